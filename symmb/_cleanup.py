@@ -37,12 +37,8 @@ _SEARCHED: set[Path] = set()
 _LEADS = False
 _WATCHES = 0
 """The process that checks whether its parent still runs."""
-_TICK = 0.2
-"""Time between checks whether the parent still runs [s]."""
 _GRACE = 0.5
 """Time for a process to end its programs and to remove its folders [s]."""
-_SOON = 0.005
-"""Time between checks whether a process has ended [s]."""
 
 
 @contextmanager
@@ -180,7 +176,7 @@ def end_groups(*leaders: int) -> None:
     for leader in leaders:
         with suppress(OSError):
             while not _has_ended(leader) and time.monotonic() < deadline:
-                time.sleep(_SOON)
+                time.sleep(0.005)
         _kill(leader)
         with suppress(OSError):
             os.kill(leader, signal.SIGKILL)  # the process may not lead its group yet
@@ -214,7 +210,7 @@ def outlive(parent: int) -> None:
     clean_up()
     deadline = time.monotonic() + _GRACE
     while os.getppid() == parent and time.monotonic() < deadline:
-        time.sleep(_SOON)
+        time.sleep(0.005)
     group = os.getpgid(0)
     with suppress(OSError):  # there may be too many processes
         warnings.simplefilter("ignore", DeprecationWarning)  # Python warns of forks in programs with threads
@@ -244,7 +240,7 @@ def watch_parent() -> None:
 
 def _watch_parent(parent: int) -> None:
     while os.getppid() == parent:
-        time.sleep(_TICK)
+        time.sleep(0.2)
     os.kill(os.getpid(), signal.SIGTERM)  # the main thread cleans up, and would otherwise start the next program
     time.sleep(1.0)
     _end_now()  # the main thread is in compiled code, which does not react to signals

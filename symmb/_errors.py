@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from typing import Protocol
 
 LONGEST_TEXT = 1500
-"""Most characters of an error. Names and lists of names that users give may have any length."""
+"""Maximum number of characters of an error, because names from users may have any length."""
 
 
 class SymmbError(Exception):
@@ -40,25 +40,25 @@ class DeclarationError(SymmbError, ValueError):
 
 
 class Faults(list[str]):
-    """Faults of a declaration in sentences, which one DeclarationError tells together."""
+    """Faults of a declaration as sentences. One DeclarationError reports all of them."""
 
     @contextmanager
     def noted(self) -> Iterator[None]:
-        """Notes the faults of what is done inside, so that those of other parts are found as well."""
+        """A context that notes a DeclarationError and continues, so that later faults are found too."""
         try:
             yield
         except DeclarationError as error:
             self.extend(str(error).split("\n"))
 
     def raise_any(self) -> None:
-        """Raise a DeclarationError that names every fault once, in a line of its own."""
+        """Raise a DeclarationError with one line for each distinct fault, if there are faults."""
         if self:
             raise DeclarationError("\n".join(dict.fromkeys(self)))
 
 
 @contextmanager
 def faults_of(owner: str, end: str = "") -> Iterator[None]:
-    """Names the owner of what is done inside in front of its DeclarationError."""
+    """A context that puts the name of the owner in front of a DeclarationError."""
     try:
         yield
     except DeclarationError as error:

@@ -17,8 +17,6 @@ SIGNALS = tuple(
 _SWALLOW = {"casadi.py", "weakref.py", "_weakrefset.py"}
 """Files with functions that C code calls. C code ignores exceptions in them: CasADi reads shapes this way, and Python
 removes objects."""
-_AGAIN = 1e-3
-"""Time after which an interrupt that was raised in such a function is sent again [s]."""
 
 
 def carry(interrupt: KeyboardInterrupt, partial: Any) -> None:
@@ -65,7 +63,7 @@ class _Repeated:
         while frame is not None:
             if Path(frame.f_code.co_filename).name in _SWALLOW or frame.f_code.co_name == "__del__":
                 self.due = number
-                threading.Timer(_AGAIN, self._again).start()
+                threading.Timer(1e-3, self._again).start()
                 return
             frame = frame.f_back
         self.handler(number, frame)

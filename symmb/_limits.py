@@ -8,29 +8,23 @@ from pathlib import Path
 
 from symmb._errors import PropagationError
 
-_SHARE = 0.5
-"""Fraction of the machine's memory that one request may use: results are copied once while they are made."""
-_UNKNOWN = 4 * 2**30
-"""Assumed memory of a machine that does not report its memory [bytes]."""
 MOST_RUNS = 10**8
 """Most runs of a request: at 10 microseconds for each run they take a quarter of an hour."""
 MOST_STEPS = 10**8
 """Most fixed steps in a run: at one microsecond for each step they take two minutes."""
 MOST_STEPS_KEPT = 10**6
 """Most fixed steps in one call of CasADi: each step needs a kilobyte, and no signal ends the call."""
-_WINDOW = 2**20
-"""Most numbers in one window of work on large arrays: a few arrays of 8 MB."""
 
 
 def windows(n: int, each: int = 1) -> Iterator[slice]:
     """Slices of n rows with `each` numbers. Work in these windows needs little memory besides its results."""
-    size = max(_WINDOW // each, 1)
+    size = max(2**20 // each, 1)  # a few arrays of 8 MB
     return (slice(start, min(start + size, n)) for start in range(0, n, size))
 
 
 def fits(numbers: int) -> bool:
     """Whether this many numbers fit into the memory that one request may use."""
-    return 8 * numbers <= _SHARE * memory()
+    return 8 * numbers <= 0.5 * memory()  # results are copied once while they are made
 
 
 def require_memory(owner: object, what: str, numbers: int) -> None:
@@ -58,7 +52,7 @@ def require_steps(owner: object, steps: float, most: float = MOST_STEPS) -> None
 @cache
 def memory() -> int:
     """Memory of this machine, of this container, or of this process [bytes]."""
-    limits = [_UNKNOWN]
+    limits = [4 * 2**30]  # assumed if the machine does not report its memory
     try:
         limits = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
         own = resource.getrlimit(resource.RLIMIT_AS)[0]

@@ -1,25 +1,25 @@
-"""What is rounding, the same, slight or small is decided here. Names elsewhere say what is compared with it.
+"""Magnitudes that decide what is rounding, the same, slight or small. The code that uses them says what is compared.
 
-All but `LARGEST` and `MEETING` are shares: of 1, of the largest of some terms, or of the size of a scene. A double has
-16 digits.
+All numbers except `LARGEST` and `MEETING` are relative: to 1, to the largest of some terms, or to the size of a scene.
+A double has 16 digits.
 """
 
 LAST_DIGITS = 1e-15
-"""Errors of a few operations, as of cosines: several units in the last place of 1."""
+"""Rounding errors of a few operations, such as cosines: several units in the last place of 1."""
 FACTORS = 1e-14
-"""Pivots and singular values that are rounding: factors of a small matrix lose one digit or two."""
+"""Pivots and singular values below this value are rounding: the factors of a small matrix lose one or two digits."""
 ROUNDING = 1e-12
-"""Sums of many terms keep 12 digits: what is smaller is their rounding."""
+"""Sums of many terms have 12 correct digits. Smaller values are rounding."""
 SAME = 1e-9
-"""Numbers that texts and files hold, and that Newton's method leaves, agree to 9 digits, or are different ones."""
+"""Numbers in texts and files, and results of Newton's method, are equal if 9 digits agree."""
 SLIGHT = 1e-6
-"""Ill-conditioned equations keep 6 digits, and no drawing asks for more: what is smaller has no effect."""
+"""Ill-conditioned equations have 6 correct digits, and no drawing requires more. Smaller values have no effect."""
 SMALL = 1e-3
-"""A part that changes the third digit of a result: what is smaller is measured beside something else."""
+"""A part of this size changes the third digit of a result. Smaller parts are measured relative to other parts."""
 NOTHING = 1e-300
-"""A number that keeps a denominator from 0, and changes no sum."""
+"""A number that makes a denominator nonzero without changing a sum."""
 LARGEST = 1e30
-"""Largest length, mass or moment of inertia [SI]: products of several of these are numbers, too."""
+"""Largest length, mass or moment of inertia [SI]. Products of several such numbers must be finite."""
 MEETING = 1e-12
-"""Length [m] or angle [rad] below which nothing is apart: no direction leads from one point to the other, and third
+"""Points closer than this length [m] or angle [rad] coincide: there is no direction from one to the other, and third
 derivatives of forces exceed double precision."""

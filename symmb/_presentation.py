@@ -13,5 +13,5 @@ UPWARD = {
 
 
 def presentation(name: str) -> Callable[..., Any]:
-    """One of these functions."""
+    """The function of `show` with this name."""
     return getattr(import_module(UPWARD[name]), name)

@@ -1,5 +1,4 @@
-"""The progress of long work, shown by tqdm. Terminals and notebooks show one line that is updated; elsewhere nothing
-is shown."""
+"""The progress of long work, shown by tqdm in terminals and notebooks as one line that is updated."""
 
 import os
 import sys
@@ -148,7 +147,7 @@ class _CellLine:
             self._handle.update(data, raw=True)
 
     def flush(self) -> None:
-        """Nothing waits."""
+        """Do nothing, because no text is buffered."""
 
 
 def _in_notebook() -> bool:

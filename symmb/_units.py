@@ -34,8 +34,6 @@ class Unit(NamedTuple):
         return Unit(self.number * other.number**power, self.pi + power * other.pi, powers)
 
 
-_LONGEST, _LARGEST = 100, 10**100
-"""Most characters of a unit, and largest factor to SI units: larger values exceed the range of numbers."""
 NO_UNIT = Unit(Fraction(1), 0, (0,) * len(BASES))
 _PREFIXES = {"u": -6, "\N{MICRO SIGN}": -6, "\N{GREEK SMALL LETTER MU}": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
 _KINDS = {
@@ -80,7 +78,7 @@ def unit_of(owner: str, text: str) -> Unit:
         return NO_UNIT
     plain = _RAISED.sub(lambda raised: "^" + raised[0].translate(_LOWERED), text).replace("**", "^")
     unit = NO_UNIT
-    if len(text) > _LONGEST:
+    if len(text) > 100:
         raise DeclarationError(f"{owner}: {shown(text)} is too long for a unit.")
     for k, piece in enumerate(map(str.strip, _DIVIDES.split(plain))):
         if piece[:1] == "(" and piece[-1:] == ")" and len(piece) > 2:
@@ -94,7 +92,8 @@ def unit_of(owner: str, text: str) -> Unit:
             if match is None:
                 raise DeclarationError(f"{owner}: {shown(text)} is not a unit. Write mm, N/mm, kg m^2 or N/(m s).")
             unit = unit.times(_named(owner, text, match[1]), int(match[2] or 1) * (-1 if k else 1))
-    if not Fraction(1, _LARGEST) < unit.number < _LARGEST:
+    largest = 10**100
+    if not Fraction(1, largest) < unit.number < largest:
         raise DeclarationError(f"{owner}: {shown(text)} is beyond the range of numbers.")
     return unit
 

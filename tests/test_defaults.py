@@ -136,7 +136,7 @@ def test_boxes_around_nominal_values_by_percent(text, share):
 
 @pytest.mark.parametrize("text", ["5", "x%", "0%", "100%", "-5%", "nan%", "%", ""])
 def test_shares_that_are_none_are_refused(text):
-    refused("spread must be a share above 0 and below 1", mb.Box.around, P, text)
+    refused("spread must be above 0 and below 1", mb.Box.around, P, text)
 
 
 def test_a_system_finds_the_parameters_of_its_elements():
@@ -159,7 +159,7 @@ def test_parameters_of_two_kinds_or_beside_the_elements_are_named():
     other = mb.Parameters(c=1.0)
     mass, spring = oscillator()
     damper = mb.Damper("damper", mb.Ground().point(0, 0), mass.point(0, 0), other.c)
-    told = "is of Parameters that the System does not have. Declare all parameters together"
+    told = "belongs to Parameters that the System does not have. Declare all parameters in one object"
     refused(told, mb.System, mass, spring, damper)
     refused(told, mb.System, mass, spring, parameters=other)
     refused(told, mb.Scene, mb.System(mass, spring), outputs={"y": other.c * mass.x})

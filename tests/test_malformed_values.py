@@ -198,7 +198,7 @@ def test_tolerances_at_which_newtons_method_would_do_nothing(solver, tolerance):
 
 @pytest.mark.parametrize("nominal", [[1], {"m": None}, {"z": 1.0}, None, {"m": float("nan")}])
 def test_nominal_values_of_other_parameters(nominal):
-    with pytest.raises(mb.DeclarationError, match="with_nominal: (expected numbers for m|m: .* finite number)"):
+    with pytest.raises(mb.DeclarationError, match=r"with_nominal: (expected numbers for m|m: .* finite number)"):
         mb.Parameters(m=1.0).with_nominal(nominal)
 
 

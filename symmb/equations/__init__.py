@@ -5,7 +5,7 @@ Out:  M, Q, Phi, Phi_q and gamma as functions of CasADi, in coordinates of bodie
       constraints hold.
 
 model   System, Scene, Box; the equations, their C and their text
-start   positions, velocities and equilibria that satisfy the constraints; the rank of these
+start   positions, velocities and equilibria that satisfy the constraints; the rank of the constraints
 
-Equations are derived when they are first asked for. What was derived is remembered by its scene.
+Equations are derived at their first use. The scene remembers the derived equations.
 """

@@ -88,7 +88,7 @@ def test_limits_are_checked_before_the_study(folder, capsys, monkeypatch):
 def test_table_of_other_nominal_values_is_refused(folder, capsys):
     (folder / "t.csv").write_text("name,nominal,plus\nspeed,1.1,0.2\n")
     assert main(["bound", "roll.py", "--tolerances", "t.csv"]) == 2
-    assert "the nominal value of 'speed' is 1.1 there, and 1 in the model" in capsys.readouterr().err
+    assert "the nominal value of 'speed' is 1.1 in the table, but 1 in the model" in capsys.readouterr().err
 
 
 def test_a_scene_without_a_box_needs_one(folder, capsys):

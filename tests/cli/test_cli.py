@@ -274,7 +274,7 @@ def test_a_line_is_told_of_a_scene_given_by_a_relative_path(scene, capsys, monke
         (["compare", "PENDULUM", "--spread", "nan"], "--spread must be a positive number"),
         (["compare", "PENDULUM", "--spread", "5"], "--spread 5 is 500 %.*Did you mean 5%"),
         (["compare", "PENDULUM", "--spread", "150%"], "--spread 150% is 150 %.*by their ends in the Box"),
-        (["compare", "CUBIC", "--spread", "5%"], "'y' has nominal value 0"),
+        (["compare", "CUBIC", "--spread", "5%"], "nominal value of 'y' is 0"),
         (["compare", "NO_BOX", "--spread", "5%"], r"no box.*box=mb\.Box\.around\(p, 0\.05\)"),
         (["compare", "--methods", "vertex", "PENDULUM"], "required: SCENE .*put SCENE first: --methods"),
         (["simulate", "--set", "l=1.0", "PENDULUM"], "required: SCENE .*put SCENE first: --methods and --set"),

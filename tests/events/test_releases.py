@@ -285,9 +285,9 @@ def test_faults_of_declarations():
     pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(0, 0))
     refused("Revolute 'pin' is not part of the System", mb.System, rod, mb.Release(pin, mb.t > 1))
     refused("expected a joint", mb.System, rod, pin, mb.Release(rod, mb.t > 1))
-    refused("the same at all times", mb.System, rod, pin, mb.Release(pin, 1.0))
+    refused("is constant", mb.System, rod, pin, mb.Release(pin, 1.0))
     refused("equality", mb.System, rod, pin, mb.Release(pin, rod.theta == 1))
-    twice = "Release 'pin': there are two. Join their conditions"
+    twice = "Release 'pin': there are two events of this kind. Combine their conditions"
     refused(twice, mb.System, rod, pin, mb.Release(pin, mb.t > 1), mb.Release(pin, mb.t > 2))
     gear = mb.Gear("gear", mb.Ground().point(0, 0), rod.point(0, 0), ratio=2.0)
     refused("a Gear cannot close", mb.System, rod, pin, gear, mb.Latch(gear, mb.t > 1))

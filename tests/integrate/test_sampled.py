@@ -232,11 +232,14 @@ FAULTS = [
     (lambda: mb.Sampled("u", 0.0, BODY.x), r"Sampled 'u': period 0.0 must be positive"),
     (lambda: mb.Sampled("u", "fast", BODY.x), r"Sampled 'u': period 'fast' is not a number. Pass a number"),
     (lambda: mb.Sampled("u", ca.SX.sym("T"), BODY.x), r"Pass a number, without parameters"),
-    (lambda: mb.Sampled("u", 0.1, "x"), r"Sampled 'u': law: 'x' is no number"),
-    (lambda: mb.Sampled("u", 0.1, ca.SX.sym("k")), r"Sampled 'u': law: symbol 'k' belongs to no parameter"),
+    (lambda: mb.Sampled("u", 0.1, "x"), r"Sampled 'u': law: 'x' is not a number"),
+    (lambda: mb.Sampled("u", 0.1, ca.SX.sym("k")), r"Sampled 'u': law: symbol 'k' does not belong to a parameter"),
     (lambda: mb.Sampled("u", 0.1, lambda u: 1 / 0), r"Sampled 'u': law: the law raises ZeroDivisionError"),
     (lambda: mb.Force("f", BODY.point(0, 0), (U.value, 0)), r"Sampled 'u' is not part of the System. Add it"),
-    (lambda: (U, mb.Motion("m", BODY.x, U.value)), r"'m': the value of Sampled 'u' jumps, which a constraint cannot"),
+    (
+        lambda: (U, mb.Motion("m", BODY.x, U.value)),
+        r"'m': the value of Sampled 'u' jumps, but a constraint must be continuous",
+    ),
     (lambda: (U, mb.VelocityConstraint("c", (BODY.vx - U.value,))), r"'c': the value of Sampled 'u' jumps"),
 ]
 

@@ -184,7 +184,7 @@ FAULTS = [
         lambda: mb.Actuator("m", PIN, 1.0, coordinate="displacement"),
         r"no coordinate 'displacement'. Use coordinate='angle'",
     ),
-    (lambda: mb.Actuator("m", PIN, "fast"), r"Actuator 'm': law: 'fast' is no number"),
+    (lambda: mb.Actuator("m", PIN, "fast"), r"Actuator 'm': law: 'fast' is not a number"),
     (lambda: mb.Actuator("m", PIN, (1, 2)), r"Actuator 'm': law"),
     (lambda: mb.Stop("s", PIN, None, None, LAW), r"Stop 's': lower and upper are both None. Pass lower, upper or both"),
     (lambda: mb.Stop("s", PIN, 1.0, -1.0, LAW), r"lower 1.0 must be below upper -1.0"),
@@ -193,8 +193,8 @@ FAULTS = [
     (lambda: mb.Stop("s", PIN, -1.0, 1.0, 0.5), r"expected a contact law, got 0.5. Use HuntCrossley"),
     (lambda: mb.Stop("s", PIN, -1.0, 1.0, restitution=1.5), r"restitution 1.5 is not between 0 and 1"),
     (lambda: mb.Stop("s", PIN, -1.0, PIN.angle_rate, restitution=0.5), r"the gap must not contain velocities"),
-    (lambda: mb.Stop("s", PIN, "low", 1.0, LAW), r"Stop 's': lower: 'low' is no number"),
-    (lambda: mb.Stop("s", PIN, "low", 1.0, restitution=0.5), r"Stop 's': lower: 'low' is no number"),
+    (lambda: mb.Stop("s", PIN, "low", 1.0, LAW), r"Stop 's': lower: 'low' is not a number"),
+    (lambda: mb.Stop("s", PIN, "low", 1.0, restitution=0.5), r"Stop 's': lower: 'low' is not a number"),
 ]
 
 

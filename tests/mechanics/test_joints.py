@@ -155,7 +155,7 @@ FAULTS = [
     (lambda a, b: mb.Distance("elbow", a, b, -1), "Spatial", "length is -1; it must be above 0"),
     (lambda a, b: mb.Revolute("elbow", a, "b"), "Spatial", "expected a point, got str"),
     (lambda a, b: mb.Revolute("elbow", a.body, b), "Spatial", r"expected a point, got Body\. Use body\.point"),
-    (lambda a, b: mb.Screw("elbow", a, b, pitch="steep"), "Spatial", "pitch: 'steep' is no number"),
+    (lambda a, b: mb.Screw("elbow", a, b, pitch="steep"), "Spatial", "pitch: 'steep' is not a number"),
     (lambda a, b: mb.Revolute("elbow", a, b, axis=(0, 1)), "Planar", "can turn about z only"),
     (lambda a, b: mb.Revolute("elbow", a, b, axis=(0, 1, 0, 0)), "Spatial", "elbow.* has 4 components"),
 ]

@@ -77,6 +77,6 @@ def test_faults_are_told():
         ({"R": 0.0}, "resistance is 0; it must be above 0"),
         ({"L": -1.0}, "inductance is -1; it must be at least 0"),
         ({"friction": -1.0}, "friction is -1; it must be at least 0"),
-        ({"voltage": ca.SX.sym("u")}, "voltage: symbol 'u' belongs to no parameter"),
+        ({"voltage": ca.SX.sym("u")}, "voltage: symbol 'u' does not belong to a parameter"),
     ):
         refused(f"Motor 'motor': {text}", driven, **arguments)

@@ -149,9 +149,9 @@ def test_an_unknown_joint_is_told():
     system = mb.System(
         b, mb.Revolute("elbow", mb.Ground().point(0, 0), b.point(0, 0)), mb.Motion("drive", b.theta, mb.t)
     )
-    refused(r"No joint 'elbw' between two bodies\. Did you mean 'elbow'\?", system.reaction, "elbw")
-    refused("No joint 'drive' between two bodies", system.reaction, "drive")
-    refused(r"No constraint 'driv' with multipliers\. Did you mean 'drive'\?", system.lam, "driv")
+    refused(r"no joint 'elbw' between two bodies\. Did you mean 'elbow'\?", system.reaction, "elbw")
+    refused("no joint 'drive' between two bodies", system.reaction, "drive")
+    refused(r"no constraint 'driv' with multipliers\. Did you mean 'drive'\?", system.lam, "driv")
 
 
 def hung(k, arm, distance=0.5, reaction="fz"):

@@ -183,7 +183,10 @@ FAULTS = [
     (lambda: mb.State("z", rate=lambda z: 1 / 0), r"State 'z': rate: the law raises ZeroDivisionError"),
     (lambda: mb.State("z", rate=lambda z: ca.SX.sym("a", 2)), r"State 'z': rate: expected one number"),
     (lambda: mb.State(3, rate=lambda z: -z), r"State: the name must be a text, got 3"),
-    (lambda: mb.System(BODY, mb.State("z", rate=lambda z: ca.SX.sym("k"))), r"State 'z': rate: symbol 'k' belongs to"),
+    (
+        lambda: mb.System(BODY, mb.State("z", rate=lambda z: ca.SX.sym("k"))),
+        r"State 'z': rate: symbol 'k' does not belong to",
+    ),
     (lambda: mb.System(BODY, mb.Force("f", BODY.point(0, 0), (Z.value, 0))), r"State 'z' is not part of the System"),
     (lambda: mb.System(BODY, mb.State("a", rate=lambda z: Z.value)), r"State 'z' is not part of the System. Add it"),
     (lambda: mb.Scene(mb.System(BODY), outputs={"z": Z.value}), r"output 'z': State 'z' is not part of the System"),
@@ -192,8 +195,8 @@ FAULTS = [
     (lambda: mb.System(BODY, Z, mb.State("z", rate=1.0)), r"State 'z': the name is used twice"),
     (lambda: mb.System(BODY, FAST, mb.Motion("m", BODY.x, FAST.value)), r"rate of State 'fast' contains velocities"),
     (lambda: mb.Scene(mb.System(BODY, Z), {"zz": 1.0}), r"no coordinate or velocity 'zz'. Did you mean 'z'"),
-    (lambda: mb.Scene(mb.System(BODY, Z), {"z": BODY.x}), r"start 'z': may depend on parameters only"),
-    (lambda: mb.Scene(mb.System(BODY, Z), guess={"z": 1.0}), r"guess: 'z' needs no guess, a state starts where start"),
+    (lambda: mb.Scene(mb.System(BODY, Z), {"z": BODY.x}), r"start 'z': the value may depend on parameters only"),
+    (lambda: mb.Scene(mb.System(BODY, Z), guess={"z": 1.0}), r"guess: 'z' is a first-order state and needs no guess"),
 ]
 
 

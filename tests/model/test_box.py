@@ -18,11 +18,11 @@ from symmb import Box, DeclarationError
         (lambda: Box(a=(0, float("inf"))), "'a' must be finite"),
         (lambda: Box(a=1.0), "'a' must be a pair"),
         (lambda: Box(a=(1, 2, 3)), "'a' must be a pair"),
-        (lambda: Box.around({"a": 0.0}, 0.1), "'a' has nominal value 0"),
+        (lambda: Box.around({"a": 0.0}, 0.1), "nominal value of 'a' is 0"),
         (lambda: Box.around({"alpha": 1.0}, 0.1, ["alpa"]), "unknown parameter 'alpa'.*'alpha'"),
-        (lambda: Box.around({"a": 1.0}, -0.1), "spread must be a share above 0 and below 1"),
-        (lambda: Box.around({"a": 1.0}, float("nan")), "spread must be a share above 0 and below 1"),
-        (lambda: Box.around({"a": 1.0}, 1.0), r"spread must be a share.*got 1\.0.*Box\(name=\(lower, upper\)\)"),
+        (lambda: Box.around({"a": 1.0}, -0.1), "spread must be above 0 and below 1"),
+        (lambda: Box.around({"a": 1.0}, float("nan")), "spread must be above 0 and below 1"),
+        (lambda: Box.around({"a": 1.0}, 1.0), r"spread must be above 0.*got 1\.0.*Box\(name=\(lower, upper\)\)"),
     ],
 )
 def test_faults(make, message):

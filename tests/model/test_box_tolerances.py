@@ -65,17 +65,20 @@ def test_tolerances_of_every_kind_become_intervals():
     ("tolerance", "why"),
     [
         (-1e-5, "at least 0"), ((1e-5, -1e-5), "pair"), ((1, 2, 3), "pair"), (None, "pair"), (np.nan, "pair"),
-        ("-1%", "share"), ("100%", "share"), ("x%", "share"), ("H7", "is no tolerance"), ("40 H17", "IT1 to IT16"),
-        ("600 H7", "up to 500"), ("40 Q7", "letters"), ("40 K9", "up to K8"), ("40 2768-x", "f, m, c and v"),
+        ("-1%", "percentage"), ("100%", "percentage"), ("x%", "percentage"), ("H7", "is not a tolerance"), ("40 H17",
+            "IT1 to IT16"),
+        ("600 H7", "up to 500"), ("40 Q7", "letters"), ("40 K9", "K up to the grade K8"), ("40 2768-x",
+            "f, m, c and v"),
         ("50 H7", "0.05 .in m. or 50 .in mm."), (True, "pair"), ("0 H7", "the size must be above 0"),
         ("2 2768-v", "class v .* above 3 to 4000"),
         ("3000 ISO 2768-f", "class f .* from 0.5 to 2000"), ("0.4 ISO 2768-m", "class m .* from 0.5 to 4000"),
-        ("5000 ISO 2768-c", "from 0.5 to 4000"), ("1_0%", "share"),
-        ("+1/-2 %", "is no share. Write .1%.: it holds for both sides"),
-        ("40 ±x", "'40 ±x' of 'bore' is no tolerance. Write a size with its deviations"), ("40 ±0,1", "have a point"),
-        ("40 0.1/0.2", "is no tolerance"), ("40 +0.1", "is no tolerance"), ("400/-0.2", "is no tolerance"),
-        ("40 ±-0.1", "is no tolerance"), ("40 ±100%", "share '40 ±100%'"), ("41 ±0.1", "0.041 .in m. or 41 .in mm."),
-        ("0 ±0.1", "deviations from 0 may be in m or in mm"), ("±0.1", "is no tolerance. Write a number"),
+        ("5000 ISO 2768-c", "from 0.5 to 4000"), ("1_0%", "percentage"),
+        ("+1/-2 %", "is not a percentage. Write .1%. or .±1%.; both mean"),
+        ("40 ±x", "'40 ±x' of 'bore' is not a tolerance. Write a size with its deviations"), ("40 ±0,1", "Use a point"),
+        ("40 0.1/0.2", "is not a tolerance"), ("40 +0.1", "is not a tolerance"), ("400/-0.2", "is not a tolerance"),
+        ("40 ±-0.1", "is not a tolerance"), ("40 ±100%", "percentage '40 ±100%'"), ("41 ±0.1",
+            "0.041 .in m. or 41 .in mm."),
+        ("0 ±0.1", "the unit of deviations from 0 may be m or mm"), ("±0.1", "is not a tolerance. Write a number"),
     ],
 )  # fmt: skip
 def test_what_is_no_tolerance_is_told(tolerance, why):
@@ -117,8 +120,8 @@ def test_signs_of_diameters_and_angles():
     np.testing.assert_allclose(box.bounds, exact, rtol=1e-12)
     refused(r"must be 0\.52\d* \(in rad\) or 30 \(in deg\)", mb.Box.plus_minus, p, a="30° ±0.5°")
     for grade in ("30° ISO 2768-m", "30° H7"):
-        refused("grades are known for lengths alone", mb.Box.plus_minus, p, deg=grade)
-    with pytest.raises(mb.DeclarationError, match=r"A value below 0 takes its deviations, as '-140 ±0\.5'"):
+        refused("only lengths have tolerance grades", mb.Box.plus_minus, p, deg=grade)
+    with pytest.raises(mb.DeclarationError, match=r"For a value below 0, write '-140 ±0\.5'"):
         mb.Box.plus_minus(mb.Parameters(x=-0.14), x="140 ISO 2768-m")
 
 
@@ -163,12 +166,12 @@ def test_tables_of_tolerances_are_read(tmp_path, name, text):
     [
         ("", "no rows"), ("name,nominal,plus\n", "no rows"), ("nominal,plus\n1,2\n", "name"),
         ("name,nominal,plus\na,1,2\na,1,2\n", "twice"), ("name,nominal,plus\na,one,2\n", "number"),
-        ("name,nominal,plus\na,1\n", "needs plus"), ("name,nominal,plus,minus\na,1,2,-1\n", "one side"),
+        ("name,nominal,plus\na,1\n", "needs plus"), ("name,nominal,plus,minus\na,1,2,-1\n", "one side of"),
         ("name,nominal,pls\na,1,2\n", "Did you mean 'plus'"), ("name,nominal,plus\na,1,2,3\n", "cells"),
-        ("name,nominal,plus,tolerance\na,1,2,1%\n", "one of both"), ("name,nominal,plus\na,1,1e400\n", "number"),
-        ("name,nominal,plus,plus\na,1,2,3\n", "'plus' stands there twice"), ("name,nominal,plus\na,1_0,2\n", "number"),
-        ("name;nominal;plus\na;1;2\n", "a.csv: cells are separated by semicolons there, and must be by commas"),
-        ("name\tnominal\tplus\na\t1\t2\n", "by tabs there"), ("name,nominal,plus\na,1,2,3\n", "a.csv: a row has"),
+        ("name,nominal,plus,tolerance\na,1,2,1%\n", "only one of both"), ("name,nominal,plus\na,1,1e400\n", "number"),
+        ("name,nominal,plus,plus\na,1,2,3\n", "'plus' appears twice"), ("name,nominal,plus\na,1_0,2\n", "number"),
+        ("name;nominal;plus\na;1;2\n", "a.csv: the cells are separated by semicolons. Separate them by commas"),
+        ("name\tnominal\tplus\na\t1\t2\n", "by tabs. Separate"), ("name,nominal,plus\na,1,2,3\n", "a.csv: a row has"),
         ("# of drawing 7\nname,nominal,plus\na,1,2\n", "Remove the line '# of drawing 7'"),
     ],
 )  # fmt: skip
@@ -181,7 +184,7 @@ def test_nominal_values_of_a_table_are_those_of_the_model(tmp_path):
     (tmp_path / "a.csv").write_text("name,nominal,plus,minus\nhandle,0.041,1e-4,1e-4\n", encoding="utf-8")
     assert mb.Box.read(tmp_path / "a.csv", mb.Parameters(handle=0.041 * (1 + 1e-10), k=1.0)).names == ("handle",)
     for nominal, why in (
-        ({"handle": 0.04}, r"a.csv: the nominal value of 'handle' is 0.041 there, and 0.04 in the model"),
+        ({"handle": 0.04}, r"a.csv: the nominal value of 'handle' is 0.041 in the table, but 0.04 in the model"),
         ({"handel": 0.041}, "unknown parameter 'handle'. Did you mean 'handel'"),
         ({"handle": "b"}, "parameters must be nominal values by name"), (3.0, "parameters must be nominal values"),
     ):  # fmt: skip
@@ -194,7 +197,7 @@ def test_other_files_are_told(tmp_path):
     (tmp_path / "a.toml").write_text("a = 3\n")
     (tmp_path / "b.toml").write_text("a = \n")
     (tmp_path / "c.csv").write_bytes(b"\xff\xfe\x00")
-    told = {"a.toml": "must be a table", "b.toml": "no table", "c.csv": "no table", "d.xls": "csv or .toml"}
+    told = {"a.toml": "must be a table", "b.toml": "not a table", "c.csv": "not a table", "d.xls": "csv or .toml"}
     for name, why in told.items():
         refused(why, mb.Box.read, tmp_path / name)
     refused("cannot be read", mb.Box.read, tmp_path / "none.csv", error=FileError)

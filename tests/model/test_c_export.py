@@ -104,9 +104,9 @@ def test_a_model_of_mx_with_an_inner_function(tmp_path):
 
 def test_faults(tmp_path):
     refused("name='my model' is not a C identifier", save_c, {"rhs": PLAIN}, tmp_path, name="my model")
-    refused("no Function", save_c, {}, tmp_path)
+    refused("Pass at least one Function", save_c, {}, tmp_path)
     given = dict(q=Q0, v=V0, parameters=PARAMETERS, coordinates=["a", "b"], t0=0, t1=1, steps=10)
-    refused(r"expected lengths .*'q': 2", example_c, PLAIN, **given | {"q": [1.0]})
+    refused(r"expected the lengths .*'q': 2", example_c, PLAIN, **given | {"q": [1.0]})
     refused("s: 1", example_c, PLAIN, **given | {"s": [1.0]})
     refused("s: 0", example_c, FILTERED, **given)
     refused("finite", example_c, PLAIN, **given | {"t1": np.inf})

@@ -72,4 +72,4 @@ def test_forces_that_are_no_number_are_refused():
     system = mb.System(block, push, brake, mb.Spring("spring", GROUND.point(0, 1), block.point(0, 0), 1.0))
     for name in ("push", "spnig", 3):
         refused(r"no element with a force .*spring", system.force, name)
-    refused(r"'brake' is held by multipliers\. Use system\.lam\('brake'\)", system.force, "brake")
+    refused(r"the force of 'brake' is a multiplier\. Use system\.lam\('brake'\)", system.force, "brake")

@@ -93,7 +93,7 @@ def test_decimal_commas_are_recognised(seed):
             mb.Parameters(x=text)
         with told_in_a_line("has a comma. Write decimals with a point"):
             mb.Box(x=(text, "3 mm"))
-    with told_in_a_line("Decimals have a point"):
+    with told_in_a_line("Use a point"):
         mb.Box(x=f"{number} mm ±10%")
 
 
@@ -172,10 +172,11 @@ def test_tolerances_without_a_size(seed):
 @pytest.mark.parametrize(
     ("tolerance", "why"),
     [
-        ("1°", "'°' does not fit parameter 'arm'"), ("-1 mm", "'arm': '-1 mm' is no tolerance"),
-        ("1,5 mm", "'arm'"), ("1,5%", "Decimals have a point"), ("±1,5%", "Decimals have a point"),
-        ((1, "kg"), "'kg' does not fit"), (("1 mm", 2), "both ends need a unit"), ((1, 2, "mmm"), "'mmm' is not a"),
-        ((-1, "mm"), "at least 0"), ("-1%", "from 0 % to"),
+        ("1°", "'°' does not fit parameter 'arm'"), ("-1 mm", "'arm': '-1 mm' is not a tolerance"),
+        ("1,5 mm", "'arm'"), ("1,5%", "Use a point"), ("±1,5%", "Use a point"),
+        ((1, "kg"), "'kg' does not fit"), (("1 mm", 2), "either both ends or neither must have a unit"), ((1, 2, "mmm"),
+            "'mmm' is not a"),
+        ((-1, "mm"), "at least 0"), ("-1%", "at least 0 % and"),
     ],
 )  # fmt: skip
 def test_tolerances_without_a_size_that_are_refused(tolerance, why):
@@ -185,7 +186,7 @@ def test_tolerances_without_a_size_that_are_refused(tolerance, why):
 
 @pytest.mark.parametrize(("text", "unit"), [("1°", "°"), ("2 mm", "mm"), ("±1 N/mm", "N/mm"), ("1 N m/deg", "N m/deg")])
 def test_tolerances_with_a_unit_ask_for_that_of_the_parameter(text, unit):
-    with told_in_a_line(re.escape(f"'rest' has no unit, and {text!r} has one. Declare rest=(..., {unit!r}).")):
+    with told_in_a_line(re.escape(f"'rest' has no unit, but {text!r} has one. Declare rest=(..., {unit!r}).")):
         mb.Box.plus_minus(mb.Parameters(rest=1.0), rest=text)
 
 
@@ -201,13 +202,13 @@ def test_tolerances_of_drawings_for_parameters_in_other_units(unit):
     ("tolerance", "why"),
     [
         ("±0.1 kg", "'kg' does not fit parameter 'arm', which is in mm"), ("236 mm ±1 mm", "is 235 mm, which is"),
-        ("235 H99", "'arm'"), ("235 mm ±1 kg", "does not fit the size of 'arm'"), ("235 mm ±0,1 mm", "have a point"),
+        ("235 H99", "'arm'"), ("235 mm ±1 kg", "does not fit the size of 'arm'"), ("235 mm ±0,1 mm", "Use a point"),
     ],
 )  # fmt: skip
 def test_tolerances_that_do_not_fit_are_refused(tolerance, why):
     with told_in_a_line(why):
         mb.Box.plus_minus(mb.Parameters(arm=(235, "mm")), arm=tolerance)
-    with told_in_a_line("has no unit, and|no tolerance|'arm'"):
+    with told_in_a_line("has no unit, but|not a tolerance|'arm'"):
         mb.Box.plus_minus(mb.Parameters(arm=0.235), arm=tolerance)
 
 
@@ -225,7 +226,7 @@ def test_tables_of_tolerances_in_units(tmp_path):
         "name,nominal,plus,minus,tolerance\narm,235,0.5 mm,0.01 cm,\nrate,2.5 N/mm,,,10%\nmass,800,,,±5 g\n"
     )
     p = mb.Parameters(arm=(235, "mm"), rate=(2500, "N/m"), mass=(0.8, "kg"))
-    with told_in_a_line("nominal value of 'mass' is 800 there, and 0.8 in the model"):
+    with told_in_a_line("nominal value of 'mass' is 800 in the table, but 0.8 in the model"):
         mb.Box.read(file, p)
     file.write_text(file.read_text().replace("800", "0.8"))
     box = mb.Box.read(file, p)

@@ -164,17 +164,17 @@ def test_a_condition_that_never_holds_is_doubted_in_a_run_and_fails_it_in_a_stud
 @pytest.mark.parametrize(
     ("outputs", "message"),
     [
-        (lambda ball: {"f": mb.first_time(ball.y)}, "the condition is no comparison"),
-        (lambda ball: {"f": mb.first_time(ball.y == 0)}, "the condition asks for equality"),
+        (lambda ball: {"f": mb.first_time(ball.y)}, "the condition is not a comparison"),
+        (lambda ball: {"f": mb.first_time(ball.y == 0)}, "the condition requires equality"),
         (lambda ball: {"f": mb.first_time(True)}, "first_time: the condition is True at all times"),
         (lambda ball: {"f": mb.first_time(None)}, "first_time: the condition is missing"),
         (lambda ball: {"f": mb.maximum(None)}, "maximum: the expression is missing"),
         (lambda ball: {"f": mb.maximum(mb.mean(ball.y))}, "got a scalar output"),
-        (lambda ball: {"f": mb.maximum(ball.y, window=(0.0, 5.0))}, "0 to 5 s, is no part of the run from 0 to 1 s"),
+        (lambda ball: {"f": mb.maximum(ball.y, window=(0.0, 5.0))}, "0 to 5 s is not inside the run from 0 to 1 s"),
         (lambda ball: {"f": mb.maximum(ball.y, window=(1.0, 0.0))}, "must end after its start"),
         (lambda ball: {"f": mb.maximum(ball.y, window=3)}, "window must be two times"),
         (lambda ball: {"f": mb.maximum(ca.vertcat(ball.x, ball.y))}, "has 2 components"),
-        (lambda ball: {"f": mb.maximum(ca.SX.sym("z"))}, "'z' belongs to no parameter"),
+        (lambda ball: {"f": mb.maximum(ca.SX.sym("z"))}, "'z' does not belong to a parameter"),
     ],
 )
 def test_faults_are_told(outputs, message):
@@ -182,7 +182,7 @@ def test_faults_are_told(outputs, message):
 
 
 def test_one_time_is_no_motion():
-    refused("needs at least two times", thrown, lambda ball: {"f": mb.maximum(ball.y)}, times=[0.0])
+    refused("with at least two times", thrown, lambda ball: {"f": mb.maximum(ball.y)}, times=[0.0])
 
 
 def mixed():

@@ -122,16 +122,16 @@ def test_runs_that_cannot_be_gone_on_from_are_refused(tmp_path):
     scene = four_bar.scene().with_times(np.linspace(0, 1, 11))
     run = mb.simulate(scene)
     refused(r"expected a run of simulate, got Scene\.", scene.starting_at, scene)
-    with pytest.raises(mb.DeclarationError, match=r"another system, only one of them has 'rod1\.x'"):
+    with pytest.raises(mb.DeclarationError, match=r"another system: only one of them has 'rod1\.x'"):
         double_pendulum.scene().starting_at(run)
     with pytest.raises(mb.DeclarationError, match="the run has failed"):
         scene.starting_at(replace(run, x=run.x * np.nan))
     run.save(tmp_path / "run.npz")
-    with pytest.raises(mb.DeclarationError, match=r"Give Trajectory\.load the scene"):
+    with pytest.raises(mb.DeclarationError, match=r"Pass the scene: Trajectory\.load"):
         scene.starting_at(mb.Trajectory.load(tmp_path / "run.npz"))
     read = scene.starting_at(mb.Trajectory.load(tmp_path / "run.npz", scene))
-    refused(r"a run that ended at 1\.0 s\. Begin there", read.with_times, [0.0, 2.0])
-    refused("Leave equilibrium out", replace, read, equilibrium=True)
+    refused(r"a run that ended at 1\.0 s\. Start there", read.with_times, [0.0, 2.0])
+    refused("Omit equilibrium", replace, read, equilibrium=True)
     np.testing.assert_array_equal(mb.simulate(read).values, mb.simulate(scene.starting_at(run)).values)
 
 

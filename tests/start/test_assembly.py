@@ -133,7 +133,7 @@ def test_the_advice_of_a_failed_assembly_helps(scene):
     for guess in re.findall(r"guess=(\{.*\})", text):
         assembled(mb.Scene(scene.system, scene.start, guess={**scene.guess, **eval(guess, {"rotation": mb.rotation})}))
         tried += 1
-    for together, single in re.findall(r"[Ll]eave (?:(\S+ and \S+)|(?:one of )?(.*?)) free", text):
+    for together, single in re.findall(r"[Rr]emove (?:(\S+ and \S+)|(?:one of )?(.*?)) from start", text):
         for keys in [together.split(" and ")] if together else [[key] for key in single.split(", ")]:
             assembled(mb.Scene(scene.system, {k: v for k, v in scene.start.items() if k not in keys}))
             tried += 1
@@ -148,7 +148,7 @@ def test_what_cannot_be_assembled_says_so():
         mb.Revolute("B", bars[0].point(0.5, 0), bars[1].point(-0.5, 0)),
         mb.Revolute("C", GROUND.point(3, 0), bars[1].point(0.5, 0)),
     )
-    with pytest.raises(mb.AssemblyError, match=r"residual 0\.\d+ in joint '.'\. Other guesses were tried"):
+    with pytest.raises(mb.AssemblyError, match=r"residual 0\.\d+ in joint '.'\. Other guesses and fewer"):
         assembled(mb.Scene(system))
 
 
@@ -223,7 +223,7 @@ def test_a_motor_that_contradicts_the_start_is_named():
     def starts(law, start, *more):
         mb.DAESimulator(mb.Scene(mb.System(rod, hinge, mb.Motion("motor", *law), *more), start, times=[0, 1]))
 
-    with pytest.raises(mb.AssemblyError, match=r"hinge\.angle_rate is off by 1 from what 'motor' asks for"):
+    with pytest.raises(mb.AssemblyError, match=r"hinge\.angle_rate is off by 1 from the value of 'motor'"):
         starts((hinge.angle, 2 * mb.t), {"hinge.angle_rate": 1.0})
     with pytest.raises(mb.AssemblyError, match="in joint 'hinge', against the drive of 'motor'"):
         starts((rod.x, 0.9 + mb.t), {"rod.theta": 0.0, "rod.y": 0.2})

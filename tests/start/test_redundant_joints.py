@@ -152,7 +152,7 @@ def test_hinges_that_fit_at_the_nominal_parameters_only_are_told(coordinates):
     length = ((up[0] - 1) ** 2 + (up[1] + p.e) ** 2 + up[2] ** 2) ** 0.5
     for second, told in (
         (mb.Revolute("upper", above, leaf.point(*up), axis=tuple(axis)), "contradict each other"),
-        (mb.Distance("upper", GROUND.point(1, 0, 0), aside, length), "leave fewer motions free"),
+        (mb.Distance("upper", GROUND.point(1, 0, 0), aside, length), "leave fewer degrees of freedom"),
     ):
         system = mb.System(leaf, hinge, second, mb.Gravity(*GRAVITY), parameters=p)
         scene = mb.Scene(system, times=TIMES, coordinates=coordinates, box=mb.Box(e=(-0.01, 0.01)))

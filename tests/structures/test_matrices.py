@@ -60,11 +60,17 @@ def mixed():
 
 FAULTS = {
     "size": ((POSITIONS[:-1], K, M), r"K has the shape \(36, 36\), but 11 nodes have 3 or 6 .*: 33 or 66 rows"),
-    "sizes that differ": ((POSITIONS[:6], K, M[:18, :18]), r"K has the shape \(36, 36\), M \(18, 18\)"),
+    "sizes that differ": (
+        (POSITIONS[:6], K, M[:18, :18]),
+        r"K has the shape \(36, 36\), but M has the shape \(18, 18\)",
+    ),
     "not symmetric": ((POSITIONS, unsymmetric(), M), "K is not symmetric. If only one triangle is stored"),
-    "supported": ((POSITIONS, grounded(), M), r"K strains in a rigid translation along x \(row 0\).*without supports"),
-    "positions in other units": ((POSITIONS * [1, 2, 1], K, M), "K strains in a rigid rotation about x"),
-    "rotations first": ((TOWER.positions, mixed(), TOWER.M), "K strains in a rigid translation"),
+    "supported": (
+        (POSITIONS, grounded(), M),
+        r"K has strain energy for a rigid translation along x \(row 0\).*without supports",
+    ),
+    "positions in other units": ((POSITIONS * [1, 2, 1], K, M), "K has strain energy for a rigid rotation about x"),
+    "rotations first": ((TOWER.positions, mixed(), TOWER.M), "K has strain energy for a rigid translation"),
     "negative mass": ((POSITIONS, K, M - 1.5 * np.diag(np.arange(36) == 4)), "the mass matrix is not positive"),
     "not finite": ((POSITIONS, K * np.nan, M), "K must be finite"),
     "no matrix": ((POSITIONS, K[0], M), r"K must be an array \(d, d\), got the shape \(36,\)"),
@@ -80,7 +86,7 @@ def test_faults(given, message):
 
 def test_a_file_that_is_none(tmp_path):
     (tmp_path / "K.mtx").write_text("K = 1\n", encoding="utf-8")
-    refused("is no Matrix Market file", FiniteElements.matrices, POSITIONS, tmp_path / "K.mtx", M)
+    refused("is not a Matrix Market file", FiniteElements.matrices, POSITIONS, tmp_path / "K.mtx", M)
 
 
 def test_a_mechanism_is_refused():
@@ -92,4 +98,4 @@ def test_a_mechanism_is_refused():
         at = slice(3 * i, 3 * i + 3)
         loose[at, at] -= 1e4 / (along @ along) ** 2 * np.outer(along, along)
     structure = FiniteElements.matrices(POSITIONS, loose, M)
-    refused("motions without strain energy besides the rigid ones", structure.modes, count=3)
+    refused("motions without strain energy other than rigid motions", structure.modes, count=3)

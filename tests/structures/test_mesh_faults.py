@@ -12,85 +12,100 @@ LENGTH = P.length
 LINE = [(0, 0, 0), (1, 0, 0)]
 CIRCLE = Section.circle(0.1)
 POSITIONS, K, M, _ = lattice()
-REASON = "Modes are computed once, in numbers. A parameter .* Put uncertain numbers into joints, forces or rigid bodies"
+REASON = "modes are computed once in numbers. Use parameters in joints, forces, rigid bodies"
 
 FAULTS = {
     "parameter without a value": (
         lambda: FiniteElements.beams(Beam(LINE, Section.circle(LENGTH).without_shear(), STEEL)),
         r"'length' has no value. Give its interval, at=mb.Box\(length=\(lower, upper\)\), or its nominal value, at=",
     ),
-    "parameters in a section": (lambda: Section.circle([LENGTH]), f"radius holds a symbol. {REASON}"),
-    "parameter among points": (lambda: Beam([(0, 0, 0), (LENGTH, 0, 0)], CIRCLE, STEEL), f"points holds .* {REASON}"),
-    "parameter in a mass": (lambda: frame().with_mass(0, LENGTH), f"mass holds a symbol. {REASON}"),
-    "parameter in an inertia": (lambda: frame().with_mass(0, 1.0, LENGTH), f"inertia holds a symbol. {REASON}"),
+    "parameters in a section": (lambda: Section.circle([LENGTH]), f"radius contains a symbol, but {REASON}"),
+    "parameter among points": (
+        lambda: Beam([(0, 0, 0), (LENGTH, 0, 0)], CIRCLE, STEEL),
+        f"points contains a symbol, but {REASON}",
+    ),
+    "parameter in a mass": (lambda: frame().with_mass(0, LENGTH), f"mass contains a symbol, but {REASON}"),
+    "parameter in an inertia": (lambda: frame().with_mass(0, 1.0, LENGTH), f"inertia contains a symbol, but {REASON}"),
     "parameter in a matrix": (
         lambda: FiniteElements.matrices(POSITIONS, K.astype(object) * LENGTH, M),
-        f"K holds a symbol. {REASON}",
+        f"K contains a symbol, but {REASON}",
     ),
     "parameter in damping": (lambda: frame().modes(count=2, damping=LENGTH), "'length' has no value. Give its interv"),
-    "parameters in damping": (lambda: frame().modes(count=2, damping=[LENGTH] * 2), f"damping holds a .* {REASON}"),
+    "parameters in damping": (
+        lambda: frame().modes(count=2, damping=[LENGTH] * 2),
+        f"damping contains a symbol, but {REASON}",
+    ),
     "negative area": (lambda: Section(-1.0, 1, 1, 1), "Section: area must be above 0, got -1"),
     "infinite area": (lambda: Section(np.inf, 1, 1, 1), "Section: area must be finite"),
     "shear area next to nothing": (
         lambda: FiniteElements.beams(Beam(LINE, Section(1e-3, 1e-6, 1e-6, 2e-6, 1e-320), STEEL)),
         "too small to compute with",
     ),
-    "tube without wall": (lambda: Section.circle(1.0, 1.0), "inner must lie between 0 and the radius 1, got 1"),
+    "tube without wall": (lambda: Section.circle(1.0, 1.0), "inner must be between 0 and the radius 1, got 1"),
     "no nu and no G": (lambda: Material(E=1.0, density=1.0), "give either nu or G"),
     "both nu and G": (lambda: Material(E=1.0, density=1.0, nu=0.3, G=1.0), "give either nu or G"),
-    "nu": (lambda: Material(E=1.0, density=1.0, nu=0.6), r"nu must lie above -1 and not above 0\.5, got 0\.6"),
-    "one point": (lambda: Beam([(0, 0, 0)], CIRCLE, STEEL), "points must be two or more"),
-    "the same point twice": (lambda: Beam([(0, 0, 0), (0, 0, 0)], CIRCLE, STEEL), "neighbours must not coincide"),
+    "nu": (lambda: Material(E=1.0, density=1.0, nu=0.6), r"nu must be above -1 and at most 0\.5, got 0\.6"),
+    "one point": (lambda: Beam([(0, 0, 0)], CIRCLE, STEEL), "expected at least two points"),
+    "the same point twice": (
+        lambda: Beam([(0, 0, 0), (0, 0, 0)], CIRCLE, STEEL),
+        "Neighbouring points must not coincide",
+    ),
     "planar points": (lambda: Beam([(0, 0), (1, 0)], CIRCLE, STEEL), r"points must be an array \(p, 3\)"),
     "elements": (
         lambda: Beam(LINE, CIRCLE, STEEL, elements=0),
         "elements must be an integer of at least 1 and at most 10000, got 0",
     ),
-    "sections": (lambda: Beam(LINE, [CIRCLE] * 3, STEEL), "3 sections at 2 points"),
+    "sections": (lambda: Beam(LINE, [CIRCLE] * 3, STEEL), "3 sections for 2 points"),
     "shear at one end": (lambda: Beam(LINE, [CIRCLE, SLENDER], STEEL), "some sections are rigid in shear"),
-    "orientation": (lambda: Beam(LINE, CIRCLE, STEEL, orientation=(2, 0, 0)), "is along the beam. Give a direction"),
-    "no beam": (FiniteElements.beams, "give at least one Beam"),
+    "orientation": (lambda: Beam(LINE, CIRCLE, STEEL, orientation=(2, 0, 0)), "along the beam. Give another"),
+    "no beam": (FiniteElements.beams, "expected at least one Beam"),
     "beams apart": (
         lambda: FiniteElements.beams(Beam(LINE, CIRCLE, STEEL), Beam(np.array(LINE) + 5, CIRCLE, STEEL)).modes(count=1),
-        "motions without strain energy besides the rigid ones",
+        "motions without strain energy other than rigid motions",
     ),
-    "mass at no node": (lambda: frame().with_mass(99, 1.0), "there is no node 99; they are numbered 0 to 12"),
+    "mass at no node": (lambda: frame().with_mass(99, 1.0), "there is no node 99. The nodes have the numbers 0 to 12"),
     "mass": (lambda: frame().with_mass(0, -1.0), "mass must be above 0, got -1"),
-    "inertia": (lambda: frame().with_mass(0, 1.0, (1, 1, -1)), "inertia must be symmetric and not negative"),
+    "inertia": (lambda: frame().with_mass(0, 1.0, (1, 1, -1)), "inertia must be symmetric positive semidefinite"),
     "inertia's shape": (
         lambda: frame().with_mass(0, 1.0, (1, 1)),
         r"inertia must be a number or an array \(3,\) or an array \(3, 3\), got",
     ),
     "inertia without rotations": (
         lambda: FiniteElements.matrices(POSITIONS, K, M).with_mass(0, 1.0, 0.1),
-        "the nodes have no rotations, so that inertia cannot act",
+        "the nodes have no rotations, so inertia has no effect",
     ),
-    "no number of modes": (lambda: frame().modes(), "say how many modes: count=10, or cutoff"),
+    "no number of modes": (lambda: frame().modes(), "the number of modes is missing. Pass count=10, or cutoff"),
     "count": (lambda: frame().modes(count=-1), "count must be an integer of at least 0, got -1"),
     "cutoff": (lambda: frame().modes(cutoff=0.0), "cutoff must be above 0, got 0"),
-    "no mode below": (lambda: frame().modes(cutoff=1e-3), "no mode lies below cutoff=0.001 Hz. Raise it"),
-    "more modes than there are": (lambda: cantilever(1).modes(count=7), "count=7, but the mesh has 6 modes. Refine it"),
+    "no mode below": (lambda: frame().modes(cutoff=1e-3), "no mode is below cutoff=0.001 Hz. Increase cutoff"),
+    "more modes than there are": (
+        lambda: cantilever(1).modes(count=7),
+        "count=7, but the mesh has only 6 modes. Refine the mesh",
+    ),
     "damping of other modes": (
         lambda: frame().modes(count=3, damping=[0.1, 0.1]),
         r"damping must be a number or an array \(3,\)",
     ),
     "interface": (lambda: frame().modes(interfaces=[0, 13]), "interfaces: there is no node 13"),
     "clamped": (lambda: frame().modes(clamped=-1, count=1), "clamped: there is no node -1"),
-    "clamped interface": (lambda: frame().modes(clamped=0, interfaces=[0]), "node 0 is clamped and cannot be an inter"),
+    "clamped interface": (
+        lambda: frame().modes(clamped=0, interfaces=[0]),
+        "node 0 is clamped. It cannot also be an inter",
+    ),
     "clamped without rotations": (
         lambda: FiniteElements.matrices(POSITIONS, K, M).modes(clamped=0, count=1),
-        "node 0 has no rotations, so that clamping it does not hold the body",
+        "node 0 has no rotations, so clamping this node does not hold the body",
     ),
     "interface that does not hold": (
         lambda: FiniteElements.matrices(POSITIONS, K, M).modes(interfaces=[0], cutoff=1.0),
-        "interfaces .* that hold the body: one node with rotations, or three nodes off a line",
+        "interfaces .* that hold the body: one node with rotations, or three nodes that are not on a line",
     ),
-    "stiffening of a free body": (lambda: frame().modes(count=3, stiffening=True), "beams and a clamped node"),
+    "stiffening of a free body": (lambda: frame().modes(count=3, stiffening=True), "beams with a clamped node"),
     "stiffening of matrices": (
         lambda: FiniteElements.matrices(cantilever().positions, cantilever().K, cantilever().M).modes(
             clamped=0, count=3, stiffening=True
         ),
-        "beams and a clamped node",
+        "beams with a clamped node",
     ),
 }
 

@@ -132,18 +132,21 @@ def test_positions_of_a_mesh(tmp_path):
 
 GOOD = "DMIG,K,0,6,2\nDMIG,K,1,1,,1,1,2.0\n"
 FAULTS = {
-    "no matrix": ("GRID,1,,0.,0.,0.\n", "no matrix DMIG; one must begin with K, or be the only one"),
-    "two matrices": (GOOD + GOOD.replace(",K,", ",KB,"), "the matrices K, KB; one must begin with K"),
-    "no number": (GOOD + "DMIG,K,1,2,,1,2,two\n", "line 3, DMIG: an entry is 'two', which is no number"),
-    "infinite": (GOOD + "DMIG,K,1,2,,1,2,1e999\n", "line 3, DMIG: an entry is '1e999', which is not finite"),
-    "no node": (GOOD + "DMIG,K,one,2,,1,2,1.\n", "line 3, DMIG: a node is 'one', which is no whole number"),
-    "a scalar point": (GOOD + "DMIG,K,5,0,,5,0,1.\n", "line 3, DMIG: node 5 has the component 0; .* scalar points"),
+    "no matrix": (
+        "GRID,1,,0.,0.,0.\n",
+        "no matrix DMIG. Exactly one name must start with K, or the file must have one matrix",
+    ),
+    "two matrices": (GOOD + GOOD.replace(",K,", ",KB,"), "the matrices K, KB. Exactly one name must start with K"),
+    "no number": (GOOD + "DMIG,K,1,2,,1,2,two\n", "line 3, DMIG: an entry must be a number, got 'two'"),
+    "infinite": (GOOD + "DMIG,K,1,2,,1,2,1e999\n", "line 3, DMIG: an entry must be finite, got '1e999'"),
+    "no node": (GOOD + "DMIG,K,one,2,,1,2,1.\n", "line 3, DMIG: a node must be a whole number, got 'one'"),
+    "a scalar point": (GOOD + "DMIG,K,5,0,,5,0,1.\n", "line 3, DMIG: node 5 has the component 0, .*Scalar points"),
     "a component": (GOOD + "DMIG,K,5,7,,5,7,1.\n", "node 5 has the component 7"),
-    "twice": (GOOD + "DMIG,K,1,1,,1,1,2.0\n", "line 3, DMIG: the entry of node 1, component 1 is given twice"),
+    "twice": (GOOD + "DMIG,K,1,1,,1,1,2.0\n", "line 3, DMIG: the entry of node 1, component 1 appears twice"),
     "complex": (GOOD.replace(",6,2", ",6,4"), "line 1, DMIG: K is complex"),
-    "rectangular": (GOOD.replace(",6,2", ",2,2"), "line 1, DMIG: K must begin with a header of form 1 or 6"),
-    "no header": (GOOD.split("\n")[1] + "\n", "line 1, DMIG: K must begin with a header"),
-    "no entry": (GOOD.split("\n")[0] + "\n", "line 1, DMIG: K has no entry"),
+    "rectangular": (GOOD.replace(",6,2", ",2,2"), "line 1, DMIG: K must start with a header of form 1 .square. or 6"),
+    "no header": (GOOD.split("\n")[1] + "\n", "line 1, DMIG: K must start with a header"),
+    "no entry": (GOOD.split("\n")[0] + "\n", "line 1, DMIG: K has no entries"),
     "other nodes": (GOOD, "positions has 5 nodes, but the matrices have 1"),
 }
 
@@ -157,13 +160,13 @@ def test_faults_of_matrices_are_one_sentence(case, tmp_path):
 
 
 GRIDS = {
-    "no node": ("BEGIN BULK\n", "has no card GRID"),
-    "twice": ("GRID,1,,0.,0.,0.\nGRID,1,,1.,0.,0.\n", "line 2, GRID: node 1 is given twice"),
-    "a system of all nodes": ("GRDSET,,7,,,,5\nGRID,1,,0.,0.,0.\n", "line 1, GRDSET: it puts all nodes into another"),
+    "no node": ("BEGIN BULK\n", "has no GRID card"),
+    "twice": ("GRID,1,,0.,0.,0.\nGRID,1,,1.,0.,0.\n", "line 2, GRID: node 1 appears twice"),
+    "a system of all nodes": ("GRDSET,,7,,,,5\nGRID,1,,0.,0.,0.\n", "line 1, GRDSET: all nodes are in another"),
     "a system": ("GRID,1,4,0.,0.,0.\n", "line 1, GRID: the position of node 1 is in coordinate system 4"),
     "a system of displacements": ("GRID,1,,0.,0.,0.,2\n", "the displacement of node 1 is in coordinate system 2"),
-    "no number": ("GRID,1,,0.,y,0.\n", "line 1, GRID: y of node 1 is 'y', which is no number"),
-    "a node that is missing": ("GRID,100,,0.,0.,0.\n", "the matrices have a node 110, for which .* has no GRID"),
+    "no number": ("GRID,1,,0.,y,0.\n", "line 1, GRID: y of node 1 must be a number, got 'y'"),
+    "a node that is missing": ("GRID,100,,0.,0.,0.\n", "the matrices have the node 110, but .* has no such GRID"),
 }
 
 

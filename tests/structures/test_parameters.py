@@ -188,16 +188,16 @@ def test_a_scene_survives_a_pickle():
 FAULTS = {
     "negative height": (
         lambda: bar(7e10, 2700, P.h, at=Box(h=(-0.01, 0.02))),
-        r"Section: area must be above 0, got -0\.0003\. This is at h = -0\.01\.",
+        r"Section: area must be above 0, got -0\.0003\. The parameters are h = -0\.01\.",
     ),
     "no height at an end": (
         lambda: bar(7e10, 2700, P.h, at=Box(h=(0, 0.02))),
-        r"Section: area must be above 0, got 0\. This is at h = 0\.",
+        r"Section: area must be above 0, got 0\. The parameters are h = 0\.",
     ),
     "no value": (lambda: bar(P.E, 2700, P.h, at=Box(h=(0.01, 0.02))), "'E' has no value. Give its interval, at=mb.Bo"),
     "a number where an interval is needed": (
         lambda: bar(P.E, P.rho, P.h, at=P).modes(count=3),
-        r"'h' changes the shapes of the modes and has one value, 0\.01\. Give the interval in which it lies",
+        r"'h' changes the shapes of the modes and has only the value 0\.01\. Give its interval",
     ),
     "shear": (
         lambda: FiniteElements.beams(
@@ -214,7 +214,7 @@ FAULTS = {
             ),
             at=Box(h=(0.01, 0.02)),
         ),
-        "parameters change the proportions of a beam along it",
+        "parameters change the proportions along a beam",
     ),
     "at": (lambda: bar(P.E, 2700, 0.01, at=[7e10]), "at must be a Box, Parameters, or values by name, got"),
     "reversed": (lambda: bar(P.E, 2700, 0.01, at={"E": (2.0, 1.0)}), "at 'E' has lower 2 above upper 1. Exchange"),
@@ -228,7 +228,7 @@ FAULTS = {
         lambda: mb.System(
             mb.FlexibleBody("rod", bar(P.E, 2700, 0.01, at=P).modes(count=2)), parameters=mb.Parameters()
         ),
-        "Body 'rod': stiffness or damping: symbol 'E' is of Parameters that the System does not have",
+        "Body 'rod': stiffness or damping: symbol 'E' belongs to Parameters that the System does not have",
     ),
     "factor that is a text": (
         lambda: FiniteElements.matrices(lattice()[0], [("h", lattice()[1])], lattice()[2]),
@@ -238,12 +238,12 @@ FAULTS = {
         lambda: FiniteElements.matrices(lattice()[0], [(1 / P.h, lattice()[1])], lattice()[2], at={"h": 0.0}),
         "is not finite at h = 0",
     ),
-    "no mode below": (lambda: bar(7e10, 2700, P.h, at=BOX).modes(cutoff=1.0), "no mode lies below cutoff"),
+    "no mode below": (lambda: bar(7e10, 2700, P.h, at=BOX).modes(cutoff=1.0), "no mode is below cutoff"),
     "negative factor": (
         lambda: FiniteElements.matrices(lattice()[0], [(P.h, lattice()[1])], lattice()[2], at={"h": (-1.0, 2.0)}).modes(
             count=2
         ),
-        "the stiffness has motions without strain energy .* This is at h = -1",
+        "the stiffness has motions without strain energy .* The parameters are h = -1",
     ),
 }
 

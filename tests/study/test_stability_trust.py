@@ -111,10 +111,10 @@ def test_why_nothing_finishes_is_told():
     assert fault.startswith("no solver finishes at two tolerances (too slow: DormandPrince; breaks down at t = 0.")
 
     def unable():
-        raise mb.AssemblyError("No static equilibrium is found near the guess.\nMore.")
+        raise mb.AssemblyError("No static equilibrium was found near the guess.\nMore.")
 
     trials = [*Job("hard", unable, "CVODES", [(1e-6, mb.CVODES()), (1e-8, mb.CVODES())]).run()]
-    assert standard_of(trials, ("m",)).fault == "No static equilibrium is found near the guess."
+    assert standard_of(trials, ("m",)).fault == "No static equilibrium was found near the guess."
 
 
 def test_two_tolerances_have_to_agree():

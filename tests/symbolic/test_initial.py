@@ -46,5 +46,5 @@ def test_taylor_follows_it():
 def test_what_has_no_start_to_be_kept_is_refused():
     block = mb.Body("block", mass=2.0, pose=mb.Particle())
     for expression in (block.vy, block.y * mb.t, 0 * block.y):
-        with pytest.raises(mb.DeclarationError, match="coordinates and parameters alone"):
+        with pytest.raises(mb.DeclarationError, match="coordinates and parameters only"):
             mb.initial(expression)

@@ -186,7 +186,7 @@ def test_unknown_names_are_told_at_once_with_near_misses():
         (sp.Derivative(sp.Function("theta")(A), A), "function of time"),
         (A * sp.nan, "contains nan"),
         (sp.I * A, "'ImaginaryUnit'"),
-        (sp.Piecewise((A, A < 0), (B, A > 1)), "leaves a gap: end it with a branch"),
+        (sp.Piecewise((A, A < 0), (B, A > 1)), "is not defined for all values. Add the final branch"),
     ],
 )
 def test_faults_coming_in(expr, message):

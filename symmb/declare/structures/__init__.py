@@ -1,6 +1,6 @@
 """Finite elements of flexible bodies and their reduction to modes.
 
-A structure becomes `Modes`, which `mechanics.FlexibleBody` takes.
+A structure is reduced to `Modes`, the input of `mechanics.FlexibleBody`.
 """
 
 from symmb.declare.structures.flexibility import Responses

@@ -1,7 +1,8 @@
-"""The two-node Timoshenko beam element in space. Without shear it is that of Euler and Bernoulli.
+"""The two-node Timoshenko beam element in space. Without shear deformation it is the Euler-Bernoulli element.
 
-Its shapes are the static solutions of the element, tapered or not, under forces at its ends. Nodal displacements under
-static loads at nodes are therefore exact. For a uniform element the shapes are the cubics of Hermite, or of Timoshenko.
+Its shape functions are the static solutions of the uniform or tapered element under forces at its ends. Nodal
+displacements under static loads at nodes are therefore exact. For a uniform element the shape functions are the cubic
+polynomials of Hermite, or of Timoshenko.
 
 References
 ----------
@@ -16,13 +17,13 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._types import Array
 
-GAUSS = 5  # exact to degree 9: cubic displacements twice, over a section whose area is quadratic
+GAUSS = 5  # exact to degree 9: the square of a cubic displacement times a quadratic area
 X, W = np.polynomial.legendre.leggauss(GAUSS)
 XI, WEIGHTS = (X + 1) / 2, W / 2
-UPPER = np.append(XI, 1.0)[:, None]  # integrals run from the first node to each Gauss point and to the second node
+UPPER = np.append(XI, 1.0)[:, None]  # integrals end at Gauss points or at the second node
 NESTED, SHARES = UPPER * XI, UPPER * WEIGHTS
 BENDING_XY, BENDING_XZ = [1, 5, 7, 11], [2, 4, 8, 10]
-# Rotation about y is minus the slope of z.
+# The rotation about y is the negative slope of z.
 PLANES = ((1, 5, BENDING_XY, np.array([1, 1, 1, 1]), 1), (2, 4, BENDING_XZ, np.array([1, -1, 1, -1]), -1))
 
 
@@ -36,13 +37,13 @@ class Line:
     weights: Array  # (e, g) [m]
     translation: Array  # (e, g, 3, 12)
     rotation: Array  # (e, g, 3, 12)
-    stiffness: Array  # (6, e, 12, 12), of the extension, both shears, the torsion and both bendings, to be summed
+    stiffness: Array  # (6, e, 12, 12), parts: extension, both shears, torsion, both bendings
     slopes: Array  # (e, g, 2, 12), slopes in the two planes of bending
-    axial: Array  # (e, 12), axial force, which nodal displacements make uniform
+    axial: Array  # (e, 12), uniform axial force for unit nodal displacements
 
 
 def properties(ends: Array, xi: Array) -> Array:
-    """(e, g, 6) area, Iy, Iz, J, shear_y, shear_z at xi (g,), between the values (e, 2, 6) at the ends.
+    """Area, Iy, Iz, J, shear_y, shear_z (e, g, 6) at xi (g,), interpolated between the values (e, 2, 6) at the ends.
 
     √A and I^¼ are linear along the element, which is exact for similar sections.
     """
@@ -54,7 +55,7 @@ def properties(ends: Array, xi: Array) -> Array:
 
 
 def compliances(ends: Array, xi: Array, E: float, G: float) -> Array:
-    """(e, g, 6) strains per unit of axial force, both shear forces, torque and both bending moments."""
+    """Strains (e, g, 6) per unit of axial force, both shear forces, torque and both bending moments."""
     area, Iy, Iz, J, shear_y, shear_z = np.moveaxis(properties(ends, xi), -1, 0)
     with np.errstate(over="ignore", divide="ignore"):
         strains = 1 / np.stack([E * area, G * shear_y, G * shear_z, G * J, E * Iy, E * Iz], axis=-1)
@@ -64,7 +65,7 @@ def compliances(ends: Array, xi: Array, E: float, G: float) -> Array:
 
 
 def stretching(length: Array, whole: Array, nested: Array) -> tuple[Array, Array]:
-    """(e, g, 2) displacement and force by the displacements of both ends: extension or torsion."""
+    """Displacement and force (e, g, 2) for unit displacements of both ends, in extension or torsion."""
     summed = (SHARES * nested).sum(axis=-1)
     total = summed[:, -1:]
     share = summed[:, :-1] / total
@@ -73,9 +74,9 @@ def stretching(length: Array, whole: Array, nested: Array) -> tuple[Array, Array
 
 
 def bending(length: Array, nested: Array, nested_shear: Array) -> tuple[Array, Array, Array, Array]:
-    """(e, g, 4) deflection, rotation, moment and shear force by (v1, θ1, v2, θ2).
+    """Deflection, rotation, moment and shear force, each (e, g, 4), for unit (v1, θ1, v2, θ2).
 
-    The moment is linear between its values c at the ends, θ' = M/EI and v' = θ + V/κGA with V = -M'; the values
+    The moment is linear between its values c at the ends, with θ' = M/EI, v' = θ + V/κGA and V = -M'. The values c
     follow from the displacements of the second end.
     """
     h = length[:, None, None, None]
@@ -97,7 +98,7 @@ def bending(length: Array, nested: Array, nested_shear: Array) -> tuple[Array, A
 
 
 def elements(length: Array, axes: Array, ends: Array, E: float, G: float) -> Line:
-    """Elements of length (e,) with axes (e, 3, 3), rows x, y, z of the section, properties (e, 2, 6) at their ends."""
+    """Elements with length (e,), axes (e, 3, 3) with rows x, y, z, and section properties (e, 2, 6) at their ends."""
     e, g = len(length), GAUSS
     whole = compliances(ends, XI, E, G)
     nested = np.moveaxis(compliances(ends, NESTED.ravel(), E, G).reshape(e, g + 1, g, 6), -1, 0)

@@ -16,7 +16,7 @@ from symmb.declare.structures.section import Material, Section, is_rigid
 from symmb.declare.structures.validation import numbers
 
 MOST_ELEMENTS = 10_000
-"""Most elements between two corners: with more, rounding decides about slow modes."""
+"""Maximum number of elements between two corners. With more elements, rounding affects the slow modes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,21 +28,21 @@ class Beam:
     points : (p, 3)
         corners of the axis through the sections' centroids [m]
     section : Section
-        of the whole beam, or p of them, one at each corner: between them √A and I^¼ are linear, which is exact for
-        similar sections, such as those of a cone
+        section of the whole beam, or p sections, one at each corner. Between corners √A and I^¼ are linear. This is
+        exact for similar sections, such as the sections of a cone
     material : Material
-        of the whole beam
+        material of the whole beam
     elements : int
-        elements between any two neighbouring corners
+        number of elements between two neighbouring corners
     orientation : (3,)
-        the section's y axis is the part of this vector normal to the beam. The default is horizontal, z × axis, and y
-        for a beam along z
+        the component of this vector normal to the beam is the section's y axis. The default is the horizontal vector z
+        × axis, and y for a beam along z
 
     Raises
     ------
     DeclarationError
-        If there are fewer than two points, neighbours coincide, the orientation is along the beam, or the sections
-        do not match the points or each other (with shear or without).
+        If there are fewer than two points, if neighbouring points coincide, if the orientation is along the beam, or if
+        the sections do not match the points or each other (with or without shear).
 
     Examples
     --------
@@ -63,7 +63,7 @@ class Beam:
         points = numbers(self.points, "Beam", "points", ("p", 3))
         object.__setattr__(self, "points", points)
         if len(points) < 2 or not np.linalg.norm(np.diff(points, axis=0), axis=1).all():
-            raise DeclarationError("Beam: points must be two or more, and neighbours must not coincide.")
+            raise DeclarationError("Beam: expected at least two points. Neighbouring points must not coincide.")
         require_whole(self, "elements", 1, MOST_ELEMENTS)
         require_instance("Beam: material", self.material, Material, "a Material")
         sections = [self.section] if isinstance(self.section, Section) else self.section
@@ -72,18 +72,18 @@ class Beam:
         sections = self.sections
         if len(sections) != len(points):
             raise DeclarationError(
-                f"Beam: {len(sections)} sections at {len(points)} points. Give one Section for all, or one at each."
+                f"Beam: got {len(sections)} sections for {len(points)} points. Give one Section, or one for each point."
             )
         if len({(is_rigid(s.shear_y), is_rigid(s.shear_z)) for s in sections}) > 1:
             raise DeclarationError(
-                "Beam: some sections are rigid in shear, others are not. Give all of them shear areas, or none: "
-                "section.without_shear()."
+                "Beam: some sections are rigid in shear, but other sections are not. Give all sections shear areas, "
+                "or use section.without_shear() for all."
             )
         self.axes()
 
     @property
     def corners(self) -> Array:
-        """(p, 3) the points [m]."""
+        """The points (p, 3) [m]."""
         return np.asarray(self.points, dtype=float)
 
     @property
@@ -92,13 +92,13 @@ class Beam:
         return [self.section] * len(self.corners) if isinstance(self.section, Section) else [*self.section]
 
     def nodes(self) -> Array:
-        """(spans * elements + 1, 3) nodes in their order along the beam [m]."""
+        """The nodes (spans * elements + 1, 3) in their order along the beam [m]."""
         share = np.arange(self.elements)[:, None] / self.elements
         inner = self.corners[:-1, None] * (1 - share) + self.corners[1:, None] * share
         return np.vstack([inner.reshape(-1, 3), self.corners[-1]])
 
     def axes(self) -> Array:
-        """(spans, 3, 3) unit vectors x, y, z of the sections of each span, as rows."""
+        """The section axes (spans, 3, 3) of each span, with unit vectors x, y, z as rows."""
         x = np.diff(self.corners, axis=0)
         x /= np.linalg.norm(x, axis=1)[:, None]
         if self.orientation is None:
@@ -109,14 +109,12 @@ class Beam:
         normal = y - (x * y).sum(axis=1)[:, None] * x
         size = np.linalg.norm(normal, axis=1)
         if (size <= SAME * np.linalg.norm(y, axis=1)).any():
-            raise DeclarationError(
-                f"Beam: orientation {self.orientation!r} is along the beam. Give a direction across it."
-            )
+            raise DeclarationError(f"Beam: orientation {self.orientation!r} is along the beam. Give another direction.")
         normal /= size[:, None]
         return np.stack([x, normal, np.cross(x, normal)], axis=1)
 
     def line(self) -> Line:
-        """The elements of the beam."""
+        """The matrices of the elements of the beam."""
         length = np.linalg.norm(np.diff(self.corners, axis=0), axis=1) / self.elements
         return elements(
             np.repeat(length, self.elements),
@@ -133,7 +131,7 @@ class Beam:
         return [*material, *(value for section in self.sections for value in properties_of(section))]
 
     def with_numbers(self, values: Array) -> "Beam":
-        """The beam with values of its `numbers`."""
+        """The beam with these values in place of its `numbers`."""
         (E, density, G), properties = values[:3].tolist(), values[3:].reshape(len(self.sections), -1).tolist()
         sections = [Section(*some) for some in properties]
         one = isinstance(self.section, Section)
@@ -143,7 +141,7 @@ class Beam:
         """Stiffness and mass of each section: EA, GA_y, GA_z, GJ, EI_y, EI_z [N, N m^2] and ρA, ρI_y, ρI_z [kg/m, kg
         m].
 
-        A section that is rigid in shear has the bending stiffness in place of the shear stiffness.
+        For a section that is rigid in shear, the bending stiffness replaces the shear stiffness.
         """
         E, G, density = self.material.E, self.material.shear_modulus, self.material.density
         return [
@@ -158,7 +156,7 @@ class Beam:
         ]
 
     def sections_at_ends(self) -> Array:
-        """(e, 2, 6) properties at both ends of the elements."""
+        """The section properties (e, 2, 6) at both ends of the elements."""
         sections = np.array([properties_of(section) for section in self.sections])
         along = properties(
             np.stack([sections[:-1], sections[1:]], axis=1), np.arange(self.elements + 1) / self.elements
@@ -167,25 +165,25 @@ class Beam:
 
 
 def properties_of(section: Section) -> list[Expr]:
-    """Area, Iy, Iz, J, shear_y, shear_z."""
+    """The properties area, Iy, Iz, J, shear_y, shear_z of a section."""
     return [getattr(section, field.name) for field in fields(section)]
 
 
 @dataclass(frozen=True, eq=False)
 class AxialForces:
-    """Axial forces in beams and their effect, for e elements with g Gauss points, the first e g samples."""
+    """Axial forces in beams and their effect. The e elements with g Gauss points are the first e g samples."""
 
     dofs: Indices  # (e, 12)
     axis: Array  # (e, 3), unit vectors along the elements
-    force: Array  # (e, 12), axial force by nodal displacements [N/m, N/rad]
+    force: Array  # (e, 12), axial force for unit nodal displacements [N/m, N/rad]
     weights: Array  # (e, g) [m]
-    slopes: Array  # (e, g, 2, 12), slopes in both planes by nodal displacements
+    slopes: Array  # (e, g, 2, 12), slopes in both planes for unit nodal displacements
 
     def forces(self, displacements: Array, loads: Array) -> Array:
-        """(e, g) axial forces [N] under loads (e g, 3) [N] on the samples, which are assumed linear along an element.
+        """Axial forces (e, g) [N] under loads (e g, 3) [N] on the samples. The loads are linear along an element.
 
-        The load of an element changes the uniform force by equilibrium: by p₁ at its first end and by -p₂ at its
-        second, the parts of the load at both ends.
+        By equilibrium, the load of an element changes the uniform force by p₁ at the first end and by -p₂ at the second
+        end, where p₁ and p₂ are the parts of the load at both ends.
         """
         along = np.einsum("ega,ea->eg", loads.reshape(len(self.axis), -1, 3), self.axis)
         first, second = (along @ (1 - XI))[:, None], (along @ XI)[:, None]
@@ -204,9 +202,9 @@ class Mesh:
 
 
 def mesh(beams: Sequence[Beam], shares: Array | None = None) -> Mesh:
-    """Assemble beams, which are rigidly joined where their nodes coincide.
+    """Assemble beams. Coincident nodes of beams are joined rigidly.
 
-    `shares` (b, 9) multiply what the `laws` of each beam cause in stiffness and samples: 1 if they are left out.
+    `shares` (b, 9) are factors of the stiffness and mass that the `laws` of each beam cause, by default 1.
     """
     from scipy.sparse import csc_array
 
@@ -237,7 +235,7 @@ def mesh(beams: Sequence[Beam], shares: Array | None = None) -> Mesh:
 
 
 def _samples(beam: Beam, line: Line, ends: Array, columns: Indices, d: int, shares: Array) -> MassSamples:
-    """Samples at the Gauss points of the elements between `ends` (e, 2, 3)."""
+    """Mass samples at the Gauss points of the elements between `ends` (e, 2, 3)."""
     from scipy.sparse import csr_array
 
     section = properties(beam.sections_at_ends(), XI)[..., :3] * shares
@@ -265,7 +263,7 @@ def _samples(beam: Beam, line: Line, ends: Array, columns: Indices, d: int, shar
 
 
 def _merged(nodes: list[Array]) -> tuple[Array, list[Indices]]:
-    """Distinct nodes in the order of their first appearance, and the numbers of each beam's nodes."""
+    """Distinct nodes in the order of their first appearance, and the indices of each beam's nodes."""
     every = np.vstack(nodes)
     near = SAME * np.ptp(every, axis=0).max()
     first = np.array([(np.abs(every - node) <= near).all(axis=1).argmax() for node in every])

@@ -1,4 +1,4 @@
-"""The lowest natural modes of a structure by inverse iteration, which stiff parts do not disturb."""
+"""The lowest natural modes of a structure by inverse iteration, a method that stiff parts do not disturb."""
 
 from collections.abc import Callable
 from typing import Any
@@ -10,27 +10,18 @@ from symmb._magnitudes import FACTORS, NOTHING, ROUNDING, SAME
 from symmb._types import Array, Indices
 from symmb.declare.structures.mass_samples import Sparse
 
-DENSE = 400
-"""Degrees of freedom up to which the computation of all modes takes less time than inverse iteration."""
-SPARE = 6
-"""Modes computed beyond those that are asked for: they show that no lower one was missed."""
-MASSLESS = FACTORS
-"""Share of the largest flexibility below which a mode has no mass but for rounding."""
-SINGULAR = FACTORS
-"""Scaled pivot below which a matrix is singular but for rounding."""
-
 MECHANISM = (
-    "has motions without strain energy besides the rigid ones. Fix loose parts, or choose interfaces (a clamped node) "
-    "that hold the body: one node with rotations, or three nodes off a line."
+    "has motions without strain energy other than rigid motions. Fix loose parts, or choose interfaces (a clamped "
+    "node) that hold the body: one node with rotations, or three nodes that are not on a line."
 )
-INDEFINITE = "the mass matrix is not positive. Check its signs and the order of its rows."
+INDEFINITE = "the mass matrix is not positive definite. Check its signs and the order of its rows."
 
 
 def factorized(K: Sparse) -> Callable[[Array], Array]:
-    """x = K⁻¹ f for a sparse K and f (d,) or (d, m); DeclarationError unless K is positive definite."""
+    """The function f -> K⁻¹ f for a sparse K and f (d,) or (d, m); DeclarationError unless K is positive definite."""
     scale = stiffness_scale(K)
     lu, pivots = _pivots(K, scale)
-    if lu is None or pivots.min(initial=1.0) <= SINGULAR:
+    if lu is None or pivots.min(initial=1.0) <= FACTORS:
         raise DeclarationError(f"FiniteElements: the stiffness {MECHANISM}")
 
     def solve(f: Array) -> Array:
@@ -41,22 +32,22 @@ def factorized(K: Sparse) -> Callable[[Array], Array]:
 
 
 def definite(M: Sparse, K: Sparse) -> bool:
-    """Whether M is positive on the least stiff displacements of K, up to rounding."""
+    """Whether M is positive for the most flexible displacements of K, up to rounding."""
     scale = stiffness_scale(K)
     stiff = (K.multiply(scale[:, None])).multiply(scale)
     massive = (M.multiply(scale[:, None])).multiply(scale)
     _, pivots = _pivots(massive + SAME * abs(massive).max() * stiff, np.ones(len(scale)))
-    return bool(M.diagonal().min() >= 0 and pivots.min() > -SINGULAR * np.abs(pivots).max())
+    return bool(M.diagonal().min() >= 0 and pivots.min() > -FACTORS * np.abs(pivots).max())
 
 
 def stiffness_scale(K: Sparse) -> Array:
-    """Units in which the degrees of freedom are about equally stiff, 1 for those without stiffness."""
+    """Units (d,) in which the degrees of freedom have similar stiffness; 1 for degrees of freedom without stiffness."""
     stiffness = K.diagonal()
     return 1 / np.sqrt(np.maximum(stiffness, ROUNDING * stiffness.max(initial=NOTHING)))
 
 
 def _pivots(A: Sparse, scale: Array) -> tuple[Any, Array]:
-    """The factorization of the scaled A, and its pivots. Pivots stay on the diagonal: their signs show definiteness."""
+    """The factorization of the scaled A, and its pivots. Without row exchanges, their signs show definiteness."""
     from scipy.sparse import csc_array, diags_array
     from scipy.sparse.linalg import splu
 
@@ -71,14 +62,15 @@ def _pivots(A: Sparse, scale: Array) -> tuple[Any, Array]:
 def lowest(
     K: Sparse, M: Sparse, axes: Sparse, rigid: Array, count: int | None = None, below: float = np.inf
 ) -> tuple[Array, Array]:
-    """The lowest elastic modes of K x = λ M x: λ (n,) ascending and X (d, n) with Xᵀ M X = 1.
+    """The lowest elastic modes of K x = λ M x: ascending λ (n,) and X (d, n) with Xᵀ M X = 1.
 
     K and M (d, d) are sparse or dense; K is singular for the rigid motions (d, r) only. Modes of equal frequency are
-    combined into eigenvectors of `axes` (d, d), which tells the axes apart: modes along single axes where such exist.
-    Without a count all modes below `below` are found.
+    combined into eigenvectors of `axes` (d, d), a matrix with a different value for each axis. The combinations are
+    modes along single axes if such modes exist. Without a count, all λ below `below` are found.
     """
     d = K.shape[0]
-    few = isinstance(K, np.ndarray) or d <= DENSE or (count is not None and count + SPARE > d // 4)
+    # For few degrees of freedom, computing all modes takes less time than inverse iteration.
+    few = isinstance(K, np.ndarray) or d <= 400 or (count is not None and count + 6 > d // 4)
     values, X = _all(K, M, rigid) if few else _some(K, M, rigid, count, below)
     X = _aligned(values, X, axes)
     keep = int((values < below).sum()) if count is None else min(count, len(values))
@@ -86,7 +78,7 @@ def lowest(
 
 
 def _all(K: Sparse, M: Sparse, rigid: Array) -> tuple[Array, Array]:
-    """All elastic modes of small matrices."""
+    """All elastic modes of a small structure."""
     from scipy.linalg import LinAlgError, eigh
 
     scale = stiffness_scale(K)
@@ -100,7 +92,7 @@ def _all(K: Sparse, M: Sparse, rigid: Array) -> tuple[Array, Array]:
         mu, Y = eigh(elastic.T @ M @ elastic, elastic.T @ K @ elastic)
     except LinAlgError:
         raise DeclarationError(f"FiniteElements: the stiffness {MECHANISM}") from None
-    massive = mu > MASSLESS * mu.max(initial=0)
+    massive = mu > FACTORS * mu.max(initial=0)
     if (mu < -SAME * mu.max(initial=0)).any():
         raise DeclarationError(f"FiniteElements: {INDEFINITE}")
     X = _mass_orthonormal((elastic @ Y[:, massive] / np.sqrt(mu[massive]))[:, ::-1], M)
@@ -108,9 +100,10 @@ def _all(K: Sparse, M: Sparse, rigid: Array) -> tuple[Array, Array]:
 
 
 def _some(K: Sparse, M: Sparse, rigid: Array, count: int | None, below: float) -> tuple[Array, Array]:
-    """Modes of large matrices in batches, each orthogonal to those before it, until one is above the requested ones.
+    """Modes of a large structure in batches. Each batch is orthogonal to earlier batches, until a mode is above the
+    request.
 
-    Lanczos' method finds one mode of a multiple frequency at a time. The next batch finds the others.
+    Lanczos' method may find only one mode of a multiple frequency. The next batch then finds the other modes.
     """
     from scipy.sparse.linalg import LinearOperator, eigsh
 
@@ -121,29 +114,32 @@ def _some(K: Sparse, M: Sparse, rigid: Array, count: int | None, below: float) -
     shapes, values = _mass_orthonormal(rigid, M), np.zeros(0)
 
     def flexibility(f: Array) -> Array:
-        # Loads in equilibrium need no support: any statically determinate one gives the elastic displacements.
+        # For loads in equilibrium, any statically determinate support gives the elastic displacements.
         f = f - M @ (shapes @ (shapes.T @ f))
         x = np.zeros(d)
         x[free] = solve(f[free])
         return x - shapes @ (shapes.T @ (M @ x))
 
+    # A random start vector is not orthogonal to any mode. The fixed seed makes results reproducible.
     start = np.random.default_rng(0).standard_normal(d)
     operator = LinearOperator((d, d), matvec=flexibility, dtype=float)  # type: ignore[call-arg]
-    batch = 2 * SPARE if count is None else count + SPARE
+    spare = 6  # additional modes, to detect missed lower modes
+    batch = 2 * spare if count is None else count + spare
     while shapes.shape[1] + batch < d // 2:
         more, X = eigsh(K, batch, M, sigma=0.0, OPinv=operator, v0=flexibility(M @ start))
         values, shapes = np.concatenate([values, more]), np.hstack([shapes, X])
         if more.min() > (below if count is None else np.sort(values)[count - 1] * (1 + 1e-8)):
             order = np.argsort(values)
             return values[order], _mass_orthonormal(shapes[:, r:][:, order], M)
-        batch = SPARE if count is not None else 2 * batch
+        batch = spare if count is not None else 2 * batch
     return _all(K, M, rigid)
 
 
 def _mass_orthonormal(X: Array, M: Sparse) -> Array:
-    """Gram-Schmidt's method in the metric of M, from the first column on."""
+    """The columns of X, orthonormalised in the metric of M from the first column on."""
     from scipy.linalg import LinAlgError, cholesky, solve_triangular
 
+    # The second pass restores the orthonormality that rounding of an ill-conditioned Gram matrix costs.
     for _ in range(2 if X.shape[1] else 0):
         try:
             upper = cholesky(X.T @ (M @ X))
@@ -154,7 +150,7 @@ def _mass_orthonormal(X: Array, M: Sparse) -> Array:
 
 
 def determinate(rigid: Array) -> Indices:
-    """Degrees of freedom whose support prevents the rigid motions and nothing else."""
+    """Degrees of freedom of a statically determinate support: fixing them prevents only the rigid motions."""
     from scipy.linalg import qr
 
     if not rigid.size:
@@ -164,7 +160,7 @@ def determinate(rigid: Array) -> Indices:
 
 
 def _aligned(values: Array, X: Array, axes: Sparse) -> Array:
-    """Modes of equal frequency combined into modes along single axes, where that is possible."""
+    """Modes in which modes of equal frequency are combined into modes along single axes, if possible."""
     X = X.copy()
     starts = np.flatnonzero(np.diff(values, prepend=-np.inf) > 1e-7 * values)
     for group in np.split(np.arange(len(values)), starts[1:]):

@@ -1,4 +1,4 @@
-"""Modes of structures with parameters: common shapes, and inertia, stiffness and damping as expressions."""
+"""Modes of structures with parameters: fixed shapes, and inertia, stiffness and damping as expressions."""
 
 from dataclasses import dataclass
 from os import PathLike
@@ -16,32 +16,33 @@ from symmb.declare.structures.validation import is_law
 
 @dataclass(frozen=True, eq=False)
 class ParametricModes(Modes):
-    """Modes of a structure with parameters: their inertia, stiffness and damping are expressions.
+    """Modes of a structure with parameters. Inertia, stiffness and damping are expressions.
 
-    The shapes are the same for all values. The fields of `Modes` are numbers, for the middles of the intervals.
+    The shapes are the same for all values of the parameters. The fields of `Modes` are numbers for the middles of the
+    intervals.
     """
 
     family: Family  # type: ignore[misc]
 
     def save(self, path: str | PathLike[str]) -> None:
         raise DeclarationError(
-            f"Modes.save: a file such as {str(path)!r} holds numbers, and these modes contain expressions of "
-            "parameters. Keep the script that makes them, or save the modes of a structure in numbers."
+            f"Modes.save: {str(path)!r} can contain only numbers, but these modes contain expressions of parameters. "
+            "Save the modes of a structure without parameters, or compute these modes again by their script."
         )
 
 
 def with_parameters(
     modes: Modes, terms: Terms, shapes: Shapes, zeta: Expr | Array, box: dict[str, tuple[float, float]], error: float
 ) -> Modes:
-    """Modes whose inertia, stiffness and damping follow the terms of their structure.
+    """Modes with inertia, stiffness and damping as expressions from the terms of their structure.
 
-    The damping ratio of each shape is that of a mode with its stiffness and inertia. This is exact where no parameter
-    changes the shapes of modes.
+    Each shape is damped like a mode with the same stiffness and inertia. This is exact if no parameter changes the
+    shapes of modes.
     """
     n, stiffness = len(modes.stiffness), modes.stiffness
     masses = tuple((ca.SX(law), shapes.invariants(M, samples)) for law, M, samples in terms.mass)
     energies = [(law, shapes.X.T @ (K @ shapes.X)) for law, K in terms.stiffness]
-    if len(energies) == 1:  # without rounding
+    if len(energies) == 1:  # a single term has no rounding
         energies = [(law / terms.middle(law), np.diag(stiffness)) for law, _ in energies]
     size = OF_MODES * np.sqrt(np.outer(stiffness, stiffness))
     K = _sum([(law, cleaned((A + A.T) / 2, size)) for law, A in energies])

@@ -29,23 +29,24 @@ from symmb.declare.structures.validation import is_law, numbers, positive
 
 @dataclass(frozen=True, eq=False)
 class FiniteElements:
-    """A linear elastic structure, free in space: K u + M ü = f.
+    """A linear elastic structure that is free in space: K u + M ü = f.
 
-    Each node in turn has three translations [m] and, if it has six degrees of freedom, three small rotations [rad], in
-    the axes of the mesh. `FiniteElements.beams` and `FiniteElements.matrices` create a structure.
+    The degrees of freedom are ordered by node. Each node has three translations [m] and, if it has six degrees of
+    freedom, three small rotations [rad], in the axes of the mesh. `FiniteElements.beams` and `FiniteElements.matrices`
+    create a structure.
 
     Parameters
     ----------
     positions : (k, 3)
         nodes [m]
     K, M : (d, d)
-        stiffness and mass matrix, SciPy sparse, d = 3 k or 6 k
+        stiffness and mass matrix (SciPy sparse), d = 3 k or 6 k
     samples : MassSamples
-        the point masses by which the inertia of the deformed body is integrated
+        point masses for the inertia of the deformed body
     axial : AxialForces
-        of beams, for geometric stiffening
+        axial forces of beams, for geometric stiffening
     terms : Terms
-        K and M as sums, of structures with parameters; the other fields are in numbers, for the middles of intervals
+        for structures with parameters, K and M as sums. The other fields are numbers for the middles of intervals
 
     Examples
     --------
@@ -65,14 +66,14 @@ class FiniteElements:
     terms: Terms | None = None
 
     def __post_init__(self) -> None:
-        require_instance("FiniteElements: samples", self.samples, MassSamples, "those of beams(...) or matrices(...)")
+        require_instance("FiniteElements: samples", self.samples, MassSamples, "samples of beams(...) or matrices(...)")
 
     @classmethod
     def beams(cls, *beams: Beam, at: Mapping[str, Any] | None = None) -> "FiniteElements":
-        """A mesh of beams, joined rigidly where nodes coincide; the nodes are numbered along the beams in their order.
+        """A mesh of beams. Coincident nodes are joined rigidly, and nodes are numbered along the beams in order.
 
-        Two-node Timoshenko or Euler-Bernoulli elements with consistent masses and the rotary inertia of the sections.
-        Inertia is integrated exactly along the elements.
+        The elements are two-node Timoshenko or Euler-Bernoulli elements with consistent masses and the rotary inertia
+        of the sections. Inertia is integrated exactly along the elements.
 
         Parameters
         ----------
@@ -111,7 +112,7 @@ class FiniteElements:
         True
         """
         if not beams:
-            raise DeclarationError("FiniteElements.beams: give at least one Beam.")
+            raise DeclarationError("FiniteElements.beams: expected at least one Beam.")
         for beam in beams:
             require_instance("FiniteElements.beams", beam, Beam, "a Beam")
         owner = "FiniteElements.beams"
@@ -129,21 +130,22 @@ class FiniteElements:
     ) -> "FiniteElements":
         """A structure from another program: node positions (k, 3) [m], stiffness and mass matrix.
 
-        The matrices are arrays, SciPy sparse matrices or the paths of files, of size 3 k or 6 k, in the order that the
-        class states, of the body free in space. Files are Matrix Market, or Nastran's DMIG in text (.pch, .bdf, .dat,
-        .nas): the only matrix of the file, or that whose name begins with K or M. Positions are an array, or the path
-        of a mesh, whose nodes are in the order of the matrices: the cards GRID of Nastran, of the nodes that the
-        matrices have by their numbers, or any file that the package meshio reads, if it is installed.
+        The matrices have size 3 k or 6 k and belong to the body without supports. The degrees of freedom have the order
+        of `FiniteElements`. Matrices are arrays, SciPy sparse matrices or paths of files. Files are Matrix Market
+        files, or text files of Nastran with DMIG (.pch, .bdf, .dat, .nas). If a file has several matrices, the matrix
+        with a name that starts with K or M is read. Positions are an array or the path of a mesh: a file of Nastran
+        with GRID cards, or any file that the package meshio can read. Nodes of Nastran are matched by their numbers;
+        all other nodes must have the order of the matrices.
 
-        Mass, centre of mass, inertia, S and G0 follow from M; the parts of first and second order in the deformation
-        (J1, J2, G1) follow from node masses, the row sums of M. With parameters, K and M are sums: lists of pairs
-        (factor, matrix), such as [(p.h, membrane), (p.h**3, plate)], and `at` gives values as in `beams`.
+        Mass, centre of mass, inertia, S and G0 follow from M. The parts of first and second order in the deformation
+        (J1, J2, G1) follow from node masses, which are the row sums of M. With parameters, K and M are sums: lists of
+        pairs (factor, matrix), such as [(p.h, membrane), (p.h**3, plate)], and `at` gives values as in `beams`.
 
         Raises
         ------
         DeclarationError
-            If a matrix is not of that size, not symmetric or not positive, if rigid motions have strain energy, or if
-            a file has a fault.
+            If a matrix has another size, is not symmetric or not positive, if rigid motions have strain energy, or if a
+            file is not valid.
         """
         owner = "FiniteElements.matrices"
         pairs = {"K": _pairs(K, "K"), "M": _pairs(M, "M")}
@@ -159,15 +161,15 @@ class FiniteElements:
 
     @property
     def per_node(self) -> int:
-        """Degrees of freedom a node: 3 or 6."""
+        """Number of degrees of freedom per node: 3 or 6."""
         return self.K.shape[0] // len(self.positions)
 
     def nearest(self, x: float, y: float, z: float = 0.0) -> int:
-        """Number of the node nearest to (x, y, z) [m], the first of several."""
+        """Number of the node nearest to (x, y, z) [m]; the first node if several are equally near."""
         return nearest(self.positions, (x, y, z))
 
     def with_mass(self, node: int, mass: float, inertia: npt.ArrayLike = 0.0) -> "FiniteElements":
-        """The structure with a rigid mass [kg] fixed to a node, of inertia (3, 3), (3,) or 0 about it [kg m^2].
+        """The structure with a rigid mass [kg] at a node. The inertia (3, 3), (3,) or 0 is about the node [kg m^2].
 
         Raises
         ------
@@ -179,10 +181,11 @@ class FiniteElements:
         tensor = numbers(inertia, owner, "inertia", (), (3,), (3, 3))
         tensor = np.diag(tensor * np.ones(3)) if tensor.ndim < 2 else tensor
         if not np.allclose(tensor, tensor.T) or np.linalg.eigvalsh(tensor)[0] < -ROUNDING * np.abs(tensor).max():
-            raise DeclarationError(f"{owner}: inertia must be symmetric and not negative, got {shown(inertia)}.")
+            raise DeclarationError(f"{owner}: inertia must be symmetric positive semidefinite, got {shown(inertia)}.")
         if self.per_node == 3 and tensor.any():
             raise DeclarationError(
-                f"{owner}: the nodes have no rotations, so that inertia cannot act. Spread the mass over several nodes."
+                f"{owner}: the nodes have no rotations, so inertia has no effect. Distribute the mass over several "
+                "nodes."
             )
         added = at_nodes(where, np.array([positive(mass, owner, "mass")]), tensor[None], self.positions, self.per_node)
         M, samples, terms = self.M + added.mass_matrix(), joined([self.samples, added]), self._terms
@@ -205,39 +208,40 @@ class FiniteElements:
     ) -> Modes:
         """Reduce the structure to a few mass-normalised modes.
 
-        Without interfaces they are its natural modes. With interfaces they span the static shapes of unit motions of
-        these nodes and the natural modes with these nodes fixed. Static loads at interfaces then deform the reduced
-        body as the whole one. The modes of this span are orthonormal in M.
+        Without interfaces, the modes are the natural modes of the structure. With interfaces, the modes span the static
+        shapes of unit motions of these nodes and the natural modes with these nodes fixed. Static loads at interfaces
+        then deform the reduced body like the full structure. The modes are orthonormal in M.
 
         Parameters
         ----------
         interfaces : nodes
-            where joints and forces act
+            nodes at which joints and forces act
         count : int
-            modes in all, the lowest ones; 0 is a rigid body. With interfaces there are 6 shapes a node (3 without
-            rotations), less 6 if the body is free; the others are fixed-interface modes. If `count` is smaller than the
-            number of shapes, the highest reduced modes are left out, and static deformations are approximate
+            total number of modes, the lowest first; 0 makes a rigid body. With interfaces there are 6 static shapes for
+            each node (3 without rotations), minus 6 if the body is free; the other modes are fixed-interface modes. If
+            `count` is smaller than the number of static shapes, the highest reduced modes are left out, and static
+            deformations are approximate
         cutoff : float
-            [Hz] take the modes below it (with interfaces: the fixed-interface modes below it, and all shapes); with
-            `count`, at most so many
+            modes below this frequency [Hz] are taken. With interfaces, these are the fixed-interface modes below the
+            cutoff and all static shapes. `count` then limits the number of modes
         clamped : int
-            node that is fixed in the frame of the body, and the origin of this frame. By default the body is free in a
-            floating frame: its origin is the centre of mass, and the modes change neither this centre nor the angular
-            momentum (S = 0, G0 = 0)
+            node that is fixed in the frame of the body and is its origin. By default the body is free in a floating
+            frame: the origin is the centre of mass, and the modes change neither this centre nor the angular momentum
+            (S = 0, G0 = 0)
         damping : Expr, (n,)
-            modal damping ratio ζ, of all modes or of each. An expression of parameters is for all modes
+            modal damping ratio ζ, one for all modes or one for each mode. An expression of parameters is for all modes
         stiffening : bool
-            beams shorten when they bend, so that loads along them stiffen or soften them: centrifugal forces, gravity,
-            forces at their ends. It needs a clamped node. Without it a fast rotor becomes too soft
+            whether axial loads (centrifugal forces, gravity, forces at the ends) stiffen or soften beams. It needs a
+            clamped node. Without stiffening, a fast rotor is too soft
         planar : bool
             only motion in the xy plane, for bodies whose pose is `Planar()`
 
         Raises
         ------
         DeclarationError
-            If no number of modes is given, the mesh has fewer, none is below the cutoff, a node is unknown, the
-            interfaces or the clamped node do not support the body, or the body with stiffening is not clamped or not
-            of beams.
+            If no number of modes is given, if the mesh has fewer modes, if no mode is below the cutoff, if a node is
+            unknown, if the interfaces or the clamped node do not support the body, or if a body with stiffening is not
+            clamped or has no beams.
 
         References
         ----------
@@ -255,7 +259,7 @@ class FiniteElements:
         locked = [2, 3, 4] * planar
         free, held = self._freedom(fixed, locked)
         distinct = np.tile([1.0, 2.0, 3.0, 0.0, 0.0, 0.0][: self.per_node], len(self.positions))
-        axes = diags_array(distinct).tocsc()[free][:, free]  # tells motions along x, y and z apart
+        axes = diags_array(distinct).tocsc()[free][:, free]  # distinguishes motions along x, y and z
         motions = rigid_motions(self.positions, self.per_node)
         moves = np.setdiff1d(np.arange(6), locked)
         rigid = motions[np.ix_(free, moves)] if clamped is None else np.zeros((free.size, 0))
@@ -293,7 +297,7 @@ class FiniteElements:
         D: tuple[Array, Array] | None,
         free: Indices,
     ) -> tuple[Modes, Shapes]:
-        """Modes of the shapes X (d, n) in a frame at the origin, less their `free` rigid motions."""
+        """Modes with the shapes X (d, n) in a frame at the origin, without their `free` rigid motions."""
         k, n, placed = len(self.positions), len(stiffness), self.positions - origin
         rigid = rigid_motions(placed, self.per_node)
         momentum = self.M @ rigid
@@ -306,7 +310,7 @@ class FiniteElements:
         nodal = X.reshape(k, self.per_node, n)
         shapes, rotations = nodal[:, :3], nodal[:, 3:] if self.per_node == 6 else np.zeros_like(nodal)
         nodal2 = np.zeros((k, 3, n, n)) if D is None else D[0].reshape(k, self.per_node, n, n)[:, :3]
-        # Size of each mode, relative to which values are rounding.
+        # Size of each mode. Smaller values by many digits are rounding.
         size = np.maximum(np.abs(shapes).max(axis=(0, 1)), length * np.abs(rotations).max(axis=(0, 1)))
         ratio = self._terms.middle(zeta) if is_law(zeta) else zeta
         modes = Modes(
@@ -328,21 +332,21 @@ class FiniteElements:
         if count is not None:
             whole(OWNER, "count", count, 0)
         if count is None and cutoff is None and not interfaces:
-            raise DeclarationError(f"{OWNER}: say how many modes: count=10, or cutoff=500.0 for those below 500 Hz.")
+            raise DeclarationError(
+                f"{OWNER}: the number of modes is missing. Pass count=10, or cutoff=500.0 for all modes below 500 Hz."
+            )
         if set(fixed) & set(interfaces):
-            raise DeclarationError(f"{OWNER}: node {fixed[0]} is clamped and cannot be an interface too.")
+            raise DeclarationError(f"{OWNER}: node {fixed[0]} is clamped. It cannot also be an interface.")
         if fixed and self.per_node == 3:
             raise DeclarationError(
-                f"{OWNER}: node {fixed[0]} has no rotations, so that clamping it does not hold the body. "
-                "Leave clamped out and take the nodes of the clamped face as interfaces."
+                f"{OWNER}: node {fixed[0]} has no rotations, so clamping this node does not hold the body. "
+                "Omit clamped, and pass the nodes of the clamped face as interfaces."
             )
         if stiffening and not (fixed and self.axial):
-            raise DeclarationError(
-                f"{OWNER}: stiffening needs a structure of beams and a clamped node about which it turns."
-            )
+            raise DeclarationError(f"{OWNER}: stiffening requires a structure of beams with a clamped node.")
 
     def _freedom(self, fixed: Sequence[int], locked: Sequence[int]) -> tuple[Indices, Indices]:
-        """Degrees of freedom that move, and those of clamped nodes, without motions that are locked at all nodes."""
+        """Free and clamped degrees of freedom. Motions locked at all nodes are in neither."""
         every, held = np.arange(self.K.shape[0]), self._dofs(fixed)
         moving = every[~np.isin(every % self.per_node, locked)]
         return np.setdiff1d(moving, held), np.intersect1d(moving, held)
@@ -351,7 +355,7 @@ class FiniteElements:
         return (self.per_node * np.array(nodes, dtype=int)[:, None] + np.arange(self.per_node)).ravel()
 
     def _signs(self, X: Array, dofs: Indices) -> Array:
-        """(n,) signs that make the largest translation in each column of X, rows `dofs`, positive."""
+        """Signs (n,) that make the largest translation in each column of X positive. `dofs` are the rows of X."""
         shapes = X[dofs % self.per_node < 3]
         size = np.abs(shapes)
         first = np.argmax(size >= (1 - SLIGHT) * size.max(axis=0), axis=0)
@@ -360,9 +364,9 @@ class FiniteElements:
 
 def _require_modes(found: int, count: int | None, cutoff: float | None, interfaces: list[int]) -> None:
     if count is not None and cutoff is None and found < count:
-        raise DeclarationError(f"{OWNER}: count={count}, but the mesh has {found} modes. Refine it.")
+        raise DeclarationError(f"{OWNER}: count={count}, but the mesh has only {found} modes. Refine the mesh.")
     if count != 0 and not interfaces and not found:
-        raise DeclarationError(f"{OWNER}: no mode lies below cutoff={cutoff} Hz. Raise it, or ask for count=0.")
+        raise DeclarationError(f"{OWNER}: no mode is below cutoff={cutoff} Hz. Increase cutoff, or pass count=0.")
 
 
 def _pairs(given: Any, name: str) -> list[tuple[Expr, Any]]:

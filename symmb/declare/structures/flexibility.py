@@ -1,4 +1,4 @@
-"""Static deformations of a structure that its modes leave out."""
+"""Static deformations of a structure that its modes do not represent."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,30 +12,30 @@ from symmb.declare.structures.mass_samples import Sparse
 
 @dataclass(frozen=True, eq=False)
 class Responses:
-    """What slow forces and moments at m nodes do to a structure and to its modes."""
+    """Static responses of a structure and of its modes to unit forces and moments at m nodes."""
 
     modal: Array  # (n, 6 m), modal coordinates
-    left: Array  # (6 m, 6 m), displacements and rotations of the nodes in the body's frame that the modes leave out
-    energy: Array  # (6 m, 6 m), twice the strain energy that they leave out, as a quadratic form
+    left: Array  # (6 m, 6 m), nodal displacements and rotations without the part of the modes
+    energy: Array  # (6 m, 6 m), quadratic form of twice the strain energy without the part of the modes
 
 
 @dataclass(frozen=True, eq=False)
 class Flexibility:
-    """A structure with its modes, of which loads at nodes deform the one more than the others."""
+    """A structure with its modes. Loads at nodes deform the structure more than the modes."""
 
     K: Sparse  # (d, d), stiffness matrix
     M: Sparse  # (d, d), mass matrix
-    free: Indices  # (f,), degrees of freedom that can move, those of a clamped node among them
+    free: Indices  # (f,), movable degrees of freedom, including a clamped node
     rigid: Array  # (d, r), rigid motions
     clamped: Indices  # (c,), degrees of freedom of the clamped node; c = 0 for a body in a floating frame
     X: Array  # (d, n), shapes of the modes
-    stiffness: Array  # (n,), their squared circular frequencies [1/s^2]
-    per_node: int  # degrees of freedom a node
-    of_interfaces: int  # shapes of interfaces, of which a smaller count of modes leaves some out
+    stiffness: Array  # (n,), squared circular frequencies of the modes [1/s^2]
+    per_node: int  # degrees of freedom per node
+    of_interfaces: int  # number of static interface shapes; a smaller number of modes is approximate
 
     @property
     def clamped_node(self) -> int | None:
-        """The node on which the body's frame is fixed; None if this floats."""
+        """The node to which the body's frame is fixed; None for a floating frame."""
         return int(self.clamped[0]) // self.per_node if self.clamped.size else None
 
     def joins(self, a: int, b: int) -> bool:
@@ -44,7 +44,7 @@ class Flexibility:
         return bool(self.K[rows][:, columns].nnz)
 
     def responses(self, nodes: Sequence[int]) -> Responses:
-        """Responses to loads at m nodes: the body accelerates as a rigid one, and deforms by them and its inertia."""
+        """Responses to loads at m nodes. A free body accelerates rigidly, and its inertial forces deform it too."""
         dofs = (self.per_node * np.array(nodes, dtype=int)[:, None] + np.arange(self.per_node)).ravel()
         moves = np.isin(dofs, self.free)
         unit = np.zeros((self.K.shape[0], len(dofs)))

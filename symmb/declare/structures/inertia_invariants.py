@@ -1,4 +1,4 @@
-"""Inertia of a body that deforms in given shapes, as polynomials of the modal coordinates."""
+"""Inertia of a deformed body as polynomials of the modal coordinates."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from symmb._types import Array
 from symmb.declare.structures.mass_samples import MassSamples, Sparse
 
 OF_MODES = 100.0
-"""Rounding of products of modes over that of other sums."""
+"""Ratio of the rounding of products of modes to the rounding of other sums."""
 EPSILON = np.array(
     [[[0, 0, 0], [0, 0, 1], [0, -1, 0]], [[0, 0, -1], [0, 0, 0], [1, 0, 0]], [[0, 1, 0], [-1, 0, 0], [0, 0, 0]]], float
 )
@@ -31,7 +31,7 @@ class RigidInertia:
 
 @dataclass(frozen=True, eq=False)
 class Invariants:
-    """Inertia of a body, or a part of it: fields as in `Modes`, the first moment [kg m], and the modal mass (n, n)."""
+    """Inertia of a body or of a part: fields as in `Modes`, the first moment [kg m], and the modal mass (n, n)."""
 
     mass: float
     moment: Array
@@ -49,7 +49,7 @@ class Invariants:
 class Shapes:
     """Shapes X (d, n) and rigid motions (d, 6) in a frame at an origin, and foreshortening D (s, 3, n, n) of samples.
 
-    The inertia and the length of the whole body tell what is rounding.
+    Values that are small compared with the inertia and length of the whole body are rounding.
     """
 
     X: Array
@@ -60,7 +60,7 @@ class Shapes:
     length: float
 
     def invariants(self, M: Sparse, samples: MassSamples) -> Invariants:
-        """The invariants of the body, or of a part of it, from its mass matrix and samples."""
+        """The invariants of the body, or of a part, from a mass matrix and mass samples."""
         momentum, modal = M @ self.rigid, self.X.T @ (M @ self.X)
         part, first = rigid_inertia(self.rigid.T @ momentum), momentum.T @ self.X
         J1, J2, G1, S2 = deformed_inertia(samples, self.X, self.origin, self.D)
@@ -90,9 +90,9 @@ def rigid_inertia(M: Array) -> RigidInertia:
 def deformed_inertia(
     samples: MassSamples, X: Array, origin: Array, D: Array | None = None
 ) -> tuple[Array, Array, Array, Array]:
-    """J1 (n, 3, 3), J2 (n, n, 3, 3), G1 (n, 3, n), S2 (3, n, n) of point masses moving with X (d, n), from the origin.
+    """J1 (n, 3, 3), J2 (n, n, 3, 3), G1 (n, 3, n) and S2 (3, n, n) of point masses that move with X (d, n).
 
-    With the moments B_j = Σ m s φ_jᵀ and A_ij = Σ m φ_i φ_jᵀ, the inertia of x = s + Σ φ_j η_j is that of
+    With the moments B_j = Σ m s φ_jᵀ and A_ij = Σ m φ_i φ_jᵀ, the inertia of x = s + Σ φ_j η_j is the inertia of
     Σ m x xᵀ = A_00 + Σ η_j (B_j + B_jᵀ) + Σ η_i η_j A_ij. Rotary inertia is constant. Second-order
     displacements D (s, 3, n, n) of the masses add linear terms.
     """
@@ -110,10 +110,10 @@ def deformed_inertia(
 
 
 def _inertia(moments: Array) -> Array:
-    """tr(X) 1 - X of second moments X (..., 3, 3)."""
+    """The inertia tr(X) 1 - X for second moments X (..., 3, 3)."""
     return np.trace(moments, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - moments
 
 
 def cleaned(array: Array, size: float | Array) -> Array:
-    """The array with 0 where its values are rounding relative to their size."""
+    """The array, in which values that are rounding relative to the size are replaced by 0."""
     return np.where(np.abs(array) <= ROUNDING * size, 0.0, array)

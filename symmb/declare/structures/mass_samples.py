@@ -14,16 +14,16 @@ Sparse = Any
 
 @dataclass(frozen=True, eq=False)
 class MassSamples:
-    """Point masses with inertia that move with d degrees of freedom; together they integrate over the body."""
+    """Point masses with inertia that move with d degrees of freedom. Their sum is an integral over the body."""
 
     mass: Array  # (s,) [kg]
     positions: Array  # (s, 3), undeformed [m]
-    translation: Sparse  # (3 s, d), displacement of each sample by the degrees of freedom
+    translation: Sparse  # (3 s, d), displacement of each sample for unit degrees of freedom
     rotary: Array  # (s, 3, 3), inertia about the sample itself [kg m^2]
-    rotation: Sparse  # (3 s, d), small rotation of each sample
+    rotation: Sparse  # (3 s, d), small rotation of each sample for unit degrees of freedom
 
     def mass_matrix(self) -> Sparse:
-        """(d, d) consistent mass matrix Σ (m Nᵀ N + Θᵀ J Θ)."""
+        """Consistent mass matrix (d, d), Σ (m Nᵀ N + Θᵀ J Θ)."""
         from scipy.sparse import bsr_array, csc_array, diags_array
 
         s, masses = len(self.mass), diags_array(np.repeat(self.mass, 3))
@@ -45,7 +45,7 @@ def joined(parts: Sequence[MassSamples]) -> MassSamples:
 
 
 def at_nodes(nodes: Indices, mass: Array, rotary: Array, positions: Array, per_node: int) -> MassSamples:
-    """Samples at nodes, which move with their degrees of freedom."""
+    """Samples at nodes. They move with the degrees of freedom of the nodes."""
     from scipy.sparse import csr_array
 
     def rows(first: int) -> Sparse:
@@ -59,7 +59,7 @@ def at_nodes(nodes: Indices, mass: Array, rotary: Array, positions: Array, per_n
 
 
 def rigid_motions(positions: Array, per_node: int) -> Array:
-    """(per_node k, 6) displacements of the nodes under unit translations and rotations about the origin."""
+    """Displacements (per_node k, 6) of the nodes for unit translations, and for unit rotations about the origin."""
     motions = np.zeros((len(positions), per_node, 6))
     motions[:, :3, :3] = np.eye(3)
     x, y, z = positions.T

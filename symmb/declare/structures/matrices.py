@@ -20,7 +20,7 @@ from symmb.results.files import told
 
 OWNER = "FiniteElements.matrices"
 ASYMMETRY, STRAIN = 1e-8, SLIGHT
-"""Asymmetry, and strain under rigid motions, over the largest entries, that the printed digits of a file may cause."""
+"""Asymmetry and strain of rigid motions, relative to the largest entries, caused by rounded numbers in files."""
 
 
 def loaded(
@@ -28,7 +28,7 @@ def loaded(
 ) -> tuple[Array, list[list[Sparse]]]:
     """Positions (k, 3) of nodes, and the matrices of each name, from arrays or files.
 
-    The matrices of Nastran tell which nodes they have; these stand in the order of their numbers.
+    For matrices of Nastran, the nodes are the nodes of the matrices in the order of their numbers.
     """
     opened = {
         name: [read_dmig(source, name) if is_nastran(source) else source for source in some]
@@ -50,14 +50,14 @@ def loaded(
 
 
 def _positions(source: npt.ArrayLike | str | PathLike[str], numbered: list[int]) -> Array:
-    """Positions (k, 3): an array, or the nodes of a mesh, those of some numbers of a file of Nastran."""
+    """Positions (k, 3) from an array or a mesh. From a Nastran file, only `numbered` nodes are taken, if any."""
     if not isinstance(source, str | PathLike):
         return numbers(source, OWNER, "positions", ("k", 3))
     if is_nastran(source):
         grids = read_grids(source)
         missing = [node for node in numbered if node not in grids]
         if missing:
-            raise DeclarationError(f"{OWNER}: the matrices have a node {missing[0]}, for which {source} has no GRID.")
+            raise DeclarationError(f"{OWNER}: the matrices have the node {missing[0]}, but {source} has no such GRID.")
         return numbers([grids[node] for node in numbered or sorted(grids)], OWNER, "positions", ("k", 3))
     meshio = optional_package("meshio", f"{OWNER} with a file of a mesh", "fe")
     with told(source, "read"):
@@ -65,7 +65,7 @@ def _positions(source: npt.ArrayLike | str | PathLike[str], numbered: list[int])
     try:
         with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
             points = np.asarray(meshio.read(source).points, dtype=float)
-    except (Exception, SystemExit):  # of readers of many formats, one of which ends the program
+    except (Exception, SystemExit):  # many readers raise many errors, and one reader ends the program
         raise DeclarationError(f"{OWNER}: positions: meshio cannot read {source}.") from None
     if points.ndim == 2 and points.shape[1] == 2:
         points = np.column_stack([points, np.zeros(len(points))])
@@ -81,7 +81,7 @@ def read(source: Sparse | str | PathLike[str], name: str, k: int) -> Sparse:
         try:
             with told(source, "read"):
                 open(source, "rb").close()
-                *shape, entries = mminfo(source)[:3]  # before much is read
+                *shape, entries = mminfo(source)[:3]  # checked before the entries are read
                 _require_size(tuple(shape), name, k)
                 if not entries <= shape[0] * shape[1]:
                     raise ValueError(f"its head announces {entries} entries in {shape[0]} rows")
@@ -89,9 +89,9 @@ def read(source: Sparse | str | PathLike[str], name: str, k: int) -> Sparse:
         except FileError:
             raise
         except (ValueError, OverflowError, MemoryError) as error:
-            raise DeclarationError(f"{OWNER}: {name}: {source} is no Matrix Market file: {error}") from error
-    if hasattr(source, "dtype") and np.iscomplexobj(source):  # lists are told as other arrays
-        raise DeclarationError(f"{OWNER}: {name} is complex; give a real matrix, and damping by `zeta` of modes.")
+            raise DeclarationError(f"{OWNER}: {name}: {source} is not a Matrix Market file: {error}") from error
+    if hasattr(source, "dtype") and np.iscomplexobj(source):  # lists are reported like other arrays
+        raise DeclarationError(f"{OWNER}: {name} is complex. Pass a real matrix, and damping by modes(damping=...).")
     if issparse(source):
         matrix = csc_array(source, dtype=float)
         numbers(matrix.data, OWNER, name, ("m",))
@@ -99,7 +99,7 @@ def read(source: Sparse | str | PathLike[str], name: str, k: int) -> Sparse:
         matrix = csc_array(numbers(source, OWNER, name, ("d", "d")))
     _require_size(matrix.shape, name, k)
     if abs(matrix - matrix.T).max() > ASYMMETRY * abs(matrix).max():
-        raise DeclarationError(f"{OWNER}: {name} is not symmetric. If only one triangle is stored, add the other.")
+        raise DeclarationError(f"{OWNER}: {name} is not symmetric. If only one triangle is stored, add the other one.")
     return csc_array((matrix + matrix.T) / 2)
 
 
@@ -108,16 +108,16 @@ def _require_size(shape: Any, name: str, k: int) -> None:
     if shape not in ((3 * k, 3 * k), (6 * k, 6 * k)):
         raise DeclarationError(
             f"{OWNER}: {name} has the shape {shape}, but {k} nodes have 3 or 6 degrees of freedom each: "
-            f"{3 * k} or {6 * k} rows. Nodes without freedom are not listed."
+            f"{3 * k} or {6 * k} rows. Remove nodes without degrees of freedom."
         )
 
 
 def checked(positions: Array, K: Sparse, M: Sparse) -> None:
-    """Raise a DeclarationError unless K and M are those of a body free in space."""
+    """Raise a DeclarationError unless K and M belong to a body without supports."""
     if K.shape != M.shape:
-        raise DeclarationError(f"{OWNER}: K has the shape {K.shape}, M {M.shape}. They must be the same.")
+        raise DeclarationError(f"{OWNER}: K has the shape {K.shape}, but M has the shape {M.shape}. Both must agree.")
     if not np.ptp(positions, axis=0).any():
-        raise DeclarationError(f"{OWNER}: a structure has at least two nodes, at different places.")
+        raise DeclarationError(f"{OWNER}: a structure needs at least two nodes at different positions.")
     motions = rigid_motions(positions - positions.mean(axis=0), K.shape[0] // len(positions))
     largest = abs(K) @ np.abs(motions)
     wrong = np.abs(K @ motions) > STRAIN * np.maximum(largest, largest.max(axis=0) * SMALL)
@@ -126,8 +126,8 @@ def checked(positions: Array, K: Sparse, M: Sparse) -> None:
         axis = "xyz"[int(wrong.any(axis=0).argmax()) % 3]
         row = int(wrong.any(axis=1).argmax())
         raise DeclarationError(
-            f"{OWNER}: K strains in a rigid {motion} {axis} (row {row}). Give the matrices of the body without "
-            "supports, and positions in the units of K. The degrees of freedom are ordered by nodes: three "
+            f"{OWNER}: K has strain energy for a rigid {motion} {axis} (row {row}). Pass the matrices of the body "
+            "without supports, and positions in the units of K. The degrees of freedom are ordered by nodes: three "
             "translations, then three rotations, in the axes of the positions."
         )
     if not definite(M, K):
@@ -135,7 +135,7 @@ def checked(positions: Array, K: Sparse, M: Sparse) -> None:
 
 
 def lumped(positions: Array, M: Sparse) -> MassSamples:
-    """Masses at the nodes: the row sums of M over rigid translations, the mean of the three directions."""
+    """Masses at the nodes: the row sums of M for rigid translations, averaged over the three directions."""
     k = len(positions)
     per_node = M.shape[0] // k
     moved = (M @ rigid_motions(positions, per_node)[:, :3]).reshape(k, per_node, 3)

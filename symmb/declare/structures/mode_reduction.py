@@ -14,10 +14,12 @@ from symmb.declare.structures.mass_samples import Sparse
 def reduced(
     K: Sparse, M: Sparse, rigid: Array, axes: Sparse, interface: Indices, count: int | None, below: float | None
 ) -> tuple[Array, Array]:
-    """λ (n,) and X (d, n), orthonormal in M: fixed-interface modes and the static shapes of unit interface motions.
+    """λ (n,) and X (d, n), orthonormal in M, of the span of fixed-interface modes and static shapes of interface
+    motions.
 
-    K and M (d, d) are sparse, `rigid` (d, r) and `axes` as of `lowest`. Static shapes of the degrees of freedom
-    `interface` (b,) are exact. `count` is the number of modes in all, `below` bounds λ of fixed-interface modes.
+    K and M (d, d) are sparse; `rigid` (d, r) and `axes` are explained in `lowest`. Static shapes of the degrees of
+    freedom `interface` (b,) are exact. `count` is the total number of modes, and `below` is a bound of λ for
+    fixed-interface modes.
     """
     if count == 0:
         return np.zeros(0), np.zeros((K.shape[0], 0))
@@ -27,7 +29,7 @@ def reduced(
     inner = np.setdiff1d(np.arange(d), interface)
     K_ii, K_ib, M_ii = K[inner][:, inner], K[inner][:, interface].toarray(), M[inner][:, inner]
     static = -factorized(K_ii)(K_ib) if inner.size else K_ib
-    # A count below the number of interface shapes reduces these too. Fixed-interface modes improve the accuracy.
+    # A count below the number of static shapes reduces these too. Some fixed-interface modes then improve the accuracy.
     shapes = b - rigid.shape[1]
     fixed = 0 if count is None else count - shapes if count >= shapes else count
     nothing = np.zeros((inner.size, 0))
@@ -40,13 +42,13 @@ def reduced(
     basis[interface, :b] = np.eye(b)
     basis[np.ix_(inner, np.arange(b))] = static
     basis[np.ix_(inner, np.arange(b, b + len(values)))] = inside
-    # The static shapes and the fixed-interface modes have no strain energy in common.
+    # Static shapes and fixed-interface modes are orthogonal in K.
     K_reduced = np.diag(np.concatenate([np.zeros(b), values]))
     whole = K[interface][:, interface].toarray()
     guyan = whole + K_ib.T @ static
     K_reduced[:b, :b] = (guyan + guyan.T) / 2
     motions = np.vstack([rigid[interface], np.zeros((len(values), rigid.shape[1]))])
-    # With a single interface the static stiffness is rounding, so that it does not determine the units.
+    # With a single interface the static stiffness is rounding and does not determine the units.
     scale = np.concatenate([stiffness_scale(whole), 1 / np.sqrt(values)])
     basis, K_reduced, motions = basis * scale, K_reduced * np.outer(scale, scale), motions / scale[:, None]
     M_reduced, axes_reduced = basis.T @ (M @ basis), basis.T @ (axes @ basis)
@@ -55,13 +57,13 @@ def reduced(
 
 
 def chosen(nodes: Sequence[int], total: int, owner: str) -> list[int]:
-    """Checked node numbers."""
+    """The node numbers as a list; DeclarationError if one is not valid."""
     if numbers_of(nodes) is None or np.ndim(nodes) != 1:  # pyright: ignore[reportArgumentType]
         raise DeclarationError(f"{owner}: expected a list of node numbers, got {shown(nodes)}.")
     for node in nodes:
         if not is_whole(node) or not 0 <= node < total:
             raise DeclarationError(
-                f"{owner}: there is no node {node!r}; they are numbered 0 to {total - 1}. "
-                "elements.nearest(x, y, z) finds one by its place."
+                f"{owner}: there is no node {node!r}. The nodes have the numbers 0 to {total - 1}. "
+                "Use elements.nearest(x, y, z) to find the node at a position."
             )
     return sorted({int(node) for node in nodes})

@@ -1,4 +1,4 @@
-"""The modes of a flexible body: all data of its equations of motion, and their file."""
+"""The modes of a flexible body: all data for its equations of motion, and the file of these data."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -39,25 +39,20 @@ SHAPES: dict[str, tuple[int | str, ...]] = {
     "shapes2": ("k", 3, "n", "n"),
 }
 
-_END_OVER_CHORD = 1.5
-"""Rotation of the end of a cantilever over that of its chord, under a load at its end."""
-_STILL = 1e-18
-"""Squared motion along a direction over that along the liveliest one, below which no mode moves along it."""
-
 
 def nearest(positions: Array, point: tuple[float, float, float]) -> int:
-    """Row of the position nearest to a point, the first of equals."""
+    """Index of the position nearest to a point; the first index if several are equally near."""
     return int(np.argmin(np.linalg.norm(positions - numbers(point, "nearest", "point", (3,)), axis=1)))
 
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """What depends on parameters in modes whose shapes do not."""
+    """The parts of modes with fixed shapes that depend on parameters."""
 
-    masses: tuple[tuple[ca.SX, Invariants], ...]  # the inertia is the sum of their products
+    masses: tuple[tuple[ca.SX, Invariants], ...]  # the inertia is the sum of the products (factor, invariants)
     stiffness: ca.SX  # (n, n)
     damping: ca.SX  # (n,)
-    box: dict[str, tuple[float, float]]  # intervals of parameters that change the shapes, which hold in them
+    box: dict[str, tuple[float, float]]  # valid intervals of parameters that change the shapes
     error: float  # see `Modes.error`
 
 
@@ -66,7 +61,7 @@ class Modes:
     """Inertia invariants, stiffness and shapes of n mass-normalised modes at k nodes.
 
     In the floating frame a material point is x = s + u(s), with the elastic displacement u = Σ φ_j η_j + Σ η_i η_j D_ij
-    where D is the foreshortening of beams in bending, if it is requested. With the frame's velocity v and angular
+        and D is the foreshortening of beams in bending, if requested. With the frame's velocity v and angular
     velocity ω in its own axes, the energies are
 
         T = ½ m v² + v·(ω × f(η)) + v·df(η)/dt + ½ ω·J(η) ω + ω·(G0 + Σ η_i G1_i) η̇ + ½ η̇·η̇
@@ -74,12 +69,12 @@ class Modes:
 
         f(η) = m c + S η + Σ η_i η_j S2_ij        J(η) = J0 + Σ η_j J1_j + Σ η_i η_j J2_ij
 
-    SI units, axes of the frame; η in m √kg. Modes are of unit modal mass.
+    All arrays are in SI units and in axes of the frame; η is in m √kg. The modal masses are 1.
 
     Parameters
     ----------
     mass : float
-        [kg]
+        mass of the body [kg]
     center : (3,)
         centre of mass of the undeformed body, from the frame's origin [m]
     J0 : (3, 3)
@@ -89,29 +84,29 @@ class Modes:
     J2 : (n, n, 3, 3)
         its second-order part [1], J2[i, j] = J2[j, i]
     S, S2 : (3, n), (3, n, n)
-        first moment's parts by η [kg^½], [1/m]; S is 0 in the floating frame
+        linear and quadratic part of the first moment [kg^½], [1/m]; S is 0 in the floating frame
     G0, G1 : (3, n), (n, 3, n)
-        angular momentum about the origin of η̇ [kg^½ m], [1]
+        angular momentum about the origin for unit η̇ [kg^½ m], [1]
     stiffness : (n,)
-        ω_j² [1/s^2]
+        squared circular frequencies ω_j² [1/s^2]
     damping : (n,)
-        2 ζ_j ω_j [1/s]
+        damping coefficients 2 ζ_j ω_j [1/s]
     origin : (3,)
-        of the frame, in the axes of the mesh [m]
+        origin of the frame, in the axes of the mesh [m]
     positions : (k, 3)
         nodes of the undeformed body, from the frame's origin [m]
     shapes : (k, 3, n)
         translations of the nodes [kg^-½]
     rotations : (k, 3, n)
-        small rotations of the nodes [1/(kg^½ m)]; 0 where the source has none
+        small rotations of the nodes [1/(kg^½ m)]; 0 if the source has no rotations
     shapes2 : (k, 3, n, n)
-        D of the nodes [1/(kg m)]
+        foreshortening D of the nodes [1/(kg m)]
 
     Raises
     ------
     DeclarationError
-        If an array is misshaped or not finite, J0 or J2 is not symmetric, or mass, stiffness or damping has the wrong
-        sign.
+        If an array has a wrong shape or is not finite, if J0 or J2 is not symmetric, or if mass, stiffness or damping
+        has the wrong sign.
 
     Examples
     --------
@@ -145,7 +140,7 @@ class Modes:
     shapes2: Array
 
     family: ClassVar[Family | None] = None
-    """For structures with parameters, see `ParametricModes`."""
+    """The expressions of `ParametricModes`; None for modes in numbers."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mass", positive(self.mass, "Modes", "mass"))
@@ -155,18 +150,18 @@ class Modes:
         for name, other in (("J0", self.J0.T), ("J2", self.J2.swapaxes(0, 1)), ("J2", self.J2.swapaxes(2, 3))):
             array = getattr(self, name)
             if not np.allclose(array, other, rtol=0, atol=SAME * np.abs(array).max(initial=0)):
-                raise DeclarationError(f"Modes: {name} must be symmetric. Give the mean of it and its transpose.")
+                raise DeclarationError(f"Modes: {name} must be symmetric. Use the mean of matrix and transpose.")
         if (self.stiffness <= 0).any():
             raise DeclarationError(
                 f"Modes: stiffness must be above 0, got {self.stiffness.min():g}. "
-                "Leave out rigid modes: the frame's own motion replaces them."
+                "Remove rigid modes, because the motion of the frame replaces rigid modes."
             )
         if (self.damping < 0).any():
             raise DeclarationError(f"Modes: damping must not be negative, got {self.damping.min():g}.")
 
     @property
     def frequencies(self) -> Array:
-        """(n,) natural frequencies in the frame [Hz]."""
+        """Natural frequencies in the frame (n,) [Hz]."""
         return np.sqrt(self.stiffness) / (2 * np.pi)
 
     def _repr_html_(self) -> str:
@@ -178,16 +173,17 @@ class Modes:
 
     @property
     def error(self) -> float:
-        """Relative error of squared frequencies, and of deflections under loads at interfaces, by parameters.
+        """Relative error of squared frequencies, and of deflections under loads at interfaces, caused by parameters.
 
-        It is twice the largest one at points of the box, against modes computed there. A frequency may be lower than
-        that of these modes where it is nearer to that of the whole structure. 0 where no parameter changes the shapes.
+        It is twice the largest difference to modes that are computed at points of the box. A frequency below the
+        frequency of these modes is no error, because it is closer to the frequency of the full structure. The error is
+        0 if no parameter changes the shapes.
         """
         return 0.0 if self.family is None else self.family.error
 
     @property
     def masses(self) -> tuple[tuple[ca.SX, Invariants], ...]:
-        """Pairs (expression, Invariants), of whose products the inertia is the sum."""
+        """Pairs (expression, Invariants). The inertia is the sum of the products of the pairs."""
         if self.family is not None:
             return self.family.masses
         same = {name: getattr(self, name) for name in ("mass", "J0", "J1", "J2", "S", "S2", "G0", "G1")}
@@ -195,23 +191,23 @@ class Modes:
 
     @property
     def flexibility(self) -> Flexibility | None:
-        """The structure, of which runs ask what its modes leave out; None where it is not known, as of a file."""
+        """The structure, for checks of deformations that the modes leave out; None for modes from a file."""
         return _STRUCTURES.get(self)
 
     def of_structure(self, structure: Flexibility) -> "Modes":
-        """Let these modes know their structure from now on. Their file does not."""
+        """These modes, after their structure is remembered. Files do not contain the structure."""
         _STRUCTURES[self] = structure
         return self
 
     @property
     def is_stiffening(self) -> bool:
-        """Whether the modes foreshorten, so that loads along the body stiffen it."""
+        """Whether the modes have foreshortening, so axial loads stiffen the body."""
         return bool(self.S2.any() or self.shapes2.any())
 
     def turns(self, eta: Array) -> Array:
-        """Largest rotation of a node against the frame (m,) [rad] for modal coordinates (m, n).
+        """Largest rotation (m,) of a node relative to the frame [rad] for modal coordinates (m, n).
 
-        If nodes have no rotations, it follows from the chords of the body.
+        If nodes have no rotations, the rotation follows from the chords of the body.
         """
         if self.rotations.any() or len(self.positions) < 2:
             turned = np.einsum("kan,mn->mka", self.rotations, eta)
@@ -220,48 +216,52 @@ class Modes:
         return np.linalg.norm(turned, axis=2).max(axis=1, initial=0.0)
 
     def carried(self, nodes: list[int], eta: Array) -> Array:
-        """Displacements and rotations (N, m, 6, 6) of m nodes by unit motions of the frame, for N (N, n) of modes."""
+        """Displacements and rotations (N, m, 6, 6) of m nodes for unit motions of the frame, at modal coordinates (N,
+        n)."""
         positions = self.positions[nodes] + np.einsum("kan,Nn->Nka", self.shapes[nodes], eta)
         return rigid_motions(positions.reshape(-1, 3), 6).reshape(*positions.shape[:2], 6, 6)
 
     @cached_property
     def _turning_lines(self) -> Array:
-        """Rotations (k, 3, n) of the ends of a body whose chords, from nodes to one of two far ends, turn."""
+        """Estimated rotations (k, 3, n) for bodies without nodal rotations, from the chords between nodes and one of
+        two far ends."""
         s, first = self.positions, int(np.argmax(np.linalg.norm(self.positions - self.positions.mean(axis=0), axis=1)))
         ends = np.array([first, int(np.argmax(np.linalg.norm(s - s[first], axis=1)))])
         other = ends[np.linalg.norm(s[:, None] - s[ends], axis=2).argmax(axis=1)]
         line, moved = s[other] - s, self.shapes[other] - self.shapes
         squared = np.maximum((line**2).sum(axis=1), NOTHING)
-        return _END_OVER_CHORD * np.cross(line[:, :, None], moved, axis=1) / squared[:, None, None]
+        # The end of a cantilever under a load at its end rotates 1.5 times as far as its chord.
+        return 1.5 * np.cross(line[:, :, None], moved, axis=1) / squared[:, None, None]
 
     @cached_property
     def lively(self) -> Array:
-        """Projection (6, 6) of forces and moments at a node on the directions in which some mode moves some node."""
+        """Projection (6, 6) of forces and moments at a node onto the directions in which the modes move nodes."""
         projection = np.zeros((6, 6))
         for shapes, at in ((self.shapes, slice(0, 3)), (self.rotations, slice(3, 6))):
             sizes, axes = np.linalg.eigh(np.einsum("kan,kbn->ab", shapes, shapes))
-            moving = axes[:, sizes > _STILL * sizes.max(initial=NOTHING)]
+            # Squared motions: the roots of smaller ones are rounding.
+            moving = axes[:, sizes > 1e-18 * sizes.max(initial=NOTHING)]
             projection[at, at] = moving @ moving.T
         return projection
 
     def nearest(self, x: float, y: float, z: float = 0.0) -> int:
-        """Number of the node nearest to (x, y, z) [m] in the frame, undeformed; the first of equals."""
+        """Number of the undeformed node nearest to (x, y, z) [m] in the frame; the first of equally near nodes."""
         return nearest(self.positions, (x, y, z))
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write an .npz or .json file: one array a field, by its name, and `layout`, a text.
+        """Write an .npz or .json file with one array for each field, by name, and the text `layout`.
 
         Raises
         ------
         DeclarationError
-            If the name has another suffix.
+            If the name of the file has another suffix.
         """
         record = {"layout": LAYOUT, **{name: getattr(self, name) for name in SHAPES}}
         files.save(path, {"record": lambda: record, "entries": lambda: files.in_json(record)})
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> "Modes":
-        """Read a file that `save` wrote, or another program in the same layout.
+        """Read a file that `save`, or another program in the same layout, has written.
 
         Raises
         ------
@@ -277,7 +277,8 @@ class Modes:
         if arrays.keys() != SHAPES.keys():
             missing, unknown = sorted(SHAPES.keys() - arrays.keys()), sorted(arrays.keys() - SHAPES.keys())
             raise DeclarationError(
-                f"it lacks {missing} and has {unknown} too many. One array is needed for each of {', '.join(SHAPES)}."
+                f"the arrays {missing} are missing, and the arrays {unknown} are unknown. The file must have one array "
+                f"for each of {', '.join(SHAPES)}."
             )
         shapes = _shapes(arrays["stiffness"], arrays["positions"])
         values: dict[str, Any] = {name: record.array(name, *shapes[name]) for name in list(SHAPES)[1:]}
@@ -292,4 +293,4 @@ def _shapes(stiffness: Any, positions: Any) -> dict[str, tuple[int, ...]]:
 
 
 _STRUCTURES: WeakKeyDictionary[Modes, Flexibility] = WeakKeyDictionary()
-"""Structures of modes, which are no part of their data."""
+"""The structures of modes. They are not part of the data of the modes."""

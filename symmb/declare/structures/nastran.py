@@ -1,4 +1,4 @@
-"""Nodes and matrices from files of Nastran: the cards GRID and DMIG, in small, large and free fields."""
+"""Nodes and matrices from files of Nastran: the cards GRID and DMIG in small, large and free field format."""
 
 import math
 import re
@@ -15,16 +15,14 @@ from symmb.declare.structures.mass_samples import Sparse
 from symmb.results.files import told
 
 SUFFIXES = ".bdf", ".dat", ".nas", ".pch"
-"""Of files of Nastran in text."""
+"""Suffixes of text files of Nastran."""
 _BARE_EXPONENT = re.compile(r"(?<=[\d.])(?=[+-])")
-"""Where Nastran leaves out the letter of an exponent: 1.5-3 is 1.5e-3."""
-_SQUARE, _SYMMETRIC, _REAL = 1, 6, (1, 2)
-"""Values of DMIG's IFO and TIN that are read."""
+"""Position at which Nastran omits the letter of an exponent: 1.5-3 means 1.5e-3."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Card:
-    """A card: its file, the line where it begins, its name, and its fields without it, as texts."""
+    """A card: its file, its first line, its name, and its other fields as texts."""
 
     path: Path
     line: int
@@ -40,7 +38,7 @@ class _Card:
     def whole(self, k: int, what: str) -> int:
         text = self.text(k)
         if not re.fullmatch(r"[+-]?\d{1,9}", text):
-            raise self.fault(f"{what} is {text!r}, which is no whole number.")
+            raise self.fault(f"{what} must be a whole number, got {text!r}.")
         return int(text)
 
     def real(self, k: int, what: str) -> float:
@@ -48,25 +46,25 @@ class _Card:
         try:
             number = float(_BARE_EXPONENT.sub("e", text.lower().replace("d", "e")) if "_" not in text else "")
         except ValueError:
-            raise self.fault(f"{what} is {text!r}, which is no number.") from None
+            raise self.fault(f"{what} must be a number, got {text!r}.") from None
         if not math.isfinite(number):
-            raise self.fault(f"{what} is {text!r}, which is not finite.")
+            raise self.fault(f"{what} must be finite, got {text!r}.")
         return number
 
 
 @dataclass(frozen=True, eq=False)
 class Matrix:
-    """A matrix DMIG: entries by row and column, which are pairs (node, component from 1 to 6)."""
+    """A matrix DMIG: entries by row and column. Rows and columns are pairs (node, component from 1 to 6)."""
 
     entries: dict[tuple[tuple[int, int], tuple[int, int]], float]
 
     @property
     def degrees(self) -> set[tuple[int, int]]:
-        """The degrees of freedom that it has, (node, component)."""
+        """The degrees of freedom (node, component) with an entry."""
         return {degree for pair in self.entries for degree in pair}
 
     def sparse(self, nodes: list[int], per_node: int) -> Sparse:
-        """The matrix of these nodes, with so many degrees of freedom each."""
+        """The matrix of these nodes, with `per_node` degrees of freedom for each node."""
         from scipy.sparse import csc_array
 
         row_of = {node: per_node * k - 1 for k, node in enumerate(nodes)}
@@ -76,7 +74,7 @@ class Matrix:
 
 
 def is_nastran(source: object) -> bool:
-    """Whether a source is the path of a file of Nastran, by its ending."""
+    """Whether a source is the path of a file of Nastran, by its suffix."""
     return isinstance(source, str | PathLike) and Path(source).suffix.lower() in SUFFIXES
 
 
@@ -85,25 +83,25 @@ def read_grids(path: str | PathLike[str]) -> dict[int, Array]:
     grids: dict[int, Array] = {}
     for card in _cards(path):
         if card.name == "GRDSET" and any(card.text(k) not in ("", "0") for k in (1, 5)):
-            raise card.fault("it puts all nodes into another coordinate system; give the basic one.")
+            raise card.fault("all nodes are in another coordinate system. Export them in the basic coordinate system.")
         if card.name != "GRID":
             continue
         node = card.whole(0, "the number of the node")
         if node in grids:
-            raise card.fault(f"node {node} is given twice; remove one.")
+            raise card.fault(f"node {node} appears twice. Remove one of both cards.")
         for k, what in ((1, "position"), (5, "displacement")):
             if card.text(k) not in ("", "0"):
                 raise card.fault(
-                    f"the {what} of node {node} is in coordinate system {card.text(k)}; give the basic one."
+                    f"the {what} of node {node} is in coordinate system {card.text(k)}. Use the basic one."
                 )
         grids[node] = np.array([card.real(k, f"{x} of node {node}") for k, x in zip((2, 3, 4), "xyz", strict=True)])
     if not grids:
-        raise DeclarationError(f"{path}: it has no card GRID, so that there are no nodes.")
+        raise DeclarationError(f"{path}: the file has no GRID card, so there are no nodes.")
     return grids
 
 
 def read_dmig(path: str | PathLike[str], letter: str) -> Matrix:
-    """The matrix DMIG of a file, or that whose name begins with a letter if there are several."""
+    """The DMIG matrix of a file. If there are several matrices, the name must start with `letter`."""
     cards: dict[str, list[_Card]] = {}
     for card in _cards(path):
         if card.name == "DMIG":
@@ -111,16 +109,19 @@ def read_dmig(path: str | PathLike[str], letter: str) -> Matrix:
     chosen = [*cards] if len(cards) == 1 else [name for name in cards if name.startswith(letter)]
     if len(chosen) != 1:
         names = f"the matrices {', '.join(cards)}" if cards else "no matrix DMIG"
-        raise DeclarationError(f"{path}: it has {names}; one must begin with {letter}, or be the only one.")
+        raise DeclarationError(
+            f"{path}: the file has {names}. Exactly one name must start with {letter}, or the file must have one "
+            "matrix."
+        )
     header, *columns = cards[chosen[0]]
-    if header.text(1) != "0" or (form := header.whole(2, "the form")) not in (_SQUARE, _SYMMETRIC):
-        raise header.fault(f"{chosen[0]} must begin with a header of form 1 or 6, square or symmetric.")
-    if header.whole(3, "the type") not in _REAL:
-        raise header.fault(f"{chosen[0]} is complex; give a real matrix.")
+    if header.text(1) != "0" or (form := header.whole(2, "the form")) not in (1, 6):
+        raise header.fault(f"{chosen[0]} must start with a header of form 1 (square) or 6 (symmetric).")
+    if header.whole(3, "the type") not in (1, 2):
+        raise header.fault(f"{chosen[0]} is complex. Export a real matrix.")
     entries = _entries(columns)
     if not entries:
-        raise header.fault(f"{chosen[0]} has no entry.")
-    mirrored = {(column, row): value for (row, column), value in entries.items()} if form == _SYMMETRIC else {}
+        raise header.fault(f"{chosen[0]} has no entries.")
+    mirrored = {(column, row): value for (row, column), value in entries.items()} if form == 6 else {}
     return Matrix(mirrored | entries)
 
 
@@ -134,7 +135,7 @@ def _entries(columns: list[_Card]) -> dict[tuple[tuple[int, int], tuple[int, int
                 continue
             row = _degree(card, k)
             if (row, column) in entries:
-                raise card.fault(f"the entry of node {row[0]}, component {row[1]} is given twice in this column.")
+                raise card.fault(f"the entry of node {row[0]}, component {row[1]} appears twice in this column.")
             entries[row, column] = card.real(k + 2, "an entry")
     return entries
 
@@ -142,12 +143,12 @@ def _entries(columns: list[_Card]) -> dict[tuple[tuple[int, int], tuple[int, int
 def _degree(card: _Card, k: int) -> tuple[int, int]:
     node, part = card.whole(k, "a node"), card.whole(k + 1, "a component")
     if not 1 <= part <= 6:
-        raise card.fault(f"node {node} has the component {part}; nodes have 1 to 6, and scalar points are not read.")
+        raise card.fault(f"node {node} has the component {part}, not 1 to 6. Scalar points cannot be read.")
     return node, part
 
 
 def _cards(path: str | PathLike[str]) -> tuple[_Card, ...]:
-    """All cards of a file. It is kept as it was last, as K and M often stand in one file."""
+    """All cards of a file. The last two files are cached, because K and M are often in one file."""
     with told(path, "read"):
         found = stat(path)
         return _read(Path(path), found.st_mtime_ns, found.st_size)
@@ -171,7 +172,7 @@ def _read(path: Path, changed: int, size: int) -> tuple[_Card, ...]:
 
 
 def _fields(line: str) -> tuple[str, list[str]]:
-    """The name of a card, or the mark of its continuation, and the fields of one line."""
+    """The name of a card (or a continuation mark) and the fields of one line."""
     first = line.split(",", 1)[0] if "," in line[:9] else line[:8]
     count, width = (4, 16) if "*" in first else (8, 8)
     if "," in line:

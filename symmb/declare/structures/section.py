@@ -11,14 +11,15 @@ from symmb._types import Expr
 from symmb.declare.structures.validation import is_law, numbers, positive_law
 
 NU = 0.3
-"""Poisson's ratio for the shear areas of the ready-made sections, which hardly depend on it."""
+"""Poisson's ratio for the shear areas of circles and rectangles. Shear areas hardly depend on this ratio."""
 
 
 @dataclass(frozen=True)
 class Section:
     """Properties of a cross-section about its centroid, in its principal axes y and z; the beam runs along x.
 
-    All of them may be expressions of parameters, whose values `FiniteElements.beams(..., at=...)` gets.
+    All properties may be expressions of parameters. Pass the values of the parameters to `FiniteElements.beams(...,
+    at=...)`.
 
     Parameters
     ----------
@@ -29,13 +30,13 @@ class Section:
     J : Expr
         torsion constant [m^4]; Iy + Iz for a circle only
     shear_y, shear_z : Expr
-        effective shear areas κA along y and z [m^2]. Infinite ones (the default) make an Euler-Bernoulli beam, finite
-        ones a Timoshenko beam
+        effective shear areas κA along y and z [m^2]. Infinite areas (the default) make an Euler-Bernoulli beam, and
+        finite areas make a Timoshenko beam
 
     Raises
     ------
     DeclarationError
-        If a property is no number above 0.
+        If a property is not a number above 0.
 
     Examples
     --------
@@ -67,7 +68,7 @@ class Section:
         R = positive_law(radius, "Section.circle", "radius")
         r = inner if is_law(inner) else float(numbers(inner, "Section.circle", "inner"))
         if not (is_law(R) or is_law(r) or 0 <= r < R):
-            raise DeclarationError(f"Section.circle: inner must lie between 0 and the radius {R:g}, got {r:g}.")
+            raise DeclarationError(f"Section.circle: inner must be between 0 and the radius {R:g}, got {r:g}.")
         area, second, m2 = math.pi * (R**2 - r**2), math.pi / 4 * (R**4 - r**4), (r / R) ** 2
         kappa = 6 * (1 + NU) * (1 + m2) ** 2 / ((7 + 6 * NU) * (1 + m2) ** 2 + (20 + 12 * NU) * m2)
         return cls(area, second, second, 2 * second, kappa * area, kappa * area)
@@ -107,14 +108,14 @@ class Material:
     E : Expr
         Young's modulus [Pa]
     density : Expr
-        [kg/m^3]
+        density [kg/m^3]
     nu, G : Expr
         Poisson's ratio, or the shear modulus [Pa] itself
 
     Raises
     ------
     DeclarationError
-        If not exactly one of nu and G is given, a value is no number above 0, or nu does not lie in (-1, 0.5].
+        If not exactly one of nu and G is given, if a value is not a number above 0, or if nu is not in (-1, 0.5].
 
     Examples
     --------
@@ -129,7 +130,7 @@ class Material:
 
     def __post_init__(self) -> None:
         if (self.nu is None) == (self.G is None):
-            raise DeclarationError("Material: give either nu or G: G = E/(2 (1 + nu)).")
+            raise DeclarationError("Material: give either nu or G, with G = E/(2 (1 + nu)).")
         for field in fields(self):
             value = getattr(self, field.name)
             if value is not None and field.name != "nu":
@@ -137,9 +138,9 @@ class Material:
         if self.nu is not None and not is_law(self.nu):
             object.__setattr__(self, "nu", float(numbers(self.nu, "Material", "nu")))
             if not -1 < self.nu <= 0.5:
-                raise DeclarationError(f"Material: nu must lie above -1 and not above 0.5, got {self.nu:g}.")
+                raise DeclarationError(f"Material: nu must be above -1 and at most 0.5, got {self.nu:g}.")
 
     @property
     def shear_modulus(self) -> Expr:
-        """G [Pa]."""
+        """Shear modulus G [Pa]."""
         return self.G if self.nu is None else self.E / (2 * (1 + self.nu))

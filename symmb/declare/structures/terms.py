@@ -18,19 +18,16 @@ from symmb.declare.structures.validation import is_law
 from symmb.declare.symbolic import batch
 
 OWNER = "FiniteElements.modes"
-CORNERS, INNER = 32, 32
-"""Most corners of a box, and points inside it, at which laws are tried."""
-_NEAR, _NEAR_ZERO = SMALL, SAME
-"""Share by which a parameter without an interval is varied to see what depends on it, or how far if it is 0."""
 _SAME = 1e-11
-"""Relative difference of laws up to which it is rounding."""
-_TOGETHER = ([0], [3], [4, 2], [5, 1], [6], [7], [8])
-"""Laws of a beam whose proportions, along it and to each other, are constant: shapes of its elements rest on them."""
+"""Relative difference of laws that is rounding."""
+_PROPORTIONAL = ([0], [3], [4, 2], [5, 1], [6], [7], [8])
+"""Groups of laws of a beam with constant proportions along the beam and in each group. Element shapes depend on these
+proportions."""
 
 
 @dataclass(frozen=True, eq=False)
 class Ranges:
-    """Intervals of parameters by name; those of no width are numbers."""
+    """Intervals of parameters by name. An interval without width is a number."""
 
     intervals: dict[str, tuple[float, float]]
 
@@ -54,25 +51,26 @@ class Ranges:
 
     @property
     def widened(self) -> "Ranges":
-        """Every parameter with an interval of some width."""
-        near = {name: (_NEAR * abs(low) or _NEAR_ZERO) * (low == high) for name, (low, high) in self.intervals.items()}
+        """The ranges, in which every parameter has an interval with a width above 0."""
+        # A parameter without an interval is varied a little, to see what depends on it.
+        near = {name: (SMALL * abs(low) or SAME) * (low == high) for name, (low, high) in self.intervals.items()}
         return Ranges({name: (low - near[name], high + near[name]) for name, (low, high) in self.intervals.items()})
 
-    def points(self, names: Iterable[str]) -> list[dict[str, float]]:
-        """The middle, corners and points inside for the parameters of these names; the others at their middles."""
+    def points(self, names: Iterable[str], most_corners: int = 32, inner: int = 32) -> list[dict[str, float]]:
+        """The middle, corners and inner points for the parameters with these names. Others have their middle values."""
         middle = {name: low + 0.5 * (high - low) for name, (low, high) in self.intervals.items()}
         names, random = list(names), np.random.default_rng(0)
         if not names:
             return [middle]
-        few = 2 ** len(names) <= CORNERS
-        corners = list(product([0, 1], repeat=len(names))) if few else random.integers(0, 2, (CORNERS, len(names)))
+        few = 2 ** len(names) <= most_corners
+        corners = list(product([0, 1], repeat=len(names))) if few else random.integers(0, 2, (most_corners, len(names)))
         ends = np.array([self.intervals[name] for name in names])
-        shares = np.vstack([corners, random.random((INNER, len(names)))])
+        shares = np.vstack([corners, random.random((inner, len(names)))])
         places = ends[:, 0] * (1 - shares) + ends[:, 1] * shares
         return [middle, *(middle | dict(zip(names, place.tolist(), strict=True)) for place in places)]
 
     def values(self, laws: Sequence[Expr], points: Sequence[dict[str, float]], owner: str) -> Array:
-        """Values (N, m) of laws at points; DeclarationError where a symbol has no value, or a law no finite one."""
+        """Values (N, m) of laws at points; DeclarationError if a symbol has no value, or if a value is not finite."""
         stacked = ca.vertcat(*map(ca.SX, laws))
         symbols = ca.symvar(stacked)
         for name in names_in(laws):
@@ -93,7 +91,7 @@ class Ranges:
         return found
 
     def shaping(self, laws: Sequence[Sequence[Expr]], owner: str) -> list[str]:
-        """Names of the parameters that change the proportions of laws in one of several lists."""
+        """Names of the parameters that change the proportions of the laws in at least one list."""
         wide, known = self.widened, names_in([law for some in laws for law in some])
         return [
             name
@@ -108,20 +106,20 @@ def names_in(laws: Sequence[Expr]) -> dict[str, None]:
 
 
 def place_text(point: Mapping[str, float], laws: Sequence[Expr]) -> str:
-    """The values of the parameters in some laws."""
+    """The values of the parameters in some laws, as a text."""
     return ", ".join(f"{name} = {number_text(point[name])}" for name in names_in(laws))
 
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """K = Σ c K_i and M = Σ d M_j with expressions c and d. For the middles of all ranges the sums are nominal."""
+    """K = Σ c K_i and M = Σ d M_j with expressions c and d. The nominal sums are for the middles of all ranges."""
 
     ranges: Ranges
     stiffness: tuple[tuple[Expr, Sparse], ...]
     mass: tuple[tuple[Expr, Sparse, MassSamples], ...]
 
     def with_mass(self, added: MassSamples) -> "Terms":
-        """The terms with more mass, which depends on no parameter. All of them have the same samples."""
+        """The terms with additional mass that depends on no parameter. All mass terms get the same samples."""
         none = _massless(added)
         kept = [(law, M, joined([samples, none])) for law, M, samples in self.mass]
         own = 1.0, added.mass_matrix(), joined([_massless(self.mass[0][2]), added])
@@ -129,7 +127,7 @@ class Terms:
 
     @property
     def has_laws(self) -> bool:
-        """Whether a factor is no number."""
+        """Whether a factor is an expression."""
         return any(is_law(law) for law, *_ in (*self.stiffness, *self.mass))
 
     def middle(self, law: Expr) -> float:
@@ -145,13 +143,13 @@ class Terms:
         for name, (low, high) in box.items():
             if low == high:
                 raise DeclarationError(
-                    f"{OWNER}: {name!r} changes the shapes of the modes and has one value, {low:g}. Give the interval "
-                    f"in which it lies: at=mb.Box({name}=(lower, upper)), or at={{**parameters, **box}}."
+                    f"{OWNER}: {name!r} changes the shapes of the modes and has only the value {low:g}. Give its "
+                    f"interval: at=mb.Box({name}=(lower, upper)), or at={{**parameters, **box}}."
                 )
         return box
 
     def matrices(self, free: Indices, names: Iterable[str]) -> tuple[list[tuple[Sparse, Sparse]], list[str]]:
-        """K and M of degrees of freedom at points of the box of some parameters, and what a message calls these."""
+        """K and M of the `free` degrees of freedom at points of the box of parameters, and the points' names."""
         points, sums, laws = self.ranges.points(names), [], []
         for terms in (self.stiffness, self.mass):
             own = [law for law, *_ in terms]
@@ -175,10 +173,11 @@ def beam_terms(beams: Sequence[Beam], ranges: Ranges, owner: str) -> tuple[Mesh,
     tried = [_evaluated(beam, ranges.values(beam.numbers, points, owner), points) for beam in beams]
     nominal = [some[0] for some in tried]
     factors = [np.array([beam.laws() for beam in some]) / np.array(some[0].laws()) for some in tried]
-    if any(not _is_one_law(some[:, :, k]) for some in factors for k in _TOGETHER):
+    if any(not _is_one_law(some[:, :, k]) for some in factors for k in _PROPORTIONAL):
         raise DeclarationError(
-            f"{owner}: parameters change the proportions of a beam along it, or those of bending to shear, on which "
-            "the shapes of its elements rest. Use one section for the whole beam, and section.without_shear()."
+            f"{owner}: parameters change the proportions along a beam, or the ratio of bending to shear "
+            "stiffness. "
+            "This would change the shapes of elements. Use one section for the whole beam, and section.without_shear()."
         )
     stiff, massive = (_distinct(beams, nominal, factors, which) for which in (range(6), range(6, 9)))
     stiffness = tuple((law, part.stiffness) for law, part in stiff)
@@ -189,9 +188,10 @@ def beam_terms(beams: Sequence[Beam], ranges: Ranges, owner: str) -> tuple[Mesh,
 def _distinct(
     beams: Sequence[Beam], nominal: Sequence[Beam], factors: Sequence[Array], which: Iterable[int]
 ) -> Iterator[tuple[Expr, Mesh]]:
-    """Distinct laws among some of all beams, each with the mesh of what is proportional to it.
+    """Distinct laws of all beams, each with the mesh of the parts that are proportional to the law.
 
-    `factors` of each beam are its laws at points over those of the first point.
+    `which` are the indices of the laws that are compared. `factors` of each beam are its laws at points, divided by the
+    laws at the first point.
     """
     left = [(b, k) for b in range(len(beams)) for k in which]
     while left:
@@ -209,30 +209,30 @@ def numeric_terms(K: Sparse, M: Sparse, samples: MassSamples, ranges: Ranges) ->
 
 
 def _evaluated(beam: Beam, values: Array, points: Sequence[dict[str, float]]) -> list[Beam]:
-    """The beam in numbers at points, with values (N, m) of its `numbers`."""
+    """The beam at N points, with values (N, m) of its `numbers`."""
     found = []
     for numbers, point in zip(values, points, strict=True):
         try:
             found.append(beam.with_numbers(numbers))
         except DeclarationError as error:
-            raise DeclarationError(f"{error} This is at {place_text(point, beam.numbers)}.") from None
+            raise DeclarationError(f"{error} The parameters are {place_text(point, beam.numbers)}.") from None
     return found
 
 
 def _is_one_law(factors: Array) -> bool:
-    """Whether factors (N, ...) at N points are the same for all columns."""
+    """Whether all columns of factors (N, ...) at N points are equal."""
     flat = factors.reshape(len(factors), -1)
     return bool(np.allclose(flat, flat[:, :1], rtol=_SAME, atol=0))
 
 
 def summed(factors: Array, matrices: Sequence[Sparse]) -> Sparse:
-    """Σ factor matrix."""
+    """The sum Σ factor matrix."""
     parts = [c * A for c, A in zip(factors, matrices, strict=True)]
     return sum(parts[1:], parts[0])
 
 
 def _proportional(values: Array) -> bool:
-    """Whether the rows are multiples of the first one."""
+    """Whether all rows are positive multiples of the first row."""
     norm = np.linalg.norm(values, axis=1, keepdims=True)
     rows = values / np.where(norm > 0, norm, 1.0)
     return bool(np.abs(rows - rows[0]).max(initial=0.0) <= _SAME)

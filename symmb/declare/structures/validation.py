@@ -1,4 +1,4 @@
-"""Checks of mesh data: finite numbers, and symbols in few places."""
+"""Checks of mesh data: finite numbers, and symbols only in some places."""
 
 from typing import Any
 
@@ -14,12 +14,11 @@ Shape = tuple[int | str, ...]
 
 
 def numbers(value: npt.ArrayLike, owner: str, name: str, *shapes: Shape) -> Array:
-    """A read-only copy of finite numbers in one of the shapes, where a letter stands for any size, or a scalar."""
+    """A read-only copy of finite numbers in one of the shapes, or of a scalar. A letter in a shape is any size."""
     if any(type(item).__module__.split(".")[0] in ("casadi", "sympy") for item in _items(value)):
         raise DeclarationError(
-            f"{owner}: {name} holds a symbol. Modes are computed once, in numbers. A parameter would need new modes at "
-            "every value. Put uncertain numbers into joints, forces or rigid bodies, or into materials, "
-            "sections and damping ratios."
+            f"{owner}: {name} contains a symbol, but modes are computed once in numbers. Use parameters in joints, "
+            "forces, rigid bodies, materials, sections and damping ratios only."
         )
     shapes = shapes or ((),)
     expected = " or ".join(map(_words, shapes))
@@ -36,11 +35,11 @@ def numbers(value: npt.ArrayLike, owner: str, name: str, *shapes: Shape) -> Arra
 
 
 LARGEST = 1e60
-"""Largest length, modulus or mass [SI]: its fifth power is a number as well."""
+"""Largest length, modulus or mass [SI]. Its fifth power must be finite."""
 
 
 def positive(value: npt.ArrayLike, owner: str, name: str) -> float:
-    """A number above zero, small enough for its powers."""
+    """A number above zero with finite powers; DeclarationError for other values."""
     number = float(numbers(value, owner, name))
     if number <= 0:
         raise DeclarationError(f"{owner}: {name} must be above 0, got {number:g}.")
@@ -55,20 +54,16 @@ def is_law(value: Any) -> bool:
 
 
 def positive_law(value: Any, owner: str, name: str) -> Any:
-    """A number above zero, or an expression of parameters."""
+    """A number above zero, or an expression of parameters; DeclarationError for other values."""
     return value if is_law(value) else positive(value, owner, name)
 
 
 def _items(value: npt.ArrayLike, depth: int = 0) -> list[object]:
-    if isinstance(value, list | tuple) and depth < _DEEPEST:
+    if isinstance(value, list | tuple) and depth < 3:  # no array has more axes, and lists may contain themselves
         return [inner for item in value for inner in _items(item, depth + 1)]
     if isinstance(value, np.ndarray) and value.dtype == object:
         return list(value.flat)
     return [value]
-
-
-_DEEPEST = 3
-"""Depth of nested lists in which symbols are looked for: no array has more axes. Lists may contain themselves."""
 
 
 def _fits(shape: tuple[int, ...], expected: Shape) -> bool:

@@ -1,6 +1,6 @@
-"""Algebra on CasADi SX: symbols, vectors, derivatives, linear systems, and the border to SymPy.
+"""Algebra on CasADi SX: symbols, vectors, derivatives, linear systems, and conversion from and to SymPy.
 
-The files sympy_in, sympy_out, simplified and printing are the only ones that know SymPy.
+Only the files sympy_in, sympy_out, simplified and printing use SymPy.
 """
 
 from symmb.declare.symbolic.batch import batch, batch_padded, evaluated, nonzeros, pattern, so_far

@@ -1,4 +1,4 @@
-"""CasADi Functions over many samples at once, in and out as plain arrays without a copy through CasADi's matrices."""
+"""Evaluation of CasADi Functions for many samples at once, with arrays that are not copied into CasADi's matrices."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -17,29 +17,29 @@ def _mapped(f: ca.Function, n: int, threads: int) -> ca.Function:
 
 @lru_cache(maxsize=256)
 def _sizes(f: ca.Function) -> tuple[list[int], list[int]]:
-    """Entries of each input and of each output."""
+    """Numbers of nonzero entries of each input and of each output."""
     return [f.numel_in(i) for i in range(f.n_in())], [f.nnz_out(i) for i in range(f.n_out())]
 
 
 @lru_cache(maxsize=256)
 def _layout(f: ca.Function, i: int) -> tuple[int, int, Indices | None]:
-    """Rows and columns of output i, and where its entries stand in its dense column-major form, None if it is dense."""
+    """Rows and columns of output i, and the indices of its entries in dense column-major form (None if dense)."""
     sparsity = f.sparsity_out(i)
     where = None if sparsity.is_dense() else np.array(sparsity.find(), dtype=np.intp)
     return sparsity.size1(), sparsity.size2(), where
 
 
 def batch(f: ca.Function, *arguments: Array, threads: int = 1) -> tuple[Array, ...]:
-    """Evaluate f, whose inputs are vectors, for N samples: (N, m) for column outputs and (N, m, k) for matrices, dense.
+    """Evaluate f for N samples. Outputs are dense: (N, m) for columns and (N, m, k) for matrices.
 
-    Arguments are (N, n) arrays, or (n,) arrays that hold for all samples; the last ones may be left out. CasADi's own
-    threads may evaluate it. RuntimeError if a sample fails, as integrators may.
+    The inputs of f are vectors. Arguments are (N, n) arrays, or (n,) arrays for all samples; the last arguments may be
+    left out. `threads` is a number of CasADi's threads. RuntimeError if a sample fails, as in an integrator.
     """
     return tuple(_shaped(f, i, values) for i, values in enumerate(_results(f, arguments, threads)))
 
 
 def batch_padded(f: ca.Function, *arguments: Array) -> tuple[Array, ...]:
-    """`batch` with arguments (N, n) padded to a power of 2: CasADi keeps one map for each number of samples."""
+    """`batch` with arguments (N, n) padded to a power of 2: CasADi stores a map for each number of samples."""
     N = len(arguments[0])
     if N < 2:
         return batch(f, *arguments)
@@ -48,25 +48,25 @@ def batch_padded(f: ca.Function, *arguments: Array) -> tuple[Array, ...]:
 
 
 def evaluated(f: ca.Function, *arguments: Array) -> Array:
-    """The first result (m, k) at one set of arguments, dense."""
+    """The first result of f, dense (m, k), for one set of arguments."""
     values = batch(f, *arguments)[0]
     return values.T if f.size2_out(0) == 1 else values[0]
 
 
 def pattern(sparsity: ca.Sparsity) -> Mask:
-    """Where a matrix (m, k) has entries."""
+    """Mask (m, k) of the structural entries of a matrix."""
     there = np.zeros(sparsity.shape, dtype=bool)
     there[tuple(np.array(sparsity.get_triplet(), dtype=np.intp))] = True
     return there
 
 
 def nonzeros(f: ca.Function, *arguments: Array) -> Array:
-    """The entries (N, n) of the first result of `batch`, in the order of its sparsity, without the zeros between."""
+    """The structural entries (N, n) of the first result of f, in the order of its sparsity pattern."""
     return _results(f, arguments, 1)[0]
 
 
 def _results(f: ca.Function, arguments: Sequence[Array], threads: int) -> list[Array]:
-    """Entries of each output, (N, n)."""
+    """The structural entries (N, n) of each output."""
     N = max((len(a) for a in arguments if a.ndim == 2), default=1)
     widths, counts = _sizes(f)
     results = [np.zeros((N, count)) for count in counts]
@@ -77,7 +77,7 @@ def _results(f: ca.Function, arguments: Sequence[Array], threads: int) -> list[A
 
 
 def so_far(f: ca.Function, *arguments: Array) -> tuple[Array, ...]:
-    """The results of `batch` for one sample, nan where f has not written them before it failed."""
+    """The results of `batch` for one sample; nan for entries that f has not written before a failure."""
     results = [np.full((1, f.nnz_out(i)), np.nan) for i in range(f.n_out())]
     with suppress(RuntimeError):
         _evaluate(f, arguments, results)
@@ -85,9 +85,9 @@ def so_far(f: ca.Function, *arguments: Array) -> tuple[Array, ...]:
 
 
 def _evaluate(f: ca.Function, arguments: Sequence[Array], results: list[Array]) -> None:
-    """Write the results. The arrays are contiguous, in the order of the nonzeros."""
+    """Evaluate f and write into `results`. The arrays are contiguous, in the order of the nonzeros."""
     buffer, evaluate = f.buffer()
-    inputs: list[Array] = [np.ascontiguousarray(a, dtype=float) for a in arguments]  # the buffer knows addresses only
+    inputs: list[Array] = [np.ascontiguousarray(a, dtype=float) for a in arguments]  # the buffer stores only addresses
     for i, a in enumerate(inputs):
         if a.size:
             buffer.set_arg(i, memoryview(a.reshape(-1)))  # pyright: ignore[reportCallIssue, reportArgumentType]

@@ -1,4 +1,4 @@
-"""Expressions and Functions in which those that are equal are one."""
+"""Common subexpression elimination for expressions and Functions."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -10,9 +10,10 @@ from symmb.declare.symbolic.pieces import Entry, applied, called
 
 
 def common(name: str, *parts: Any) -> ca.Function:
-    """A Function as `casadi.Function` makes it, in which expressions that are equal are one.
+    """A `casadi.Function` in which equal expressions are evaluated once.
 
-    CasADi compares Functions that are called by their text, which takes seconds where they hold tables.
+    CasADi compares called Functions by their text. This takes seconds for Functions with tables, so each call of such a
+    Function is replaced by symbols first.
     """
     f = ca.Function(name, *parts)
     if not (f.is_a("SXFunction") and called(f)):
@@ -39,7 +40,7 @@ def common(name: str, *parts: Any) -> ca.Function:
 
 
 def shared(expressions: Sequence[ca.SX]) -> list[ca.SX]:
-    """Expressions of the same values, in all of which together those that are equal are one."""
-    symbols = [ca.vertcat(ca.SX(0, 1), *ca.symvar(ca.veccat(*expressions)))]  # CasADi warns of many inputs
+    """Expressions with the same values that share their common subexpressions."""
+    symbols = [ca.vertcat(ca.SX(0, 1), *ca.symvar(ca.veccat(*expressions)))]  # CasADi warns about many inputs
     f = ca.Function("all", symbols, expressions)
     return common("all", symbols, expressions).call(symbols) if called(f) else ca.cse(expressions)

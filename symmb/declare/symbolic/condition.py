@@ -1,4 +1,4 @@
-"""Conditions as margins: expressions that change their sign where a condition begins or ends to hold."""
+"""Conditions as margins: expressions that change their sign if a condition becomes true or false."""
 
 from dataclasses import dataclass
 
@@ -9,18 +9,19 @@ from symmb._errors import DeclarationError
 
 @dataclass(frozen=True)
 class Margin:
-    """A condition as an expression that is not above 0 where it holds."""
+    """A condition as an expression. The expression is 0 or negative if the condition holds."""
 
     value: ca.SX
-    is_strict: bool  # whether equality does not fulfil it
+    is_strict: bool  # whether equality does not satisfy the condition
 
 
 def margin_of(condition: ca.SX) -> Margin:
-    """The margin of a comparison, or of several that `logic_and`, `logic_or` and `logic_not` join.
+    """The margin of a comparison, or of comparisons that `logic_and`, `logic_or` and `logic_not` combine.
 
-    DeclarationError if it is none, the same at all times, or asks for equality, which a motion passes in no time.
+    DeclarationError if the expression is not a comparison, is constant, or requires equality, because a motion
+    satisfies an equality only for an instant.
     """
-    fault = f"the condition is no comparison, or the same at all times. {EXAMPLE}"
+    fault = f"the condition is not a comparison, or is constant. {EXAMPLE}"
     if condition.numel() != 1 or condition.is_constant() or condition.is_symbolic():
         raise DeclarationError(fault)
     code = condition.op()
@@ -34,7 +35,9 @@ def margin_of(condition: ca.SX) -> Margin:
         both = ca.fmax if code == ca.OP_AND else ca.fmin
         return Margin(both(a.value, b.value), a.is_strict or b.is_strict)
     if code in (ca.OP_EQ, ca.OP_NE):
-        raise DeclarationError("the condition asks for equality, which a motion passes in no time. Write <= or >=.")
+        raise DeclarationError(
+            "the condition requires equality, but a motion satisfies an equality only for an instant. Write <= or >=."
+        )
     raise DeclarationError(fault)
 
 

@@ -16,7 +16,7 @@ X, Y, Z = (ca.SX(ca.DM([1.0 if i == k else 0.0 for i in range(3)])) for k in ran
 
 
 def components(value: Any) -> list[Any] | None:
-    """The components of a list, a tuple, a NumPy array or a CasADi vector; None of anything else, as of a number."""
+    """The components of a list, a tuple, a NumPy array or a CasADi vector; None for other values, such as numbers."""
     if isinstance(value, list | tuple):
         return list(value)
     if isinstance(value, np.ndarray) and value.ndim and fits(value.size) and value.dtype.names is None:
@@ -27,18 +27,18 @@ def components(value: Any) -> list[Any] | None:
 
 
 def vector(values: Any, what: str = "vector") -> ca.SX:
-    """A 3-vector from two or three numbers or SX scalars; the third is 0 if left out."""
+    """A 3-vector from two or three numbers or SX scalars. The default of the third component is 0."""
     if isinstance(values, np.ndarray) and values.size > 3:
-        raise DeclarationError(f"{what} has {values.size} components; expected two or three.")
+        raise DeclarationError(f"{what} has {values.size} components, expected two or three.")
     entries: list[Any] | None = components(values)
     entries = [values] if entries is None else entries
     if len(entries) not in (2, 3):
-        raise DeclarationError(f"{what} has {counted(len(entries), 'component')}; expected two or three.")
+        raise DeclarationError(f"{what} has {counted(len(entries), 'component')}, expected two or three.")
     parts = [part for part in map(given, entries) if part is not None]
     if len(parts) < len(entries):
-        raise DeclarationError(f"{what}: {shown(values)} has components that are neither numbers nor CasADi SX.")
+        raise DeclarationError(f"{what}: {shown(values)} contains a component that is neither a number nor CasADi SX.")
     if any(part.numel() != 1 for part in parts):
-        raise DeclarationError(f"{what}: {shown(values)} has components that are no single numbers.")
+        raise DeclarationError(f"{what}: {shown(values)} contains a component that is not a scalar.")
     return ca.densify(ca.vertcat(*parts, *[0] * (3 - len(entries))))
 
 
@@ -51,7 +51,7 @@ def scalar(value: Any, what: str) -> ca.SX:
 
 
 def is_zero(expression: ca.SX) -> bool:
-    """Whether an expression is identically zero by structure."""
+    """Whether an expression is structurally zero."""
     return bool(ca.sparsify(expression).nnz() == 0)
 
 
@@ -67,22 +67,18 @@ def has_irregular_constant(expression: ca.SX) -> bool:
 
 
 def unit(axis: ca.SX) -> ca.SX:
-    """The axis over its length; a constant axis is normalised in numbers, so that zeros and ones stay exact."""
+    """The unit vector along an axis. Constant axes are normalised numerically, so zeros and ones stay exact."""
     if axis.is_constant():
         values = np.asarray(ca.DM(axis)).ravel()
         largest = np.abs(values).max()
-        if not _SMALLEST < largest < 1 / _SMALLEST:  # its square may overflow or underflow
+        if not 1e-150 < largest < 1e150:  # otherwise its square overflows or underflows
             values = values / largest
         return ca.SX(values / np.linalg.norm(values))
     return axis / ca.norm_2(axis)
 
 
-_SMALLEST = 1e-150
-"""Length whose square still has all its digits."""
-
-
 def without_rounding(matrix: ca.SX) -> ca.SX:
-    """A constant matrix of cosines whose zeros and ones are exact, so that they stay structural; others unchanged."""
+    """A constant matrix of cosines with exact, structural zeros and ones. Other matrices are unchanged."""
     if not matrix.is_constant():
         return matrix
     values = ca.DM(ca.densify(matrix)).full()
@@ -91,11 +87,11 @@ def without_rounding(matrix: ca.SX) -> ca.SX:
 
 
 def triad(axis: ca.SX) -> ca.SX:
-    """Right-handed orthonormal frame [u1 u2 a] with the given axis as its third column, (3, 3)."""
+    """Right-handed orthonormal frame [u1 u2 a], (3, 3). The third column is the given axis."""
     a = unit(axis)
 
-    # The helper direction must not be parallel to the axis: best is a component known to vanish, next a symbolic one
-    # (a small misalignment), and among constants the smallest.
+    # The helper direction must not be parallel to the axis. The best choice is a component that is 0, then a symbolic
+    # component (a small misalignment), then the smallest constant.
     def rank(k: int) -> tuple[int, float]:
         if is_zero(a[k]):
             return (0, 0.0)
@@ -107,7 +103,7 @@ def triad(axis: ca.SX) -> ca.SX:
 
 
 def turn(a: ca.SX, b: ca.SX, in_plane: bool = False) -> ca.SX:
-    """Least rotation matrix that carries the direction a onto the direction b, (3, 3); in the xy plane about z."""
+    """Smallest rotation matrix (3, 3) that turns the direction a onto the direction b. `in_plane` means about z."""
     a, b = unit(a), unit(b)
     if is_zero(ca.simplify(a - b)):
         return ca.SX.eye(3)
@@ -116,18 +112,14 @@ def turn(a: ca.SX, b: ca.SX, in_plane: bool = False) -> ca.SX:
         return ca.vertcat(ca.horzcat(c, -s, 0), ca.horzcat(s, c, 0), ca.horzcat(0, 0, 1))
     axis = ca.cross(a, b)
     sides = ca.norm_2(a + b), ca.norm_2(axis)
-    if is_zero(ca.simplify(a + b)) or (sides[0].is_constant() and float(sides[0]) < _OPPOSITE):
-        # Half a turn, and the rest. The axis is any one at right angles where rounding decides on it.
-        is_clear = sides[1].is_constant() and float(sides[1]) > _CLEAR
+    # For nearly opposite directions, 1 plus their cosine has lost digits.
+    if is_zero(ca.simplify(a + b)) or (sides[0].is_constant() and float(sides[0]) < SMALL):
+        # Half a turn, then the remaining rotation. If the axis is rounding, any perpendicular axis is used.
+        is_clear = sides[1].is_constant() and float(sides[1]) > ROUNDING
         n = unit(axis - ca.dot(axis, a) * a) if is_clear else triad(a)[:, 0]
         return turn(-a, b) @ (2 * n @ n.T - ca.SX.eye(3))
     w = ca.skew(axis)
     return ca.SX.eye(3) + w + w @ w / (1 + ca.dot(a, b))
-
-
-_OPPOSITE, _CLEAR = SMALL, ROUNDING
-"""Length of the sum of two directions below which 1 plus their cosine has lost digits, and the sine above which their
-common normal is no rounding. test_assembly.py"""
 
 
 def rotation_z(theta: ca.SX) -> ca.SX:
@@ -137,7 +129,7 @@ def rotation_z(theta: ca.SX) -> ca.SX:
 
 
 def rotation_matrix(e: ca.SX) -> ca.SX:
-    """Rotation matrix, body to world, of the unit quaternion e / |e|, scalar first, (3, 3)."""
+    """Rotation matrix (3, 3) from body to world axes of the unit quaternion e / |e|, scalar first."""
     w, x, y, z = ca.vertsplit(e)
     s = 2 / ca.sumsqr(e)
     return ca.vertcat(
@@ -148,7 +140,7 @@ def rotation_matrix(e: ca.SX) -> ca.SX:
 
 
 def quaternion_rate(e: ca.SX, omega: ca.SX) -> ca.SX:
-    """Rate e * (0, omega) / 2 of a quaternion with the angular velocity omega in body axes [rad/s], (4,)."""
+    """Rate e * (0, omega) / 2 (4,) of a quaternion for the angular velocity omega in body axes [rad/s]."""
     return 0.5 * product(e, ca.vertcat(0, omega))
 
 
@@ -164,9 +156,9 @@ def conjugate(e: ca.SX) -> ca.SX:
 
 
 def rotation_by(delta: ca.SX) -> ca.SX:
-    """Unit quaternion of the rotation vector delta (3,) [rad], exact to the sixth order in its length, (4,).
+    """Unit quaternion (4,) of the rotation vector delta (3,) [rad], exact to the sixth order in its length.
 
-    The series of cosine and sine in |delta|^2 are smooth at 0, where |delta| itself is not.
+    The series of cosine and sine in |delta|^2 are smooth at 0, but |delta| itself is not smooth.
     """
     s = ca.sumsqr(delta)
     e = ca.vertcat(1 - s / 8 + s**2 / 384, delta * (0.5 - s / 48 + s**2 / 3840))

@@ -1,4 +1,4 @@
-"""The one place where numbers, arrays and expressions that users give become CasADi SX."""
+"""Conversion of numbers, arrays and expressions from users into CasADi SX."""
 
 from typing import Any
 
@@ -8,9 +8,9 @@ from symmb._options import numbers_of
 
 
 def given(value: Any) -> ca.SX | None:
-    """A number, an array of at most two axes, a list of numbers and expressions, or an expression as SX; else None.
+    """SX of a number, an array with at most two axes, a list of numbers and expressions, or an expression; else None.
 
-    CasADi gets doubles alone: it crashes at NumPy's long doubles.
+    CasADi gets only doubles, because it crashes with NumPy's long doubles.
     """
     if isinstance(value, ca.SX | ca.DM):
         return ca.SX(value)
@@ -19,8 +19,5 @@ def given(value: Any) -> ca.SX | None:
         parts = [part for part in parts if part is not None and part.is_scalar()]
         return ca.vertcat(*parts) if len(parts) == len(value) else None
     array = numbers_of(value)
-    return ca.SX(array) if array is not None and array.ndim <= 2 and array.size <= _MOST else None
-
-
-_MOST = 10_000_000
-"""Entries of an array that CasADi converts within seconds."""
+    # CasADi converts this number of entries within seconds.
+    return ca.SX(array) if array is not None and array.ndim <= 2 and array.size <= 10_000_000 else None

@@ -1,8 +1,8 @@
-"""The instruction list of a CasADi SX Function, walked with any number type.
+"""Evaluation of the instructions of a CasADi SX Function with any number type.
 
-CasADi evaluates an SX Function as a flat list of scalar instructions on a work vector. Walking that list with
-SymPy expressions gives a SymPy export, with intervals an interval evaluation, with variable names C code.
-What each operation means is the caller's affair; here is only the walk.
+CasADi evaluates an SX Function as a flat list of scalar instructions on a work vector. With SymPy expressions, the same
+list gives an export to SymPy; with intervals, an interval evaluation; with names of variables, C code. The caller
+defines the operations.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -38,12 +38,13 @@ def interpret(
     constant: Callable[[float], T],
     known: Mapping[int, T] = MappingProxyType({}),
 ) -> list[list[T]]:
-    """Evaluate an SX Function with numbers of type T, one instruction after the other.
+    """Evaluate an SX Function with numbers of type T, instruction by instruction.
 
-    `inputs` and what is returned are the structural nonzeros of each input and output, in column-major order.
-    ``operation(code, arguments)`` gets one of CasADi's ``OP_`` numbers, or an `Entry`, with one or two arguments, none
-    for a free symbol, ``OP_PARAMETER``. `known` are values of scalar outputs by their numbers, which hold in the
-    outputs that follow as well. DeclarationError if f is no SX Function or calls another one, or if inputs do not fit.
+    `inputs` and the result are the structural nonzeros of each input and output, in column-major order.
+    ``operation(code, arguments)`` gets one of CasADi's ``OP_`` numbers or an `Entry`, with one or two arguments (none
+    for a free symbol, ``OP_PARAMETER``). `known` are values of scalar outputs by index; they also replace these values
+    in later outputs. DeclarationError if f is not an SX Function or calls another Function, or if the inputs do not
+    fit.
 
     Examples
     --------
@@ -54,13 +55,11 @@ def interpret(
     [['add(mul(x0, x1), 3.0)']]
     """
     if not f.is_a("SXFunction"):
-        raise DeclarationError(f"Function '{f.name()}' is not built from SX: expand it first, f.expand().")
+        raise DeclarationError(f"Function '{f.name()}' is not an SX Function. Expand it first: f.expand().")
     sizes, expected = [*map(len, inputs)], [f.nnz_in(i) for i in range(f.n_in())]
     if sizes != expected:
-        raise DeclarationError(
-            f"Function '{f.name()}' has inputs with {expected} structural nonzeros, but values for {sizes} are given."
-        )
-    # Every work slot is written before it is read, so the filling value of `work` is never seen.
+        raise DeclarationError(f"The inputs of '{f.name()}' have {expected} structural nonzeros, got {sizes} values.")
+    # Every element of `work` is written before it is read, so its initial value has no effect.
     work = [constant(0.0)] * f.sz_w()
     outputs = [[constant(0.0)] * f.nnz_out(i) for i in range(f.n_out())]
     calls = called(f)
@@ -76,12 +75,10 @@ def interpret(
         elif k in calls:
             of = tuple(work[i] for i in arguments[:2])
             for entry, place in zip(calls[k], results, strict=True):
-                if place >= 0:  # others are not used
+                if place >= 0:  # other results are not used
                     work[place] = constant(0.0) if entry is None else operation(entry, of)
         elif code == ca.OP_CALL:
-            raise DeclarationError(
-                f"Function '{f.name()}' calls another Function inside: build that one without never_inline."
-            )
+            raise DeclarationError(f"Function '{f.name()}' calls another Function. Build it without never_inline.")
         else:
             work[results[0]] = operation(code, tuple(work[i] for i in arguments))
     return outputs

@@ -10,19 +10,18 @@ from symmb._errors import PropagationError
 from symmb.declare.symbolic.common import common
 
 HIGHEST_ORDER = 100
-"""Highest order of jets: each has more operations than the last one, mostly three times as many."""
+"""Highest order of jets. Each order has more operations than the order before, typically three times as many."""
 _MOST_OPERATIONS = 4e6
-"""Operations of a coefficient: a double pendulum's of order 8 have as many, and compile in a minute."""
-_SETTLED = 3
-"""Order from which on operations grow by a nearly constant factor."""
+"""Maximum number of operations of a coefficient. Coefficients of order 8 of a double pendulum have this number and
+compile in a minute."""
 
 
 def jets(expression: ca.SX, curve: Sequence[Sequence[ca.SX]]) -> list[ca.SX]:
-    """Taylor coefficients in eps, k + 1 SX, of an expression f(x_0) along curves of its arguments.
+    """Taylor coefficients in eps (k + 1 SX) of an expression f(x_0) along curves of its arguments.
 
-    A curve has the coefficients x_0, ..., x_k, all symbols of one shape. With x(eps) = x_0 + x_1 eps + x_2 eps^2 + ...
-    the coefficients obey j f_j = D f_{j-1}, where D is the derivative in the direction in which every x_i moves by (i +
-    1) x_{i+1}. PropagationError if they have too many operations.
+    A curve has the coefficients x_0, ..., x_k, symbols with the same shape. With x(eps) = x_0 + x_1 eps + x_2 eps^2 +
+    ... the coefficients satisfy j f_j = D f_{j-1}. Here D is the directional derivative in which every x_i changes by
+    (i + 1) x_{i+1}. PropagationError if the coefficients have too many operations.
     """
     order = len(curve[0]) - 1
     coefficients, sizes = [expression], [0.0]
@@ -31,19 +30,20 @@ def jets(expression: ca.SX, curve: Sequence[Sequence[ca.SX]]) -> list[ca.SX]:
         towards = ca.vertcat(*[(i + 1) * c[i + 1] for c in curve for i in range(j)])
         coefficients.append(ca.jtimes(coefficients[-1], at, towards) / j)
         sizes.append(float(ca.n_nodes(coefficients[-1])))
-        growth = sizes[-1] / sizes[-2] if j >= _SETTLED and sizes[-2] else 1.0
+        # From order 3 on, the number of operations grows by a nearly constant factor.
+        growth = sizes[-1] / sizes[-2] if j >= 3 and sizes[-2] else 1.0
         expected = math.log10(max(sizes[-1], 1.0)) + (order - j) * math.log10(max(growth, 1.0))
         if expected > math.log10(_MOST_OPERATIONS):
             raise PropagationError(
-                f"Derivatives of order {order} take about 1e{expected:.0f} operations, more than the "
-                f"{_MOST_OPERATIONS:.0e} that compile within minutes. Use a lower order."
+                f"Derivatives of order {order} need about 1e{expected:.0f} operations, but only "
+                f"{_MOST_OPERATIONS:.0e} can be compiled within minutes. Use a lower order."
             )
     return coefficients
 
 
 @lru_cache(maxsize=64)
 def jet_function(f: ca.Function, terms: int) -> ca.Function:
-    """The Taylor coefficients of f, one output each, from so many coefficients of each of its inputs in turn."""
+    """The Function of `terms` Taylor coefficients of f, from as many coefficients of each input of f."""
     curves = [[ca.SX.sym(f"a{i}_{j}", f.numel_in(i)) for j in range(terms)] for i in range(f.n_in())]
     coefficients = jets(f(*[curve[0] for curve in curves]), curves)
     return common("jets", [a for curve in curves for a in curve], coefficients)

@@ -1,4 +1,4 @@
-"""Symbolic solution of M a + G' lam = f, G a = g in range space; constraints lend inertia to bodies without mass."""
+"""Symbolic solution of M a + G' lam = f, G a = g in range space. Bodies without mass get inertia from constraints."""
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
@@ -11,15 +11,12 @@ from symmb._types import Array
 from symmb.declare.symbolic.batch import pattern
 from symmb.declare.symbolic.geometry import is_zero
 
-_SMALL = 6
-"""Velocities of a rigid body: larger blocks, of flexible ones, are factorised, those of smaller ones inverted."""
-
 
 class MassBlocks:
     """Inverse of a regular block-diagonal matrix, block by block.
 
-    The block of a flexible body is an arrow: its modal part is diagonal and the order that keeps factors sparse
-    eliminates it first.
+    The block of a flexible body is an arrow matrix with a diagonal modal part. The modal part is eliminated first, so
+    the factors stay sparse.
     """
 
     def __init__(self, M: ca.SX, sizes: Sequence[int]) -> None:
@@ -30,17 +27,17 @@ class MassBlocks:
             if block.sparsity().is_diag():
                 inverse = ca.sparsify(ca.diag(1 / ca.diag(block)))
             else:
-                inverse = ca.sparsify(ca.inv_minor(block)) if n <= _SMALL else symmetric_solver(block)
+                inverse = ca.sparsify(ca.inv_minor(block)) if n <= 6 else symmetric_solver(block)
             self._blocks.append((slice(at, at + n), inverse))
             at += n
 
     def __call__(self, f: ca.SX) -> ca.SX:
-        """M^-1 f (n_v,)."""
+        """The product M^-1 f (n_v,)."""
         parts = [inverse(f[at, :]) if callable(inverse) else inverse @ f[at, :] for at, inverse in self._blocks]
         return ca.vertcat(*parts)
 
     def right(self, G: ca.SX) -> ca.SX:
-        """G M^-1 (n_c, n_v)."""
+        """The product G M^-1 (n_c, n_v)."""
         parts = []
         for at, inverse in self._blocks:
             rows = G[:, at]
@@ -55,35 +52,30 @@ class MassBlocks:
 
 
 def is_singular(M: ca.SX, sizes: Sequence[int]) -> bool:
-    """Whether a block of a block-diagonal matrix is singular by structure."""
+    """Whether a block of a block-diagonal matrix is structurally singular."""
     starts = [sum(sizes[:k]) for k in range(len(sizes))]
     blocks = [ca.sparsify(M[at : at + n, at : at + n]) for at, n in zip(starts, sizes, strict=True)]
     return any(ca.sprank(block) < block.shape[0] for block in blocks)
 
 
 def symmetric_solver(S: ca.SX) -> Callable[[ca.SX], ca.SX]:
-    """Solver of S z = r for a positive definite S (n, n), sparse, by LDL' with a fill-reducing order."""
-    # One triangle stands for both: an entry that cancels to 0 in one may be a rounding error in the other.
+    """Solver of S z = r for a sparse positive definite S (n, n), by LDL' with a fill-reducing order."""
+    # Only one triangle is used, because an entry that cancels to 0 in one triangle may be rounding in the other.
     D, L, order = ca.ldl(ca.triu2symm(ca.triu(ca.sparsify(S))), True)
     return lambda r: ca.densify(ca.ldl_solve(ca.densify(r), D, L, order))
 
 
 _LIFT = 1e-10
-"""Share of the diagonal added to a singular matrix: far above the rounding of its factors, far below its other
-eigenvalues. The solution is refined once, so errors are of its square. tests/symbolic/test_linear.py"""
-
-_VANISHED = SMALL
-"""Least square of a row over that of its usual size, so that it is measured by this where it vanishes in passing. Rows
-that depend on each other do so up to the drift of a run, which a division by less would magnify: Bennett's linkage
-needs 1e-4, at 1e-6 its drift grows by a thousand. tests/start/test_overconstrained.py"""
+"""Fraction of the diagonal that is added to a singular matrix: far above the rounding of its factors, and far below its
+nonzero eigenvalues. One refinement squares the relative error. tests/symbolic/test_linear.py"""
 
 
 def singular_solver(S: ca.SX, nullity: int, usual: ca.SX | None = None) -> Callable[[ca.SX], ca.SX]:
-    """Solver of S z = r for a semidefinite S (n, n) of rank n - nullity, or close to such a one, at that rank.
+    """Solver of S z = r at rank n - nullity, for a semidefinite S (n, n) with this rank or close to this rank.
 
-    The combinations that vanish come from inverse iteration, and are taken out of right sides and solutions. Rows are
-    measured by the diagonal, so that units have no effect. Some of them may vanish at some states: `usual` (n,) are
-    sizes of the rows to each other, by default equal ones.
+    The vanishing combinations of rows come from inverse iteration, and are removed from right sides and solutions. Rows
+    are measured by the diagonal, so units have no effect. Some rows may vanish at some states: `usual` (n,) are the
+    relative sizes of the rows, by default equal.
     """
     size = _row_sizes(ca.diag(S), usual)
     scaled = ca.sparsify(ca.diag(1 / size) @ S @ ca.diag(1 / size))
@@ -102,9 +94,9 @@ def singular_solver(S: ca.SX, nullity: int, usual: ca.SX | None = None) -> Calla
 
 
 def vanishing_rows(G: ca.SX, nullity: int, usual: ca.SX | None = None) -> ca.SX:
-    """Combinations (n_r, nullity) of the rows of G that vanish where its rank is n_r - nullity.
+    """Combinations (n_r, nullity) of the rows of G that vanish at states with rank n_r - nullity.
 
-    `usual` (n_r,) are sizes of the rows to each other, by default equal ones. Some rows may vanish at some states.
+    `usual` (n_r,) are the relative sizes of the rows, by default equal. Some rows may vanish at some states.
     """
     size = _row_sizes(ca.sum2(G * G), usual)
     rows = ca.sparsify(ca.diag(1 / size) @ G)
@@ -113,12 +105,12 @@ def vanishing_rows(G: ca.SX, nullity: int, usual: ca.SX | None = None) -> ca.SX:
 
 
 def least_multipliers(G: ca.SX, force: ca.SX, units: ca.SX) -> ca.SX:
-    """Multipliers lam (n_r,) of least norm with G' lam = force (n_v,), whatever the rank of G, if there are any.
+    """Least-norm multipliers lam (n_r,) with G' lam = force (n_v,), for G of any rank, if a solution exists.
 
-    The norm is that of the multipliers in some units (n_r,).
+    The norm is the norm of the multipliers in `units` (n_r,).
     """
     G = ca.sparsify(ca.diag(units) @ G)
-    size = ca.sqrt(ca.sum1(G * G).T + NOTHING)  # velocities without rows
+    size = ca.sqrt(ca.sum1(G * G).T + NOTHING)  # avoids 0 for velocities without rows
     columns = ca.sparsify(G @ ca.diag(1 / size))
     S, right = ca.sparsify(columns.T @ columns), force / size
     lifted = symmetric_solver(S + _LIFT * ca.SX.eye(S.shape[0]))
@@ -127,14 +119,15 @@ def least_multipliers(G: ca.SX, force: ca.SX, units: ca.SX) -> ca.SX:
 
 
 def gated_solver(S: ca.SX, gates: ca.SX) -> Callable[[ca.SX], ca.SX]:
-    """Solver of S z = r for a semidefinite S (n, n) whose rows and columns are 0 where gates (n,) are.
+    """Solver of S z = r for a semidefinite S (n, n) with zero rows and columns for gates (n,) of 0.
 
-    z is 0 there. Rows with a gate may depend on others while they are there: they are lifted, and z is refined once.
+    z is 0 in these rows. Rows with a gate of 1 may depend on other rows. They are lifted, and z is refined once.
     """
     gated = ca.DM([float(not gates[k].is_constant()) for k in range(gates.numel())])
     lifted = symmetric_solver(S + ca.diag(1 - gates + _LIFT * gated * ca.diag(S)))
 
     def solve(r: ca.SX) -> ca.SX:
+        # Rows of open joints have 1 on the diagonal, so that the matrix stays regular and z is 0 there.
         z = lifted(r)
         return z + lifted(r - S @ z - (1 - gates) * z)
 
@@ -142,33 +135,38 @@ def gated_solver(S: ca.SX, gates: ca.SX) -> Callable[[ca.SX], ca.SX]:
 
 
 def _row_sizes(squares: ca.SX, usual: ca.SX | None) -> ca.SX:
-    """Sizes (n,) of rows by their squares, which may vanish, and by their usual sizes to each other."""
+    """Sizes (n,) of rows from their squares, which may vanish, and from their relative usual sizes."""
     shares = ca.SX.ones(squares.numel()) if usual is None else usual**2
-    return ca.sqrt(squares + _VANISHED * ca.sum1(squares) * shares / ca.sum1(shares))
+    # Rows that vanish temporarily are measured by their usual size. Dependent rows are dependent only up to the drift
+    # of a run, and a division by smaller numbers would amplify this drift: Bennett's linkage needs 1e-4, and at 1e-6
+    # its drift grows by a factor of a thousand. tests/start/test_overconstrained.py
+    return ca.sqrt(squares + SMALL * ca.sum1(squares) * shares / ca.sum1(shares))
 
 
 def independent(rows: ca.SX, multipliers: ca.SX, vanishing: ca.SX) -> ca.SX:
-    """Rows (n,), of which combinations (n, k) vanish, with the same combinations of their multipliers added.
+    """Rows (n,) with vanishing combinations (n, k), with the same combinations of their multipliers added.
 
-    The rows are zero where they were, and no other multipliers than those without these combinations make them so.
+    The sum is zero only if the rows are zero and the multipliers have no part in these combinations.
     """
     N = ca.horzcat(*_orthonormal(ca.horzsplit(vanishing)))
     return rows + N @ (N.T @ multipliers)
 
 
 def _vanishing(lifted: Callable[[ca.SX], ca.SX], n: int, nullity: int) -> ca.SX:
-    """Orthonormal combinations (n, nullity) that vanish but for the lift, by two steps of inverse iteration."""
-    # Vectors that no symmetry makes orthogonal to what vanishes.
+    """Orthonormal combinations (n, nullity) that vanish except for the lift, by two steps of inverse iteration."""
+    # These vectors have no symmetry, so they are not orthogonal to vanishing combinations.
     columns = [ca.SX(ca.DM(np.cos((j + 1) * np.arange(1, n + 1) ** 1.5))) for j in range(nullity)]
+    # Each step reduces the other eigenvectors by the lift, so two steps leave rounding.
     for _ in range(2):
         columns = _orthonormal([_LIFT * lifted(column) for column in columns])
     return ca.horzcat(*columns)
 
 
 def _orthonormal(columns: Sequence[ca.SX]) -> list[ca.SX]:
-    """Orthonormal columns with the same span, by the modified method of Gram and Schmidt, for nearly parallel ones."""
+    """Orthonormal columns with the same span, by the modified Gram-Schmidt method. Columns may be nearly parallel."""
     basis: list[ca.SX] = []
     for column in columns:
+        # A second pass restores the orthogonality that cancellation costs for nearly parallel columns.
         for _ in range(2 if basis else 1):
             column = column / ca.norm_2(column)
             for other in basis:
@@ -178,23 +176,18 @@ def _orthonormal(columns: Sequence[ca.SX]) -> list[ca.SX]:
 
 
 def general_solver(A: ca.SX) -> Callable[[ca.SX], ca.SX]:
-    """Solver of A z = r for a regular A (n, n), sparse; orthogonal factors need no pivots, which would differ from
-    sample to sample."""
+    """Solver of A z = r for a sparse regular A (n, n), by QR, without pivots that differ between samples."""
     factors = ca.qr_sparse(A)
     return lambda r: ca.densify(ca.qr_solve(ca.densify(r), *factors))
-
-
-_EXPLICIT = 3
-"""Rows of a matrix up to which its inverse is written by its determinant."""
 
 
 class ExplicitSolver:
     """Solver of A z = r for a regular A (n, n) and r (n, m), by determinants of small blocks.
 
-    Blocks of equations that can be solved one after the other are. Larger ones are halved, and `at` (n, n), values of A
-    somewhere, orders their rows so that the parts are regular there; a positive definite A needs no order. A is
-    regular, and solutions are exact, where none of the `determinants` (k,) is 0. A right side of zeros hides that in
-    solutions.
+    Blocks of equations are solved one after the other. Large blocks are halved. `at` (n, n), values of A at one point,
+    orders the rows so that both halves are regular at this point; a positive definite A needs no order. A is regular,
+    and solutions are exact, if no entry of `determinants` (k,) is 0. Solutions for a right side of zeros do not show a
+    singular A.
     """
 
     def __init__(self, A: ca.SX, at: Array | None = None) -> None:
@@ -215,7 +208,7 @@ class ExplicitSolver:
         self.determinants = ca.vertcat(ca.SX(0, 1), *determinants)
 
     def __call__(self, r: ca.SX) -> ca.SX:
-        """z (n, m); not a number where A is singular by structure."""
+        """The solution z (n, m); nan for a structurally singular A."""
         z = ca.SX.zeros(*r.shape) if self._blocks else ca.SX.nan(*r.shape)
         for own, of, inverse in self._blocks:
             z[of, :] = inverse @ (r[own, :] - self._A[own, :] @ z)
@@ -223,19 +216,20 @@ class ExplicitSolver:
 
 
 def _order(A: Array) -> list[int]:
-    """Rows of a matrix in the order in which elimination with pivots takes them."""
+    """The order of the rows in Gaussian elimination with pivoting."""
     from scipy.linalg import lu_factor
 
     order = list(range(len(A)))
+    # LAPACK returns successive exchanges of rows, not a permutation.
     for i, j in enumerate(lu_factor(A)[1]):
         order[i], order[j] = order[j], order[i]
     return order
 
 
 def _halved(A: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
-    """The inverse of A (n, n), from those of a part and of its Schur complement if it is large, and determinants."""
+    """The inverse of A (n, n) and its determinants. A large A is inverted by a part and its Schur complement."""
     n = A.shape[0]
-    if n <= _EXPLICIT:
+    if n <= 3:  # small blocks are inverted by their determinant
         return ca.inv_minor(A), [ca.det(A)]
     k = n // 2
     a, b, c, d = A[:k, :k], A[:k, k:], A[k:, :k], A[k:, k:]
@@ -247,7 +241,7 @@ def _halved(A: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
 
 
 def least_factorization(G: ca.Function) -> int:
-    """Operations that `saddle_solver` takes at least: those of its factors, by the pattern of G (n_c, n_v)."""
+    """A lower bound of the operations of `saddle_solver`, from the sparsity pattern of the factors for G (n_c, n_v)."""
     pattern = ca.DM(G.sparsity_out(0), 1)
     factor = (pattern @ pattern.T).sparsity().ldl()[0]
     return int((np.diff(factor.colind()) ** 2).sum())
@@ -262,20 +256,21 @@ def saddle_solver(
     gates: ca.SX | None = None,
     usual: ca.SX | None = None,
 ) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
-    """Solver (f (n_v,), g (n_c,)) -> (a (n_v,), lam (n_c,)) of constrained motion, factorised once.
+    """Solver (f (n_v,), g (n_c,)) -> (a (n_v,), lam (n_c,)) of constrained motion. The matrix is factorised once.
 
-    Range space: S = G M^-1 G' is formed sparse and factorised by LDL' with a fill-reducing order. M (n_v, n_v) has
-    diagonal blocks of some sizes. Where one is singular by structure, as of a massless body, M + G'w G takes its place,
-    w the mean mass. `coupled` ones are nearly singular, as of flexible bodies whose modes almost hold what the frame
-    does: then w is what the rows see of the masses.
+    Range-space method: the sparse S = G M^-1 G' is factorised by LDL' with a fill-reducing order. M (n_v, n_v) has
+    diagonal blocks with the given `sizes`. If a block is structurally singular, as for a massless body, M + G'w G
+    replaces M, where w is the mean mass. `coupled` means that blocks are nearly singular, as for flexible bodies with
+    modes that almost contain the motion of the frame. Then w is the effective mass of each row.
 
     Parameters
     ----------
-    nullity : int          combinations of the rows of G that vanish wherever the constraints hold
-    gates : (n_c,) SX      0 for rows of G that are 0 as their joints are open, 1 for others
-    usual : (n_c,)         sizes of the rows to each other, as far as combinations vanish; by default equal ones
+    nullity : int          number of combinations of the rows of G that vanish if the constraints hold
+    gates : (n_c,) SX      0 for rows of open joints, which are 0 in G, and 1 for other rows
+    usual : (n_c,)         relative sizes of the rows, needed if combinations vanish; by default equal
     """
     n_c = G.shape[0]
+    # Each rotor is eliminated first: this removes a velocity and a row from the matrix that is factorised.
     if gates is None and (rotors := _rotors(G, sizes)):
         return _beside_rotors(M, G, sizes, coupled, nullity, usual, rotors)
 
@@ -286,7 +281,7 @@ def saddle_solver(
 
     singular = is_singular(M, sizes)
     if singular or (coupled and n_c):
-        # (M + G'w G) a + G' lam = f + G'w g has the same solution, and no unit of length or mass makes it worse.
+        # (M + G'w G) a + G' lam = f + G'w g has the same solution, and its condition does not depend on units.
         if singular:
             starts = [sum(sizes[:k]) for k in range(len(sizes)) if sizes[k]]
             weight = sum((M[k, k] for k in starts), ca.SX(0)) / len(starts)
@@ -316,9 +311,9 @@ def saddle_solver(
 
 
 def _rotors(G: ca.SX, sizes: Sequence[int]) -> dict[int, int]:
-    """Velocities that one row alone determines, from velocities of one block, and the numbers of these rows.
+    """Velocities of rotors, and the indices of the rows that determine them from the velocities of one other block.
 
-    They are blocks of their own, as those of rotors that turn with a joint, and have constant factors in the rows.
+    Such a velocity is a block of its own, appears in only one row, and has a constant factor there.
     """
     there, block = pattern(G.sparsity()), np.repeat(np.arange(len(sizes)), sizes)
     found: dict[int, int] = {}
@@ -333,7 +328,7 @@ def _rotors(G: ca.SX, sizes: Sequence[int]) -> dict[int, int]:
 def _beside_rotors(
     M: ca.SX, G: ca.SX, sizes: Sequence[int], coupled: bool, nullity: int, usual: ca.SX | None, rotors: dict[int, int]
 ) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
-    """`saddle_solver` of the velocities and rows beside those of rotors, whose inertia M + D' J D contains."""
+    """`saddle_solver` without the velocities and rows of rotors. M + D' J D contains the inertia of the rotors."""
     own, rows = list(rotors), list(rotors.values())
     kept, others = ([k for k in range(n) if k not in some] for n, some in ((G.shape[1], own), (G.shape[0], rows)))
     factors = ca.vertcat(*[G[row, k] for k, row in rotors.items()])

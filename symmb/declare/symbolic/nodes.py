@@ -1,4 +1,4 @@
-"""Nodes of expression graphs: parts of expressions replaced by others of the same value."""
+"""Replacement of nodes of expression graphs."""
 
 from collections.abc import Mapping
 
@@ -8,9 +8,9 @@ from symmb.declare.symbolic.pieces import applied
 
 
 def with_nodes(expression: ca.SX, replacements: Mapping[int, ca.SX]) -> ca.SX:
-    """An expression in which nodes, given by their hashes, are replaced by scalars. What they were made of falls away.
+    """An expression in which nodes, given by their hashes, are replaced by scalars.
 
-    Unlike `casadi.substitute` it replaces more than symbols.
+    Unlike `casadi.substitute`, it replaces any subexpression.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Pickles of what contains expressions: symbols keep their identity, and the time stays `t`."""
+"""Pickles of objects with expressions. Symbols keep their identity, and the time stays `t`."""
 
 import io
 import pickle
@@ -14,16 +14,16 @@ _is_inside: ContextVar[bool] = ContextVar("_is_inside", default=False)
 
 
 def reduction(build: Callable[..., Any], *parts: Any) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-    """What `__reduce__` of an object returns that `build` makes from parts with expressions.
+    """The return value of `__reduce__` for an object that `build` makes from parts with expressions.
 
-    Objects in each other go into one pickle, in which they share their symbols.
+    Nested objects are written into one pickle, so they share their symbols.
     """
     if _is_inside.get():
         return build, parts
     token = _is_inside.set(True)
     try:
         first = _Pickler(io.BytesIO())
-        first.dump(parts)  # to find the symbols, whose records are needed before all else
+        first.dump(parts)  # finds the symbols, because their records come first in the pickle
         buffer = io.BytesIO()
         pickler = _Pickler(buffer)
         pickler.dump(first.records())
@@ -37,19 +37,19 @@ def _built(data: bytes) -> Any:
     unpickler = pickle.Unpickler(io.BytesIO(data))
     records, (build, parts) = unpickler.load(), unpickler.load()
     result = build(*parts)
-    vars(result)["_records"] = records  # the table of symbols holds them weakly
+    vars(result)["_records"] = records  # the table of symbols has only weak references
     return result
 
 
 class _Pickler(pickle.Pickler):
-    """Writes an expression as a Function of its symbols."""
+    """A pickler that writes an expression as a Function of its symbols."""
 
     def __init__(self, buffer: io.BytesIO) -> None:
         super().__init__(buffer)
         self._references: dict[int, _Reference] = {}
 
     def records(self) -> list[Symbol]:
-        """The records of all symbols so far."""
+        """The records of all symbols that were written so far."""
         records = (lookup(reference.symbol) for reference in self._references.values())
         return [record for record in records if record is not None]
 
@@ -62,7 +62,7 @@ class _Pickler(pickle.Pickler):
 
 
 class _Reference:
-    """A symbol, once in a pickle."""
+    """A reference to a symbol. The symbol itself is written only once in a pickle."""
 
     def __init__(self, symbol: ca.SX) -> None:
         self.symbol = symbol
@@ -76,4 +76,4 @@ def _time() -> ca.SX:
 
 
 def _expression(function: str, symbols: list[ca.SX]) -> ca.SX:
-    return ca.SX(ca.Function.deserialize(function).call(symbols)[0])  # a DM where there are no symbols
+    return ca.SX(ca.Function.deserialize(function).call(symbols)[0])  # CasADi returns a DM if there are no symbols

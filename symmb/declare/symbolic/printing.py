@@ -1,4 +1,4 @@
-"""Expressions of SymPy as text and in LaTeX, with declared names such as "rod1.theta" set as mathematics."""
+"""Expressions of SymPy as text and in LaTeX. Declared names such as "rod1.theta" are typeset as mathematics."""
 
 import re
 from collections import Counter
@@ -13,15 +13,13 @@ _GREEK = frozenset(
 _ESCAPES = str.maketrans({c: rf"\{c}" for c in "_%&#${}"} | {"\\": r"\backslash{}", "^": r"\^{}", "~": r"\~{}"})
 _LOCAL = re.compile(r"(?P<letters>[A-Za-z]+)_?(?P<rest>\w*)(?:\[(?P<index>\d+)\])?")
 _OF_JOINTS = {name + rate: "q" + rate for name in ("angle", "displacement") for rate in ("", "_rate")}
-"""Handles of joints are coordinates q, whose rates have a dot."""
-_LARGEST_DENOMINATOR = 10_000
-"""Fractions with larger ones are printed as decimals."""
+"""Handles of joints are printed as coordinates q. Rates have a dot."""
 
 
 def typeset(name: str, is_full: bool = False) -> str:
-    r"""A declared name in LaTeX: the quantity as the letter, its body or joint as subscript.
+    r"""A declared name in LaTeX: the quantity is the letter, and the body or joint is the subscript.
 
-    `is_full` writes the quantity out where its letter would be that of another name.
+    With `is_full`, the whole name of the quantity is written, because another name has the same letter.
 
     Examples
     --------
@@ -70,7 +68,7 @@ def plain(name: str, is_full: bool = False) -> str:
 
 
 def _parts(name: str) -> tuple[str, str, str, str] | None:
-    """The letters of a quantity, what else its name has, its owner, and its number."""
+    """The letters of a quantity, the remaining part of its name, its owner, and its index; None for other names."""
     owner, _, local = name.rpartition(".")
     match = _LOCAL.fullmatch(_OF_JOINTS.get(local, local) if owner else local)
     if match is None:
@@ -88,14 +86,14 @@ def _upright(text: str) -> str:
 
 
 def set_names(names: Sequence[str], typeset: Callable[..., str]) -> dict[str, str]:
-    """Names as `typeset` or `plain` set them; in full where two would be the same."""
+    """Names, printed by `typeset` or `plain`. Names that would look equal are written in full."""
     made = {name: typeset(name) for name in names}
     times = Counter(made.values())
     return {name: typeset(name, True) if times[text] > 1 else text for name, text in made.items()}
 
 
 def decimal(value: Any) -> Any:
-    """A rational number of SymPy as it is printed: 1/12 and 1/2 as fractions, 9.81 and 2.5 as decimals."""
+    """A rational number of SymPy for printing: 1/12 and 1/2 stay fractions, 9.81 and 2.5 become decimals."""
     import sympy
 
     fraction = Fraction(value.p, value.q)
@@ -103,7 +101,7 @@ def decimal(value: Any) -> Any:
     while rest % 5 == 0:
         rest //= 5
     is_decimal = rest == twos and (fraction.denominator > twos or abs(fraction) > 2)
-    if fraction.denominator > 1 and (is_decimal or fraction.denominator > _LARGEST_DENOMINATOR):
+    if fraction.denominator > 1 and (is_decimal or fraction.denominator > 10_000):
         return sympy.Float(float(fraction))
     return value
 
@@ -111,7 +109,7 @@ def decimal(value: Any) -> Any:
 def printer(names: dict[str, str], kind: str) -> Any:
     """A printer of SymPy: "pretty" for matrices as text, "str" for lines of text, or "latex".
 
-    `names` are those of symbols as they are printed.
+    `names` maps the names of symbols to their printed form.
     """
     import sympy
     from sympy.printing.latex import LatexPrinter
@@ -126,7 +124,7 @@ def printer(names: dict[str, str], kind: str) -> Any:
 
     class Printer(base):
         def form(self, matrix: Any) -> Any:
-            """A matrix as text in Unicode on every output; SymPy itself asks what the standard one can show."""
+            """A matrix as text, always in Unicode. SymPy would check the abilities of the standard output."""
             before = pretty_use_unicode(True)
             try:
                 return self._print(matrix)

@@ -1,6 +1,6 @@
-"""Ranges of expressions over boxes of their symbols, as expressions of the boxes' ends: natural interval arithmetic.
+"""Ranges of expressions over boxes of their symbols, as expressions of the ends of the boxes.
 
-They are as exact as numbers are, without rounding outward.
+The method is natural interval arithmetic without outward rounding.
 """
 
 import math
@@ -20,7 +20,7 @@ _INFINITE = ca.SX.inf()
 
 
 class _SplitRange(NamedTuple):
-    """Ranges of a value before and behind a place in the range `at`, whose own parts are `own`."""
+    """Ranges of a value before and after a place in the range `at`. `own` are the two parts of `at`."""
 
     at: Any
     own: Any
@@ -28,7 +28,7 @@ class _SplitRange(NamedTuple):
     behind: Any
 
     def of(self, a: "SymbolicRange") -> tuple["SymbolicRange", "SymbolicRange"]:
-        """The parts of any range."""
+        """The parts of a range; twice the whole range for a range without parts."""
         if a.parts is not None and a.parts.own is self.own:
             return a.parts.before, a.parts.behind
         is_same = all(x.element_hash() == y.element_hash() for x, y in zip(a[:2], self.at[:2], strict=True))
@@ -36,11 +36,10 @@ class _SplitRange(NamedTuple):
 
 
 class SymbolicRange(NamedTuple):
-    """A range from low to high, SX scalars. One of a single point holds the same expression twice.
+    """A range from low to high, SX scalars. The range of a single value contains the same expression twice.
 
-    `jumps` is 1 where the value may jump within the range of its arguments. `chosen` are the ranges of a condition and
-    of what the value is where it holds, if it is 0 elsewhere. `parts` are the ranges on both sides of a place where
-    pieces of a table meet.
+    `jumps` is 1 if the value may jump within the range of its arguments. `chosen` is for a product of a condition and a
+    value: the ranges of both. `parts` are the ranges on both sides of a place at which pieces of a table meet.
     """
 
     low: ca.SX
@@ -55,9 +54,9 @@ class SymbolicRange(NamedTuple):
 
 
 def ranges(f: ca.Function, inputs: Sequence[Sequence[SymbolicRange]]) -> list[list[SymbolicRange]]:
-    """Ranges of the nonzeros of an SX Function's outputs over ranges of the nonzeros of its inputs.
+    """Ranges of the nonzeros of an SX Function's outputs for ranges of the nonzeros of its inputs.
 
-    A range is infinite where a denominator may vanish, or where an operation has no rule.
+    A range is infinite if a denominator may vanish, or if an operation has no rule.
 
     Examples
     --------
@@ -69,11 +68,11 @@ def ranges(f: ca.Function, inputs: Sequence[Sequence[SymbolicRange]]) -> list[li
 
 
 def ranges_along(values: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Ranges of values (m,) of x (n,), p and t along a part of a path, and of their rates times the part's duration.
+    """Ranges of values (m,) of x (n,), p and t along a part of a path, and ranges of their rates times the duration.
 
-    The symbols (4 n + 3,) are the least and largest x, the least and largest rates of x times the duration, begin, end
-    and duration. The expressions (4 m,) are the least and largest values, and the least and largest rates times the
-    duration, which are infinite across a jump.
+    The symbols (4 n + 3,) are the smallest and largest x, the smallest and largest rates of x times the duration,
+    start, end and duration. The expressions (4 m,) are the smallest and largest values, and the smallest and largest
+    rates times the duration. The latter are infinite across a jump.
     """
     n = x.numel()
     dx, dt, box = ca.SX.sym("dx", n), ca.SX.sym("dt"), ca.SX.sym("box", 4 * n + 3)
@@ -99,6 +98,7 @@ def ranges_along(values: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX) -> tuple[ca.SX, ca
 
 
 def _operation(code: int | Entry, arguments: tuple[SymbolicRange, ...]) -> SymbolicRange:
+    # An operation of single values stays one expression, so equal parts keep their common subexpression.
     if all(a.is_point for a in arguments):
         return _point(applied(code, *(a.low for a in arguments)))
     result = _result(code, arguments)
@@ -109,7 +109,7 @@ def _operation(code: int | Entry, arguments: tuple[SymbolicRange, ...]) -> Symbo
 
 
 def _result(code: int | Entry, arguments: tuple[SymbolicRange, ...]) -> SymbolicRange:
-    """The range by the rule of the operation, on both sides of a place where pieces of a table meet."""
+    """The range by the rule of the operation, applied to both parts if pieces of a table meet in an argument."""
     parts = next((a.parts for a in arguments if a.parts is not None), None)
     if parts is not None:
         before, behind = (_operation(code, side) for side in zip(*map(parts.of, arguments), strict=True))
@@ -120,10 +120,10 @@ def _result(code: int | Entry, arguments: tuple[SymbolicRange, ...]) -> Symbolic
 
 
 def _entry(entry: Entry, group: SymbolicRange, at: SymbolicRange) -> SymbolicRange:
-    """An entry of one piece, of two that meet at a place, or of any."""
+    """The range of an entry: of one piece, of two pieces that meet, or of all pieces."""
     pieces, column = entry
     key = (pieces.name, *(end.element_hash() for end in (*group[:2], *at[:2])))
-    if key not in _MET:  # the next columns have the same parts
+    if key not in _MET:  # the other columns have the same parts
         first, last = pieces(group.low, at.low), pieces(group.high, at.high)
         place = ca.if_else(last[-1] > first[-1], last[0], at.high)
         own = SymbolicRange(at.low, ca.fmin(at.high, place)), SymbolicRange(ca.fmax(at.low, place), at.high)
@@ -134,12 +134,12 @@ def _entry(entry: Entry, group: SymbolicRange, at: SymbolicRange) -> SymbolicRan
     ends = [float(end(pieces.data[2 + column])) for end in (np.min, np.max)]
     sides = [SymbolicRange(*(ca.if_else(are_near, values[column], end) for end in ends)) for values in both]
     found = _hull(*sides[0][:2], *sides[1][:2])
-    # Many places of splines may be in one expression: both sides of all of them would be too many combinations.
+    # One expression may contain many places of splines. Combinations of the sides of all places would be too many.
     return found if isinstance(pieces, Smooth) else found._replace(parts=_SplitRange(at, own, *sides))
 
 
 _MET: dict[tuple[Any, ...], Any] = {}
-"""The last entry's ranges, kept with their hashes."""
+"""The ranges of the last entry, by their hashes."""
 
 
 def _point(value: ca.SX) -> SymbolicRange:
@@ -161,7 +161,7 @@ def _where(test: ca.SX, a: SymbolicRange, b: SymbolicRange) -> SymbolicRange:
 
 
 def _is_positive(a: SymbolicRange) -> bool:
-    """Whether a range is from 0 on whatever its ends are, by its form."""
+    """Whether the form of a range shows that its lower end is at least 0."""
     low = a.low
     if low.is_constant():
         return float(low) >= 0
@@ -175,7 +175,7 @@ def _negative(a: SymbolicRange) -> SymbolicRange:
 
 
 def _rising(code: int, low: float, high: float, a: SymbolicRange) -> SymbolicRange:
-    """The range of an operation that never falls, with the ends of its domain."""
+    """The range of a nondecreasing operation with a domain from low to high."""
     is_bounded = math.isfinite(low) or math.isfinite(high)
     ends = [ca.fmin(ca.fmax(end, low), high) if is_bounded else end for end in a[:2]]
     return SymbolicRange(*(ca.SX.unary(code, end) for end in ends))
@@ -184,13 +184,14 @@ def _rising(code: int, low: float, high: float, a: SymbolicRange) -> SymbolicRan
 def _sum(a: SymbolicRange, b: SymbolicRange) -> SymbolicRange:
     if a.chosen and b.chosen:
         (condition, one), (other, two) = a.chosen, b.chosen
+        # CasADi splits if_else(c, x, y) into c * x + !c * y. The plain sum of both ranges would be too wide.
         if ca.is_equal(other.low, ca.logic_not(condition.high), 1):
             return _either(condition, one, two)
     return SymbolicRange(a.low + b.low, a.high + b.high)
 
 
 def _either(condition: SymbolicRange, a: SymbolicRange, b: SymbolicRange) -> SymbolicRange:
-    """a where the condition holds, and b where not."""
+    """The range of a value that is a if the condition holds, and b otherwise."""
     some, every = condition.high, condition.low
     low = ca.fmin(ca.if_else(some, a.low, _INFINITE), ca.if_else(every, _INFINITE, b.low))
     return SymbolicRange(low, ca.fmax(ca.if_else(some, a.high, -_INFINITE), ca.if_else(every, -_INFINITE, b.high)))
@@ -222,7 +223,7 @@ def _size(a: SymbolicRange) -> SymbolicRange:
 
 
 def _square(a: SymbolicRange) -> SymbolicRange:
-    size = a if _is_positive(a) else _size(a)
+    size = a if _is_positive(a) else _size(a)  # shorter expressions if the sign is known
     return SymbolicRange(size.low**2, size.high**2)
 
 
@@ -240,7 +241,7 @@ def _power(a: SymbolicRange, exponent: SymbolicRange) -> SymbolicRange:
 
 
 def _turned(f: Callable[[ca.SX], ca.SX], a: SymbolicRange, top: float) -> SymbolicRange:
-    """The range of a sine or cosine, which is 1 where the argument is `top` and all turns from there."""
+    """The range of a sine or cosine. Its value is 1 if the argument is `top` plus whole turns."""
 
     def has(angle: float) -> ca.SX:
         return ca.floor((a.high - angle) / (2 * math.pi)) >= ca.ceil((a.low - angle) / (2 * math.pi))
@@ -265,7 +266,7 @@ def _angle(y: SymbolicRange, x: SymbolicRange) -> SymbolicRange:
 def _within_period(
     rounded: Callable[[ca.SX], ca.SX], a: SymbolicRange, b: SymbolicRange, share: float
 ) -> SymbolicRange:
-    """The range of a - b rounded(a / b), which is a share of b at most. It jumps where the rounded number does."""
+    """The range of a - b rounded(a / b), at most a fraction of b. It jumps if the rounded number jumps."""
     if not b.is_point:
         size = share * _size(b).high
         return SymbolicRange(-size, size, ca.SX(1))
@@ -283,7 +284,7 @@ def _with_sign(a: SymbolicRange, b: SymbolicRange) -> SymbolicRange:
 
 
 def _chosen(condition: SymbolicRange, a: SymbolicRange) -> SymbolicRange:
-    """a where the condition holds, 0 where not: either may be, if the condition is not the same everywhere."""
+    """The range of a value that is a if the condition holds, and 0 otherwise; the union if uncertain."""
     if condition.is_point:
         return SymbolicRange(*(ca.if_else(condition.low, end, 0) for end in a[:2]))
     either = SymbolicRange(*(ca.if_else(condition.high, end, 0) for end in (ca.fmin(a.low, 0), ca.fmax(a.high, 0))))
@@ -304,7 +305,7 @@ _RISING: dict[int, tuple[float, float]] = dict.fromkeys(
     ca.OP_ASIN: (-1.0, 1.0),
     ca.OP_ATANH: (-1.0, 1.0),
 }
-"""Operations that never fall, with the ends of their domain."""
+"""Nondecreasing operations, with the ends of their domain."""
 _RULES: dict[int, Callable[..., SymbolicRange]] = {
     ca.OP_ADD: _sum,
     ca.OP_SUB: lambda a, b: SymbolicRange(a.low - b.high, a.high - b.low),
@@ -338,6 +339,6 @@ _RULES: dict[int, Callable[..., SymbolicRange]] = {
     ca.OP_IF_ELSE_ZERO: _chosen,
     **{code: partial(_rising, code, *domain) for code, domain in _RISING.items()},
 }
-"""Conditions are ranges of 0 and 1: whether they hold everywhere, and whether they hold somewhere."""
+"""The rules of the operations. Conditions have ranges of 0 and 1: true everywhere, and true somewhere."""
 _STEPS = {ca.OP_FLOOR, ca.OP_CEIL, ca.OP_SIGN, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
-"""Operations that are constant but for jumps."""
+"""Operations that are constant except for jumps."""

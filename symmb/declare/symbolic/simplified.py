@@ -1,4 +1,4 @@
-"""Short forms of the entries of matrices, where they are found with few operations."""
+"""Short forms of the entries of matrices, if few operations find these forms."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,16 +9,15 @@ from symmb.declare.symbolic.instructions import interpret
 from symmb.declare.symbolic.sympy_out import to_sympy
 
 _MOST_OPERATIONS, _MOST_TERMS = 800, 100
-"""Operations of a matrix, and terms of an entry that is expanded, up to which it is simplified.
+"""Matrices with at most this number of operations, and entries with at most this number of terms, are simplified.
 
-All matrices of a system of three degrees of freedom take about a second: more takes longer, less leaves long entries.
+All matrices of a system with three degrees of freedom take about a second. Larger limits take longer, and smaller
+limits leave long entries.
 """
-_MUCH = 1.25
-"""What was derived is kept if other forms are longer by this factor, as products of sums are when they are expanded."""
 
 
 def simplified(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> Any:
-    """The matrix that `to_sympy` gives, with short entries; None if they are too long.
+    """The matrix of `to_sympy` with short entries; None if the entries are too long.
 
     Examples
     --------
@@ -40,7 +39,7 @@ def simplified(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> A
 
 
 def _sizes(code: Any, of: tuple[tuple[int, int], ...]) -> tuple[int, int]:
-    """Operations of an expression when it is written out, and terms when it is expanded."""
+    """The number of operations of an expression without shared parts, and the number of terms after expansion."""
     length, terms = sum((n for n, _ in of), 1), [n for _, n in of]
     if code in (ca.OP_ADD, ca.OP_SUB):
         return length, sum(terms)
@@ -50,7 +49,7 @@ def _sizes(code: Any, of: tuple[tuple[int, int], ...]) -> tuple[int, int]:
 
 
 def _shortest(expression: Any) -> Any:
-    """The shortest form: as derived, a sum of harmonics, or a sum of powers of sines or cosines."""
+    """The shortest of: the derived form, a sum of harmonics, or a sum of powers of sines or cosines."""
     import sympy
     from sympy.simplify.fu import TR5, TR6, TR8
 
@@ -63,11 +62,12 @@ def _shortest(expression: Any) -> Any:
         form.xreplace({new: old for old, new in others.items()}) for s in sums for form in (s, _grouped(s, others))
     ]
     shortest = min(forms, key=lambda form: form.count_ops())
-    return shortest if shortest.count_ops() <= _MUCH * expression.count_ops() else expression
+    # Expanded products of sums are longer, but may still be easier to read.
+    return shortest if shortest.count_ops() <= 1.25 * expression.count_ops() else expression
 
 
 def _polynomial(expression: Any, others: dict[Any, Any]) -> Any:
-    """The expression with symbols in the place of what is no product, sum, power, sine or cosine, as roots are."""
+    """The expression with symbols for all parts (such as roots) except products, sums, powers, sines and cosines."""
     import sympy
 
     is_power = expression.is_Pow and expression.exp.is_Integer
@@ -89,7 +89,7 @@ def _name(others: dict[Any, Any]) -> Any:
 
 
 def _grouped(total: Any, others: dict[Any, Any]) -> Any:
-    """A sum in which what the same sines, cosines and others multiply is one factor, where it has common symbols."""
+    """A sum in which terms with equal sines, cosines and other factors are collected, if they have common symbols."""
     import sympy
 
     groups: dict[Any, list[Any]] = {}
@@ -102,6 +102,6 @@ def _grouped(total: Any, others: dict[Any, Any]) -> Any:
         content, rest = plain.primitive()
         common = rest if rest.has(sympy.Float) else sympy.factor(rest)
         has_symbols = common.is_Pow or (common.is_Mul and not all(f.is_Number or f.is_Add for f in common.args))
-        is_round = content.p > 1 or content.q % 5  # 0.005 (981 m - 200 k) is no short form of 4.905 m - k
+        is_round = content.p > 1 or content.q % 5  # 0.005 (981 m - 200 k) is not a short form of 4.905 m - k
         terms.append(content * (common if has_symbols and is_round else rest) * wave)
     return sympy.Add(*terms)

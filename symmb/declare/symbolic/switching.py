@@ -1,4 +1,4 @@
-"""The parts of an expression that depend on time alone, where expressions have kinks or jumps, and their branches."""
+"""Kinks and jumps of expressions, the branches on each side, and the parts that depend on time only."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -15,10 +15,8 @@ from symmb.declare.symbolic.pieces import Entry, Pieces, Sides, applied, called
 
 T = TypeVar("T")
 
-_GUARD = 1e-20
-"""Bounds up to this size keep a denominator from vanishing: they are not kinks of the motion."""
 SOFT = 1e-300
-"""A number that marks a comparison, a < -SOFT, over which value and slope are continuous: steps need not end there."""
+"""The mark of soft comparisons a < -SOFT: value and slope are continuous there, so steps need not end there."""
 _KINKS: dict[Any, tuple[str, Callable[..., ca.SX]]] = {
     ca.OP_FABS: ("fabs", lambda a: a),
     ca.OP_SIGN: ("sign", lambda a: a),
@@ -31,18 +29,18 @@ _KINKS: dict[Any, tuple[str, Callable[..., ca.SX]]] = {
     ca.OP_FMOD: ("fmod", lambda a, b: ca.sin(ca.pi * a / b)),
     ca.OP_REMAINDER: ("remainder", lambda a, b: ca.cos(ca.pi * a / b)),
 }
-"""Name of an operation, and what of its arguments changes sign at its kinks or jumps."""
+"""Name of an operation, and the expression of its arguments that changes sign at a kink or jump."""
 
 
 def _whole(side: ca.SX, value: ca.SX) -> ca.SX:
-    """floor(value) on one side of sin(pi value): the even or odd number next to the value, also half a unit beyond."""
+    """floor(value) on one side of sin(pi value): the nearest even or odd number, valid up to half a unit beyond."""
     odd = (1 - side) / 2
     return 2 * ca.floor((value - odd + 0.5) / 2) + odd
 
 
 def _fmod(side: ca.SX, a: ca.SX, b: ca.SX) -> ca.SX:
     whole = _whole(side, a / b)
-    return a - b * (whole + (whole < 0))  # the quotient is cut off toward 0
+    return a - b * (whole + (whole < 0))  # the quotient is rounded towards 0
 
 
 _ON_A_SIDE: dict[Any, Callable[..., ca.SX]] = {
@@ -57,24 +55,25 @@ _ON_A_SIDE: dict[Any, Callable[..., ca.SX]] = {
     ca.OP_FMOD: _fmod,
     ca.OP_REMAINDER: lambda side, a, b: a - b * _whole(side, a / b + 0.5),
 }
-"""The value of an operation on one side of its switch. Others, as equality of the state, are not located."""
+"""The value of an operation on one side of its switch. Other operations, such as equality, are not located."""
 _FRONTS = {ca.OP_EXP, ca.OP_TANH, ca.OP_ERF, ca.OP_COSH}
-"""Operations that change within a short part of the range of their argument, about 0, and are flat elsewhere.
+"""Operations that change only in a short part of the range of their argument, near 0.
 
-An exponential changes also about the largest value of its argument. Products and differences of them make pulses."""
+An exponential also changes near the largest value of its argument. Products and differences of fronts make pulses."""
 _LEVELS = (-40.0, -10.0, -1.0, 1.0, 10.0, 40.0)
-"""Arguments where fronts begin, are steep, and end: exp(-40) = 4e-18 is rounding. At 0 even functions only touch.
+"""Arguments at which fronts start, are steep, and end: exp(-40) = 4e-18 is rounding. At 0 even functions have no sign
+change.
 
-A motion may turn back on either flank: a step that begins far from it may end behind both passes of it."""
+A motion may turn back on either flank. A long step could otherwise skip both passes of a level."""
 _STEEP = 8
-"""Exponent from which on a power is a front, too: it halves within 9 % of its largest base, and is flat near 0.
-Steps are longer than a pulse of cos(angle)**50."""
+"""From this exponent on, a power is a front too: it halves within 9 % of its largest base, and is flat near 0. Steps
+are longer than a pulse of cos(angle)**50."""
 _POSITIVE = {ca.OP_SQRT, ca.OP_LOG, ca.OP_POW, ca.OP_CONSTPOW}
-"""Operations that are not defined for negative numbers, powers unless their exponent is whole."""
+"""Operations that are not defined for negative numbers (powers only if the exponent is not whole)."""
 
 
 class On(IntEnum):
-    """What a value depends on, the most changeable of its parts."""
+    """The most variable quantity on which a value depends."""
 
     PARAMETERS = 0
     TIME = 1
@@ -83,11 +82,11 @@ class On(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Switching:
-    """Where a Function's outputs are not smooth."""
+    """The kinks and jumps of a Function's outputs."""
 
-    kinks: tuple[str, ...]  # operations with a kink or a jump whose arguments depend on the state or on time
-    switches: ca.SX  # (m,), what changes sign there
-    located: tuple[bool, ...]  # which of them `branches` makes switches too, where steps end
+    kinks: tuple[str, ...]  # operations with a kink or jump in arguments that depend on the state or time
+    switches: ca.SX  # (m,), expressions that change sign at kinks and jumps
+    located: tuple[bool, ...]  # (m,), whether `branches` makes it a switch at which steps end
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +96,7 @@ class _Value:
 
 
 def switching(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Switching:
-    """Kinks and jumps of an SX Function at symbols for its inputs.
+    """Kinks and jumps of an SX Function, with symbols for its inputs.
 
     Examples
     --------
@@ -134,30 +133,30 @@ def switching(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Switching:
 
 @dataclass(frozen=True, eq=False)
 class Branches:
-    """A Function whose kinks and jumps of the state are replaced by the branches of one side of each switch.
+    """A Function in which kinks and jumps of the state are replaced by the branch on one side of each switch.
 
-    Within a step all evaluations take the same branch, also those beyond the switch, so that steps are smooth.
+    All evaluations in a step use the same branch, even beyond the switch, so steps are smooth.
     """
 
     outputs: list[ca.SX]  # the Function's outputs on these branches
     sides: ca.SX  # (m,) symbols, 1 where a switch is above 0 and -1 where it is below
-    switches: ca.SX  # (m,), on the same branches
-    times: ca.SX  # (k,), what changes sign at kinks, jumps and fronts that depend on time and parameters alone
-    fronts: ca.SX  # (l,), what changes sign at smooth fronts that depend on the state
-    exponents: ca.SX  # (e,), and bases of powers: their rates change sign at smooth fronts as well
-    knots: list[tuple[ca.SX, Pieces]]  # arguments of tables that depend on time as `times` do, and the pieces of these
+    switches: ca.SX  # (m,), expressions of the switches on these branches
+    times: ca.SX  # (k,), change sign at kinks, jumps and fronts that depend on time and parameters only
+    fronts: ca.SX  # (l,), change sign at smooth fronts that depend on the state
+    exponents: ca.SX  # (e,), exponents and bases of powers: their rates also change sign at smooth fronts
+    knots: list[tuple[ca.SX, Pieces]]  # time-dependent arguments of tables, and the pieces of the tables
 
 
 @lru_cache(maxsize=256)
 def has_kinks(f: ca.Function) -> bool:
-    """Whether an SX Function has operations with a kink, a jump or a front, in whatever argument."""
+    """Whether an SX Function has operations with a kink, a jump or a front in any argument."""
     codes = [f.instruction_id(k) for k in range(f.n_instructions())]
     is_bent = not (_KINKS.keys() | _FRONTS).isdisjoint(codes)
     return is_bent or bool(called(f)) or _has_steep_power(f, codes)
 
 
 def _has_steep_power(f: ca.Function, codes: list[int]) -> bool:
-    known: dict[int, _Power[int]] = {}  # of what stands in a place of the work vector
+    known: dict[int, _Power[int]] = {}  # powers by index in the work vector
     constants: dict[int, float] = {}
     for k, code in enumerate(codes):
         if code == ca.OP_OUTPUT:
@@ -167,7 +166,7 @@ def _has_steep_power(f: ca.Function, codes: list[int]) -> bool:
         power = _power(code, of, constants.get(places[-1])) if of else None
         if power is not None and power.exponent >= _STEEP:
             return True
-        for place in results:  # several of a call
+        for place in results:  # a call has several results
             known[place] = power or _Power(k, 1.0)
             constants.pop(place, None)
         if code == ca.OP_CONST:
@@ -176,18 +175,18 @@ def _has_steep_power(f: ca.Function, codes: list[int]) -> bool:
 
 
 class _Power(NamedTuple, Generic[T]):
-    """A power of something, which `base` identifies."""
+    """A power. `base` identifies the base."""
 
     base: T
     exponent: float
 
 
 _POWERS = {ca.OP_SQ, ca.OP_MUL, ca.OP_POW, ca.OP_CONSTPOW}
-"""Operations that make powers: CasADi writes whole ones as squares and products."""
+"""Operations that make powers. CasADi writes integer powers as squares and products."""
 
 
 def _power(code: Any, of: Sequence[_Power[T]], constant: float | None) -> _Power[T] | None:
-    """The result of one of these as a power; the exponent of `pow` may be a constant."""
+    """The result of one of these operations as a power; None otherwise. The exponent of `pow` may be constant."""
     base, exponent = of[0]
     if code == ca.OP_MUL:
         return _Power(base, exponent + of[1].exponent) if base == of[1].base else None
@@ -197,15 +196,16 @@ def _power(code: Any, of: Sequence[_Power[T]], constant: float | None) -> _Power
 
 
 def with_common_expressions(f: ca.Function) -> ca.Function:
-    """An SX Function of the same values, in which expressions that are equal are one."""
+    """An SX Function with the same values, in which equal expressions are evaluated once."""
     inputs = f.sx_in()
     return common(f.name(), inputs, f.call(inputs), f.name_in(), f.name_out())
 
 
 def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
-    """The branches of an SX Function at symbols for its inputs.
+    """The branches of an SX Function, with symbols for its inputs.
 
-    Roots, logarithms and powers of what a switch kept positive are continued beyond it: sqrt(a) as sqrt(|a|).
+    If a switch keeps the argument of a root, logarithm or power positive, the operation is continued beyond the switch:
+    sqrt(a) becomes sqrt(|a|).
 
     Examples
     --------
@@ -230,15 +230,15 @@ def branches(f: ca.Function, inputs: Sequence[tuple[ca.SX, On]]) -> Branches:
 
 @dataclass(eq=False)
 class _Found:
-    """What the operations of a Function show, one after the other. Keys are hashes of expressions."""
+    """The kinks, jumps, fronts and powers in the operations of a Function. Keys are hashes of expressions."""
 
     t: ca.SX
     switches: dict[tuple[int, int], tuple[ca.SX, ca.SX]] = field(default_factory=dict)
     times: dict[tuple[int, float], ca.SX] = field(default_factory=dict)
     fronts: dict[tuple[int, float], ca.SX] = field(default_factory=dict)
     exponents: dict[int, ca.SX] = field(default_factory=dict)
-    powers: dict[int, _Power[int]] = field(default_factory=dict)  # of what is a power, by its own hash
-    steepest: dict[int, tuple[ca.SX, float]] = field(default_factory=dict)  # base and exponent, by the base
+    powers: dict[int, _Power[int]] = field(default_factory=dict)  # powers by their own hash
+    steepest: dict[int, tuple[ca.SX, float]] = field(default_factory=dict)  # base, largest exponent
     knots: dict[tuple[int, str], tuple[ca.SX, Pieces]] = field(default_factory=dict)
 
     def operation(self, code: Any, arguments: tuple[_Value, ...]) -> _Value:
@@ -260,7 +260,7 @@ class _Found:
         return _Value(self._continued(code, of) if value is None else value, on)
 
     def _continued(self, code: Any, of: tuple[ca.SX, ...]) -> ca.SX:
-        """The value of an operation, which goes on beyond switches that kept its argument positive."""
+        """The value of an operation, continued beyond switches that keep its argument positive."""
         if code in _POSITIVE and (code != ca.OP_CONSTPOW or float(of[1]) % 1):
             of = (ca.fabs(of[0]), *of[1:])
         value = applied(code, *of)
@@ -269,7 +269,7 @@ class _Found:
         return value
 
     def add_fronts_of_powers(self) -> None:
-        """The fronts of steep powers, when all operations are known."""
+        """Add the fronts of steep powers. All operations must be known."""
         for key, (base, exponent) in self.steepest.items():
             if exponent >= _STEEP:
                 self.exponents[key] = base
@@ -278,6 +278,7 @@ class _Found:
 
     def _side(self, switch: ca.SX) -> ca.SX:
         a, b = _difference(switch)
+        # a - b and b - a are one switch. Two switches would change their sides at the same time in two events.
         if (b, a) in self.switches:
             return -self.switches[b, a][1]
         if (a, b) not in self.switches:
@@ -296,7 +297,7 @@ class _Found:
                 self.times[rate.element_hash(), 0.0] = rate
 
     def _entry(self, entry: Entry, group: ca.SX, at: ca.SX) -> ca.SX | None:
-        """An entry of the coefficients of a table on the piece of its sides, if it has switches."""
+        """An entry of a table on the piece that the sides of its switches select; None for a table without switches."""
         pieces = entry.pieces
         if isinstance(pieces, Sides):
             return pieces.on_side(self._side(pieces.wave(at)), at)
@@ -319,7 +320,7 @@ def _levels(argument: ca.SX) -> dict[tuple[int, float], ca.SX]:
 
 
 def laws(expression: ca.SX, p: ca.SX, t: ca.SX) -> ca.SX:
-    """(n,) the largest parts that depend on time, and perhaps on parameters, alone; time itself is none.
+    """The largest parts (n,) that depend only on time, or on time and parameters. Time itself is not included.
 
     Examples
     --------
@@ -332,16 +333,16 @@ def laws(expression: ca.SX, p: ca.SX, t: ca.SX) -> ca.SX:
 
 
 def _difference(value: ca.SX) -> tuple[int, int]:
-    """Hashes of a and b in a - b, 0 for one that is not there: those of b - a are the same in the other order."""
+    """Hashes of a and b in a - b, 0 for a missing operand. b - a has the same hashes in the other order."""
     if value.is_op(ca.OP_SUB):
         return value.dep(0).element_hash(), value.dep(1).element_hash()
     return (0, value.dep(0).element_hash()) if value.is_op(ca.OP_NEG) else (value.element_hash(), 0)
 
 
 def _is_guard(value: ca.SX) -> bool:
-    return value.is_constant() and SOFT < abs(float(value)) <= _GUARD
+    return value.is_constant() and SOFT < abs(float(value)) <= 1e-20  # larger bounds are kinks of the motion
 
 
 def is_soft(value: ca.SX) -> bool:
-    """Whether a comparison with a value has no effect on a jump of an expression or of its slope."""
+    """Whether a value marks a soft comparison, at which neither the expression nor its slope jumps."""
     return value.is_constant() and abs(float(value)) == SOFT

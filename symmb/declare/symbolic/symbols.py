@@ -1,7 +1,7 @@
-"""Which symbol is what: every coordinate, velocity, state and parameter is looked up by the symbol itself.
+"""The table of symbols: the kind and the rate of every coordinate, velocity, state and parameter.
 
-A CasADi symbol carries a name only. Its owner (a body, a joint, the parameters) keeps a `Symbol` record that adds
-what it is and how fast it changes; the table here holds those records weakly, so that it never outlives the model.
+A CasADi symbol has only a name. Its owner (a body, a joint, the parameters) keeps a `Symbol` record with its kind and
+rate. The table has weak references to the records, so a record does not outlive its model.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -23,7 +23,7 @@ _casadi_bool = ca.SX.__bool__
 
 
 class TruthValueError(DeclarationError, RuntimeError):
-    """Python asks whether a symbolic expression is true. CasADi raises a RuntimeError there."""
+    """Python needs the truth value of a symbolic expression. The class is also the RuntimeError of CasADi."""
 
 
 def _truth_value(expression: ca.SX) -> bool:
@@ -31,20 +31,20 @@ def _truth_value(expression: ca.SX) -> bool:
         return _casadi_bool(expression)
     except RuntimeError:
         raise TruthValueError(
-            f"Python's if, and, or, max and min cannot decide whether {str(expression)[:80]} is true: it is an "
+            f"Python's if, and, or, max and min cannot decide whether {str(expression)[:80]} is true, because it is an "
             "expression. Write casadi.if_else, logic_and, logic_or, fmax or fmin."
         ) from None
 
 
-# Laws are written before symmb sees them, as in `1.0 if mb.t > 1 else 0.0`.
+# The class itself is patched, because laws such as `1.0 if mb.t > 1 else 0.0` are evaluated before symmb gets them.
 ca.SX.__bool__ = _truth_value  # pyright: ignore[reportAttributeAccessIssue]
 
 t = ca.SX.sym("t")
-"""Time [s], the one independent variable of every law."""
+"""Time [s], the independent variable of all laws."""
 
 
 class Kind(Enum):
-    """What a symbol stands for."""
+    """The kind of quantity that a symbol represents."""
 
     COORDINATE = "coordinate"
     VELOCITY = "velocity"
@@ -54,10 +54,10 @@ class Kind(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Symbol:
-    """A declared symbol: dotted name, kind, and for what moves its rate; `value` is where a state starts.
+    """A declared symbol: dotted name, kind, rate of a variable, and start `value` of a state.
 
-    What a symbol does not have is empty. `owner` names the element that must be in the System for a symbol to be known.
-    Other states come along with the expressions that they are in.
+    Missing properties are empty. `owner` is the name of the element that must be in the System. A state without owner
+    belongs to each system with an expression of the state.
     """
 
     name: str
@@ -69,7 +69,7 @@ class Symbol:
 
     @property
     def resting(self) -> float:
-        """Where a state starts if that is a number, else 0."""
+        """The start value of a state if it is a number, else 0."""
         return float(self.value) if self.value.is_constant() else 0.0
 
     def __reduce__(self) -> tuple[Callable[..., "Symbol"], tuple[object, ...]]:
@@ -78,11 +78,11 @@ class Symbol:
 
 _TABLE: WeakValueDictionary[int, Symbol] = WeakValueDictionary()
 _STARTS: WeakKeyDictionary[Symbol, list[Symbol]] = WeakKeyDictionary()
-"""Records of `initial` values, kept as long as a coordinate that they were read from."""
+"""Records of `initial` values. They live as long as a coordinate in the expression."""
 
 
 def _entered(name: str, kind: Kind, sx: ca.SX, rate: ca.SX, value: ca.SX, owner: str) -> Symbol:
-    """The record of a symbol that was read or copied. A symbol that is still in use keeps its record."""
+    """The record of a symbol that was unpickled or copied. A symbol in use keeps its record."""
     known = _TABLE.get(sx.element_hash())
     if known is not None:
         return known
@@ -98,7 +98,7 @@ def declare(
     value: ca.SX | None = None,
     owner: str = "",
 ) -> tuple[Symbol, ...]:
-    """Enter symbols into the table; whoever declares them keeps the records alive."""
+    """Enter symbols into the table, and return their records. The caller must keep the records alive."""
     records = tuple(
         Symbol(
             normal(name),
@@ -116,7 +116,7 @@ def declare(
 
 
 def lookup(symbol: ca.SX) -> Symbol | None:
-    """The record of a symbol, None if nobody declared it."""
+    """The record of a symbol; None for a symbol that was not declared."""
     return _TABLE.get(symbol.element_hash())
 
 
@@ -126,9 +126,10 @@ def is_time(symbol: ca.SX) -> bool:
 
 
 def initial(expression: ca.SX) -> ca.SX:
-    """Value that a position expression has at the start of a run, a first-order state without rate.
+    """Value of a position expression at the start of a run: a first-order state without rate.
 
-    The start of a scene is often solved for, such as a static equilibrium. `x - initial(x)` is the way since the start.
+    The start of a scene is often computed, such as a static equilibrium. `x - initial(x)` is the displacement since the
+    start.
 
     Parameters
     ----------
@@ -141,7 +142,7 @@ def initial(expression: ca.SX) -> ca.SX:
     Raises
     ------
     DeclarationError
-        if the expression contains a velocity, a multiplier, `t` or no coordinate at all
+        if the expression contains a velocity, a multiplier or `t`, or contains no coordinate
 
     Examples
     --------
@@ -152,14 +153,14 @@ def initial(expression: ca.SX) -> ca.SX:
     """
     value = given(expression)
     if value is None:
-        raise DeclarationError(f"initial: {expression!r} is no CasADi SX expression.")
+        raise DeclarationError(f"initial: {expression!r} is not a CasADi SX expression.")
     expression = ca.densify(value)
     records = [lookup(symbol) for symbol in ca.symvar(expression)]
     moving = [r for r in records if r is not None and r.kind is Kind.COORDINATE]
     if not moving or any(r is None or r.kind not in (Kind.COORDINATE, Kind.PARAMETER) for r in records):
         raise DeclarationError(
-            f"initial: {expression} must be made of coordinates and parameters alone. "
-            "Velocities, multipliers and times at the start need no state: list them in start."
+            f"initial: {expression} must consist of coordinates and parameters only. "
+            "List the start values of velocities in start."
         )
     values = _STARTS.setdefault(moving[0], [])
     state = ca.SX.sym("initial", *expression.shape)
@@ -169,7 +170,7 @@ def initial(expression: ca.SX) -> ca.SX:
 
 
 def records_in(expression: ca.SX, *kinds: Kind) -> list[Symbol]:
-    """The records of the declared symbols in an expression, of some kinds or of all."""
+    """The records of the declared symbols in an expression. `kinds` selects some kinds; the default is all kinds."""
     records = map(lookup, ca.symvar(expression))
     return [record for record in records if record is not None and record.kind in (kinds or Kind)]
 
@@ -201,10 +202,10 @@ def ddt(expression: ca.SX) -> ca.SX:
 
 
 def rate(expression: ca.SX, accelerations: Mapping[int, ca.SX]) -> ca.SX:
-    """What `ddt` gives, also of velocities whose rates are known by their hashes."""
+    """The result of `ddt`, also for velocities. `accelerations` has their rates by the hashes of the velocities."""
     value = given(expression)
     if value is None:
-        raise DeclarationError(f"ddt takes a number or CasADi SX, got {shown(expression)}.")
+        raise DeclarationError(f"ddt: expected a number or CasADi SX, got {shown(expression)}.")
     expression, moving, rates = value, [t], [ca.SX(1)]
     for symbol in ca.symvar(expression):
         record = lookup(symbol)
@@ -213,8 +214,8 @@ def rate(expression: ca.SX, accelerations: Mapping[int, ca.SX]) -> ca.SX:
         known = accelerations.get(symbol.element_hash(), record.rate)
         if known.is_empty():
             raise DeclarationError(
-                f"ddt takes expressions of positions, but {record.name!r} is a {record.kind.value}; "
-                "its rate follows from the equations of motion only: outputs take system.ddt(...)."
+                f"ddt: expected an expression of positions, but {record.name!r} is a {record.kind.value}. Its rate "
+                "follows from the equations of motion. For outputs, use system.ddt(...)."
             )
         moving.append(record.sx)
         rates.append(known)

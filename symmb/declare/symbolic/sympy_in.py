@@ -1,4 +1,4 @@
-"""From SymPy to CasADi SX: symbols are bound by name, everything else is carried over term by term."""
+"""Conversion from SymPy to CasADi SX. Symbols are bound by name, and all other nodes are converted one by one."""
 
 import difflib
 import sys
@@ -11,11 +11,11 @@ import casadi as ca
 from symmb._errors import DeclarationError, Faults
 
 SAME_NAMES = "exp log sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh erf erfinv".split()
-"""Functions that have the same name and meaning in CasADi and in SymPy."""
+"""Functions with the same name and meaning in CasADi and SymPy."""
 
 
 def is_sympy(value: object) -> bool:
-    """Whether `value` is a SymPy expression or matrix; does not load SymPy to find out.
+    """Whether `value` is a SymPy expression or matrix. This check does not load SymPy.
 
     Examples
     --------
@@ -28,10 +28,10 @@ def is_sympy(value: object) -> bool:
 
 
 def from_sympy(expression: Any, symbols: Mapping[str, ca.SX]) -> ca.SX:
-    """SX of a SymPy expression, truth value or matrix, its symbols bound by name: "l1", "rod1.theta", "t".
+    """SX of a SymPy expression, truth value or matrix. Symbols are bound by name: "l1", "rod1.theta", "t".
 
-    Zero entries become structural zeros. DeclarationError for unknown names, functions without a counterpart in CasADi,
-    NaN, and a Piecewise that leaves a gap.
+    Zero entries become structural zeros. DeclarationError for unknown names, for functions without a counterpart in
+    CasADi, for NaN, and for a Piecewise without a final branch.
 
     Examples
     --------
@@ -50,7 +50,7 @@ def from_sympy(expression: Any, symbols: Mapping[str, ca.SX]) -> ca.SX:
             return symbols[node.name]
         if node is sympy.nan or node is sympy.zoo:
             raise DeclarationError(
-                f"SymPy expression contains {node}: it divides by zero, or mixes in what is not SymPy."
+                f"SymPy expression contains {node}: it divides by zero, or contains objects that are not from SymPy."
             )
         if node.is_Number or node.is_NumberSymbol:
             return ca.SX(float(node))
@@ -92,7 +92,7 @@ def _piecewise(node: Any, convert: Callable[[Any], ca.SX]) -> ca.SX:
     import sympy
 
     if sympy.Or(*(condition for _, condition in node.args)) != sympy.true:
-        raise DeclarationError(f"{node} leaves a gap: end it with a branch (value, True).")
+        raise DeclarationError(f"{node} is not defined for all values. Add the final branch (value, True).")
     *branches, (value, _) = node.args
     result = convert(value)
     for value, condition in reversed(branches):

@@ -1,8 +1,8 @@
-"""From CasADi SX to SymPy, one instruction at a time.
+"""Conversion from CasADi SX to SymPy, instruction by instruction.
 
-Truth values are kept as SymPy Booleans while they serve as conditions, and become Piecewise((1, condition),
-(0, True)) only where a number is made of them. Relations, Piecewise, Max, Abs and the like are built
-unevaluated: SymPy's own attempts to decide them cost seconds on the matrices of a mechanism.
+Truth values stay SymPy Booleans in conditions, and become Piecewise((1, condition), (0, True)) only if a number is
+needed. Relations, Piecewise, Max, Abs and similar functions are not evaluated, because SymPy's evaluation takes seconds
+for the matrices of a mechanism.
 """
 
 import math
@@ -20,22 +20,14 @@ from symmb.declare.symbolic.instructions import interpret, operation_name
 from symmb.declare.symbolic.pieces import Entry
 from symmb.declare.symbolic.sympy_in import SAME_NAMES
 
-_DENOMINATOR = 1000
-"""A float is shown as a fraction if one with at most this denominator is the very same float."""
-
-_DEGREES = 360
-"""Likewise for multiples of pi: up to half a degree is recognised."""
-
-_SHORT, _LONG = 4, 40
-"""Operations from which on an expression that is shared has a name, and from which on every one has."""
-
 
 def to_sympy(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> Any:
-    """SymPy matrix of an SX matrix (n, m); every SX symbol becomes a real SymPy Symbol of a name, such as "rod1.theta".
+    """SymPy matrix of an SX matrix (n, m). Each SX symbol becomes a real SymPy Symbol with its name, such as
+    "rod1.theta".
 
-    Structural zeros are 0. Floats that are small fractions, or such multiples of pi, become exact, all others a Float
-    with the same bits. DeclarationError for a symbol that is not listed, a NaN constant, or an operation that SymPy
-    lacks.
+    Structural zeros are 0. Floats that are simple fractions, or simple fractions of pi, become exact numbers; all other
+    floats become a Float with the same bits. DeclarationError for a symbol that is not listed, a NaN constant, or an
+    operation without counterpart in SymPy.
 
     Examples
     --------
@@ -59,9 +51,9 @@ def to_sympy(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> Any
 def with_names(
     parts: Sequence[ca.SX], symbols: Sequence[ca.SX], names: Sequence[str]
 ) -> tuple[dict[Any, Any], list[Any]]:
-    """SymPy matrices of long expressions, in which what they share has names: symbol -> what it stands for; matrices.
+    """SymPy matrices of long expressions with names for shared parts: a dictionary symbol -> part, and the matrices.
 
-    Arguments are those of `to_sympy`, for several matrices.
+    The arguments are the arguments of `to_sympy`, but for several matrices.
 
     Examples
     --------
@@ -89,8 +81,8 @@ def with_names(
 
     def named(code: int | Entry, of: tuple[tuple[Any, int], ...]) -> tuple[Any, int]:
         value, length = _operation(code, tuple(value for value, _ in of)), sum((n for _, n in of), 1)
-        is_shared = next(used)[0] > 1 and length >= _SHORT and code != ca.OP_IF_ELSE_ZERO
-        if _is_condition(value) or value.is_Atom or not (is_shared or length > _LONG):
+        is_shared = next(used)[0] > 1 and length >= 4 and code != ca.OP_IF_ELSE_ZERO
+        if _is_condition(value) or value.is_Atom or not (is_shared or length > 40):
             return value, length
         symbol = sympy.Symbol(f"{letter}{len(definitions) + 1}", real=True)
         definitions[symbol] = value
@@ -116,11 +108,11 @@ def _constant(value: float) -> Any:
         raise DeclarationError("Expression contains a NaN constant. SX and SymPy do not mix in one expression.")
     if math.isinf(value):
         return sympy.oo if value > 0 else -sympy.oo
-    fraction = Fraction(value).limit_denominator(_DENOMINATOR)
+    fraction = Fraction(value).limit_denominator(1000)
     if float(fraction) == value and abs(fraction.numerator) < 2**53:
         return sympy.Rational(fraction.numerator, fraction.denominator)
-    # pi / 6 and pi * (1 / 6) differ in the last bit: that much is allowed.
-    turn = Fraction(value / math.pi).limit_denominator(_DEGREES)
+    # pi / 6 and pi * (1 / 6) differ in the last bit, so this difference is allowed.
+    turn = Fraction(value / math.pi).limit_denominator(360)
     if abs(turn * math.pi - value) <= math.ulp(value) and abs(turn.numerator) < 2**20:
         return sympy.Rational(turn.numerator, turn.denominator) * sympy.pi
     return sympy.Float(value)
@@ -139,7 +131,7 @@ def _operation(code: int | Entry, arguments: tuple[Any, ...]) -> Any:
 
 
 def _entry(entry: Entry, at: Any) -> Any:
-    """An entry of a table, of which each piece becomes a case."""
+    """An entry of a table as a Piecewise with one case for each piece."""
     import sympy
 
     values = [_constant(value) for value in entry.pieces.data[2 + entry.column].tolist()]
@@ -170,7 +162,7 @@ def _piecewise(value: Any, condition: Any, otherwise: Any) -> Any:
 
 
 def _cases(pairs: Sequence[Any]) -> Any:
-    """Piecewise as it is: SymPy folds conditions that contain another one, and fails where one is infinite."""
+    """A Piecewise without evaluation, because SymPy merges nested conditions and fails for infinite bounds."""
     import sympy
     from sympy.functions.elementary.piecewise import ExprCondPair
 
@@ -179,7 +171,7 @@ def _cases(pairs: Sequence[Any]) -> Any:
 
 
 def _add(a: Any, b: Any) -> Any:
-    """The sum; the two halves into which CasADi splits if_else(c, x, y) are joined again."""
+    """The sum of a and b. The two parts into which CasADi splits if_else(c, x, y) are joined again."""
     import sympy
 
     if isinstance(a, sympy.Piecewise) and isinstance(b, sympy.Piecewise):
@@ -190,7 +182,7 @@ def _add(a: Any, b: Any) -> Any:
 
 
 def _remainder(a: Any, b: Any) -> Any:
-    """IEEE remainder: a - n b, where n is a / b rounded to nearest, ties to even."""
+    """IEEE remainder a - n b, where n is a / b rounded to the nearest integer, ties to even."""
     import sympy
 
     twice = 2 * a / b
@@ -241,7 +233,7 @@ def _algebra() -> dict[int, Callable[..., Any]]:
         ca.OP_FLOOR: raw(sp.floor),
         ca.OP_CEIL: raw(sp.ceiling),
         ca.OP_COPYSIGN: lambda a, b: _piecewise(magnitude(a), sp.Ge(b, 0, evaluate=False), -magnitude(a)),
-        # fmod takes the sign of its first argument, SymPy's Mod that of its second
+        # fmod has the sign of its first argument, but SymPy's Mod has the sign of the second
         ca.OP_FMOD: lambda a, b: sp.sign(a) * modulo(magnitude(a), magnitude(b)),
         ca.OP_REMAINDER: _remainder,
     }

@@ -1,4 +1,4 @@
-"""From a declaration to equations: System, Scene, and the DAE bundle that solvers get.
+"""From a declaration to equations: System, Scene, and the DAE bundle for solvers.
 
 Declarations are checked here, and all faults are reported at once.
 """

@@ -1,7 +1,8 @@
 """Motion and forces along a tree of joints: recursions from body to body.
 
-Every body has working axes W and an origin. A body that a joint carries has them in the frame of that joint, a planar
-one parallel to the world's. Accelerations (a, alpha) are those of the origin, in working axes; forces (f, n) act there.
+Every body has working axes W and an origin. They are the joint frame for a spatial body on a joint; the axes of a
+planar body are parallel to the world axes. Accelerations (a, alpha) are accelerations of the origin in working axes,
+and forces (f, n) act at the origin.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -29,13 +30,13 @@ class Placed:
     angle: ca.SX  # about z, of a planar body [rad]
     quaternion: ca.SX  # (4,), of a spatial body
     turn: ca.SX  # (3, 3), W to the carrier's W
-    arm: ca.SX  # (3,), the origin from the carrier's in the carrier's W [m]
-    bias: ca.SX  # (6,), (a, alpha) less those that the carrier's acceleration and the joint's own ones make
-    H: ca.SX  # (6, n), acceleration of the body by those of the joint
+    arm: ca.SX  # (3,), from the carrier's origin to the origin, in the carrier's W [m]
+    bias: ca.SX  # (6,), (a, alpha) for zero accelerations of the carrier and the joint
+    H: ca.SX  # (6, n), accelerations of the body for unit accelerations of the joint
 
     @property
     def rotation(self) -> ca.SX:
-        """Body to world, (3, 3)."""
+        """Rotation matrix from body axes to world axes, (3, 3)."""
         return self.axes @ self.body_axes.T
 
     @property
@@ -61,7 +62,7 @@ GROUND = Placed(
 
 
 def free(body: Body) -> Placed:
-    """A body that no joint carries; its acceleration is that of its own coordinates."""
+    """A body without a carrying joint. Its own coordinates determine its acceleration."""
     frame = body.frame
     n = frame.v.numel()
     axes = _I if isinstance(body.pose, Planar) or not isinstance(body.pose, Spatial) else frame.R
@@ -84,16 +85,16 @@ def free(body: Body) -> Placed:
 
 
 def carried(body: Body, by: Carrying, carrier: Placed) -> Placed:
-    """A body on its joint."""
+    """A body that a joint carries."""
     motion = by.motion
     planar = isinstance(body.pose, Planar)
-    # From the carrier's W to the axes of the joint's frame on it, which are constant unless the carrier is planar.
+    # From the carrier's W to its joint frame. This rotation is constant unless the carrier is planar.
     joint_axes = carrier.body_axes.T @ motion.carrier
     angle = carrier.angle + motion.angle if planar else ca.SX(0)
     if planar:
         axes, turn = _I, _I
         body_axes = rotation_z(angle).T
-        to_joint = body_axes.T @ motion.follower  # the joint's frame on the follower, in W
+        to_joint = body_axes.T @ motion.follower  # the follower's joint frame in W
     else:
         turn = joint_axes @ motion.turn
         axes = carrier.axes @ turn
@@ -136,7 +137,7 @@ def _product(carrier: ca.SX, motion: JointMotion) -> ca.SX:
 
 
 class ArticulatedBodies:
-    """The mass matrix, forces and accelerations of bodies on a tree of joints, whose links follow their carriers."""
+    """The mass matrix, forces and accelerations of bodies on a tree of joints. Each link follows its carrier."""
 
     def __init__(self, bodies: Sequence[Body], links: Sequence[Link]) -> None:
         self.links = links
@@ -153,7 +154,7 @@ class ArticulatedBodies:
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """Velocities of each group of bodies that carry each other, in order."""
+        """Number of velocities of each tree of bodies, in order."""
         sizes: list[int] = []
         for link in self.links:
             own = self.columns[link.body]
@@ -162,7 +163,7 @@ class ArticulatedBodies:
         return tuple(sizes)
 
     def loads(self, M: Mapping[int, ca.SX], Q: Mapping[int, ca.SX]) -> "Loads":
-        """Inertia and forces of the bodies, from their (6, 6) and (6,) at centres of mass, in world and body axes."""
+        """Inertia and forces of the bodies. M (6, 6) and Q (6,) are at centres of mass, in world and body axes."""
         inertia = {link.body: self._inertia(link, M[link.body]) for link in self.links}
         force = {link.body: self._force(link, M[link.body], Q[link.body]) for link in self.links}
         return Loads(self, inertia, force)
@@ -181,8 +182,8 @@ class ArticulatedBodies:
 class Loads:
     """Inertia (6, 6) and forces (6,) of bodies on a tree of joints, in W at their origins.
 
-    Accelerations follow by articulated bodies, the mass matrix by composite ones. (Featherstone 2008, Rigid Body
-    Dynamics Algorithms, chapters 6 and 7)
+    The articulated-body algorithm computes accelerations, and the composite-rigid-body algorithm computes the mass
+    matrix. (Featherstone 2008, Rigid Body Dynamics Algorithms, chapters 6 and 7)
     """
 
     def __init__(self, tree: ArticulatedBodies, inertia: dict[int, ca.SX], force: dict[int, ca.SX]) -> None:
@@ -190,7 +191,7 @@ class Loads:
 
     @cached_property
     def _drift(self) -> dict[int | None, ca.SX]:
-        """Accelerations (6,) where those of the joints are 0."""
+        """Accelerations (6,) of each body for joint accelerations of 0."""
         A: dict[int | None, ca.SX] = {None: ca.SX(6, 1)}
         for link, here, carrier in self._walk():
             A[link.body] = _from_carrier(here, A[carrier]) + here.bias
@@ -208,6 +209,7 @@ class Loads:
         carriers = {link.body: carrier for link, _, carrier in self._walk()}
         for link, here, carrier in reversed(self._walk()):
             F, own = composite[link.body] @ here.H, self._tree.columns[link.body]
+            # The exact symmetry halves the operations, and rounding cannot make M unsymmetric.
             M[own, own] = ca.triu2symm(ca.triu(here.H.T @ F))
             if carrier is not None:
                 composite[carrier] = composite[carrier] + _inertia_to_carrier(here, composite[link.body])
@@ -221,13 +223,13 @@ class Loads:
 
     @cached_property
     def Q(self) -> ca.SX:
-        """Forces along the joints' velocities (n_v,), with those that velocities make."""
+        """Generalised forces along the joints' velocities (n_v,), including velocity-dependent inertial forces."""
         return self._along_joints(
             {body: force - self._inertia[body] @ self._drift[body] for body, force in self._force.items()}
         )
 
     def inertial(self, a: ca.SX) -> ca.SX:
-        """M a (n_v,) for accelerations a (n_v,), without the many entries of M."""
+        """Inertial forces M a (n_v,) for accelerations a (n_v,), computed without the matrix M."""
         A: dict[int | None, ca.SX] = {None: ca.SX(6, 1)}
         for link, here, carrier in self._walk():
             own = here.H @ a[self._tree.columns[link.body]] if here.H.shape[1] else ca.SX(6, 1)
@@ -235,7 +237,7 @@ class Loads:
         return self._along_joints({body: inertia @ A[body] for body, inertia in self._inertia.items()})
 
     def _along_joints(self, forces: dict[int, ca.SX]) -> ca.SX:
-        """What forces (6,) on the bodies do along the joints' velocities (n_v,)."""
+        """Generalised forces (n_v,) along the joints' velocities of the forces (6,) on the bodies."""
         F, along = dict(forces), ca.SX(self._tree.n_v, 1)
         for link, here, carrier in reversed(self._walk()):
             if here.H.shape[1]:
@@ -246,8 +248,9 @@ class Loads:
 
     @cached_property
     def _articulated(self) -> dict[int, tuple[ca.SX, Callable[[ca.SX], ca.SX], ca.SX]]:
-        """For each body U = M H, a solver of H' M H z = r, and its inertia (6, 6) without what the joint lets move."""
+        """For each body: U = M H, a solver of H' M H z = r, and the articulated inertia (6, 6) for the carrier."""
         M, parts = dict(self._inertia), {}
+        # From the tips to the roots: the inertia of a body must contain all bodies that it carries.
         for link, here, carrier in reversed(self._walk()):
             U = M[link.body] @ here.H
             invert = _inverse(here.H.T @ U)
@@ -260,13 +263,13 @@ class Loads:
         return parts
 
     def solve(self, f: ca.SX) -> ca.SX:
-        """M^-1 f (n_v,), for forces f (n_v,) along the joints' velocities."""
+        """Accelerations M^-1 f (n_v,) for forces f (n_v,) along the joints' velocities."""
         zero = {link.body: ca.SX(6, 1) for link in self._tree.links}
         return self._accelerations(f, zero, zero)
 
     @cached_property
     def accelerations(self) -> ca.SX:
-        """M^-1 Q (n_v,)."""
+        """Accelerations M^-1 Q (n_v,)."""
         bias = {link.body: here.bias for link, here, _ in self._walk()}
         return self._accelerations(ca.SX(self._tree.n_v, 1), self._force, bias)
 
@@ -307,18 +310,18 @@ def _inverse(D: ca.SX) -> Callable[[ca.SX], ca.SX]:
 
 
 def _to_carrier(here: Placed, F: ca.SX) -> ca.SX:
-    """Forces (6, k) at the carrier's origin in its W."""
+    """Forces (6, k), moved to the carrier's origin and working axes."""
     f = here.turn @ F[:3, :]
     return ca.vertcat(f, here.turn @ F[3:, :] + ca.skew(here.arm) @ f)
 
 
 def _from_carrier(here: Placed, A: ca.SX) -> ca.SX:
-    """The acceleration (6,) that the carrier's one makes."""
+    """The acceleration (6,) of a body for the acceleration A (6,) of its carrier."""
     return ca.vertcat(here.turn.T @ (A[:3] + ca.cross(A[3:], here.arm)), here.turn.T @ A[3:])
 
 
 def _inertia_to_carrier(here: Placed, M: ca.SX) -> ca.SX:
-    """An inertia (6, 6) at the carrier's origin in its W."""
+    """An inertia (6, 6), moved to the carrier's origin and working axes."""
     K, arm = here.turn, ca.skew(here.arm)
     P, B, C = K @ M[:3, :3] @ K.T, K @ M[:3, 3:] @ K.T, K @ M[3:, 3:] @ K.T
     P = ca.triu2symm(ca.triu(P))

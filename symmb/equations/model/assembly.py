@@ -36,9 +36,9 @@ from symmb.declare.mechanics import (
 )
 from symmb.declare.symbolic import Symbol, is_zero, t
 from symmb.equations.model.binding import Binding
-from symmb.equations.model.positive import Inertia, positive
 from symmb.equations.model.validation import (
     ElementFaults,
+    Inertia,
     event_margin,
     held_faults,
     impact_law,
@@ -47,6 +47,7 @@ from symmb.equations.model.validation import (
     name_faults,
     plane_faults,
     position_rows,
+    positive,
     velocity_rows,
 )
 
@@ -54,7 +55,7 @@ T = TypeVar("T")
 
 
 class Coordinates(NamedTuple):
-    """Coordinates q, velocities v, rates q' and the names of q and v."""
+    """Coordinates q, velocities v, rates q' and the names of q and v of a part of the system."""
 
     q: ca.SX
     v: ca.SX
@@ -71,7 +72,7 @@ class Coordinates(NamedTuple):
 
     @classmethod
     def joined(cls, parts: Sequence["Coordinates"]) -> dict[str, Any]:
-        """The coordinates of several parts together, by the names of the attributes."""
+        """The coordinates of several parts together, as a dictionary with the names of the attributes."""
         columns: dict[str, list[Any]] = {name: [getattr(part, name) for part in parts] for name in cls._fields}
         names = {name: tuple(chain.from_iterable(columns.pop(name))) for name in ("q_names", "v_names")}
         return {name: stacked(column) for name, column in columns.items()} | names
@@ -99,19 +100,19 @@ class Collected:
     Psi: ca.SX
     rows: dict[str, slice]
     row_names: tuple[str, ...]
-    units: ca.SX  # in which forces and moments among the multipliers compare: 1, and an arm of the joints [m]
-    sampled: tuple[tuple[Sampled, ca.SX], ...]  # with their laws
+    units: ca.SX  # (n_r,), units that make force and moment multipliers comparable: 1, or an arm [m]
+    sampled: tuple[tuple[Sampled, ca.SX], ...]  # each with its law
     impacts: tuple[tuple[str, ca.SX, ca.SX], ...]  # name, gap, restitution
-    joint_events: tuple[tuple[JointEvent, ca.SX], ...]  # with their margins, below 0 where conditions hold
+    joint_events: tuple[tuple[JointEvent, ca.SX], ...]  # each with its margin, negative if the condition holds
     assembly_cosines: ca.SX
     positive: tuple[tuple[str, ca.SX], ...]  # expressions that must be above 0 for all parameters, with their names
     loads: tuple[Load, ...]
-    forces: dict[str, ca.SX | None]  # what the laws of elements give, None where that is not one number
-    decoupled: tuple[tuple[str, ca.SX, str, ca.SX], ...]  # coordinates without force and constraint: name, x, name, vx
-    n_declared_rows: int  # rows that the joints declare, with those that are zero
+    forces: dict[str, ca.SX | None]  # force laws of elements; None if not a scalar
+    decoupled: tuple[tuple[str, ca.SX, str, ca.SX], ...]  # coordinates on which no element acts: name, x, name, vx
+    n_declared_rows: int  # number of rows of all joints, including zero rows
 
     def keeping(self, numbers: Sequence[int]) -> "Collected":
-        """A copy with some rows only, given by their numbers in rising order."""
+        """A copy with some of the rows only. `numbers` are the indices of these rows in ascending order."""
         n_c = self.Phi.numel()
         owners = [next(name for name, where in self.rows.items() if where.start <= i < where.stop) for i in numbers]
         return replace(
@@ -130,12 +131,12 @@ class Collected:
 
     @property
     def gated(self) -> dict[str, bool]:
-        """Joints that open and close, and whether they are closed at the start."""
+        """Joints that open and close. The value is True for joints that are closed at the start."""
         return closed_at_start(event for event, _ in self.joint_events)
 
     @property
     def gates(self) -> ca.SX | None:
-        """1 for every row that is in the equations, 0 for those of open joints, (n_r,); None if no joint opens."""
+        """Factors of the rows (n_r,): 0 for rows of open joints and 1 for other rows. None if no joint opens."""
         by_name = row_gates(event for event, _ in self.joint_events)
         sizes = {name: where.stop - where.start for name, where in self.rows.items()}
         gates = ca.vertcat(*[ca.repmat(by_name.get(name, ca.SX(1)), n, 1) for name, n in sizes.items()])
@@ -143,7 +144,7 @@ class Collected:
 
     @property
     def power(self) -> ca.SX:
-        """Power of forces without potential, and of mass that joins or leaves [W]."""
+        """Power of forces without potential, and of added or removed mass [W]."""
         M = self.M_flow
         moving = ca.vertcat(self.q, t, *[state.sx for state in self.states])
         M_dot = ca.jtimes(M, moving, ca.vertcat(self.qdot, 1, *[state.rate for state in self.states]))
@@ -151,7 +152,7 @@ class Collected:
 
     @cached_property
     def slices(self) -> list[tuple[slice, slice]]:
-        """Slices of q and v of each body. They leave out the coordinates that particles do not have."""
+        """Slices of q and v of each body. Removed coordinates of particles are not counted."""
         slices, at_q, at_v = [], 0, 0
         for body, n_v in zip(self.bodies, self.block_sizes, strict=True):
             n_q = n_v + isinstance(body.pose, Spatial)
@@ -160,7 +161,7 @@ class Collected:
         return slices
 
     def retract(self, delta: ca.SX) -> ca.SX:
-        """The retraction of all bodies."""
+        """Coordinates (n_q,) of all bodies after a small displacement delta (n_v,)."""
         own = zip(self.bodies, self.slices, strict=True)
         return ca.vertcat(ca.SX(0, 1), *[body.pose.retract(self.q[q], delta[v]) for body, (q, v) in own])
 
@@ -168,19 +169,19 @@ class Collected:
 def collect(elements: Sequence[Body | Element], parameters: Parameters | None) -> Collected:
     """Validate the declaration and derive its equations. A DeclarationError has one line for each fault.
 
-    Without parameters they are those whose symbols the elements hold.
+    If `parameters` is None, the system has the parameters with symbols in the elements.
     """
     collected = driven = _with_all_coordinates(elements, parameters)
     parameters = collected.bind.parameters
     inputs = [u.symbol for u in _of_kind(Input, elements) if u.name not in parameters]
     if inputs and any(isinstance(body.pose, Particle) for body in collected.bodies):
-        # Inputs are 0 here. What they drive stays, as in the equations that contain them.
+        # Inputs are 0 here. Coordinates that only inputs drive stay, because the equations with inputs need them.
         driven = _with_all_coordinates(elements, parameters.with_inputs(inputs))
     return _without(collected, _untouched(driven))
 
 
 def _with_all_coordinates(elements: Sequence[Body | Element], given: Parameters | None) -> Collected:
-    """The equations in all coordinates of particles, also those that stand in none."""
+    """The equations in all coordinates of particles, including coordinates that appear in no equation."""
     parameters = Parameters() if given is None else given
     faults, sound = ElementFaults(name_faults(elements, parameters)), []
     bodies = tuple(e for e in elements if isinstance(e, Body))
@@ -193,9 +194,10 @@ def _with_all_coordinates(elements: Sequence[Body | Element], given: Parameters 
             own = getattr(element, "faults", ())
         faults += own
     bind = Binding(parameters, bodies, _of_kind(OwnState, sound), _of_kind(Input, sound))
-    some = ca.SX(1), ca.SX.eye(3)  # with which the other laws are checked
+    some = ca.SX(1), ca.SX.eye(3)  # a substitute, so that the other laws are checked too
     inertial = [(b, faults.attempt(some, mass_and_inertia, b, bind)) for b in bodies]
     equations = _write_equations(sound, inertial, bind, faults)
+    # The parameters are only known after all laws were read, so everything is derived once more with these parameters.
     if given is None and bind.missing is not None:
         return _with_all_coordinates(elements, bind.missing)
     faults.raise_any()
@@ -223,7 +225,7 @@ class _Equations:
 
     @property
     def forces(self) -> dict[str, ca.SX | None]:
-        """What the law of each force gives, at all its places together."""
+        """The law of each force element by name. A force at several places is the sum."""
         own = {f.name: [a.force for a in actions if a.force is not None] for f, actions in self.actions.items()}
         return {name: sum(forces[1:], forces[0]) if forces else None for name, forces in own.items()}
 
@@ -231,7 +233,7 @@ class _Equations:
 def _write_equations(
     elements: Sequence[Element], inertial: Sequence[Inertia], bind: Binding, faults: ElementFaults
 ) -> _Equations:
-    """The laws of the elements. Those that are faulty are noted and left out."""
+    """The laws of the elements. Faults are noted, and laws with a fault are left out."""
     attempt, nothing = faults.attempt, ca.SX(0, 1)
     masses = [(b, mass) for b, (mass, _) in inertial]
     constraints, forces = _of_kind(Constraint, elements), _of_kind(ForceElement, elements)
@@ -261,6 +263,7 @@ def _write_equations(
         faults += held_faults(element, equations.positions, equations.velocities)
     for force, own in actions.items():
         faults += chain.from_iterable(plane_faults(force.title, action) for action in own)
+    # Margins of events may contain rows of joints, so they are derived last and only for sound rows.
     if events and not faults:
         _gate_rows(equations, bind)
         for k, (e, _) in enumerate(events):
@@ -270,7 +273,7 @@ def _write_equations(
 
 
 def _gate_rows(equations: _Equations, bind: Binding) -> None:
-    """Rows of joints that open or close are 0 while these are open, and those where they closed after a Latch."""
+    """Rewrite the rows of joints that open or close: 0 while open, relative to the place of closing after a Latch."""
     for name in row_gates(event for event, _ in equations.joint_events):
         parts, own = [], equations.positions[name]
         for event, _ in equations.joint_events:
@@ -281,7 +284,7 @@ def _gate_rows(equations: _Equations, bind: Binding) -> None:
 
 
 def _of_kind(kind: type[T], elements: Sequence[object]) -> list[T]:
-    """The elements of one kind."""
+    """The elements that are instances of `kind`."""
     return [element for element in elements if isinstance(element, kind)]
 
 
@@ -325,15 +328,15 @@ def _assemble(inertial: Sequence[Inertia], bind: Binding, equations: _Equations)
 
 
 def _states(bind: Binding, expressions: Sequence[ca.SX], equations: _Equations) -> tuple[Symbol, ...]:
-    """The declared states, those in expressions and in rates of others, and whether contacts are closed."""
+    """The states of the system: declared states, states in expressions and in other rates, and states of contacts."""
     declared = [symbol for state in equations.states for symbol in state.symbols]
     laws = [law for _, law in equations.sampled]
     states = dict.fromkeys([*declared, *bind.states(ca.vertcat(*expressions, *laws))])
-    for state in (reached := [*states]):  # which grows
+    for state in (reached := [*states]):  # the list grows in the loop
         reached += [s for s in dict.fromkeys(bind.states(state.rate)) if s not in reached]
     flags = [impact.state for impact in equations.impacts]
     flags += [state for event, _ in equations.joint_events for state in event.states]
-    # Records of states that come along with expressions live as long as the tuple holds them.
+    # The tuple keeps the records of states in expressions alive.
     return tuple(
         replace(state, rate=bind.without_inputs(state.rate)) if bind.inputs_in([state.rate]) else state
         for state in dict.fromkeys([*reached, *flags])
@@ -341,14 +344,14 @@ def _states(bind: Binding, expressions: Sequence[ca.SX], equations: _Equations) 
 
 
 def stacked(parts: Sequence[ca.SX]) -> ca.SX:
-    """Dense columns below each other."""
+    """Dense columns, stacked vertically."""
     return ca.densify(ca.vertcat(*parts)) if parts else ca.SX(0, 1)
 
 
 def _forces(
     bodies: Sequence[Body], shares: Sequence[Inertial], actions: Sequence[Action]
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Generalised forces without and with potential, and the potential. Gyroscopic terms belong to the latter."""
+    """Generalised forces without potential, forces with potential and gyroscopic terms, and the potential."""
     zero = {id(b): ca.SX(b.frame.v.numel(), 1) for b in bodies}
     work, conservative = dict(zero), dict(zero)
     potential = ca.SX(0)
@@ -377,13 +380,13 @@ def _owners(rows: dict[str, list[ca.SX]]) -> Iterator[str]:
 
 
 def _row_slices(owners: Sequence[str]) -> dict[str, slice]:
-    """The rows of each constraint, which follow each other, from the names of those that own them."""
+    """The slice of rows of each constraint, from the owner of each row. Rows of one constraint are contiguous."""
     counts = Counter(owners)
     return {name: slice(at := owners.index(name), at + count) for name, count in counts.items()}
 
 
 def is_linear(name: str) -> bool:
-    """Whether a coordinate or a velocity of this name is one of translation, or of a mode."""
+    """Whether a coordinate or velocity with this name is a translation or belongs to a mode."""
     part = name.rpartition(".")[2]
     return part in _LINEAR or part.startswith("eta")
 
@@ -392,7 +395,7 @@ _LINEAR = ("x", "y", "z", "vx", "vy", "vz", "displacement", "displacement_rate")
 
 
 def _units(constraints: Sequence[Constraint], own: Sequence[Coordinates], *rows: ca.SX) -> ca.SX:
-    """1 for rows that contain a translation, and for others the mean arm of the points of joints on bodies [m]."""
+    """Units of the rows (n_r,): 1 for rows with a translation, otherwise the mean arm of joints on bodies [m]."""
     points = [p for c in constraints if isinstance(c, Joint) for p in (c.point_a, c.point_b)]
     squares = [ca.sumsqr(p.s) for p in points if not isinstance(p.body, Ground)]
     arm = ca.sqrt(sum(squares) / len(squares)) if any(not is_zero(square) for square in squares) else ca.SX(1)
@@ -407,7 +410,7 @@ def _units(constraints: Sequence[Constraint], own: Sequence[Coordinates], *rows:
 
 
 def _without(c: Collected, pairs: Sequence[tuple[int, int]]) -> Collected:
-    """Leave out coordinates of particles, given by their numbers in q and v."""
+    """The equations without these coordinates of particles. `pairs` are indices in q and v."""
     if not pairs:
         return c
     q_drop, v_drop = map(set, zip(*pairs, strict=True))
@@ -430,7 +433,7 @@ def _without(c: Collected, pairs: Sequence[tuple[int, int]]) -> Collected:
 
 
 def _untouched(c: Collected) -> list[tuple[int, int]]:
-    """Numbers in q and v of the coordinates of particles that stand in no equation."""
+    """Indices in q and v of the coordinates of particles that appear in no equation."""
     particles = [at for body, at in zip(c.bodies, c.slices, strict=True) if isinstance(body.pose, Particle)]
     if not particles:
         return []
@@ -443,6 +446,6 @@ def _untouched(c: Collected) -> list[tuple[int, int]]:
     for at_q, at_v in particles:
         own = zip(range(at_q.start, at_q.stop), range(at_v.start, at_v.stop), strict=True)
         free = [(i, j) for i, j in own if not in_q[i] and not in_v[j] and is_zero(c.Q[j])]
-        if len(free) < 3 or not is_zero(c.M[at_v.start, at_v.start]):  # else nothing determines how the body moves
+        if len(free) < 3 or not is_zero(c.M[at_v.start, at_v.start]):  # without mass nothing determines the motion
             pairs += free
     return pairs

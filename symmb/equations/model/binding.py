@@ -24,7 +24,7 @@ from symmb.declare.symbolic import (
 
 
 class Binding:
-    """Converts expressions into SX of the parameters, coordinates and velocities of one system, and time."""
+    """Converts expressions into SX of time and of the parameters, coordinates and velocities of one system."""
 
     def __init__(
         self,
@@ -34,7 +34,7 @@ class Binding:
         inputs: Sequence[Input] = (),
     ) -> None:
         self.parameters = parameters
-        self.missing: Parameters | None = None  # parameters whose symbols are in expressions and are not known
+        self.missing: Parameters | None = None  # unknown parameters with symbols in expressions
         self._inputs = ca.vertcat(ca.SX(0, 1), *(u.value for u in inputs if u.name not in parameters))
         self._known: dict[int, tuple[str, Kind | None, ca.SX]] = {t.element_hash(): ("t", None, t)}
         for i, name in enumerate(parameters):
@@ -56,9 +56,10 @@ class Binding:
         return {name: symbol for name, _, symbol in self._known.values()} | quantities
 
     def __call__(self, law: Expr, what: str, also: Collection[int] = (), any_size: bool = False) -> ca.SX:
-        """The law as SX, which has one component unless any size will do.
+        """The law as SX with one component, or with any number of components for `any_size`.
 
-        DeclarationError if it contains NaN, infinity or a symbol neither known nor in `also`; `what` names its owner.
+        DeclarationError if the law contains NaN, infinity or a symbol that is neither known nor in `also`. `what` names
+        the owner in messages.
         """
         if is_sympy(law):
             with faults_of(what):
@@ -70,7 +71,7 @@ class Binding:
                 more = " Write numbers in SI units, as np.deg2rad(80) for 80°."
             elif isinstance(law, str):
                 more = " Write the expression itself, such as rod.x, without quotation marks."
-            raise DeclarationError(f"{what}: {shown(law)} is no number and no CasADi SX or SymPy expression.{more}")
+            raise DeclarationError(f"{what}: {shown(law)} is not a number, a CasADi SX or a SymPy expression.{more}")
         if expression.numel() != 1 and not any_size:
             raise DeclarationError(f"{what} has {expression.numel()} components; expected one number or expression.")
         self.check(expression, what, also)
@@ -78,29 +79,29 @@ class Binding:
         return ca.sparsify(expression) if expression.numel() != 1 else ca.densify(expression)
 
     def without_inputs(self, expression: ca.SX) -> ca.SX:
-        """An expression with 0 in the place of inputs that are no parameters."""
+        """An expression in which inputs that are not parameters have the value 0."""
         return ca.substitute(expression, self._inputs, 0 * self._inputs) if self._inputs.numel() else expression
 
     def inputs_in(self, expressions: Sequence[ca.SX]) -> list[str]:
-        """Names of inputs that are no parameters, in expressions that are not bound."""
+        """Names of the inputs in unbound expressions that are not parameters."""
         if not self._inputs.numel():
             return []
         return [u.name() for u in ca.vertsplit(self._inputs) if ca.depends_on(ca.veccat(*expressions), u)]
 
     def check(self, expression: ca.SX, what: str, also: Collection[int] = ()) -> None:
-        """Raise if an expression contains NaN, infinity or unknown symbols; `also` are hashes of further known ones."""
+        """Raise if an expression has NaN, infinity or unknown symbols. `also` has hashes of further known symbols."""
         if expression.is_constant() and np.isinf(np.array(ca.DM(expression))).any():
             raise DeclarationError(f"{what} is infinite. Give a finite number.")
         if has_irregular_constant(expression):
             raise DeclarationError(
-                f"{what}: contains NaN or infinity. Python's math gives NaN for expressions: use casadi.sin(mb.t) in "
-                "place of math.sin(mb.t). CasADi and SymPy mixed in one expression give it as well."
+                f"{what}: contains NaN or infinity. Use casadi.sin(mb.t) instead of math.sin(mb.t), because "
+                "Python's math gives NaN for expressions. Do not mix CasADi and SymPy in one expression."
             )
         unknown = (self._fault(symbol, also) for symbol in ca.symvar(expression))
         Faults(f"{what}: {fault}" for fault in unknown if fault).raise_any()
 
     def _fault(self, symbol: ca.SX, also: Collection[int]) -> str:
-        """Why a symbol is not known; empty if it is."""
+        """Why a symbol is not known, as a sentence; empty if the symbol is known."""
         record = lookup(symbol)
         if symbol.element_hash() in self._known or symbol.element_hash() in also:
             return ""
@@ -111,21 +112,21 @@ class Binding:
             return ""
         if symbol.name() in self.by_name:
             return (
-                f"symbol {symbol.name()!r} belongs to another body or Parameters object than the System's one of that "
-                "name. Use one object for both."
+                f"symbol {symbol.name()!r} belongs to another body or Parameters object than the part of the System "
+                "with this name. Use the same object for both."
             )
         if re.search(r"\.lam\[\d+\]$", symbol.name()):
             return (
-                f"{symbol.name()!r} is a reaction, which follows from the equations: no law can depend on it. Outputs "
-                "and conditions of Release can, if it is one of their own System."
+                f"{symbol.name()!r} is a reaction and follows from the equations, so laws cannot depend on it. Only "
+                "outputs and conditions of Release can depend on reactions of their own System."
             )
         if declared_with(symbol) is not None:
             return (
-                f"symbol {symbol.name()!r} is of Parameters that the System does not have. Declare all parameters "
-                "together, and name them by System(..., parameters=p) if no element depends on them."
+                f"symbol {symbol.name()!r} belongs to Parameters that the System does not have. Declare all parameters "
+                "in one object. If no element depends on this object, pass System(..., parameters=p)."
             )
         return (
-            f"symbol {symbol.name()!r} belongs to no parameter and no body of the System."
+            f"symbol {symbol.name()!r} does not belong to a parameter or a body of the System."
             f"{did_you_mean(symbol.name(), self.by_name)}"
         )
 
@@ -134,7 +135,7 @@ class Binding:
         return tuple(records_in(expression, Kind.STATE))
 
     def symbols(self, kind: Kind, expression: ca.SX) -> list[ca.SX]:
-        """The symbols of the system of one kind, such as velocities, in an expression."""
+        """The symbols of one kind, such as velocities of the system, in an expression."""
         symbols = ca.symvar(expression)
         return [s for s in symbols if self._known.get(s.element_hash(), ("", None, s))[1] is kind]
 
@@ -143,6 +144,6 @@ class Binding:
         return len(self.symbols(Kind.PARAMETER, expression)) == len(ca.symvar(expression))
 
     def nominal(self, expression: ca.SX) -> Array:
-        """Values of an expression of parameters at the nominal ones."""
+        """Values of an expression of parameters at the nominal parameters."""
         f = ca.Function("nominal", [self.parameters.symbols], [expression])
         return f(self.parameters.nominal).full()

@@ -18,7 +18,7 @@ from symmb._units import NO_UNIT, label, ratio_of, scaled, units_of_parameters
 from symmb.equations.model.tolerance_list import interval_of, interval_with_unit, intervals_in_file, share_of
 
 Interval = tuple[float, float] | tuple[float, float, str] | tuple[str, str] | str
-"""Ends in the unit of the parameter, or in another one."""
+"""The ends of an interval, in the unit of the parameter or in another unit."""
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -28,20 +28,20 @@ class Box:
     Parameters
     ----------
     **intervals : (lower, upper)
-        One pair for each parameter, by name. ``lower == upper`` is legal and means a fixed value. Other units that fit
-        the parameter are converted: (0.234, 0.236, "m"), ("234 mm", "236 mm"), "235 mm ±0.5 mm", "2.5 N/mm ±10%".
+        One pair for each parameter, by name. ``lower == upper`` is allowed and means a fixed value. Other units of the
+        same kind are converted: (0.234, 0.236, "m"), ("234 mm", "236 mm"), "235 mm ±0.5 mm", "2.5 N/mm ±10%".
 
     Attributes
     ----------
     names : tuple of d names
     bounds : tuple of d pairs (lower, upper)
-    units : tuple of d units, '' where there is none; empty if no parameter has one. Studies convert a box to the units
-        of their parameters
+    units : tuple of d units, '' for parameters without a unit; empty if no parameter has a unit. Studies convert a box
+    to the units of their parameters
 
     Raises
     ------
     DeclarationError
-        If there is no interval, or one is reversed, not finite or not a pair, or a unit is not known.
+        If there is no interval, if an interval is reversed, not finite or not a pair, or if a unit is not known.
 
     Examples
     --------
@@ -69,12 +69,12 @@ class Box:
         object.__setattr__(self, "units", units if any(units) else ())
 
     def with_units(self, units: Mapping[str, str]) -> "Box":
-        """The box in the units of parameters, by name. Ends without a unit are in that of the parameter.
+        """The box in these units of the parameters, by name. Ends without a unit are in the unit of the parameter.
 
         Raises
         ------
         DeclarationError
-            If a unit does not fit the parameter, or units are no texts by name.
+            If a unit does not fit the parameter, or if the units are not texts by name.
         """
         if not isinstance(units, Mapping) or not all(isinstance(unit, str) for unit in units.values()):
             raise DeclarationError(f"Box: units must be texts by name of the parameter, got {shown(units)}.")
@@ -96,14 +96,14 @@ class Box:
         Parameters
         ----------
         parameters : mapping of name to nominal value
-        spread : share of the nominal value, 0.05 or "5%" for ± 5 %
-        names : the parameters with intervals; all of them if left out
+        spread : fraction or percentage of the nominal value, 0.05 or "5%" for ± 5 %
+        names : the parameters with intervals; default: all parameters
 
         Raises
         ------
         DeclarationError
-            If a name is unknown, if a nominal value is 0, so that its interval would have no width, or if the
-            spread is not above 0 and below 1: the interval must not reach 0.
+            If a name is unknown, if a nominal value is 0 (its interval would have no width), or if the spread is not
+            above 0 and below 1.
 
         Examples
         --------
@@ -115,8 +115,8 @@ class Box:
             spread = share_of(spread)
         if not is_finite_number(spread) or not 0 < spread < 1:
             raise DeclarationError(
-                f"Box.around: spread must be a share above 0 and below 1, such as 0.05 or '5%', got {shown(spread)}. "
-                "Wider intervals go into a Box by their ends: Box(name=(lower, upper))."
+                f"Box.around: spread must be above 0 and below 1, such as 0.05 or '5%', got {shown(spread)}. Declare "
+                "wider intervals by their ends: Box(name=(lower, upper))."
             )
         intervals = {}
         names = nominal if names is None else names
@@ -127,8 +127,8 @@ class Box:
                 raise DeclarationError(f"Box.around: unknown parameter '{name}'.{did_you_mean(name, nominal)}")
             if nominal[name] == 0.0:
                 raise DeclarationError(
-                    f"Box.around: parameter '{name}' has nominal value 0, of which a share is no interval. "
-                    f"Give its interval in a Box: {name}=(lower, upper)."
+                    f"Box.around: the nominal value of '{name}' is 0, so its interval would have no width. "
+                    f"Declare its interval: Box({name}=(lower, upper))."
                 )
             ends = nominal[name] * (1.0 - spread), nominal[name] * (1.0 + spread)
             intervals[name] = min(ends), max(ends)
@@ -141,17 +141,18 @@ class Box:
         Parameters
         ----------
         parameters : mapping of name to nominal value
-        **tolerances : by name, a number (to both sides), a pair (lower, upper) of signed deviations, a share such as
-            "1%", or a size in mm with its deviations, such as "40 ±0.1", "40 +/- 0.1", "40 ±1%" or "40 +0.1/-0.2", or
-            with its grade by ISO 286 or ISO 2768, such as "40 H7" or "120 ISO 2768-m". The nominal value must then be
-            this size, in m or in mm; of an angle such as "30° ±0.5°" it is in rad or in degrees. For a parameter with a
-            unit, sizes and deviations may have others that fit, as in "±0.1 mm" and "23.5 cm +1/-2 mm". Without one
-            they are in its own, but for those with grades, which are in mm
+        **tolerances : by name, a number (for both sides), a pair (lower, upper) of signed deviations, a percentage
+            such as "1%", or a size in mm with its deviations, such as "40 ±0.1", "40 +/- 0.1", "40 ±1%" or "40
+            +0.1/-0.2", or with its grade by ISO 286 or ISO 2768, such as "40 H7" or "120 ISO 2768-m". The nominal value
+            must then be equal to this size. It may be in m or mm, and for an angle such as "30° ±0.5°" in rad or
+            degrees. For a parameter with a unit, sizes and deviations may have other units of the same kind, as in
+            "±0.1 mm" and "23.5 cm +1/-2 mm". Sizes and deviations without a unit are in the unit of the parameter;
+            sizes with a grade are in mm
 
         Raises
         ------
         DeclarationError
-            If a name is unknown, a tolerance is none, or a grade does not exist for its size.
+            If a name is unknown, a tolerance is not valid, or a grade does not exist for the size.
 
         Examples
         --------
@@ -170,31 +171,32 @@ class Box:
     def read(cls, path: str | PathLike[str], parameters: Mapping[str, SupportsFloat] | None = None) -> "Box":
         """The intervals of a table of tolerances.
 
-        A CSV file has a head with `name`, `nominal`, `plus` and `minus`. The latter are the distances of the ends from
-        the nominal value; without `minus`, `plus` holds for both sides. In their place a column `tolerance` may hold
-        what `plus_minus` takes as a text, such as 1%, 40 ±0.1 or 40 H7. In a TOML file each parameter is a table with
-        these keys. Numbers are in the unit of the parameter, or have one that fits, as 0.5 mm.
+        A CSV file has a head with `name`, `nominal`, `plus` and `minus`. `plus` and `minus` are the distances of the
+        ends from the nominal value; without `minus`, `plus` holds for both sides. Instead of `plus` and `minus`, a
+        column `tolerance` may contain texts for `plus_minus`, such as 1%, 40 ±0.1 or 40 H7. In a TOML file each
+        parameter is a table with these keys. Numbers are in the unit of the parameter, or have a unit of the same kind,
+        such as 0.5 mm.
 
         Parameters
         ----------
         path : path of the file
-        parameters : mapping of name to nominal value, with which the nominal values of the table must agree
+        parameters : mapping of name to nominal value; the nominal values of the table must agree with these values
 
         Raises
         ------
         DeclarationError
-            If the file is no such table, or a nominal value is not that of the parameter.
+            If the file is not such a table, or if a nominal value differs from the nominal value of the parameter.
         FileError
-            If it cannot be read.
+            If the file cannot be read.
         """
         if not isinstance(path, str | PathLike):
-            raise DeclarationError(f"Box.read: path must be that of a file, got {shown(path)}.")
+            raise DeclarationError(f"Box.read: path must be the path of a file, got {shown(path)}.")
         units = units_of_parameters(parameters)
         nominal = None if parameters is None else _nominal("Box.read", parameters)
         return cls(**intervals_in_file(Path(path), nominal, units)).with_units(units)
 
     def __or__(self, other: "Box") -> "Box":
-        """The intervals of both boxes. A parameter of both must have the same interval in them."""
+        """The intervals of both boxes. A parameter in both boxes must have the same interval in both."""
         if not isinstance(other, Box):
             return NotImplemented
         mine, theirs = (box.intervals for box in (self, other))
@@ -205,7 +207,7 @@ class Box:
 
     @property
     def intervals(self) -> dict[str, Interval]:
-        """The intervals by name, (lower, upper), or (lower, upper, unit) of a parameter with a unit."""
+        """The intervals by name: (lower, upper), or (lower, upper, unit) for a parameter with a unit."""
         return {
             name: (*ends, unit) if unit else ends
             for name, ends, unit in zip(self.names, self.bounds, self.units or ("",) * len(self), strict=True)
@@ -218,22 +220,22 @@ class Box:
 
     @property
     def lower(self) -> Array:
-        """(d,) lower ends."""
+        """Lower ends (d,)."""
         return np.array([low for low, _ in self.bounds])
 
     @property
     def upper(self) -> Array:
-        """(d,) upper ends."""
+        """Upper ends (d,)."""
         return np.array([high for _, high in self.bounds])
 
     @property
     def center(self) -> Array:
-        """(d,) midpoints."""
+        """Midpoints (d,)."""
         return np.array([low + 0.5 * (high - low) for low, high in self.bounds])
 
     @property
     def radius(self) -> Array:
-        """(d,) half widths."""
+        """Half widths (d,)."""
         return np.array([0.5 * (high - low) for low, high in self.bounds])
 
     def from_unit(self, unit: Array) -> Array:
@@ -243,13 +245,13 @@ class Box:
         return np.where(unit == -1.0, self.lower, np.where(unit == 1.0, self.upper, inside))
 
     def to_unit(self, values: Array) -> Array:
-        """Parameter values (N, d) as points (N, d) of [-1, 1]^d; 0 where an interval has no width."""
+        """Parameter values (N, d) as points (N, d) of [-1, 1]^d. The coordinate of an interval without width is 0."""
         radius = self.radius
         values = require_numbers(repr(self), "values", values, len(self), leading=True)
         return (values - self.center) / np.where(radius > 0, radius, np.inf)
 
     def without(self, name: str) -> "Box | None":
-        """The box of the other parameters; None if there are none."""
+        """The box of the other parameters; None if there are no others."""
         require_instance(repr(self), name, str, "the name of a parameter")
         left = {other: ends for other, ends in self.intervals.items() if other != normal(name)}
         return Box(**left) if left else None
@@ -261,7 +263,7 @@ class Box:
         return iter(self.names)
 
     def keys(self) -> tuple[str, ...]:
-        """The names of the parameters, so that `dict(box)` has their intervals."""
+        """The names of the parameters. They make `dict(box)` a dictionary of the intervals."""
         return self.names
 
     def __getitem__(self, name: str) -> tuple[float, float]:
@@ -287,7 +289,7 @@ class Box:
 
 
 def _nominal(owner: str, parameters: object) -> dict[str, float]:
-    """Nominal values by the normal forms of their names; DeclarationError if they are none."""
+    """Nominal values by the normal forms of their names; DeclarationError if they are not valid."""
     if not isinstance(parameters, Mapping) or not all(map(is_finite_number, parameters.values())):
         raise DeclarationError(f"{owner}: parameters must be nominal values by name, got {shown(parameters)}.")
     return {name: float(value) for name, value in normal_keys(owner, parameters).items()}

@@ -1,6 +1,6 @@
 """C source of a model's Functions, with a header that explains them and a main program that uses them.
 
-The files need a C compiler, and neither symmb nor CasADi.
+The files need only a C compiler, not symmb or CasADi.
 """
 
 import math
@@ -18,20 +18,20 @@ from symmb._options import shown
 from symmb.results.files import replacement, told
 
 _EXAMPLE = Path(__file__).with_name("example.c.in")
-"""The main program, with places for names and numbers."""
+"""Template of the main program, with placeholders for names and numbers."""
 
 
 def save_c(
     functions: Mapping[str, ca.Function], folder: str | Path, *, name: str = "model", example: str | None = None
 ) -> tuple[Path, ...]:
-    """Write `<name>.c`, `<name>.h` and, with the text of an example, `main.c`; existing files are replaced.
+    """Write `<name>.c`, `<name>.h` and, for the text of an example, `main.c`. Existing files are replaced.
 
-    The C functions are called `<name>_<key>`: a bare `gamma` would clash with the one in math.h.
+    The names of the C functions are `<name>_<key>`, because a function `gamma` would clash with math.h.
     """
     if not (name.isidentifier() and name.isascii()):
-        raise DeclarationError(f"name='{name}' is not a C identifier: use letters, digits and underscores.")
+        raise DeclarationError(f"name='{name}' is not a C identifier. Use letters, digits and underscores.")
     if not functions:
-        raise DeclarationError("There is no Function to write.")
+        raise DeclarationError("The mapping of Functions is empty. Pass at least one Function.")
     if not isinstance(folder, str | os.PathLike) or "\0" in str(folder):
         raise DeclarationError(f"The name of a folder must be a text or a Path, got {shown(folder)}.")
     with told(folder, "made"):
@@ -72,7 +72,7 @@ def example_c(
 
     The method is the classical Runge-Kutta method of order 4 with a fixed step. States are not projected onto the
     constraints: the violation depends on the step size. `rhs` is (q, v, p, t) -> (qdot, vdot), or (q, v, s, p, t) ->
-    (qdot, vdot, sdot), and its key is "rhs". `parameters` are in the order of p. `coordinates` are the heads of the
+    (qdot, vdot, sdot), and its key is "rhs". `parameters` are in the order of p. `coordinates` are the headings of the
     columns.
     """
     _require_start(rhs, {"q": q, "v": v, "s": s, "p": parameters, "t": (t0,)}, coordinates)
@@ -109,8 +109,8 @@ def _require_start(rhs: ca.Function, start: Mapping[str, Sized], coordinates: Se
     n_q, n_s = len(start["q"]), len(start["s"])
     if sizes != expected or len(coordinates) != n_q or (n_s and not has_states):
         raise DeclarationError(
-            f"The start does not fit rhs: expected lengths {expected}, "
-            f"given {sizes}, s: {n_s}, coordinates: {len(coordinates)}."
+            f"The start does not fit rhs: expected the lengths {expected}, "
+            f"got {sizes}, s: {n_s}, coordinates: {len(coordinates)}."
         )
 
 
@@ -135,7 +135,7 @@ def _layout(name: str, pattern: ca.Sparsity) -> str:
 
 
 def _numbers(labelled: Iterable[tuple[str, float]]) -> str:
-    """The numbers of a C array, one in a line with its label. An empty array gets a zero, because C has none."""
+    """The numbers of a C array, one per line with a label. An empty array gets a zero: C has no empty arrays."""
     labelled = [(label.replace("*/", "* /"), value) for label, value in labelled]
     return "\n".join(f"    {float(value)!r}, /* {label} */" for label, value in labelled) or "    0.0"
 

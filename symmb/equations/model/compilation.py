@@ -18,7 +18,7 @@ from symmb.equations.model.system import System
 from symmb.equations.model.validation import require_inertia
 
 Outputs = Mapping[str, ca.SX]
-"""Expressions of a Function by the names of its outputs."""
+"""Expressions of the outputs of a Function by name."""
 
 
 @kept_interrupts()
@@ -28,11 +28,12 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
     Parameters
     ----------
     system : System
-        its inputs become parameters, behind the others
+        the inputs of the system become the last parameters
     rows : sequence of int, optional
-        numbers of the constraint rows to keep, where the others are redundant
+        indices of the constraint rows to keep if the other rows are redundant
     nullities : (int, int)
-        combinations of these rows, and of the position rows among them, that vanish wherever the constraints hold
+        numbers of linear combinations of these rows, and of the position rows among them, that vanish at all positions
+        that satisfy the constraints
 
     Returns
     -------
@@ -41,7 +42,7 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
     Raises
     ------
     DeclarationError
-        If velocities have neither inertia nor a constraint
+        If a velocity has neither inertia nor a constraint
 
     Examples
     --------
@@ -55,7 +56,7 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
     if rows is not None:
         for row in require_numbers("compile_dae", "rows", rows, None).tolist():
             if row not in range(len(system.collected.row_names)):
-                raise DeclarationError(f"compile_dae: there is no row {row:g} of constraints.")
+                raise DeclarationError(f"compile_dae: there is no constraint row {row:g}.")
     require_numbers("compile_dae", "nullities", nullities, 2)
     system = system.with_inputs
     reduced = system if rows is None else system.keeping(rows, nullities[0])
@@ -94,7 +95,7 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
 
 
 def _rows(system: System) -> dict[str, Outputs]:
-    """The rows of the constraints, their rates and their Jacobian, which every start needs."""
+    """The outputs that every start needs: constraint rows, their rates and their Jacobian."""
     rows: dict[str, Outputs] = {}
     if system.Phi.numel():
         rows["Phi"] = {"Phi": system.Phi}
@@ -106,9 +107,9 @@ def _rows(system: System) -> dict[str, Outputs]:
 def _equations(
     system: System, contacts: ContactEquations | None, whole: tuple[System, tuple[int, int]] | None
 ) -> dict[str, Lazy[ca.Function]]:
-    """The Functions of the equations of motion that the scene has, by name.
+    """The Functions of the equations of motion of the scene, by name.
 
-    `whole` is the system with its redundant rows, and the numbers of combinations of rows that vanish.
+    `whole` is the system with its redundant rows, and the numbers of vanishing combinations of rows.
     """
     a, lam = ca.SX.sym("a", system.v.numel()), ca.SX(system.lam)
     right = ca.SX.sym("gamma", lam.numel())
@@ -169,10 +170,10 @@ def _equations(
 
 
 def _redundancy_equations(system: System, reduced: System, nullities: tuple[int, int]) -> dict[str, Outputs]:
-    """Multipliers of least norm of a system with redundant rows, reduced to those that determine the motion.
+    """The outputs that a system with redundant rows needs: multipliers of least norm and vanishing combinations.
 
-    Of these rows and of the position rows among them, so many combinations vanish as `nullities` says. None do where
-    they are independent wherever the system can move.
+    `reduced` has the rows that determine the motion. `nullities` are the numbers of vanishing combinations of these
+    rows and of the position rows among them, 0 for rows that are independent at all positions.
     """
     every: dict[str, Outputs] = {
         "distribute_multipliers": {
@@ -191,9 +192,9 @@ def _redundancy_equations(system: System, reduced: System, nullities: tuple[int,
 def _functions(
     system: System, outputs: Mapping[str, Outputs], inputs: Mapping[str, tuple[str, ca.SX]] = MappingProxyType({})
 ) -> dict[str, ca.Function]:
-    """A Function of the states, and of additional inputs, for each dictionary of outputs.
+    """A Function of the states and of additional inputs for each dictionary of outputs.
 
-    Common expressions are searched once for all of them: most share some.
+    Common subexpressions are searched once for all Functions, because most Functions share some.
     """
     states = [("q", system.q), ("v", system.v), *([("s", system.s)] if system.s.numel() else [])]
     states += [("p", system.p), ("t", t)]
@@ -209,6 +210,6 @@ def _functions(
         except RuntimeError:
             free = ca.Function(name, arguments, values, {"allow_free": True}).free_sx()
             raise DeclarationError(
-                f"The equations contain {free}, which no parameter and no body of the System has."
+                f"The equations contain {free}. No parameter and no body of the System has this symbol."
             ) from None
     return functions

@@ -5,8 +5,8 @@ With gaps g, their rates g' = W v + g_t, and the effects B, L of unit forces alo
     M B + G' L = W',    G B = 0,    D = W B,
 
 the forces f >= 0 in closed contacts follow from g'' = W (v'_free + B f) + zeta = 0, and velocities jump by B P.
-States c of 0 and 1 tell which contacts are closed. By (c D c + 1 - c) f = -c (W v'_free + zeta) the forces in open ones
-are 0, so that one set of equations holds for all combinations.
+States c are 1 for closed contacts and 0 for open contacts. With (c D c + 1 - c) f = -c (W v'_free + zeta) the forces in
+open contacts are 0, so one set of equations holds for all combinations.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,19 +22,13 @@ from symmb.declare.mechanics import JointEvent, Latch, Sticks, Struck
 from symmb.declare.symbolic import common, least_multipliers, symmetric_solver, t
 from symmb.equations.model.system import System
 
-_SMALL, _REST = ROUNDING, 1e-10
-"""Shares of the terms of an angular acceleration, and of an angular velocity at the start, that are rounding."""
-_UNBOUNDED = 100.0
-"""Multipliers of rows that contradict each other, over those of least norm: the solver's lift makes them 1e10 times
-larger. tests/events/test_clutches.py"""
-
 
 @dataclass(frozen=True)
 class Impacts:
     """Compiled equations of n contacts; every Function takes (q, v, s, p, t)."""
 
     names: tuple[str, ...]
-    closed: Indices  # (n,), of the states s for closed contacts
+    closed: Indices  # (n,), indices of the states s for closed contacts
     gaps: ca.Function  # -> gaps (n,), their rates (n,), and the sizes of the coordinates in the gaps (n,)
     # -> forces in closed contacts (n,), 0 in open ones, accelerations of the gaps (n,), the sizes of the terms in
     # these sums (n,), and effective inertias 1 / D_kk (n,)
@@ -42,11 +36,11 @@ class Impacts:
     impulses: ca.Function  # -> W (n, n_v), B (n_v, n), rates g_t of gaps at rest (n,), restitutions (n,)
     # -> q (n_q,), v (n_v,) after the least change in the norm of M that makes closed gaps and their rates 0
     project: ca.Function
-    joints: "JointEvents | None" = None  # of joints that open and close, None without any
+    joints: "JointEvents | None" = None  # None without joints that open and close
 
     @property
     def states(self) -> Indices:
-        """Numbers of the states s that change at events only."""
+        """Indices of the states s that change only at events."""
         joints = self.joints
         own = () if joints is None else (*joints.holding, *joints.flags, *joints.place)
         return np.concatenate([self.closed, np.array(own, dtype=np.intp)])
@@ -61,22 +55,24 @@ class JointEvents:
     opens: tuple[bool, ...]  # whether the joint opens
     holding: tuple[int, ...]  # the states s for conditions that hold
     flags: tuple[int, ...]  # the states s for joints that the event keeps closed
-    others: tuple[tuple[int, ...], ...]  # these states of other events of the same joint
+    others: tuple[tuple[int, ...], ...]  # `flags` of other events of the same joint
     rows: tuple[slice, ...]  # of the joints
     by_force: tuple[bool, ...]  # whether the margin needs multipliers
-    place: tuple[int, ...]  # (k,), the states s that keep where joints closed, or which way clutches slip
-    owners: tuple[int, ...]  # (k,), the events that set them
-    clutches: tuple[tuple[int, int], ...]  # (c, 2), states: 1 while clutches stick, and which way they slip
-    margins: ca.Function  # -> margins (m,), below 0 where conditions hold, and their rates (m,)
-    places: ca.Function  # -> where joints close now (k,)
-    slips: ca.Function  # -> slips of the clutches (c,), and their rounding (c,)
+    place: tuple[int, ...]  # (k,), the states s for places of closing, or for directions of slip of clutches
+    owners: tuple[int, ...]  # (k,), the events that set these states
+    clutches: tuple[
+        tuple[int, int], ...
+    ]  # (c, 2), indices of two states: 1 while the clutch sticks, and the direction of slip
+    margins: ca.Function  # -> margins (m,), negative if conditions hold, and their rates (m,)
+    places: ca.Function  # -> places of joints that close now (k,)
+    slips: ca.Function  # -> slips of the clutches (c,), and their rounding errors (c,)
     # -> v (n_v,), after the least change in the norm of M that makes the rates of all rows 0, impulses (n_r,) of the
     # rows that are kept, and their work [J]
     jump: ca.Function
 
     @property
     def let_slip(self) -> tuple[int, ...]:
-        """1 for events at which torque makes a clutch slip, 2 where an impulse does, 0 for others, (m,)."""
+        """Kinds of the events (m,): 1 if torque makes a clutch slip, 2 if an impulse does, 0 for other events."""
         flags = {own for own, _ in self.clutches}
         events = zip(self.opens, self.flags, self.by_force, strict=True)
         return tuple((2 - by_force) * (opens and flag in flags) for opens, flag, by_force in events)
@@ -105,12 +101,12 @@ class ContactEquations:
         self._zeta = self._along(self.rate)
 
     def _along(self, f: ca.SX) -> ca.SX:
-        """d f / dt without accelerations."""
+        """The time derivative of f for v' = 0."""
         system = self._system
         return ca.jtimes(f, system.q, system.qdot) + ca.jtimes(f, system.s, system.s_rate) + ca.jacobian(f, t)
 
     def _with_multipliers(self, expression: ca.SX, multipliers: ca.SX) -> ca.SX:
-        """An expression of conditions of joints, with the multipliers (n_r,) in the place of their symbols."""
+        """An expression of a joint condition, in which multipliers (n_r,) replace their symbols."""
         c, system = self._c, self._system
         symbols = {event.joint.name: event.lam for event, _ in c.joint_events if ca.depends_on(expression, event.lam)}
         if not symbols:
@@ -120,16 +116,18 @@ class ContactEquations:
         for name, lam in symbols.items():
             at = c.rows.get(name, slice(0, 0))
             own, raw = least[at], multipliers[at]
-            if name in clutches:  # no finite torque holds what other rows move: the solver's multipliers tell which way
-                own = ca.if_else(ca.fabs(raw) > _UNBOUNDED * ca.fabs(own), raw, own)
+            if name in clutches:  # other rows move the clutch against any torque: the sign follows from the multipliers
+                # The solver's lift makes multipliers of contradictory rows 1e10 times larger than the least-norm ones.
+                # tests/events/test_clutches.py
+                own = ca.if_else(ca.fabs(raw) > 100 * ca.fabs(own), raw, own)
             values.append(ca.vertcat(own, ca.SX.zeros(lam.numel() - own.numel())))
         return ca.substitute(expression, ca.vertcat(*symbols.values()), ca.vertcat(*values))
 
     def _without_rounding(self, event: JointEvent, rate: ca.SX, accelerations: ca.SX) -> ca.SX:
-        """The rate of an event's margin, in which rounding does not count.
+        """The rate of an event's margin, with 0 for rates that are rounding.
 
-        A clutch does not stick where it just does not slip. Nor does a Latch close where its joint has just opened
-        without a jump of the accelerations. Only an impulse moves the margin of a clutch that is struck.
+        Rounding must not make a clutch stick, and must not close a Latch if its joint has opened without a jump of
+        accelerations. The margin of a clutch during an impulse depends on the impulse only.
         """
         system = self._system
         if isinstance(event, Struck):
@@ -138,20 +136,20 @@ class ContactEquations:
             sizes = zip((system.q, system.v), (system.qdot, accelerations), strict=True)
             margin = dict(self._c.joint_events)[event]
             terms = [ca.fabs(ca.jacobian(margin, x)) @ ca.fabs(change) for x, change in sizes]
-            return ca.if_else(ca.fabs(rate) <= _SMALL * ca.sum1(ca.vertcat(*terms)), 0, rate)
+            return ca.if_else(ca.fabs(rate) <= ROUNDING * ca.sum1(ca.vertcat(*terms)), 0, rate)
         if not isinstance(event, Sticks):
             return rate
         W = ca.jacobian(event.joint.slip, system.v)
         friction = ca.densify(ca.jacobian(system.Q, event.joint.direction))
         effect, _ = system.solve(friction, ca.SX(system.lam.numel(), 1))
-        return rate + _SMALL * ca.fabs(W) @ (ca.fabs(accelerations) + ca.fabs(effect))
+        return rate + ROUNDING * ca.fabs(W) @ (ca.fabs(accelerations) + ca.fabs(effect))
 
     def _opposing(self, r: ca.SX) -> ca.SX:
-        """Forces or impulses along closed gaps that compensate r, (n,)."""
+        """Forces or impulses (n,) along closed gaps that compensate r (n,)."""
         return -self._solve(self._flags * r)
 
     def solve(self, f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Solver (f, g) -> (a, lam) as that of the system, with forces in closed contacts."""
+        """The solution (a, lam) for right sides (f, g), as in `System.solve`, with forces in closed contacts."""
         a, lam = self._system.solve(f, g)
         force = self._opposing(self.W @ a + self._zeta)
         return a + self.B @ force, lam + self._L @ force
@@ -164,22 +162,22 @@ class ContactEquations:
 
     @property
     def power(self) -> ca.SX:
-        """Power of the forces in closed contacts [W]: they do work on bodies that move by a law of time."""
+        """Power of the forces in closed contacts [W]. They do work if a law of time moves a body."""
         return -ca.dot(self.force, self.at_rest)
 
     def _function(self, name: str, **outputs: ca.SX) -> ca.Function:
-        """A Function of the states."""
+        """A Function of the states with these outputs."""
         system, dense = self._system, [ca.densify(e) for e in outputs.values()]
         states = [system.q, system.v, system.s, system.p, t]
         return common(name, states, dense, ["q", "v", "s", "p", "t"], list(outputs))
 
     def _slipping(self, *outputs: ca.SX) -> list[ca.SX]:
-        """What an impulse does: no clutch passes it on."""
+        """Outputs for an impulse, in which all clutches slip, because a clutch transmits no impulse."""
         sticks = ca.vertcat(ca.SX(0, 1), *[e.flag.sx for e, _ in self._c.joint_events if isinstance(e, Sticks)])
         return ca.substitute([*outputs], [sticks], [ca.SX.zeros(sticks.shape)])
 
     def compiled(self, retract: ca.Function) -> Impacts:
-        """The Functions."""
+        """The compiled Functions of the contacts and joint events."""
         system, c = self._system, self._c
         free, _ = system.solve(system.Q, system.gamma)
         force = self.force
@@ -219,8 +217,8 @@ class ContactEquations:
         place = self._with_multipliers(ca.vertcat(ca.SX(0, 1), *[value for *_, value in places]), multipliers)
         clutches = [e.joint for e in events if isinstance(e, Sticks)]
         slip = ca.vertcat(ca.SX(0, 1), *[clutch.slip for clutch in clutches])
-        rounding = _REST * (ca.fabs(ca.jacobian(slip, system.v)) @ ca.fabs(system.v))
-        # The least change of velocities that stops all rows. Rows that move by a law of time do work.
+        rounding = 1e-10 * (ca.fabs(ca.jacobian(slip, system.v)) @ ca.fabs(system.v))
+        # The smallest change of velocities that stops all rows. Rows that a law of time moves do work.
         at_rest = ca.substitute(system.Phi_dot, system.v, ca.SX.zeros(system.v.shape))
         lost, L = system.solve(ca.SX(system.v.numel(), 1), system.Phi_dot)
         v_new, impulse, work = self._slipping(system.v - lost, -L, ca.dot(L, system.Phi_dot / 2 - at_rest))
@@ -236,7 +234,7 @@ class ContactEquations:
         )
 
     def _entries(self, event: JointEvent, numbers: Mapping[str, int]) -> dict[str, Any]:
-        """What `JointEvents` tells of one event, by the numbers of the states."""
+        """The entries of `JointEvents` for one event. `numbers` are the indices of the states."""
         others = [e for e, _ in self._c.joint_events if e.joint is event.joint and e.flag is not event.flag]
         return {
             "names": event.joint.name,
@@ -251,5 +249,5 @@ class ContactEquations:
 
 
 def _columns(rows: Sequence[dict[str, Any]]) -> dict[str, tuple[Any, ...]]:
-    """The entries of the same name of all rows."""
+    """The columns of a table of rows, by name."""
     return {name: tuple(row[name] for row in rows) for name in rows[0]}

@@ -1,4 +1,4 @@
-"""The DAE bundle for solvers: compiled functions, which unlike SX expressions can be pickled."""
+"""The DAE bundle for solvers: compiled functions. They can be pickled, unlike SX expressions."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -25,7 +25,7 @@ NO_TIMES: Array = np.empty(0)
 
 
 class Equation(Generic[T]):
-    """The Function of `DAE.equations` that has the name of the attribute. Optional ones may be None."""
+    """Attribute for the Function in `DAE.equations` with the same name. Optional Functions may be None."""
 
     def __set_name__(self, owner: type, name: str) -> None:
         self._name = name
@@ -40,8 +40,8 @@ class DAE:
     """Compiled equations of motion of a system; see `system` for the notation.
 
     Every Function takes (q, v, p, t), or (q, v, s, p, t) if there are first-order states, unless said otherwise. A part
-    that the scene does not have is None. The Functions in `equations`, and the scales, are made at their first use:
-    those of the formulation in which a scene does not run take most of the time.
+    that the scene does not have is None. The Functions in `equations` and the scales are made at their first use,
+    because most of the time goes to the formulation that a scene does not use.
     """
 
     q_names: tuple[str, ...]
@@ -49,7 +49,7 @@ class DAE:
     s_names: tuple[str, ...]
     row_names: tuple[str, ...]
     p_names: tuple[str, ...]
-    rows: dict[str, slice]  # of each constraint
+    rows: dict[str, slice]  # rows of each constraint
     p_nominal: Array  # (n_p,), nominal parameters
     q_neutral: Array  # (n_q,), zeros and identity rotations
     Phi: ca.Function | None  # -> position rows (n_c,)
@@ -72,7 +72,7 @@ class DAE:
     forward = Equation[ca.Function]()  # (..., gamma) -> v', lam: accelerations and multipliers for a given right side
     energy = Equation[ca.Function]()  # -> T, V [J]
     Phi_q = Equation[ca.Function | None]()  # -> Jacobian of the position rows (n_c, n_q)
-    Phi_t = Equation[ca.Function | None]()  # -> their partial rate (n_c,), with drives only
+    Phi_t = Equation[ca.Function | None]()  # -> partial time derivative of the position rows (n_c,), only with drives
     gamma = Equation[ca.Function | None]()  # -> right side of G v' = gamma (n_r,)
     s_rate = Equation[ca.Function]()  # -> s', as in `rhs`, without accelerations
     # (..., r) -> delta (n_v,), the least displacement in the norm of M with G delta = r
@@ -97,23 +97,24 @@ class DAE:
 
     @cached_property
     def memory(self) -> dict[Any, Any]:
-        """What was derived from the equations, whatever the nominal parameters."""
+        """Results that were derived from the equations for any nominal parameters."""
         return {}
 
     def remembered(self, derive: Callable[["DAE", Array], T], times: Array = NO_TIMES, *more: float) -> T:
-        """What is derived from the equations and times (n_t,), and from the parameters as far as `more` tells."""
+        """The result of `derive` for times (n_t,), computed once. `more` are numbers that depend on parameters."""
         key = derive, times.tobytes(), more
         if key not in self.memory:
             self.memory[key] = derive(self, times)
         return self.memory[key]
 
     def __getstate__(self) -> dict[str, Any]:
-        # Branches are of symbols of a Function that has others in another process. They are derived there again.
+        # Branches contain symbols of a Function. A Function in another process has other symbols, so branches are
+        # derived again.
         memory = {key: value for key, value in self.memory.items() if not isinstance(value, Branches)}
         return {**self.__dict__, "memory": memory}
 
     def around(self, p: Array) -> "DAE":
-        """A copy for runs with parameters p (n_p,), which shares what was derived."""
+        """A copy for runs with parameters p (n_p,). Both share the derived results."""
         copy = replace(self, p_nominal=p)
         vars(copy)["memory"] = self.memory
         return copy
@@ -124,12 +125,12 @@ class DAE:
         return self.measured()
 
     def scaled(self, measure: Callable[[], Scales]) -> "DAE":
-        """A copy with other scales, which are measured at their first use."""
+        """A copy with other scales. They are measured at their first use."""
         return replace(self, measured=Lazy(measure))
 
     @cached_property
     def M(self) -> ca.Function:
-        """Mass matrix (n_v, n_v). It is formed at its first use: that of a long chain in joint space is full."""
+        """Mass matrix (n_v, n_v), formed at its first use, because it is full for a long chain in joint coordinates."""
         names = self.inertia.name_in()
         *x, a = [ca.SX.sym(name, self.inertia.size1_in(i)) for i, name in enumerate(names)]
         return ca.Function("M", x, [ca.jacobian(self.inertia(*x, a), a)], names[:-1], ["M"])
@@ -180,40 +181,40 @@ class DAE:
 
     @property
     def n_r(self) -> int:
-        """Number of rows in all, velocity-only ones included."""
+        """Number of all rows, including velocity-only rows."""
         return len(self.row_names)
 
     @property
     def lasting(self) -> Indices:
-        """Numbers of the rows of joints that never open (k,)."""
+        """Indices (k,) of the rows of joints that never open."""
         gated = self.impacts.joints.names if self.impacts is not None and self.impacts.joints is not None else ()
         rows = [np.arange(at.start, at.stop) for name, at in self.rows.items() if name not in gated]
         return np.concatenate([np.arange(0), *rows])
 
     @property
     def rank(self) -> int:
-        """Rank of G wherever the constraints hold and no position is singular."""
+        """Rank of G at nonsingular positions that satisfy the constraints."""
         return self.n_r - (0 if self.vanishing is None else self.vanishing.size2_out(0))
 
     @property
     def position_rank(self) -> int:
-        """Rank of the position rows wherever the constraints hold and no position is singular."""
+        """Rank of the position rows at nonsingular positions that satisfy the constraints."""
         return self.n_c - (0 if self.vanishing is None else self.vanishing.size2_out(1))
 
     def arguments(self, x: Any, p: Any, time: Any) -> tuple[ca.SX, ...]:
         """The state x = (q, v[, s]) split into the arguments of the Functions."""
         ends = [self.n_q, self.n_q + self.n_v]
-        is_array = isinstance(x, np.ndarray)  # a slice of CasADi's may be a row
+        is_array = isinstance(x, np.ndarray)  # slices of CasADi matrices may be rows
         parts: Any = np.split(x, ends) if is_array else ca.vertsplit(x, [0, *ends, x.numel()])
         q, v, s = parts
         return (q, v, *((s,) if self.n_s else ()), p, time)
 
     def save_c(self, folder: str | Path, start: Mapping[str, Array] | None = None) -> tuple[Path, ...]:
-        """Write the Functions as C with a header and a small main program, which need nothing but a C compiler.
+        """Write the Functions as C with a header and a small main program. The files need only a C compiler.
 
-        With impacts and sampled values, the functions of their equations are written instead of the main program, which
-        has no events. The program integrates from "q" (n_q,), "v" (n_v,), "s" (n_s,) and "p" (n_p,) over "times" (n_t,)
-        in `start`, by default from neutral coordinates at rest for one second. The paths are those of the files.
+        The main program has no events: with impacts and sampled values, the functions of their equations are written
+        instead. The program integrates from "q" (n_q,), "v" (n_v,), "s" (n_s,) and "p" (n_p,) over "times" (n_t,) in
+        `start`, by default from neutral coordinates at rest for one second. The method returns the paths of the files.
         """
         exported = ("rhs", "M", "Q", "Phi", "Phi_q", "Phi_t", "gamma", "forward", "energy")
         functions = {name: f for name in exported if (f := getattr(self, name)) is not None}
@@ -229,7 +230,7 @@ class DAE:
         try:
             begin.update({name: np.asarray(values, dtype=float).ravel() for name, values in (start or {}).items()})
         except (TypeError, ValueError):
-            raise DeclarationError(f"save_c: start must have numbers, got {shown(start)}.") from None
+            raise DeclarationError(f"save_c: the values in start must be numbers, got {shown(start)}.") from None
         times = np.asarray(begin.pop("times", (0.0, 1.0)))
         main = example_c(
             self.rhs,

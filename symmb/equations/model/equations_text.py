@@ -1,4 +1,4 @@
-"""The equations of a system as they are read: text, and LaTeX of the same content."""
+"""The equations of a system for readers: text, and LaTeX with the same content."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -12,11 +12,7 @@ from symmb.declare.mechanics import with_si_symbols
 from symmb.declare.symbolic import is_zero, plain, printer, set_names, simplified, to_sympy, typeset, with_names
 
 _WIDTH = 94
-"""Columns of text up to which a matrix is printed as such. Of wider ones the entries that are not zero are printed."""
-_LONGEST = 60
-"""Operations of the longest entry up to which what the entries share has no names."""
-_LARGEST = 6000
-"""Characters of the LaTeX of a part up to which notebooks typeset it."""
+"""Maximum width of a printed matrix. For wider matrices, the nonzero entries are listed."""
 _LETTERS = {"Phi": "Φ", "Psi": "Ψ", "gamma": "γ", "lambda": "λ"}
 
 
@@ -24,8 +20,9 @@ _LETTERS = {"Phi": "Φ", "Psi": "Ψ", "gamma": "γ", "lambda": "λ"}
 class Equations:
     """Parts of the equations of a system.
 
-    The equation of motion, in LaTeX; names of unknowns; of rows and columns of parts; parts as matrices of SymPy; those
-    whose entries are printed; what names in these stand for; and names of all symbols.
+    The fields are: the equation of motion in LaTeX; the names of unknowns; the names of rows and columns of parts; the
+    parts as SymPy matrices; the parts that are printed entry by entry; the definitions of names in these entries; and
+    the names of all symbols.
     """
 
     motion: str
@@ -50,14 +47,14 @@ class Equations:
 
     @property
     def displays(self) -> dict[str, str]:
-        """The equations in LaTeX, a display for each paragraph."""
+        """The equations in LaTeX, with a display for each paragraph."""
         tex, displays = printer(set_names(self.symbols, typeset), "latex").doprint, {"motion": self.motion}
         for name, lines in self._parts("latex"):
             displays[name] = f"{_label(name)} = {tex(self.matrices[name])}" if lines is None else _aligned(lines)
         return {name: display for name, display in displays.items() if display}
 
     def _parts(self, kind: str) -> Iterator[tuple[str, list[str] | None]]:
-        """The lines of each paragraph by its name, as text or in LaTeX; None of a part that is printed as a matrix."""
+        """The lines of each paragraph by name, as text or in LaTeX; None for a part that is printed as a matrix."""
         is_text = kind == "str"
         names, sign = set_names(self.symbols, plain if is_text else typeset), "=" if is_text else "&="
         line, said = printer(names, kind).doprint, _plain if is_text else str
@@ -69,26 +66,26 @@ class Equations:
         yield "with", [f"{line(symbol)} {sign} {line(e)}" for symbol, e in self.shared.items()]
 
     @property
-    def formulas(self) -> list[str]:
-        """The displays as notebooks show them, but for those that are too long to be read, which are named."""
-        large = ", ".join(name for name, tex in self.displays.items() if len(tex) > _LARGEST)
-        note = f"{large}: too large to be read here. system.equations() and system.latex() give all parts."
-        short = [tex for tex in self.displays.values() if len(tex) <= _LARGEST]
+    def formulas(self, longest: int = 6000) -> list[str]:
+        """The displays for notebooks. Displays that are too long are replaced by a note with their names."""
+        large = ", ".join(name for name, tex in self.displays.items() if len(tex) > longest)
+        note = f"{large}: too large for a notebook. Call system.equations() or system.latex() for all parts."
+        short = [tex for tex in self.displays.values() if len(tex) <= longest]
         return [*map(html.formula, short), html.text(note if large else "")]
 
     def _entries(self, name: str) -> list[tuple[list[str], Any]]:
-        """Names of row and column, and the entry, where it is not zero. M is symmetric: its upper half."""
+        """The nonzero entries, each with the names of row and column. For the symmetric M, only the upper half."""
         entries = self.matrices[name].todok().items()
         kept = sorted((at, e) for at, e in entries if name != "M" or at[0] <= at[1])
         return [([axis[k] for axis, k in zip(self.axes[name], at, strict=False)], e) for at, e in kept]
 
 
 class ReadEquations:
-    """What is read of a system: its equations as text, in LaTeX, as matrices of SymPy, and in notebooks."""
+    """Methods that show the equations of a system: as text, in LaTeX, as SymPy matrices, and in notebooks."""
 
     @cached_property
     def parts(self: Any) -> tuple[str, ...]:
-        """Which of M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma the scene has."""
+        """The names of the existing parts among M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma."""
         has = {
             "M": self.v.numel() > 0,
             "N": self.q.numel() > self.v.numel(),
@@ -102,9 +99,9 @@ class ReadEquations:
         return tuple(name for name, there in has.items() if there)
 
     def to_sympy(self: Any, *names: str) -> dict:
-        """The equations as SymPy matrices by name: M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma, or those asked for.
+        """The equations as SymPy matrices by name: M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma, or only the given names.
 
-        Entries are simplified where this takes few operations, as `equations()` prints them.
+        Entries are simplified if this takes few operations, as in `equations()`.
         """
         require_names("to_sympy", "part", names, self.parts)
         return matrices_of(self, names or self.parts)
@@ -114,10 +111,10 @@ class ReadEquations:
         return equations_of(self)
 
     def equations(self) -> str:
-        """The equations to read: the equation of motion, its unknowns, and M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma.
+        """The equations as text: the equation of motion, its unknowns, and M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma.
 
-        Parts are matrices, simplified where this takes few operations. If a matrix is wide, its nonzero entries are
-        listed one per line, and common subexpressions get names. `latex()` has the same content.
+        Parts are matrices, simplified if this takes few operations. If a matrix is wide, its nonzero entries are listed
+        one per line, and common subexpressions get names. `latex()` has the same content.
 
         Examples
         --------
@@ -142,7 +139,7 @@ class ReadEquations:
         return self._as_read.text
 
     def latex(self) -> str:
-        """The content of `equations()` in LaTeX, a display for each part."""
+        """The content of `equations()` in LaTeX, with a display for each part."""
         return "\n\n".join(rf"\[ {tex} \]" for tex in self._as_read.displays.values())
 
     def _repr_html_(self) -> str:
@@ -150,13 +147,14 @@ class ReadEquations:
 
 
 def equations_of(system: Any) -> Equations:
-    """The equations of a System, whose module imports this one, in short forms where few operations find them."""
+    """The equations of a System, in short forms if few operations find these."""
     c, symbols = system.collected, system.names
     of = [*symbols.values()], [*symbols]
     q, v, rows, n_c = [*c.q_names], [*c.v_names], [*c.row_names], system.Phi.numel()
     is_rate = len(q) == len(v) and is_zero(system.qdot - system.v)
     parts, matrices = _parts_of(system, system.parts)
-    long = [name for name, m in matrices.items() if m is None or max(e.count_ops() for e in m) > _LONGEST]
+    # Long entries are easier to read if common subexpressions have names.
+    long = [name for name, m in matrices.items() if m is None or max(e.count_ops() for e in m) > 60]
     shared, named = with_names([parts[name] for name in long], *of) if long else ({}, [])
     matrices |= dict(zip(long, named, strict=True))
     pretty = printer(set_names([*symbols], plain), "pretty")
@@ -176,21 +174,21 @@ def equations_of(system: Any) -> Equations:
 
 
 def matrices_of(system: Any, names: Sequence[str]) -> dict[str, Any]:
-    """Parts of a System as matrices of SymPy by name, in short forms where few operations find them."""
+    """Parts of a System as SymPy matrices by name, in short forms if few operations find these."""
     symbols, (parts, matrices) = system.names, _parts_of(system, names)
     of = [*symbols.values()], [*symbols]
     return {name: to_sympy(parts[name], *of) if m is None else m for name, m in matrices.items()}
 
 
 def _parts_of(system: Any, names: Sequence[str]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Parts of a System by name as expressions of quantities in SI units, and their short forms, None of long ones."""
+    """Parts of a System by name as expressions in SI units, and their short forms (None without a short form)."""
     symbols = system.names
     parts = {name: with_si_symbols(system.parameters, getattr(system, name)) for name in names}
     return parts, {name: simplified(part, [*symbols.values()], [*symbols]) for name, part in parts.items()}
 
 
 def _motion(is_rate: bool, has_rows: bool, has_psi: bool) -> str:
-    """The equation of motion in LaTeX, and what stands for what in it."""
+    """The equation of motion in LaTeX, with the definition of G."""
     a, G = r"\ddot{q}" if is_rate else r"\dot{v}", r"\Phi_q" if is_rate and not has_psi else "G"
     Phi_v = r"\Phi_q" if is_rate else r"\Phi_q N"
     block = rf"\begin{{bmatrix}} M & {G}^T \\ {G} & 0 \end{{bmatrix}} \begin{{bmatrix}} {a} \\ \lambda \end{{bmatrix}}"

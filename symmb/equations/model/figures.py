@@ -1,4 +1,4 @@
-"""Figures of a motion whose expressions are bound to a scene."""
+"""Scalar outputs with expressions that are bound to a scene."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,29 +13,29 @@ from symmb.declare.symbolic import margin_of
 
 @dataclass(frozen=True, eq=False)
 class BoundFigure:
-    """A figure of a scene."""
+    """A scalar output of a scene."""
 
     kind: str  # the name of the function that declared it
-    expression: ca.SX | None  # of which it is a figure; None for a time
-    margin: ca.SX | None  # not positive where the condition holds; None without one
-    is_strict: bool  # whether equality does not fulfil the condition
-    window: tuple[float, float]  # first and last time that count [s]
-    per_second: float = 1.0  # units of a time in a second
+    expression: ca.SX | None  # None for a time
+    margin: ca.SX | None  # zero or negative if the condition holds; None without a condition
+    is_strict: bool  # whether the condition excludes equality
+    window: tuple[float, float]  # first and last time of the window [s]
+    per_second: float = 1.0  # number of units of time per second
 
     @property
     def parts(self) -> tuple[ca.SX, ...]:
-        """The expressions over time that it is made of."""
+        """The expressions over time that the scalar output needs."""
         return tuple(part for part in (self.expression, self.margin) if part is not None)
 
 
 def bound_figure(figure: Figure, what: str, bind: Callable[[Expr, str], ca.SX], times: Array) -> BoundFigure:
-    """A figure over the times (n_t,) of a scene."""
+    """The scalar output for the times (n_t,) of a scene."""
     expression = margin = None
     is_strict = False
     if figure.expression is not None:
         expression = bind(figure.expression, what)
         if expression.numel() != 1:
-            raise DeclarationError(f"{what}: has {expression.numel()} components; give each its own name.")
+            raise DeclarationError(f"{what} has {expression.numel()} components. Give each component its own name.")
     if figure.condition is not None:
         bound = bind(figure.condition, what)
         with faults_of(what):
@@ -43,11 +43,12 @@ def bound_figure(figure: Figure, what: str, bind: Callable[[Expr, str], ca.SX], 
         margin, is_strict = condition.value, condition.is_strict
     begin, end = float(times[0]), float(times[-1])
     if begin == end:
-        raise DeclarationError(f"{what}: a scalar output needs at least two times of the scene.")
+        raise DeclarationError(f"{what}: scalar outputs require a scene with at least two times.")
     low, high = figure.window or (None, None)
     window = begin if low is None else float(low), end if high is None else float(high)
     if not begin <= window[0] < window[1] <= end:
         raise DeclarationError(
-            f"{what}: its window, {window[0]:g} to {window[1]:g} s, is no part of the run from {begin:g} to {end:g} s."
+            f"{what}: the window from {window[0]:g} to {window[1]:g} s is not inside the run from {begin:g} "
+            f"to {end:g} s."
         )
     return BoundFigure(figure.kind, expression, margin, is_strict, window)

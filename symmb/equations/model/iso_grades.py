@@ -1,7 +1,7 @@
 """Deviations of sizes by the tolerance grades of ISO 286 and ISO 2768.
 
 Sources: ISO 286-1:2010, tables 1 to 5, and ISO 2768-1:1989, table 1. Sizes are in mm and deviations in micrometres, as
-there.
+in the tables.
 """
 
 import re
@@ -44,7 +44,7 @@ _ABOVE = {
     "g": _row("2 4 5 6 7 9 10 12 14 15 17 18 20"),
     "h": 13 * (0.0,),
 }
-"""How far the zones of shafts end below the size; those of holes begin as far above it."""
+"""Distance of the upper end of a shaft's zone below the size, and of the lower end of a hole's zone above the size."""
 _BELOW = {
     "k": _row("0 1 1 1 2 2 2 3 3 4 4 4 5"),
     "m": _row("2 4 6 7 8 9 11 13 15 17 20 21 23"),
@@ -53,7 +53,7 @@ _BELOW = {
     "r": _row("10 15 19 23 23 28 28 34 34 41 43 51 54 63 65 68 77 80 84 94 98 108 114 126 132"),
     "s": _row("14 19 23 28 28 35 35 43 43 53 59 71 79 92 100 108 122 130 140 158 170 190 208 232 252"),
 }
-"""How far the zones of shafts begin above the size: k of the grades 4 to 7."""
+"""Distance of the lower end of a shaft's zone above the size. The values of k are for the grades 4 to 7."""
 _LEAST_GENERAL_SIZE = 0.5
 _GENERAL_SIZES = _row("3 6 30 120 400 1000 2000 4000")
 _GENERAL: dict[str, tuple[float | None, ...]] = {
@@ -62,7 +62,7 @@ _GENERAL: dict[str, tuple[float | None, ...]] = {
     "c": (200, 300, 500, 800, 1200, 2000, 3000, 4000),
     "v": (None, 500, 1000, 1500, 2500, 4000, 6000, 8000),
 }
-"""Deviations to both sides of sizes without an indication of their own."""
+"""Deviations to both sides of sizes without an individual tolerance."""
 _FIT = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(js|JS|[A-Za-z])(\d+)\s*")
 _GENERAL_CLASS = re.compile(r"\s*(\d+(?:\.\d+)?)\s+(?:(?i:ISO)\s*)?2768\s*-?\s*([a-z])[A-Z]?\s*")
 
@@ -78,8 +78,8 @@ def sizes_of_grade(text: str) -> tuple[float, float, float]:
         lower, upper = -width, width
     else:
         raise DeclarationError(
-            f"{text!r} is no tolerance. Write a number, a share such as '1%', or a size in mm with its "
-            "deviations or grade, as '40 ±0.1', '40 H7' or '120 ISO 2768-m'."
+            f"{text!r} is not a tolerance. Write a number, a percentage such as '1%', or a size in mm with its "
+            "deviations or grade, such as '40 ±0.1', '40 H7' or '120 ISO 2768-m'."
         )
     return size, size + 1e-3 * lower, size + 1e-3 * upper
 
@@ -113,7 +113,7 @@ def _deviations(text: str, size: float, letters: str, grade: int) -> tuple[float
         return (end, end + width) if is_hole else (-end - width, -end)
     if letter not in _BELOW:
         known = ", ".join([*_ABOVE, "js", *_BELOW])
-        raise DeclarationError(f"{text!r}: known are the letters {known} of ISO 286, and capitals for holes.")
+        raise DeclarationError(f"{text!r}: the letters of ISO 286 are {known}. Use capitals for holes.")
     begin = _entry(_BELOW[letter], size)
     if is_hole:
         upper = _upper_end_of_hole(text, size, letter, grade, begin)
@@ -123,19 +123,19 @@ def _deviations(text: str, size: float, letters: str, grade: int) -> tuple[float
 
 
 def _upper_end_of_hole(text: str, size: float, letter: str, grade: int, begin: float) -> float:
-    """The upper deviation of holes from K on [um], from where the zone of the shaft begins."""
+    """The upper deviation of holes K to S [um]. `begin` is the lower deviation of the shaft with the same letter."""
     k = bisect_left(_SIZES, size)
     if size > _SIZES[0] and grade > 8 and letter in "kn":
         if letter == "n":
             return 0.0
-        raise DeclarationError(f"{text!r}: ISO 286 has K up to K8.")
+        raise DeclarationError(f"{text!r}: ISO 286 defines K up to the grade K8.")
     if (letter, grade) == ("m", 6) and 250 < size <= 315:
         return -9.0  # the standard's only exception
-    # A hole of a grade and a shaft of the next finer one shall fit as tightly as with exchanged letters.
+    # A hole with a shaft of the next finer grade has the same fit as a shaft with a hole if the letters are exchanged.
     finer = size > _SIZES[0] and 2 < grade <= (8 if letter in "kmn" else 7)
     return -begin + (_GRADES[grade][k] - _GRADES[grade - 1][k] if finer else 0.0)
 
 
 def _entry(values: tuple[float, ...], size: float) -> float:
-    """The value of a table for the range of a size, or for a part of it."""
+    """The value of a table for a size. Tables have the main ranges of sizes, or the finer ranges."""
     return values[bisect_left(_SIZES if len(values) == len(_SIZES) else _FINE_SIZES, size)]

@@ -1,4 +1,4 @@
-"""The relative motion that a joint allows, in coordinates of its own."""
+"""The relative motion that a joint allows, in joint coordinates."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -24,27 +24,27 @@ from symmb.equations.model.binding import Binding
 
 @dataclass(frozen=True, eq=False)
 class JointMotion:
-    """Motion of a joint's frame on the follower relative to the one on its carrier, in k coordinates and n rates."""
+    """Motion of the follower's joint frame relative to the carrier's joint frame, in k coordinates and n rates."""
 
     q_names: tuple[str, ...]
     u_names: tuple[str, ...]
     q: ca.SX  # (k,), coordinates
     u: ca.SX  # (n,), velocities
     q_rate: ca.SX  # (k,), q'
-    shift: ca.SX  # (3,), position of the follower's frame in axes of the carrier's [m]
-    turn: ca.SX  # (3, 3), axes of the follower's frame to those of the carrier's
-    quaternion: ca.SX  # (4,), of `turn`
+    shift: ca.SX  # (3,), position of the follower's joint frame in axes of the carrier's joint frame [m]
+    turn: ca.SX  # (3, 3), rotation from the follower's to the carrier's joint frame
+    quaternion: ca.SX  # (4,), quaternion of `turn`
     spin: ca.SX  # (3,), angular velocity in axes of the follower's frame [rad/s]
-    angle: ca.SX  # of planar bodies, the follower's less the carrier's [rad]
+    angle: ca.SX  # for planar bodies: follower's angle minus carrier's angle [rad]
     carrier: ca.SX  # (3, 3), the joint's frame on the carrier to its body
     follower: ca.SX  # (3, 3), the joint's frame on the follower to its body
     carrier_quaternion: ca.SX  # (4,), of `carrier`; zeros between planar bodies
     follower_quaternion: ca.SX  # (4,), of `follower`; zeros between planar bodies
     measured: Callable[[RelativePose], ca.SX]  # the coordinates (k,) of a position
-    records: tuple[Symbol, ...]  # what the symbols of q and u are
+    records: tuple[Symbol, ...]  # records of the symbols in q and u
 
     def turned(self, turns: int) -> "JointMotion":
-        """The motion of planar bodies after the follower has made whole turns."""
+        """The motion of planar bodies after whole turns of the follower."""
         return replace(self, angle=self.angle + 2 * ca.pi * turns)
 
     def reversed(self) -> "JointMotion":
@@ -75,22 +75,22 @@ class JointMotion:
 
     @cached_property
     def speed_matrix(self) -> ca.SX:
-        """(3, n) in speed = speed_matrix u."""
+        """Matrix (3, n) in speed = speed_matrix u."""
         return ca.jacobian(self.speed, self.u)
 
     @cached_property
     def spin_matrix(self) -> ca.SX:
-        """(3, n) in spin = spin_matrix u."""
+        """Matrix (3, n) in spin = spin_matrix u."""
         return ca.jacobian(self.spin, self.u)
 
     @cached_property
     def speed_change(self) -> ca.SX:
-        """Rate of `speed` without accelerations (3,) [m/s^2]."""
+        """Rate of `speed` for u' = 0, (3,) [m/s^2]."""
         return ca.jtimes(self.speed, self.q, self.q_rate)
 
     @cached_property
     def spin_change(self) -> ca.SX:
-        """Rate of `spin` without accelerations (3,) [rad/s^2]."""
+        """Rate of `spin` for u' = 0, (3,) [rad/s^2]."""
         return ca.jtimes(self.spin, self.q, self.q_rate)
 
     def rates(self, speed: ca.SX, spin: ca.SX) -> ca.SX:
@@ -102,8 +102,8 @@ class JointMotion:
 def _quaternion_of_frame(F: ca.SX, bind: Binding) -> ca.SX:
     """The quaternion (4,) of a rotation matrix that may depend on parameters, scalar first.
 
-    Its largest component at their nominal values divides the others: it is regular up to rotations by 60 degrees from
-    there. (Shepperd 1978, J. Guid. Control 1(3))
+    The component that is largest at the nominal parameters divides the other components. The result is regular for
+    rotations up to 60 degrees from the nominal rotation. (Shepperd 1978, J. Guid. Control 1(3))
     """
     if F.is_constant():
         return quaternion_of(F)
@@ -121,9 +121,9 @@ def _quaternion_of_frame(F: ca.SX, bind: Binding) -> ca.SX:
 
 
 def _angle_in_plane(a: ca.SX, b: ca.SX, bind: Binding) -> ca.SX:
-    """The angle about z by which a body turns whose axis b comes to lie on a [rad].
+    """The angle about z that turns the axis b onto the axis a [rad].
 
-    It passes half a turn without a jump: with parameters, it is counted from its nominal value.
+    With parameters, the angle is counted from its nominal value, so it has no jump at half a turn.
     """
     if a.is_constant() and b.is_constant():
         return ca.atan2(a[1], a[0]) - ca.atan2(b[1], b[0])
@@ -133,7 +133,7 @@ def _angle_in_plane(a: ca.SX, b: ca.SX, bind: Binding) -> ca.SX:
 
 
 def _coordinates_of(joint: Joint) -> JointCoordinates | None:
-    """The coordinates of a joint between rigid bodies that can turn."""
+    """The joint coordinates of a joint between rigid bodies that can rotate; None for other joints."""
     poses = [body.pose for body in joint.bodies()]
     if joint.motion is None or any(isinstance(pose, Particle) or pose.modes for pose in poses):
         return None
@@ -142,7 +142,7 @@ def _coordinates_of(joint: Joint) -> JointCoordinates | None:
 
 
 def motion_of(joint: Joint, bind: Binding) -> JointMotion | None:
-    """The motion of body b relative to body a; None if no coordinates suit the joint, its axes or its bodies."""
+    """The motion of body b relative to body a; None if joint, axes or bodies do not allow joint coordinates."""
     coordinates = _coordinates_of(joint)
     if coordinates is None:
         return None

@@ -31,14 +31,14 @@ from symmb.equations.model.spanning_tree import Carrying, Link, spanning_tree
 
 
 class JointSpace:
-    """A spanning tree of joints, whose coordinates determine those of the bodies.
+    """A spanning tree of joints. The joint coordinates determine the coordinates of the bodies.
 
-    Bodies that no joint carries, flexible bodies and particles keep their own coordinates.
+    Bodies without a carrying joint, flexible bodies and particles keep their own coordinates.
 
     Parameters
     ----------
     c : Collected              the equations in coordinates of the bodies
-    elements : sequence        of which the joints may carry bodies
+    elements : sequence        the elements of the system; their joints may carry bodies
     turns : mapping            name -> whole turns of body b relative to body a in planar joints without an angle
     """
 
@@ -46,11 +46,11 @@ class JointSpace:
         self, c: Collected, elements: Sequence[Body | Element], turns: Mapping[str, int] = MappingProxyType({})
     ) -> None:
         self._bodies = c
-        self._turned: list[int] = []  # bodies whose quaternions have the opposite sign
+        self._turned: list[int] = []  # bodies with quaternions of the opposite sign
         rigid = [k for k, body in enumerate(c.bodies) if not (isinstance(body.pose, Particle) or body.pose.modes)]
         counts = {name: where.stop - where.start for name, where in c.rows.items()}
         joints = [e for e in elements if isinstance(e, Joint)]
-        # The rigid bodies, each one after its carrier, and the numbers of the rows that are left.
+        # The rigid bodies in an order with carriers first, and the indices of the remaining rows.
         self.links = _by_trees(spanning_tree(c.bodies, rigid, joints, counts, c.bind, turns))
         self.tree = ArticulatedBodies(c.bodies, self.links)
         carrying = {link.carrying.joint.name for link in self.links if link.carrying is not None}
@@ -58,20 +58,20 @@ class JointSpace:
         self._others = [k for k in range(len(c.bodies)) if k not in rigid]
 
     def expression(self, of_bodies: ca.SX) -> ca.SX:
-        """An expression of coordinates of bodies in coordinates of joints. Multipliers and accelerations stay."""
+        """Convert an expression from body coordinates to joint coordinates. Multipliers and accelerations stay."""
         nodes, old, new = self._replacements
         e = ca.vertcat(ca.SX(0, 1), *[self._bodies.bodies[k].frame.q[3:7] for k in self._turned])
         return ca.substitute(ca.substitute(with_nodes(of_bodies, nodes), e, -e), old, new)
 
     def expressions(self, of_bodies: Sequence[ca.SX]) -> list[ca.SX]:
-        """Expressions of coordinates of bodies in those of joints. Each substitution passes over all coordinates."""
+        """Convert expressions from body to joint coordinates. One call is faster than one for each expression."""
         entries = [e.nz[:] for e in of_bodies]
         ends = np.cumsum([0, *[e.numel() for e in entries]]).tolist()
         parts = ca.vertsplit(self.expression(ca.vertcat(ca.SX(0, 1), *entries)), ends)
         return [ca.SX(e.sparsity(), part) for e, part in zip(of_bodies, parts, strict=True)]
 
     def with_signs(self, found: Array, wanted: Array) -> "JointSpace":
-        """A copy whose quaternions have the signs of `wanted` (n_q,) where these give `found` (n_q,)."""
+        """A copy with the signs of the quaternions in `wanted` (n_q,). `found` (n_q,) are this object's coordinates."""
         own = {link.body: self._bodies.slices[link.body][0] for link in self.links if link.carrying is not None}
         spatial = {k: at for k, at in own.items() if isinstance(self._bodies.bodies[k].pose, Spatial)}
         turned = [k for k, at in spatial.items() if found[at][3:7] @ wanted[at][3:7] < 0]
@@ -81,7 +81,7 @@ class JointSpace:
         return other
 
     def whole_turns(self, q: Array) -> dict[str, int]:
-        """Whole turns at coordinates q (n_q,) of the bodies, by the planar joints that have no angle to count them."""
+        """Whole turns of planar joints without an angle, by name, at body coordinates q (n_q,)."""
         bodies, excess = self._bodies.bodies, {}
         for link in self.links:
             by, body = link.carrying, bodies[link.body]
@@ -104,6 +104,7 @@ class JointSpace:
             if link.carrying is None:
                 continue
             body, here = self._bodies.bodies[link.body], self.tree.placed[link.body]
+            # Rotation matrices are replaced as a whole: products of joint rotations are shorter than their quaternions.
             q, v = _of_body(body, here)
             old += [body.frame.q, body.frame.v]
             new += [q, v]
@@ -138,15 +139,16 @@ class JointSpace:
         return tuple(state for state in states if state.sx.element_hash() in known)
 
     @cached_property
-    def _coordinates(self) -> list[Coordinates]:
-        """The coordinates of each link, then of each other body."""
-        return [self._coordinates_of(link) for link in self.links] + [self._own_coordinates(k) for k in self._others]
-
-    def _coordinates_of(self, link: Link) -> Coordinates:
-        if link.carrying is None:
-            return self._own_coordinates(link.body)
-        motion = link.carrying.motion
-        return Coordinates(motion.q, motion.u, motion.q_rate, motion.q_names, motion.u_names)
+    def _parts(self) -> list[tuple[Body | None, Coordinates]]:
+        """The owner (a body, or None for a joint) and the coordinates of each link, then of each other body."""
+        parts: list[tuple[Body | None, Coordinates]] = []
+        for k, by in [*((link.body, link.carrying) for link in self.links), *((k, None) for k in self._others)]:
+            if by is None:
+                parts.append((self._bodies.bodies[k], self._own_coordinates(k)))
+            else:
+                m = by.motion
+                parts.append((None, Coordinates(m.q, m.u, m.q_rate, m.q_names, m.u_names)))
+        return parts
 
     def _own_coordinates(self, k: int) -> Coordinates:
         c, (at_q, at_v) = self._bodies, self._bodies.slices[k]
@@ -159,7 +161,7 @@ class JointSpace:
         turns = {s.sx.element_hash() for link in self.links for s in self._turns(link)}
         return replace(
             kept,
-            **Coordinates.joined(self._coordinates),
+            **Coordinates.joined([own for _, own in self._parts]),
             block_sizes=(*self.tree.sizes, *(c.block_sizes[k] for k in self._others)),
             states=tuple(
                 replace(s, rate=self.expression(s.rate), value=self.expression(s.value))
@@ -177,29 +179,23 @@ class JointSpace:
         )
 
     def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
-        """q (n_q,) after the small displacement delta (n_v,), a velocity times a time. Quaternions keep the norm 1."""
+        """Coordinates (n_q,) after the small displacement delta (n_v,), the product of a velocity and a time.
+        Quaternions keep norm 1."""
         moved, at_q, at_v = [], 0, 0
-        for part, body in zip(self._coordinates, self._owners, strict=True):
+        for body, part in self._parts:
             n_q, n_v = part.q.numel(), part.v.numel()
             if not n_v:
                 continue
             own, step = q[at_q : at_q + n_q], delta[at_v : at_v + n_v]
             if body is not None:
                 moved.append(body.pose.retract(own, step))
-            elif n_q > n_v:
+            elif n_q > n_v:  # only a spherical joint has a quaternion, and no other coordinates
                 e = product(own, rotation_by(step))
                 moved.append(e / ca.norm_2(e))
             else:
                 moved.append(own + step)
             at_q, at_v = at_q + n_q, at_v + n_v
         return stacked(moved)
-
-    @property
-    def _owners(self) -> list[Body | None]:
-        """The bodies that own coordinates; None for joints."""
-        bodies = self._bodies.bodies
-        own = [bodies[link.body] if link.carrying is None else None for link in self.links]
-        return own + [bodies[k] for k in self._others]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -213,12 +209,12 @@ class JointSpace:
 
     @property
     def power(self) -> ca.SX:
-        """Power of forces without potential, and of mass that joins or leaves [W]."""
+        """Power of forces without potential, and of added or removed mass [W]."""
         return self.expression(self._bodies.power)
 
     @cached_property
     def M(self) -> ca.SX:
-        """Mass matrix (n_v, n_v). A long chain does without its many entries."""
+        """Mass matrix (n_v, n_v). Solvers do not form the full matrix of a long chain."""
         return ca.diagcat(self.loads.M, self._inertia_of_others)
 
     @cached_property
@@ -233,7 +229,7 @@ class JointSpace:
         return ca.vertcat(self.loads.inertial(a[:n]), *others)
 
     def solve(self, f: ca.SX, g: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """M^-1 f (n_v,) of a system without rows, and no multipliers."""
+        """Accelerations M^-1 f (n_v,) of a system without rows, and an empty vector of multipliers."""
         n = self.tree.n_v
         return ca.vertcat(self.loads.solve(f[:n]), self._of_others(f[n:])), g
 
@@ -248,26 +244,27 @@ class JointSpace:
 
     @cached_property
     def of_bodies(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Coordinates, velocities and first-order states of bodies as expressions of those of joints."""
+        """Coordinates, velocities and states in body coordinates, as expressions of joint coordinates."""
         c = self._bodies
         s = ca.vertcat(*[state.sx for state in c.states]) if c.states else ca.SX(0, 1)
         return self.expression(c.q), self.expression(c.v), self.expression(s)
 
     @cached_property
     def of_joints(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Coordinates, velocities and first-order states of joints as expressions of those of bodies."""
-        measured = [self._measured(link) for link in self.links] + [self._own_coordinates(k)[:2] for k in self._others]
+        """Coordinates, velocities and states in joint coordinates, as expressions of body coordinates."""
+        measured = [
+            self._own_coordinates(link.body)[:2]
+            if link.carrying is None
+            else _measured(self._bodies.bodies, link, link.carrying, bool(self._turns(link)))
+            for link in self.links
+        ]
+        measured += [self._own_coordinates(k)[:2] for k in self._others]
         q, v = ([of[k] for of in measured] for k in range(2))
         return stacked(q), stacked(v), stacked([state.sx for state in self.collected.states])
 
-    def _measured(self, link: Link) -> tuple[ca.SX, ca.SX]:
-        if link.carrying is None:
-            return self._own_coordinates(link.body)[:2]
-        return _measured(self._bodies.bodies, link, link.carrying, bool(self._turns(link)))
-
 
 def _by_trees(links: Sequence[Link]) -> tuple[Link, ...]:
-    """Links in an order in which those of one tree follow each other, each one after its carrier."""
+    """Links ordered by tree. In each tree, a link follows its carrier."""
     root: dict[int | None, int | None] = {None: None}
     for link in links:
         carrier = None if link.carrying is None else link.carrying.carrier
@@ -277,11 +274,11 @@ def _by_trees(links: Sequence[Link]) -> tuple[Link, ...]:
 
 
 def _handles(joint: Joint, motion: JointMotion) -> dict[int, ca.SX]:
-    """The coordinates and velocities in the place of what a joint says of the motion of the bodies, by its hash."""
+    """Joint coordinates and velocities by hashes of the joint's handles. They replace the handles in expressions."""
     nodes: dict[int, ca.SX] = {}
     names, values = (*motion.q_names, *motion.u_names), ca.vertsplit(ca.vertcat(motion.q, motion.u))
     for name, value in zip(names, values, strict=True):
-        node = vars(joint).get(name.rpartition(".")[2])  # a property, if anything uses it
+        node = vars(joint).get(name.rpartition(".")[2])  # a cached property, present only after its first use
         if node is not None:
             nodes[node.element_hash()] = value
             if node.op() == ca.OP_NEG:  # CasADi simplifies a - (-b)
@@ -290,14 +287,14 @@ def _handles(joint: Joint, motion: JointMotion) -> dict[int, ca.SX]:
 
 
 def _of_body(body: Body, here: Placed) -> tuple[ca.SX, ca.SX]:
-    """Coordinates and velocities of a body from its place."""
+    """Coordinates and velocities of a body from its position and motion."""
     if isinstance(body.pose, Planar):
         return ca.vertcat(here.r[:2], here.angle), ca.vertcat(here.r_dot[:2], here.omega[2])
     return ca.vertcat(here.r, here.quaternion), ca.vertcat(here.r_dot, here.omega)
 
 
 def _measured(bodies: Sequence[Body], link: Link, by: Carrying, counts_turns: bool) -> tuple[ca.SX, ca.SX]:
-    """Coordinates and velocities of a joint, as expressions of those of the bodies that it connects."""
+    """Coordinates and velocities of a joint, as expressions of the coordinates of the connected bodies."""
     motion, follower = by.motion, bodies[link.body].frame
     carrier = Ground().frame if by.carrier is None else bodies[by.carrier].frame
     A, B = carrier.R @ motion.carrier, follower.R @ motion.follower

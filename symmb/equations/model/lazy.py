@@ -7,18 +7,18 @@ T = TypeVar("T")
 
 
 class Lazy(Generic[T]):
-    """A value that is computed when it is first asked for. A pickle contains the value."""
+    """A value that is computed at its first use. A pickle contains the value."""
 
     def __init__(self, compute: Callable[[], T]) -> None:
         self._compute: Callable[[], T] | None = compute
         self._value: T | None = None
 
     def __call__(self) -> T:
-        """The value."""
+        """The value; the first call computes it."""
         compute = self._compute
         if compute is not None:
             self._value = compute()
-            self._compute = None  # what it refers to may be large
+            self._compute = None  # the closure may hold large objects
         return cast(T, self._value)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -26,5 +26,5 @@ class Lazy(Generic[T]):
 
 
 def known(value: T) -> Lazy[T]:
-    """A value that is known already."""
+    """A `Lazy` with a value that is known already."""
     return Lazy(lambda: value)

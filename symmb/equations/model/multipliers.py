@@ -11,14 +11,14 @@ from symmb.declare.mechanics import Ground, Joint
 
 
 class Multipliers(ca.SX):
-    """All multipliers as one SX vector. A call with the name of a joint gives those of the joint."""
+    """All multipliers as one SX vector. A call with the name of a joint returns the multipliers of this joint."""
 
     rows: dict[str, slice]
 
     def __call__(self, name: str) -> ca.SX:
         name = normal(name)
         if not isinstance(name, str) or name not in self.rows:
-            raise DeclarationError(f"No constraint {name!r} with multipliers.{did_you_mean(name, self.rows)}")
+            raise DeclarationError(f"There is no constraint {name!r} with multipliers.{did_you_mean(name, self.rows)}")
         return ca.SX(self)[self.rows[name]]
 
 
@@ -32,16 +32,17 @@ class Reaction:
 
 
 def reaction(joints: Sequence[Joint], name: str, Phi: ca.SX, lam: Multipliers) -> Reaction:
-    """Reaction of the joint of that name, from the position rows (n_c,) and the multipliers of a system."""
+    """Reaction of the joint with this name, from the position rows (n_c,) and the multipliers of a system."""
     known, name = {joint.name: joint for joint in joints}, normal(name)
     if not isinstance(name, str):
-        raise DeclarationError(f"The name of a joint is a text, got {shown(name)}.{did_you_mean(name, known)}")
+        raise DeclarationError(f"The name of a joint must be a text, got {shown(name)}.{did_you_mean(name, known)}")
     if name not in known:
         hint = f" Its multipliers are system.lam({name!r})." if name in lam.rows else did_you_mean(name, known)
-        raise DeclarationError(f"No joint {name!r} between two bodies.{hint}")
+        raise DeclarationError(f"There is no joint {name!r} between two bodies.{hint}")
     if name not in lam.rows:
         raise DeclarationError(
-            f"Joint {name!r} has no multipliers in joint space. Take the reaction of the system of bodies."
+            f"Joint {name!r} has no multipliers in joint coordinates. Use the reaction of the system before "
+            "joint_space()."
         )
     return joint_reaction(known[name], Phi[lam.rows[name]], lam(name))
 

@@ -1,4 +1,4 @@
-"""Sampled values of a system as compiled laws."""
+"""Sampled values of a system, with compiled laws."""
 
 from dataclasses import dataclass, replace
 
@@ -11,32 +11,30 @@ from symmb._types import Array
 from symmb.declare.symbolic import common, t
 from symmb.equations.model.system import System
 
-_DUE = SLIGHT
-"""Share of a period before an instant within which it is reached: steps end there but for rounding."""
-
 
 @dataclass(frozen=True)
 class Sampling:
     """Values that are computed at instants and held between them."""
 
     periods: tuple[float, ...]  # [s]
-    states: tuple[tuple[int, int], ...]  # numbers of the states: the value, and the count of its instants so far
+    states: tuple[tuple[int, int], ...]  # indices of two states: the value, and the number of its instants so far
     laws: tuple[ca.Function, ...]  # (q, v, s, p, t) -> the value
     begin: float = 0.0  # the first instant [s]
 
     def held(self, q: ca.SX, v: ca.SX, s: ca.SX, p: ca.SX, time: ca.SX) -> ca.SX:
-        """States s (n_s,) with the values of instants that are reached at a time, each once."""
+        """States s (n_s,) after the laws of all instants that are reached at a time. Each instant counts once."""
         s = ca.SX(s)
         for period, (value, count), law in zip(self.periods, self.states, self.laws, strict=True):
-            number = ca.floor((time - self.begin) / period + _DUE)
-            is_due = number + 0.5 > s[count]  # solvers carry the count with their rounding
+            # Rounding moves the ends of steps, so an instant is reached a little early.
+            number = ca.floor((time - self.begin) / period + SLIGHT)
+            is_due = number + 0.5 > s[count]  # solvers integrate the count with rounding
             new = law(q, v, s, p, self.begin + period * number)
             s[value] = ca.if_else(is_due, new, s[value])
             s[count] = ca.if_else(is_due, number + 1, s[count])
         return s
 
     def before(self, more: ca.SX) -> "Sampling":
-        """A copy for parameters behind which more symbols stand, such as sides of switches."""
+        """A copy for a parameter vector with more symbols at its end, such as sides of switches."""
         laws = []
         for law in self.laws:
             q, v, s, p, time = law.sx_in()
@@ -44,8 +42,8 @@ class Sampling:
         return replace(self, laws=tuple(laws))
 
     def instants(self, times: Array) -> Array:
-        """The instants (k,) after the first of the times (n_t,) up to the last [s]."""
-        counts = [(T, *np.floor((times[[0, -1]] - self.begin) / T + _DUE)) for T in self.periods]
+        """The instants (k,) after the first and up to the last of the times (n_t,) [s]."""
+        counts = [(T, *np.floor((times[[0, -1]] - self.begin) / T + SLIGHT)) for T in self.periods]
         require_steps("Sampled", sum(last - first for _, first, last in counts), MOST_STEPS_KEPT)
         instants = np.concatenate([self.begin + T * np.arange(first + 1, last + 1) for T, first, last in counts])
         return np.unique(np.asarray(instants, dtype=np.float64))
@@ -55,11 +53,11 @@ class Sampling:
         instants = self.instants(times)
         behind = np.minimum(np.searchsorted(times, instants), len(times) - 1)
         nearest = np.minimum(np.abs(times[behind] - instants), np.abs(times[behind - 1] - instants))
-        return instants[nearest > _DUE * min(self.periods)]
+        return instants[nearest > SLIGHT * min(self.periods)]
 
 
 def sampling_of(system: System) -> Sampling | None:
-    """The sampled values of a system; None if there are none."""
+    """The sampled values of a system; None for a system without sampled values."""
     sampled = system.collected.sampled
     if not sampled:
         return None

@@ -28,11 +28,12 @@ from symmb.equations.model.units import units_of
 
 T = TypeVar("T")
 Output = Expr | Figure | tuple[Expr | Figure, str]
-"""An output, or one with the unit that it is asked in."""
+"""An expression, or a pair of an expression and the requested unit."""
 
 
 class _Fitting(str):
-    """A unit that fits its output. In pickles, whose expressions share nothing, units are not known as well."""
+    """A unit that fits its output. The unit is checked once, because the expressions of a pickle share no nodes and
+    fewer units are known."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -43,37 +44,38 @@ class Scene:
     ----------
     system : System
     start : mapping
-        "rod.theta", "rod.vx", "top.rotation", "top.omega", of joints "elbow.angle", "elbow.angle_rate",
-        "slide.displacement", "slide.displacement_rate", and names of `State`s -> number or expression of parameters;
-        they hold exactly. The others follow from Phi = 0 and its rate. Relative rates of joints that nothing determines
-        are 0
+        name -> number or expression of parameters. Names are those of bodies ("rod.theta", "rod.vx", "top.rotation",
+        "top.omega"), of joints ("elbow.angle", "elbow.angle_rate", "slide.displacement", "slide.displacement_rate") and
+        of `State`s. These values hold exactly. Other values follow from Phi = 0 and its rate. Relative rates of joints
+        that nothing determines are 0
     times : (n_t,) array
-        or a list; times of the outputs [s], or with a unit, as (..., "ms"), increasing; the first is the start;
-        default: 0 alone
+        or a list; increasing times of the outputs [s], or a pair with a unit, as (..., "ms"). The run starts at the
+        first time. Default: 0 only
     outputs : mapping
         name -> expression of coordinates, velocities, multipliers, parameters and `t`, or a scalar output such
-        as `maximum(expression)`; default: all coordinates and velocities, of robots from files the values of their
-        joints. A pair such as (expression, "mm") asks for a unit: all values of this output are numbers in it, in runs,
-        bounds, limits, data, pictures and files
+        as `maximum(expression)`; default: all coordinates and velocities, or the joint values of robots from files. A
+        pair such as (expression, "mm") requests a unit: all values of this output in runs, bounds, limits, data,
+        pictures and files are numbers in this unit
     box : Box
         intervals of the uncertain parameters
     guess : mapping
-        first guesses for coordinates of bodies and joints that are not listed in start: they select the assembly. Modes
-        of flexible bodies start undeformed and at rest, unless they are listed in start or here
+        first guesses for coordinates of bodies and joints that are not listed in start. Guesses select the assembly.
+        Modes of flexible bodies start undeformed and at rest, unless they are listed in start or in guess
     name : str
-        for tables and files
+        name in tables and files
     equilibrium : bool
-        start in static equilibrium: coordinates that are not listed in start, modes included, are solved for, anew for
-        each parameter value
+        whether the scene starts in static equilibrium. All coordinates and modes that are not listed in start are then
+        computed for each set of parameter values
     coordinates : str
-        "joint" or "body" for those in which it runs; default: those that need fewer operations
+        "joint" or "body", the coordinates of the equations of motion; default: the coordinates that need fewer
+        operations
     restart : Restart
-        the state from which a scene of `starting_at` goes on
+        the start state of a scene from `starting_at`
 
     Raises
     ------
     DeclarationError
-        all faults at once
+        If the scene is not valid. The text lists all faults
 
     Examples
     --------
@@ -115,6 +117,7 @@ class Scene:
         if asked := {name: (y, _Fitting(unit)) for name, (y, unit) in self.asked.items() if unit}:
             self._require_fitting_units()
             object.__setattr__(self, "outputs", {**(self.outputs or {}), **asked})
+        # Inputs are 0 in runs. Only exports with inputs use `with_inputs`.
         object.__setattr__(self, "system", self.system.without_inputs)
         object.__setattr__(self, "box", self._own_box)
         object.__setattr__(self, "times", np.array(self.times, dtype=float))
@@ -131,9 +134,9 @@ class Scene:
         if coordinates is not None and not (isinstance(coordinates, str) and coordinates in ("joint", "body")):
             faults.append(f'coordinates: {shown(coordinates)} is neither "joint" nor "body".')
         if self.restart is not None and not untimely and float(np.asarray(self.times)[0]) != self.restart.time:
-            faults.append(f"times: the scene goes on from a run that ended at {self.restart.time!r} s. Begin there.")
+            faults.append(f"times: the scene continues a run that ended at {self.restart.time!r} s. Start there.")
         if self.restart is not None and self.equilibrium:
-            faults.append("equilibrium: the scene goes on from the end of a run. Leave equilibrium out.")
+            faults.append("equilibrium: the scene continues a run. Omit equilibrium.")
         faults += [f"name {shown(self.name)}: {fault}" for fault in [name_fault(self.name)] if fault]
         # Coordinates that move uniformly need the start time.
         for attribute in ("_own_box", "prescribed", "guesses", *(() if untimely else ("_bound_outputs", "figures"))):
@@ -146,11 +149,11 @@ class Scene:
 
     @cached_property
     def memory(self) -> dict[Any, Any]:
-        """The prepared parts of this scene, by their users. Copies and pickles have none of it."""
+        """The prepared parts of this scene by key. Copies and pickles start without prepared parts."""
         return {}
 
     def remembered(self, key: Any, prepare: Callable[[], T]) -> T:
-        """The prepared part of this scene under a key. It is made at the first time."""
+        """The prepared part of this scene with this key. The first call prepares the part."""
         if key not in self.memory:
             self.memory[key] = prepare()
         return self.memory[key]
@@ -161,9 +164,7 @@ class Scene:
         if self.box is None:
             return None
         if not isinstance(self.box, Box):
-            raise DeclarationError(
-                f"box: {self.box!r} is not a Box. Write Box(l1=(0.95, 1.05)), or for a dict Box(**intervals)."
-            )
+            raise DeclarationError(f"box: {self.box!r} is not a Box. Write Box(l1=(0.95, 1.05)), or Box(**intervals).")
         known = self.system.parameters
         unknown = [f"box: no parameter {n!r}.{did_you_mean(n, known)}" for n in self.box.names if n not in known]
         box = self.box if unknown else self.box.with_units(units_of_parameters(known))
@@ -172,7 +173,7 @@ class Scene:
 
     @cached_property
     def prescribed(self) -> Prescribed:
-        """The listed start. Modes of flexible bodies are at rest and undeformed, unless a guess is given for them."""
+        """The start values, listed by name. Modes of flexible bodies without a guess are at rest and undeformed."""
         listed = listed_values(self.system, self.start, "start")
         if self.restart is not None:
             going_on = {name: ca.SX(value) for name, value in self.restart.drift.items()}
@@ -187,10 +188,10 @@ class Scene:
             raise DeclarationError("guess: velocities need no guess, their equations are linear. List them in start.")
         if resolved.states:
             names = ", ".join(map(repr, resolved.states))
-            raise DeclarationError(f"guess: {names} needs no guess, a state starts where start says.")
+            raise DeclarationError(f"guess: {names} is a first-order state and needs no guess. List it in start.")
         if resolved.drift:
             names = ", ".join(map(repr, resolved.drift))
-            raise DeclarationError(f"guess: no element acts on {names}. List them in start.")
+            raise DeclarationError(f"guess: no element acts on {names}. List the value in start.")
         return resolved
 
     @property
@@ -208,7 +209,7 @@ class Scene:
         bound: dict[str, ca.SX] = {}
         faults = Faults(f"output {fault}" for fault in name_faults([*outputs]))
         if not outputs:
-            raise DeclarationError("outputs: give at least one, or leave them out for all coordinates and velocities.")
+            raise DeclarationError("outputs: expected at least one output. Omit outputs for the default outputs.")
         for name, (expression, unit) in self.asked.items():
             if isinstance(expression, Figure):
                 continue
@@ -216,13 +217,13 @@ class Scene:
                 own = self.expression(expression, f"output {name!r}")
                 bound[name] = scaled(own, unit_of(f"output {name!r}", unit), inverse=True)
                 if own.numel() != 1:
-                    faults.append(f"output {name!r}: has {own.numel()} components; give each its own name.")
+                    faults.append(f"output {name!r} has {own.numel()} components. Give each component its own name.")
         faults.raise_any()
         return bound
 
     @property
     def _default_outputs(self) -> dict[str, ca.SX]:
-        """Joint values of robots, positions of links that no hinge or slider carries, and states of other bodies."""
+        """Joint values of robots, positions of links without a hinge or slider, and states of other bodies."""
         c = self.system.collected
         links = [body for body in self.system.bodies if isinstance(body, Link)]
         axes = [
@@ -238,12 +239,12 @@ class Scene:
 
     @cached_property
     def asked(self) -> dict[str, tuple[Any, str]]:
-        """The outputs that are given, each with the unit that it is asked in, '' without one."""
+        """The given outputs, each with its requested unit ('' without a request)."""
         given: Any = self.outputs.items() if isinstance(self.outputs, Mapping) else ()
         return {name: output if _has_unit(output) else (output, "") for name, output in given}
 
     def _require_fitting_units(self) -> None:
-        """DeclarationError if a unit that is asked for does not fit the output, as far as its unit is known."""
+        """DeclarationError if a requested unit does not fit the unit of the output. Outputs with unknown units pass."""
         for name, (_, asked) in self.asked.items():
             what, known = f"output {name!r}", self._inferred[name] if asked and type(asked) is str else ""
             if known and dimensions(what, known) != dimensions(what, asked):
@@ -266,7 +267,7 @@ class Scene:
 
     @cached_property
     def curves(self) -> "Scene":
-        """A copy with outputs over time alone: those of this scene, and the expressions in its scalar outputs."""
+        """A copy without scalar outputs. The expressions of the scalar outputs become outputs over time."""
         named = {f"{name}: {k}": part for name, figure in self.figures.items() for k, part in enumerate(figure.parts)}
         own = {name: pair for name, pair in self.asked.items() if pair[1] and name in self._bound_outputs}
         return self.with_outputs(self._bound_outputs | own | named) if self.figures else self
@@ -278,7 +279,7 @@ class Scene:
 
     @property
     def curve_units(self) -> tuple[str, ...]:
-        """Units of the outputs over time: those of coordinates that move uniformly as well."""
+        """Units of the outputs over time, including outputs of coordinates that move uniformly."""
         return tuple(self._unit_of(name) for name in self.curve_names)
 
     def _unit_of(self, name: str) -> str:
@@ -296,7 +297,7 @@ class Scene:
         return known
 
     def _bound(self, expression: Expr, what: str) -> ca.SX:
-        """An expression as SX, before coordinates that move uniformly are put in."""
+        """An expression as SX, before coordinates that move uniformly are replaced by functions of time."""
         return self.system.bind(expression, what, also=self.system.solved_hashes, any_size=True)
 
     @property
@@ -306,7 +307,7 @@ class Scene:
 
     @cached_property
     def units(self) -> tuple[str, ...]:
-        """Units of the outputs, '' where they do not follow from the expression."""
+        """Units of the outputs, '' for units that do not follow from the expression."""
         return tuple(self._unit_of(name) for name in self.output_names)
 
     @cached_property
@@ -369,28 +370,28 @@ class Scene:
         return replace(self, system=self.system.with_elements((), self.system.parameters.with_nominal(values)))
 
     def with_inputs(self, names: Sequence[str]) -> "Scene":
-        """A copy with inputs of these names as parameters, behind the others, for programs that set them."""
+        """A copy in which the inputs of these names become the last parameters, for programs that set them."""
         symbols = [self.system.inputs[name] for name in names]
         if not symbols:
             return self
         return replace(self, system=self.system.with_elements((), self.system.parameters.with_inputs(symbols)))
 
     def starting_at(self, run: EndedRun) -> "Scene":
-        """A copy that goes on from the end of a run, with the parameters of the run as its nominal ones.
+        """A copy that continues a run. The parameters of the run become the nominal parameters.
 
-        Positions, velocities, states, turns of angles, held values and closed contacts are those at the end. The times
-        are shifted so that they begin there: functions of `t` go on. For other parameters, coordinates and velocities
-        change as little as possible until the constraints hold.
+        Positions, velocities, states, turns of angles, held values and closed contacts are taken from the end of the
+        run. The times are shifted to start at this end, so functions of `t` continue. For other parameters, the
+        smallest change of coordinates and velocities satisfies the constraints.
 
         Parameters
         ----------
         run : Trajectory
-            a run of this scene, or of another one of the same elements
+            a run of this scene, or of another scene with the same elements
 
         Raises
         ------
         DeclarationError
-            If the run is of another system, or has failed
+            If the run is of another system or has failed
 
         Examples
         --------
@@ -415,13 +416,9 @@ def _has_unit(output: Any) -> bool:
     return isinstance(output, tuple) and len(output) == 2 and isinstance(output[1], str)
 
 
-_LONGEST_CELL = 80
-"""Most characters of an expression in a table."""
-
-
-def _cell(value: object) -> str:
+def _cell(value: object, longest: int = 80) -> str:
     text = " ".join(str(value).split())
-    return text if len(text) <= _LONGEST_CELL else f"{text[:_LONGEST_CELL]} ..."
+    return text if len(text) <= longest else f"{text[:longest]} ..."
 
 
 def _time_faults(times: Sequence[float] | Array) -> list[str]:
@@ -429,20 +426,20 @@ def _time_faults(times: Sequence[float] | Array) -> list[str]:
     if array is None or array.ndim != 1 or array.size == 0:
         return [f"times: expected a list of times in s, such as numpy.linspace(0, 10, 1001), got {shown(times)}."]
     if not np.all(np.isfinite(array)):
-        return ["times: contains NaN or infinity."]
+        return ["times: some times are NaN or infinite."]
     if np.any(np.diff(array) <= 0):
-        return ["times: must increase from one to the next; sort them and leave out repetitions."]
-    begin, end, (shortest, longest) = array[0], array[-1], _HORIZONS
+        return ["times: each time must be larger than the time before. Sort the times and remove repetitions."]
+    begin, end = array[0], array[-1]
+    # Steps are at least 1e-14 of the horizon, and their fourth powers must be finite.
+    shortest, longest = 1e-60, 1e60
     with np.errstate(over="ignore"):
         horizon, rounding = float(end - begin), float(np.spacing(np.abs(array).max()))
     if array.size > 1 and not shortest <= horizon <= longest:
         return [f"times: from {begin:g} to {end:g} s; expected {shortest:g} to {longest:g} s. Use other units."]
-    if array.size > 1 and rounding > _ROUNDED * horizon:
-        return [f"times: numbers near {end:g} are {rounding:.1g} apart, too far for {horizon:g} s. Begin at 0."]
+    # Solvers take small steps between two times.
+    if array.size > 1 and rounding > SLIGHT * horizon:
+        return [
+            f"times: numbers near {end:g} are {rounding:.1g} apart, which is too coarse for {horizon:g} s. Start the "
+            "times at 0."
+        ]
     return []
-
-
-_HORIZONS = 1e-60, 1e60
-"""Shortest and longest horizon [s]. Fourth powers of steps, which are 1e-14 of it at the least, are finite numbers."""
-_ROUNDED = SLIGHT
-"""Share of the horizon by which rounding may move a time: solvers move by small steps from one to the next."""

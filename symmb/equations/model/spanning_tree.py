@@ -13,8 +13,8 @@ from symmb.equations.model.joint_motion import JointMotion, motion_of
 
 @dataclass(frozen=True, eq=False)
 class Carrying:
-    """How a joint carries a body: its motion relative to the carrier, None for the ground, and the joint's points on
-    both (3,), from the centres of mass in axes of the bodies [m]."""
+    """A joint that carries a body: the carrier (None for the ground), the relative motion, and the joint's points (3,)
+    on both bodies, from the centres of mass in body axes [m]."""
 
     carrier: int | None
     joint: Joint
@@ -25,7 +25,7 @@ class Carrying:
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """A body, by its number, and the joint that carries it, if one does."""
+    """A body, given by its index, and the joint that carries the body, if any."""
 
     body: int
     carrying: Carrying | None = None
@@ -39,12 +39,12 @@ def spanning_tree(
     bind: Binding,
     turns: Mapping[str, int],
 ) -> tuple[Link, ...]:
-    """The links of the rigid bodies, given by their numbers, each one after its carrier.
+    """The links of the `rigid` bodies in an order with carriers first.
 
-    `turns` are whole turns of body b relative to body a in planar joints that do not count them.
+    `turns` are whole turns of body b relative to body a in planar joints that do not count turns.
 
-    Joints with many rows come first, so that those that close loops have few. Of equal ones, those close to the ground
-    come first, so that branches are short.
+    Joints with many rows come first, so that joints that close loops have few rows. Among equal joints, joints close to
+    the ground come first, so that branches are short.
     """
     edges, by_carrier = list(_edges(bodies, joints, rows, bind, turns)), dict[int | None, list[int]]()
     for number, (_, carrying) in enumerate(edges):
@@ -58,7 +58,7 @@ def spanning_tree(
         queue: list[tuple[int, int, int]] = []
         depth: dict[int | None, int] = {root: 0}
         reached = [root]
-        for body in reached:  # which grows
+        for body in reached:  # the list grows in the loop
             for number in by_carrier.get(body, ()):
                 joint = edges[number][1].joint
                 heappush(queue, (-rows[joint.name], depth[body] + 1, number))
@@ -76,7 +76,7 @@ def spanning_tree(
 def _edges(
     bodies: Sequence[Body], joints: Sequence[Joint], rows: Mapping[str, int], bind: Binding, turns: Mapping[str, int]
 ) -> Iterator[tuple[int, Carrying]]:
-    """Bodies that joints can carry, by their numbers, each with how."""
+    """Pairs of the index of a body and a joint that can carry the body."""
     numbers = {id(body): k for k, body in enumerate(bodies)}
     for joint in joints:
         ends = [(numbers.get(id(point.body)), point) for point in (joint.point_a, joint.point_b)]
@@ -97,6 +97,6 @@ def _edges(
 
 
 def _suits(bodies: Sequence[Body], carrier: int | None, follower: Body, determined: int) -> bool:
-    """Whether rows and coordinates of a joint determine the pose of the follower."""
+    """Whether the rows and coordinates of a joint determine the pose of the follower."""
     flat = carrier is None or isinstance(bodies[carrier].pose, Planar)
     return determined == follower.frame.v.numel() and (isinstance(follower.pose, Spatial) or flat)

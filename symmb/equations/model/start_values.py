@@ -42,7 +42,7 @@ class JointValue:
 
     @property
     def row(self) -> ca.SX:
-        """What is 0 where the value holds; angles count their turns next to it."""
+        """Residual that is 0 if the handle has the listed value. Angles count their turns from this value."""
         expression, state = getattr(self.joint, self.handle), self.state
         return (expression if state is None else ca.substitute(expression, state.sx, self.value)) - self.value
 
@@ -51,7 +51,8 @@ class JointValue:
 class Prescribed:
     """Listed start values: coordinates and velocities by index, and the displacements that they prescribe.
 
-    `drift` has coordinates that nothing touches, `joints` those of joints, and `states` first-order states, by name.
+    By name, `drift` has coordinates on which no element acts, `joints` has joint values, and `states` has first-order
+    states.
     """
 
     q: dict[int, ca.SX] = field(default_factory=dict)
@@ -63,13 +64,13 @@ class Prescribed:
 
 
 def listed_values(system: System, listed: Mapping[str, Expr], what: str) -> Prescribed:
-    """Listed values by the index or the name of what they are of; see `Scene` for the names."""
+    """Listed values by the index or the name of the coordinate or state. `Scene` explains the names."""
     if not isinstance(listed, Mapping):
         raise DeclarationError(f'{what}: expected values by name, such as {{"rod.theta": 0.3}}, got {shown(listed)}.')
     values, faults = _Values(system, what), Faults()
     for name, value in listed.items():
         if not isinstance(name, str):
-            faults.append(f"{what}: the name of a coordinate is a text, got {shown(name)}.")
+            faults.append(f"{what}: the name of a coordinate must be a text, got {shown(name)}.")
             continue
         with faults.noted():
             values.add(name, value)
@@ -80,7 +81,7 @@ def listed_values(system: System, listed: Mapping[str, Expr], what: str) -> Pres
 
 
 class _Values:
-    """Listed values so far."""
+    """The listed values that were read so far."""
 
     def __init__(self, system: System, what: str) -> None:
         c = system.collected
@@ -104,7 +105,7 @@ class _Values:
         self.states: dict[str, ca.SX] = {}
 
     def add(self, name: str, value: Expr) -> None:
-        """Add the value of one name."""
+        """Add a value under its name."""
         body, _, part = name.rpartition(".")
         if body in self._spatial and part in ("rotation", "omega"):
             self._add_of_spatial(body, part, name, value)
@@ -127,7 +128,7 @@ class _Values:
             raise DeclarationError(f"{self._what}: no coordinate or velocity {name!r}.{known}")
 
     def _add_of_spatial(self, body: str, part: str, name: str, value: Any) -> None:
-        """The rotation of a body in space, or its angular velocity."""
+        """Add the rotation or the angular velocity of a spatial body."""
         omega = [self._v_at[f"{body}.omega_{c}"] for c in "xyz"]
         if part == "omega":
             if (parts := components(value)) is None or len(parts) != 3:
@@ -144,7 +145,7 @@ class _Values:
         self.displacements.update(omega)
 
     def _known(self) -> Iterator[str]:
-        """All names, for near misses."""
+        """All known names, for suggestions in messages."""
         yield from (n for n in (*self._q_at, *self._v_at) if not _is_quaternion(n, self._spatial))
         yield from (f"{b}.{part}" for b in self._spatial for part in ("rotation", "omega"))
         yield from sorted(self._decoupled)
@@ -158,12 +159,12 @@ class _Values:
         if bound.numel() != size:
             raise DeclarationError(f"{self._what} {name!r}: expected one number or expression, got {shown(value)}.")
         if not bind.has_parameters_alone(bound):
-            raise DeclarationError(f"{self._what} {name!r}: may depend on parameters only.")
+            raise DeclarationError(f"{self._what} {name!r}: the value may depend on parameters only.")
         return bound
 
 
 def with_modes(system: System, listed: Prescribed, guess: Collection[str], equilibrium: bool) -> Prescribed:
-    """Listed values with modes of flexible bodies at rest and undeformed, unless a guess is given for them."""
+    """Listed values in which modes of flexible bodies without a guess are at rest and undeformed."""
     c, zero = system.collected, ca.SX(0)
     modes = [f"{b.name}.{x}" for b in c.bodies for x in b.pose.coordinates[len(b.pose.rigid_coordinates) :]]
     fixed = [name for name in modes if name not in guess]

@@ -1,4 +1,4 @@
-"""A system in words: what it has, and what was left out."""
+"""The summary of a system: its parts, and the parts that were left out."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -14,9 +14,9 @@ from symmb.equations.model.joint_space import JointSpace
 
 
 def system_text(system: Any, joints: JointSpace | None) -> str:
-    """A System, whose module imports this one, in a few lines: bodies, sizes, the structure of M, what was left out.
+    """The summary of a System in a few lines: bodies, sizes, the structure of M, parts that were left out.
 
-    `joints` are those whose coordinates it has, None if it has those of its bodies.
+    `joints` is the `JointSpace` of a system in joint coordinates, None for a system in coordinates of bodies.
     """
     c, elements = system.collected, system.elements
     constraints = [e.kind for e in elements if isinstance(e, Constraint)]
@@ -34,7 +34,7 @@ def system_text(system: Any, joints: JointSpace | None) -> str:
         ("sizes", _sizes(c)),
         ("M", _mass_structure(system.M, system.block_sizes)),
         ("left out", f"{dropped} of {c.n_declared_rows} rows of Phi vanish by structure" if dropped else ""),
-        *(("left out", f"{x} moves uniformly, no element acts on it") for x, *_ in c.decoupled),
+        *(("left out", f"{x} moves uniformly, because no element acts on it") for x, *_ in c.decoupled),
         ("left out", "; ".join(_left_out(c, system.Phi_t, system.power)) or "nothing"),
     ]
     return "System\n" + "\n".join(f"  {label:<12} {text}" for label, text in parts if text)
@@ -55,7 +55,7 @@ def _coordinates(c: Collected, joints: JointSpace, in_joints: bool) -> str:
     if c.gated:
         return "of the bodies, since joints open or close"
     if not joints.names:
-        return "of the bodies, which no joint carries"
+        return "of the bodies (no joint carries a body)"
     if in_joints:
         return f"of the joints {', '.join(joints.names)}"
     return f"of the bodies; joint_space() has n_v = {joints.n_v}, n_c = {len(joints.rows)}"

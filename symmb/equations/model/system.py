@@ -6,8 +6,8 @@
     G v' = gamma                                 accelerations, G = [Phi_v; Psi_v], Phi_v = Phi_q N
 
 q (n_q,) are coordinates, v (n_v,) velocities, s (n_s,) first-order states with s' = f(q, v, s, p, t), lam one
-multiplier for every row of Phi and Psi. Planar bodies have v = q' and N = I; spatial ones v = (r', omega), omega in
-body axes. M is block-diagonal, a block for each body. Parts that a scene does not need are left out.
+multiplier for every row of Phi and Psi. Planar bodies have v = q' and N = I; spatial bodies have v = (r', omega) with
+omega in body axes. M is block-diagonal with a block for each body. Parts that a scene does not need are left out.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -34,24 +34,25 @@ from symmb.equations.model.summary import system_text
 from symmb.equations.model.validation import sign_faults
 
 _DECLARED = "elements", "parameters", "collected", "nullity", "_added", "_joints", "_is_driven"
-"""Attributes that a copy of a system has: all others are derived of these."""
+"""Attributes that a copy of a system takes over. All other attributes are derived from these attributes."""
 
 
 class System(FilledByBlock, ReadEquations):
     """Bodies, constraints and forces with their equations of motion.
 
-    `with System() as system:` takes the elements that are made inside. The system is complete where the block ends.
+    `with System() as system:` collects the elements that are made in the block. The system is complete at the end
+    of the block.
 
     Parameters
     ----------
     *elements : Body, Constraint, ForceElement or Impact, in the order of coordinates and rows
     parameters : Parameters
-        default: those whose symbols are in the elements
+        default: the parameters whose symbols are in the elements
 
     Raises
     ------
     DeclarationError
-        all faults of the declaration at once, with the declared names and remedies
+        If the declaration is not valid. The text lists all faults with names and remedies
 
     Examples
     --------
@@ -85,21 +86,21 @@ class System(FilledByBlock, ReadEquations):
 
     @property
     def without_inputs(self) -> "System":
-        """The system whose inputs are 0, as runs have it."""
+        """The system with inputs of value 0, as in runs."""
         if not self._is_driven:
             return self
         return self._with(lam=self.lam, vdot=self.vdot, _is_driven=False)
 
     @cached_property
     def with_inputs(self) -> "System":
-        """The system whose inputs are parameters, behind the others."""
+        """The system whose inputs are the last parameters."""
         if not self._is_driven:
             return self
         system = self.with_elements((), self.parameters.with_inputs([*self.inputs.values()]))
         return system if self._joints is None else system.joint_space()
 
     def _driven(self, name: str) -> ca.SX:
-        """A part of the equations with the values of inputs in it."""
+        """A part of the equations, in which the symbols of inputs are replaced by their values."""
         own = self.with_inputs
         part = getattr(own.collected, name) if name != "s_rate" else own.s_rate
         if own is self:
@@ -107,30 +108,31 @@ class System(FilledByBlock, ReadEquations):
         return ca.substitute(part, ca.vertcat(own.q, own.v, own.s), ca.vertcat(self.q, self.v, self.s))
 
     def with_states(self, states: Sequence[Symbol]) -> "System":
-        """A copy with additional first-order states, which outputs need."""
+        """A copy with additional first-order states that outputs need."""
         added, collected = (*self._added, *states), replace(self.collected, states=(*self.collected.states, *states))
-        return self._with(collected=collected, _added=added, lam=self.lam, vdot=self.vdot)  # outputs have the last two
+        # Outputs contain the symbols of multipliers and accelerations.
+        return self._with(collected=collected, _added=added, lam=self.lam, vdot=self.vdot)
 
     def with_elements(self, more: Sequence[Element], parameters: Parameters) -> "System":
-        """A copy with more elements, and with parameters of which the first ones are this system's."""
+        """A copy with more elements and more parameters. The parameters of this system come first."""
         return _restored((*self.elements, *more), parameters, ca.SX(self.lam), self.vdot, self._added)
 
     def keeping(self, rows: Sequence[int], nullity: int = 0) -> "System":
-        """A copy with the rows of these numbers, of which `nullity` combinations vanish, and new multipliers."""
+        """A copy with these rows only, and with new multipliers. `nullity` linear combinations of the rows vanish."""
         return self._with(collected=self.collected.keeping(rows), nullity=nullity)
 
     def _with(self, **changes: Any) -> "System":
-        """A copy with some other attributes, without what was derived of the old ones."""
+        """A copy in which some attributes are changed. Derived attributes are not copied."""
         other = object.__new__(System)
         vars(other).update({name: vars(self)[name] for name in _DECLARED} | changes)
         return other
 
     @kept_interrupts()
     def joint_space(self, turns: Mapping[str, int] | None = None) -> "System":
-        """The same system in coordinates of its joints: q, v, M, Q, and what rows of Phi and Psi are left.
+        """The same system in coordinates of its joints: q, v, M, Q, and the remaining rows of Phi and Psi.
 
-        A spanning tree of joints carries the bodies. Rows of joints that close loops stay. Bodies that no joint
-        carries, flexible bodies and particles keep their coordinates. `turns`, as in `JointSpace`, are rarely needed.
+        A spanning tree of joints carries the bodies. Joints that close loops keep their rows. Bodies without a carrying
+        joint, flexible bodies and particles keep their coordinates. `turns`, as in `JointSpace`, are rarely needed.
 
         Examples
         --------
@@ -143,7 +145,7 @@ class System(FilledByBlock, ReadEquations):
         """
         if gated := self.collected.gated:
             names = ", ".join(map(repr, gated))
-            raise DeclarationError(f"Coordinates of joints are not possible: {names} may open or close in a run.")
+            raise DeclarationError(f"Joint coordinates are not possible, because {names} may open or close in a run.")
         joints = JointSpace(self.collected, self.elements, turns or {})
         return self._with(collected=joints.collected, nullity=0, _joints=joints)
 
@@ -151,7 +153,7 @@ class System(FilledByBlock, ReadEquations):
     def joints(self) -> "JointSpace":
         """The joints that carry the bodies of a `joint_space`."""
         if self._joints is None:
-            raise DeclarationError("System: its coordinates are those of bodies, not of joint_space().")
+            raise DeclarationError("The system has the coordinates of bodies. Use system.joint_space().")
         return self._joints
 
     @property
@@ -161,7 +163,7 @@ class System(FilledByBlock, ReadEquations):
 
     @property
     def inputs(self) -> dict[str, Symbol]:
-        """The symbols of the inputs that are no parameters, by name."""
+        """The symbols of the inputs that are not parameters, by name."""
         inputs = [e for e in self.elements if isinstance(e, Input) and e.name not in self.parameters]
         return {u.name: u.symbol for u in inputs}
 
@@ -200,7 +202,7 @@ class System(FilledByBlock, ReadEquations):
 
     @cached_property
     def lam(self) -> Multipliers:
-        """Multipliers, (n_c + n_psi,) [N, N m]; `lam("elbow")` those of one joint."""
+        """Multipliers, (n_c + n_psi,) [N, N m]. `lam("elbow")` returns the multipliers of one joint."""
         names = self.collected.row_names
         lam = Multipliers(ca.vertcat(*[ca.SX.sym(n) for n in names]) if names else ca.SX(0, 1))
         lam.rows = self.collected.rows
@@ -213,18 +215,18 @@ class System(FilledByBlock, ReadEquations):
 
     @cached_property
     def solved_hashes(self) -> frozenset[int]:
-        """Hashes of multipliers and accelerations: they identify outputs that contain some."""
+        """Hashes of multipliers and accelerations. They identify the outputs that need a solution of the equations."""
         return frozenset(s.element_hash() for s in ca.vertsplit(ca.vertcat(ca.SX(self.lam), self.vdot)))
 
     def ddt(self, expression: Expr) -> ca.SX:
         """Rate of an expression of coordinates, velocities, first-order states and `t`, for outputs: d/dt f(q, v, t).
 
-        Unlike `symmb.ddt` it takes velocities, whose rates are accelerations: `system.ddt(ram.vx)`.
+        Unlike `symmb.ddt`, it accepts velocities: `system.ddt(ram.vx)` is an acceleration.
 
         Raises
         ------
         DeclarationError
-            If a symbol is unknown, or a multiplier
+            If a symbol is unknown or is a multiplier
 
         Examples
         --------
@@ -236,7 +238,8 @@ class System(FilledByBlock, ReadEquations):
         c = self.collected
         pairs = zip(ca.vertsplit(self.v), ca.vertsplit(self.vdot), strict=True)
         accelerations = {v.element_hash(): a for v, a in pairs}
-        accelerations |= {v.element_hash(): ca.SX(0) for _, _, _, v in c.decoupled}  # untouched: it moves uniformly
+        # No element acts on these coordinates, so they move uniformly.
+        accelerations |= {v.element_hash(): ca.SX(0) for _, _, _, v in c.decoupled}
         return rate(self.bind(expression, "ddt", any_size=True), accelerations)
 
     @property
@@ -245,12 +248,12 @@ class System(FilledByBlock, ReadEquations):
         return self.collected.M if self._joints is None else self._joints.M
 
     def inertial(self, a: ca.SX) -> ca.SX:
-        """M a (n_v,), the forces that accelerations a (n_v,) need."""
+        """Inertial forces M a (n_v,) for accelerations a (n_v,)."""
         return self.M @ a if self._joints is None else self._joints.inertial(a)
 
     @property
     def Q(self) -> ca.SX:
-        """Generalised forces with gyroscopic terms, (n_v,) [N, N m], in which inputs are symbols, as in other parts."""
+        """Generalised forces with gyroscopic terms, (n_v,) [N, N m]. Inputs are symbols in all equations."""
         return self._driven("Q")
 
     @property
@@ -280,7 +283,7 @@ class System(FilledByBlock, ReadEquations):
 
     @cached_property
     def Phi_t(self) -> ca.SX:
-        """Partial derivative of the position constraints with respect to time, (n_c,); no entries without drives."""
+        """Partial time derivative of the position constraints, (n_c,). Only rows of drives have an entry."""
         return ca.sparsify(ca.jacobian(self.Phi, t))
 
     @cached_property
@@ -296,18 +299,18 @@ class System(FilledByBlock, ReadEquations):
 
     @cached_property
     def gamma(self) -> ca.SX:
-        """Right side of G v' = gamma, (n_c + n_psi,): minus the change of the rows' rates without accelerations."""
+        """Right side of G v' = gamma, (n_c + n_psi,): the negative derivative of the rows' rates for v' = 0."""
         x, rates = ca.vertcat(self.q, self.s), ca.vertcat(self.qdot, self.s_rate)
         return ca.densify(-(ca.jtimes(self.Phi_dot, x, rates) + ca.jacobian(self.Phi_dot, t)))
 
     @cached_property
     def block_sizes(self) -> tuple[int, ...]:
-        """Velocities of each body, the sizes of the blocks of M."""
+        """Number of velocities of each body, which are the sizes of the blocks of M."""
         return self.collected.block_sizes
 
     @cached_property
     def solve(self) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
-        """Solver (f, g) -> (a, lam) of M a + G' lam = f, G a = g, factorised once (see `saddle_solver`)."""
+        """Solver (f, g) -> (a, lam) of M a + G' lam = f, G a = g. Factorised once, see `saddle_solver`."""
         if self._joints is not None and not self.G.shape[0]:
             return self._joints.solve
         coupled = any(body.nearly_singular for body in self.bodies)
@@ -322,12 +325,12 @@ class System(FilledByBlock, ReadEquations):
         return self.solve(self.Q, self.gamma)[0]
 
     def retract(self, delta: ca.SX) -> ca.SX:
-        """Coordinates (n_q,) after a small displacement (n_v,), a velocity times a time. Quaternions keep norm 1."""
+        """Coordinates (n_q,) after a small displacement (n_v,), velocity times time. Quaternions keep norm 1."""
         return self.collected.retract(delta) if self._joints is None else self._joints.retract(self.q, delta)
 
     @property
     def kinetic_energy(self) -> ca.SX:
-        """v' M v / 2 [J]."""
+        """Kinetic energy v' M v / 2 [J]."""
         return 0.5 * ca.dot(self.v, self.inertial(self.v))
 
     @property
@@ -337,49 +340,50 @@ class System(FilledByBlock, ReadEquations):
 
     @cached_property
     def power(self) -> ca.SX:
-        """Power of forces without potential, of drives, and of mass that joins or leaves [W], in q, v, s, lam, p, t.
+        """Power of forces without potential, of drives and of added or removed mass [W], in q, v, s, lam, p, t.
 
-        Mass that joins a body, or leaves it, has the velocity of the body, so that M v' = Q holds.
+        Mass joins or leaves a body at the velocity of the body, so M v' = Q holds.
         """
         at_rest = ca.substitute(self.Phi_dot, self.v, ca.SX.zeros(self.v.shape))
         of_forces = self.collected.power if self._joints is None else self._joints.power
         return of_forces + ca.dot(ca.SX(self.lam), at_rest)
 
     def reaction(self, name: str) -> Reaction:
-        """Reaction of the joint of that name on its second body at the joint's point, in world axes [N], [N m].
+        """Reaction of the joint with this name on its second body at the joint's point, in world axes [N], [N m].
 
         Raises
         ------
         DeclarationError
-            If there is no such joint between two bodies
+            If there is no joint with this name between two bodies
         """
         return reaction([e for e in self.elements if isinstance(e, Joint)], name, self.Phi, self.lam)
 
     def force(self, name: str) -> ca.SX:
-        """Force of the element of that name [N], [N m]: pull of a spring or a rope, push of a contact, law of a motor.
+        """Force of the element with this name [N] or [N m]: pull of a spring or a rope, push of a contact, law of a
+        motor.
 
-        For a contact at several places it is the sum, without friction.
+        The force of a contact at several places is the sum without friction.
 
         Raises
         ------
         DeclarationError
-            If there is no such element, or its force is not one number
+            If there is no element with this name, or if its force is not a scalar
         """
         name = normal(name)
         forces = {key: force for key, force in self.collected.forces.items() if force is not None}
         if isinstance(name, str) and name in self.lam.rows and name not in forces:
-            raise DeclarationError(f"system.force: {name!r} is held by multipliers. Use system.lam({name!r}).")
+            raise DeclarationError(f"system.force: the force of {name!r} is a multiplier. Use system.lam({name!r}).")
         require_name("system.force", "element with a force", name, forces)
         return forces[name]
 
     @cached_property
     def positive(self) -> tuple[tuple[str, ...], ca.Function]:
-        """Masses and lengths, which must be above 0: names (n,) and a Function p -> values (n,)."""
+        """Masses and lengths that must be above 0: names (n,) and a Function p -> values (n,)."""
         names, values = [name for name, _ in self.collected.positive], [value for _, value in self.collected.positive]
         return tuple(names), ca.Function("positive", [self.p], [ca.vertcat(ca.SX(0, 1), *values)])
 
     def sign_faults(self, box: Box) -> list[str]:
-        """Masses and lengths that are not positive at a corner of the box."""
+        """Messages for masses and lengths that are not positive at a corner of the box."""
         return sign_faults(*self.positive, self.parameters, box)
 
     @property
@@ -403,7 +407,7 @@ def _restored(
     added: tuple[Symbol, ...],
     is_driven: bool = False,
 ) -> System:
-    """A system from its pickle, whose outputs may contain multipliers and accelerations."""
+    """A system from its pickle. It keeps symbols of multipliers and accelerations, because outputs may contain them."""
     system = System(*elements, parameters=parameters)
     system._is_driven = is_driven
     rows, system.lam, system.vdot = system.lam.rows, Multipliers(lam), vdot

@@ -1,4 +1,4 @@
-"""Intervals from tolerances as drawings and tables tell them."""
+"""Intervals from the tolerances in drawings and tables."""
 
 import csv
 import io
@@ -23,10 +23,10 @@ _SEPARATORS = {";": "semicolons", "\t": "tabs"}
 _SIGNS = str.maketrans(
     {"\N{MINUS SIGN}": "-", "\N{EN DASH}": "-", "\N{NO-BREAK SPACE}": " "} | dict.fromkeys("Øø⌀", "")
 )
-"""Characters of texts from word processors, and the sign of a diameter, which says nothing about its tolerance."""
+"""Characters that word processors write, and the diameter sign, which does not change the tolerance."""
 _DEGREE = "\N{DEGREE SIGN}"
 _LENGTH, _ANGLE = {"m": 1e-3, "mm": 1.0}, {"rad": math.pi / 180, "deg": 1.0}
-"""Units of nominal values, over those of sizes in texts."""
+"""Unit of a nominal value divided by the unit of the size in a text."""
 _UNIT, _DEVIATION = r" *((?:[^\W\d_]|1/|\N{DEGREE SIGN})[^±+%]*?|) *", r"([+-] *\d+(?:\.\d+)?|0(?:\.0+)?)"
 _SIZE = rf" *(?:({NUMBER}){_UNIT})?"
 _BOTH_SIDES = re.compile(_SIZE + rf"(?:±|\+ */ *-|\+-) *(\d+(?:\.\d+)?)(?: *(%) *|{_UNIT})")
@@ -36,13 +36,12 @@ _EACH_SIDE = re.compile(
 _SIGN = re.compile(r"^ *(?:±|\+ */ *-|\+-)")
 _DEVIATION_WITH_UNIT = re.compile(r" *(\d+(?:\.\d+)?) *((?:[^\W\d_]|1/|\N{DEGREE SIGN})[^±+%]*?) *")
 _LIKE_DEVIATIONS = re.compile(r" *-?\d.*[±+/]")
-"""Deviations of a drawing: to both sides, as 40 ±0.1 or 40 mm ±1%, to each side, as 40 +0.1/-0.2 mm, and what is meant
-so."""
+"""Texts that start with a digit and contain a sign of deviations, but have none of the valid forms."""
 _COLUMNS = "name", "nominal", "plus", "minus", "tolerance"
 
 
 class _Told(NamedTuple):
-    """What a text tells: a size and its ends, or deviations if the size is None, their unit, and a share, if any."""
+    """The content of a text: size, limits of size (deviations if the size is None), unit, and percentage if any."""
 
     size: float | None
     ends: Interval
@@ -51,7 +50,8 @@ class _Told(NamedTuple):
 
 
 def _told(owner: str, name: str, text: str) -> _Told | None:
-    """The deviations of a text, such as "235 mm ±0.5 mm", "2.5 N/mm ±10%", "±0.1 mm" or "40 +0.1/-0.2 mm"."""
+    """The content of a text with deviations, None for other texts. Examples are "235 mm ±0.5 mm", "2.5 N/mm ±10%",
+    "±0.1 mm" or "40 +0.1/-0.2 mm"."""
     plain, percent = text.translate(_SIGNS), None
     if match := _BOTH_SIDES.fullmatch(plain):
         size, unit, deviation, mark, other = match.groups()
@@ -78,14 +78,14 @@ def _told(owner: str, name: str, text: str) -> _Told | None:
 
 
 def interval_with_unit(name: str, given: Any) -> tuple[Any, str]:
-    """An interval of a Box as two ends and their unit, '' if it has none."""
+    """An interval of a Box as its two ends and their unit ('' without a unit)."""
     owner = f"Box: {name!r}"
     if isinstance(given, str):
         told = _told("Box", name, given)
         if told is None or told.size is None:
             raise DeclarationError(
-                f"{owner}: {shown(given)} is no interval. Write '235 mm ±0.5 mm', '2.5 N/mm ±10%' or (lower, upper); "
-                f"Box.plus_minus(p, ...) takes deviations from nominal values.{_comma(given)}"
+                f"{owner}: {shown(given)} is not an interval. Write '235 mm ±0.5 mm', '2.5 N/mm ±10%' or (lower, "
+                f"upper). For deviations from nominal values, use Box.plus_minus(parameters, ...).{_comma(given)}"
             )
         given = [(end, told.unit) for end in told.ends]
     elif isinstance(given, tuple | list) and len(given) == 3 and isinstance(given[2], str):
@@ -95,12 +95,12 @@ def interval_with_unit(name: str, given: Any) -> tuple[Any, str]:
     ends = [quantity(f"{owner}:", end) for end in given]
     unit = ends[0][1]
     if len({bool(other) for _, other in ends}) > 1:
-        raise DeclarationError(f"{owner}: both ends need a unit, or none, got {shown(given)}.")
+        raise DeclarationError(f"{owner}: either both ends or neither must have a unit, got {shown(given)}.")
     return [number_in(owner, "the other end", end, unit) for end in ends], unit
 
 
 def interval_of(owner: str, name: str, nominal: float, tolerance: object, unit: str = "") -> Interval:
-    """The interval around a nominal value in a unit by a tolerance of `Box.plus_minus`."""
+    """The interval around a nominal value with this unit. The tolerance is an argument of `Box.plus_minus`."""
     if isinstance(tolerance, str):
         return _of_text(owner, name, nominal, tolerance, unit)
     if isinstance(tolerance, tuple | list) and any(isinstance(part, str | tuple) for part in tolerance):
@@ -116,7 +116,7 @@ def interval_of(owner: str, name: str, nominal: float, tolerance: object, unit: 
     if ends is None or ends.shape != (2,) or not ends[0] <= ends[1] or not all(map(is_finite_number, ends)):
         raise DeclarationError(
             f"{owner}: the tolerance of {name!r} must be a number, a pair (lower, upper) of deviations such as "
-            f"(-1e-5, 3e-5), a share such as '1%', or a size with its deviations or grade such as '40 ±0.1' or "
+            f"(-1e-5, 3e-5), a percentage such as '1%', or a size with its deviations or grade such as '40 ±0.1' or "
             f"'40 H7', got {shown(tolerance)}."
         )
     lower, upper = ends.tolist()
@@ -129,7 +129,7 @@ def _of_text(owner: str, name: str, nominal: float, text: str, own: str) -> Inte
         percent = _percent(text)
         if isinstance(percent, str):
             raise DeclarationError(
-                f"{owner}: {text!r} of {name!r} is no share. Write '1%': it holds for both sides.{_comma(text)}"
+                f"{owner}: {text!r} of {name!r} is not a percentage. Write '1%' or '±1%'; both mean ±1 %.{_comma(text)}"
             )
         return _share(owner, name, nominal, text, percent)
     if told is None or not (own or told.size is not None or told.unit):
@@ -138,7 +138,7 @@ def _of_text(owner: str, name: str, nominal: float, text: str, own: str) -> Inte
         return _in_unit(owner, name, nominal, text, told, own)
     if told.size is None or told.unit not in ("", _DEGREE):
         own = told.unit or "mm"
-        raise DeclarationError(f"{owner}: {name!r} has no unit, and {text!r} has one. Declare {name}=(..., {own!r}).")
+        raise DeclarationError(f"{owner}: {name!r} has no unit, but {text!r} has one. Declare {name}=(..., {own!r}).")
     unit = _unit(owner, name, nominal, text, told.size)
     if told.percent is not None:
         return _share(owner, name, nominal, text, told.percent)
@@ -146,14 +146,12 @@ def _of_text(owner: str, name: str, nominal: float, text: str, own: str) -> Inte
 
 
 def _in_unit(owner: str, name: str, nominal: float, text: str, told: _Told, own: str) -> Interval:
-    """The interval around a nominal value in its own unit, by what a text tells in another one that fits."""
+    """The interval around a nominal value in the parameter's unit. The text may use another unit of the same kind."""
     ratio = ratio_of(owner, f"parameter {name!r}", told.unit or own, own)
     low, high = (scaled(end, ratio) for end in told.ends)
     if told.size is None:
         if nominal and high == -low and abs(high - abs(nominal)) <= SAME * abs(nominal) and not _SIGN.match(text):
-            raise DeclarationError(
-                f"{owner}: {text!r} is the nominal value of {name!r}. Write a tolerance, such as '±1%'."
-            )
+            raise DeclarationError(f"{owner}: {text!r} is the nominal value of {name!r}. Write a tolerance like '±1%'.")
         return nominal + low, nominal + high
     if abs(nominal - scaled(told.size, ratio)) > SAME * abs(nominal):
         raise DeclarationError(f"{owner}: {name!r} is {nominal:g} {own}, which is not the size in {text!r}.")
@@ -161,59 +159,60 @@ def _in_unit(owner: str, name: str, nominal: float, text: str, told: _Told, own:
 
 
 def _of_grade(owner: str, name: str, text: str, unit: str) -> _Told:
-    """The size of a text with its grade, and its ends [mm]."""
+    """The size in a text with a tolerance grade, and the limits of size [mm]."""
     plain = text.translate(_SIGNS)
     if _LIKE_DEVIATIONS.match(plain):
         raise DeclarationError(
-            f"{owner}: {text!r} of {name!r} is no tolerance. Write a size with its deviations, such as '40 ±0.1', "
+            f"{owner}: {text!r} of {name!r} is not a tolerance. Write a size with its deviations, such as '40 ±0.1', "
             f"'40 ±1%' or '40 +0.1/-0.2'.{_comma(text)}"
         )
     if _DEGREE in text:
-        raise DeclarationError(f"{owner}: {text!r} of {name!r}: grades are known for lengths alone. Write '30° ±0.5°'.")
+        raise DeclarationError(f"{owner}: {text!r} of {name!r}: only lengths have tolerance grades. Write '30° ±0.5°'.")
     with faults_of(f"{owner}: {name!r}"):
         size, lower, upper = sizes_of_grade(plain)
     return _Told(size, (lower, upper), unit)
 
 
 def share_of(text: str) -> float | str:
-    """The share in a text such as "5%" or "±5%"; any other text as it is."""
+    """The number 0.05 for a text such as "5%" or "±5%". Other texts are returned unchanged."""
     percent = _percent(text)
     return percent / 100 if text.strip().endswith("%") and not isinstance(percent, str) else text
 
 
 def _percent(text: str) -> Any:
-    """The number of a share to both sides, or a text if it is none."""
+    """The percentage in a text without its sign, as a number. A text that is not a number is returned as a text."""
     return _number_or_text(_SIGN.sub("", text.translate(_SIGNS)).strip().removesuffix("%"))
 
 
 def _comma(text: str) -> str:
-    return " Decimals have a point." if "," in text else ""
+    return " Use a point as decimal separator." if "," in text else ""
 
 
 def _share(owner: str, name: str, nominal: float, text: str, percent: float) -> Interval:
     share = percent / 100
     if not 0 <= share < 1 or not nominal:
         raise DeclarationError(
-            f"{owner}: the share {text!r} of {name!r} must be from 0 % to below 100 % of a value that is not 0."
+            f"{owner}: the percentage {text!r} of {name!r} must be at least 0 % and below 100 %, and the nominal value "
+            "must not be 0."
         )
     return nominal - abs(nominal) * share, nominal + abs(nominal) * share
 
 
 def _unit(owner: str, name: str, nominal: float, text: str, size: float) -> float:
-    """The unit of a nominal value, m or mm, over that of its size in a text [mm]; of an angle rad or deg, over deg."""
+    """Factor from the size in a text [mm or °] to the nominal value, which is in m or mm, or in rad or °."""
     units = _ANGLE if _DEGREE in text else _LENGTH
     own, other = units
     if size == 0:
         raise DeclarationError(
-            f"{owner}: {text!r} of {name!r}: deviations from 0 may be in {own} or in {other}. Write a number, or a "
-            "pair of them."
+            f"{owner}: {text!r} of {name!r}: the unit of deviations from 0 may be {own} or {other}. Write a number, or "
+            "a pair of numbers."
         )
     for unit in units.values():
         if abs(nominal - unit * size) <= SAME * unit * abs(size):
             return unit
-    signed = f" A value below 0 takes its deviations, as '-{size:g} ±0.5'." if nominal < 0 < size else ""
+    signed = f" For a value below 0, write '-{size:g} ±0.5'." if nominal < 0 < size else ""
     raise DeclarationError(
-        f"{owner}: {name!r} is {nominal:g}, and {text!r} is a tolerance of {size:g} {other}: the nominal value must be "
+        f"{owner}: {name!r} is {nominal:g}, but {text!r} is a tolerance of {size:g} {other}. The nominal value must be "
         f"{units[own] * size:g} (in {own}) or {size:g} (in {other}).{signed}"
     )
 
@@ -221,8 +220,8 @@ def _unit(owner: str, name: str, nominal: float, text: str, size: float) -> floa
 def intervals_in_file(
     path: Path, parameters: Mapping[str, SupportsFloat] | None, units: Mapping[str, str]
 ) -> dict[str, Interval]:
-    """The intervals that a CSV or TOML table tells, in units of the parameters, whose nominal values must be those of
-    the parameters, if given."""
+    """The intervals of a CSV or TOML table, in the units of the parameters. If nominal values are given, the nominal
+    values in the table must agree."""
     owner = f"Box.read: {path.name}"
     read = {".csv": _rows_of_csv, ".toml": _rows_of_toml}.get(path.suffix.lower())
     if read is None:
@@ -233,15 +232,15 @@ def intervals_in_file(
         rows = list(read(owner, text))
     except (FileError, DeclarationError):
         raise
-    except (ValueError, RecursionError, csv.Error) as error:  # text that is no UTF-8, long numbers, deep brackets
-        raise DeclarationError(f"{owner} is no table: {text_of(error)}.") from None
+    except (ValueError, RecursionError, csv.Error) as error:  # text that is not UTF-8, long numbers, deep brackets
+        raise DeclarationError(f"{owner} is not a table: {text_of(error)}.") from None
     intervals: dict[str, Interval] = {}
     for row in rows:
         name = normal(row.get("name"))
         if not isinstance(name, str) or not name:
             raise DeclarationError(f"{owner}: each row needs the name of a parameter.")
         if name in intervals:
-            raise DeclarationError(f"{owner}: {name!r} stands there twice.")
+            raise DeclarationError(f"{owner}: the name {name!r} appears twice.")
         intervals[name] = _of_row(owner, name, row, parameters, units.get(name, ""))
     if not intervals:
         raise DeclarationError(f"{owner} has no rows.")
@@ -253,20 +252,17 @@ def _rows_of_csv(owner: str, text: str) -> Iterator[dict[str, Any]]:
     if comment := next((line for line in lines if line[0].lstrip().startswith("#")), None):
         raise DeclarationError(f"{owner}: comments cannot be read. Remove the line {shown(','.join(comment))}.")
     head = [cell.strip().lower() for cell in lines[0]] if lines else []
-    _require_columns(owner, head)
-    for line in lines[1:]:
-        if len(line) > len(head):
-            raise DeclarationError(f"{owner}: a row has {len(line)} cells and the head {len(head)}: {', '.join(line)}.")
-        yield {key: cell.strip() for key, cell in zip(head, line, strict=False) if cell.strip()}
-
-
-def _require_columns(owner: str, head: list[str]) -> None:
-    """DeclarationError if the head of a table is not cut at commas, or names a column twice."""
     for mark, word in _SEPARATORS.items():
         if len(head) == 1 and mark in head[0]:
-            raise DeclarationError(f"{owner}: cells are separated by {word} there, and must be by commas.")
+            raise DeclarationError(f"{owner}: the cells are separated by {word}. Separate them by commas.")
     if twice := [name for name, count in Counter(head).items() if name and count > 1]:
-        raise DeclarationError(f"{owner}: the column {twice[0]!r} stands there twice.")
+        raise DeclarationError(f"{owner}: the column {twice[0]!r} appears twice.")
+    for line in lines[1:]:
+        if len(line) > len(head):
+            raise DeclarationError(
+                f"{owner}: a row has {len(line)} cells, the head has {len(head)}: {', '.join(line)}."
+            )
+        yield {key: cell.strip() for key, cell in zip(head, line, strict=False) if cell.strip()}
 
 
 def _rows_of_toml(owner: str, text: str) -> Iterator[dict[str, Any]]:
@@ -281,13 +277,19 @@ def _of_row(
 ) -> Interval:
     for key in row:
         if key not in _COLUMNS:
-            raise DeclarationError(f"{owner}: no column {key!r} is read.{did_you_mean(key, _COLUMNS)}")
+            raise DeclarationError(f"{owner}: unknown column {key!r}.{did_you_mean(key, _COLUMNS)}")
     nominal = _number(owner, name, "nominal", row.get("nominal"), unit)
     if parameters is not None:
-        _require_nominal(owner, name, nominal, parameters)
+        if name not in parameters:
+            raise DeclarationError(f"{owner}: unknown parameter {name!r}.{did_you_mean(name, parameters)}")
+        own = float(parameters[name])
+        if not abs(own - nominal) <= SAME * abs(nominal):
+            raise DeclarationError(
+                f"{owner}: the nominal value of {name!r} is {nominal:.12g} in the table, but {own:.12g} in the model."
+            )
     if "tolerance" in row:
         if "plus" in row or "minus" in row:
-            raise DeclarationError(f"{owner}: {name!r} has a tolerance, and plus or minus: give one of both.")
+            raise DeclarationError(f"{owner}: {name!r} has a tolerance and plus or minus. Give only one of both.")
         return interval_of(owner, name, nominal, _number_or_text(row["tolerance"]), unit)
     if "plus" not in row:
         raise DeclarationError(f"{owner}: {name!r} needs plus and minus, or a tolerance.")
@@ -295,21 +297,10 @@ def _of_row(
     minus = _number(owner, name, "minus", row.get("minus", plus), unit)
     if plus < 0 or minus < 0:
         raise DeclarationError(
-            f"{owner}: plus and minus of {name!r} are distances from the nominal value, and at least 0. If both ends "
-            "lie on one side, move the nominal value between them."
+            f"{owner}: plus and minus of {name!r} are distances from the nominal value and must be at least 0. If both "
+            "ends are on one side of the nominal value, choose another nominal value between the ends."
         )
     return interval_of(owner, name, nominal, (-minus, plus))
-
-
-def _require_nominal(owner: str, name: str, nominal: float, parameters: Mapping[str, SupportsFloat]) -> None:
-    """DeclarationError if the nominal value of a table is not that of the parameter."""
-    if name not in parameters:
-        raise DeclarationError(f"{owner}: unknown parameter {name!r}.{did_you_mean(name, parameters)}")
-    own = float(parameters[name])
-    if not abs(own - nominal) <= SAME * abs(nominal):
-        raise DeclarationError(
-            f"{owner}: the nominal value of {name!r} is {nominal:.12g} there, and {own:.12g} in the model."
-        )
 
 
 def _number(owner: str, name: str, column: str, value: Any, unit: str) -> float:

@@ -20,7 +20,7 @@ def _unit(text: str) -> Unit:
 
 _TEXTS = {
     _unit(text): text
-    for text in "m,m/s,m/s^2,rad,rad/s,rad/s^2,s,m^2,m^3,m^2/s^2,N,N/m,N m,W".split(",")  # those that outputs show
+    for text in "m,m/s,m/s^2,rad,rad/s,rad/s^2,s,m^2,m^3,m^2/s^2,N,N/m,N m,W".split(",")  # units of outputs
 }
 _NONE, _TIME, _ANGLE, _LENGTH = _unit(""), _unit("s"), _unit("rad"), _unit("m")
 _SPEED, _SPIN = _unit("m/s"), _unit("rad/s")
@@ -29,9 +29,9 @@ _VELOCITY = {
     name: _SPIN if name.startswith("o") else _SPEED for name in "vx vy vz omega omega_x omega_y omega_z".split()
 }
 _HANDLES = {"angle_rate": _SPIN, "displacement": _LENGTH, "displacement_rate": _SPEED}
-"""Handles of joints, expressions whose units do not follow from numbers in axes."""
+"""Handles of joints. Their units do not follow from their expressions, because axes are numbers without a unit."""
 _RATE = ".rate"
-"""End of the names of accelerations, which are symbols in outputs only."""
+"""Suffix of the names of accelerations. Accelerations are symbols in outputs only."""
 _FORCE, _ENERGY, _POWER = _unit("N"), _unit("N m"), _unit("W")
 _SAME = frozenset((ca.OP_NEG, ca.OP_FABS, ca.OP_ASSIGN, ca.OP_COPYSIGN, ca.OP_FMOD))
 _SUM = frozenset((ca.OP_ADD, ca.OP_SUB, ca.OP_FMIN, ca.OP_FMAX, ca.OP_HYPOT))
@@ -39,12 +39,12 @@ _ANGLES = frozenset((ca.OP_ASIN, ca.OP_ACOS, ca.OP_ATAN, ca.OP_ATAN2))
 
 
 def units_of(system: System, y: ca.SX) -> tuple[str, ...]:
-    """Units of expressions (n_y,) of a system, '' where they are not known.
+    """Units of expressions (n_y,) of a system, '' for unknown units.
 
-    Coordinates, velocities, accelerations, handles of joints, multipliers and the time have units. Sums, differences,
-    products, powers and roots of them have others, and so have parameters with units. Numbers and other parameters may
-    have any unit, so that products with them have none that is known. Terms of a sum have the unit of those among them
-    that have one; lengths have precedence over angles: x + l sin(theta) has the unit of x.
+    Coordinates, velocities, accelerations, handles of joints, multipliers and the time have units. Parameters may have
+    units. The units of sums, differences, products, powers and roots follow. Numbers and parameters without a unit may
+    have any unit, so the unit of a product with such a factor is unknown. All terms of a sum have the unit of the terms
+    with a known unit. Lengths have precedence over angles: x + l sin(theta) has the unit of x.
 
     Examples
     --------
@@ -59,7 +59,7 @@ def units_of(system: System, y: ca.SX) -> tuple[str, ...]:
     known: dict[int, Unit | None] = {}
     n_c, rows = system.Phi.numel(), ca.vertcat(system.Phi, system.Psi)
     for i, multiplier in enumerate(ca.vertsplit(ca.SX(system.lam)) if rows.numel() else ()):
-        if multiplier.element_hash() in hashes:  # a multiplier times its row is an energy, or a power
+        if multiplier.element_hash() in hashes:  # the product of a multiplier and its row is an energy or a power
             (unit,) = _worked_out(rows[i], {})
             known[multiplier.element_hash()] = _product(_ENERGY if i < n_c else _POWER, unit, -1) if unit else None
     handles = [*_of_parameters(system), *_handles(system), *_forces(system, y)]
@@ -73,7 +73,7 @@ def units_of(system: System, y: ca.SX) -> tuple[str, ...]:
 
 
 def _of_parameters(system: System) -> list[tuple[ca.SX, Unit]]:
-    """The parameters with mechanical units, as they stand in expressions."""
+    """The parameters with mechanical units, each with its symbol."""
     p, units = system.parameters, units_of_parameters(system.parameters)
     mechanical = (name for name, text in units.items() if not any(unit_of(name, text).powers[4:]))
     known = ((name, _product(_unit(units[name]), _NONE)) for name in mechanical)
@@ -81,13 +81,13 @@ def _of_parameters(system: System) -> list[tuple[ca.SX, Unit]]:
 
 
 def _handles(system: System) -> list[tuple[ca.SX, Unit]]:
-    """The handles of joints that expressions may contain, with their units. Those that nobody has read do not exist."""
+    """The handles of joints that expressions may contain, with their units. A handle exists only after it was read."""
     joints = [e for e in system.elements if isinstance(e, Joint)]
     return [(vars(j)[name], unit) for j in joints for name, unit in _HANDLES.items() if name in vars(j)]
 
 
 def _forces(system: System, y: ca.SX) -> list[tuple[ca.SX, Unit]]:
-    """The forces of elements among expressions (n_y,), with their units, which those of stiffnesses do not tell."""
+    """The forces of elements among expressions (n_y,), with units that stiffnesses without units do not give."""
     forces, whole = system.collected.forces, {entry.element_hash() for entry in ca.vertsplit(ca.SX(y))}
     torques = {e.name for e in system.elements if isinstance(e, ForceElement) and e.turns}
     return [
@@ -98,9 +98,9 @@ def _forces(system: System, y: ca.SX) -> list[tuple[ca.SX, Unit]]:
 
 
 def _worked_out(y: ca.SX, known: dict[int, Unit | None], parts: Sequence[tuple[ca.SX, Unit]] = ()) -> list[Unit | None]:
-    """Units of expressions (n,), None where they are not known.
+    """Units of expressions (n,), None for unknown units.
 
-    Known are those of some symbols, by their hashes, and of parts of the expressions.
+    `known` has units of symbols by their hashes, and `parts` has units of parts of the expressions.
     """
     if not ca.symvar(y):
         return [None] * y.numel()
@@ -128,7 +128,7 @@ def _of_symbol(symbol: ca.SX) -> Unit | None:
 
 
 def _literal(value: float) -> None:
-    """A number may have any unit."""
+    """None, because a number may have any unit."""
 
 
 def _operation(code: int, arguments: Sequence[Unit | None]) -> Unit | None:
@@ -158,7 +158,7 @@ def _sum(first: Unit | None, second: Unit | None) -> Unit | None:
 
 
 def _product(first: Unit, second: Unit, sign: int = 1) -> Unit | None:
-    """An angle times a length is a length. A quotient without unit may stand for anything times 1."""
+    """The unit of a product or a quotient. An angle times a length is a length. A ratio of equal units is unknown."""
     unit = tuple(a + sign * b for a, b in zip(first, second, strict=True))
     if unit[0]:
         unit = (*unit[:3], Fraction(0))

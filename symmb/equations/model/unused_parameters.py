@@ -1,4 +1,4 @@
-"""Parameters on which nothing of a scene depends."""
+"""Parameters without effect on a scene."""
 
 from collections.abc import Iterable
 
@@ -8,7 +8,7 @@ from symmb.equations.model.scene import Scene
 
 
 def unused_parameters(scene: Scene, names: Iterable[str]) -> tuple[str, ...]:
-    """Those of the named parameters that stand in no equation, start value, guess or output of the scene."""
+    """The named parameters that appear in no equation, start value, guess or output of the scene."""
     used = scene.remembered(unused_parameters, lambda: _used(scene))
     return tuple(name for name in names if name not in used)
 

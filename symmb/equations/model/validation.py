@@ -1,4 +1,4 @@
-"""Checks of a declaration. Each function returns the faults of one kind, or raises those of one element."""
+"""Checks of a declaration. Each function returns faults of one kind, or raises the faults of one element."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from itertools import product
@@ -14,6 +14,7 @@ from symmb._options import number_text, shown
 from symmb._types import Array
 from symmb.declare.mechanics import (
     RESTITUTION,
+    TRIANGLE,
     AbstractBody,
     Action,
     Body,
@@ -27,6 +28,7 @@ from symmb.declare.mechanics import (
     Parameters,
     Particle,
     Sampled,
+    Spatial,
     as_matrix,
     inertia_matrix,
     law_value,
@@ -37,17 +39,19 @@ from symmb.equations.model.box import Box
 from symmb.equations.model.multipliers import joint_reaction
 
 T = TypeVar("T")
+Inertia = tuple[Body, tuple[ca.SX, ca.SX]]
+"""A body with its mass and its inertia matrix (3, 3)."""
 
 
 class ElementFaults(Faults):
     """The faults of the elements of a system."""
 
     def each(self, otherwise: T, f: Callable[..., T], elements: Sequence[Element], *arguments: Any) -> dict[str, T]:
-        """The results of f for elements, by their names."""
+        """The results of f for each element, by the names of the elements."""
         return {e.name: self.attempt(otherwise, f, e, *arguments) for e in elements}
 
     def attempt(self, otherwise: T, f: Callable[..., T], *arguments: Any, what: str = "A law") -> T:
-        """The result of f, or a substitute where f raises a fault of the declaration."""
+        """The result of f, or `otherwise` if f raises a DeclarationError. The fault is then noted."""
         with self.noted():
             try:
                 return f(*arguments)
@@ -57,7 +61,7 @@ class ElementFaults(Faults):
 
 
 def name_faults(elements: Sequence[object], parameters: Parameters) -> list[str]:
-    """Arguments that are no elements, and names that are invalid or used twice, those of states by parameters too."""
+    """Faults of arguments that are not elements, and of names that are invalid or used twice."""
     faults, names = [], set()
     own = [e.title for e in elements if isinstance(e, OwnState) and e.name in (*parameters, "t")]
     for u in (e for e in elements if isinstance(e, Input)):
@@ -66,15 +70,13 @@ def name_faults(elements: Sequence[object], parameters: Parameters) -> list[str]
     faults += [f"{title}: a parameter or the time has this name. Choose another." for title in own]
     for e in elements:
         if not isinstance(e, Body | Element):
-            faults.append(
-                f"System: {shown(e)} is neither a body, a constraint nor a force. Name parameters as parameters=p."
-            )
+            faults.append(f"System: {shown(e)} is neither a body, a constraint nor a force. Pass parameters=p.")
             continue
         fault = name_fault(e.name, without=".[] ")
         if fault:
             faults.append(f"{_kind(e)} {shown(e.name)}: {fault}")
         elif e.name in names and isinstance(e, JointEvent):
-            faults.append(f"{e.title}: there are two. Join their conditions by casadi.logic_or.")
+            faults.append(f"{e.title}: there are two events of this kind. Combine their conditions by casadi.logic_or.")
         elif e.name in names:
             faults.append(f"{_kind(e)} {shown(e.name)}: the name is used twice. Choose another.")
         else:
@@ -87,10 +89,10 @@ def _kind(part: Body | Element) -> str:
 
 
 def membership_faults(element: Element, known: Collection[int]) -> list[str]:
-    """Faults of an element on bodies or elements that are not part of the system, whose `id`s are known."""
+    """Faults of an element that refers to missing bodies or elements. `known` are the `id`s of the system's parts."""
     try:
         attached = element.bodies()
-    except AttributeError:  # a wrong kind of point, which is one of the element's own faults
+    except AttributeError:  # a point of a wrong type: the element reports this fault itself
         return []
     owners = [body.owner for body in attached if isinstance(body, AbstractBody)]
     missing = [f"body {owner.name!r}" for owner in owners if isinstance(owner, Body) and id(owner) not in known]
@@ -99,7 +101,7 @@ def membership_faults(element: Element, known: Collection[int]) -> list[str]:
 
 
 def mass_and_inertia(body: Body, bind: Binding) -> tuple[ca.SX, ca.SX]:
-    """Mass (scalar) and inertia (3, 3) of a body as SX; all their faults are raised at once."""
+    """Mass (scalar) and inertia (3, 3) of a body as SX. All faults of both are raised at once."""
     mass = bind(body.mass, f"Body {body.name!r}: mass")
     bind.check(body.laws, f"Body {body.name!r}: stiffness or damping")
     J = inertia_matrix(body, as_matrix(body.inertia, f"Body {body.name!r}: inertia", bind))
@@ -107,7 +109,8 @@ def mass_and_inertia(body: Body, bind: Binding) -> tuple[ca.SX, ca.SX]:
     faults += _inertia_faults(body, "inertia", ca.diag(J), bind)
     skew, size = _nominal(ca.vec(J - J.T), bind), _nominal(ca.vec(J), bind)
     if skew is not None and size is not None and skew.any():
-        if np.abs(skew).max() > _ASYMMETRY * np.abs(size).max():
+        # A turned inertia matrix is symmetric up to rounding only.
+        if np.abs(skew).max() > SAME * np.abs(size).max():
             faults.append(f"Body {body.name!r}: inertia matrix is not symmetric.")
         J = (J + J.T) / 2
     if v_like := bind.symbols(Kind.VELOCITY, ca.vertcat(mass, ca.vec(J))):
@@ -117,66 +120,64 @@ def mass_and_inertia(body: Body, bind: Binding) -> tuple[ca.SX, ca.SX]:
 
 
 def _inertia_faults(body: Body, what: str, value: ca.SX, bind: Binding) -> Iterator[str]:
-    """Fault of masses or moments of inertia that are negative, or 0 although not declared so."""
+    """Fault of a mass or a moment of inertia that is negative, or that is 0 at the nominal parameters only."""
     nominal = _nominal(value, bind)
     if nominal is not None and np.any(nominal < 0):
         yield f"Body {body.name!r}: {what} is negative at the nominal parameters. It must not be below 0."
     elif nominal is not None and any(n == 0 and not is_zero(value[i]) for i, n in enumerate(nominal)):
         yield (
-            f"Body {body.name!r}: {what} vanishes at the nominal parameters, not as declared. "
-            "Write 0 for a massless body, so that its equations are solved without dividing by it."
+            f"Body {body.name!r}: {what} is an expression and has the value 0 at the nominal parameters. "
+            "Declare the number 0 for a massless body. Its equations are then solved without a division by this value."
         )
 
 
-_ASYMMETRY = SAME
-"""Difference of opposite entries of an inertia matrix, over the largest entry, that is rounding of a turned one."""
-
-
 def _nominal(value: ca.SX, bind: Binding) -> Array | None:
-    """Numbers at the nominal parameters; None if coordinates or time stand in the expression."""
+    """Values of an expression at the nominal parameters; None if the expression contains coordinates or time."""
     f = ca.Function("f", [bind.parameters.symbols], [ca.densify(value)], {"allow_free": True})
     return None if f.has_free() else np.asarray(f(bind.parameters.nominal)).ravel()
 
 
 def position_rows(constraint: Constraint, rows: ca.SX, bind: Binding) -> list[ca.SX]:
-    """The rows that are not zero. Each must depend on a coordinate."""
+    """The nonzero rows of a constraint. Each row must depend on a coordinate."""
     nonzero = [rows[i] for i in range(rows.numel()) if not is_zero(rows[i])]
     faults = Faults()
     for row in nonzero:
         bind.check(row, constraint.title)
         if not bind.symbols(Kind.COORDINATE, row):
-            faults.append(f"{constraint.title}: no coordinate can meet the row {row} = 0. Check points, axis and law.")
+            faults.append(f"{constraint.title}: no coordinate can satisfy the row {row} = 0. Check points, axis, law.")
         if bind.symbols(Kind.VELOCITY, row):
             faults.append(f"{constraint.title}: a position row must not contain velocities. Use VelocityConstraint.")
         faults += [f"{constraint.title}: {fault}" for fault in _state_faults(row, bind)]
     if rows.numel() and not nonzero:
-        faults.append(f"{constraint.title}: all its rows vanish, nothing is left to constrain. Leave it out.")
+        faults.append(f"{constraint.title}: all rows of this constraint are identically zero. Remove the constraint.")
     faults.raise_any()
     return nonzero
 
 
 def _state_faults(row: ca.SX, bind: Binding) -> list[str]:
-    """Declared states in a position row whose rates contain velocities: the row's rate would have no Jacobian."""
+    """Faults of a position row that contains a state with velocities in its rate. The row's rate has no Jacobian."""
     states = [state for state in bind.states(row) if state.owner]
     fast = [state for state in states if bind.symbols(Kind.VELOCITY, state.rate)]
     return [
-        f"the rate of {state.owner} contains velocities, so that no position can follow it. Use a force law."
+        f"the rate of {state.owner} contains velocities, so a position constraint cannot contain this state. Use a "
+        "force law."
         for state in fast
     ]
 
 
 def held_faults(sampled: Sampled, *kinds: Mapping[str, Sequence[ca.SX]]) -> list[str]:
-    """Constraints with a value that jumps, from the rows of all by name, of positions and of velocities."""
+    """Faults of constraints with a sampled value. `kinds` are the rows of all constraints by name."""
     rows = [(name, row) for kind in kinds for name, own in kind.items() for row in own]
     jumping = dict.fromkeys(name for name, row in rows if ca.depends_on(row, sampled.value))
     return [
-        f"{name!r}: the value of {sampled.title} jumps, which a constraint cannot. Use an Actuator or a Force."
+        f"{name!r}: the value of {sampled.title} jumps, but a constraint must be continuous. Use an Actuator or a "
+        "Force."
         for name in jumping
     ]
 
 
 def velocity_rows(constraint: Constraint, bind: Binding) -> list[ca.SX]:
-    """The velocity-only rows that are not zero. Each must be linear in the velocities."""
+    """The nonzero velocity-only rows of a constraint. Each row must be linear in the velocities."""
     rows = constraint.velocity_rows(bind)
     nonzero = [rows[i] for i in range(rows.numel()) if not is_zero(rows[i])]
     for row in nonzero:
@@ -185,7 +186,7 @@ def velocity_rows(constraint: Constraint, bind: Binding) -> list[ca.SX]:
         linear = ca.jacobian(row, ca.vertcat(*velocities)) if velocities else None
         if linear is None or bind.symbols(Kind.VELOCITY, linear):
             raise DeclarationError(
-                f"{constraint.title}: expressions must be linear in the velocities, and contain some."
+                f"{constraint.title}: each expression must contain velocities and be linear in all velocities."
             )
     return nonzero
 
@@ -207,13 +208,13 @@ def impact_law(impact: Impact, bind: Binding) -> tuple[ca.SX, ca.SX]:
     nominal = None if faults else _nominal(e, bind)
     if nominal is not None and not 0 <= nominal[0] <= 1:
         fault = RESTITUTION.format(number_text(nominal[0]))
-        faults.append(f"{impact.title}: {fault} at the nominal parameters. Give one that is.")
+        faults.append(f"{impact.title}: {fault} at the nominal parameters. Give a valid coefficient.")
     faults.raise_any()
     return gap, e
 
 
 def event_margin(event: JointEvent, rows: Sequence[ca.SX], bind: Binding) -> ca.SX:
-    """The margin of the condition of the event of a joint with some rows as an SX scalar."""
+    """The margin of the condition of a joint event as an SX scalar. `rows` are the rows of the joint."""
     condition, lam, what = event.condition, event.lam[: len(rows)], f"{event.title}: condition"
     if callable(condition):
         condition = law_value(condition, event.title, joint_reaction(event.joint, ca.vertcat(*rows), lam))
@@ -222,19 +223,19 @@ def event_margin(event: JointEvent, rows: Sequence[ca.SX], bind: Binding) -> ca.
         value = margin_of(condition).value
     if bind.has_parameters_alone(value):
         raise DeclarationError(
-            f"{event.title}: the condition never changes. Write a comparison of coordinates, velocities or mb.t, such "
+            f"{event.title}: the condition is constant. Write a comparison of coordinates, velocities or mb.t, such "
             "as arm.theta > 0.8."
         )
     return value
 
 
 def plane_faults(title: str, action: Action) -> list[str]:
-    """Loads that would push or turn a planar body out of its plane."""
+    """Faults of loads that push or turn a planar body out of its plane."""
     faults = []
     particle = next((load.body.name for load in action.loads if _is_particle(load.body)), None)
     remedy = "Leave it out or use pose=Spatial()."
     if particle is not None:
-        remedy = f"Particle {particle!r} may leave it: use pose=Planar() there, or pose=Spatial() for both."
+        remedy = f"Particle {particle!r} can leave the plane. Use Planar() for it, or Spatial() for both."
     for load in action.loads:
         wrench = ca.vertcat(load.force, load.torque)
         S = load.body.frame.S
@@ -244,7 +245,7 @@ def plane_faults(title: str, action: Action) -> list[str]:
         if outside:
             i = outside[0]
             text = str(wrench[i])
-            value = f" ({text})" if len(text) <= 40 else ""  # a longer one does not help
+            value = f" ({text})" if len(text) <= 40 else ""  # a longer text does not help
             what = f"{'force along' if i < 3 else 'torque about'} {'xyzxyz'[i]}{value}"
             faults.append(f"{title}: {what} leaves the plane of planar body {load.body.name!r}. {remedy}")
     return faults
@@ -255,24 +256,21 @@ def _is_particle(body: AbstractBody) -> bool:
 
 
 def require_inertia(M: ca.Sparsity, G: ca.SX, v_names: Sequence[str]) -> None:
-    """DeclarationError if velocities have neither inertia, an entry of M (n_v, n_v), nor a row of G (n_r, n_v)."""
+    """DeclarationError if a velocity has neither an entry in M (n_v, n_v) nor a row in G (n_r, n_v)."""
     columns = ca.horzsplit(ca.vertcat(ca.DM(M, 1), ca.DM(G.sparsity(), 1)))
     free = [name for name, column in zip(v_names, columns, strict=True) if not column.nnz()]
     if free:
         raise DeclarationError(
             f"Nothing determines the acceleration of {', '.join(free)}. Give the body a mass or an inertia, or "
-            "add joints by which others carry it."
+            "add joints that connect it with other bodies."
         )
 
 
-_CORNERS = 10
-"""Parameters up to which all corners of the box are checked, about a thousand. With more, samples fail one by one."""
-
-
 def sign_faults(names: Sequence[str], positive: ca.Function, parameters: Parameters, box: Box) -> list[str]:
-    """Masses and lengths, by name, that the function of the parameters shows not to be positive at a corner."""
+    """Messages for masses and lengths not positive at a corner of the box. `positive` maps parameters to values."""
     order, parts = list(parameters), {}
-    for corner in product(*box.bounds) if len(box) <= _CORNERS else ():
+    # More than about a thousand corners are not checked: then samples fail one by one.
+    for corner in product(*box.bounds) if len(box) <= 10 else ():
         p = parameters.nominal
         p[[order.index(name) for name in box.names]] = corner
         for name, value in zip(names, np.asarray(positive(p)).ravel(), strict=True):
@@ -280,3 +278,33 @@ def sign_faults(names: Sequence[str], positive: ca.Function, parameters: Paramet
                 at = ", ".join(f"{n} = {v:g}" for n, v in zip(box.names, corner, strict=True))
                 parts.setdefault(name, f"box: {name} is {value:g}, not positive, at {at}. Narrow the box.")
     return list(parts.values())
+
+
+def positive(
+    inertial: Sequence[Inertia], constraints: Sequence[Constraint], bind: Binding
+) -> Iterator[tuple[str, ca.SX]]:
+    """Expressions of parameters that must be above 0, with their names."""
+    for body, (mass, J) in inertial:
+        triangle = (
+            ("triangle inequality of moments of inertia (a leading minor of tr(J) / 2 - J)", m)
+            for m in _triangle_minors(body, J)
+        )
+        for what, value in (("mass", mass), *(("inertia", J[k, k]) for k in range(3)), *triangle):
+            if not is_zero(value) and bind.has_parameters_alone(value):
+                yield f"Body {body.name!r}: {what}", value
+    for constraint in constraints:
+        value = constraint.positive(bind)
+        if value.numel() and bind.has_parameters_alone(value):
+            yield f"{constraint.title}: length", value
+
+
+def _triangle_minors(body: Body, J: ca.SX) -> list[ca.SX]:
+    """Three expressions that are positive if no principal moment of a spatial body exceeds the sum of the others.
+
+    They are the leading minors of tr(J) / 2 - J, which are the second moments of the mass, with an allowance for
+    rounding. The first minor is half of the sum of two moments minus the third moment.
+    """
+    if not isinstance(body.pose, Spatial) or is_zero(J):
+        return []
+    moments = ca.densify((0.5 + TRIANGLE) * ca.trace(J) * ca.SX.eye(3) - J)
+    return [ca.det(moments[:k, :k]) for k in (1, 2, 3)]

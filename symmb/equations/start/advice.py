@@ -1,4 +1,4 @@
-"""Advice for assemblies that fail: only what has been tried is told."""
+"""Advice for assemblies that fail. Each advice was tried before it is given."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
@@ -9,22 +9,21 @@ from symmb.declare.mechanics import Constraint, Joint, rotation
 from symmb.equations.model import DAE, Scene, is_linear
 from symmb.equations.start.labels import coordinate_of
 
-_TRIES = 300
-"""Scenes that are tried for each advice, times the number of velocities: large ones take longer to assemble."""
 _GUESSES = [0.0, *(sign * half / 2 for half in range(1, 7) for sign in (1, -1))]
-"""Guesses that are tried [rad, share of the size]."""
+"""Guesses that are tried [rad, fraction of the size of the scene]."""
 
 
 Assembles = Callable[[Scene], bool]
-"""Whether a scene assembles."""
+"""Function that returns whether a scene assembles."""
 
 
 def advice(scene: Scene, dae: DAE, joint: str, free: Indices, size: float, assembles: Assembles) -> str:
-    """Advice on listed coordinates to leave free, or one to guess, of which those of a joint's bodies come first.
+    """Advice that names listed coordinates to remove, or a coordinate to guess. Bodies of the joint are tried first.
 
-    `free` are the numbers of displacements that are not listed, `size` [m] is that of the scene.
+    `free` are the indices of displacements that are not listed, and `size` [m] is the size of the scene.
     """
-    name, tries = joint.split(".")[0], max(_TRIES // max(dae.n_v, 1), 1)
+    # Large scenes take longer to assemble, so fewer are tried.
+    name, tries = joint.split(".")[0], max(300 // max(dae.n_v, 1), 1)
     joints = [e for e in scene.system.elements if isinstance(e, Constraint) and e.name == name]
     owners = {name, *(body.name for e in joints for body in e.bodies())}
     listed = [k for k in scene.start if k not in dae.v_names and not k.endswith((".omega", "_rate"))]
@@ -39,36 +38,36 @@ def advice(scene: Scene, dae: DAE, joint: str, free: Indices, size: float, assem
             break
     if not parts:
         return (
-            "Other guesses were tried, and listed coordinates were left free. Neither helps. "
-            "Check the points and lengths of this joint and of those close to it."
+            "Other guesses and fewer listed coordinates were tried without success. "
+            "Check the points and lengths of this joint and of neighbouring joints."
         )
     text = ", or ".join(parts)
     return text[0].upper() + text[1:] + "."
 
 
 def reminder(scene: Scene, joint: str) -> str:
-    """What a joint holds beyond its name, as the axis of a PlanarJoint; '' if there is nothing."""
+    """A sentence on a property of a joint that users forget, such as the axis of a PlanarJoint; '' for other joints."""
     return "".join(
         f" {e.also}" for e in scene.system.elements if isinstance(e, Joint) and e.name == joint.split(".")[0] and e.also
     )
 
 
 def _to_free(scene: Scene, near: list[str], others: list[str], tries: int, assembles: Assembles) -> Iterator[str]:
-    """Listed coordinates without which the scene assembles: one of some, or two together."""
+    """Texts of listed coordinates: the scene assembles without one of them, or without two together."""
 
     def helps(*keys: str) -> bool:
         return assembles(replace(scene, start={k: v for k, v in scene.start.items() if k not in keys}))
 
     helpful = [key for key in (near or others)[:tries] if helps(key)]
     if helpful:
-        yield f"leave {'one of ' * (len(helpful) > 1)}{', '.join(helpful)} free"
+        yield f"remove {'one of ' * (len(helpful) > 1)}{', '.join(helpful)} from start"
         return
     pairs = islice(combinations([*near, *others], 2), tries)
-    yield from islice((f"leave {' and '.join(pair)} free" for pair in pairs if helps(*pair)), 1)
+    yield from islice((f"remove {' and '.join(pair)} from start" for pair in pairs if helps(*pair)), 1)
 
 
 def _guesses(dae: DAE, displacements: Iterable[int], size: float) -> Iterator[tuple[str, Expr, str]]:
-    """Guesses of coordinates: key, value and both as text."""
+    """Guesses of coordinates: key, value, and both as text."""
     for i in displacements:
         body, _, part = coordinate_of(dae, i).rpartition(".")
         for share in _GUESSES:

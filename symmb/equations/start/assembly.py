@@ -1,9 +1,10 @@
-"""Assembly at the nominal parameters: coordinates on the constraints near a guess."""
+"""Assembly at the nominal parameters: coordinates near a guess that satisfy the constraints."""
 
 import casadi as ca
 import numpy as np
 
 from symmb._errors import AssemblyError
+from symmb._magnitudes import SLIGHT
 from symmb._types import Array, Indices
 from symmb.declare.mechanics import Constraint, Motion
 from symmb.equations.model import DAE, Scene
@@ -20,15 +21,15 @@ from symmb.equations.start.joint_values import (
 )
 from symmb.equations.start.labels import constraint_of_row
 from symmb.equations.start.scales import with_coarse_scales
-from symmb.equations.start.tolerances import NEGLIGIBLE, SOLVED
+from symmb.equations.start.tolerances import SOLVED
 
 
 def assemble(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
     """Coordinates and states with Phi = 0 at the nominal parameters, near the guess.
 
-    Forward kinematics along the joints, then damped Gauss-Newton steps. If these end where the constraints are open, it
-    takes full steps, and last it lets angles begin with whole turns. AssemblyError, if none is reached, tells the worst
-    joint, and what helps.
+    Forward kinematics along the joints is followed by damped Gauss-Newton steps. If the constraints are still violated,
+    full steps are tried, and then other whole turns of angles. If all attempts fail, an AssemblyError names the worst
+    joint and a remedy.
     """
     try:
         return _assembled(scene, dae, t0)
@@ -49,14 +50,14 @@ def assemble(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
 
 
 def listed_coordinates(scene: Scene, dae: DAE) -> ca.Function:
-    """The Function (p, q) -> q with the listed coordinates."""
+    """The Function (p, q) -> q that sets the listed coordinates."""
     prescribed, q = scene.prescribed, ca.SX.sym("q_nominal", dae.n_q)
     listed_q = ca.vertcat(*[prescribed.q.get(i, q[i]) for i in range(dae.n_q)]) if dae.n_q else q
     return ca.Function("reference", [scene.system.p, q], [listed_q])
 
 
 def free_displacements(scene: Scene, dae: DAE) -> Indices:
-    """The displacements that are not listed. Modes that nothing is known of stay undeformed until forces act."""
+    """Indices of the displacements that are not listed. Modes without a listed or guessed value stay undeformed."""
     free = [i for i in range(dae.n_v) if i not in scene.prescribed.displacements]
     if scene.equilibrium and not scene.guess:
         free = [i for i in free if not dae.v_names[i].endswith("_dot")]
@@ -71,7 +72,7 @@ def _guess(scene: Scene, dae: DAE) -> Array:
 
 
 def _assembled(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
-    """Assembled coordinates and states; raises FailedAssembly if there are none."""
+    """Assembled coordinates and states. FailedAssembly is raised if no attempt succeeds."""
     s = listed_states(scene)
     dae = with_position_rows(scene.system, with_states(scene, dae, s), of_positions(scene.prescribed))
     free = free_displacements(scene, dae)
@@ -83,10 +84,12 @@ def _assembled(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
     if scene.restart is None:
         q = placed_along_joints(scene, dae, q, s, free, t0)
         s = with_turns(scene, q, s, np.empty(0, dtype=np.intp))
-        if scene.guessed.joints:  # the joint of a guess need not be one along which bodies are placed
+        if scene.guessed.joints:  # bodies need not be placed along the joint of the guess
             guessed = with_position_rows(scene.system, dae, scene.guessed.joints)
             q, *_ = _position_rows(scene, guessed, q, t0).reach(q, s, free)
         s = rows.with_turns_of(drive_rows(scene, dae), q, s)
+        # Full steps may leave a local minimum of the violation, but may also jump to another assembly. They come
+        # second.
         attempts = [(False, True), (False, False), *[(True, True)] * bool(rows.angles.size)]
     failures = []
     for is_turned, is_damped in attempts:
@@ -98,42 +101,42 @@ def _assembled(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
 
 
 def drive_rows(scene: Scene, dae: DAE) -> Indices:
-    """Numbers of the rows of the drives."""
+    """Indices of the rows of drives."""
     drives = [dae.rows[e.name] for e in scene.system.elements if isinstance(e, Motion) and e.name in dae.rows]
     return np.array([row for where in drives for row in range(where.start, where.stop)], dtype=np.intp)
 
 
 def _position_rows(scene: Scene, dae: DAE, q: Array, t0: float) -> PositionRows:
-    """The position rows in coarse scales."""
+    """The position rows, measured in coarse scales."""
     return PositionRows(with_coarse_scales(dae, q, t0), angles(scene), t0)
 
 
 def _reached(
     scene: Scene, rows: PositionRows, q: Array, s: Array, free: Indices, is_damped: bool
 ) -> tuple[Array, Array]:
-    """Coordinates and states on the constraints, from q and s; raises FailedAssembly if they are not reached."""
+    """Coordinates and states that satisfy the constraints, from q and s. FailedAssembly without convergence."""
     dae, limit = rows.dae, SOLVED * rows.size(q)
     q, s, r = rows.reach(q, s, free, is_damped)
     violation = np.abs(r)
     if not violation.max(initial=0.0) <= limit:
+        # Among equal violations the first row is named, so that the message does not depend on rounding.
         name = constraint_of_row(dae, int(np.isclose(violation, violation.max()).argmax()))
         worst = float((violation * dae.row_scales[: dae.n_c]).max())
         where = f"in joint {name!r}" if "." not in name else f"of the listed {name}"
         drives = [e.name for e in scene.system.elements if isinstance(e, Motion) and e.name in dae.rows]
-        drives = [e for e in drives if e != name and violation[dae.rows[e]].max() > NEGLIGIBLE * violation.max()]
+        drives = [e for e in drives if e != name and violation[dae.rows[e]].max() > SLIGHT * violation.max()]
         also = f", against the drive of {', '.join(map(repr, drives))}" if drives else ""
-        raise FailedAssembly(f"Start does not satisfy Phi = 0: residual {worst:.2g} {where}{also}.", name)
+        raise FailedAssembly(f"The start does not satisfy Phi = 0: residual {worst:.2g} {where}{also}.", name)
     flipped = _flipped_joint(scene, dae, q)
     if flipped is not None:
         raise FailedAssembly(
-            f"Joint {flipped!r} is assembled the wrong way round: frames that it locks parallel end antiparallel.",
-            flipped,
+            f"Joint {flipped!r} is assembled the wrong way round: its parallel frames end antiparallel.", flipped
         )
     return q, with_turns(scene, q, s, rows.angles)
 
 
 def _flipped_joint(scene: Scene, dae: DAE, q: Array) -> str | None:
-    """A joint whose frames are antiparallel at q, though it locks them parallel."""
+    """The name of a joint with antiparallel frames at q that must be parallel; None if there is no such joint."""
     if dae.assembly_cosines is None:
         return None
     cosines = np.asarray(dae.assembly_cosines(q, dae.p_nominal)).ravel()

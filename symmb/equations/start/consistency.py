@@ -1,15 +1,16 @@
-"""Checks of a start: velocities and accelerations that do not contradict each other."""
+"""Checks of a start: velocities and accelerations must not contradict each other."""
 
 import casadi as ca
 import numpy as np
 
 from symmb._errors import AssemblyError
+from symmb._magnitudes import SLIGHT
 from symmb._types import Array
 from symmb.equations.start.labels import constraint_of_row
 from symmb.equations.start.rank import vanishing_combinations
 from symmb.equations.start.scales import rest_states
 from symmb.equations.start.start import Start
-from symmb.equations.start.tolerances import NEGLIGIBLE, VIOLATION
+from symmb.equations.start.tolerances import VIOLATION
 
 
 def check_velocities(start: Start, p0: Array) -> None:
@@ -19,29 +20,29 @@ def check_velocities(start: Start, p0: Array) -> None:
     if not reason:
         return
     if "positive" in reason:
-        raise AssemblyError(f"Start at the nominal parameters: {reason}.")
+        raise AssemblyError(f"The start at the nominal parameters failed: {reason}.")
     q = start.q_nominal
     if dae.Phi_dot is None:
-        raise AssemblyError("Start could not be solved for at the nominal parameters.")
+        raise AssemblyError("The start at the nominal parameters could not be computed.")
     v = np.asarray(start.velocities(q, p0)).ravel()
     s = (rest_states(dae),) if dae.n_s else ()
     r = np.abs(np.asarray(dae.Phi_dot(q, v, *s, p0, start.t0))).ravel()
     off = np.abs(start.joint_residuals(q, v, p0).full()).ravel() if start.joint_residuals is not None else np.zeros(1)
     listed = ", ".join(start.listed_velocities)
     opposed = f" {', '.join(map(repr, start.redundant))}" if start.redundant else ""
-    remedy = f"Leave one of {listed} free." if listed else f"None is listed in start: constraints{opposed} contradict."
+    remedy = f"Remove one of {listed} from start." if listed else f"The constraints{opposed} contradict each other."
     if off.max() > r.max():
         k = int(off.argmax())
         others = _determining(start, k, q, v, p0, s)
-        asked = f" from what {', '.join(map(repr, others))} ask{'s' * (len(others) == 1)} for" if others else ""
+        asked = f" from the value of {', '.join(map(repr, others))}" if others else ""
         what = f"{start.joint_values[k]} is off by {off.max():.2g}{asked}"
     else:
         what = f"rate {r.max():.2g} in joint {constraint_of_row(dae, int(r.argmax()))!r}"
-    raise AssemblyError(f"Start velocities contradict the constraints: {what}. {remedy}")
+    raise AssemblyError(f"The start velocities contradict the constraints: {what}. {remedy}")
 
 
 def _determining(start: Start, k: int, q: Array, v: Array, p: Array, s: tuple[Array, ...]) -> list[str]:
-    """The constraints whose rates determine the listed value of a joint of this number."""
+    """Names of the constraints with rates that determine the listed joint value number `k`."""
     dae, f = start.dae, start.joint_residuals
     if dae.G is None or f is None:
         return []
@@ -49,7 +50,7 @@ def _determining(start: Start, k: int, q: Array, v: Array, p: Array, s: tuple[Ar
     slopes = ca.Function("slopes", symbols, [ca.jacobian(f(*symbols), symbols[1])])(q, v, p).full()[k]
     G = dae.G(q, v, *s, p, start.t0).full()
     shares = np.abs(np.linalg.lstsq(G.T, slopes, rcond=None)[0])
-    return [name for name, rows in dae.rows.items() if shares[rows].max(initial=0.0) > NEGLIGIBLE * shares.max()]
+    return [name for name, rows in dae.rows.items() if shares[rows].max(initial=0.0) > SLIGHT * shares.max()]
 
 
 def check_accelerations(start: Start, G: Array, sizes: Array) -> None:
@@ -63,4 +64,4 @@ def check_accelerations(start: Start, G: Array, sizes: Array) -> None:
     contradiction = np.abs(vanishing_combinations(G / sizes[:, None], start.ranks[0]).T @ gamma)
     if contradiction.max(initial=0.0) > VIOLATION * max(np.abs(gamma).max(initial=0.0), 1.0):
         names = ", ".join(map(repr, start.redundant))
-        raise AssemblyError(f"The accelerations that {names} ask for at the start contradict each other.")
+        raise AssemblyError(f"The accelerations that {names} require at the start contradict each other.")

@@ -1,10 +1,11 @@
-"""What is doubtful about a start: mechanisms that cannot move, and unstable equilibria."""
+"""Warnings about a start: mechanisms that cannot move, unstable equilibria, and undetermined reactions."""
 
 from collections.abc import Iterator
 
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import SLIGHT
 from symmb._types import Array, Indices
 from symmb.declare.mechanics import Constraint, Weld
 from symmb.declare.symbolic import evaluated
@@ -13,13 +14,13 @@ from symmb.equations.model import DAE, Scene
 from symmb.equations.start.equilibrium import is_stable
 from symmb.equations.start.rank import redundant_names, vanishing_combinations
 from symmb.equations.start.sparse_rows import normal_solver
-from symmb.equations.start.tolerances import NEGLIGIBLE, SOLVED
+from symmb.equations.start.tolerances import SOLVED
 
 
 def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: Indices) -> Iterator[str]:
-    """Doubts about the start with coordinates q (n_q,) and velocities v (n_v,) at the nominal parameters.
+    """Warnings about the start with coordinates q (n_q,) and velocities v (n_v,) at the nominal parameters.
 
-    `rows` are the numbers of independent rows of the constraints.
+    `rows` are the indices of independent constraint rows.
     """
     s = (dae.s_start(q, dae.p_nominal).full().ravel(),) if dae.s_start is not None else ()
     if dae.sampling is not None:
@@ -30,50 +31,49 @@ def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: In
         G = evaluated(dae.G, *map(np.atleast_1d, at)) * dae.displacement_scales
     yield from _open_outputs(scene, dae, at, G, len(rows))
     driven = dae.Phi is not None and dae.Phi.jac_sparsity(0, dae.Phi.n_in() - 1).nnz()  # laws may jump as well
-    gated = any(scene.system.collected.gated.values())  # a joint that holds the mechanism may open
+    gated = any(scene.system.collected.gated.values())  # a joint that locks the mechanism may open
     if not dae.n_v or len(scene.times) < 2 or v.any() or driven or gated:
         return
     if len(rows) == dae.n_v:
         is_welded = all(isinstance(e, Weld) for e in scene.system.elements if isinstance(e, Constraint))
         if not scene.system.collected.decoupled and not is_welded:
             yield (
-                f"The mechanism is locked: its constraints leave none of its {dae.n_v} velocities free, and nothing "
-                "drives them. Leave out a constraint if it should move."
+                f"The mechanism is locked: its constraints leave none of its {dae.n_v} velocities free, and no drive "
+                "moves it. Remove a constraint if the mechanism should move."
             )
     elif _is_unstable(dae, at, G, rows):
         yield (
-            "The start is an unstable equilibrium: all forces balance there, and only rounding decides where the "
-            "system moves. Start away from it."
+            "The start is an unstable equilibrium: all forces are balanced, and only rounding decides in which "
+            "direction the system moves. Start away from the equilibrium."
         )
 
 
 def _open_outputs(scene: Scene, dae: DAE, at: tuple[Array | float, ...], G: Array, rank: int) -> Iterator[str]:
-    """The doubt that outputs change as redundant rows of G (n_r, n_v) share their forces in another way."""
+    """The warning that outputs depend on how redundant rows of G (n_r, n_v) share their forces."""
     lam, y = ca.SX(scene.system.lam), scene.y
     if rank == len(G) or not any(ca.which_depends(y, lam, 1, True)):
         return
     sizes = np.maximum(np.linalg.norm(G, axis=1, keepdims=True), SOLVED)
     shares = vanishing_combinations(G / sizes, rank)
-    shares = np.where(np.abs(shares) > NEGLIGIBLE, shares, 0.0) / sizes
+    shares = np.where(np.abs(shares) > SLIGHT, shares, 0.0) / sizes
     system = scene.system
     symbols = [*dae.arguments(ca.vertcat(system.q, system.v, system.s), system.p, time), lam, system.vdot]
     slopes = ca.Function("slopes", symbols, [ca.jacobian(y, lam)])
     some = np.cos(np.arange(1, len(G) + 1) ** 1.5)  # outputs need not be linear in the multipliers
     J = slopes(*at, some, np.zeros(dae.n_v)).full()
-    is_open = (np.abs(J @ shares) > NEGLIGIBLE * (np.abs(J) @ np.abs(shares))).any(axis=1)
+    is_open = (np.abs(J @ shares) > SLIGHT * (np.abs(J) @ np.abs(shares))).any(axis=1)
     if is_open.any():
         outputs = ", ".join(repr(name) for name, own in zip(scene.curve_names, is_open, strict=True) if own)
         names = ", ".join(map(repr, redundant_names(G / sizes, rank, dae.rows)))
         yield (
-            f"Outputs {outputs} depend on how the redundant constraints {names} share their load, which rigid bodies "
-            "do not determine. These reactions are the smallest ones. Put a Bushing instead of a joint that is "
-            "not stiff, "
-            "or a joint with fewer rows."
+            f"Outputs {outputs} depend on how the redundant constraints {names} share their load. Rigid bodies do not "
+            "determine this, so the smallest reactions are used. Replace a joint that is not stiff by a Bushing, or "
+            "by a joint with fewer rows."
         )
 
 
 def _is_unstable(dae: DAE, at: tuple[Array | float, ...], G: Array, rows: Indices) -> bool:
-    """Whether forces balance at rest, but displacements on the constraints lead to forces that enlarge them."""
+    """Whether forces are balanced at rest, but an admissible displacement causes forces that increase it."""
     scales = dae.displacement_scales
     forces = dae.Q(*at).full().ravel() * scales
     lam = _multipliers(G[rows], forces)
@@ -96,7 +96,7 @@ def _is_unstable(dae: DAE, at: tuple[Array | float, ...], G: Array, rows: Indice
 
 
 def _multipliers(G: Array, forces: Array) -> Array:
-    """Multipliers (n_r,) whose forces on the rows G (n_r, n_v) are closest to the given ones (n_v,)."""
+    """Multipliers (n_r,) of the rows G (n_r, n_v). Their forces G' lam are the closest to the given forces (n_v,)."""
     if (solve := normal_solver(G)) is None:
         return np.asarray(np.linalg.lstsq(G.T, forces, rcond=None)[0], dtype=np.float64) if len(G) else np.zeros(0)
     return solve(G @ forces)

@@ -1,4 +1,4 @@
-"""Static equilibrium: positions in which forces and reactions balance."""
+"""Static equilibrium: positions with balanced forces and reactions."""
 
 import casadi as ca
 import numpy as np
@@ -12,17 +12,11 @@ from symmb.equations.start.scales import evaluate_at_rest, resting
 from symmb.equations.start.tolerances import SOLVED
 
 _TOLERANCE = 1e-11
-"""Remaining forces over those of a displacement of the scene's size. tests/start/test_equilibrium.py"""
-_NEWTON_STEPS, _DAMPED_STEPS = 20, 400
-"""Steps of Newton's method, and steps with drag."""
-_FIRST_STEP, _DRAG_DECAY = 0.02, 0.7
-"""First displacement with drag [rad, share of the size], and the factor on the drag beside that of the forces."""
-_LARGEST_STEP, _LARGEST_DAMPED_STEP = 2.0, 0.2
-"""Largest displacement of a step [rad, share of the size]."""
+"""Residual forces divided by the forces of a displacement of the scene's size. tests/start/test_equilibrium.py"""
 
 
 def imbalance(dae: DAE, q: ca.SX, lam: ca.SX, p: ca.SX, t0: float, free: Indices, rows: Indices) -> ca.SX:
-    """Unbalanced forces on the free displacements, and position rows over their scales, for multipliers lam."""
+    """Residuals of equilibrium: unbalanced forces on the free displacements, and scaled position rows."""
     _, *at = resting(dae, q, p)
     if dae.s_start is not None:
         at[-1] = dae.s_start(q, p)
@@ -38,9 +32,9 @@ def imbalance(dae: DAE, q: ca.SX, lam: ca.SX, p: ca.SX, t0: float, free: Indices
 def find_equilibrium(dae: DAE, q: Array, t0: float, free: Indices, rows: Indices) -> tuple[Array, Array, float]:
     """Coordinates (n_q,), multipliers of the rows and the largest stiffness in equilibrium at the nominal parameters.
 
-    The first attempt is Newton's method. If it fails, or ends in an unstable equilibrium, a second attempt adds a drag
-    proportional to the masses, which falls as the forces fall. The system then moves into a stable equilibrium.
-    AssemblyError if there is none near q, or displacements remain that no force opposes.
+    The first attempt is Newton's method. If it fails or ends in an unstable equilibrium, a second attempt adds a drag
+    proportional to the masses, which decreases with the forces. The system then moves into a stable equilibrium.
+    AssemblyError if there is no equilibrium near q, or if no force opposes some displacement.
     """
     n, m = len(free), len(rows)
     at, delta, lam = ca.SX.sym("q", dae.n_q), ca.SX.sym("delta", n), ca.SX.sym("lam", m)
@@ -57,24 +51,24 @@ def find_equilibrium(dae: DAE, q: Array, t0: float, free: Indices, rows: Indices
             unopposed = _unopposed(J[:n, :n], J[n:, :n])
             if unopposed is not None:
                 raise AssemblyError(
-                    f"The equilibrium is not unique: no force opposes {names[unopposed]}. List it in start, or hold it."
+                    f"The equilibrium is not unique: no force opposes {names[unopposed]}. List it in start."
                 )
             if damped or is_stable(J[:n, :n], J[n:, :n]):
                 return q_new, multipliers, float(np.abs(J[:n, :n]).max(initial=0.0)) or 1.0
-    raise AssemblyError(
-        "No static equilibrium is found near the guess. Give a better guess, or list in start what should not move."
-    )
+    raise AssemblyError("No static equilibrium was found near the guess. Improve the guess, or list more start values.")
 
 
 def _damped_newton(
     dae: DAE, f: ca.Function, q: Array, t0: float, free: Indices, m: int, size: float, damped: bool
 ) -> tuple[Array, Array, Array] | None:
-    """Coordinates, multipliers and Jacobian in equilibrium; None if it is not reached."""
+    """Coordinates, multipliers and Jacobian in equilibrium; None if there is no convergence."""
     n, lam = len(free), np.zeros(m)
     M = evaluate_at_rest(dae.M, dae, q, t0)[np.ix_(free, free)]
     drag, before, reach = 0.0, np.inf, np.inf
-    for step in range(_DAMPED_STEPS if damped else _NEWTON_STEPS):
-        size = max(size, _size(dae, q))  # the guess may be small beside the way to the equilibrium
+    # Short steps with drag follow the motion into a stable equilibrium; Newton's method may jump over it [rad, size].
+    steps, longest = (400, 0.2) if damped else (20, 2.0)
+    for step in range(steps):
+        size = max(size, _size(dae, q))  # the guess may be small compared with the distance to the equilibrium
         scales = dae.displacement_scales[free] * size
         r, J = (part.full() for part in f(q, lam))
         r = r.ravel()
@@ -85,17 +79,20 @@ def _damped_newton(
         if reach <= SOLVED and forces <= _TOLERANCE * whole and np.abs(r[n:]).max(initial=0.0) <= _TOLERANCE * size:
             return q, lam, J
         if damped and not step:
-            drag = float(np.abs(np.linalg.lstsq(M, r[:n], rcond=None)[0] / scales).max(initial=0.0)) / _FIRST_STEP
+            # The first displacement is 2 % of the size, or 0.02 rad.
+            drag = float(np.abs(np.linalg.lstsq(M, r[:n], rcond=None)[0] / scales).max(initial=0.0)) / 0.02
         elif damped:
             more = forces / before
-            drag *= _DRAG_DECAY * more if more < 1 else min(2.0, more)
+            # The drag decreases faster than the forces, so that the last steps are steps of Newton's method.
+            drag *= 0.7 * more if more < 1 else min(2.0, more)
         before = forces or NOTHING
         A = J.copy()
         A[:n, :n] -= drag * M
         weights = np.concatenate([np.ones(n), np.full(m, np.abs(A[:n, :n]).max(initial=0.0) or 1.0)])
+        # Weights make displacements and multipliers comparable, so that the cut-off of small singular values is fair.
         z = weights * np.linalg.lstsq(weights[:, None] * A * weights, -weights * r, rcond=FACTORS)[0]
         reach = float(np.abs(z[:n] / scales).max(initial=0.0))
-        z[:n] *= min(1.0, (_LARGEST_DAMPED_STEP if damped else _LARGEST_STEP) / max(reach, NOTHING))
+        z[:n] *= min(1.0, longest / max(reach, NOTHING))
         delta = np.zeros(dae.n_v)
         delta[free] = z[:n]
         q, lam = np.asarray(dae.retract(q, delta)).ravel(), lam + z[n:]
@@ -103,14 +100,14 @@ def _damped_newton(
 
 
 def _size(dae: DAE, q: Array) -> float:
-    """The largest coordinate over its scale."""
+    """The largest ratio of a coordinate to its scale."""
     return float(np.abs(q / dae.coordinate_scales).max(initial=0.0))
 
 
 def is_stable(K: Array, G: Array) -> bool:
-    """Whether the equilibrium is stable: no displacement on the independent rows G leads to forces K that enlarge it.
+    """Whether the equilibrium is stable: no displacement with G d = 0 causes forces -K d that increase it.
 
-    Forces that are rounding of the largest ones enlarge nothing: the equilibrium is neutral there.
+    Forces that are rounding compared with the largest forces count as neutral.
     """
     along = np.linalg.svd(G)[2][len(G) :].T
     values = np.linalg.eigvals(along.T @ K @ along).real
@@ -118,7 +115,7 @@ def is_stable(K: Array, G: Array) -> bool:
 
 
 def _unopposed(K: Array, G: Array) -> int | None:
-    """Number of a displacement without restoring forces and constraints; None if there is none."""
+    """Index of a displacement without restoring force and without constraint; None if there is no such displacement."""
     A = np.vstack([K / (np.abs(K).max(initial=0.0) or 1.0), G])
     _, sigma, V = np.linalg.svd(A)
     if not len(V) or (len(sigma) == len(V) and sigma[-1] > FACTORS * sigma[0]):

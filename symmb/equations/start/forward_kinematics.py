@@ -1,8 +1,8 @@
 """Forward kinematics: bodies turned, and then moved, along a spanning tree of joints.
 
-Joints get their listed or guessed values, or zero where their zero is declared. All others move a body least: a hinge
-turns it until the axes are parallel, and its point comes to the joint. Bodies keep the rotations and positions that are
-listed or guessed. Loops stay open.
+Joints get their listed or guessed values, or zero if their zero is declared. Other joints move a body as little as
+possible: a hinge turns the body until the axes are parallel, and moves its point to the joint. Listed and guessed
+rotations and positions of bodies stay. Loops stay open.
 """
 
 from collections import defaultdict
@@ -31,7 +31,7 @@ _VELOCITY_OF = {"theta": "omega", "e0": "omega_x", "x": "vx", "y": "vy", "z": "v
 def placed_along_joints(scene: Scene, dae: DAE, q: Array, s: Array, free: Indices, t0: float) -> Array:
     """Coordinates (n_q,) after bodies are placed along the joints, from coordinates q and states s (n_s,).
 
-    `free` are the numbers of the displacements that are not listed.
+    `free` are the indices of the displacements that are not listed.
     """
     joints = [e for e in scene.system.elements if isinstance(e, Joint) and e.name in dae.rows]
     kinematics = _Kinematics(scene, dae, frozenset(dae.v_names[k] for k in free), (s, dae.p_nominal, t0), joints)
@@ -45,7 +45,8 @@ def placed_along_joints(scene: Scene, dae: DAE, q: Array, s: Array, free: Indice
 
 @dataclass(frozen=True, eq=False)
 class _Kinematics:
-    """Bodies on joints at the states, parameters and time `at`. `free` names velocities of what is not listed."""
+    """Bodies on joints at the states, parameters and time `at`. `free` has the names of velocities of unlisted
+    displacements."""
 
     scene: Scene
     dae: DAE
@@ -55,10 +56,11 @@ class _Kinematics:
     _functions: dict[Joint, tuple[ca.Function, list[int]]] = field(default_factory=dict, init=False)
 
     def along(self, joints: list[J], handle: str, parts: tuple[str, ...]) -> Iterator[tuple[J, int]]:
-        """Joints and the bodies that they place, each after a body next to it; those that determine most come first.
+        """Pairs of a joint and the body that the joint places. Joints that determine more come first.
 
-        In place are the ground, bodies whose `parts` are listed, and guessed ones if no value of a joint determines
-        them. A body that no joint connects with these carries the others.
+        The ground, bodies with listed `parts`, and guessed bodies without a joint value are in place from the start.
+        Each other body follows a neighbour in place. A body without a connection to these bodies carries the bodies
+        connected with it.
         """
         bodies, names = range(len(self.scene.system.bodies)), [body.name for body in self.scene.system.bodies]
         beside = self._beside(joints, handle)
@@ -87,7 +89,7 @@ class _Kinematics:
                         yield joint, body
 
     def _beside(self, joints: list[J], handle: str) -> dict[int, list[tuple[bool, bool, int, int]]]:
-        """The joints of each body: whether they move it least, have a value, minus their rows, and their numbers."""
+        """The sort keys of the joints of each body: moves as little as possible, has a value, minus its rows, index."""
         beside: dict[int, list[tuple[bool, bool, int, int]]] = defaultdict(list)
         for number, joint in enumerate(joints):
             has_value = handle in self._values.get(joint, {})
@@ -98,7 +100,7 @@ class _Kinematics:
         return beside
 
     def _free_parts(self, body: int, parts: tuple[str, ...]) -> list[int]:
-        """Numbers of those of these coordinates of a body that are not listed."""
+        """Indices of the coordinates `parts` of a body that are not listed."""
         name = self.scene.system.bodies[body].name
         return [self._numbers[f"{name}.{part}"] for part in parts if f"{name}.{_VELOCITY_OF[part]}" in self.free]
 
@@ -108,13 +110,13 @@ class _Kinematics:
 
     @cached_property
     def _ends(self) -> dict[Joint, tuple[int, ...]]:
-        """The numbers of the bodies of each joint."""
+        """The indices of the bodies of each joint."""
         numbers = {id(body): k for k, body in enumerate(self.scene.system.bodies)}
         return {joint: tuple(numbers.get(id(end.owner), GROUND) for end in joint.bodies()) for joint in self.joints}
 
     @cached_property
     def _values(self) -> dict[Joint, dict[str, float]]:
-        """The values of joints that are listed, guessed, or zero by declaration."""
+        """The values of each joint: listed, guessed, or declared to be zero."""
         values: dict[Joint, dict[str, float]] = {
             joint: {"angle": 0.0, "displacement": 0.0}
             for joint in self.joints
@@ -130,19 +132,19 @@ class _Kinematics:
         """Coordinates after a body is turned until the axes are parallel, and then about the axis."""
         sign = 1 if self._ends[joint][1] == body else -1
         _, A, B, *_ = self._measured(joint, q)
-        if isinstance(joint, Universal):  # its axes are normal to each other
+        if isinstance(joint, Universal):  # its two axes are perpendicular
             end = B[:, 2] - (A[:, 2] @ B[:, 2]) * A[:, 2]
             return self._turned(q, body, sign * _least_rotation(B[:, 2], end)) if np.linalg.norm(end) > SOLVED else q
         q = self._turned(q, body, sign * _least_rotation(B[:, 2], A[:, 2]))
         angle, A, B, *_ = self._measured(joint, q)
         wanted = self._values.get(joint, {}).get("angle", angle)
-        # It locks all axes parallel, or has no angle by which it could be at its zero.
+        # The joint locks all axes parallel, or has no angle that could be at zero.
         if joint.assembly_cosines().numel() > 1 or (joint.zero is not None and "angle" not in joint.handles):
             angle, wanted = float(np.arctan2(A[:, 1] @ B[:, 0], A[:, 0] @ B[:, 0])), 0.0
         return self._turned(q, body, sign * (wanted - angle) * A[:, 2])
 
     def moved_to_joint(self, q: Array, joint: Joint, body: int) -> Array:
-        """Coordinates after a body is moved least until the rows of a joint hold, and to its displacement."""
+        """Coordinates after the smallest move of a body that satisfies the rows and the displacement of a joint."""
         used = self._function(joint)[1]
         moving = [k for k in self._free_parts(body, _POSITION) if k in used]
         value, where = self._values.get(joint, {}).get("displacement"), self.dae.rows[joint.name]
@@ -156,13 +158,13 @@ class _Kinematics:
         return q
 
     def _measured(self, joint: Joint, q: Array) -> tuple[float, Array, Array, Array, Array]:
-        """Angle, frames (3, 3), rows and displacements (m,), and their Jacobian by the coordinates that they use."""
+        """Angle, frames (3, 3), rows and displacements (m,), and their Jacobian by the coordinates in use."""
         f, used = self._function(joint)
         angle, A, B, rows, J = (part.full() for part in f(q[used], *self.at))
         return float(angle[0, 0]), A, B, rows.ravel(), J
 
     def _function(self, joint: Joint) -> tuple[ca.Function, list[int]]:
-        """The Function of `_measured`, and the numbers of the coordinates q that it uses."""
+        """The Function of `_measured`, and the indices of the coordinates q that it uses."""
         if joint not in self._functions:
             system, angle, displacement, frames = self.scene.system, ca.SX(0), ca.SX(0), (ca.SX(3, 3), ca.SX(3, 3))
             if isinstance(joint, AxisJoint):
@@ -172,7 +174,7 @@ class _Kinematics:
                     angle = ca.substitute(angle, state.sx, 0)
                 if "displacement" in joint.handles:
                     displacement = joint.displacement
-                elif joint.zero is not None:  # points come together, but for coordinates that left the state
+                elif joint.zero is not None:  # points coincide, except for removed coordinates
                     known = {x.element_hash() for x in ca.vertsplit(ca.vertcat(system.q, system.s, system.p, t))}
                     parts = ca.vertsplit(joint.d)
                     seen = [d for d in parts if known.issuperset(x.element_hash() for x in ca.symvar(d))]
@@ -186,7 +188,7 @@ class _Kinematics:
 
     @cached_property
     def _symbols(self) -> dict[int, int]:
-        """Numbers of the coordinates by the hashes of their symbols."""
+        """Indices of the coordinates by the hashes of their symbols."""
         return {q.element_hash(): k for k, q in enumerate(ca.vertsplit(self.scene.system.q))}
 
     def _turned(self, q: Array, body: int, turn: Array) -> Array:
@@ -203,10 +205,10 @@ class _Kinematics:
 
 
 def _least_rotation(start: Array, end: Array) -> Array:
-    """The least rotation vector (3,) that turns one direction onto another."""
+    """The smallest rotation vector (3,) that turns one direction onto another."""
     axis, cosine = np.cross(start, end), float(start @ end)
     sine = float(np.linalg.norm(axis))
-    if sine < SOLVED and cosine < 0:  # opposite: about any axis at right angles
+    if sine < SOLVED and cosine < 0:  # opposite directions: any perpendicular axis
         axis = np.cross(start, np.eye(3)[np.abs(start).argmin()])
     length = float(np.linalg.norm(axis))
     return np.asarray(axis * (np.arctan2(sine, cosine) / (length or 1.0)), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Gauss-Newton method with damping: coordinates on the constraints, moved least from where they are."""
+"""Damped Gauss-Newton method: the smallest change of coordinates that satisfies the constraints."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -16,17 +16,13 @@ from symmb.equations.start.labels import constraint_of_row
 from symmb.equations.start.scales import rest_states
 from symmb.equations.start.sparse_rows import least_step
 
-_ITERATIONS, _HALVINGS, _DECREASE = 50, 12, 1e-2
-"""Steps, halvings of a step that does not reduce the violation, and the share of the step by which it must be reduced:
-the condition of Armijo (1966), Pacific J. Math. 16(1)."""
-
 
 def with_fewest_turns(
     x: Array, angles: Iterable[int], violation: Callable[[Array], Array], least: float = 0.0
 ) -> Array:
-    """Numbers x (n,) whose angles, given by their numbers, have as many turns as reduce a violation most.
+    """Values x (n,) in which whole turns are added to the angles (indices) to minimise a violation.
 
-    A turn that changes the violation by no more than `least` is rounding.
+    Changes of the violation up to `least` are rounding.
     """
     x = x.copy()
     for k in angles:
@@ -40,7 +36,7 @@ def with_fewest_turns(
 
 
 class FailedAssembly(Exception):
-    """An assembly that fails: a sentence that says why, and the joint to blame."""
+    """A failed assembly: a sentence with the reason, and the name of the joint."""
 
     def __init__(self, text: str, joint: str) -> None:
         self.joint = joint
@@ -49,9 +45,9 @@ class FailedAssembly(Exception):
 
 @dataclass(frozen=True, eq=False)
 class PositionRows:
-    """The position rows of a DAE at rest at the time t0 and the nominal parameters, over the DAE's scales.
+    """The position rows of a DAE at rest at the time t0 and the nominal parameters, divided by the DAE's scales.
 
-    `angles` are the numbers of the states that count the turns of angles in the rows.
+    `angles` are the indices of the states that count the turns of angles in the rows.
     """
 
     dae: DAE
@@ -63,7 +59,7 @@ class PositionRows:
         return self.dae.row_scales[: self.dae.n_c]
 
     def violation(self, q: Array, s: Array) -> Array:
-        """Phi (n_c,) at coordinates q and states s."""
+        """Scaled Phi (n_c,) at coordinates q and states s."""
         return self._evaluate(self.dae.Phi, q, s).full().ravel() / self._scales
 
     def _evaluate(self, f: ca.Function | None, q: Array, s: Array) -> ca.DM:
@@ -71,7 +67,7 @@ class PositionRows:
         return cast(ca.Function, f)(q, np.zeros(self.dae.n_v), *states, self.dae.p_nominal, self.t0)
 
     def _counted(self, q: Array, s: Array) -> Array:
-        """States s next to which the angles count the turns that they have at coordinates q next to states s."""
+        """States s, updated to the turns of the angles at coordinates q. Turns are counted from the given states."""
         if self.dae.s_start is None or not self.angles.size:
             return s
         angle, counted = self.dae.s_start(q, self.dae.p_nominal).full().ravel()[self.angles], s.copy()
@@ -79,30 +75,32 @@ class PositionRows:
         return counted
 
     def turned(self, q: Array) -> Array:
-        """States with as many turns of each angle as reduce the violation most."""
+        """States at coordinates q, with the turns of each angle that minimise the violation."""
         every = np.arange(len(self.violation(q, rest_states(self.dae))))
         return self.with_turns_of(every, q, self._counted(q, rest_states(self.dae)))
 
     def with_turns_of(self, rows: Indices, q: Array, s: Array) -> Array:
-        """States s with as many turns of each angle as reduce the violation of some rows most."""
+        """States s with the turns of each angle that minimise the violation of some rows."""
         return with_fewest_turns(s, self.angles, lambda s: self.violation(q, s)[rows])
 
     def size(self, q: Array) -> float:
-        """The size of the scene at coordinates q, by which violations are judged."""
+        """The size of the scene at coordinates q, the scale of violations."""
         coordinates = float(np.abs(q / self.dae.coordinate_scales).max(initial=0.0))
         r = self.violation(q, rest_states(self.dae))
         return max(coordinates, float(np.abs(r).max(initial=0.0)), NOTHING)
 
-    def reach(self, q: Array, s: Array, free: Indices, is_damped: bool = True) -> tuple[Array, Array, Array]:
-        """Coordinates, states and violations after the free displacements are moved least until the rows hold.
+    def reach(
+        self, q: Array, s: Array, free: Indices, is_damped: bool = True, steps: int = 50
+    ) -> tuple[Array, Array, Array]:
+        """Coordinates, states and violations after the smallest free displacements that satisfy the rows.
 
-        Angles count turns next to states s. Damped steps reduce the violation. Full steps may leave a place where none
-        does. FailedAssembly if rows are not finite.
+        Angles count turns from states s. Damped steps always reduce the violation. Full steps may leave a local minimum
+        of the violation. FailedAssembly if rows are not finite.
         """
         units, rounding = self.dae.displacement_scales[free], LAST_DIGITS * self.size(q)
         s = self._counted(q, s)
         r = self.violation(q, s)
-        for _ in range(_ITERATIONS if free.size else 0):
+        for _ in range(steps if free.size else 0):
             if np.abs(r).max(initial=0.0) <= rounding:
                 break
             J = self._evaluate(self.dae.G, q, s)[: self.dae.n_c, free.tolist()].full() * units / self._scales[:, None]
@@ -110,16 +108,17 @@ class PositionRows:
             if irregular.any():
                 joint = constraint_of_row(self.dae, int(irregular.argmax()))
                 raise FailedAssembly(
-                    f"Joint {joint!r} is singular at the guess: its rows are not finite there, as those of a Distance "
-                    "whose points coincide.",
+                    f"Joint {joint!r} is singular at the guess: its rows are not finite. An example is a "
+                    "Distance with coincident points.",
                     joint,
                 )
             delta = np.zeros(self.dae.n_v)
             delta[free] = least_step(J, -r) * units
-            for damping in 0.5 ** np.arange(_HALVINGS):
+            for damping in 0.5 ** np.arange(12):
                 q_new = np.asarray(self.dae.retract(q, damping * delta)).ravel()
                 r_new = self.violation(q_new, s)
-                if not is_damped or np.linalg.norm(r_new) < (1 - _DECREASE * damping) * np.linalg.norm(r):
+                # The condition of Armijo (1966), Pacific J. Math. 16(1), with a decrease of 1 % of the step.
+                if not is_damped or np.linalg.norm(r_new) < (1 - 0.01 * damping) * np.linalg.norm(r):
                     break
             else:
                 break

@@ -1,6 +1,6 @@
 """Maps u(w) given by R(u, w) = 0: Newton for many samples at once, and their Taylor coefficients.
 
-The matrices of all samples have their zeros in the same places, so that the same blocks of equations follow each other.
+The matrices of all samples have the same sparsity pattern, so all samples have the same block-triangular form.
 """
 
 from collections.abc import Sequence
@@ -14,20 +14,17 @@ from symmb._magnitudes import SAME, SMALL
 from symmb._types import Array, Indices, Mask
 from symmb.declare.symbolic import batch, jet_function, nonzeros
 
-_FEW = 40
-"""Symbols of a residual up to which its expressions are searched for common ones, which takes longer than it saves."""
 LAST_DIGITS = 4e-15
-"""Change of the unknowns, over their scales, whose change of the residual is rounding."""
-_DENSE = 100
-"""Equations up to which a block is solved by dense factors, of all samples together. Larger ones have few entries."""
+"""Relative change of the unknowns that changes the residual by rounding only."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """Equations that determine as many unknowns once those of earlier blocks are known.
+    """Equations that determine an equal number of unknowns after the unknowns of earlier blocks are known.
 
-    `own` are numbers of entries of the matrix, in the places (`i`, `j`) of the block. `others` are those of entries in
-    its rows, with rows in the block as columns of `sums` (n, k), and the unknowns that they multiply.
+    `own` are the indices of the matrix entries at (`i`, `j`) of the block. `others` are the indices of the remaining
+    entries in its rows, `unknowns` are the unknowns that these entries multiply, and `sums` (n, k) adds the products by
+    row.
     """
 
     rows: Indices
@@ -45,17 +42,17 @@ class _Block:
         if k == 1:
             a = A[:, self.own]
             return np.divide(r, a, out=np.zeros_like(r), where=a != 0)
-        if k > _DENSE:
+        if k > 100:  # large blocks are sparse; smaller ones are faster with dense factors of all samples together
             return np.array([self._by_sparse_factors(a, b) for a, b in zip(A[:, self.own], r, strict=True)])
         matrices = np.zeros((len(A), k, k))
         matrices[:, self.i, self.j] = A[:, self.own]
         try:
             return np.asarray(np.linalg.solve(matrices, r[:, :, None])[:, :, 0], dtype=np.float64)
-        except np.linalg.LinAlgError:  # a singular sample must not affect the others
+        except np.linalg.LinAlgError:  # a singular sample must not affect other samples
             return np.array([_least_squares(a, b) for a, b in zip(matrices, r, strict=True)])
 
     def _by_sparse_factors(self, entries: Array, r: Array) -> Array:
-        from scipy.sparse import csc_array  # whose import takes longer than a whole study of a small scene
+        from scipy.sparse import csc_array  # this import takes longer than a study of a small scene
         from scipy.sparse.linalg import splu
 
         matrix = csc_array((entries, (self.i, self.j)), (len(r), len(r)))
@@ -70,7 +67,7 @@ def _least_squares(A: Array, r: Array) -> Array:
 
 
 class _BlockSolver:
-    """Solver of A x = r in the block-triangular form of A (n, n), by its sparsity."""
+    """Solver of A x = r by the block-triangular form of the sparsity pattern of A (n, n)."""
 
     def __init__(self, sparsity: ca.Sparsity) -> None:
         n = self._n = sparsity.size1()
@@ -81,7 +78,7 @@ class _BlockSolver:
             return
         if ca.sprank(ca.DM(sparsity, 1)) == n:
             _, rows, columns, starts, *_ = sparsity.btf()
-        else:  # singular by structure
+        else:  # structurally singular
             rows, columns, starts = [*range(n)], [*range(n)], [0, n]
         place = np.argsort(np.array(columns, dtype=np.intp))
         in_row = np.argsort(np.array(rows, dtype=np.intp))
@@ -125,15 +122,16 @@ class _BlockSolver:
 
 @dataclass(frozen=True)
 class ImplicitMap:
-    """The solution u (m,) of m equations R(u, w) = 0 near a known one."""
+    """The solution u (m,) of m equations R(u, w) = 0 near a known solution."""
 
     residual: ca.Function
     jacobian: ca.Function
 
     @classmethod
     def of(cls, residual: ca.SX, u: ca.SX, w: ca.SX) -> "ImplicitMap":
-        """The map of a residual (m,), SX in the unknowns u (m,) and the arguments w (n_w,)."""
-        options = {"cse": len(ca.symvar(residual)) <= _FEW}
+        """The map for a residual (m,), an SX of the unknowns u (m,) and the arguments w (n_w,)."""
+        # With more symbols, the search for common subexpressions takes longer than it saves.
+        options = {"cse": len(ca.symvar(residual)) <= 40}
         return cls(
             ca.Function("residual", [u, w], [ca.densify(residual)], options),
             ca.Function("jacobian", [u, w], [ca.jacobian(residual, u)], options),
@@ -157,7 +155,7 @@ class ImplicitMap:
             done = np.abs(step).max(axis=1, initial=0.0) <= SAME * np.maximum(
                 np.abs(u[active]).max(axis=1, initial=0.0), SMALL
             )
-            # Close to singular positions rounding of the residual makes steps that never become small.
+            # Close to singular positions, rounding of the residual causes steps that never become small.
             done = done | (np.abs(r) <= LAST_DIGITS * self._blocks.row_sizes(J)).all(axis=1)
             ok[active[done]] = True
             active = active[~done]
@@ -175,6 +173,6 @@ class ImplicitMap:
         coefficients = jet_function(self.residual, order + 1)
         J = nonzeros(self.jacobian, u0, w[0])
         u = [u0, *(np.zeros_like(u0) for _ in range(order))]
-        for j in range(1, order + 1):  # coefficient j of R is linear in u_j, with the Jacobian at order 0
+        for j in range(1, order + 1):  # coefficient j of R is linear in u_j with the Jacobian of order 0
             u[j] = -self._blocks.solve(J, batch(coefficients, *u, *w)[j])
         return u

@@ -1,4 +1,4 @@
-"""The start of a scene in coordinates of its joints."""
+"""The start of a scene in joint coordinates."""
 
 import math
 from dataclasses import replace
@@ -29,9 +29,9 @@ from symmb.equations.start.tolerances import SOLVED
 
 
 def start_in_joints(start: Start, scene: Scene, joints: System) -> Start | None:
-    """The start of the bodies in coordinates of the joints, for a system in joint space.
+    """The start in joint coordinates for the system `joints`, from the start of the bodies.
 
-    None if the rows of loops are close to a singular position in coordinates of the joints alone.
+    None if the loop rows are close to singular in joint coordinates.
     """
     bodies, p = scene.system, scene.system.p
     x = ca.vertcat(bodies.q, bodies.v, bodies.s)
@@ -60,7 +60,7 @@ def start_in_joints(start: Start, scene: Scene, joints: System) -> Start | None:
 
 
 def _with_listed_turns(scene: Scene, joints: System, q: Array, p: Array) -> Array:
-    """Coordinates q (n_q,) whose listed angles have the turns of the list at parameters p (n_p,)."""
+    """Coordinates q (n_q,) in which listed angles have the listed number of turns at parameters p (n_p,)."""
     q, names = q.copy(), joints.collected.q_names
     for value in scene.prescribed.joints:
         if value.name in names and not is_linear(value.name):
@@ -71,7 +71,7 @@ def _with_listed_turns(scene: Scene, joints: System, q: Array, p: Array) -> Arra
 
 
 def _with_driven_turns(dae: DAE, rows: Indices, q: Array, t0: float) -> Array:
-    """Coordinates q (n_q,) with as many turns of each angle as reduce the violation of the rows of drives most."""
+    """Coordinates q (n_q,) with the turns of each angle that minimise the violation of the rows of drives."""
     if dae.Phi is None or not rows.size:
         return q
     Phi, angles = dae.Phi, [k for k, name in enumerate(dae.q_names) if name.endswith(".angle")]
@@ -79,10 +79,11 @@ def _with_driven_turns(dae: DAE, rows: Indices, q: Array, t0: float) -> Array:
 
 
 def _with_independent_rows(start: Start, joints: System, q: Array) -> DAE | None:
-    """The equations with coarse scales, and without the rows of loops that depend on others.
+    """The equations with coarse scales and with independent loop rows only.
 
-    The rank is that of all rows, which the start of the bodies has decided on, less that of the rows of the joints that
-    carry bodies: those are independent. None if it is not reached at q (n_q,).
+    The start of the bodies has decided the rank of all rows. The rank of the loop rows is this rank minus the number of
+    rows of carrying joints, because these rows are independent. None if the loop rows do not have this rank at q
+    (n_q,).
     """
     t0, space, bodies = start.t0, joints.joints, start.dae
     dae = with_coarse_scales(compile_dae(joints), q, t0)
@@ -92,7 +93,7 @@ def _with_independent_rows(start: Start, joints: System, q: Array) -> DAE | None
     carried = ca.jacobian(space.of_bodies[1], joints.v)
     along = ca.Function("along", [joints.q, joints.p], [carried])(q, dae.p_nominal).full()
     loops = general_entries(bodies, start.q_nominal, t0)[space.rows]
-    general = loops @ np.abs(along)  # in which nothing cancels
+    general = loops @ np.abs(along)  # sums without cancellation
     scales = dae.displacement_scales
     G = jacobian_at_rest(dae, q, t0) * scales
     sizes = row_sizes(G, general * scales)
@@ -104,10 +105,10 @@ def _with_independent_rows(start: Start, joints: System, q: Array) -> DAE | None
 
 
 def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.Function, q0: Array) -> Start | None:
-    """A start that is solved for in coordinates of the joints.
+    """A start that is computed in joint coordinates.
 
-    Displacements of bodies that are listed, or that stay where they are, are held; with the rows of loops they
-    determine the coordinates of the joints. None where they do not, as close to singular positions.
+    Listed and constant displacements of bodies are held. Together with the loop rows they determine the joint
+    coordinates. None if they do not, for example close to singular positions.
     """
     bodies, space, p = scene.system, joints.joints, scene.system.p
     p_nominal = start.dae.p_nominal
@@ -146,7 +147,7 @@ def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.F
         of_joints = ca.Function("listed", [joints.q, joints.v, joints.p], [values])
     dae = replace(dae, s_start=s_start)
     state, holds = start_functions(dae, start.t0, (u, p), q, velocities(q, p), of_joints, listed[others, :])
-    if start.redundant:  # with other parameters the rows that are left out may contradict those that are kept
+    if start.redundant:  # for other parameters, removed rows may contradict the remaining rows
         y = ca.SX.sym("x", holds.numel_in(0))
         all_rows = start.holds(of_bodies_at(q_b), ca.SX(start.state.numel_in(0), 1), p)
         holds = common("holds", [y, u, p], [ca.vertcat(holds(y, u, p), all_rows)])
@@ -156,7 +157,7 @@ def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.F
 
 
 def _values(scene: Scene, joints: System, q: ca.SX, q_b: ca.SX) -> list[ca.SX]:
-    """What is 0 where listed angles and displacements hold, with whole turns for those of joints that carry bodies."""
+    """Residuals of listed angles and displacements. Angles of carrying joints include whole turns."""
     rows, names = [], joints.collected.q_names
     for value in scene.prescribed.joints:
         if value.name in names:
@@ -167,15 +168,16 @@ def _values(scene: Scene, joints: System, q: ca.SX, q_b: ca.SX) -> list[ca.SX]:
 
 
 def _sufficient(slopes: Array, sizes: Array, first: int) -> list[int]:
-    """Numbers of independent rows: of the first ones, and as many of the others as determine the unknowns.
+    """Indices of independent rows that determine the unknowns. The `first` rows have precedence over the other rows.
 
-    `sizes` are general ones of rows at the beginning, which may vanish but for rounding.
+    `sizes` are general sizes of the first rows. Such a row may vanish except for rounding.
     """
     own = np.linalg.norm(slopes, axis=1)
     own[: len(sizes)] = row_sizes(slopes[: len(sizes)], sizes[:, None])
     listed, _ = independent_rows_and_columns(slopes[:first], own[:first])
     if len(listed) == slopes.shape[1]:
         return listed.tolist()
+    # Loops only count for motions that the listed rows leave free.
     V = np.linalg.svd(slopes[listed])[2][len(listed) :] if len(listed) else np.eye(slopes.shape[1])
     loops, _ = independent_rows_and_columns(slopes[first:] @ V.T, own[first:])
     return [*listed.tolist(), *(first + loops).tolist()]
@@ -187,6 +189,7 @@ def _displacement(system: System, begin: ca.SX, end: ca.SX) -> ca.SX:
     for body, n_v in zip(system.bodies, system.block_sizes, strict=True):
         if isinstance(body.pose, Spatial):
             e = product(conjugate(begin[at + 3 : at + 7]), end[at + 3 : at + 7])
+            # The sign takes the shorter of both rotations: e and -e are the same rotation.
             parts += [end[at : at + 3] - begin[at : at + 3], 2 * ca.sign(e[0]) * e[1:]]
             parts.append(end[at + 7 : at + n_v + 1] - begin[at + 7 : at + n_v + 1])
             at += n_v + 1

@@ -1,26 +1,25 @@
-"""The tree of joints along which the velocities of a start follow from each other, and the loops that close on it."""
+"""The tree of joints that determines the order of start velocities, and the loops of this tree."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 GROUND = -1
-"""Number of the ground beside the numbers of the bodies."""
+"""Index of the ground; bodies have the indices from 0."""
 
 
 @dataclass(frozen=True)
 class Group:
-    """Bodies (numbers) whose velocities are determined together, relative to the body `base` that carries them."""
+    """Bodies (indices) with velocities that are determined together, relative to the carrying body `base`."""
 
     base: int
     bodies: tuple[int, ...]
 
 
 class JointTree:
-    """The bodies in an order in which each one follows its carrier, and the groups of those in the same loops.
+    """The bodies in an order with carriers first, and the groups of bodies in common loops.
 
-    `connected` are, for each row of the constraints, the bodies whose relative motion it restricts. `roots` are all
-    bodies, of which the first one that is not connected with the ground carries the others. `carriers` tells the body
-    that carries each.
+    `connected` has the bodies of each constraint row. `roots` are all bodies in order of preference: the first body
+    without connection to the ground carries the bodies connected with it. `carriers` has the carrier of each body.
     """
 
     def __init__(self, connected: Iterable[frozenset[int]], roots: Sequence[int]) -> None:
@@ -36,7 +35,7 @@ class JointTree:
             if root != GROUND:
                 self.carriers[root] = GROUND
             reached = [root]
-            for body in reached:  # which grows
+            for body in reached:  # the list grows in the loop
                 followers = sorted(neighbours[body] - self.carriers.keys() - {GROUND})
                 self.carriers |= dict.fromkeys(followers, body)
                 reached += followers
@@ -47,16 +46,16 @@ class JointTree:
             self._join([body for other in others for body in self._path(first, other)])
 
     def groups(self) -> list[Group]:
-        """The groups, each after the one of its base."""
+        """The groups. Each group follows the group of its base."""
         bases = {bodies: self.carriers[min(bodies, key=self._order.__getitem__)] for bodies in self._group.values()}
         return [Group(base, bodies) for bodies, base in sorted(bases.items(), key=lambda item: self._order[item[1]])]
 
     def join(self, group: Group) -> None:
-        """Join a group with the one of its base."""
+        """Join a group with the group of its base."""
         self._join([group.bodies[0], group.base])
 
     def _path(self, a: int, b: int) -> list[int]:
-        """The bodies whose motion relative to their carriers is between bodies a and b."""
+        """The bodies on the path of the tree between bodies a and b."""
         path = []
         while a != b:
             a, b = sorted((a, b), key=self._order.__getitem__)

@@ -1,4 +1,4 @@
-"""Listed values of joints as rows that are solved at the start only, and where states start."""
+"""Listed joint values as constraint rows for the start only, and start values of states."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,10 +6,10 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import SLIGHT
 from symmb._types import Array, Indices
 from symmb.declare.symbolic import Symbol, t
 from symmb.equations.model import DAE, JointValue, Prescribed, Scene, System
-from symmb.equations.start.tolerances import NEGLIGIBLE
 
 
 def of_positions(listed: Prescribed) -> tuple[JointValue, ...]:
@@ -23,7 +23,7 @@ def of_rates(listed: Prescribed) -> tuple[JointValue, ...]:
 
 
 def with_position_rows(system: System, dae: DAE, values: Sequence[JointValue]) -> DAE:
-    """The DAE with rows of Phi behind its own that are 0 where angles and displacements have their values."""
+    """The DAE with additional rows of Phi. They are 0 if listed angles and displacements have their values."""
     if not values:
         return dae
     rows = ca.vertcat(*[value.row for value in values])
@@ -31,14 +31,14 @@ def with_position_rows(system: System, dae: DAE, values: Sequence[JointValue]) -
 
 
 def with_rate_rows(system: System, dae: DAE, values: Sequence[JointValue]) -> DAE:
-    """The DAE with velocity-only rows behind its own that are 0 where rates have their values."""
+    """The DAE with additional velocity-only rows. They are 0 if listed rates have their values."""
     if not values:
         return dae
     return _with_rows(system, dae, values, ca.SX(0, 1), ca.vertcat(*[value.row for value in values]), dae.n_r)
 
 
 def _with_rows(system: System, dae: DAE, values: Sequence[JointValue], rows: ca.SX, rates: ca.SX, at: int) -> DAE:
-    """The DAE with position rows, rates of rows and their Jacobian, behind the row number `at`."""
+    """The DAE with additional position rows, rates and Jacobian rows, inserted at row `at`."""
     names, z = ["q", "v", "s", "p", "t"], [system.q, system.v, system.s, system.p, t]
     if not dae.n_s:
         names, z = names[:2] + names[3:], z[:2] + z[3:]
@@ -60,7 +60,7 @@ def _with_rows(system: System, dae: DAE, values: Sequence[JointValue], rows: ca.
 
 
 def residuals(scene: Scene) -> ca.Function | None:
-    """The Function (q, v, p) of what is 0 where listed values of joints hold; None without any."""
+    """The Function (q, v, p) -> residuals of listed joint values; None without listed joint values."""
     values, system = scene.prescribed.joints, scene.system
     if not values:
         return None
@@ -69,7 +69,7 @@ def residuals(scene: Scene) -> ca.Function | None:
 
 
 def angles(scene: Scene) -> Indices:
-    """Numbers of the states that count the turns of angles in Phi."""
+    """Indices of the states that count the turns of angles in Phi."""
     inside = {symbol.element_hash() for symbol in ca.symvar(scene.system.Phi)}
     states = enumerate(scene.system.collected.states)
     return np.array([k for k, s in states if s.sx.element_hash() in inside and _is_angle(s)], dtype=np.intp)
@@ -81,7 +81,7 @@ def _is_angle(state: Symbol) -> bool:
 
 
 def listed_states(scene: Scene) -> Array:
-    """States (n_s,) at the nominal parameters: listed ones, angles as they are listed or guessed, and 0."""
+    """States (n_s,) at the nominal parameters: listed states, listed or guessed angles, and 0 for other states."""
     states = {**_angle_states(scene, scene.guessed), **_listed_states(scene)}
     collected = scene.system.collected
     s = np.zeros(len(collected.states)) if scene.restart is None else scene.restart.s.copy()
@@ -93,10 +93,10 @@ def listed_states(scene: Scene) -> Array:
 
 
 def with_turns(scene: Scene, q: Array, s: Array, counted: Indices) -> Array:
-    """States s (n_s,) of angles that turn as sums and differences of known ones do at coordinates q.
+    """States s (n_s,) with the turns of angles that are sums and differences of known angles at coordinates q.
 
-    Gears, springs and outputs count turns of their own. Known are the states in `counted`, or without any the listed
-    and guessed angles.
+    Gears, springs and outputs count their own turns. Known angles are the states in `counted`, or the listed and
+    guessed angles if `counted` is empty.
     """
     system, values = scene.system, {v.name: v for v in (*scene.guessed.joints, *scene.prescribed.joints)}
     turning = [value for value in values.values() if value.handle == "angle" and not counted.size]
@@ -109,18 +109,17 @@ def with_turns(scene: Scene, q: Array, s: Array, counted: Indices) -> Array:
     f = ca.Function("turns", [system.q, system.p], [ca.jacobian(ca.vertcat(*rates), system.v), numbers])
     J, listed = (part.full() for part in f(q, system.parameters.nominal))
     known = np.concatenate([listed.ravel(), s[counted]])
+    # Only whole multiples are safe: a fraction of an unknown number of turns would be a wrong angle.
     factors = np.linalg.lstsq(J[:n].T, J[n:].T, rcond=None)[0].T
     whole = np.round(factors)
-    follows = (np.abs(factors - whole) < NEGLIGIBLE).all(axis=1) & (np.abs(whole @ J[:n] - J[n:]) < NEGLIGIBLE).all(
-        axis=1
-    )
+    follows = (np.abs(factors - whole) < SLIGHT).all(axis=1) & (np.abs(whole @ J[:n] - J[n:]) < SLIGHT).all(axis=1)
     s = s.copy()
     s[np.array(states)[follows]] = (whole @ known)[follows]
     return s
 
 
 def with_states(scene: Scene, dae: DAE, s: Array) -> DAE:
-    """The DAE whose states start where they are listed, and whose angles count their turns next to states s (n_s,)."""
+    """The DAE with listed start values of states. Angles count their turns from states s (n_s,)."""
     listed, all_states = _listed_states(scene), scene.system.collected.states
     if scene.restart is not None:
         listed = {k: ca.SX(s[k]) for k, state in enumerate(all_states) if not _is_angle(state)} | listed
@@ -131,6 +130,7 @@ def with_states(scene: Scene, dae: DAE, s: Array) -> DAE:
     q, p = ca.SX.sym("q", dae.n_q), scene.system.p
     values = dae.s_start(q, p)
     for k in counting:
+        # The angle from atan2 differs from the state by less than half a turn, whatever the number of turns.
         ahead = values[k] - s[k]
         values[k] = s[k] + ca.atan2(ca.sin(ahead), ca.cos(ahead))
     for k, value in listed.items():
@@ -139,14 +139,14 @@ def with_states(scene: Scene, dae: DAE, s: Array) -> DAE:
 
 
 def _listed_states(scene: Scene) -> dict[int, ca.SX]:
-    """Listed states by their numbers, with those of listed angles."""
+    """Listed states and states of listed angles, by index."""
     names = [state.name for state in scene.system.collected.states]
     own = {names.index(name): value for name, value in scene.prescribed.states.items()}
     return {**own, **_angle_states(scene, scene.prescribed)}
 
 
 def _angle_states(scene: Scene, listed: Prescribed) -> dict[int, ca.SX]:
-    """The states of listed angles by their numbers, as far as the equations or the outputs have them."""
+    """The states of listed angles by index, if the equations or outputs contain these states."""
     numbers = {state.sx.element_hash(): k for k, state in enumerate(scene.system.collected.states)}
     values = ((value.state, value.value) for value in of_positions(listed))
     found = ((numbers.get(state.sx.element_hash()), value) for state, value in values if state is not None)

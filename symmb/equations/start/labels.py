@@ -12,11 +12,11 @@ def coordinate_of(dae: DAE, displacement: int) -> str:
 
 
 def coordinate_with_value(dae: DAE, displacement: int, q: Array) -> str:
-    """Name and value of the coordinate that a displacement moves; the name alone for a rotation in space."""
+    """Name and value of the coordinate that a displacement moves; only the name for a spatial rotation."""
     name = coordinate_of(dae, displacement)
     return f"{name} = {q[dae.q_names.index(name)]:.6g}" if name in dae.q_names else name
 
 
 def constraint_of_row(dae: DAE, row: int) -> str:
-    """Name of the constraint that a row belongs to."""
+    """Name of the constraint of a row."""
     return next(name for name, rows in dae.rows.items() if rows.start <= row < rows.stop)

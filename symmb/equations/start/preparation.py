@@ -1,4 +1,4 @@
-"""The start of a scene at the nominal parameters, and the decision on the unknowns of every sample."""
+"""The start of a scene at the nominal parameters, and the choice of unknowns for all samples."""
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import AssemblyError
-from symmb._magnitudes import NOTHING
+from symmb._magnitudes import NOTHING, SLIGHT
 from symmb._types import Array, Indices, Mask
 from symmb.declare.mechanics import Constraint, FlexibleBody
 from symmb.declare.symbolic import batch, shared
@@ -32,19 +32,15 @@ from symmb.equations.start.labels import coordinate_of, coordinate_with_value
 from symmb.equations.start.rank import independent_rows, independent_rows_and_columns, lasting_rows, redundant_names
 from symmb.equations.start.scales import general_entries, jacobian_at_rest, resting, row_sizes, with_coarse_scales
 from symmb.equations.start.start import Start, start_functions
-from symmb.equations.start.tolerances import NEGLIGIBLE, VIOLATION
+from symmb.equations.start.tolerances import VIOLATION
 from symmb.equations.start.velocities import start_velocities
-
-_PROBED = 1e-2
-"""Relative distance of parameters at which decisions on velocities must hold as well. A listed speed that is a
-parameter may vanish at its nominal value."""
 
 
 def prepare_start(scene: Scene, dae: DAE) -> Start:
-    """Solve for the start at the nominal parameters, and decide on the unknowns of every sample.
+    """Compute the start at the nominal parameters, and choose the unknowns for all samples.
 
-    AssemblyError if listed values contradict the constraints, no assembly is found near the guess, a joint is assembled
-    the wrong way round, or the start is a singular position.
+    AssemblyError if listed values contradict the constraints, if no assembly is found near the guess, if a joint is
+    assembled the wrong way round, or if the start is a singular position.
     """
     prescribed, system = scene.prescribed, scene.system
     t0, p0 = float(np.asarray(scene.times)[0]), dae.p_nominal
@@ -58,6 +54,7 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     try:
         independent = independent_rows(dae, q0, t0, rows.sizes)
     except AssemblyError as error:
+        # Rigid connections between nodes look like a singular position, but have another cause and remedy.
         raise AssemblyError(" ".join(_unstretched(scene)) or str(error)) from None
     placed = rows.extended(with_position_rows(system, dae, of_positions(prescribed)))
     moved = rows.extended(with_rate_rows(system, dae, of_rates(prescribed)))
@@ -65,7 +62,7 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     velocities = start_velocities(scene, moved.dae, prescribed.v, _probes(positions, p0), t0)
     free_velocities = np.setdiff1d(np.arange(dae.n_v), list(prescribed.v)).astype(np.intp)
     determined = independent_rows_and_columns(moved.G[:, free_velocities], moved.sizes)[1]
-    v0 = velocities(positions.q0, p0).full().ravel() + 0.0  # no minus before zeros
+    v0 = velocities(positions.q0, p0).full().ravel() + 0.0  # turns -0.0 into 0.0
     redundancy = _redundancy(rows, independent)
     lost = _only_nominal(scene, rows, positions, redundancy["redundant"], len(independent))
     of_joints = residuals(scene)
@@ -99,9 +96,10 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
 
 
 def with_gated_rows(start: Start, dae: DAE, gated: Collection[str]) -> Start:
-    """A start with the equations of all rows, of which those of the joints `gated` may leave or enter in a run.
+    """A start for scenes in which the joints `gated` open or close in a run.
 
-    The rows that are kept are these, and independent ones of the others: those of a gated joint may depend on them.
+    It keeps all rows of these joints, and independent rows of the other constraints. Rows of gated joints may depend on
+    the other rows.
     """
     own = start.dae
     dae = replace(dae, s_rest=own.s_rest, s_start=own.s_start, sampling=own.sampling)
@@ -121,12 +119,12 @@ class _Rows:
     t0: float
 
     def extended(self, dae: DAE) -> "_Rows":
-        """The rows of a DAE that may have more of them."""
+        """The rows of another DAE, which may have additional rows, at the same coordinates and time."""
         return self if dae is self.dae else _Rows(with_coarse_scales(dae, self.q, self.t0), self.q, self.t0)
 
     @cached_property
     def general(self) -> Array:
-        """Sizes of the entries of the velocity Jacobian in general, (n_r, n_v)."""
+        """General sizes of the entries of the velocity Jacobian, (n_r, n_v)."""
         return general_entries(self.dae, self.q, self.t0)
 
     @cached_property
@@ -141,7 +139,7 @@ class _Rows:
 
 
 def _unstretched(scene: Scene) -> Iterator[str]:
-    """Sentences on flexible bodies that joints hold at two nodes between which no mode stretches them."""
+    """Warnings about flexible bodies with two jointed nodes at a distance that no mode changes."""
     joints = [element for element in scene.system.elements if isinstance(element, Constraint)]
     for body in scene.system.bodies:
         if not isinstance(body, FlexibleBody) or not len(body.modes.stiffness):
@@ -151,17 +149,17 @@ def _unstretched(scene: Scene) -> Iterator[str]:
         shapes, places = body.modes.shapes, body.modes.positions
         for a, b in combinations(held, 2):
             line = (places[b] - places[a]) / max(float(np.linalg.norm(places[b] - places[a])), NOTHING)
-            if np.abs(line @ (shapes[b] - shapes[a])).max() <= NEGLIGIBLE * np.abs(shapes).max():
+            if np.abs(line @ (shapes[b] - shapes[a])).max() <= SLIGHT * np.abs(shapes).max():
                 yield (
-                    f"FlexibleBody {body.name!r}: joints hold its nodes {a} and {b}, and none of its modes changes "
-                    f"their distance. Compute its modes with interfaces=[{a}, {b}], except a clamped one, and with "
-                    "all shapes of these."
+                    f"FlexibleBody {body.name!r}: joints hold the nodes {a} and {b}, but no mode changes the distance "
+                    f"between these nodes. Compute the modes with interfaces=[{a}, {b}] (without a clamped node) and "
+                    "with all interface modes."
                 )
                 break
 
 
 def _redundancy(rows: _Rows, independent: Indices) -> dict[str, Any]:
-    """What `Start` tells of rows that depend on each other."""
+    """The fields of `Start` on redundant rows."""
     dae, rank = rows.dae, len(independent)
     if rank == dae.n_r:
         return {"ranks": (rank, dae.n_c), "rows": None, "nullities": (0, 0), "redundant": ()}
@@ -176,7 +174,7 @@ def _redundancy(rows: _Rows, independent: Indices) -> dict[str, Any]:
 
 
 def _only_nominal(scene: Scene, at: _Rows, positions: "_Positions", names: tuple[str, ...], rank: int) -> Iterator[str]:
-    """The doubt that constraints of these names are redundant at the nominal parameters, but not all over the box."""
+    """The warning that constraints with these names are redundant at the nominal parameters, but not in the box."""
     dae = at.dae
     if not names or scene.box is None or dae.Phi is None:
         return
@@ -191,21 +189,21 @@ def _only_nominal(scene: Scene, at: _Rows, positions: "_Positions", names: tuple
     r = np.asarray(ca.evalf(dae.Phi(*resting(dae, *state), state[1], at.t0))).ravel() / dae.row_scales[: dae.n_c]
     limit = VIOLATION * max(float(np.abs(q / dae.coordinate_scales).max(initial=0.0)), 1.0)
     if np.abs(r).max(initial=0.0) > limit:
-        then = "there they contradict each other, and runs do not start"
+        then = "there the constraints contradict each other, and runs do not start"
     elif len(independent_rows_and_columns(there.G, there.sizes)[0]) > rank:
-        then = "there they leave fewer motions free, which runs miss"
+        then = "there the constraints leave fewer degrees of freedom, but runs use the nominal number"
     else:
         return
     where = ", ".join(f"{dae.p_names[k]} = {p[k]:.6g}" for k in varied)
     yield (
         f"Constraints {', '.join(map(repr, names))} are redundant at the nominal parameters, but not at {where}: "
-        f"{then}. Leave one of them out, or give points and axes that fit for all parameters."
+        f"{then}. Remove one of these constraints, or declare points and axes that fit for all parameters."
     )
 
 
 @dataclass(frozen=True, eq=False)
 class _Positions:
-    """Coordinates q0 (n_q,), the displacements that are solved for, and coordinates q (n_q,) in unknowns u and p."""
+    """Coordinates q0 (n_q,), the unknown displacements, and coordinates q (n_q,) as expressions of unknowns u and p."""
 
     q0: Array
     solved: Indices
@@ -214,22 +212,23 @@ class _Positions:
     position: ImplicitMap
 
     def at(self, P: Array) -> tuple[Array, Mask]:
-        """Coordinates (N, n_q) for parameters P (N, n_p), and whether they are solved for."""
+        """Coordinates (N, n_q) for parameters P (N, n_p), and whether the solution converged (N,)."""
         u, ok = self.position.solve(P)
         return batch(ca.Function("place", [*self.unknowns], [self.q]), u, P)[0], ok
 
 
-def _probes(positions: _Positions, p0: Array) -> tuple[Array, Array]:
-    """Coordinates (k, n_q) at the start for the nominal parameters and others close to them, (k, n_p)."""
-    near = np.random.default_rng(0).uniform(-_PROBED, _PROBED, p0.shape) * np.where(p0 != 0, p0, 1.0)
+def _probes(positions: _Positions, p0: Array, distance: float = 1e-2) -> tuple[Array, Array]:
+    """Start coordinates (k, n_q) at the nominal and at neighbouring parameters, and these parameters (k, n_p)."""
+    # Decisions on velocities must hold near the nominal parameters too: a listed speed may be 0 at its nominal value.
+    near = np.random.default_rng(0).uniform(-distance, distance, p0.shape) * np.where(p0 != 0, p0, 1.0)
     P = np.stack([p0, p0 + near]) if p0.size else p0[None]
     q, ok = positions.at(P)
-    ok[0] = True  # checks that come later tell what is wrong there
+    ok[0] = True  # later checks report faults of the nominal start
     return q[ok], P[ok]
 
 
 def _solve_positions(scene: Scene, at: _Rows, reference: ca.Function, free: Indices) -> _Positions:
-    """Decide which displacements samples solve for: as many as independent rows, or all free ones in equilibrium."""
+    """Choose the unknown displacements: one for each independent row, or all free ones in equilibrium."""
     p, dae, q0, t0 = scene.system.p, at.dae, at.q, at.t0
     rows, columns = independent_rows_and_columns(at.G[: dae.n_c, free], at.sizes[: dae.n_c])
     solved, lam0, stiffness = free[columns], np.empty(0), 1.0
@@ -241,7 +240,7 @@ def _solve_positions(scene: Scene, at: _Rows, reference: ca.Function, free: Indi
     delta = ca.SX(ca.DM(places, dae.displacement_scales[solved])) @ u
     (q,) = shared([dae.retract(reference(p, ca.DM(q0)), delta)])
     if scene.equilibrium:
-        # Multipliers as shares of the stiffness are as small as displacements, by which Newton's method ends.
+        # Newton's method ends by the size of displacements. Multipliers divided by the stiffness have a similar size.
         share = ca.SX.sym("share", len(rows))
         z, lam = ca.vertcat(u, share), ca.SX(ca.DM(lam0)) + stiffness * share
         residual = imbalance(dae, q, lam, p, t0, free, rows)

@@ -1,4 +1,4 @@
-"""The rank of the constraint rows: decided at the start, and the joints whose rows depend on each other."""
+"""The rank of the constraint rows at the start, and the joints with dependent rows."""
 
 from collections.abc import Iterator, Mapping
 from typing import cast
@@ -7,21 +7,17 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import AssemblyError
+from symmb._magnitudes import SLIGHT
 from symmb._types import Array, Indices
 from symmb.equations.model import DAE
 from symmb.equations.start.scales import above_zero, evaluate_at_rest, jacobian_at_rest, own_scales, resting, row_sizes
 from symmb.equations.start.sparse_rows import LARGE, determining_columns, least_step
-from symmb.equations.start.tolerances import NEGLIGIBLE, SOLVED
+from symmb.equations.start.tolerances import SOLVED
 
-_NEIGHBOURS, _DISTANCE, _NEWTON_STEPS = 3, 0.02, 5
-"""Positions close to the start where ranks are compared, their distance [rad, share of the size], and Newton steps back
-onto the constraints there. tests/start/test_start.py"""
-_WALKS, _STRIDES, _STRIDE, _PERSISTENCE = 2, 15, 0.3, 3.0
-"""Random walks over the positions of a redundant mechanism, their steps [rad, share of the size], and how much more a
-step follows the one before than chance: two turns to and fro of a mechanism with one degree of freedom."""
 _AS_INDEPENDENT = 0.3
-"""Least singular value of the rows that are kept, over that of all rows at the same rank, that is enough for them: it
-stays above 0.5 in planar loops of spatial bodies, and falls to 0 in Bricard's mechanism. test_redundancy.py"""
+"""Chosen rows are sufficient if their smallest singular value, relative to the value of all rows, is above this ratio.
+The ratio stays above 0.5 in planar loops of spatial bodies, and decreases to 0 in Bricard's mechanism.
+test_redundancy.py"""
 
 
 def independent_rows_and_columns(
@@ -29,7 +25,7 @@ def independent_rows_and_columns(
 ) -> tuple[Indices, Indices]:
     """Indices of independent rows and of as many columns that determine them, from pivoted QR of the scaled matrix.
 
-    `sizes` (m,) are those of the rows, by default their norms. The `rank` is counted unless it is known.
+    `sizes` (m,) are the sizes of the rows, by default their norms. If `rank` is None, the rank is counted.
     """
     if not A.size:
         return np.arange(0, dtype=np.intp), np.arange(0, dtype=np.intp)
@@ -43,7 +39,7 @@ def independent_rows_and_columns(
 
 
 def strong_rows(A: Array, weakest: float) -> Indices:
-    """Rows of A, of norm 1 or less, that are independent: as many as there are singular values above `weakest`."""
+    """Indices of independent rows of A (norms up to 1). Their number: singular values above `weakest`."""
     if not A.size:
         return np.arange(0, dtype=np.intp)
     sigma = np.linalg.svd(A, compute_uv=False)
@@ -51,9 +47,9 @@ def strong_rows(A: Array, weakest: float) -> Indices:
 
 
 def _pivots(B: Array, rank: int) -> Indices:
-    """Columns of B that are independent, in rising order: the largest one, then the rest made orthogonal to it.
+    """Indices of independent columns of B in ascending order, by Gram-Schmidt with pivoting.
 
-    The import of SciPy's pivoted QR takes longer than a whole study of a small scene.
+    The import of SciPy's pivoted QR takes longer than a study of a small scene.
     """
     remainder, pivots = B.copy(), []
     for _ in range(rank):
@@ -71,49 +67,51 @@ def vanishing_combinations(G: Array, rank: int) -> Array:
 
 
 def redundant_names(G: Array, rank: int, rows: Mapping[str, slice]) -> tuple[str, ...]:
-    """The constraints whose rows of G, in their sizes, depend on each other."""
-    involved = np.abs(vanishing_combinations(G, rank)).max(axis=1, initial=0.0) > NEGLIGIBLE
+    """Names of the constraints with dependent rows in G. The rows are divided by their sizes."""
+    involved = np.abs(vanishing_combinations(G, rank)).max(axis=1, initial=0.0) > SLIGHT
     return tuple(name for name, where in rows.items() if involved[where].any())
 
 
 def independent_rows(dae: DAE, q: Array, t0: float, sizes: Array) -> Indices:
-    """The decision on rank at the start: numbers of independent rows of the velocity Jacobian.
+    """Indices of independent rows of the velocity Jacobian at the start.
 
     The Jacobian is measured in the DAE's scales, and its rows in `sizes` (n_r,). AssemblyError if rows depend on each
-    other at q (n_q,) but not close to it: a singular position.
+    other at q (n_q,) but not close to q: this is a singular position.
     """
     G = jacobian_at_rest(dae, q, t0) * dae.displacement_scales
     rows, _ = independent_rows_and_columns(G, sizes)
     if len(rows) == dae.n_r:
         return rows
-    for position in _positions(dae, q, t0, sizes, len(rows), _NEIGHBOURS, 1, _DISTANCE):
+    for position in _positions(dae, q, t0, sizes, len(rows)):
         there = jacobian_at_rest(dae, position, t0) * dae.displacement_scales
         rank = len(independent_rows_and_columns(there, sizes)[0])
         if rank > len(rows):
             names = ", ".join(map(repr, redundant_names(G / sizes[:, None], len(rows), dae.rows)))
             raise AssemblyError(
-                "The start is a singular position, where the motion could go on in more than one way. The rows of "
-                f"{names} depend on each other: the rank of the {dae.n_r} constraint rows is {len(rows)} there, and "
-                f"{rank} close to it. Start away from it."
+                "The start is a singular position, from which the motion can continue in more than one way. The rows "
+                f"of {names} depend on each other: the rank of the {dae.n_r} constraint rows is {len(rows)} at the "
+                f"start, but {rank} close to the start. Start away from this position."
             )
     return rows
 
 
 def lasting_rows(dae: DAE, q: Array, t0: float, rows: Indices, general: Array) -> tuple[Indices, tuple[int, int]]:
-    """Rows to keep, and how many combinations of them, and of the position rows among them, vanish.
+    """Rows to keep, and the numbers of vanishing combinations of these rows and of the position rows among them.
 
-    They are the given independent rows where these stay as independent as all rows together wherever the system can
-    move from q (n_q,). Else they are all but those that can be left out there: each combination costs much. `general`
-    (n_r, n_v) are sizes of the entries of the Jacobian. A row has one size at all positions: there may be one at which
-    it vanishes.
+    The given independent rows are kept if they stay as independent as all rows along the possible motion from q (n_q,).
+    Otherwise only rows that are superfluous everywhere are removed, because each vanishing combination is expensive.
+    `general` (n_r, n_v) are sizes of the entries of the Jacobian. A row has one size at all positions, because it may
+    vanish at some position.
     """
     scales, rank = own_scales(dae, q, t0), len(rows)
     if not rank:
         return rows, (0, 0)
     usual = np.linalg.norm(general * scales, axis=1)
-    at = [q, *_positions(dae, q, t0, usual, rank, _WALKS, _STRIDES, _STRIDE)]
+    # 15 long steps: a mechanism with one degree of freedom makes two turns to and fro.
+    at = [q, *_positions(dae, q, t0, usual, rank, walks=2, steps=15, distance=0.3)]
     walked = np.stack([jacobian_at_rest(dae, position, t0) * scales for position in at])
     walked /= row_sizes(walked, general * scales)[:, None]
+    # Bricard's mechanism: rows that are independent at the start become dependent later, so all positions are compared.
     if all(_least(G[rows], rank) > _AS_INDEPENDENT * _least(G, rank) for G in walked):
         return rows, (0, 0)
     vanishing = np.array([vanishing_combinations(G, rank) for G in walked])
@@ -124,15 +122,17 @@ def lasting_rows(dae: DAE, q: Array, t0: float, rows: Indices, general: Array) -
 
 
 def _superfluous(N: Array) -> list[int]:
-    """Rows that can be left out together, from orthonormal combinations (n, n_r, k) that vanish at n positions.
+    """Rows that can be removed together, from orthonormal combinations (n, n_r, k) that vanish at n positions.
 
-    Without them the least singular value falls by no more than the least one of their part of the combinations.
+    Removal reduces the smallest singular value at most by the smallest singular value of the removed part of the
+    combinations.
     """
     rows: list[int] = []
     rest = N
     while len(rows) < N.shape[2]:
         lengths = np.linalg.norm(rest, axis=2).min(axis=0)
         row = int(np.argmax(lengths))
+        # A row is superfluous only if its part of the vanishing combinations is large at all positions.
         if not np.linalg.svd(N[:, [*rows, row]], compute_uv=False)[:, -1].min() > _AS_INDEPENDENT:
             break
         rows.append(row)
@@ -142,18 +142,20 @@ def _superfluous(N: Array) -> list[int]:
 
 
 def _least(G: Array, rank: int) -> float:
-    """The singular value of that number, the least one of a matrix of that rank."""
+    """The smallest nonzero singular value of a matrix of this rank."""
     return float(np.linalg.svd(G, compute_uv=False)[rank - 1])
 
 
 def _positions(
-    dae: DAE, q: Array, t0: float, sizes: Array, rank: int, walks: int, steps: int, distance: float
+    dae: DAE, q: Array, t0: float, sizes: Array, rank: int, walks: int = 3, steps: int = 1, distance: float = 0.02
 ) -> Iterator[Array]:
-    """Positions on the constraints on random walks from q (n_q,) in steps of a distance [rad, share of the size].
+    """Positions that satisfy the constraints, on random walks from q (n_q,) with steps of a distance [rad, fraction of
+    the size].
 
-    `rank` is that of all rows in their sizes (n_r,). Drives do not hold the walks, as they move the system.
+    `rank` is the rank of all rows in their sizes (n_r,). The rows of drives do not restrict the walks, because drives
+    move the system.
     """
-    # Rows of drives ask for velocities of a system at rest.
+    # Rows of drives require velocities even for a system at rest.
     symbols = ca.SX.sym("q", dae.n_q), ca.SX.sym("p", len(dae.p_nominal)), ca.SX.sym("t")
     rates = ca.sparsify(cast(ca.Function, dae.Phi_dot)(*resting(dae, *symbols[:2]), *symbols[1:]))
     held, scale = np.setdiff1d(np.arange(dae.n_r), rates.row()), own_scales(dae, q, t0)
@@ -171,10 +173,11 @@ def _positions(
             free = np.linalg.svd(rows_at(position))[2][rank:]
             if not len(free):
                 return
-            step = (_PERSISTENCE * (free @ step) + random.normal(size=len(free))) @ free
+            # Each step mostly follows the step before. Without this persistence, a walk would stay near its start.
+            step = (3.0 * (free @ step) + random.normal(size=len(free))) @ free
             step /= np.abs(step).max()
             position = np.asarray(dae.retract(position, distance * scale * step)).ravel()
-            for _ in range(_NEWTON_STEPS if of_positions else 0):
+            for _ in range(5 if of_positions else 0):
                 r = evaluate_at_rest(cast(ca.Function, dae.Phi), dae, position, t0).ravel()[held[:of_positions]]
                 back = least_step(rows_at(position)[:of_positions], -r / own[:of_positions, 0])
                 position = np.asarray(dae.retract(position, scale * back)).ravel()

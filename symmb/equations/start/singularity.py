@@ -1,4 +1,4 @@
-"""Singular positions of a motion, where constraint rows that are independent elsewhere depend on each other."""
+"""Singular positions of a motion. There, otherwise independent constraint rows depend on each other."""
 
 from dataclasses import dataclass
 from typing import cast
@@ -12,14 +12,12 @@ from symmb.declare.symbolic import evaluated, nonzeros, pattern, rotation_matrix
 from symmb.equations.model import DAE
 
 NEARLY_SINGULAR = 1e-2
-"""Least over largest singular value of unit rows below which a position counts as nearly singular."""
-_BLAMED = 0.1
-"""Share of a vanishing combination of unit rows above which a constraint is part of it, and is named in a message."""
+"""Ratio of the smallest to the largest singular value of unit rows below which a position is nearly singular."""
 
 
 @dataclass(frozen=True)
 class Singularity:
-    """The time at which rows are closest to dependent [s], least over largest singular value, constraints."""
+    """Time of the nearly singular position [s], ratio of smallest to largest singular value, and constraints."""
 
     time: float
     ratio: float
@@ -31,7 +29,7 @@ class Singularity:
 
 
 def singularity(dae: DAE, X: Array, p: Array, times: Array) -> Singularity | None:
-    """The position closest to a singular one among states X (m, n_x), if one is close.
+    """The position among states X (m, n_x) that is closest to singular; None if all positions are regular.
 
     Rows of joints that open and close do not count.
     """
@@ -49,15 +47,16 @@ def singularity(dae: DAE, X: Array, p: Array, times: Array) -> Singularity | Non
     share = np.zeros(dae.n_r)
     share[lasting] = np.abs(U[:, rank - 1])
     shares = {name: float(share[where].max()) for name, where in dae.rows.items()}
-    names = tuple(name for name, share in shares.items() if share > _BLAMED)
+    # The other constraints have only a small part in the vanishing combination.
+    names = tuple(name for name, share in shares.items() if share > 0.1)
     return Singularity(float(times[k]), float(sigma[rank - 1] / sigma[0]), names)
 
 
 def _unit_rows(dae: DAE, _: Array) -> tuple[ca.Function, Mask]:
     """The Jacobian (n_r, n_v) in scales of displacements, with rows of norm 1 and rotations about the world's axes.
 
-    Its singular values are those with rotations about axes of the bodies, but a wheel that spins does not change it.
-    A function of x, p and t computes its entries, which stand row by row in its pattern.
+    Rotations about body axes give the same singular values, but with world axes a spinning wheel does not change the
+    matrix. A function of x, p and t computes the entries row by row of its pattern.
     """
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
     turned = ca.diag(ca.SX(ca.DM(dae.displacement_scales)))
@@ -72,11 +71,12 @@ def _unit_rows(dae: DAE, _: Array) -> tuple[ca.Function, Mask]:
 
 
 def _closest(dae: DAE, X: Array, p: Array, times: Array) -> int | None:
-    """At which of the states X (m, n_x) unit rows are closest to dependent; None if they are nearly so nowhere.
+    """Index of the state in X (m, n_x) at which unit rows are closest to dependent; None if no position is nearly
+    singular.
 
-    Singular values change by no more than the matrix does (Weyl), which is no more than the root of the sum of squares
-    of its entries. So a matrix is left out that is too close to one whose singular values are known to have a ratio
-    below that of a singular position, and below the smallest one so far.
+    Singular values change at most by the norm of the change of the matrix (Weyl). The Frobenius norm is an upper bound
+    of this norm. A matrix is skipped if it is so close to a matrix with known singular values that its ratio cannot be
+    below the limit and below the smallest ratio so far.
     """
     rows, where = dae.remembered(_unit_rows)
     entries, rank = nonzeros(rows, X, p, times[:, None]).T, dae.rank + dae.lasting.size - dae.n_r  # (n, m)
@@ -94,6 +94,7 @@ def _closest(dae: DAE, X: Array, p: Array, times: Array) -> int | None:
             closest, smallest = int(asked[k]), float(least[k] / largest[k])
         rest = np.delete(rest, slice(None, None, step))
         products = entries[:, rest].T @ entries[:, asked]
+        # |a - b|^2 from products of all pairs: the differences themselves would need much more memory.
         apart = np.maximum(squares[rest, None] + squares[asked] - 2 * products, 0.0) + ROUNDING * len(matrices[0])
         distance = np.sqrt(apart)
         rest, count = rest[(least - distance < smallest * (largest + distance)).all(axis=1)], 2 * count

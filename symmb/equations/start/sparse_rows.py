@@ -1,4 +1,4 @@
-"""Rows of large scenes by sparse factors: which columns determine them, and least-norm solutions."""
+"""Sparse factors for the rows of large scenes: columns that determine the rows, and least-norm solutions."""
 
 from collections import defaultdict
 from collections.abc import Callable
@@ -11,19 +11,15 @@ from symmb._types import Array, Indices
 from symmb.equations.start.tolerances import SOLVED
 
 LARGE = 150
-"""Rows and columns from which on sparse factors take less time than dense ones. tests/benchmarks/scaling.py"""
-_CLEAR = 1e-5
-"""Pivot of a row of norm 1, or its reciprocal, beyond which elimination leaves doubt about rank."""
-_STRONG = 0.3
-"""Share of the largest entry of a row that a pivot has at least. Of such entries the one that fills fewest is taken."""
-_REGULAR = 1e-11
-"""Ratio of pivots of A A' above which the rows of A count as independent."""
+"""From this number of rows or columns on, sparse factors are faster than dense ones. tests/benchmarks/scaling.py"""
 
 
-def determining_columns(A: Array) -> Indices | None:
-    """Numbers of as many columns of A (m, n), with rows of norm 1, as determine its rows, in rising order.
+def determining_columns(A: Array, clear: float = 1e-5, strong: float = 0.3) -> Indices | None:
+    """Indices of m columns that determine the unit rows of A (m, n), in ascending order.
 
-    Gaussian elimination takes the row with fewest entries next. None unless all rows are independent beyond doubt.
+    Gaussian elimination takes the row with the fewest entries next. Its pivot has at least the fraction `strong` of the
+    largest entry of the row. A pivot below `clear` or above 1 / `clear` does not decide the rank reliably. None if the
+    rows are not reliably independent.
     """
     rows = {i: {int(k): float(row[k]) for k in np.flatnonzero(row)} for i, row in enumerate(A)}
     holders: dict[int, set[int]] = defaultdict(set)
@@ -41,10 +37,11 @@ def determining_columns(A: Array) -> Indices | None:
         for k in row:
             holders[k].remove(i)
         largest = max(map(abs, row.values()), default=0.0)
-        if not _CLEAR < largest < 1 / _CLEAR:
+        if not clear < largest < 1 / clear:
             return None
-        strong = [k for k, a in row.items() if abs(a) >= _STRONG * largest]
-        pivot = min(strong, key=lambda k: (len(holders[k]), -abs(row[k])))
+        candidates = [k for k, a in row.items() if abs(a) >= strong * largest]
+        # Markowitz: among stable pivots, the column with the fewest entries causes the least fill-in.
+        pivot = min(candidates, key=lambda k: (len(holders[k]), -abs(row[k])))
         pivots.append(pivot)
         for j in holders.pop(pivot):
             other = rows[j]
@@ -58,15 +55,18 @@ def determining_columns(A: Array) -> Indices | None:
     return np.sort(np.array(pivots, dtype=np.intp))
 
 
-def normal_solver(A: Array) -> Callable[[Array], Array] | None:
-    """Solver of A A' z = r for a large matrix A (m, n) with few entries; None unless its rows are independent."""
+def normal_solver(A: Array, regular: float = 1e-11) -> Callable[[Array], Array] | None:
+    """Solver of A A' z = r for a large sparse matrix A (m, n); None if the rows are not independent.
+
+    They are independent if the ratio of the pivots of A A' is above `regular`.
+    """
     if not LARGE < A.shape[0] <= A.shape[1]:
         return None
     i, k = np.nonzero(A)
     rows = ca.DM.triplet(i.tolist(), k.tolist(), ca.DM(A[i, k]), A.shape[0], A.shape[1])
     D, L, order = ca.ldl(ca.mtimes(rows, rows.T), True)
     pivots = D.full()
-    if not pivots.min() > _REGULAR * pivots.max():
+    if not pivots.min() > regular * pivots.max():
         return None
 
     def solve(r: Array) -> Array:
@@ -78,7 +78,7 @@ def normal_solver(A: Array) -> Callable[[Array], Array] | None:
 
 
 def least_step(A: Array, r: Array) -> Array:
-    """The step (n,) of least norm with A step = r; of least residual where rows of A (m, n) depend on each other."""
+    """The least-norm step (n,) with A step = r; the least-squares step if rows of A (m, n) depend on each other."""
     if (solve := normal_solver(A)) is not None:
         return np.asarray(A.T @ solve(r), dtype=np.float64)
     return np.asarray(np.linalg.lstsq(A, r, rcond=SOLVED)[0], dtype=np.float64)

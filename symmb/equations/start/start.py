@@ -1,8 +1,9 @@
-"""Starting: coordinates and velocities that satisfy the constraints, for one sample or many, on one assembly branch.
+"""Start: coordinates and velocities that satisfy the constraints, for one or many samples, on one assembly branch.
 
-At the nominal parameters the coordinates that are not listed start from their guess and are moved least until Phi =
-0. Which of them the constraints determine is decided there, once; the rest stay where they are. Every sample then
-solves for the same ones from the nominal solution. Velocities follow from positions by linear equations.
+At the nominal parameters, unlisted coordinates start from their guess, and the smallest change with Phi = 0 is
+computed. The coordinates that the constraints determine are chosen once; all other coordinates stay at their values.
+Every sample then solves for the same coordinates from the nominal solution. Velocities follow from positions by linear
+equations.
 """
 
 import math
@@ -12,15 +13,17 @@ from functools import reduce
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import ROUNDING
 from symmb._types import Array
 from symmb.declare.symbolic import batch, evaluated, jet_function, saddle_solver
 from symmb.equations.model import DAE, Scales, is_linear
 from symmb.equations.start.implicit_function import LAST_DIGITS, ImplicitMap
-from symmb.equations.start.scales import PART_ROUNDING, distances, length_of, power_of_two, sizes_of_parts
+from symmb.equations.start.scales import distances, length_of, power_of_two, sizes_of_parts
 from symmb.equations.start.tolerances import VIOLATION
 
 MOST_COMPILED_STATES = 100
-"""States up to which starts are compiled. With more states runs take much longer than starts, and so do compilers."""
+"""Starts are compiled for scenes with at most this number of states. With more states, compilation takes longer than it
+saves in runs."""
 
 
 @dataclass(frozen=True)
@@ -30,41 +33,41 @@ class Start:
     dae: DAE
     t0: float
     q_nominal: Array
-    reference: ca.Function  # p, q_nominal -> coordinates before they are solved for
+    reference: ca.Function  # p, q_nominal -> coordinates before the solution
     position: ImplicitMap  # p -> u
     state: ca.Function  # u, p -> x
-    holds: ca.Function  # x, u, p -> conditions, 1 where they hold
+    holds: ca.Function  # x, u, p -> conditions, 1 for satisfied conditions
     velocities: ca.Function  # q, p -> v, of the bodies
     listed: tuple[str, ...]  # coordinates that the scene lists
     listed_velocities: tuple[str, ...]  # velocities that the scene lists
-    solved: tuple[str, ...]  # coordinates that are solved for
-    free: tuple[str, ...]  # coordinates that stay at their assembled values
+    solved: tuple[str, ...]  # unknown coordinates
+    free: tuple[str, ...]  # coordinates that keep their assembled values
     solved_velocities: tuple[str, ...]  # velocities that the constraints determine
     free_velocities: tuple[str, ...]  # velocities that nothing determines
-    joint_residuals: ca.Function | None  # (q, v, p) -> 0 where the listed `joint_values` hold
+    joint_residuals: ca.Function | None  # (q, v, p) -> residuals of the listed `joint_values`
     joint_values: tuple[str, ...]
-    rows: tuple[int, ...] | None  # those that determine the motion where rows depend on each other, else None
-    nullities: tuple[int, int]  # combinations of these, and of position rows among them, that vanish in every choice
-    ranks: tuple[int, int]  # of all rows of the scene, and of its position rows
-    redundant: tuple[str, ...]  # constraints whose rows depend on each other
-    is_equilibrium: bool  # whether it is a static equilibrium, which is not compiled
-    doubts: tuple[str, ...]  # sentences on what is doubtful at the nominal parameters
-    held: tuple[int, ...]  # displacements that are not solved for
+    rows: tuple[int, ...] | None  # rows that determine the motion if rows are redundant, else None
+    nullities: tuple[int, int]  # vanishing combinations of these rows, and of the position rows among them
+    ranks: tuple[int, int]  # ranks of all rows and of the position rows
+    redundant: tuple[str, ...]  # constraints with dependent rows
+    is_equilibrium: bool  # whether the start is a static equilibrium; such starts are not compiled
+    doubts: tuple[str, ...]  # warnings about the start at the nominal parameters
+    held: tuple[int, ...]  # displacements that are not unknowns
 
     @property
     def compiles(self) -> bool:
-        """Whether starts are compiled as well."""
+        """Whether starts are compiled like runs."""
         n_u, n_x = (self.state.numel_in(0), self.state.numel_out(0))
         return not self.is_equilibrium and n_u <= n_x <= MOST_COMPILED_STATES
 
     def states(self, P: Array) -> tuple[Array, tuple[str, ...]]:
-        """Starting states x = (q, v, s) of samples P (N, n_p), nan where there is none, and the reasons, else empty."""
+        """Start states x = (q, v, s) of samples P (N, n_p), nan for failed starts, and reasons ('' for others)."""
         u, ok = self.position.solve(P)
         x = batch(self.state, u, P)[0]
         ok = ok & (batch(self.holds, x, u, P)[0] > 0).all(axis=1)
         reasons = ["" if good else "the start could not be solved for" for good in ok.tolist()]
         values = batch(self.dae.positive, P)[0]
-        for k, which in np.argwhere(~(values > 0))[::-1].tolist():  # the first fault of each sample remains
+        for k, which in np.argwhere(~(values > 0)).tolist()[::-1]:  # the first fault of each sample remains
             reasons[k] = f"{self.dae.positive_names[which]} is {values[k, which]:g}, not positive"
         started = np.array([not reason for reason in reasons], dtype=bool)
         return np.where(started[:, None], x, np.nan), tuple(reasons)
@@ -78,7 +81,7 @@ class Start:
     def scales(self, dae: DAE, span: float) -> Scales:
         """Scales of the motion over a span [s] at the nominal parameters, as powers of 2.
 
-        If it starts at the origin, the length is the distance that speeds and accelerations lead in this time.
+        If the motion starts at the origin, the length is the distance that speeds and accelerations cover in this time.
         """
         at = self.nominal()
         x = (at["q"], at["v"], *([at["s"]] if dae.n_s else []), at["p"], self.t0)
@@ -86,7 +89,7 @@ class Start:
         length = length_of(dae, at["q"], G)
         linear = np.array([is_linear(name) for name in dae.v_names], dtype=bool)
         far = float(distances(dae, x, span)[linear].max(initial=0.0))
-        if length <= PART_ROUNDING * far:
+        if length <= ROUNDING * far:  # coordinates that small are rounding of an assembly
             length = far
         length = power_of_two(length)
         scaled = dae.scaled(lambda: Scales(length)).displacement_scales
@@ -105,6 +108,7 @@ class Start:
         J, r = self.position.jacobian(u, p), self.position.residual(u, p)
         newton = saddle_solver(ca.SX.eye(u.numel()), J, [1] * u.numel())(ca.SX(u.numel(), 1), r)[0]
         rounded = ca.fabs(r) <= LAST_DIGITS * ca.sum2(ca.fabs(J))
+        # Near singular positions, steps of rounding would never become small. They must end the iteration.
         newton = ca.if_else(_all(rounded), 0, newton)
         state = self.state(u, p)
         good = _all(ca.vertcat(self.holds(state, u, p), self.dae.positive(p) > 0))
@@ -123,9 +127,9 @@ def start_functions(
 ) -> tuple[ca.Function, ca.Function]:
     """The Functions `state` and `holds` of a start with coordinates q (n_q,) and velocities v (n_v,).
 
-    These are expressions of the `unknowns` u and the parameters p. The Function (q, v, p) `listed` and the expressions
-    `implied` must vanish, beside the rows of the constraints: Newton's method solves only for independent rows. It may
-    also go on to the flipped root.
+    Coordinates and velocities are expressions of the `unknowns` u and the parameters p. The conditions `holds` check
+    all constraint rows, the Function (q, v, p) `listed` and the expressions `implied`, because Newton's method solves
+    only independent rows. Newton's method may also converge to the flipped root.
     """
     u, p = unknowns
     x = ca.densify(ca.vertcat(q, v, *([dae.s_start(q, p)] if dae.s_start is not None else [])))

@@ -1,10 +1,10 @@
-"""Velocities at the start: relative rates of joints that nothing determines are zero.
+"""Velocities at the start: relative joint rates that nothing determines are zero.
 
-Bodies follow along the tree of joints, in groups: single bodies, or those of loops that share joints. A group moves
-rigidly with the body that carries it, unless listed velocities or drives forbid that. Then it deviates from this motion
-by least kinetic energy, d' M d / 2 with G (v + d) + Phi_t = 0. Where even that is impossible, its carrier cannot move
-as it would by itself, and both groups deviate together. All this is decided once, at the nominal parameters. Flywheels
-come last: they turn as the mechanism makes them turn.
+Velocities are computed along the tree of joints for groups of bodies. A group is a single body, or the bodies of loops
+with common joints. A group moves rigidly with the body that carries it, unless listed velocities or drives forbid this.
+Then the deviation d has the least kinetic energy d' M d / 2 with G (v + d) + Phi_t = 0. If this is impossible too, the
+group and the group of its carrier deviate together. All choices are made once, at the nominal parameters. Flywheels
+come last, because the mechanism turns them.
 """
 
 from collections.abc import Mapping
@@ -24,31 +24,28 @@ from symmb.equations.start.rank import strong_rows
 from symmb.equations.start.scales import evaluate_at_rest, jacobian_at_rest, resting
 from symmb.equations.start.tolerances import SOLVED, VIOLATION
 
-_WEAK = 1e-2
-"""Singular value of unit rows, in the metric of kinetic energy, below which listed velocities and drives would turn a
-joint so fast that its carrier moves as well."""
-
 
 def start_velocities(
     scene: Scene, dae: DAE, listed: Mapping[int, ca.SX], at: tuple[Array, Array], t0: float
 ) -> ca.Function:
     """Velocities at the start as a Function (q, p) -> v.
 
-    Listed ones, by their numbers, hold exactly. `at` are coordinates (k, n_q) on the constraints for k values of the
-    parameters (k, n_p), the nominal ones first.
+    `listed` velocities (by index) hold exactly. `at` are assembled coordinates (k, n_q) for k sets of parameters (k,
+    n_p); the nominal set is the first.
     """
     rates = _Rates(scene, dae, listed, at, t0)
     if scene.restart is not None:
         v = rates.kept(scene.restart.v)
         return common("velocities", [rates.q, rates.p], [ca.densify(v)])
     tree = JointTree(rates.connected, rates.roots)
+    # Each failure joins two groups, so that the loop ends at the latest with a single group.
     while (v := _along(tree, rates)) is None:
         pass
     return common("velocities", [rates.q, rates.p], [ca.densify(v)])
 
 
 def _along(tree: JointTree, rates: "_Rates") -> ca.SX | None:
-    """Velocities of all bodies (n_v,); None if a group has been joined with that of its carrier."""
+    """Velocities of all bodies (n_v,); None if a group was joined with the group of its carrier."""
     v = ca.SX(rates.dae.n_v, 1)
     for group in sorted(tree.groups(), key=lambda group: not rates.flywheels.isdisjoint(group.bodies)):
         moved = rates.moved(v, group)
@@ -61,7 +58,7 @@ def _along(tree: JointTree, rates: "_Rates") -> ca.SX | None:
 
 @dataclass(frozen=True, eq=False)
 class _Rates:
-    """The rates of the constraints at the start, G v + Phi_t, and the bodies that they involve."""
+    """The rates of the constraints at the start, G v + Phi_t, and the bodies of each row."""
 
     scene: Scene
     dae: DAE
@@ -79,13 +76,13 @@ class _Rates:
 
     @cached_property
     def body_of(self) -> Indices:
-        """The number of the body of each velocity, (n_v,)."""
+        """The index of the body of each velocity, (n_v,)."""
         sizes = self.scene.system.block_sizes
         return np.repeat(np.arange(len(sizes)), sizes)
 
     @property
     def roots(self) -> list[int]:
-        """The bodies, those with most listed velocities first."""
+        """The bodies in the order of their number of listed velocities, the largest number first."""
         counts = np.bincount(self.body_of[list(self.listed)], minlength=len(self.scene.system.bodies))
         return np.argsort(-counts, kind="stable").tolist()
 
@@ -116,9 +113,9 @@ class _Rates:
 
     @cached_property
     def connected(self) -> list[frozenset[int]]:
-        """The bodies of each row; with the ground, unless rigid motions of all of them have no rate in the row.
+        """The bodies of each row. The ground is included if a common rigid motion of the bodies changes the row.
 
-        A row of a flywheel restricts this alone.
+        A row with a flywheel restricts only the flywheel.
         """
         there = pattern(self.G.sparsity())
         bodies = self.scene.system.bodies
@@ -134,6 +131,7 @@ class _Rates:
             if flywheels := numbers & self.flywheels:
                 connected.append(flywheels)
                 continue
+            # A planar body has no velocities out of its plane, so rigid motions out of the plane do not count.
             motions = [0, 1, 5] if any(isinstance(bodies[k].pose, Planar) for k in numbers) else slice(None)
             own, along = row[touched], R[touched][:, motions]
             is_relative = bool((np.abs(own @ along) <= SOLVED * np.abs(own).sum() * size[motions]).all())
@@ -142,7 +140,7 @@ class _Rates:
 
     @cached_property
     def flywheels(self) -> frozenset[int]:
-        """The numbers of the flywheels."""
+        """The indices of the flywheels."""
         return frozenset(k for k, body in enumerate(self.scene.system.bodies) if isinstance(body, Flywheel))
 
     @cached_property
@@ -155,14 +153,15 @@ class _Rates:
         return rows
 
     def kept(self, v: Array) -> ca.SX:
-        """Velocities v (n_v,) that deviate by least kinetic energy until listed ones and all independent rows hold."""
+        """Velocities v (n_v,), changed with least kinetic energy to satisfy listed ones and all independent rows."""
         all_columns = list(range(self.dae.n_v))
         begin = ca.vertcat(*[self.listed.get(i, ca.SX(v[i])) for i in all_columns]) if all_columns else ca.SX(0, 1)
         free = [i for i in all_columns if i not in self.listed]
         return self._deviated(begin, list(range(self.dae.n_r)), all_columns, free, 0.0)
 
     def moved(self, v: ca.SX, group: Group) -> ca.SX | None:
-        """Velocities v (n_v,) with those of a group; None if the constraints ask the base to move otherwise."""
+        """Velocities v (n_v,) with the velocities of a group; None if the constraints require another motion of the
+        base."""
         members = frozenset(group.bodies)
         columns = np.flatnonzero(np.isin(self.body_of, group.bodies)).tolist()
         near = sorted({i for body in members for i in self._rows_of[body]})
@@ -177,9 +176,12 @@ class _Rates:
         if not rows:
             return v
         free = [i for i in columns if i not in self.listed]
-        deviated = self._deviated(v, rows, columns, free, _WEAK)
+        # Below this singular value, listed velocities and drives would turn a joint very fast. Then the carrier moves
+        # too.
+        deviated = self._deviated(v, rows, columns, free, weak=1e-2)
         if self._holds(deviated, rows):
             return deviated
+        # The ground cannot move, so that a group on the ground takes any velocity. Later checks report contradictions.
         return None if group.base != GROUND else self._deviated(v, rows, columns, free, 0.0)
 
     def _carried(self, v: ca.SX, group: Group) -> ca.SX:
@@ -194,7 +196,7 @@ class _Rates:
         return ca.vertcat(*[self._rigid(k, frame.r) @ twist for k in group.bodies])
 
     def _carrier(self, base: AbstractBody, members: set[AbstractBody]) -> AbstractBody:
-        """The part of the base, a node of a flexible body, to which a joint connects the members."""
+        """The part of the base that a joint connects with the members: the body, or a node of a flexible body."""
         for joint in self.scene.system.elements:
             if isinstance(joint, Joint):
                 a, b = joint.bodies()
@@ -204,55 +206,58 @@ class _Rates:
         return base
 
     def _rigid(self, k: int, about: ca.SX) -> ca.SX:
-        """Velocities (n, 6) of a body, from that of the point `about` and an angular velocity, both in world axes."""
+        """Matrix (n, 6): velocities of a body for the velocity of the point `about` and the angular velocity, in world
+        axes."""
         body = self.scene.system.bodies[k]
         twist = ca.blockcat([[ca.SX.eye(3), -ca.skew(body.frame.r - about)], [ca.SX(3, 3), body.frame.R.T]])
         known = [i for i, part in enumerate(body.pose.velocities) if f"{body.name}.{part}" in self.dae.v_names]
         return self._without_untouched((body.frame.rigid @ twist)[known, :])
 
     def _without_untouched(self, expression: ca.SX) -> ca.SX:
-        """An expression without the coordinates that nothing touches."""
+        """An expression without coordinates on which no element acts."""
         for _, x, _, vx in self.scene.system.collected.decoupled:
             expression = ca.substitute(expression, ca.vertcat(x, vx), ca.SX.zeros(2, 1))
         return expression
 
     def _deviated(self, v: ca.SX, rows: list[int], columns: list[int], free: list[int], weak: float) -> ca.SX:
-        """Velocities v whose free ones deviate by least kinetic energy until all independent rows hold."""
+        """Velocities v, with free velocities changed with least kinetic energy to satisfy all independent rows."""
         independent = [rows[i] for i in strong_rows(self._unit_rows(rows, columns, free), weak)]
         if not independent:
             return v
         sizes = self._sizes(free)
         solve = saddle_solver(self._metric(independent, free, sizes), self.G[independent, free], sizes)
-        for _ in range(2):  # the second step removes what rounding leaves near singular positions
+        for _ in range(2):  # the second step removes rounding near singular positions
             v = ca.SX(v)
             rate = self.G[independent, :] @ v + self.drive[independent]
             v[free] += solve(ca.SX(len(free), 1), -rate)[0]
         return v
 
     def _sizes(self, columns: list[int]) -> list[int]:
-        """How many of these velocities each body has."""
+        """Number of velocities of each body among `columns`."""
         return np.unique(self.body_of[columns], return_counts=True)[1].tolist()
 
     def _unit_rows(self, rows: list[int], columns: list[int], free: list[int]) -> Array:
-        """Rows over free velocities in the metric of kinetic energy, of norm 1 over all velocities of a group."""
+        """Rows for the free velocities in the metric of kinetic energy. They have norm 1 over all velocities of the
+        group."""
         root = [self._root(part) for part in (columns, free)]
         whole, own = (self.G_nominal[np.ix_(rows, part)] @ r for part, r in zip((columns, free), root, strict=True))
         norm = np.linalg.norm(whole, axis=1, keepdims=True)
         return own / np.where(norm > 0, norm, 1.0)
 
     def _root(self, columns: list[int]) -> Array:
-        """W with W W' = M^-1 for some velocities; their scales where bodies without mass are among them."""
+        """W with W W' = M^-1 for some velocities; their scales if a body has no mass."""
         if is_singular(self.M[columns, columns], self._sizes(columns)):
             return np.diag(self.dae.displacement_scales[columns])
         values, vectors = np.linalg.eigh(self.M_nominal[np.ix_(columns, columns)])
-        # A later check tells of values that are not positive.
+        # A later check reports values that are not positive.
         return vectors / np.sqrt(np.maximum(np.abs(values), NOTHING))
 
     def _metric(self, rows: list[int], free: list[int], sizes: list[int]) -> ca.SX:
-        """The mass matrix; where it says nothing on velocities that the rows leave free, the scales of velocities."""
+        """The mass matrix; the scales of velocities if the mass matrix does not determine all velocities."""
         M, scales = self.M[free, free], self.dae.displacement_scales[free]
         if not is_singular(M, sizes):
             return M
+        # The rows may determine the massless velocities. Then M is positive for the free motions.
         left = np.linalg.svd(self.G_nominal[np.ix_(rows, free)] * scales)[2][len(rows) :]
         inertia = self.M_nominal[np.ix_(free, free)] * np.outer(scales, scales)
         energies = np.linalg.eigvalsh(left @ inertia @ left.T)
@@ -264,6 +269,6 @@ class _Rates:
         """Whether velocities satisfy rows."""
         rate, drive = self.G[rows, :] @ v, self.drive[rows]
         size = ca.fabs(self.G[rows, :]) @ ca.fabs(v) + ca.fabs(drive)
-        limit = VIOLATION * size + SOLVED * ca.mmax(size)  # where all terms of a row are rounding of the other rows
+        limit = VIOLATION * size + SOLVED * ca.mmax(size)  # for rows with terms that are rounding of other rows
         excess = ca.Function("excess", [self.q, self.p], [ca.densify(ca.fabs(rate + drive) - limit)])
         return all(excess(q, p).full().max(initial=0.0) <= 0 for q, p in zip(*self.at, strict=True))
