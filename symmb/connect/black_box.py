@@ -148,7 +148,7 @@ class BlackBox(ABC):
         return merging.state
 
     def _irregular(self, values: Array) -> str:
-        """A text that says which of the values (n_t, n_y) is the first that is not finite."""
+        """A sentence that names the first of the values (n_t, n_y) that is not finite."""
         k, i = np.argwhere(~np.isfinite(values))[0]
         at = "" if is_timeless(self.times) else f" at t = {self.times[k]:g}"
         return f"{self.outputs[i]} is not finite{at}"

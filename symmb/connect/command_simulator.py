@@ -158,7 +158,7 @@ class CommandSimulator(BlackBox):
             yield from (f"{place}: {fault}." for fault in template_faults(text, self.parameters))
         for name in self.parameters:
             if not any(is_filled(text, name) for text in places.values()):
-                yield f"parameter {name!r} is in no template and in no argument. Write {{{name}}} there."
+                yield f"no template and no argument contains parameter {name!r}. Write {{{name}}} into one of them."
         yield from (f"files: {file} does not exist." for file in self.files if not file.exists())
         own = [str(PurePosixPath(name)) for name in self.templates]
         names = [_OUTPUT, _ERRORS, *own, *(file.name for file in self.files)]
@@ -166,7 +166,7 @@ class CommandSimulator(BlackBox):
             if count > 1:
                 yield f"{name!r} is the name of two files in the folder of a run."
             if any(str(parent) in names for parent in PurePosixPath(name).parents):
-                yield f"{name!r}: its folder has the name of a file in the folder of a run."
+                yield f"{name!r} is in a folder that has the name of a file in the folder of a run."
         if not isinstance(self.read, str):
             if not callable(self.read):
                 yield f"read must be the name of a file or a function of the folder, got {shown(self.read)}."

@@ -118,7 +118,7 @@ def _mapped(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool") -
         sent.remove(k)
         yield k, result
     if next(waiting, None) is not None or sent:
-        raise SimulationError("executor: its map has ended without the results of all tasks.")
+        raise SimulationError("executor: map ended without the results of all tasks.")
 
 
 def _submitted(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool") -> Iterator[Numbered]:
@@ -182,7 +182,7 @@ def _begun(f: Callable[[Any], Any], item: Any, k: int, pool: "_Pool", done: "que
     future = pool.submit(partial(_reply, f), (k, item))
     with _as_simulation_error(BrokenExecutor):
         if isinstance(future, type) or not all(callable(getattr(future, name, None)) for name in ("done", "result")):
-            raise SimulationError(f"executor: its submit returned {shown(future)}, which is not a future.")
+            raise SimulationError(f"executor: submit returned {shown(future)}, which is not a future.")
         if hasattr(future, "add_done_callback"):
             future.add_done_callback(lambda _: done.put(k))
     return _Task(item, future)
@@ -239,7 +239,7 @@ def _unpacked(reply: Any, sent: Container[int]) -> Numbered:
         k, checksum, content = reply
         if k in sent and zlib.crc32(content, k) == checksum:
             return k, pickle.loads(content)
-    raise SimulationError("executor: it returned something other than the results of its tasks.")
+    raise SimulationError("executor: the executor returned other values than the results of its tasks.")
 
 
 class _Pool:
@@ -373,7 +373,7 @@ class _Pool:
             except KeyboardInterrupt:
                 raise
             except BaseException as error:  # the results are complete
-                warnings.warn(f"executor: its shutdown raised {text_of(error)}.", SymmbWarning, stacklevel=2)
+                warnings.warn(f"executor: shutdown raised {text_of(error)}.", SymmbWarning, stacklevel=2)
 
 
 def _end_processes(pool: ProcessPoolExecutor) -> None:
@@ -389,7 +389,7 @@ def _end_processes(pool: ProcessPoolExecutor) -> None:
 
 
 def _maps_in_order(executor: Any) -> bool:
-    """Whether its map applies a function to items: the `map` of tables and modules is different."""
+    """Whether `map` of the executor applies a function to items in order. The `map` of tables and modules does not."""
     try:
         return list(islice(executor.map(abs, [-1, 2]), 3)) == [1, 2]
     except Exception:
@@ -406,7 +406,7 @@ def _as_simulation_error(*kept: type[BaseException]) -> Iterator[None]:
     except BaseException as error:  # asyncio's CancelledError is not an Exception
         _require_sent(error)
         cause = None if isinstance(error, StopIteration) else error  # contextlib would treat it as its own
-        raise SimulationError(f"executor: it raised {text_of(error)}.") from cause
+        raise SimulationError(f"executor: the executor raised {text_of(error)}.") from cause
 
 
 def _require_sent(error: BaseException) -> None:

@@ -112,7 +112,7 @@ class FMUSimulator(BlackBox):
         noise: Mapping[str, float] | None = None,
     ):
         if not isinstance(path, str | Path):
-            raise DeclarationError(f"{OWNER}: path must be that of a file, got {shown(path)}.")
+            raise DeclarationError(f"{OWNER}: path must be the path of a file, got {shown(path)}.")
         self._declare(parameters, times, outputs, noise)
         require_timeout(OWNER, timeout)
         if step is not None and not (is_finite_number(step) and step > 0):

@@ -87,7 +87,8 @@ _OWN = threading.local()
 class LimitedCalls:
     """A function whose calls run in a separate process. Each thread has its own process, and keeps it.
 
-    The process is a copy of this process at the first call. Later changes of variables there are not visible here.
+    The process is a copy of this process at the first call. Later changes of variables in one process have no effect in
+    the other.
 
     Parameters
     ----------
@@ -107,7 +108,7 @@ class LimitedCalls:
         key: str | None = None,
     ) -> None:
         if not hasattr(os, "fork"):
-            raise DeclarationError(f"Calls of {subject} in their own process need fork, which Windows does not have.")
+            raise DeclarationError(f"Calls of {subject} in a separate process need fork. Windows has no fork.")
         self.f, self.seconds, self.subject, self.base = f, seconds, subject, base
         self.key = key or uuid.uuid4().hex
 

@@ -60,7 +60,7 @@ DROP TABLE former_studies;
 
 @dataclass(frozen=True)
 class StoredStudy:
-    """The data that all runs of a study share, by the digest of their simulator."""
+    """The data that all runs of a study have in common. `digest` identifies the simulator."""
 
     digest: str
     simulator: str
@@ -138,7 +138,7 @@ class RunDatabase:
             for key in sample_keys(P):
                 own, sample, *row = _sound(self._connection.execute(query, (study, key)).fetchone())
                 if (own, sample) != (study, key):
-                    raise ValueError("it returns other runs than requested")
+                    raise ValueError("a query returned another run than requested")
                 state, t_failed, reason, response, of_events, _ = row
                 rows.append((t_failed, reason, response, of_events, state))
             Y = np.array([np.frombuffer(row[2]).reshape(shape) for row in rows]).reshape(-1, *shape)

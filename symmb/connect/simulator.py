@@ -344,7 +344,7 @@ _STUDY: ContextVar[Attained | None] = ContextVar("study", default=None)
 
 @contextmanager
 def attained_by_runs(n_t: int, n_y: int, nominal_parameters: Array | None = None) -> Iterator[Attained]:
-    """The extreme values of this block."""
+    """A context that collects the extreme values of all runs inside it."""
     attained = Attained(n_t, n_y, nominal_parameters)
     token = _STUDY.set(attained)
     try:

@@ -25,7 +25,7 @@ _IN_JSON = {"t": "times", "names": "outputs"}
 _IN_ARCHIVES = {name: own for own, name in _IN_JSON.items()}
 
 _VERSION = 1
-"""Version of both formats. Earlier files do not state their version; it is this version."""
+"""Version of both formats. Files without a version also have this version."""
 
 Table = Mapping[str, Any]
 """Columns by their headings. All have the same length."""
@@ -51,7 +51,7 @@ def save(path: str | PathLike[str], sources: Mapping[str, Callable[[], Mapping[s
 
 
 def save_json(path: str | PathLike[str], entries: Mapping[str, Any]) -> None:
-    """Write what `in_json` returns."""
+    """Write the entries that `in_json` returns."""
     with replacement(path) as file:
         _write_json(file, entries)
 

@@ -52,7 +52,7 @@ _SIZES = 1.0, 50.0
 _TRUETYPE = 42
 """Type of fonts in PDF files: journals refuse type 3, matplotlib's default."""
 _LEGENDS = ((60, 8.0), (36, 8.0), (24, 7.0), (16, 6.0))
-"""Characters of a line, and size [point], of legends in axes of the caller: the first pair that fits is used."""
+"""Characters per line and font size [point] of legends in axes of the caller. The first pair that fits is used."""
 _SCREEN = 80
 """Pixels in a notebook for an inch of a figure."""
 
@@ -146,7 +146,7 @@ def finish(
 
 
 def rounding(values: Array, units: Sequence[str] = ()) -> Array:
-    """(n_y,) whether the spreads of outputs (..., n_y) are rounding; see `ROUNDING`."""
+    """Largest spreads (n_y,) of outputs (..., n_y) that are rounding; see `ROUNDING`."""
     size = np.nan_to_num(np.abs(values)).reshape(-1, np.shape(values)[-1]).max(axis=0, initial=0.0)
     alike = [max(s for s, other in zip(size, units, strict=True) if other == unit) if unit else 0.0 for unit in units]
     return np.maximum(ROUNDING[0] * size, ROUNDING[1] * np.array(alike or 0.0))

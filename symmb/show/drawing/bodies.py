@@ -231,7 +231,8 @@ def mesh_edges(positions: Array) -> list[tuple[int, int]]:
     """Pairs of nodes to join: the modes have nodes, but no elements.
 
     A pair is joined if no third node lies in the ball with the pair as its diameter (a Gabriel graph, which reproduces
-    chains and grids), and if it is not much longer than the minimum spanning tree's edges. All its edges are joined.
+    chains and grids), and if the pair is not much longer than nearby edges of the minimum spanning tree. All edges of
+    the tree are joined.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import minimum_spanning_tree

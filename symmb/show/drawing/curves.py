@@ -176,7 +176,7 @@ def _(contact: SlotContact, survey: Survey) -> Build:
 
 
 def _outline(origin: Point, places: list[ca.SX], survey: Survey) -> Callable[[], tuple[int, ...]]:
-    """A function that gives the places along an outline (2,) [m] from a point."""
+    """A function that returns the numbers of the places along an outline (2,) around an origin [m]."""
     frame: int = survey.frame(origin.body)
     asked = survey.ask(ca.vertcat(*[origin.s + ca.vertcat(place, 0) for place in places]))
     return lambda: tuple(survey.fixed(frame, corner) for corner in asked.first.reshape(-1, 3))

@@ -42,8 +42,8 @@ class Ghost:
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """The region of a point over the box: positions of samples (n_f, n, 3), and (3 m, 2), corners of triangles
-    that cover its sweep in the xy plane, or the paths of samples that are far apart."""
+    """The positions that a point takes for all parameters of the box: positions of n samples (n_f, n, 3), and corners
+    (3 m, 2) of triangles. The triangles cover the sweep in the xy plane, or the paths of samples that are far apart."""
 
     name: str
     points: Array

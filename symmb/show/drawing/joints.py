@@ -42,7 +42,7 @@ def _(joint: Revolute, survey: Survey) -> Build:
 
 
 def _axis(joint: AxisJoint, survey: Survey) -> Asked:
-    """Positions in the frame of body a. If a joint closes in the run, they are those after closing."""
+    """The axis of a joint in the frame of body a. If the joint closes in the run, this is the axis after closing."""
     return survey.direction(joint.point_a.body, joint.own_frames[0][:, 2])
 
 

@@ -17,7 +17,7 @@ from symmb.show.drawing.shapes import Drawing, Shape
 
 _SPEEDS = (1e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 _WATCHED = 8.0
-"""Approximate time to show a run [s]. The speed changes if the run would take less than half, or more than twice."""
+"""Approximate time to show a run [s]. Runs of half to twice this time are shown in real time."""
 
 
 class _Numbers:

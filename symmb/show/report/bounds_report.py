@@ -122,7 +122,7 @@ def _curves(bounds: Bounds, check: LimitCheck | None) -> str:
 
 
 def _contributions(bounds: Bounds, check: LimitCheck | None, shares: Contributions | None, asked: str) -> str:
-    """Known contributions, or those of the study's polynomials; for limits, at the time of the smallest margin."""
+    """Tables and pictures of contributions. Outputs with limits are shown at the time of their smallest margin."""
     if shares is None:
         return document.note(_NO_CONTRIBUTIONS.format(asked))
     shown = _shown(bounds, check)
