@@ -33,8 +33,6 @@ from symmb.connect.program_files import (
 _OWNER = "CommandSimulator"
 _KEEP = ("none", "failed", "all")
 _OUTPUT, _ERRORS = "stdout.txt", "stderr.txt"
-_TOLD = 200
-"""Most characters of the program's last message that are reported."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -279,12 +277,12 @@ def _kept(folder: Path, base: Path | None) -> Path:
     return folder.rename(kept)  # replaces an empty folder
 
 
-def _last_line(folder: Path) -> str:
-    """The program's last line of error output, or else of standard output."""
+def _last_line(folder: Path, most: int = 200) -> str:
+    """The program's last line of error output, or else of standard output, with at most `most` characters."""
     for name in (_ERRORS, _OUTPUT):
         lines = (folder / name).read_text(encoding="utf-8", errors="replace").split("\n")
         for line in reversed(lines):
-            told = "".join(c if c.isprintable() else " " for c in line.strip()[:_TOLD]).strip()
-            if told:
-                return f": {told}"
+            text = "".join(c if c.isprintable() else " " for c in line.strip()[:most]).strip()
+            if text:
+                return f": {text}"
     return ""

@@ -13,21 +13,16 @@ from typing import Any, Protocol
 import numpy as np
 
 from symmb._errors import SimulationError, text_of
+from symmb._magnitudes import ROUNDING, SLIGHT
 from symmb._types import Array
 from symmb.connect.fmu_description import CO_SIMULATION, FMU, Variable, fmpy
-from symmb.connect.fmu_instance import DISCARD, ENDED, Instance, has_error, is_fatal, last_line, listen, logged
+from symmb.connect.fmu_instance import ENDED, Instance, Status, has_error, is_fatal, last_line, listen, logged
 
-_SAME = 1e-12
-"""Relative difference up to which times are equal."""
-AGREE = 1e-6
-"""Difference of a number of steps from an integer that counts as rounding."""
 _MOST_EVENTS = 1000
 """Most events at one time. More events count as an endless sequence."""
 RTOL = 1e-9
 """Relative tolerance. Bounds subtract runs that differ little: an oscillator is exact to 1e-7 after ten periods
 (tests/black_boxes/test_fmu.py)."""
-_MOST_STEPS = 1_000_000
-"""Most steps between two communication points. FMPy's default of 500 is too small for this tolerance."""
 
 
 @dataclass
@@ -128,7 +123,7 @@ class FMURunner:
 
     def _integrate(self, instance: Instance, solver: "FMUSolver", events: "_EventMode", end: float) -> None:
         """Take the solver and the FMU from the present time to another time."""
-        near, count = _SAME * float(np.abs(self.times).max()), 0
+        near, count = ROUNDING * float(np.abs(self.times).max()), 0
         while end - self._t > near or events.next - self._t <= near:
             begin = self._t
             is_event = events.next - self._t <= near
@@ -163,7 +158,7 @@ class FMURunner:
 
 def steps_between(begin: float, end: float, step: float) -> int:
     """Number of communication steps between two times."""
-    return max(1, ceil((end - begin) / step - AGREE))
+    return max(1, ceil((end - begin) / step - SLIGHT))
 
 
 class FMUSolver(Protocol):
@@ -232,7 +227,9 @@ def _new_solver(fmu: FMU, instance: Instance, t: float, step: float) -> FMUSolve
                 return call(*arguments)
             except Exception as error:
                 self.fault = error
-                return 1 if getattr(error, "status", None) == DISCARD else -1  # 1: tried again with a smaller step
+                return (
+                    1 if getattr(error, "status", None) == Status.DISCARD else -1
+                )  # 1: tried again with a smaller step
 
     return CVODE(
         nx=fmu.n_states,
@@ -242,7 +239,7 @@ def _new_solver(fmu: FMU, instance: Instance, t: float, step: float) -> FMUSolve
         startTime=t,
         maxStep=step,
         relativeTolerance=RTOL,
-        maxNumSteps=_MOST_STEPS,
+        maxNumSteps=1_000_000,  # FMPy's default of 500 is too small for this tolerance
     )
 
 

@@ -20,7 +20,7 @@ from symmb._cleanup import end_groups, lead_group, note_group, outlive
 from symmb._errors import DeclarationError, SimulationError, text_of
 from symmb._interrupts import deferred_interrupts
 
-_TICK = 0.2
+_CHECK_SECONDS = 0.2
 """Time between checks whether a process has ended [s]. Processes that it has started may keep its pipe open."""
 
 
@@ -41,7 +41,7 @@ class _Worker:
     def replies(self, seconds: float | None) -> bool:
         """Whether a reply arrives in time. It raises EOFError if the process ends without a reply."""
         deadline = inf if seconds is None else time.monotonic() + seconds
-        while not self.pipe.poll(max(min(_TICK, deadline - time.monotonic()), 0.0)):
+        while not self.pipe.poll(max(min(_CHECK_SECONDS, deadline - time.monotonic()), 0.0)):
             if self.has_ended(os.WNOHANG) and not self.pipe.poll():
                 raise EOFError
             if time.monotonic() >= deadline:

@@ -16,6 +16,7 @@ from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
+from symmb._magnitudes import ROUNDING
 from symmb._options import numbers_of, require_instance, shown
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.connect.executors import LostTask, finished
@@ -26,8 +27,6 @@ Progress = Callable[[int, int], None]
 
 BLOCK = 128
 """Samples of a block: enough for vectorised loops, but 12 outputs x 1001 times take only 12 MB."""
-_SAME = 1e-14
-"""Relative difference of parameters that counts as rounding."""
 
 
 class Samples(Protocol):
@@ -319,7 +318,7 @@ class Attained:
         """Add values (n_t, n_y) of samples P (n, d). If outputs Y (n, n_t, n_y) are given, each sample is a block."""
         if self.nominal is None and self._nominal_parameters is not None and Y is not None:
             distance = np.abs(P - self._nominal_parameters)
-            is_nominal = (distance <= _SAME * np.abs(self._nominal_parameters)).all(axis=1)
+            is_nominal = (distance <= ROUNDING * np.abs(self._nominal_parameters)).all(axis=1)
             is_nominal &= np.isfinite(Y).all(axis=(1, 2))
             if is_nominal.any():
                 self.nominal = np.array(Y[int(is_nominal.argmax())])

@@ -181,7 +181,7 @@ def test_an_executor_that_does_not_return_what_it_ran_gives_no_other_results(kin
     """In a larger number: tests/benchmarks/executors.py faulty."""
     if fault == "never" and kind is FaultyMap:
         pytest.skip("a map that does not return cannot be told from a long run")
-    monkeypatch.setattr(executors, "_PATIENCE", 0.1)
+    monkeypatch.setattr(executors, "_START_SECONDS", 0.1)
     alone = run_blocks(simulator(quick), SAMPLES)
     try:
         shared = run_blocks(simulator(quick), SAMPLES, kind(fault, random.Random(seed)))

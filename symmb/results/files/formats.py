@@ -138,13 +138,11 @@ def require_usual_size(archive: zipfile.ZipFile | None) -> None:
     """DeclarationError if the data of an archive would be much larger than the archive."""
     members = archive.infolist() if archive else []
     size, packed = (sum(getattr(member, name) for member in members) for name in ("file_size", "compress_size"))
-    if size > _LARGE and size > _MOST_RATIO * packed:
+    if size > 2**26 and size > _LARGEST_EXPANSION * packed:  # up to 64 MB can be unpacked quickly
         raise DeclarationError(f"its {packed:.3g} bytes would become {size:.3g} bytes.")
 
 
-_LARGE = 2**26
-"""Smallest size of an archive that is checked [bytes]: smaller archives can be unpacked quickly."""
-_MOST_RATIO = 200
+_LARGEST_EXPANSION = 200
 """Most bytes that one byte of an archive may become. Results with random last digits expand by a few times, constant
 results a thousand times."""
 

@@ -24,10 +24,10 @@ from symmb.results.plot.layout import (
 )
 from symmb.results.plot.style import OWN, Style
 
-_SEEN = 0.015
-"""Distance of curves, relative to the height of a panel, below which they look like one thick line."""
-_TINT = 0.16
-"""Opacity of the band between bounds: other bands stay visible below a band."""
+_VISIBLE_DISTANCE = 0.015
+"""Distance of curves, relative to the height of the band, below which they look like one thick line."""
+_LIMIT = "#d1495b"
+"""Colour of limits."""
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,6 @@ class Band:
     label: str
     lower: Array
     upper: Array
-
-
-_LIMIT, _BAR = "#d1495b", 0.3
-"""Colour of limits, and width of the bar of a scalar output, relative to the width of its panel."""
 
 
 @dataclass(frozen=True)
@@ -117,15 +113,15 @@ def plot_bounds(
         drawn = np.stack([end[:, i] - origin[:, i] for end in (band.lower, band.upper)])
         place = abscissa(t)
         if names[i] in timeless:
-            place = place.mean() + _BAR * (place - place.mean())
+            place = place.mean() + 0.3 * (place - place.mean())  # a bar in the middle of the panel
             axes.xaxis.set_visible(False)
         low, high = (along(t, end) for end in drawn)
-        axes.fill_between(place, low, high, color=colour, alpha=_TINT, linewidth=0, label=label)
+        axes.fill_between(place, low, high, color=colour, alpha=0.16, linewidth=0, label=label)
         for (lower, upper), name, look in pairs:
             own = np.stack([lower[:, i] - origin[:, i], upper[:, i] - origin[:, i]])
             if name is not None:
                 with np.errstate(invalid="ignore"):  # infinite bounds
-                    own = np.where(np.abs(own - drawn) <= _SEEN * np.ptp(drawn), np.nan, own)
+                    own = np.where(np.abs(own - drawn) <= _VISIBLE_DISTANCE * np.ptp(drawn), np.nan, own)
             _draw_pair(axes, place, *own, label=None if np.isnan(own).all() else name, color=colour, **look)
         if nominal is not None:
             run = along(t, nominal[:, i] - origin[:, i])

@@ -16,7 +16,6 @@ from symmb.results.plot.layout import (
     LEAST_ERROR,
     MARKERS,
     MOST_PANELS,
-    NUMBER_DISTANCE,
     ROW_HEIGHT,
     axes_in,
     cyclic,
@@ -135,8 +134,11 @@ def _draw_errors(
     style_axes(axes)
 
 
-def write_numbers(axes: Axes, numbers: Sequence[tuple[float, float, str, str]]) -> None:
-    """Write each number beside its point (x, y, text, colour), at the corner farthest from points and numbers."""
+def write_numbers(axes: Axes, numbers: Sequence[tuple[float, float, str, str]], clear: float = 16.0) -> None:
+    """Write each number beside its point (x, y, text, colour), at the corner farthest from points and numbers.
+
+    Numbers at a distance of `clear` do not touch [point].
+    """
     from matplotlib.patheffects import withStroke
 
     place = np.array([axes.transData.transform((x, y)) for x, y, _, _ in numbers]).reshape(-1, 2) * 72.0 / DPI
@@ -145,7 +147,7 @@ def write_numbers(axes: Axes, numbers: Sequence[tuple[float, float, str, str]]) 
         others = np.array([point for point in taken if point is not at])
         offsets = [np.array((right * (5.0 + 2.2 * len(text)), up * 8.0)) for up in (1, -1) for right in (1, -1)]
         gaps = [min(np.hypot(*(others - at - offset).T), default=np.inf) for offset in offsets]
-        best = offsets[int(np.argmax(np.minimum(gaps, NUMBER_DISTANCE)))]
+        best = offsets[int(np.argmax(np.minimum(gaps, clear)))]
         taken.append(at + best)
         axes.annotate(
             text,
