@@ -137,7 +137,7 @@ class CommandSimulator(BlackBox):
             keep=keep,
             folder=None if folder is None else Path(folder).resolve(),
         )
-        faults = [f"{_OWNER}: {fault}" for fault in self._faults()]
+        faults = [f"{_OWNER}: {fault}" for fault in (*self._input_faults(), *self._option_faults())]
         if faults:
             raise DeclarationError("\n".join(faults))
         require_timeout(_OWNER, timeout)
@@ -149,7 +149,8 @@ class CommandSimulator(BlackBox):
         calls = LimitedCalls(self._made, None, "the program", self.folder) if hasattr(os, "fork") else None
         vars(self).update(_inputs=DeclaredFiles(path for path in inputs if path.exists()), _calls=calls)
 
-    def _faults(self) -> Iterator[str]:
+    def _input_faults(self) -> Iterator[str]:
+        """Faults of templates, of arguments and of the names of files."""
         places = {f"template {name!r}": text for name, text in self.templates.items()}
         places |= {f"argument {word!r}": word for word in self.command[1:]}
         for place, text in places.items():
@@ -165,6 +166,8 @@ class CommandSimulator(BlackBox):
                 yield f"{name!r} is the name of two files in the folder of a run."
             if any(str(parent) in names for parent in PurePosixPath(name).parents):
                 yield f"{name!r} is in a folder that has the name of a file in the folder of a run."
+
+    def _option_faults(self) -> Iterator[str]:
         if not isinstance(self.read, str):
             if not callable(self.read):
                 yield f"read must be the name of a file or a function of the folder, got {shown(self.read)}."

@@ -8,6 +8,7 @@ one array for each array of the record, and everything else as JSON in its array
 import csv
 import io
 import json
+import math
 import zipfile
 from collections.abc import Callable, Container, Mapping
 from os import PathLike
@@ -17,7 +18,6 @@ from typing import Any, BinaryIO, NamedTuple, TypeVar
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb.results.files.jsonable import to_jsonable
 from symmb.results.files.record import Record
 from symmb.results.files.replacement import replacement, require_suffix, told
 
@@ -54,6 +54,25 @@ def save_json(path: str | PathLike[str], entries: Mapping[str, Any]) -> None:
     """Write the entries that `in_json` returns."""
     with replacement(path) as file:
         _write_json(file, entries)
+
+
+def to_jsonable(value: Any) -> Any:
+    """Nested mappings, sequences, arrays and numbers in the types of JSON.
+
+    Examples
+    --------
+    >>> to_jsonable({"lower": np.array([[0.5, -np.inf]]), "failed": np.int64(2)})
+    {'lower': [[0.5, None]], 'failed': 2}
+    """
+    if isinstance(value, Mapping):
+        return {str(key): to_jsonable(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return to_jsonable(np.asarray(value).tolist())
+    if isinstance(value, list | tuple):
+        return [to_jsonable(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
 
 
 def in_json(record: Mapping[str, Any]) -> dict[str, Any]:

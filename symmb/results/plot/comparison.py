@@ -104,18 +104,10 @@ def _draw_errors(
     numbers: list[tuple[float, float, str, str]] = []
     for k, group in enumerate(families):
         settings = sorted(group, key=lambda curve: curve.evaluations)
-        points = [(curve.seconds, largest_error(curve, measured), curve.evaluations) for curve in settings]
-        points = [(x, y, n) for x, y, n in points if y < np.inf]
-        if not points:
-            continue
-        colour, marker = colours[k], {"marker": cyclic(MARKERS, k), "markersize": 6}
-        look: dict[str, Any] = {"color": colour, "linestyle": cyclic(DASHES, k), "linewidth": 1.2}
-        axes.plot([x for x, _, _ in points], [max(y, floor) for _, y, _ in points], **look)
-        axes.plot([], [], **look, **marker, label=texts[k])
-        for x, y, n in points:
-            face = "white" if y < floor else colour
-            axes.plot(x, max(y, floor), color=colour, **marker, markerfacecolor=face, zorder=3)
-            numbers.append((x, max(y, floor), str(n), colour))
+        points = [(own.seconds, y, own.evaluations) for own in settings if (y := largest_error(own, measured)) < np.inf]
+        if points:
+            _draw_family(axes, [(x, y) for x, y, _ in points], floor, k, colours[k], texts[k])
+            numbers += [(x, max(y, floor), str(n), colours[k]) for x, y, n in points]
     if floor > LEAST_ERROR:
         label = "reference's uncertainty\n(hollow: error not above it)"
         axes.axhline(floor, color="#6b7280", linewidth=0.9, linestyle=":", label=label)
@@ -132,6 +124,19 @@ def _draw_errors(
         axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8, frameon=False)
     write_numbers(axes, numbers)
     style_axes(axes)
+
+
+def _draw_family(
+    axes: Axes, points: Sequence[tuple[float, float]], floor: float, k: int, colour: Any, label: str | None
+) -> None:
+    """Draw errors (run time, error) of family number k as a line with markers. Errors below the floor are hollow."""
+    look: dict[str, Any] = {"color": colour, "linestyle": cyclic(DASHES, k), "linewidth": 1.2}
+    marker: dict[str, Any] = {"marker": cyclic(MARKERS, k), "markersize": 6}
+    axes.plot([x for x, _ in points], [max(y, floor) for _, y in points], **look)
+    axes.plot([], [], **look, **marker, label=label)
+    for x, y in points:
+        face = "white" if y < floor else colour
+        axes.plot(x, max(y, floor), color=colour, **marker, markerfacecolor=face, zorder=3)
 
 
 def write_numbers(axes: Axes, numbers: Sequence[tuple[float, float, str, str]], clear: float = 16.0) -> None:

@@ -47,7 +47,7 @@ def add_bound(command: Callable[..., argparse.ArgumentParser], methods: str, sol
 
 def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     method = specs.method(options.method)
-    solver = None if options.solver is None else specs.solver(options.solver)
+    solver = specs.solver(options.solver)
     paths = result_paths(options)
     limits = _limits(options)
     block = dict(word.partition("=")[::2] for word in options.title_block)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
@@ -50,8 +51,8 @@ def draw(
     size = _size(survey.span, tracks, bodies)
     unit = _unit(size, bodies)
     shapes = _shapes(survey, bodies, sketches, unit)
-    planar = _is_planar(survey, g, size)
-    shapes += [shape for own in given for shape in own.shapes()]  # these may lie beside the plane of the motion
+    planar = _is_planar(survey, g, size)  # before the given shapes, which may lie beside the plane of the motion
+    shapes += chain.from_iterable(own.shapes() for own in given)
     if traced is not None:
         shapes.append(Shape("path", "path of the point", "path", "trace", (traced,), (0.35 * unit,)))
     return Drawing(
@@ -68,11 +69,13 @@ def draw(
         gravity=g,
         outputs=labels(run.names, run.units),
         values=run.values,
-        notes=(
-            *(e.title for e, drawn in sketches if drawn is None and not isinstance(e, Gravity | Input | OwnState)),
-            *not_drawn(given),
-        ),
+        notes=(*_without_place(sketches), *not_drawn(given)),
     )
+
+
+def _without_place(sketches: Sequence[tuple[Element, Sketch | None]]) -> list[str]:
+    """Titles of the elements that are not drawn, except gravity (an arrow), inputs and states."""
+    return [e.title for e, drawn in sketches if drawn is None and not isinstance(e, Gravity | Input | OwnState)]
 
 
 def _is_unseen(part: Body | Element) -> bool:

@@ -13,7 +13,7 @@ from symmb.declare.mechanics import Element, Ground, Point
 from symmb.show.drawing.shapes import Shape
 from symmb.show.drawing.survey import Asked, Survey
 
-Sketch = Generator[Shape | None, float, Any]
+Sketch = Generator[Any, float, Any]
 """An element being drawn. It requests numbers, pauses until it is sent the unit of length [m], and yields shapes."""
 JOINT, GUIDE, SPRING, DAMPER, LOAD, CONTACT = "joint", "guide", "spring", "damper", "load", "contact"
 """Colours of elements; colours of bodies are numbers."""
