@@ -135,6 +135,7 @@ class FMURunner:
                     is_event = is_event or wanted
                     if ends:
                         raise SimulationError(ENDED)
+            # The solver keeps a history of derivatives. An event makes the history invalid, so the solver starts again.
             if is_event or events.next - self._t <= near:
                 instance.model.enterEventMode()
                 events.update()

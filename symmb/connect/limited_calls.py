@@ -42,6 +42,7 @@ class _Worker:
         """Whether a reply arrives in time. It raises EOFError if the process ends without a reply."""
         deadline = inf if seconds is None else time.monotonic() + seconds
         while not self.pipe.poll(max(min(_CHECK_SECONDS, deadline - time.monotonic()), 0.0)):
+            # A process may reply and end between the two checks, so the pipe is polled once more.
             if self.has_ended(os.WNOHANG) and not self.pipe.poll():
                 raise EOFError
             if time.monotonic() >= deadline:
@@ -148,6 +149,7 @@ class LimitedCalls:
             for other in [other for other in list(_WORKERS) if other.is_unused]:
                 other.end()
             worker = own[self.key] = _fork(self.f, self.base)
+        # A weak reference: the process ends when no object can call it any more.
         worker.caller = weakref.ref(self)
         return worker
 

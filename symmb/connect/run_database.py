@@ -123,6 +123,7 @@ class RunDatabase:
         key = sample_keys(p[None])[0]
         row = study, key, state, t_failed, reason, run.Y[0].tobytes(), events, float(seconds)
         self._connection.execute(f"PRAGMA busy_timeout = {1000 * _WAIT_AFTER_RUN:.0f}")
+        # Two studies may make the same run. The first result stays, so that both studies read the same numbers.
         former = f"DELETE FROM runs WHERE study = ? AND sample = ? AND state IN ({TIMED_OUT}, {LOST})"
         with self._writing():
             self._connection.execute(former, row[:2])

@@ -209,6 +209,7 @@ def stream(
     for k, result in finished(work, tasks, executor):
         if isinstance(result, LostTask):
             raise SimulationError(f"{simulator!r}: {result.reason}")
+        # Tasks end in any order. States are merged in block order, because sums depend on the order of their terms.
         arrived[k] = result
         while (part := arrived.pop(merging.count, None)) is not None:
             merging.add(part, tasks[merging.count][1])

@@ -66,6 +66,7 @@ def _replacement(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
             yield file
             file.flush()
             os.fsync(file.fileno())
+        # The data are on the disk before the name changes. Otherwise a power failure may leave an empty file.
         os.replace(part, place)
 
 
