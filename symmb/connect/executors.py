@@ -118,7 +118,7 @@ def _mapped(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool") -
 
 
 def _submitted(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool") -> Iterator[Numbered]:
-    # Tasks wait here, not in the executor: a study can then stop at once, and memory holds few results.
+    # Few tasks wait in the executor, so that an interrupted study ends soon.
     most = _TASKS_PER_WORKER * (pool.workers_at_first or pool.workers)  # a cluster may get more
     running: dict[int, _Task] = {}
     killed: dict[int, tuple[Any, LostTask]] = {}
@@ -142,7 +142,7 @@ def _submitted(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool"
                     yield k, result
             except BrokenExecutor as error:
                 # Any of the running tasks may have killed the worker. Each runs alone now, so that only the guilty task
-                # is lost. Callbacks of the broken executor must not reach the new queue.
+                # is lost.
                 suspects, done = dict(sorted(running.items())), queue.SimpleQueue()
                 running.clear()
                 pool.renew(error)
@@ -226,7 +226,6 @@ def _reply(f: Callable[[Any], Any], task: Numbered) -> tuple[int, int, bytes]:
     watch_parent()
     _THREADS[k] = threading.current_thread()
     try:
-        # Pickled here: an exception of the result's own pickling then belongs to this task, not to the executor.
         content = pickle.dumps(f(item), pickle.HIGHEST_PROTOCOL)
     finally:
         del _THREADS[k]

@@ -61,7 +61,7 @@ def verdict(bounds: Bounds, check: LimitCheck | None) -> list[tuple[str, str]]:
     if n := len(bounds.doubts):
         more.append(f"{'A warning says' if n == 1 else f'{n} warnings say'} what is uncertain: see the annex.")
     more += bounds._about_nominal()
-    return [("" if check is None else STATES[check.kept], head), *some[:_MANY], *(("", text) for text in more)]
+    return [("" if check is None else STATES[check.kept], head), *some[:_MOST_LISTED], *(("", text) for text in more)]
 
 
 def _headline(results: Sequence[bool | None], cases: str) -> str:
@@ -77,12 +77,11 @@ def _headline(results: Sequence[bool | None], cases: str) -> str:
 def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions | None) -> list[str]:
     """How to decide limits, which tolerances to tighten and by how much, and the most important parameters."""
     limits = [] if check is None else by_urgency(check)
-    reasons = [(own.output, own.why) for own in limits if own.kept is None][:_MANY]
-    texts = [f"{name}: {_WARNED if why.startswith(WARNED) else why}" for name, why in reasons]
-    ends = {limit: limit.high if bounds._side(limit) == "upper" else limit.low for limit in limits if not limit.kept}
+    texts = _undecided(limits)
+    ends = {limit: _end(bounds, limit) for limit in limits if not limit.kept}
     beyond = [limit for limit, end in ends.items() if limit.margin[limit.row] < -ROUNDING * abs(end)]
     excess = {limit: max(_nominal_excess(bounds, limit), _least_excess(bounds, limit)[0]) for limit in beyond}
-    lost = [limit for limit in beyond if excess[limit] > 0]
+    lost = {limit: excess[limit] for limit in beyond if excess[limit] > 0}
     met = [limit for limit in beyond if limit not in lost and excess[limit] >= -ROUNDING * abs(ends[limit])]
     if met:
         names = _listed([limit.output for limit in met])
@@ -90,11 +89,7 @@ def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions |
             f"The nominal values reach the limit of {names}: no tolerance keeps it. Change them, or the limit."
         )
     if lost:
-        words = [f"{limit.output} by {_text(excess[limit], limit.unit)}" for limit in lost[:_MANY]]
-        more = [f"{len(lost) - _MOST_LISTED} other outputs"] * (len(lost) > _MOST_LISTED)
-        is_nominal = np.isfinite(_nominal_excess(bounds, lost[0]))
-        who, change = ("The nominal values", "them") if is_nominal else ("All cases", "the intervals")
-        texts.append(f"{who} violate the limit of {_listed([*words, *more])}: change {change}, or the limit.")
+        texts.append(_lost(bounds, lost))
     texts += _tighten(bounds, [limit for limit in beyond if limit not in (*lost, *met)])
     idle = "No tolerance needs to be tightened." if limits else "Give limits of outputs, so that this page checks them."
     return [*(texts or [idle]), *_spread(bounds, {_column(bounds, limit): limit.row for limit in limits}, shares)]
@@ -131,6 +126,11 @@ def _column(bounds: Bounds, limit: KeptLimit) -> int:
     return bounds.names.index(limit.output)
 
 
+def _end(bounds: Bounds, limit: KeptLimit) -> float:
+    """The end of the limit that is closest to the bounds."""
+    return limit.high if bounds._side(limit) == "upper" else limit.low
+
+
 def _inside(limit: KeptLimit) -> str:
     """The limits as words that follow "is"."""
     low, high = _text(limit.low, limit.unit, 6), _text(limit.high, limit.unit, 6)
@@ -164,7 +164,7 @@ def _sentence(bounds: Bounds, limit: KeptLimit) -> str:
     name, margin = limit.output, float(limit.margin[limit.row])
     where = at(limit.row) + _when(bounds, limit)
     least = f"The smallest margin is {_text(margin, limit.unit)}{where}."
-    end = limit.high if bounds._side(limit) == "upper" else limit.low
+    end = _end(bounds, limit)
     if abs(margin) <= ROUNDING * abs(end):
         return f"{name} reaches its limit of {_text(end, limit.unit, 6)}{where}, within rounding."
     if limit.kept:
@@ -197,7 +197,7 @@ def _when(bounds: Bounds, limit: KeptLimit) -> str:
         return ""
     place, units = dict(zip(box.names, point, strict=True)), dict(zip(box.names, _units(box), strict=True))
     names = [n for n in names if abs(place[n]) >= 0.5]  # the others are neither high nor low
-    some = names[:_MANY]
+    some = names[:_MOST_LISTED]
     words = [f"{n} is {'high' if place[n] > 0 else 'low'} ({_text(case.parameters[n], units[n], 4)})" for n in some]
     if (n := len(names) - _MOST_LISTED) > 0:
         words.append(f"{n} other{'s are' if n > 1 else ' is'} high or low")
@@ -256,11 +256,55 @@ def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
         rows = np.flatnonzero(
             reduced.violated(limit, part, 1.0, ())
         )  # other rows are inside for parts of the box as well
-        parts += [(limit, part.part(rows, [0]))] if len(rows) else []
-    if not parts:  # runs violate limits that the polynomials satisfy
+        reduced.parts.extend([(limit, part.part(rows, [0]))] if len(rows) else [])
+    if not reduced.parts:  # runs violate limits that the polynomials satisfy
         return [_SEARCH]
-    some = [*names][:_MANY]
-    goal = f"To keep {_listed([f'{limit.output} {_inside(limit)}' for limit in limits[:_MANY]])}"
+    return _proposed(reduced, limits, [*names][:_MOST_LISTED])
+
+
+@dataclass(frozen=True)
+class _Reduced:
+    """Tolerances multiplied by a factor, about the nominal values in the unit box, `middle` (d,).
+
+    `parts` are the limits that the whole box violates, with polynomials of their outputs at the violated times.
+    """
+
+    box: Box
+    middle: Array
+    parts: list[tuple[KeptLimit, Piecewise]]
+
+    def ends(self, factor: float, names: Sequence[str]) -> tuple[Array, Array]:
+        """Ends (d,) of the unit box after the tolerances of some parameters are multiplied by a factor."""
+        low, high = (self.middle + factor * (end - self.middle) for end in (-1.0, 1.0))
+        is_reduced = np.isin(self.box.names, names)
+        return np.where(is_reduced, low, -1.0), np.where(is_reduced, high, 1.0)
+
+    def violated(self, limit: KeptLimit, part: Piecewise, factor: float, names: Sequence[str]) -> Mask:
+        """Whether the output may violate its limit, at each time."""
+        low, high, _ = part.range(*self.ends(factor, names))
+        return ((low - part.error < limit.low) | (high + part.error > limit.high))[:, 0]
+
+    def largest(self, names: Sequence[str]) -> float:
+        """The largest factor for the tolerances of some parameters that satisfies the limits; 0 if no factor does."""
+        low, high, factor = 0.0, 1.0, 0.0
+        for _ in range(12):
+            if any(self.violated(*part, factor, names).any() for part in self.parts):
+                high = factor
+            else:
+                low = factor
+            factor = 0.5 * (low + high)
+        return 0.99 * low  # tolerances are rounded when they are printed
+
+    def change(self, name: str, factor: float) -> str:
+        """The change of a tolerance in words."""
+        i, x = self.box.names.index(name), self.box.from_unit(self.middle)
+        old, new = ([self.box.from_unit(end)[i] for end in self.ends(f, [name])] for f in (1.0, factor))
+        return f"{name} from {_tolerance(x[i], *old)} to {_tolerance(x[i], *new)} {_units(self.box)[i]}".rstrip()
+
+
+def _proposed(reduced: _Reduced, limits: Sequence[KeptLimit], some: Sequence[str]) -> list[str]:
+    """Tolerances of single parameters, or of all together, that satisfy the limits."""
+    goal = f"To keep {_listed([f'{limit.output} {_inside(limit)}' for limit in limits[:_MOST_LISTED]])}"
     factors = {name: reduced.largest([name]) for name in some}
     if best := sorted((n for n in some if factors[n] >= _LEAST_PART), key=lambda n: -factors[n])[:_MOST_PARAMETERS]:
         one = "tighten one of these tolerances" if len(best) > 1 else "tighten this tolerance"
