@@ -8,7 +8,7 @@ from itertools import pairwise
 from math import ceil
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -46,7 +46,7 @@ class FMURunner:
     step: float
     patience: float
     _instance: Instance | None = field(default=None, init=False)
-    _solver: "FMUSolver | None" = field(default=None, init=False)
+    _solver: Any = field(default=None, init=False)
     _t: float = field(default=0.0, init=False)
 
     def __call__(self, values: Mapping[str, float], folder: Path, again: bool) -> Array:
@@ -121,7 +121,7 @@ class FMURunner:
         solver = self._solver
         return lambda instance, begin, length: self._integrate(instance, solver, events, begin + length)
 
-    def _integrate(self, instance: Instance, solver: "FMUSolver", events: "_EventMode", end: float) -> None:
+    def _integrate(self, instance: Instance, solver: Any, events: "_EventMode", end: float) -> None:
         """Take the solver and the FMU from the present time to another time."""
         near, count = ROUNDING * float(np.abs(self.times).max()), 0
         while end - self._t > near or events.next - self._t <= near:
@@ -162,18 +162,6 @@ def steps_between(begin: float, end: float, step: float) -> int:
     return max(1, ceil((end - begin) / step - SLIGHT))
 
 
-class FMUSolver(Protocol):
-    """FMPy's solver. It is used for several instances, because FMPy does not free all its memory."""
-
-    def restart(self, instance: Instance, t: float) -> None:
-        """Start at the states of an instance."""
-        ...
-
-    def advance(self, t: float, end: float) -> tuple[bool, float]:
-        """Go to a time. Returns whether an event indicator changed its sign, and the time of the change."""
-        ...
-
-
 class _EventMode:
     """The discrete states of an FMU in event mode, and the time of its next time event."""
 
@@ -195,8 +183,11 @@ class _EventMode:
                 raise SimulationError(ENDED)
 
 
-def _new_solver(fmu: FMU, instance: Instance, t: float, step: float) -> FMUSolver:
-    """A solver at the states of an instance, with steps up to `step` [s]."""
+def _new_solver(fmu: FMU, instance: Instance, t: float, step: float) -> Any:
+    """A solver at the states of an instance, with steps up to `step` [s].
+
+    It is used for several instances, because FMPy does not free all its memory.
+    """
 
     class CVODE(fmpy("sundials").CVodeSolver):
         """Python ignores exceptions in callbacks of C. The exception is stored, and raised by `advance`."""
@@ -204,11 +195,13 @@ def _new_solver(fmu: FMU, instance: Instance, t: float, step: float) -> FMUSolve
         fault: Exception | None = None
 
         def restart(self, instance: Instance, t: float) -> None:
+            """Start at the states of an instance."""
             for name, call in _callbacks(instance).items():
                 setattr(self, name, call)
             self.reset(t)
 
         def advance(self, t: float, end: float) -> tuple[bool, float]:
+            """Go to a time. Returns whether an event indicator changed its sign, and the time of the change."""
             self.fault = self.error_info = None
             try:
                 is_event, _, reached = self.step(t, end)

@@ -35,14 +35,8 @@ T = TypeVar("T")
 def save(path: str | PathLike[str], sources: Mapping[str, Callable[[], Mapping[str, Any]]]) -> None:
     """Write a result in the format that the suffix of the file selects.
 
-    Parameters
-    ----------
-    sources : mapping       functions that give the "record", the "entries" of JSON and, if it exists, the "table"
-
-    Raises
-    ------
-    DeclarationError    if the name has another suffix
-    FileError           if the file cannot be written; the previous file stays
+    `sources` are functions that give the "record", the "entries" of JSON and, if it exists, the "table". It raises
+    DeclarationError if the name has another suffix, and FileError if the file cannot be written.
     """
     form = _format_of(path, sources)
     contents = sources[form.source]()
@@ -85,10 +79,8 @@ def load(
 ) -> T:
     """A result read from a file: built from the record, or from the ``headings`` and ``columns`` of the table.
 
-    Raises
-    ------
-    DeclarationError    if the file has another suffix, is damaged or holds something else
-    FileError           if the file cannot be read
+    It raises DeclarationError if the file has another suffix, is damaged or holds something else, and FileError if it
+    cannot be read.
     """
     form = _format_of(path, ("record", "entries", *(["table"] if from_table else [])))
     with told(path, "read"):
@@ -104,11 +96,8 @@ def load(
             raise DeclarationError(f"it holds {content}.")
         return build(Record({k: value for k, value in record.plain.items() if k not in ("version", "result")}))
     except Exception as error:  # damaged files can raise nearly every exception in zlib, zipfile, json and NumPy
-        why = (
-            str(error)
-            if isinstance(error, DeclarationError)
-            else f"its contents cannot be read ({_first_line(error)})."
-        )
+        is_known = isinstance(error, DeclarationError)
+        why = str(error) if is_known else f"its contents cannot be read ({_first_line(error)})."
         raise DeclarationError(f"{path} does not hold {what}: {why}") from error
 
 

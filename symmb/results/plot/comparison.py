@@ -154,18 +154,9 @@ def write_numbers(axes: Axes, numbers: Sequence[tuple[float, float, str, str]], 
         gaps = [min(np.hypot(*(others - at - offset).T), default=np.inf) for offset in offsets]
         best = offsets[int(np.argmax(np.minimum(gaps, clear)))]
         taken.append(at + best)
-        axes.annotate(
-            text,
-            (x, y),
-            tuple(best),
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            fontsize=7.5,
-            color=colour,
-            path_effects=[withStroke(linewidth=2, foreground="white")],
-            zorder=2.5,
-        )
+        look: dict[str, Any] = {"color": colour, "fontsize": 7.5, "ha": "center", "va": "center", "zorder": 2.5}
+        look["path_effects"] = [withStroke(linewidth=2, foreground="white")]
+        axes.annotate(text, (x, y), tuple(best), textcoords="offset points", **look)
 
 
 def largest_error(curve: PlottedBounds, measured: Mask) -> float:

@@ -210,14 +210,9 @@ def given_panels(
             _over_time(axes, t)
         axes.set_xlabel(_time_label(t))
         shared = {units[k] if units else "" for k in own}
-        text = (
-            texts[own[0]]
-            if len(own) == 1
-            else f"[{typeset(shared.pop())}]"
-            if len(shared) == 1 and shared != {""}
-            else ""
-        )
-        axes.set_ylabel(plain(text))
+        unit = shared.pop() if len(shared) == 1 else ""
+        common = f"[{typeset(unit)}]" if unit else ""
+        axes.set_ylabel(plain(texts[own[0]] if len(own) == 1 else common))
     return panels
 
 

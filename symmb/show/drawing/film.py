@@ -15,12 +15,7 @@ from symmb.show.drawing.still import canvas, paint
 
 
 def film(exhibit: Exhibit, file: BinaryIO, suffix: str) -> None:
-    """Write the film of a run.
-
-    Raises
-    ------
-    DeclarationError       if the program or package for the format is not installed, or fails
-    """
+    """Write the film of a run. DeclarationError if the program or package for the format is missing, or fails."""
     write, rate = FILMS[suffix]
     t = exhibit.drawing.t
     duration = float(np.ptp(t))

@@ -81,9 +81,8 @@ def paint(axes: "Axes", exhibit: Exhibit, k: int) -> None:
     drawing, camera, region = exhibit.drawing, exhibit.drawing.camera, exhibit.region
     if region is not None and len(region.sweep):
         triangles = list((region.sweep @ camera[:2, :2].T).reshape(-1, 3, 2))
-        axes.add_collection(
-            PolyCollection(triangles, facecolor=COLOURS["region"], edgecolor=COLOURS["region"], zorder=0)
-        )
+        look = {"facecolor": COLOURS["region"], "edgecolor": COLOURS["region"], "zorder": 0}
+        axes.add_collection(PolyCollection(triangles, **look))
     for order, outline in enumerate(Painter(drawing, k, camera).outlines()):
         if outline.shape.kind != SOLID:
             _paint(axes, outline, _colour(outline), 0.3 if outline.shape.faint else 1.0, 1 + order * 1e-4)
@@ -156,13 +155,14 @@ def _furnish(axes: "Axes", drawing: Drawing, k: int) -> None:
         start, axis = np.array([x, 44.0]), direction / max(size, NOTHING)
         tip, label = ((start + (24 * size + gap) * axis) / [pixels, height] for gap in (0, 9))
         if size > 0.15:
+            foot, look = start / [pixels, height], {"color": COLOURS[text], "shrinkA": 0, "shrinkB": 0}
             axes.annotate(
                 "",
                 (tip[0], tip[1]),
-                (start[0] / pixels, start[1] / height),
+                (foot[0], foot[1]),
                 "axes fraction",
                 "axes fraction",
-                {"arrowstyle": "-|>", "color": COLOURS[text], "shrinkA": 0, "shrinkB": 0},
+                {"arrowstyle": "-|>", **look},
             )
             style = {"color": COLOURS[text], "fontsize": 8, "ha": "center", "va": "center"}
             axes.text(label[0], label[1], text, transform=axes.transAxes, **style)
