@@ -21,10 +21,8 @@ from symmb.connect.simulator import Ensemble, Merging, Progress, Reduction, Simu
 
 S = TypeVar("S")
 
-_BLOCKS = 64
-"""Approximate number of blocks in a study."""
-_ENOUGH = 0.02
-"""Duration of a task compared with which the time to send it is small [s]."""
+_TASK_SECONDS = 0.02
+"""Duration of a task of fast runs [s]. The time to send a task is small compared with it."""
 
 
 class BlackBox(ABC):
@@ -127,7 +125,7 @@ class BlackBox(ABC):
             for indices in all_blocks:
                 begin, end = int(indices[0]), int(indices[-1]) + 1
                 while begin < end:
-                    size = max(1, min(end - begin, int(_ENOUGH / seconds))) if seconds else end - begin
+                    size = max(1, min(end - begin, int(_TASK_SECONDS / seconds))) if seconds else end - begin
                     tasks.append(P[begin : begin + size])
                     begin += size
                     yield tasks[-1]
@@ -148,7 +146,7 @@ class BlackBox(ABC):
         return merging.state
 
     def _irregular(self, values: Array) -> str:
-        """A text that says which of the values (n_t, n_y) is the first that is not finite."""
+        """A sentence that names the first of the values (n_t, n_y) that is not finite."""
         k, i = np.argwhere(~np.isfinite(values))[0]
         at = "" if is_timeless(self.times) else f" at t = {self.times[k]:g}"
         return f"{self.outputs[i]} is not finite{at}"
@@ -184,8 +182,8 @@ class BlackBox(ABC):
 
 
 def samples_of_block(n: int) -> int:
-    """How many of n samples are reduced together. The last digit of sums depends on this number."""
-    return 1 + n // _BLOCKS
+    """How many of n samples are reduced together (64 blocks). The last digit of sums depends on this number."""
+    return 1 + n // 64
 
 
 def _noise(owner: str, noise: Mapping[str, float], names: tuple[str, ...]) -> Array:

@@ -33,8 +33,6 @@ from symmb.connect.program_files import (
 _OWNER = "CommandSimulator"
 _KEEP = ("none", "failed", "all")
 _OUTPUT, _ERRORS = "stdout.txt", "stderr.txt"
-_TOLD = 200
-"""Most characters of the program's last message that are reported."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -139,7 +137,7 @@ class CommandSimulator(BlackBox):
             keep=keep,
             folder=None if folder is None else Path(folder).resolve(),
         )
-        faults = [f"{_OWNER}: {fault}" for fault in self._faults()]
+        faults = [f"{_OWNER}: {fault}" for fault in (*self._input_faults(), *self._option_faults())]
         if faults:
             raise DeclarationError("\n".join(faults))
         require_timeout(_OWNER, timeout)
@@ -151,14 +149,15 @@ class CommandSimulator(BlackBox):
         calls = LimitedCalls(self._made, None, "the program", self.folder) if hasattr(os, "fork") else None
         vars(self).update(_inputs=DeclaredFiles(path for path in inputs if path.exists()), _calls=calls)
 
-    def _faults(self) -> Iterator[str]:
+    def _input_faults(self) -> Iterator[str]:
+        """Faults of templates, of arguments and of the names of files."""
         places = {f"template {name!r}": text for name, text in self.templates.items()}
         places |= {f"argument {word!r}": word for word in self.command[1:]}
         for place, text in places.items():
             yield from (f"{place}: {fault}." for fault in template_faults(text, self.parameters))
         for name in self.parameters:
             if not any(is_filled(text, name) for text in places.values()):
-                yield f"parameter {name!r} is in no template and in no argument. Write {{{name}}} there."
+                yield f"no template and no argument contains parameter {name!r}. Write {{{name}}} into one of them."
         yield from (f"files: {file} does not exist." for file in self.files if not file.exists())
         own = [str(PurePosixPath(name)) for name in self.templates]
         names = [_OUTPUT, _ERRORS, *own, *(file.name for file in self.files)]
@@ -166,7 +165,9 @@ class CommandSimulator(BlackBox):
             if count > 1:
                 yield f"{name!r} is the name of two files in the folder of a run."
             if any(str(parent) in names for parent in PurePosixPath(name).parents):
-                yield f"{name!r}: its folder has the name of a file in the folder of a run."
+                yield f"{name!r} is in a folder that has the name of a file in the folder of a run."
+
+    def _option_faults(self) -> Iterator[str]:
         if not isinstance(self.read, str):
             if not callable(self.read):
                 yield f"read must be the name of a file or a function of the folder, got {shown(self.read)}."
@@ -279,12 +280,12 @@ def _kept(folder: Path, base: Path | None) -> Path:
     return folder.rename(kept)  # replaces an empty folder
 
 
-def _last_line(folder: Path) -> str:
-    """The program's last line of error output, or else of standard output."""
+def _last_line(folder: Path, most: int = 200) -> str:
+    """The program's last line of error output, or else of standard output, with at most `most` characters."""
     for name in (_ERRORS, _OUTPUT):
         lines = (folder / name).read_text(encoding="utf-8", errors="replace").split("\n")
         for line in reversed(lines):
-            told = "".join(c if c.isprintable() else " " for c in line.strip()[:_TOLD]).strip()
-            if told:
-                return f": {told}"
+            text = "".join(c if c.isprintable() else " " for c in line.strip()[:most]).strip()
+            if text:
+                return f": {text}"
     return ""

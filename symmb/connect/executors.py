@@ -24,29 +24,25 @@ from symmb.connect.limited_calls import end_calls_of
 
 _TRIES = 3
 """How often a task is tried if its worker dies: first together with other tasks, then alone."""
-_AHEAD = 2
+_TASKS_PER_WORKER = 2
 """Tasks at a time for each worker: one task runs and one waits."""
-_TICK = 0.02
-"""Time between checks of futures without callbacks [s]."""
-_LOOK = 1.0
+_POLL_SECONDS = 0.02
+"""Time between checks of futures without callbacks, and of threads that shall end [s]."""
+_CHECK_SECONDS = 1.0
 """Time between checks of futures with callbacks, and of missing results of Dask [s]."""
-_GRACE, _SOON = 0.5, 0.02
-"""Time for threads and processes to end when a study is interrupted, and between checks whether they ended [s]."""
-_BITS = 60
-"""Bits of the first number of the tasks."""
+_END_SECONDS = 0.5
+"""Time for threads and processes to end when a study is interrupted [s]."""
 _KILLED = "KilledWorker"
 """Exception of Dask for a task that failed on several workers."""
 _CANCELLED = "CancelledError"
 """Exceptions of futures, also of asyncio, if the executor was shut down or its cluster has ended."""
-_UNKNOWN_WORKERS = 512
-"""Tasks at a time, divided by _AHEAD, if an executor does not report its number of workers (such as a cluster)."""
-_FEW_WORKERS = 8
-"""The same for a cluster that has fewer workers at the start. For each task that ends, two more may be submitted:
+_LEAST_WORKERS = 8
+"""Number of workers of a cluster that has fewer at the start. For each task that ends, two more may be submitted:
 the cluster may get more workers, and the duration of tasks determines how many a worker should hold."""
 _LOCAL = "LocalCluster"
 """Dask's cluster on one machine. If a worker dies twice within 15 s, Dask ends the process that would start the next
 worker. The cluster may then have no workers, until the number of workers is set again."""
-_PATIENCE = 30.0
+_START_SECONDS = 30.0
 """Time in which an executor must start one of its first tasks, if its futures report running tasks [s]. MPI takes some
 seconds to start processes. Dask may wait hours for workers, and its futures do not report running tasks."""
 _THREADS: dict[int, threading.Thread] = {}
@@ -92,7 +88,7 @@ def finished(f: Callable[[Any], Any], items: Iterable[Any], executor: Any) -> It
     if executor is None:
         yield from enumerate(map(f, items))
         return
-    first = secrets.randbits(_BITS)  # so that results of different calls cannot be confused
+    first = secrets.randbits(60)  # so that results of different calls cannot be confused
     with _Pool(executor) as pool:
         for k, result in (_submitted if pool.submits else _mapped)(f, enumerate(items, first), pool):
             yield k - first, result
@@ -118,11 +114,12 @@ def _mapped(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool") -
         sent.remove(k)
         yield k, result
     if next(waiting, None) is not None or sent:
-        raise SimulationError("executor: its map has ended without the results of all tasks.")
+        raise SimulationError("executor: map ended without the results of all tasks.")
 
 
 def _submitted(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool") -> Iterator[Numbered]:
-    most = _AHEAD * (pool.workers_at_first or pool.workers)  # a cluster may get more
+    # Few tasks wait in the executor, so that an interrupted study ends soon.
+    most = _TASKS_PER_WORKER * (pool.workers_at_first or pool.workers)  # a cluster may get more
     running: dict[int, _Task] = {}
     killed: dict[int, tuple[Any, LostTask]] = {}
     done: queue.SimpleQueue[int] = queue.SimpleQueue()
@@ -136,7 +133,7 @@ def _submitted(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool"
                 if not running:
                     break
                 k = _next(running, done, pool)
-                most = min(most + 2, _AHEAD * pool.workers)
+                most = min(most + 2, _TASKS_PER_WORKER * pool.workers)
                 result = pool.result(running[k].future, k)
                 task = running.pop(k)
                 if isinstance(result, LostTask):
@@ -144,6 +141,8 @@ def _submitted(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool"
                 else:
                     yield k, result
             except BrokenExecutor as error:
+                # Any of the running tasks may have killed the worker. Each runs alone now, so that only the guilty task
+                # is lost.
                 suspects, done = dict(sorted(running.items())), queue.SimpleQueue()
                 running.clear()
                 pool.renew(error)
@@ -172,17 +171,17 @@ def _require_same_versions(versions: Mapping[str, Any]) -> None:
 
 def _end_calls(tasks: Iterable[int]) -> None:
     """End the calls of threads for some tasks, also calls that are about to start."""
-    deadline = time.monotonic() + _GRACE
+    deadline = time.monotonic() + _END_SECONDS
     while (threads := [_THREADS[k] for k in [*tasks] if k in _THREADS]) and time.monotonic() < deadline:
         end_calls_of(threads)
-        time.sleep(_SOON)
+        time.sleep(_POLL_SECONDS)
 
 
 def _begun(f: Callable[[Any], Any], item: Any, k: int, pool: "_Pool", done: "queue.SimpleQueue[int]") -> _Task:
     future = pool.submit(partial(_reply, f), (k, item))
     with _as_simulation_error(BrokenExecutor):
         if isinstance(future, type) or not all(callable(getattr(future, name, None)) for name in ("done", "result")):
-            raise SimulationError(f"executor: its submit returned {shown(future)}, which is not a future.")
+            raise SimulationError(f"executor: submit returned {shown(future)}, which is not a future.")
         if hasattr(future, "add_done_callback"):
             future.add_done_callback(lambda _: done.put(k))
     return _Task(item, future)
@@ -194,7 +193,7 @@ def _next(running: dict[int, _Task], done: "queue.SimpleQueue[int]", pool: "_Poo
         with _as_simulation_error(BrokenExecutor):
             calls_back = all(hasattr(task.future, "add_done_callback") for task in running.values())
         with suppress(queue.Empty):
-            k = done.get(timeout=_LOOK if calls_back else _TICK)
+            k = done.get(timeout=_CHECK_SECONDS if calls_back else _POLL_SECONDS)
             if k in running:  # otherwise a check has already found it
                 return k
         with _as_simulation_error(BrokenExecutor):
@@ -239,7 +238,7 @@ def _unpacked(reply: Any, sent: Container[int]) -> Numbered:
         k, checksum, content = reply
         if k in sent and zlib.crc32(content, k) == checksum:
             return k, pickle.loads(content)
-    raise SimulationError("executor: it returned something other than the results of its tasks.")
+    raise SimulationError("executor: the executor returned other values than the results of its tasks.")
 
 
 class _Pool:
@@ -283,7 +282,7 @@ class _Pool:
         if self.is_dask:
             self._options = {"pure": False, **self._options}
             try:
-                self.workers_at_first = max(sum(self.executor.nthreads().values()), _FEW_WORKERS)
+                self.workers_at_first = max(sum(self.executor.nthreads().values()), _LEAST_WORKERS)
                 versions = self.executor.get_versions(packages=["symmb"])
             except Exception as error:  # it is closed
                 raise SimulationError(f"executor: {self.executor!r} does not answer ({text_of(error)}).") from None
@@ -315,7 +314,7 @@ class _Pool:
     def _answer(self, future: Any) -> Any:
         """The value of the future of a task, or `LostTask`."""
         try:
-            seconds = _LOOK
+            seconds = _CHECK_SECONDS
             while self.is_dask:  # a result may be lost with its worker, and must then be computed again
                 with suppress(TimeoutError):
                     return future.result(timeout=seconds)
@@ -334,9 +333,9 @@ class _Pool:
 
     @property
     def workers(self) -> int:
-        """How many tasks run at the same time."""
-        told = getattr(self.executor, "_max_workers", None) or getattr(self.executor, "num_workers", None)
-        return told if isinstance(told, int) and told > 0 else _UNKNOWN_WORKERS
+        """How many tasks run at the same time; 512 if the executor does not report it, as clusters do not."""
+        number = getattr(self.executor, "_max_workers", None) or getattr(self.executor, "num_workers", None)
+        return number if isinstance(number, int) and number > 0 else 512
 
     def look(self, futures: Sequence[Any]) -> None:
         """SimulationError if the executor has not started any task within the time limit."""
@@ -346,8 +345,10 @@ class _Pool:
         with _as_simulation_error(BrokenExecutor):
             states = [getattr(future, "running", None) for future in futures]
             self.has_begun = self.has_begun or any(not callable(runs) or runs() for runs in states)
-        if not self.has_begun and time.monotonic() - self._since > _PATIENCE:
-            raise SimulationError(f"executor: no task has started in {_PATIENCE:.0f} s. Check that it has workers.")
+        if not self.has_begun and time.monotonic() - self._since > _START_SECONDS:
+            raise SimulationError(
+                f"executor: no task has started in {_START_SECONDS:.0f} s. Check that it has workers."
+            )
 
     def renew(self, error: BaseException) -> None:
         """Make another executor that replaces a broken one."""
@@ -373,7 +374,7 @@ class _Pool:
             except KeyboardInterrupt:
                 raise
             except BaseException as error:  # the results are complete
-                warnings.warn(f"executor: its shutdown raised {text_of(error)}.", SymmbWarning, stacklevel=2)
+                warnings.warn(f"executor: shutdown raised {text_of(error)}.", SymmbWarning, stacklevel=2)
 
 
 def _end_processes(pool: ProcessPoolExecutor) -> None:
@@ -382,14 +383,14 @@ def _end_processes(pool: ProcessPoolExecutor) -> None:
     pool.shutdown(wait=False)
     for process in processes:
         process.terminate()
-    deadline = time.monotonic() + _GRACE
+    deadline = time.monotonic() + _END_SECONDS
     for process in processes:
         process.join(max(deadline - time.monotonic(), 0.0))
         process.kill()  # compiled code does not react to other signals
 
 
 def _maps_in_order(executor: Any) -> bool:
-    """Whether its map applies a function to items: the `map` of tables and modules is different."""
+    """Whether `map` of the executor applies a function to items in order. The `map` of tables and modules does not."""
     try:
         return list(islice(executor.map(abs, [-1, 2]), 3)) == [1, 2]
     except Exception:
@@ -406,7 +407,7 @@ def _as_simulation_error(*kept: type[BaseException]) -> Iterator[None]:
     except BaseException as error:  # asyncio's CancelledError is not an Exception
         _require_sent(error)
         cause = None if isinstance(error, StopIteration) else error  # contextlib would treat it as its own
-        raise SimulationError(f"executor: it raised {text_of(error)}.") from cause
+        raise SimulationError(f"executor: the executor raised {text_of(error)}.") from cause
 
 
 def _require_sent(error: BaseException) -> None:

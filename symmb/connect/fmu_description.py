@@ -69,7 +69,7 @@ class FMU:
     tells_steps : whether the FMU must be called when a step of the solver is complete
     tolerance : relative tolerance for the solver of the FMU; None: its default
     step : step of its default experiment [s]; None if not stated
-    grid : the step of its solver [s], communication steps are multiples of it; None if not stated
+    grid : the step of its solver [s]. Communication steps must be multiples of this step; None if not stated
     is_uniform : whether all communication steps must have the same length
     """
 

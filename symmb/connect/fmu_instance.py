@@ -7,6 +7,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from enum import IntEnum
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,15 +17,16 @@ from symmb._types import Array
 from symmb.connect.fmu_description import CO_SIMULATION, FMU, Variable, fmpy
 
 ENDED = "the FMU ended the run"
-DISCARD, _FATAL = 2, 4
-"""Status of FMI calls: the request cannot be carried out, and no further call is allowed."""
-_WARNING = 1
-_TERMINATED = 3
-"""The kind of status in FMI 2 that says whether an FMU has ended the run."""
-_TOLD = 200
-"""Most characters of an FMU's message that are reported."""
 _LOG: dict[str, str] = {}
 """The first error and the last warning that FMUs logged during this run."""
+
+
+class Status(IntEnum):
+    """Status of calls in FMI 2 and 3. DISCARD: the request cannot be carried out. FATAL: no further call is allowed."""
+
+    WARNING = 1
+    DISCARD = 2
+    FATAL = 4
 
 
 class Instance:
@@ -63,7 +65,8 @@ class Instance:
             try:
                 self.model.doStep(t, length)
             except Exception as error:
-                if getattr(error, "status", None) == DISCARD and self.model.getBooleanStatus(_TERMINATED):
+                ended = fmpy("fmi2").fmi2Terminated
+                if getattr(error, "status", None) == Status.DISCARD and self.model.getBooleanStatus(ended):
                     raise SimulationError(ENDED) from None
                 raise
         else:
@@ -99,7 +102,7 @@ class Instance:
 
 def is_fatal(error: BaseException) -> bool:
     """Whether no further call of the instance is allowed after this exception."""
-    return getattr(error, "status", None) == _FATAL
+    return getattr(error, "status", None) == Status.FATAL
 
 
 def listen() -> None:
@@ -142,17 +145,18 @@ def last_line() -> str:
     return _short(lines[-1]) if lines else ""
 
 
-def _short(text: str) -> str:
-    return " ".join(text.split())[:_TOLD].rstrip(".")
+def _short(text: str, most: int = 200) -> str:
+    """A message in one line of at most `most` characters."""
+    return " ".join(text.split())[:most].rstrip(".")
 
 
 def _note(*arguments: Any) -> None:
     """Store a message. Status, category and text are the last arguments in FMI 2 and 3."""
     status, _, message = arguments[-3:]
     text = (message or b"").decode(errors="replace")
-    if status > _WARNING:
+    if status > Status.WARNING:
         _LOG.setdefault("error", text)
-    elif status == _WARNING:
+    elif status == Status.WARNING:
         _LOG["warning"] = text
 
 

@@ -8,26 +8,21 @@ from itertools import pairwise
 from math import ceil
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from symmb._errors import SimulationError, text_of
+from symmb._magnitudes import ROUNDING, SLIGHT
 from symmb._types import Array
 from symmb.connect.fmu_description import CO_SIMULATION, FMU, Variable, fmpy
-from symmb.connect.fmu_instance import DISCARD, ENDED, Instance, has_error, is_fatal, last_line, listen, logged
+from symmb.connect.fmu_instance import ENDED, Instance, Status, has_error, is_fatal, last_line, listen, logged
 
-_SAME = 1e-12
-"""Relative difference up to which times are equal."""
-AGREE = 1e-6
-"""Difference of a number of steps from an integer that counts as rounding."""
 _MOST_EVENTS = 1000
 """Most events at one time. More events count as an endless sequence."""
 RTOL = 1e-9
 """Relative tolerance. Bounds subtract runs that differ little: an oscillator is exact to 1e-7 after ten periods
 (tests/black_boxes/test_fmu.py)."""
-_MOST_STEPS = 1_000_000
-"""Most steps between two communication points. FMPy's default of 500 is too small for this tolerance."""
 
 
 @dataclass
@@ -51,7 +46,7 @@ class FMURunner:
     step: float
     patience: float
     _instance: Instance | None = field(default=None, init=False)
-    _solver: "FMUSolver | None" = field(default=None, init=False)
+    _solver: Any = field(default=None, init=False)
     _t: float = field(default=0.0, init=False)
 
     def __call__(self, values: Mapping[str, float], folder: Path, again: bool) -> Array:
@@ -126,9 +121,9 @@ class FMURunner:
         solver = self._solver
         return lambda instance, begin, length: self._integrate(instance, solver, events, begin + length)
 
-    def _integrate(self, instance: Instance, solver: "FMUSolver", events: "_EventMode", end: float) -> None:
+    def _integrate(self, instance: Instance, solver: Any, events: "_EventMode", end: float) -> None:
         """Take the solver and the FMU from the present time to another time."""
-        near, count = _SAME * float(np.abs(self.times).max()), 0
+        near, count = ROUNDING * float(np.abs(self.times).max()), 0
         while end - self._t > near or events.next - self._t <= near:
             begin = self._t
             is_event = events.next - self._t <= near
@@ -140,6 +135,7 @@ class FMURunner:
                     is_event = is_event or wanted
                     if ends:
                         raise SimulationError(ENDED)
+            # The solver keeps a history of derivatives. An event makes the history invalid, so the solver starts again.
             if is_event or events.next - self._t <= near:
                 instance.model.enterEventMode()
                 events.update()
@@ -163,19 +159,7 @@ class FMURunner:
 
 def steps_between(begin: float, end: float, step: float) -> int:
     """Number of communication steps between two times."""
-    return max(1, ceil((end - begin) / step - AGREE))
-
-
-class FMUSolver(Protocol):
-    """FMPy's solver. It is used for several instances, because FMPy does not free all its memory."""
-
-    def restart(self, instance: Instance, t: float) -> None:
-        """Start at the states of an instance."""
-        ...
-
-    def advance(self, t: float, end: float) -> tuple[bool, float]:
-        """Go to a time. Returns whether an event indicator changed its sign, and the time of the change."""
-        ...
+    return max(1, ceil((end - begin) / step - SLIGHT))
 
 
 class _EventMode:
@@ -199,8 +183,11 @@ class _EventMode:
                 raise SimulationError(ENDED)
 
 
-def _new_solver(fmu: FMU, instance: Instance, t: float, step: float) -> FMUSolver:
-    """A solver at the states of an instance, with steps up to `step` [s]."""
+def _new_solver(fmu: FMU, instance: Instance, t: float, step: float) -> Any:
+    """A solver at the states of an instance, with steps up to `step` [s].
+
+    It is used for several instances, because FMPy does not free all its memory.
+    """
 
     class CVODE(fmpy("sundials").CVodeSolver):
         """Python ignores exceptions in callbacks of C. The exception is stored, and raised by `advance`."""
@@ -208,11 +195,13 @@ def _new_solver(fmu: FMU, instance: Instance, t: float, step: float) -> FMUSolve
         fault: Exception | None = None
 
         def restart(self, instance: Instance, t: float) -> None:
+            """Start at the states of an instance."""
             for name, call in _callbacks(instance).items():
                 setattr(self, name, call)
             self.reset(t)
 
         def advance(self, t: float, end: float) -> tuple[bool, float]:
+            """Go to a time. Returns whether an event indicator changed its sign, and the time of the change."""
             self.fault = self.error_info = None
             try:
                 is_event, _, reached = self.step(t, end)
@@ -232,7 +221,9 @@ def _new_solver(fmu: FMU, instance: Instance, t: float, step: float) -> FMUSolve
                 return call(*arguments)
             except Exception as error:
                 self.fault = error
-                return 1 if getattr(error, "status", None) == DISCARD else -1  # 1: tried again with a smaller step
+                return (
+                    1 if getattr(error, "status", None) == Status.DISCARD else -1
+                )  # 1: tried again with a smaller step
 
     return CVODE(
         nx=fmu.n_states,
@@ -242,7 +233,7 @@ def _new_solver(fmu: FMU, instance: Instance, t: float, step: float) -> FMUSolve
         startTime=t,
         maxStep=step,
         relativeTolerance=RTOL,
-        maxNumSteps=_MOST_STEPS,
+        maxNumSteps=1_000_000,  # FMPy's default of 500 is too small for this tolerance
     )
 
 

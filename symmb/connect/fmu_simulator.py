@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
+from symmb._magnitudes import SLIGHT
 from symmb._names import ByName
 from symmb._options import is_finite_number, require_timeout, shown
 from symmb._types import Array
@@ -25,16 +26,12 @@ from symmb.connect.fmu_description import (
     parameters_of,
     variable_of,
 )
-from symmb.connect.fmu_runs import AGREE, RTOL, FMURunner, steps_between
+from symmb.connect.fmu_runs import RTOL, FMURunner, steps_between
 from symmb.connect.identity import digest
 from symmb.connect.limited_calls import LimitedCalls
 
-_STEPS = 500
-"""Communication steps of a run, as in FMPy, if neither the user nor the FMU sets the step."""
-_LONG = 10.0
+_LONG_RUN = 10.0
 """Duration of a run compared with which a new process is cheap [s]. Such long runs each get a new process."""
-_SHIFT = 1e-6
-"""Change of parameters for the test whether a reset restores the start."""
 _RESET, _NEW_INSTANCE, _NEW_PROCESS = "reset", "new instance", "new process"
 _KINDS: dict[tuple[str, str], str] = {}
 """The way to repeat runs exactly (reset, instance or process), by the digest of the FMU's file and its interface."""
@@ -112,7 +109,7 @@ class FMUSimulator(BlackBox):
         noise: Mapping[str, float] | None = None,
     ):
         if not isinstance(path, str | Path):
-            raise DeclarationError(f"{OWNER}: path must be that of a file, got {shown(path)}.")
+            raise DeclarationError(f"{OWNER}: path must be the path of a file, got {shown(path)}.")
         self._declare(parameters, times, outputs, noise)
         require_timeout(OWNER, timeout)
         if step is not None and not (is_finite_number(step) and step > 0):
@@ -125,7 +122,7 @@ class FMUSimulator(BlackBox):
                 nominal[name] = number_in(OWNER, f"parameter {name!r}", (nominal[name], unit), units[name])
         found = tuple(variable_of(fmu.path, variables, name, "output") for name in self.outputs)
         step = _step(fmu, self.times, step)
-        patience = min(_LONG, np.inf if timeout is None else timeout / 3)
+        patience = min(_LONG_RUN, np.inf if timeout is None else timeout / 3)
         runs = FMURunner(fmu, inputs, found, self.times, step, patience)
         vars(self).update(
             path=fmu.path,
@@ -149,7 +146,7 @@ class FMUSimulator(BlackBox):
             return self._run(values, _KINDS[key])
         begin = time.perf_counter()
         result = self._run(values, _NEW_PROCESS)
-        kinds = () if time.perf_counter() - begin > _LONG else (_RESET, _NEW_INSTANCE)
+        kinds = () if time.perf_counter() - begin > _LONG_RUN else (_RESET, _NEW_INSTANCE)
         _KINDS[key] = next((kind for kind in kinds if self._repeats(values, result, kind)), _NEW_PROCESS)
         return result
 
@@ -165,7 +162,7 @@ class FMUSimulator(BlackBox):
     def _repeats(self, values: dict[str, float], result: Array, kind: str) -> bool:
         """Whether a run is the same after a run with other parameters. Some FMUs keep earlier values, or crash."""
         whole = {variable.name for variable in self._calls.f.parameters if variable.is_whole}
-        others = {name: value if name in whole else value * (1 + _SHIFT) + _SHIFT for name, value in values.items()}
+        others = {name: value if name in whole else value * (1 + SLIGHT) + SLIGHT for name, value in values.items()}
         try:
             self._run(others, kind)
             return np.array_equal(self._run(values, kind), result, equal_nan=True)
@@ -189,11 +186,11 @@ def _step(fmu: FMU, times: Array, given: float | None) -> float:
     if fmu.grid is not None and given is None:
         step = float(spans.max())  # the steps of its solver do not depend on communication steps
     else:
-        step = given or own or float(times[-1] - times[0]) / _STEPS
+        step = given or own or float(times[-1] - times[0]) / 500  # as in FMPy
     if fmu.is_uniform:
         step = float(spans.min()) / steps_between(0.0, spans.min(), step)
     for length, reason in ((fmu.grid, "its solver has steps"), (step if fmu.is_uniform else None, "its steps are")):
-        if length is not None and (np.abs(spans / length - np.round(spans / length)) > AGREE * spans / length).any():
+        if length is not None and (np.abs(spans / length - np.round(spans / length)) > SLIGHT * spans / length).any():
             raise DeclarationError(
                 f"{OWNER}: {fmu.path.name} cannot stop at all of the times: {reason} of {length:g} s. Times "
                 "must be multiples of this step, counted from the first time."

@@ -46,7 +46,7 @@ def digest(*things: Any) -> str:
     if values.lacking:
         raise UndigestedError(
             f"StoredSimulator: the function depends on an object of the type {values.lacking[0]!r}. symmb cannot see "
-            "its changes. Give version=, and a new version when the function computes something else.",
+            "its changes. Pass version=, and another version whenever the function changes.",
             key,
         )
     return key
@@ -175,13 +175,13 @@ def _code_parts(thing: types.ModuleType | types.FunctionType | type) -> Iterator
 
 
 def _global_names(code: types.CodeType) -> set[str]:
-    """Names that the code reads from its module."""
+    """Names of the module's variables that the code reads."""
     names = {step.argval for step in dis.get_instructions(code) if step.opname in ("LOAD_GLOBAL", "LOAD_NAME")}
     return names.union(*(_global_names(part) for part in code.co_consts if isinstance(part, types.CodeType)))
 
 
 def _has_name(thing: Any) -> bool:
-    """Whether a function or a class is identified by its name. Functions made inside functions are not."""
+    """Whether a function or a class is identified by its name. A function made inside a function is not."""
     if isinstance(thing, type):
         return _is_installed(thing.__module__)
     module = thing.__globals__.get("__name__")

@@ -20,7 +20,7 @@ from symmb._cleanup import end_groups, lead_group, note_group, outlive
 from symmb._errors import DeclarationError, SimulationError, text_of
 from symmb._interrupts import deferred_interrupts
 
-_TICK = 0.2
+_CHECK_SECONDS = 0.2
 """Time between checks whether a process has ended [s]. Processes that it has started may keep its pipe open."""
 
 
@@ -41,7 +41,8 @@ class _Worker:
     def replies(self, seconds: float | None) -> bool:
         """Whether a reply arrives in time. It raises EOFError if the process ends without a reply."""
         deadline = inf if seconds is None else time.monotonic() + seconds
-        while not self.pipe.poll(max(min(_TICK, deadline - time.monotonic()), 0.0)):
+        while not self.pipe.poll(max(min(_CHECK_SECONDS, deadline - time.monotonic()), 0.0)):
+            # A process may reply and end between the two checks, so the pipe is polled once more.
             if self.has_ended(os.WNOHANG) and not self.pipe.poll():
                 raise EOFError
             if time.monotonic() >= deadline:
@@ -87,7 +88,8 @@ _OWN = threading.local()
 class LimitedCalls:
     """A function whose calls run in a separate process. Each thread has its own process, and keeps it.
 
-    The process is a copy of this process at the first call. Later changes of variables there are not visible here.
+    The process is a copy of this process at the first call. Later changes of variables in one process have no effect in
+    the other.
 
     Parameters
     ----------
@@ -107,7 +109,7 @@ class LimitedCalls:
         key: str | None = None,
     ) -> None:
         if not hasattr(os, "fork"):
-            raise DeclarationError(f"Calls of {subject} in their own process need fork, which Windows does not have.")
+            raise DeclarationError(f"Calls of {subject} in a separate process need fork. Windows has no fork.")
         self.f, self.seconds, self.subject, self.base = f, seconds, subject, base
         self.key = key or uuid.uuid4().hex
 
@@ -147,6 +149,7 @@ class LimitedCalls:
             for other in [other for other in list(_WORKERS) if other.is_unused]:
                 other.end()
             worker = own[self.key] = _fork(self.f, self.base)
+        # A weak reference: the process ends when no object can call it any more.
         worker.caller = weakref.ref(self)
         return worker
 

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
+from symmb._magnitudes import SLIGHT
 from symmb._options import shown
 from symmb._types import Array
 from symmb.results.files import require_usual_size
 
-_LONGEST = 255
-"""Most bytes of a file name."""
+_TIME = "time"
 
 
 def filled(template: str, values: Mapping[str, float]) -> str:
@@ -79,12 +79,8 @@ def is_inside(name: str) -> bool:
     """Whether the relative path of a file stays inside its folder."""
     place = PurePosixPath(name)
     parts = [part.encode(errors="replace") for part in place.parts]
-    return (
-        0 < max(map(len, parts), default=0) <= _LONGEST
-        and not place.is_absolute()
-        and ".." not in place.parts
-        and is_text(name)
-    )
+    is_valid = 0 < max(map(len, parts), default=0) <= 255 and is_text(name)  # file systems allow names of 255 bytes
+    return is_valid and not place.is_absolute() and ".." not in place.parts
 
 
 def is_text(text: str) -> bool:
@@ -94,11 +90,6 @@ def is_text(text: str) -> bool:
 
 def _names(values: Mapping[str, float]) -> str:
     return "|".join(map(re.escape, sorted(values, key=len, reverse=True)))
-
-
-_TIME = "time"
-_AGREE = 1e-6
-"""Relative difference up to which times are equal: programs write about six digits."""
 
 
 def read_table(path: Path, times: Array, outputs: tuple[str, ...], interpolate: bool) -> Array:
@@ -148,7 +139,7 @@ def _at_times(name: str, at: Array, values: Array, times: Array, interpolate: bo
     """Values at the declared times."""
     if not len(at):
         raise SimulationError(f"{name} has no rows")
-    allowed = _AGREE * float(np.abs(times).max())
+    allowed = SLIGHT * float(np.abs(times).max())  # programs write about six digits
     if len(at) == len(times) and (np.abs(at - times) <= allowed).all():
         return values
     has = f"{name} has {len(at)} times from {at[0]:g} to {at[-1]:g} s"

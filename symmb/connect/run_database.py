@@ -18,20 +18,20 @@ from symmb._errors import DeclarationError, SimulationError, text_of
 from symmb._types import Array
 from symmb.connect.simulator import Ensemble
 
-DONE, FAILED, TIMED_OUT, LOST = 0, 1, 2, 3
 STATES = "done", "failed", "timed out", "lost"
-"""State of runs whose workers died."""
-_APPLICATION, _VERSION = 0x73796D62, 3
-"""Marks of the file: "symb" in ASCII, and the version of its tables. Files of other programs differ."""
+"""States of runs, by their numbers. A run is lost if its worker died."""
+DONE, FAILED, TIMED_OUT, LOST = range(len(STATES))
+_APPLICATION, _VERSION = int.from_bytes(b"symb"), 3
+"""Marks of the file. Files of other programs have other marks, and earlier files have another version of the tables."""
 _DAMAGE = sqlite3.Error, ValueError, TypeError, IndexError, OverflowError, RecursionError
 """Exceptions that damaged files cause."""
 _HEADER = b"SQLite format 3\0"
-_WAIT, _WAIT_AT_FIRST = 60.0, 10.0
-"""Time to wait for another study that writes to the file [s]: after a run is made, and before."""
+_WAIT_AFTER_RUN, _WAIT_AT_FIRST = 60.0, 10.0
+"""Time to wait for another study that writes to the file [s]. After a run is made, waiting saves the run."""
 _NETWORK = ("nfs", "nfs4", "cifs", "smb3", "smbfs", "lustre", "gpfs", "beegfs", "ceph", "fuse.sshfs", "afs", "9p")
 """File systems whose machines do not share memory. A write-ahead log needs shared memory."""
-_AT_A_TIME = 500
-"""Samples in one query: SQLite supports at least 999 variables."""
+_SAMPLES_PER_QUERY = 500
+"""SQLite supports at least 999 variables."""
 _STUDY = "digest, simulator, parameters, outputs, times, begun"
 _RUN = "study, sample, state, t_failed, reason, response, events, seconds"
 """Columns with a checksum, which is the last column."""
@@ -60,7 +60,7 @@ DROP TABLE former_studies;
 
 @dataclass(frozen=True)
 class StoredStudy:
-    """The data that all runs of a study share, by the digest of their simulator."""
+    """The data that all runs of a study have in common. `digest` identifies the simulator."""
 
     digest: str
     simulator: str
@@ -98,8 +98,8 @@ class RunDatabase:
         longest = np.inf if timeout is None else timeout
         keys = sample_keys(P)
         found: set[bytes] = set()
-        for k in range(0, len(keys), _AT_A_TIME):
-            some = keys[k : k + _AT_A_TIME]
+        for k in range(0, len(keys), _SAMPLES_PER_QUERY):
+            some = keys[k : k + _SAMPLES_PER_QUERY]
             marks = ", ".join("?" * len(some))
             query = (
                 f"SELECT sample FROM runs WHERE study = ? AND sample IN ({marks}) "
@@ -122,7 +122,8 @@ class RunDatabase:
         t_failed = None if np.isnan(run.t_failed[0]) else float(run.t_failed[0])
         key = sample_keys(p[None])[0]
         row = study, key, state, t_failed, reason, run.Y[0].tobytes(), events, float(seconds)
-        self._connection.execute(f"PRAGMA busy_timeout = {1000 * _WAIT:.0f}")
+        self._connection.execute(f"PRAGMA busy_timeout = {1000 * _WAIT_AFTER_RUN:.0f}")
+        # Two studies may make the same run. The first result stays, so that both studies read the same numbers.
         former = f"DELETE FROM runs WHERE study = ? AND sample = ? AND state IN ({TIMED_OUT}, {LOST})"
         with self._writing():
             self._connection.execute(former, row[:2])
@@ -138,7 +139,7 @@ class RunDatabase:
             for key in sample_keys(P):
                 own, sample, *row = _sound(self._connection.execute(query, (study, key)).fetchone())
                 if (own, sample) != (study, key):
-                    raise ValueError("it returns other runs than requested")
+                    raise ValueError("a query returned another run than requested")
                 state, t_failed, reason, response, of_events, _ = row
                 rows.append((t_failed, reason, response, of_events, state))
             Y = np.array([np.frombuffer(row[2]).reshape(shape) for row in rows]).reshape(-1, *shape)

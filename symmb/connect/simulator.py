@@ -16,6 +16,7 @@ from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
+from symmb._magnitudes import ROUNDING
 from symmb._options import numbers_of, require_instance, shown
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.connect.executors import LostTask, finished
@@ -26,8 +27,6 @@ Progress = Callable[[int, int], None]
 
 BLOCK = 128
 """Samples of a block: enough for vectorised loops, but 12 outputs x 1001 times take only 12 MB."""
-_SAME = 1e-14
-"""Relative difference of parameters that counts as rounding."""
 
 
 class Samples(Protocol):
@@ -210,6 +209,7 @@ def stream(
     for k, result in finished(work, tasks, executor):
         if isinstance(result, LostTask):
             raise SimulationError(f"{simulator!r}: {result.reason}")
+        # Tasks end in any order. States are merged in block order, because sums depend on the order of their terms.
         arrived[k] = result
         while (part := arrived.pop(merging.count, None)) is not None:
             merging.add(part, tasks[merging.count][1])
@@ -319,7 +319,7 @@ class Attained:
         """Add values (n_t, n_y) of samples P (n, d). If outputs Y (n, n_t, n_y) are given, each sample is a block."""
         if self.nominal is None and self._nominal_parameters is not None and Y is not None:
             distance = np.abs(P - self._nominal_parameters)
-            is_nominal = (distance <= _SAME * np.abs(self._nominal_parameters)).all(axis=1)
+            is_nominal = (distance <= ROUNDING * np.abs(self._nominal_parameters)).all(axis=1)
             is_nominal &= np.isfinite(Y).all(axis=(1, 2))
             if is_nominal.any():
                 self.nominal = np.array(Y[int(is_nominal.argmax())])
@@ -344,7 +344,7 @@ _STUDY: ContextVar[Attained | None] = ContextVar("study", default=None)
 
 @contextmanager
 def attained_by_runs(n_t: int, n_y: int, nominal_parameters: Array | None = None) -> Iterator[Attained]:
-    """The extreme values of this block."""
+    """A context that collects the extreme values of all runs inside it."""
     attained = Attained(n_t, n_y, nominal_parameters)
     token = _STUDY.set(attained)
     try:

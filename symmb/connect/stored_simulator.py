@@ -146,6 +146,7 @@ class StoredSimulator(WithWarnings):
         merging = Merging(reduction, None, P)
         with open_run_database(self.path) as database:
             number = self._make(database, P, executor, progress)
+            # The same blocks as without a store, so that sums have the same last digits.
             for indices in blocks(len(P), samples_of_block(len(P)) if isinstance(self.simulator, BlackBox) else BLOCK):
                 merging.reduce(database.read(number, P[indices], (len(self.times), len(self.outputs))), indices)
         return merging.state

@@ -218,7 +218,7 @@ def deadly_study(executor: Any) -> str:
 
 def faulty(seed: int, trials: int) -> int:
     """Print how studies by faulty executors end, and those by workers that die."""
-    executors._PATIENCE = 0.3  # the futures of these either run at once or never
+    executors._START_SECONDS = 0.3  # the futures of these either run at once or never
     found = Counter(faulty_study(seed + k) for k in range(trials))
     for _ in range(max(1, trials // 20)):
         found[deadly_study(lambda: ProcessPoolExecutor(WORKERS))] += 1

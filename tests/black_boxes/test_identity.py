@@ -135,7 +135,7 @@ def test_comments_and_lines_do_not_count():
 def test_what_cannot_be_seen_asks_for_a_version(tmp_path):
     lock = threading.Lock()
     made = mb.FunctionSimulator(closed(lock), {"k": 1.0}, [0.0], ["x"])
-    with told_in_a_line("Give version="):
+    with told_in_a_line("Pass version="):
         mb.StoredSimulator(made, tmp_path / "runs.db")
     told = mb.StoredSimulator(made, tmp_path / "runs.db", version="1").identity
     other = mb.FunctionSimulator(doubled(closed(lock), 2), {"k": 1.0}, [0.0], ["x"])

@@ -393,7 +393,7 @@ def test_the_lock_of_another_program_is_told_soon(is_new, tmp_path, monkeypatch)
 @pytest.mark.parametrize("is_held_before", [True, False])
 def test_a_lock_that_lets_read_is_told_by_a_study_that_needs_runs(is_held_before, tmp_path, monkeypatch):
     """Before it makes runs, or where it writes the first one."""
-    monkeypatch.setattr(run_database, "_WAIT_AT_FIRST" if is_held_before else "_WAIT", 0.05)
+    monkeypatch.setattr(run_database, "_WAIT_AT_FIRST" if is_held_before else "_WAIT_AFTER_RUN", 0.05)
     calls, path = [], tmp_path / "runs.db"
 
     def f(a):

@@ -8,6 +8,7 @@ one array for each array of the record, and everything else as JSON in its array
 import csv
 import io
 import json
+import math
 import zipfile
 from collections.abc import Callable, Container, Mapping
 from os import PathLike
@@ -17,7 +18,6 @@ from typing import Any, BinaryIO, NamedTuple, TypeVar
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb.results.files.jsonable import to_jsonable
 from symmb.results.files.record import Record
 from symmb.results.files.replacement import replacement, require_suffix, told
 
@@ -25,7 +25,7 @@ _IN_JSON = {"t": "times", "names": "outputs"}
 _IN_ARCHIVES = {name: own for own, name in _IN_JSON.items()}
 
 _VERSION = 1
-"""Version of both formats. Earlier files do not state their version; it is this version."""
+"""Version of both formats. Files without a version also have this version."""
 
 Table = Mapping[str, Any]
 """Columns by their headings. All have the same length."""
@@ -35,14 +35,8 @@ T = TypeVar("T")
 def save(path: str | PathLike[str], sources: Mapping[str, Callable[[], Mapping[str, Any]]]) -> None:
     """Write a result in the format that the suffix of the file selects.
 
-    Parameters
-    ----------
-    sources : mapping       functions that give the "record", the "entries" of JSON and, if it exists, the "table"
-
-    Raises
-    ------
-    DeclarationError    if the name has another suffix
-    FileError           if the file cannot be written; the previous file stays
+    `sources` are functions that give the "record", the "entries" of JSON and, if it exists, the "table". It raises
+    DeclarationError if the name has another suffix, and FileError if the file cannot be written.
     """
     form = _format_of(path, sources)
     contents = sources[form.source]()
@@ -51,9 +45,28 @@ def save(path: str | PathLike[str], sources: Mapping[str, Callable[[], Mapping[s
 
 
 def save_json(path: str | PathLike[str], entries: Mapping[str, Any]) -> None:
-    """Write what `in_json` returns."""
+    """Write the entries that `in_json` returns."""
     with replacement(path) as file:
         _write_json(file, entries)
+
+
+def to_jsonable(value: Any) -> Any:
+    """Nested mappings, sequences, arrays and numbers in the types of JSON.
+
+    Examples
+    --------
+    >>> to_jsonable({"lower": np.array([[0.5, -np.inf]]), "failed": np.int64(2)})
+    {'lower': [[0.5, None]], 'failed': 2}
+    """
+    if isinstance(value, Mapping):
+        return {str(key): to_jsonable(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return to_jsonable(np.asarray(value).tolist())
+    if isinstance(value, list | tuple):
+        return [to_jsonable(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
 
 
 def in_json(record: Mapping[str, Any]) -> dict[str, Any]:
@@ -66,10 +79,8 @@ def load(
 ) -> T:
     """A result read from a file: built from the record, or from the ``headings`` and ``columns`` of the table.
 
-    Raises
-    ------
-    DeclarationError    if the file has another suffix, is damaged or holds something else
-    FileError           if the file cannot be read
+    It raises DeclarationError if the file has another suffix, is damaged or holds something else, and FileError if it
+    cannot be read.
     """
     form = _format_of(path, ("record", "entries", *(["table"] if from_table else [])))
     with told(path, "read"):
@@ -85,11 +96,8 @@ def load(
             raise DeclarationError(f"it holds {content}.")
         return build(Record({k: value for k, value in record.plain.items() if k not in ("version", "result")}))
     except Exception as error:  # damaged files can raise nearly every exception in zlib, zipfile, json and NumPy
-        why = (
-            str(error)
-            if isinstance(error, DeclarationError)
-            else f"its contents cannot be read ({_first_line(error)})."
-        )
+        is_known = isinstance(error, DeclarationError)
+        why = str(error) if is_known else f"its contents cannot be read ({_first_line(error)})."
         raise DeclarationError(f"{path} does not hold {what}: {why}") from error
 
 
@@ -138,13 +146,11 @@ def require_usual_size(archive: zipfile.ZipFile | None) -> None:
     """DeclarationError if the data of an archive would be much larger than the archive."""
     members = archive.infolist() if archive else []
     size, packed = (sum(getattr(member, name) for member in members) for name in ("file_size", "compress_size"))
-    if size > _LARGE and size > _MOST_RATIO * packed:
+    if size > 2**26 and size > _LARGEST_EXPANSION * packed:  # up to 64 MB can be unpacked quickly
         raise DeclarationError(f"its {packed:.3g} bytes would become {size:.3g} bytes.")
 
 
-_LARGE = 2**26
-"""Smallest size of an archive that is checked [bytes]: smaller archives can be unpacked quickly."""
-_MOST_RATIO = 200
+_LARGEST_EXPANSION = 200
 """Most bytes that one byte of an archive may become. Results with random last digits expand by a few times, constant
 results a thousand times."""
 

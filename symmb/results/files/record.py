@@ -93,7 +93,7 @@ class Record:
         """An array of finite numbers."""
         value = self.with_nan(name, *shape)
         if not np.isfinite(value).all():
-            raise self._wrong(name, "an array of finite numbers", "others")
+            raise self._wrong(name, "an array of finite numbers", "other numbers")
         return value
 
     def arrays(self, name: str, *shape: int | None) -> dict[str, Array]:
@@ -111,7 +111,7 @@ class Record:
         if isinstance(self._value(name), list):
             value = np.where(np.isnan(value), np.inf, value)
         if not (value >= 0).all():
-            raise self._wrong(name, "an array of numbers of at least 0", "others")
+            raise self._wrong(name, "an array of numbers of at least 0", "other numbers")
         return value
 
     def covariance(self, name: str, n: int) -> Array:
@@ -127,7 +127,7 @@ class Record:
         """Times (n_t,) in increasing order; at least one."""
         t = self.array(name, None)
         if not t.size or (np.diff(t) <= 0).any():
-            raise self._wrong(name, "times that increase", "others")
+            raise self._wrong(name, "times that increase", "other times")
         return t
 
     def pair(self, name: str, *shape: int | None) -> tuple[Array, Array]:

@@ -15,12 +15,7 @@ from symmb._options import shown
 
 @contextmanager
 def told(path: str | os.PathLike[str], what: str) -> Iterator[None]:
-    """Convert errors of the system about a file to sentences with its name. `what` is "read" or "written".
-
-    Raises
-    ------
-    FileError
-    """
+    """Convert errors of the system about a file to FileError with its name. `what` is "read" or "written"."""
     try:
         if what == "read" and stat.S_IFMT(mode := os.stat(path).st_mode) not in (stat.S_IFREG, stat.S_IFDIR):
             kind = "pipe" if stat.S_ISFIFO(mode) else "device"
@@ -40,11 +35,8 @@ def replacement(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     """A binary file to write to. It replaces the file at ``path`` if the block ends without an exception.
 
     Until then the data are in a temporary file in the same folder. If the process is killed or the disk is full, the
-    previous file stays. Links are followed, and permissions are kept. Devices and pipes are written directly.
-
-    Raises
-    ------
-    FileError   if the folder is full, or cannot be written to
+    previous file stays. Links are followed, and permissions are kept. Devices and pipes are written directly. It raises
+    FileError if the disk is full, or the folder cannot be written to.
     """
     with told(path, "written"), _replacement(path) as file:
         yield file
@@ -66,6 +58,7 @@ def _replacement(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
             yield file
             file.flush()
             os.fsync(file.fileno())
+        # The data are on the disk before the name changes. Otherwise a power failure may leave an empty file.
         os.replace(part, place)
 
 
@@ -77,12 +70,7 @@ def _mode(place: Path) -> int | None:
 
 
 def require_suffix(path: str | os.PathLike[str], *allowed: str) -> str:
-    """The suffix of a file's name, in lower case.
-
-    Raises
-    ------
-    DeclarationError    if the suffix is not one of the allowed suffixes
-    """
+    """The suffix of a file's name, in lower case. DeclarationError if it is not one of the allowed suffixes."""
     if not isinstance(path, str | Path | os.PathLike) or "\0" in str(path):
         raise DeclarationError(f"The name of a file must be a text or a Path, got {shown(path)}.")
     suffix = Path(path).suffix.lower()

@@ -24,10 +24,10 @@ from symmb.results.plot.layout import (
 )
 from symmb.results.plot.style import OWN, Style
 
-_SEEN = 0.015
-"""Distance of curves, relative to the height of a panel, below which they look like one thick line."""
-_TINT = 0.16
-"""Opacity of the band between bounds: other bands stay visible below a band."""
+_VISIBLE_DISTANCE = 0.015
+"""Distance of curves, relative to the height of the band, below which they look like one thick line."""
+_LIMIT = "#d1495b"
+"""Colour of limits."""
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,6 @@ class Band:
     label: str
     lower: Array
     upper: Array
-
-
-_LIMIT, _BAR = "#d1495b", 0.3
-"""Colour of limits, and width of the bar of a scalar output, relative to the width of its panel."""
 
 
 @dataclass(frozen=True)
@@ -114,19 +110,14 @@ def plot_bounds(
         pairs.append((inner, "attained by runs", {"linewidth": 0.8, "linestyle": DASHES[2]}))
     figure, panels = panels_over_time(style, t, own_names, own_units, title=title, room=0.2)
     for axes, i in zip(panels, shown, strict=True):
-        drawn = np.stack([end[:, i] - origin[:, i] for end in (band.lower, band.upper)])
         place = abscissa(t)
         if names[i] in timeless:
-            place = place.mean() + _BAR * (place - place.mean())
+            place = place.mean() + 0.3 * (place - place.mean())  # a bar in the middle of the panel
             axes.xaxis.set_visible(False)
-        low, high = (along(t, end) for end in drawn)
-        axes.fill_between(place, low, high, color=colour, alpha=_TINT, linewidth=0, label=label)
-        for (lower, upper), name, look in pairs:
-            own = np.stack([lower[:, i] - origin[:, i], upper[:, i] - origin[:, i]])
-            if name is not None:
-                with np.errstate(invalid="ignore"):  # infinite bounds
-                    own = np.where(np.abs(own - drawn) <= _SEEN * np.ptp(drawn), np.nan, own)
-            _draw_pair(axes, place, *own, label=None if np.isnan(own).all() else name, color=colour, **look)
+        own = [(np.stack([end[:, i] - origin[:, i] for end in ends]), name, look) for ends, name, look in pairs]
+        low, high = (along(t, end) for end in own[0][0])
+        axes.fill_between(place, low, high, color=colour, alpha=0.16, linewidth=0, label=label)
+        _draw_pairs(axes, place, own, colour)
         if nominal is not None:
             run = along(t, nominal[:, i] - origin[:, i])
             axes.plot(place, run, color=RUN_COLOUR, linewidth=0.7, label="nominal run")
@@ -158,6 +149,18 @@ def draw_bounds(
         if is_empty and np.ptp(axes.dataLim.intervaly) > least[i]:
             axes.set_ylim(*_window(reference, curves, i))
     flatten(panels, least[[*shown]])
+
+
+def _draw_pairs(
+    axes: Axes, x: Array, pairs: Sequence[tuple[Array, str | None, dict[str, Any]]], colour: object
+) -> None:
+    """Draw pairs of curves (2, n) over places x. Parts of named curves that touch the first pair are left out."""
+    first = pairs[0][0]
+    for own, name, look in pairs:
+        if name is not None:
+            with np.errstate(invalid="ignore"):  # infinite bounds
+                own = np.where(np.abs(own - first) <= _VISIBLE_DISTANCE * np.ptp(first), np.nan, own)
+        _draw_pair(axes, x, *own, label=None if np.isnan(own).all() else name, color=colour, **look)
 
 
 def _draw_pair(axes: Axes, x: Array, lower: Array, upper: Array, *, label: str | None, **style: Any) -> None:

@@ -16,7 +16,6 @@ from symmb.results.plot.layout import (
     LEAST_ERROR,
     MARKERS,
     MOST_PANELS,
-    NUMBER_DISTANCE,
     ROW_HEIGHT,
     axes_in,
     cyclic,
@@ -105,18 +104,10 @@ def _draw_errors(
     numbers: list[tuple[float, float, str, str]] = []
     for k, group in enumerate(families):
         settings = sorted(group, key=lambda curve: curve.evaluations)
-        points = [(curve.seconds, largest_error(curve, measured), curve.evaluations) for curve in settings]
-        points = [(x, y, n) for x, y, n in points if y < np.inf]
-        if not points:
-            continue
-        colour, marker = colours[k], {"marker": cyclic(MARKERS, k), "markersize": 6}
-        look: dict[str, Any] = {"color": colour, "linestyle": cyclic(DASHES, k), "linewidth": 1.2}
-        axes.plot([x for x, _, _ in points], [max(y, floor) for _, y, _ in points], **look)
-        axes.plot([], [], **look, **marker, label=texts[k])
-        for x, y, n in points:
-            face = "white" if y < floor else colour
-            axes.plot(x, max(y, floor), color=colour, **marker, markerfacecolor=face, zorder=3)
-            numbers.append((x, max(y, floor), str(n), colour))
+        points = [(own.seconds, y, own.evaluations) for own in settings if (y := largest_error(own, measured)) < np.inf]
+        if points:
+            _draw_family(axes, [(x, y) for x, y, _ in points], floor, k, colours[k], texts[k])
+            numbers += [(x, max(y, floor), str(n), colours[k]) for x, y, n in points]
     if floor > LEAST_ERROR:
         label = "reference's uncertainty\n(hollow: error not above it)"
         axes.axhline(floor, color="#6b7280", linewidth=0.9, linestyle=":", label=label)
@@ -135,8 +126,24 @@ def _draw_errors(
     style_axes(axes)
 
 
-def write_numbers(axes: Axes, numbers: Sequence[tuple[float, float, str, str]]) -> None:
-    """Write each number beside its point (x, y, text, colour), at the corner farthest from points and numbers."""
+def _draw_family(
+    axes: Axes, points: Sequence[tuple[float, float]], floor: float, k: int, colour: Any, label: str | None
+) -> None:
+    """Draw errors (run time, error) of family number k as a line with markers. Errors below the floor are hollow."""
+    look: dict[str, Any] = {"color": colour, "linestyle": cyclic(DASHES, k), "linewidth": 1.2}
+    marker: dict[str, Any] = {"marker": cyclic(MARKERS, k), "markersize": 6}
+    axes.plot([x for x, _ in points], [max(y, floor) for _, y in points], **look)
+    axes.plot([], [], **look, **marker, label=label)
+    for x, y in points:
+        face = "white" if y < floor else colour
+        axes.plot(x, max(y, floor), color=colour, **marker, markerfacecolor=face, zorder=3)
+
+
+def write_numbers(axes: Axes, numbers: Sequence[tuple[float, float, str, str]], clear: float = 16.0) -> None:
+    """Write each number beside its point (x, y, text, colour), at the corner farthest from points and numbers.
+
+    Numbers at a distance of `clear` do not touch [point].
+    """
     from matplotlib.patheffects import withStroke
 
     place = np.array([axes.transData.transform((x, y)) for x, y, _, _ in numbers]).reshape(-1, 2) * 72.0 / DPI
@@ -145,20 +152,11 @@ def write_numbers(axes: Axes, numbers: Sequence[tuple[float, float, str, str]]) 
         others = np.array([point for point in taken if point is not at])
         offsets = [np.array((right * (5.0 + 2.2 * len(text)), up * 8.0)) for up in (1, -1) for right in (1, -1)]
         gaps = [min(np.hypot(*(others - at - offset).T), default=np.inf) for offset in offsets]
-        best = offsets[int(np.argmax(np.minimum(gaps, NUMBER_DISTANCE)))]
+        best = offsets[int(np.argmax(np.minimum(gaps, clear)))]
         taken.append(at + best)
-        axes.annotate(
-            text,
-            (x, y),
-            tuple(best),
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            fontsize=7.5,
-            color=colour,
-            path_effects=[withStroke(linewidth=2, foreground="white")],
-            zorder=2.5,
-        )
+        look: dict[str, Any] = {"color": colour, "fontsize": 7.5, "ha": "center", "va": "center", "zorder": 2.5}
+        look["path_effects"] = [withStroke(linewidth=2, foreground="white")]
+        axes.annotate(text, (x, y), tuple(best), textcoords="offset points", **look)
 
 
 def largest_error(curve: PlottedBounds, measured: Mask) -> float:

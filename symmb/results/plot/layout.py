@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._magnitudes import LAST_DIGITS, ROUNDING
 from symmb._options import numbers_of, require_names, shown
 from symmb._table import is_timeless
 from symmb._types import Array, Axes, Figure, GivenAxes
@@ -29,32 +30,19 @@ PICTURES = (".png", ".pdf", ".svg")
 """Formats of pictures."""
 MOST_PANELS = 6
 """Most outputs whose bounds are drawn: with more outputs the panels are too small to read."""
-WIDTH, ROW_HEIGHT, HEAD_HEIGHT, DIAGRAM_HEIGHT = 10.0, 1.8, 0.3, 3.8
-"""Width of a figure, and heights of a row of panels, of the title and of a diagram [inch]."""
-_NARROW, _LINE = (4.2, 2.4), 50
-"""Width and height [inch] of a picture of one panel without its legend, for phones, and characters of its lines."""
+ROW_HEIGHT, HEAD_HEIGHT, DIAGRAM_HEIGHT = 1.8, 0.3, 3.8
+"""Heights of a row of panels, of the title and of a diagram [inch]."""
+_NARROW_LINE = 50
+"""Characters of a line in a picture for phones."""
 _LEGEND_COLUMNS = 3
 DPI = 150
 """Resolution of saved pictures [1/inch]: sharp at the width of a text column."""
 MARKERS = "osD^vPX*"
 DASHES = ((0, ()), (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)), (0, (3, 1.5)), (0, (8, 3)))
-LEAST_ERROR, LARGEST_ERROR = 1e-16, 10.0
-"""Range of drawn errors, relative to the width: from rounding to a run that has lost the motion."""
-NUMBER_DISTANCE = 16.0
-"""Distance up to which a number touches other numbers [point]."""
-ROUNDING = 1e-12, 1e-15
-"""Spreads of an output that are rounding, relative to its largest value, and to that of all outputs of its unit."""
-_FLAT = 0.05, 50.0
-"""Smallest axis range for a spread that is rounding, so that the curve looks flat: relative to its middle, and to the
-rounding."""
-_SIZES = 1.0, 50.0
-"""Smallest and largest side of a picture [inch]: larger pictures need more than a gigabyte."""
-_TRUETYPE = 42
-"""Type of fonts in PDF files: journals refuse type 3, matplotlib's default."""
+LEAST_ERROR = 1e-16
+"""Smallest drawn error, relative to the width: smaller errors are rounding, and 0 has no logarithm."""
 _LEGENDS = ((60, 8.0), (36, 8.0), (24, 7.0), (16, 6.0))
-"""Characters of a line, and size [point], of legends in axes of the caller: the first pair that fits is used."""
-_SCREEN = 80
-"""Pixels in a notebook for an inch of a figure."""
+"""Characters per line and font size [point] of legends in axes of the caller. The first pair that fits is used."""
 
 
 def new_figure(height: float) -> Figure:
@@ -62,7 +50,7 @@ def new_figure(height: float) -> Figure:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
+    figure = Figure(figsize=(10.0, height), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
     vars(figure)["_repr_png_"] = partial(_shown, figure)
     return figure
@@ -77,18 +65,22 @@ def png(figure: Figure) -> bytes:
 
 def narrow_png(figure: Figure) -> bytes:
     """A figure with one panel as a PNG file, legible at the width of a phone. The legend gets the space it needs."""
-    figure.set_size_inches(*_NARROW)
+    width, height = 4.2, 2.4  # of the panel without its legend [inch]
+    figure.set_size_inches(width, height)
     for axes in figure.axes:
-        _entitle(axes, "\n".join(wrap(axes.get_title(loc="left"), _LINE)))
+        _entitle(axes, "\n".join(wrap(axes.get_title(loc="left"), _NARROW_LINE)))
     below = sum(_fitted(figure, legend) for legend in [*figure.legends])
-    figure.set_size_inches(_NARROW[0], _NARROW[1] + below)
+    figure.set_size_inches(width, height + below)
     return png(figure)
 
 
 def _fitted(figure: Figure, legend: "Legend") -> float:
     """Reduce the columns and the line length of the legend until it fits into the figure; return its height [inch]."""
     canvas: Any = figure.canvas
-    handles, texts = legend.legend_handles, ["\n".join(wrap(text.get_text(), _LINE)) for text in legend.get_texts()]
+    handles, texts = (
+        legend.legend_handles,
+        ["\n".join(wrap(text.get_text(), _NARROW_LINE)) for text in legend.get_texts()],
+    )
     columns, extent = _LEGEND_COLUMNS, legend.get_window_extent(canvas.get_renderer())
     while extent.width > figure.bbox.width and columns > 1:
         legend.remove()
@@ -99,8 +91,8 @@ def _fitted(figure: Figure, legend: "Legend") -> float:
 
 
 def _shown(figure: Figure) -> tuple[bytes, dict[str, int]]:
-    width, height = figure.get_size_inches()
-    return png(figure), {"width": round(_SCREEN * width), "height": round(_SCREEN * height)}
+    width, height = 80 * figure.get_size_inches()  # pixels for an inch in a notebook
+    return png(figure), {"width": round(width), "height": round(height)}
 
 
 def save(figure: Figure, path: str | Path | None) -> Figure:
@@ -109,7 +101,8 @@ def save(figure: Figure, path: str | Path | None) -> Figure:
         suffix = require_suffix(path, *PICTURES)
         from matplotlib import rc_context
 
-        with replacement(path) as file, rc_context({"pdf.fonttype": _TRUETYPE}):
+        # Type 42 is TrueType: journals refuse type 3, matplotlib's default.
+        with replacement(path) as file, rc_context({"pdf.fonttype": 42}):
             figure.savefig(file, format=suffix[1:])
     return figure
 
@@ -133,11 +126,10 @@ def finish(
         raise DeclarationError(f"{owner}: title must be a text, got {shown(title)}.")
     if figsize is not None:
         sides = numbers_of(figsize)
-        if sides is None or sides.shape != (2,) or not ((_SIZES[0] <= sides) & (sides <= _SIZES[1])).all():
-            ends = "from {:g} to {:g} inches".format(*_SIZES)
-            raise DeclarationError(
-                f"{owner}: figsize must be a width and a height {ends}, such as (8, 5), got {shown(figsize)}."
-            )
+        # Larger pictures need more than a gigabyte.
+        if sides is None or sides.shape != (2,) or not ((1 <= sides) & (sides <= 50)).all():
+            expected = "a width and a height from 1 to 50 inches, such as (8, 5)"
+            raise DeclarationError(f"{owner}: figsize must be {expected}, got {shown(figsize)}.")
         figure.set_size_inches(*sides.tolist())
     if title is not None:
         parts = [part for part in (figure, *figure.subfigs) if part.get_suptitle()] or [figure]
@@ -146,10 +138,13 @@ def finish(
 
 
 def rounding(values: Array, units: Sequence[str] = ()) -> Array:
-    """(n_y,) whether the spreads of outputs (..., n_y) are rounding; see `ROUNDING`."""
+    """Largest spreads (n_y,) of outputs (..., n_y) that are rounding.
+
+    They are relative to the largest value of the output, and to the largest value of all outputs of its unit.
+    """
     size = np.nan_to_num(np.abs(values)).reshape(-1, np.shape(values)[-1]).max(axis=0, initial=0.0)
     alike = [max(s for s, other in zip(size, units, strict=True) if other == unit) if unit else 0.0 for unit in units]
-    return np.maximum(ROUNDING[0] * size, ROUNDING[1] * np.array(alike or 0.0))
+    return np.maximum(ROUNDING * size, LAST_DIGITS * np.array(alike or 0.0))
 
 
 def flatten(panels: Sequence[Axes], least: Array) -> None:
@@ -157,7 +152,7 @@ def flatten(panels: Sequence[Axes], least: Array) -> None:
     for axes, spread in zip(panels, least.tolist(), strict=True):
         low, high = axes.dataLim.intervaly
         if 0 < high - low <= spread:
-            room = max(_FLAT[0] * abs(low + high) / 2, _FLAT[1] * spread)
+            room = max(0.05 * abs(low + high) / 2, 50.0 * spread)  # relative to the value, and to its rounding
             axes.update_datalim([(axes.dataLim.x0, low - room), (axes.dataLim.x0, high + room)])
             axes.autoscale_view(scalex=False)
 
@@ -215,14 +210,9 @@ def given_panels(
             _over_time(axes, t)
         axes.set_xlabel(_time_label(t))
         shared = {units[k] if units else "" for k in own}
-        text = (
-            texts[own[0]]
-            if len(own) == 1
-            else f"[{typeset(shared.pop())}]"
-            if len(shared) == 1 and shared != {""}
-            else ""
-        )
-        axes.set_ylabel(plain(text))
+        unit = shared.pop() if len(shared) == 1 else ""
+        common = f"[{typeset(unit)}]" if unit else ""
+        axes.set_ylabel(plain(texts[own[0]] if len(own) == 1 else common))
     return panels
 
 

@@ -11,7 +11,7 @@ from symmb.results.plot.colours import COLOURS, RUN_COLOUR
 from symmb.results.plot.layout import cyclic, finish_diagrams, plain, three_diagrams
 from symmb.results.plot.style import OWN, Style
 
-_TINT = 0.22
+_OPACITY = 0.22
 """Opacity of bands: other bands stay visible below a band."""
 
 
@@ -46,7 +46,7 @@ def plot_root_locus(
             colour = colours[k]
             if name in bands:
                 lower, upper = bands[name]
-                axes.fill_between(values, lower[:, k], upper[:, k], color=colour, alpha=_TINT, linewidth=0)
+                axes.fill_between(values, lower[:, k], upper[:, k], color=colour, alpha=_OPACITY, linewidth=0)
             axes.plot(values, curve, color=colour, linewidth=1.2, label=names[k])
         axes.set(xlabel=plain(parameter), ylabel=label, xlim=(values[0], values[-1]))
     for axes in panels[2:]:
@@ -83,7 +83,7 @@ def _draw_area(axes: Axes, left: Array, right: Array, low: Array, high: Array, *
     """Draw the area of the rectangles of all values, and the convex hulls of each two neighbouring rectangles."""
     from matplotlib.colors import to_rgb
 
-    light = 1 - _TINT * (1 - np.array(to_rgb(colour)))  # opaque, so that overlapping areas have one colour
+    light = 1 - _OPACITY * (1 - np.array(to_rgb(colour)))  # opaque, so that overlapping areas have one colour
     sides = np.stack([left, right, right, left], axis=1), np.stack([low, low, high, high], axis=1)
     corners = np.stack(sides, axis=2)
     for one, other in pairwise(corners):

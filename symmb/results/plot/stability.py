@@ -7,15 +7,7 @@ import numpy as np
 
 from symmb._types import Array, Figure
 from symmb.results.plot.colours import colour_of
-from symmb.results.plot.layout import (
-    DASHES,
-    LARGEST_ERROR,
-    LEAST_ERROR,
-    MARKERS,
-    cyclic,
-    finish_diagrams,
-    three_diagrams,
-)
+from symmb.results.plot.layout import DASHES, LEAST_ERROR, MARKERS, cyclic, finish_diagrams, three_diagrams
 from symmb.results.plot.style import OWN, Style
 
 
@@ -38,18 +30,19 @@ def plot_stability(
     style : options            with up to three axes of the caller, in this order of diagrams
     """
     figure, panels = three_diagrams(style, 0.8)
+    largest = 10.0  # a run with a larger error has lost the motion
     colours, texts = style.colours([*map(colour_of, points)]), style.labels([*points])
     for k, name in enumerate(points):
         marker, label = cyclic(MARKERS, k), texts[k]
         look: dict[str, Any] = {"color": colours[k], "linestyle": cyclic(DASHES, k), "linewidth": 1.1}
         seconds, errors = np.reshape(points[name], (-1, 2)).T
-        panels[0].loglog(seconds, np.clip(errors, LEAST_ERROR, LARGEST_ERROR), marker=marker, label=label, **look)
+        panels[0].loglog(seconds, np.clip(errors, LEAST_ERROR, largest), marker=marker, label=label, **look)
         panels[0].set(xlabel="run time [s]", ylabel="error, relative to the motion")
         for axes in panels[1:2]:  # the caller may have fewer axes
             axes.semilogy(t, np.maximum(drift[name], LEAST_ERROR), label=label, **look)
             axes.set(xlabel="time [s]", ylabel="largest violation of a position row [m, rad]")
         for axes in panels[2:]:
-            values = np.clip(list(stress[name].values()), LEAST_ERROR, LARGEST_ERROR)
+            values = np.clip(list(stress[name].values()), LEAST_ERROR, largest)
             axes.semilogx(values, list(stress[name]), marker, c=look["color"], label=label)
             axes.set(xlabel="error under stress, relative to the motion")
     finish_diagrams(figure, panels, style, title, 4)

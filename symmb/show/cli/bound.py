@@ -26,13 +26,10 @@ VIOLATED = 1
 def add_bound(command: Callable[..., argparse.ArgumentParser], methods: str, solvers: str) -> None:
     """Add the command."""
     bound = command("bound", "bound outputs, and check limits", _bound, f"{methods}\n\n{solvers}")
-    bound.add_argument(
-        "--box", metavar="k=1:2", nargs="+", action="extend", default=[], help="intervals, instead of the scene's"
-    )
+    several: dict[str, Any] = {"nargs": "+", "action": "extend", "default": []}
+    bound.add_argument("--box", metavar="k=1:2", **several, help="intervals, instead of the scene's")
     bound.add_argument("--tolerances", metavar="F", help="a table of intervals (.csv, .toml), in addition to --box")
-    bound.add_argument(
-        "--limit", metavar="x=:0.3", nargs="+", action="extend", default=[], help="limits low:high of outputs"
-    )
+    bound.add_argument("--limit", metavar="x=:0.3", **several, help="limits low:high of outputs")
     bound.add_argument("--method", metavar="M", default="pce", help="method; default: pce")
     bound.add_argument("--solver", metavar="S", help="solver of the runs")
     bound.add_argument("--contributions", action="store_true", help="make the runs that contributions need")
@@ -42,12 +39,12 @@ def add_bound(command: Callable[..., argparse.ArgumentParser], methods: str, sol
     bound.add_argument("--view", metavar="F", help="draw the mechanism in the runs that attain the bounds")
     bound.add_argument("--report", metavar="F.html", help="write a printable report of the bounds and limits")
     text = f"parts of the report's title block: {', '.join(BLOCK)}"
-    bound.add_argument("--title-block", metavar="author=A", nargs="+", action="extend", default=[], help=text)
+    bound.add_argument("--title-block", metavar="author=A", **several, help=text)
 
 
 def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     method = specs.method(options.method)
-    solver = None if options.solver is None else specs.solver(options.solver)
+    solver = specs.solver(options.solver)
     paths = result_paths(options)
     limits = _limits(options)
     block = dict(word.partition("=")[::2] for word in options.title_block)

@@ -59,7 +59,7 @@ def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, s
 
 def _compare(options: argparse.Namespace) -> tuple[str, ...]:
     methods = None if options.methods is None else [specs.method(text) for text in options.methods]
-    solver = None if options.solver is None else specs.solver(options.solver)
+    solver = specs.solver(options.solver)
     paths = result_paths(options)
     if options.workers is not None and options.workers < 1:
         raise DeclarationError(f"--workers must be a number of processes, 1 or more, got {options.workers}.")

@@ -38,7 +38,7 @@ def _codegen(options: argparse.Namespace) -> None:
     folder = Path(options.output)
     if folder.exists() and not folder.is_dir():
         raise DeclarationError(f"{folder} is a file. -o needs the name of a folder for the C files.")
-    solver = None if options.solver is None else specs.solver(options.solver)
+    solver = specs.solver(options.solver)
     scene = load_scene(options.scene)
     with Progress("generating C"):
         equations = program_of(scene)
@@ -57,7 +57,7 @@ def _codegen(options: argparse.Namespace) -> None:
 def _fmu(options: argparse.Namespace) -> None:
     result_path(options.output, ".fmu")
     require_compiler("The export of an FMU")
-    solver = None if options.solver is None else specs.solver(options.solver)
+    solver = specs.solver(options.solver)
     scene = load_scene(options.scene)
     with Progress(f"exporting {scene.name}"):
         mb.save_fmu(scene if solver is None else mb.prepare(scene, solver), options.output, options.fmi)

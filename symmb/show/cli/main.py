@@ -88,7 +88,7 @@ def _keep_partial(options: argparse.Namespace, partial: Any) -> None:
 
 
 def _simulate(options: argparse.Namespace) -> tuple[str, ...]:
-    solver = None if options.solver is None else specs.solver(options.solver)
+    solver = specs.solver(options.solver)
     paths = result_paths(options)
     scene, parameters = scene_and_parameters(options)
     trajectory = mb.simulate(scene, solver, parameters)

@@ -23,12 +23,10 @@ if TYPE_CHECKING:
 
 INTERRUPTED = 130
 """The exit status of an interrupted program, as shells define it for SIGINT."""
-_GRACE = 1.4
+_END_SECONDS = 1.4
 """Time for the main thread to end [s]. The program ends within 2 s."""
-_LOST = 0
+_LOST = b"\0"
 """The byte with which the main thread reports a lost interrupt: Python drops exceptions of some callbacks."""
-_LATER = 0.005
-"""Time until a lost interrupt is repeated [s]: by then the callback has returned."""
 
 
 def end_at_signals() -> None:
@@ -55,7 +53,7 @@ def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
 
 def _report_unraisable(writer: int, unraisable: "UnraisableHookArgs") -> None:
     if unraisable.exc_type is KeyboardInterrupt:
-        os.write(writer, bytes([_LOST]))
+        os.write(writer, _LOST)
     else:
         sys.__unraisablehook__(unraisable)
 
@@ -63,11 +61,11 @@ def _report_unraisable(writer: int, unraisable: "UnraisableHookArgs") -> None:
 def _watch(reader: int) -> None:
     while os.read(reader, 1)[0] not in SIGNALS:  # C writes the number of each signal that has a handler
         pass
-    deadline, repeated = time.monotonic() + _GRACE, 0
+    deadline, repeated = time.monotonic() + _END_SECONDS, 0
     while select.select([reader], [], [], max(deadline - time.monotonic(), 0.0))[0]:
-        if os.read(reader, 1)[0] == _LOST:
+        if os.read(reader, 1) == _LOST:
             repeated += 1
-            time.sleep(_LATER)
+            time.sleep(0.005)  # by then the callback has returned
             signal.pthread_kill(main_thread().ident or 0, signal.SIGINT)
         elif repeated:
             repeated -= 1

@@ -4,9 +4,14 @@ from collections.abc import Sequence
 
 from symmb._specs import Spec
 from symmb.bound.bounds import METHODS, read_method
-from symmb.run.integrate import SOLVERS, WORDS, read_solver
+from symmb.run.integrate import SOLVERS, WORDS, Solver, read_solver
 
-method, solver = read_method, read_solver
+method = read_method
+
+
+def solver(text: str | None) -> Solver | None:
+    """The solver of a text; None if the option was not given."""
+    return None if text is None else read_solver(text)
 
 
 def table(title: str, specs: Sequence[Spec]) -> str:

@@ -12,8 +12,6 @@ from symmb._errors import DeclarationError
 
 _TIMES = np.linspace(0.0, 2.0, 201)
 """Output times [s]: an arm falls from rest in about half a second."""
-_DOWN = 0.0, 0.0, -9.81
-"""Gravity [m/s^2]: z points up in URDF files."""
 
 
 def urdf_scene(path: Path, numbers: Iterable[str]) -> mb.Scene:
@@ -35,7 +33,8 @@ def urdf_scene(path: Path, numbers: Iterable[str]) -> mb.Scene:
     robot = mb.load_urdf(path, replace={name: getattr(p, own) for name, own in names.items()})
     if not robot.elements:
         raise DeclarationError(f"{path}: no joint of this file moves, so that there is nothing to simulate.")
-    system = mb.System(*robot.elements, mb.Gravity(*_DOWN), parameters=p)
+    gravity = mb.Gravity(0.0, 0.0, -9.81)  # z points up in URDF files
+    system = mb.System(*robot.elements, gravity, parameters=p)
     return mb.Scene(system, robot.start, _TIMES, name=path.stem)
 
 

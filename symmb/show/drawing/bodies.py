@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from symmb._magnitudes import NOTHING, SLIGHT, SMALL
 from symmb._types import Array
 from symmb.declare.mechanics import (
     AxisJoint,
@@ -30,15 +31,11 @@ from symmb.show.drawing.survey import Asked, Survey
 
 SOLID = "solid of the same inertia"
 """Kind of the solids of bodies whose points also show their size."""
-_SAME = 1e-6
-"""Distance of points, relative to the unit of length, below which they coincide."""
-_ALIKE = 0.03
+_ROUND = 0.03
 """Relative difference of second moments of mass below which a solid is drawn as round."""
-_LIGHT, _LONG = 500.0, 2.0
+_LEAST_DENSITY, _LONGEST_HALF = 500.0, 2.0
 """Smallest density [kg/m^3] and largest half length of the solid of a link, relative to the robot's span per link:
 inertias in files are often placeholders, such as 1 kg m^2 for a finger."""
-_NEIGHBOURS, _REACH = 12, 1.6
-"""Nearest nodes of a mesh that may be joined, and their largest distance, relative to the longest edge of its tree."""
 
 
 class BodySketch:
@@ -80,9 +77,9 @@ class BodySketch:
         axes[:, 2] *= np.sign(np.linalg.det(axes))
         variances = np.maximum(values.sum() / 2 - values, 0.0) / m
         if isinstance(self.body, Link) and variances.max() and self.survey.span:
-            half, most = np.sqrt(3 * variances), m / _LIGHT
+            half, most = np.sqrt(3 * variances), m / _LEAST_DENSITY
             links = sum(isinstance(body, Link) for body in self.survey.bodies)
-            longest = _LONG * self.survey.span / links
+            longest = _LONGEST_HALF * self.survey.span / links
             variances *= min(np.cbrt(most / max(8 * half.prod(), most)), longest / half.max(), 1.0) ** 2
         return variances, axes
 
@@ -103,8 +100,8 @@ class BodySketch:
             return
         if self.own and not self.own.unread:
             return
-        points = _distinct(self.points, _SAME * u)
-        far = [p for p in points if np.linalg.norm(p) > _SAME * u]
+        points = _distinct(self.points, SLIGHT * u)
+        far = [p for p in points if np.linalg.norm(p) > SLIGHT * u]
         if isinstance(self.body.pose, Particle):
             yield self._shape("ball", (self._at(np.zeros(3)),), (2.2 * u,))
             return
@@ -149,11 +146,11 @@ class BodySketch:
             return
         order = np.argsort(variances)
         low, middle, high = variances[order]
-        if high - low < _ALIKE * high:
+        if high - low < _ROUND * high:
             form, half = 2, np.sqrt(5 * variances)
-        elif middle - low < _ALIKE * middle or high - middle < _ALIKE * high:
+        elif middle - low < _ROUND * middle or high - middle < _ROUND * high:
             form = 1
-            axial = order[2] if middle - low < _ALIKE * middle else order[0]
+            axial = order[2] if middle - low < _ROUND * middle else order[0]
             axes = np.roll(axes, 2 - axial, axis=1)
             variances = np.roll(variances, 2 - axial)
             half = np.array([2, 2, np.sqrt(3)]) * np.sqrt(variances)
@@ -172,7 +169,7 @@ class BodySketch:
         cloud = np.array(points)
         middle = cloud.mean(axis=0)
         _, spread, axes = np.linalg.svd(cloud - middle)
-        rank = int((spread > 1e-3 * spread[0]).sum())
+        rank = int((spread > SMALL * spread[0]).sum())
         if rank == 1:
             along = (cloud - middle) @ axes[0]
             a, b, center = cloud[along.argmin()], cloud[along.argmax()], np.zeros(3)
@@ -224,14 +221,15 @@ def _edges(hull) -> set[tuple[int, int]]:
     for corners, equation in zip(hull.simplices.tolist(), hull.equations, strict=True):
         for i, k in ((0, 1), (1, 2), (0, 2)):
             normals.setdefault((min(corners[i], corners[k]), max(corners[i], corners[k])), []).append(equation[:3])
-    return {edge for edge, (a, b) in normals.items() if a @ b < 1 - 1e-6}
+    return {edge for edge, (a, b) in normals.items() if a @ b < 1 - SLIGHT}
 
 
-def mesh_edges(positions: Array) -> list[tuple[int, int]]:
+def mesh_edges(positions: Array, nearest: int = 12, reach: float = 1.6) -> list[tuple[int, int]]:
     """Pairs of nodes to join: the modes have nodes, but no elements.
 
     A pair is joined if no third node lies in the ball with the pair as its diameter (a Gabriel graph, which reproduces
-    chains and grids), and if it is not much longer than the minimum spanning tree's edges. All its edges are joined.
+    chains and grids), and if the pair is not much longer than nearby edges of the minimum spanning tree. All edges of
+    the tree are joined. Pairs are sought among the `nearest` nodes, up to a `reach` relative to these edges.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import minimum_spanning_tree
@@ -240,20 +238,20 @@ def mesh_edges(positions: Array) -> list[tuple[int, int]]:
     count = len(positions)
     if count < 2:
         return []
-    near = min(_NEIGHBOURS, count - 1)
+    near = min(nearest, count - 1)
     distances, neighbours = map(np.asarray, KDTree(positions).query(positions, near + 1))
     rows = np.repeat(np.arange(count), near)
     columns, lengths = neighbours[:, 1:].ravel(), distances[:, 1:].ravel()
-    tree = minimum_spanning_tree(coo_array((np.maximum(lengths, 1e-300), (rows, columns)), (count, count))).tocoo()
+    tree = minimum_spanning_tree(coo_array((np.maximum(lengths, NOTHING), (rows, columns)), (count, count))).tocoo()
     edges = {(min(i, k), max(i, k)) for i, k in zip(tree.row.tolist(), tree.col.tolist(), strict=True)}
     longest = np.zeros(count)  # longest edge of the tree at each node
     np.maximum.at(longest, tree.row, tree.data)
     np.maximum.at(longest, tree.col, tree.data)
     for i, k, length in zip(rows.tolist(), columns.tolist(), lengths, strict=True):
-        if length > _REACH * min(longest[i], longest[k]):
+        if length > reach * min(longest[i], longest[k]):
             continue
         middle = (positions[i] + positions[k]) / 2
         others = np.delete(positions[neighbours[i]], [0, int(np.flatnonzero(neighbours[i] == k)[0])], axis=0)
-        if (np.linalg.norm(others - middle, axis=1) > length / 2 * (1 + 1e-6)).all():
+        if (np.linalg.norm(others - middle, axis=1) > length / 2 * (1 + SLIGHT)).all():
             edges.add((min(i, k), max(i, k)))
     return sorted(edges)

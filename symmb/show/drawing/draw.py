@@ -2,30 +2,24 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._magnitudes import SAME
 from symmb._types import Array, Indices
 from symmb.declare.mechanics import Body, Element, Flywheel, Gravity, Input, Joint, OwnState, Planar, Point
 from symmb.results.plot import labels
 from symmb.run.simulation import Trajectory
 from symmb.show.drawing.bodies import BodySketch
-from symmb.show.drawing.elements import GUIDE, Build, sketch
+from symmb.show.drawing.elements import GUIDE, Sketch, begun, shapes_of, sketch
 from symmb.show.drawing.geometry import not_drawn, shapes_of_bodies
 from symmb.show.drawing.shapes import Drawing, Shape
 from symmb.show.drawing.survey import Survey
 
 MOST_PICTURES = 1001
 """Approximate number of pictures of a page. For longer runs only every n-th output time is shown."""
-_UNIT = 0.011
-"""Radius of a bar, relative to the size of the mechanism."""
-_SHORT = 7.0
-"""Size, relative to the median size of its bodies, above which a mechanism is large. Its bars are then thinner."""
-_TRAVELLED = 0.3
-"""Smallest size of a mechanism, relative to the space of its motion."""
-_FLAT = 1e-9
-"""Coordinate out of the plane, relative to the size, that counts as rounding."""
 _TURNED, _RAISED = np.radians(-28.0), np.radians(20.0)
 """Initial angles of view for a spatial mechanism: about the vertical, and above the horizontal."""
 
@@ -41,9 +35,7 @@ def draw(
     run = replace(run, t=run.t[rows], x=run.x[rows], work=run.work[rows], run_examination=None, error=None)
     survey = Survey(run, scene)
     elements = [element for element in scene.system.elements if not _is_unseen(element)]
-    sketches = [
-        (element, sketch(survey.acting(element), survey)) for element in elements if isinstance(element, Element)
-    ]
+    sketches = [(e, begun(sketch(survey.acting(e), survey))) for e in elements if isinstance(e, Element)]
     gravity = next((survey.ask([e.gx, e.gy, e.gz]) for e in elements if isinstance(e, Gravity)), None)
     given = shapes_of_bodies(survey, elements)
     of = {id(own.body): own for own in given}
@@ -59,8 +51,8 @@ def draw(
     size = _size(survey.span, tracks, bodies)
     unit = _unit(size, bodies)
     shapes = _shapes(survey, bodies, sketches, unit)
-    planar = _is_planar(survey, g, size)
-    shapes += [shape for own in given for shape in own.shapes()]  # these may lie beside the plane of the motion
+    planar = _is_planar(survey, g, size)  # before the given shapes, which may lie beside the plane of the motion
+    shapes += chain.from_iterable(own.shapes() for own in given)
     if traced is not None:
         shapes.append(Shape("path", "path of the point", "path", "trace", (traced,), (0.35 * unit,)))
     return Drawing(
@@ -77,11 +69,13 @@ def draw(
         gravity=g,
         outputs=labels(run.names, run.units),
         values=run.values,
-        notes=(
-            *(e.title for e, build in sketches if build is None and not isinstance(e, Gravity | Input | OwnState)),
-            *not_drawn(given),
-        ),
+        notes=(*_without_place(sketches), *not_drawn(given)),
     )
+
+
+def _without_place(sketches: Sequence[tuple[Element, Sketch | None]]) -> list[str]:
+    """Titles of the elements that are not drawn, except gravity (an arrow), inputs and states."""
+    return [e.title for e, drawn in sketches if drawn is None and not isinstance(e, Gravity | Input | OwnState)]
 
 
 def _is_unseen(part: Body | Element) -> bool:
@@ -101,29 +95,32 @@ def _diagonal(tracks: Sequence[Array]) -> float:
 
 
 def _size(span: float, tracks: Sequence[Array], bodies: Sequence[BodySketch]) -> float:
-    """Size of the mechanism [m], from the span of its attached points and centres of mass, and from their paths."""
+    """Size of the mechanism [m], from the span of its attached points and centres of mass, and from its bodies.
+
+    It is at least 0.3 of the space of the motion, so that small mechanisms can be seen in long paths.
+    """
     travelled = _diagonal(tracks)
     own = max([span, *(body.reach for body in bodies)])
-    return max(own, _TRAVELLED * travelled) if own else travelled or 1.0
+    return max(own, 0.3 * travelled) if own else travelled or 1.0
 
 
 def _unit(size: float, bodies: Sequence[BodySketch]) -> float:
-    """Radius of a bar [m]."""
+    """Radius of a bar [m]: 1.1 % of the size. Bars are thinner in mechanisms that are larger than 7 of their bodies."""
     reaches = [reach for body in bodies if (reach := body.reach)]
-    return _UNIT * min(size, _SHORT * float(np.median(reaches or [size])))
+    return 0.011 * min(size, 7.0 * float(np.median(reaches or [size])))
 
 
 def _shapes(
-    survey: Survey, bodies: Sequence[BodySketch], sketches: Sequence[tuple[Element, Build | None]], unit: float
+    survey: Survey, bodies: Sequence[BodySketch], sketches: Sequence[tuple[Element, Sketch | None]], unit: float
 ) -> list[Shape]:
     """The shapes of bodies and of elements. The parts of a joint at its bodies are present while it is closed."""
     of_elements = [
         replace(shape, present=survey.closed(element))
         if isinstance(element, Joint) and shape.colour != GUIDE
         else shape
-        for element, build in sketches
-        if build
-        for shape in build(unit)
+        for element, drawn in sketches
+        if drawn
+        for shape in shapes_of(drawn, unit)
     ]
     of_bodies = [shape for body in bodies for shape in body.shapes(unit)]
     return of_bodies + _once(of_elements)
@@ -146,8 +143,8 @@ def _is_planar(survey: Survey, g: Array, size: float) -> bool:
     poses = (survey.pose(i) for i in range(1, len(survey.bodies)))
     return (
         not g[2]
-        and all(np.abs((pose[:, 2] - flat) * scale).max() < _FLAT for pose in poses)
-        and all(np.abs(survey.track(place)[:, 2]).max() < _FLAT * size for place in range(survey.count))
+        and all(np.abs((pose[:, 2] - flat) * scale).max() < SAME for pose in poses)
+        and all(np.abs(survey.track(place)[:, 2]).max() < SAME * size for place in range(survey.count))
     )
 
 

@@ -1,25 +1,40 @@
 """Elements as shapes. `joints` and `forces` register one function for each kind of element with `sketch`."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Generator, Iterator
+from contextlib import suppress
 from functools import singledispatch
+from typing import Any
 
 import numpy as np
 
+from symmb._magnitudes import NOTHING
 from symmb._types import Array
 from symmb.declare.mechanics import Element, Ground, Point
 from symmb.show.drawing.shapes import Shape
 from symmb.show.drawing.survey import Asked, Survey
 
-Build = Callable[[float], Iterator[Shape]]
-"""A function that draws an element for a unit of length [m], after the numbers are computed."""
+Sketch = Generator[Any, float, Any]
+"""An element being drawn. It requests numbers, pauses until it is sent the unit of length [m], and yields shapes."""
 JOINT, GUIDE, SPRING, DAMPER, LOAD, CONTACT = "joint", "guide", "spring", "damper", "load", "contact"
 """Colours of elements; colours of bodies are numbers."""
 
 
 @singledispatch
-def sketch(element: Element, survey: Survey) -> Build | None:
-    """The function that draws an element. It requests places from the survey now; None if the element has no place."""
-    return None
+def sketch(element: Element, survey: Survey) -> Sketch:
+    """Draw an element. Without a place it ends before it pauses."""
+    yield from ()
+
+
+def begun(drawn: Sketch) -> Sketch | None:
+    """An element that has requested its numbers from the survey; None if it has no place."""
+    return drawn if next(drawn, False) is None else None
+
+
+def shapes_of(drawn: Sketch, unit: float) -> Iterator[Shape]:
+    """The shapes of an element, after the survey has computed the numbers."""
+    with suppress(StopIteration):  # some elements have no shape, such as forces that are always zero
+        yield drawn.send(unit)
+        yield from drawn
 
 
 def shape_of(
@@ -36,15 +51,16 @@ def shape_of(
     return Shape(form, element.name, element.kind, colour, places, size, direction, faint)
 
 
-def supports(element: Element, survey: Survey, *points: Point) -> Build:
-    """Supports at the points that are fixed to the ground."""
+def supports(element: Element, survey: Survey, *points: Point) -> Generator[Shape | None, float, float]:
+    """Draw supports at the points that are fixed to the ground, and return the unit of length."""
     grounded = [survey.place(p) for p in points if isinstance(p.body, Ground)]
-    return lambda u: (
-        Shape("support", "ground", element.name, GUIDE, (place,), (3.2 * u,), survey.away(place)) for place in grounded
-    )
+    u = yield
+    for place in grounded:
+        yield Shape("support", "ground", element.name, GUIDE, (place,), (3.2 * u,), survey.away(place))
+    return u
 
 
 def unit_vectors(asked: Asked) -> Array:
     """Unit vectors, (1, 3) or (n_f, 3)."""
     values = asked()
-    return values / np.maximum(np.linalg.norm(values, axis=1, keepdims=True), 1e-300)
+    return values / np.maximum(np.linalg.norm(values, axis=1, keepdims=True), NOTHING)

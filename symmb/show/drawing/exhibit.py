@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._magnitudes import NOTHING, SAME
 from symmb._names import ByName
 from symmb._options import require_name
 from symmb._types import Array, Indices
@@ -22,13 +23,10 @@ from symmb.show.drawing.shapes import Drawing
 
 LOWER, UPPER = "#b3541e", "#5b3fa0"
 """Colours of the runs that attain the lower and the upper bound."""
-_LINE, _FEW, _SAMPLES, _SWEPT = 6, 2, 128, 150
-"""Samples for a point's region: along each of a few parameters, and in total for more; times between its outlines."""
-_MOST_RUNS, _PICTURES, _FEWEST = 500, 20_000, 101
-"""Most runs of a page with sliders, approximate total of their pictures, fewest pictures of a run: a page has 10 MB."""
-_CLOSE, _THIN = 0.05, 0.5
-"""Largest extent of a cell of samples over some time, relative to the mechanism's size, for which the region is its
-convex hull. For other cells the region is the paths of their samples; width of a path over the radius of a bar."""
+_SAMPLES_PER_PARAMETER = 6
+"""Samples along each of one or two parameters, for the region of a point."""
+_MOST_RUNS = 500
+"""Most runs of a page with sliders."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +40,8 @@ class Ghost:
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """The region of a point over the box: positions of samples (n_f, n, 3), and (3 m, 2), corners of triangles
-    that cover its sweep in the xy plane, or the paths of samples that are far apart."""
+    """The positions that a point takes for all parameters of the box: positions of n samples (n_f, n, 3), and corners
+    (3 m, 2) of triangles. The triangles cover the sweep in the xy plane, or the paths of samples that are far apart."""
 
     name: str
     points: Array
@@ -111,7 +109,7 @@ def of_sweep(sweep: Sweep, time: float | None, point: Point | None) -> Exhibit:
     samples = [Sample(np.nan, p[None], 0) for p in np.stack([*sweep.parameters.values()], axis=1)]
     runs = attaining_runs(Study(sweep.simulator, box), samples)
     row = 0 if time is None else row_of("view", sweep.t, time)
-    most = max(_PICTURES // len(runs), _FEWEST)
+    most = max(20_000 // len(runs), 101)  # pictures of a run, so that a page has about 10 MB
     family = tuple(draw(run, also=[row], point=point, most=most) for run in runs)
     drawing = family[int(np.ravel_multi_index([s.at for s in sliders], [len(s.values) for s in sliders]))]
     return Exhibit(drawing, picture=_picture(drawing, runs[0].t[row]), sliders=sliders, family=family)
@@ -200,37 +198,38 @@ def _region(study: Study, point: Point, drawing: Drawing) -> Region:
     scene = study.scene.with_outputs({"x": point.x, "y": point.y, "z": point.z})
     simulator = simulator_with(scene, study.solver)
     d = len(study.box)
-    unit = grid(np.linspace(-1, 1, _LINE), d) if d <= _FEW else _many(d)
+    unit = grid(np.linspace(-1, 1, _SAMPLES_PER_PARAMETER), d) if d <= 2 else _many(d)
     ensemble = simulator.run(parameter_samples(simulator, study.box, unit))
     ways = ensemble.Y.transpose(1, 0, 2)
     points = ways[np.searchsorted(simulator.times, drawing.t)]
-    corners = _cells(unit) if d <= _FEW else [np.arange(len(unit))]
-    scales = _CLOSE * drawing.size, _THIN * drawing.unit
+    corners = _cells(unit) if d <= 2 else [np.arange(len(unit))]
+    scales = 0.05 * drawing.size, 0.5 * drawing.unit
     sweep = _swept(ways[:, :, :2], corners, *scales) if drawing.planar else np.zeros((0, 2))
     return Region(f"{points.shape[1]} samples of the box", points[:, ensemble.ok], sweep)
 
 
-def _many(d: int) -> Array:
-    """Samples of a box with many parameters: random corners, and random points inside."""
+def _many(d: int, n: int = 64) -> Array:
+    """Samples of a box with many parameters: n random corners, and n random points inside."""
     random = np.random.default_rng(0)
-    return np.vstack([random.choice([-1.0, 1.0], (_SAMPLES // 2, d)), random.uniform(-1, 1, (_SAMPLES // 2, d))])
+    return np.vstack([random.choice([-1.0, 1.0], (n, d)), random.uniform(-1, 1, (n, d))])
 
 
 def _cells(unit: Array) -> list[Indices]:
     """Numbers of the samples at the corners of each cell of the grid."""
-    step = 2 / (_LINE - 1) * (1 + 1e-9)
-    lower = [k for k in range(len(unit)) if (unit[k] < 1 - 1e-9).all()]
-    return [np.flatnonzero(((unit >= unit[k] - 1e-9) & (unit <= unit[k] + step)).all(axis=1)) for k in lower]
+    step = 2 / (_SAMPLES_PER_PARAMETER - 1) * (1 + SAME)
+    lower = [k for k in range(len(unit)) if (unit[k] < 1 - SAME).all()]
+    return [np.flatnonzero(((unit >= unit[k] - SAME) & (unit <= unit[k] + step)).all(axis=1)) for k in lower]
 
 
-def _swept(points: Array, cells: Sequence[Indices], close: float, side: float) -> Array:
+def _swept(points: Array, cells: Sequence[Indices], close: float, side: float, spans: int = 150) -> Array:
     """Corners (3 m, 2) of m triangles that cover the sweep of the cells of samples (n_t, n, 2) over time.
 
-    If the samples of a cell stay close for a time, their convex hull is covered. Other hulls may contain places that no
-    parameters reach, such as the inside of a circular path. Then the path of each sample is covered.
+    The time is divided into spans. If the extent of a cell in a span is at most `close` [m], its convex hull is
+    covered. Larger hulls may contain places that no parameters reach, such as the inside of a circular path. Then the
+    path of each sample is covered, with the width `side` [m].
     """
     triangles, ways = [np.zeros((0, 2))], []
-    rows = np.unique(np.linspace(0, len(points) - 1, _SWEPT).astype(int))
+    rows = np.unique(np.linspace(0, len(points) - 1, spans).astype(int))
     for before, after in pairwise(rows.tolist()):
         for cell in cells:
             reached = points[before : after + 1][:, cell]
@@ -282,7 +281,7 @@ def _widest(bounds: Bounds) -> int:
     """The output with the largest width relative to its own range."""
     width = (bounds.upper - bounds.lower).max(axis=0)
     extent = bounds.upper.max(axis=0) - bounds.lower.min(axis=0)
-    return int(np.argmax(width / np.maximum(extent, 1e-300)))
+    return int(np.argmax(width / np.maximum(extent, NOTHING)))
 
 
 def _extremes(lower: Array, upper: Array) -> list[int]:

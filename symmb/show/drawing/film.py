@@ -13,18 +13,9 @@ from symmb.show.drawing.exhibit import Exhibit
 from symmb.show.drawing.page import speed
 from symmb.show.drawing.still import canvas, paint
 
-_DPI = 90
-_LOOKED_AT = 40
-"""Number of pictures that determine the frame of a film."""
-
 
 def film(exhibit: Exhibit, file: BinaryIO, suffix: str) -> None:
-    """Write the film of a run.
-
-    Raises
-    ------
-    DeclarationError       if the program or package for the format is not installed, or fails
-    """
+    """Write the film of a run. DeclarationError if the program or package for the format is missing, or fails."""
     write, rate = FILMS[suffix]
     t = exhibit.drawing.t
     duration = float(np.ptp(t))
@@ -36,7 +27,8 @@ def film(exhibit: Exhibit, file: BinaryIO, suffix: str) -> None:
 
 def _pictures(exhibit: Exhibit, numbers: list[int]) -> Iterator[Array]:
     """Pixels (h, w, 3) of pictures."""
-    figure, axes = canvas(exhibit, numbers[:: max(len(numbers) // _LOOKED_AT, 1)], _DPI)
+    some = numbers[:: max(len(numbers) // 40, 1)]  # they determine the frame of the film
+    figure, axes = canvas(exhibit, some, dpi=90)
     limits = axes.get_xlim(), axes.get_ylim()
     picture, shown = np.empty(0), None
     for k in numbers:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from symmb._magnitudes import NOTHING
 from symmb._types import Array
 from symmb.show.drawing.shapes import Shape
 
@@ -30,8 +31,6 @@ LIGHT = {"direction": (-0.4, 0.6, 0.8), "everywhere": 0.42, "lit": 0.48, "in_fro
 """Direction to the light, seen by the viewer, and brightness of surfaces: base, towards light, and to the viewer."""
 IN_WORLD = ("arrow", "twist", "support")
 """Forms with a direction in world axes."""
-_TURNS, _STUB = 7, 0.12
-"""Turns of a coil, and the fraction of its length at each end that is straight."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,15 +77,16 @@ def directions(shape: Shape) -> Array | None:
     if shape.form == "solid":
         return track.T.reshape(1, 9)
     lengths = np.linalg.norm(track, axis=1, keepdims=True)
-    return track * 7 * np.sqrt(r / (23.4 * np.maximum(lengths, 1e-300)))
+    return track * 7 * np.sqrt(r / (23.4 * np.maximum(lengths, NOTHING)))
 
 
 def _coil(shape: Shape, flat: bool) -> Iterator[Part]:
     radius, offset = shape.size
-    angles = np.linspace(0, _TURNS, (4 if flat else 16) * _TURNS + 1)
+    turns, straight = 7, 0.12  # `straight` is the fraction of the length at each end without turns
+    angles = np.linspace(0, turns, (4 if flat else 16) * turns + 1)
     swing = radius * (circle(angles)[:, [1, 2, 2]] if flat else circle(angles))
     swing[[0, -1]] = 0.0
-    swing[:, 2] = _STUB + (1 - 2 * _STUB) * angles / _TURNS
+    swing[:, 2] = straight + (1 - 2 * straight) * angles / turns
     points = np.vstack([[0, 0, 0], swing, [0, 0, 1]]) + [offset, 0, 0]
     yield Part("line", "ends", ((0.13 if flat else 0.11) * radius,), points=points)
 

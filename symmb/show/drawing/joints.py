@@ -1,6 +1,5 @@
 """Joints as shapes, by their kinds."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -20,159 +19,121 @@ from symmb.declare.mechanics import (
     Universal,
     Weld,
 )
-from symmb.show.drawing.elements import GUIDE, JOINT, Build, shape_of, sketch, supports, unit_vectors
-from symmb.show.drawing.shapes import Shape
+from symmb.show.drawing.elements import GUIDE, JOINT, Sketch, shape_of, sketch, supports, unit_vectors
 from symmb.show.drawing.survey import Asked, Survey
-
-_BLOCK = (3.6, 2.6, 2.6)
-"""Sides of a slider, in units of length."""
 
 
 @sketch.register
-def _(joint: Revolute, survey: Survey) -> Build:
+def _(joint: Revolute, survey: Survey) -> Sketch:
     a, b = survey.place(joint.point_a), survey.place(joint.point_b)
-    axis, support = _axis(joint, survey), supports(joint, survey, joint.point_a, joint.point_b)
-
-    def build(u: float) -> Iterator[Shape]:
-        yield from support(u)
-        place = b if joint.point_a.body.owner is not joint.point_a.body else a
-        yield shape_of(joint, "pin", JOINT, (place,), (1.6 * u, 3.2 * u), direction=unit_vectors(axis))
-
-    return build
+    axis = _axis(joint, survey)
+    u = yield from supports(joint, survey, joint.point_a, joint.point_b)
+    place = b if joint.point_a.body.owner is not joint.point_a.body else a
+    yield shape_of(joint, "pin", JOINT, (place,), (1.6 * u, 3.2 * u), direction=unit_vectors(axis))
 
 
 def _axis(joint: AxisJoint, survey: Survey) -> Asked:
-    """Positions in the frame of body a. If a joint closes in the run, they are those after closing."""
+    """The axis of a joint in the frame of body a. If the joint closes in the run, this is the axis after closing."""
     return survey.direction(joint.point_a.body, joint.own_frames[0][:, 2])
 
 
 @sketch.register
-def _(joint: Spherical, survey: Survey) -> Build:
-    a, support = survey.place(joint.point_a), supports(joint, survey, joint.point_a, joint.point_b)
+def _(joint: Spherical, survey: Survey) -> Sketch:
+    a = survey.place(joint.point_a)
     survey.place(joint.point_b)
-
-    def build(u: float) -> Iterator[Shape]:
-        yield from support(u)
-        yield shape_of(joint, "ball", JOINT, (a,), (1.9 * u,))
-
-    return build
+    u = yield from supports(joint, survey, joint.point_a, joint.point_b)
+    yield shape_of(joint, "ball", JOINT, (a,), (1.9 * u,))
 
 
 @sketch.register
-def _(joint: Weld, survey: Survey) -> Build:
-    a, support = survey.place(joint.point_a), supports(joint, survey, joint.point_a, joint.point_b)
+def _(joint: Weld, survey: Survey) -> Sketch:
+    a = survey.place(joint.point_a)
     survey.place(joint.point_b)
     axis = _axis(joint, survey)
-
-    def build(u: float) -> Iterator[Shape]:
-        yield from support(u)
-        yield shape_of(joint, "block", JOINT, (a,), (2.2 * u,) * 3, direction=unit_vectors(axis))
-
-    return build
+    u = yield from supports(joint, survey, joint.point_a, joint.point_b)
+    yield shape_of(joint, "block", JOINT, (a,), (2.2 * u,) * 3, direction=unit_vectors(axis))
 
 
 @sketch.register
-def _(joint: Universal, survey: Survey) -> Build:
+def _(joint: Universal, survey: Survey) -> Sketch:
     a, b = survey.place(joint.point_a), survey.place(joint.point_b)
-    support = supports(joint, survey, joint.point_a, joint.point_b)
     axes = [survey.direction(body, axis) for body, axis in zip(joint.bodies(), joint.axes, strict=True)]
-
-    def build(u: float) -> Iterator[Shape]:
-        yield from support(u)
-        for place, axis in zip((a, b), axes, strict=True):
-            yield shape_of(joint, "pin", JOINT, (place,), (0.8 * u, 5.0 * u), direction=unit_vectors(axis))
-
-    return build
+    u = yield from supports(joint, survey, joint.point_a, joint.point_b)
+    for place, axis in zip((a, b), axes, strict=True):
+        yield shape_of(joint, "pin", JOINT, (place,), (0.8 * u, 5.0 * u), direction=unit_vectors(axis))
 
 
 @sketch.register(Prismatic)
 @sketch.register(Cylindrical)
 @sketch.register(PointOnLine)
 @sketch.register(Screw)
-def _(joint: AxisJoint, survey: Survey) -> Build:
+def _(joint: AxisJoint, survey: Survey) -> Sketch:
     a, b = survey.place(joint.point_a), survey.place(joint.point_b)
     axis = _axis(joint, survey)
     guide, slider = survey.frame(joint.point_a.body), survey.frame(joint.point_b.body)
     square = isinstance(joint, Prismatic | PointOnLine)
-
-    def build(u: float) -> Iterator[Shape]:
-        along = unit_vectors(axis)
-        offset = survey.track(b) - survey.track(a)
-        pose = survey.pose(guide)
-        local = (np.swapaxes(pose[:, :, :3], 1, 2) @ offset[:, :, None])[:, :, 0]
-        travel, closed = (local * along).sum(axis=1), survey.closed(joint)
-        if closed is not None and closed.any():  # an open joint can leave its guide
-            travel = np.broadcast_to(travel, len(closed))[closed[:, 0] > 0] if len(closed) > 1 else travel
-        rail = [survey.shifted(a, s * along) for s in (travel.min() - 5 * u, travel.max() + 5 * u)]
-        yield shape_of(joint, "bar", GUIDE, tuple(rail), (0.5 * u,))
-        # The block lies along the guide, in the axes of the frame that carries the block.
-        seen = (pose[:, :, :3] @ along[:, :, None])[:, :, 0]
-        inside = (np.swapaxes(survey.pose(slider)[:, :, :3], 1, 2) @ seen[:, :, None])[:, :, 0]
-        size = tuple(side * u for side in _BLOCK) if square else (1.6 * u, 5 * u)
-        yield shape_of(joint, "block" if square else "pin", JOINT, (b,), size, direction=inside)
-
-    return build
+    u = yield
+    along = unit_vectors(axis)
+    offset = survey.track(b) - survey.track(a)
+    pose = survey.pose(guide)
+    local = (np.swapaxes(pose[:, :, :3], 1, 2) @ offset[:, :, None])[:, :, 0]
+    travel, closed = (local * along).sum(axis=1), survey.closed(joint)
+    if closed is not None and closed.any():  # an open joint can leave its guide
+        travel = np.broadcast_to(travel, len(closed))[closed[:, 0] > 0] if len(closed) > 1 else travel
+    rail = [survey.shifted(a, s * along) for s in (travel.min() - 5 * u, travel.max() + 5 * u)]
+    yield shape_of(joint, "bar", GUIDE, tuple(rail), (0.5 * u,))
+    # The block lies along the guide, in the axes of the frame that carries the block.
+    seen = (pose[:, :, :3] @ along[:, :, None])[:, :, 0]
+    inside = (np.swapaxes(survey.pose(slider)[:, :, :3], 1, 2) @ seen[:, :, None])[:, :, 0]
+    size = (3.6 * u, 2.6 * u, 2.6 * u) if square else (1.6 * u, 5 * u)
+    yield shape_of(joint, "block" if square else "pin", JOINT, (b,), size, direction=inside)
 
 
 @sketch.register
-def _(joint: PlanarJoint, survey: Survey) -> Build:
+def _(joint: PlanarJoint, survey: Survey) -> Sketch:
     a, b = survey.place(joint.point_a), survey.place(joint.point_b)
     axis = _axis(joint, survey)
-
-    def build(u: float) -> Iterator[Shape]:
-        reach = np.abs(survey.track(b) - survey.track(a)).max() + 6 * u
-        yield shape_of(joint, "plane", GUIDE, (a,), (2 * reach,), direction=unit_vectors(axis))
-        yield shape_of(joint, "ball", JOINT, (b,), (1.4 * u,))
-
-    return build
+    u = yield
+    reach = np.abs(survey.track(b) - survey.track(a)).max() + 6 * u
+    yield shape_of(joint, "plane", GUIDE, (a,), (2 * reach,), direction=unit_vectors(axis))
+    yield shape_of(joint, "ball", JOINT, (b,), (1.4 * u,))
 
 
 @sketch.register
-def _(joint: Distance, survey: Survey) -> Build:
+def _(joint: Distance, survey: Survey) -> Sketch:
     ends = survey.place(joint.point_a), survey.place(joint.point_b)
-    support = supports(joint, survey, joint.point_a, joint.point_b)
-
-    def build(u: float) -> Iterator[Shape]:
-        yield from support(u)
-        yield shape_of(joint, "bar", JOINT, ends, (0.5 * u,))
-        for end in ends:
-            yield shape_of(joint, "ball", JOINT, (end,), (1.1 * u,))
-
-    return build
+    u = yield from supports(joint, survey, joint.point_a, joint.point_b)
+    yield shape_of(joint, "bar", JOINT, ends, (0.5 * u,))
+    for end in ends:
+        yield shape_of(joint, "ball", JOINT, (end,), (1.1 * u,))
 
 
 @sketch.register
-def _(joint: Gear, survey: Survey) -> Build:
+def _(joint: Gear, survey: Survey) -> Sketch:
     a, b = survey.place(joint.point_a), survey.place(joint.point_b)
     axes = [survey.direction(body, axis) for body, axis in zip(joint.bodies(), joint.axes, strict=True)]
     ratio = survey.ask(survey.bind(joint.ratio, "ratio"))
-
-    def build(u: float) -> Iterator[Shape]:
-        distance, k = float(np.linalg.norm(survey.track(a)[0] - survey.track(b)[0])), float(ratio.first[0])
-        apart = abs(1 - k)
-        if distance < u or not apart or not k:
-            return
-        # Pitch circles: r_a = |k| r_b, and the centres are r_a + r_b apart, or |r_a - r_b| for a ring gear.
-        for place, axis, radius in zip((a, b), axes, (distance * abs(k) / apart, distance / apart), strict=True):
-            yield shape_of(joint, "ring", JOINT, (place,), (radius, 0.5 * u), direction=unit_vectors(axis))
-
-    return build
+    u = yield
+    distance, k = float(np.linalg.norm(survey.track(a)[0] - survey.track(b)[0])), float(ratio.first[0])
+    apart = abs(1 - k)
+    if distance < u or not apart or not k:
+        return
+    # Pitch circles: r_a = |k| r_b, and the centres are r_a + r_b apart, or |r_a - r_b| for a ring gear.
+    for place, axis, radius in zip((a, b), axes, (distance * abs(k) / apart, distance / apart), strict=True):
+        yield shape_of(joint, "ring", JOINT, (place,), (radius, 0.5 * u), direction=unit_vectors(axis))
 
 
 @sketch.register
-def _(event: JointEvent, survey: Survey) -> Build:
+def _(event: JointEvent, survey: Survey) -> Sketch:
     """An open joint: an eye on body a, and a pin on body b."""
     joint = event.joint
     a, b = (survey.place(getattr(joint, end)) for end in ("point_a", "point_b"))
     axis = survey.direction(joint.point_a.body, joint.axes[0]) if isinstance(joint, AxisJoint) else None
-
-    def build(u: float) -> Iterator[Shape]:
-        closed = survey.closed(joint)
-        assert closed is not None  # the event opens or closes it
-        direction = np.array([[0.0, 0.0, 1.0]]) if axis is None else unit_vectors(axis)
-        eye = shape_of(event, "ring", JOINT, (a,), (2.0 * u, 0.5 * u), direction=direction)
-        pin = shape_of(event, "ball", JOINT, (b,), (1.1 * u,))
-        for shape in (eye, pin):
-            yield replace(shape, present=1 - closed)
-
-    return build
+    u = yield
+    closed = survey.closed(joint)
+    assert closed is not None  # the event opens or closes it
+    direction = np.array([[0.0, 0.0, 1.0]]) if axis is None else unit_vectors(axis)
+    eye = shape_of(event, "ring", JOINT, (a,), (2.0 * u, 0.5 * u), direction=direction)
+    pin = shape_of(event, "ball", JOINT, (b,), (1.1 * u,))
+    for shape in (eye, pin):
+        yield replace(shape, present=1 - closed)

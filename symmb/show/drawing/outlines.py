@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 
+from symmb._magnitudes import NOTHING
 from symmb._types import Array, Indices
 from symmb.show.drawing.exhibit import convex_hull
 from symmb.show.drawing.forms import IN_WORLD, LIGHT, Part, circle, directions, parts
@@ -117,7 +118,7 @@ class Painter:
         """Shaded triangles with corners in space (3 m, 3). Of a closed surface, only triangles that face the viewer."""
         seen = (corners @ self.camera.T).reshape(-1, 3, 3)
         normals = np.cross(seen[:, 1] - seen[:, 0], seen[:, 2] - seen[:, 0])
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), NOTHING)
         if closed:
             seen, normals = seen[normals[:, 2] > 0], normals[normals[:, 2] > 0]
         normals[normals[:, 2] < 0] *= -1

@@ -15,9 +15,8 @@ from symmb.show.drawing.exhibit import Exhibit
 from symmb.show.drawing.forms import COLOURS, IN_WORLD, LIGHT, NOMINAL, directions, parts
 from symmb.show.drawing.shapes import Drawing, Shape
 
-_SPEEDS = (1e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
-_WATCHED = 8.0
-"""Approximate time to show a run [s]. The speed changes if the run would take less than half, or more than twice."""
+_SPEEDS = [1e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0]
+"""Speeds that a page offers, relative to real time."""
 
 
 class _Numbers:
@@ -112,8 +111,8 @@ def _shape(shape: Shape, planar: bool, numbers: _Numbers) -> dict[str, Any]:
     }
 
 
-def speed(duration: float) -> float:
-    """Initial speed of the page, relative to real time."""
-    if _WATCHED / 2 <= duration <= 2 * _WATCHED or not duration:
+def speed(duration: float, shown: float = 8.0) -> float:
+    """Initial speed of the page, relative to real time. A run is shown in about 8 s; runs of 4 to 16 s in real time."""
+    if shown / 2 <= duration <= 2 * shown or not duration:
         return 1.0
-    return min(_SPEEDS, key=lambda speed: abs(np.log(duration / speed / _WATCHED)))
+    return min(_SPEEDS, key=lambda speed: abs(np.log(duration / speed / shown)))

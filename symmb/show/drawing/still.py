@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
+from symmb._magnitudes import NOTHING
 from symmb._types import Array
 from symmb.results.plot import COLOURS as OF_BODIES
 from symmb.show.drawing.bodies import SOLID
@@ -20,17 +21,9 @@ if TYPE_CHECKING:
 
 STILLS = (".png", ".svg")
 """Formats of stills."""
-_WIDTH, _TALLEST, _FLATTEST = 7.0, 1.1, 0.45
-"""Width of a still [inch], and its largest and smallest height, relative to its width."""
-_MARGIN = 0.06
-"""Margin around the mechanism, relative to its size."""
-_NAME, _LABEL, _LINES = 65, 104, 4
-"""Most characters of the name (the time is beside it), and of a line of a run's label, and most lines of a label."""
+_WIDTH = 7.0
+"""Width of a still [inch]."""
 _EQUALS = "\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}"
-_LINE = 0.5
-"""Additional margin at the top for each further line of a label, relative to the margin."""
-_FOOT = 2.2
-"""Additional margin at the bottom, relative to the margin: the arrows of axes and gravity are there."""
 
 
 def still(exhibit: Exhibit, file: BinaryIO, suffix: str) -> None:
@@ -47,7 +40,7 @@ def canvas(exhibit: Exhibit, pictures: Sequence[int], dpi: float) -> "tuple[Figu
 
     low, high = _limits(exhibit, pictures)
     width, height = high - low
-    ratio = min(max(height / width, _FLATTEST), _TALLEST)
+    ratio = min(max(height / width, 0.45), 1.1)  # otherwise a long mechanism would be too small to see
     figure = Figure(figsize=(_WIDTH, _WIDTH * ratio), dpi=dpi)
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -75,10 +68,10 @@ def _limits(exhibit: Exhibit, pictures: Sequence[int]) -> tuple[Array, Array]:
         return np.full(2, -1.0), np.ones(2)
     every = np.vstack(corners)
     low, high = every.min(axis=0), every.max(axis=0)
-    margin = _MARGIN * max((high - low).max(), 8 * exhibit.drawing.unit)
+    margin = 0.06 * max((high - low).max(), 8 * exhibit.drawing.unit)
     lines = sum(len(_lines(ghost.label)) for ghost in exhibit.ghosts)
-    head = margin * (bool(exhibit.ghosts) + _LINE * max(lines - len(exhibit.ghosts), 0))
-    return low - margin - [0, _FOOT * margin], high + margin + [0, head]
+    head = margin * (bool(exhibit.ghosts) + 0.5 * max(lines - len(exhibit.ghosts), 0))
+    return low - margin - [0, 2.2 * margin], high + margin + [0, head]  # arrows of axes and gravity are at the bottom
 
 
 def paint(axes: "Axes", exhibit: Exhibit, k: int) -> None:
@@ -88,9 +81,8 @@ def paint(axes: "Axes", exhibit: Exhibit, k: int) -> None:
     drawing, camera, region = exhibit.drawing, exhibit.drawing.camera, exhibit.region
     if region is not None and len(region.sweep):
         triangles = list((region.sweep @ camera[:2, :2].T).reshape(-1, 3, 2))
-        axes.add_collection(
-            PolyCollection(triangles, facecolor=COLOURS["region"], edgecolor=COLOURS["region"], zorder=0)
-        )
+        look = {"facecolor": COLOURS["region"], "edgecolor": COLOURS["region"], "zorder": 0}
+        axes.add_collection(PolyCollection(triangles, **look))
     for order, outline in enumerate(Painter(drawing, k, camera).outlines()):
         if outline.shape.kind != SOLID:
             _paint(axes, outline, _colour(outline), 0.3 if outline.shape.faint else 1.0, 1 + order * 1e-4)
@@ -111,7 +103,7 @@ def paint(axes: "Axes", exhibit: Exhibit, k: int) -> None:
 def _lines(label: str) -> list[str]:
     """Lines of the label of a run. Further lines are indented. A name and its value stay in one line."""
     whole, style = label.replace(" = ", _EQUALS), {"subsequent_indent": "    ", "break_on_hyphens": False}
-    lines = wrap(whole, _LABEL, max_lines=_LINES, placeholder=" …", **style)
+    lines = wrap(whole, 104, max_lines=4, placeholder=" …", **style)
     return [line.replace(_EQUALS, " = ") for line in lines]
 
 
@@ -151,25 +143,26 @@ def _rgb(colour: str) -> Array:
 
 
 def _furnish(axes: "Axes", drawing: Drawing, k: int) -> None:
-    """Name, time, axes, gravity and scale."""
+    """Write the name and beside it the time, and draw axes, gravity and scale."""
     name = {"fontsize": 10, "fontweight": "bold", "parse_math": False}
-    axes.text(0.02, 0.975, _cut(drawing.name, _NAME), va="top", transform=axes.transAxes, **name)
+    axes.text(0.02, 0.975, _cut(drawing.name, 65), va="top", transform=axes.transAxes, **name)
     axes.text(0.98, 0.975, f"t = {drawing.t[k]:.4g} s", fontsize=9, va="top", ha="right", transform=axes.transAxes)
     pixels = 72 * _WIDTH  # offsets are in points
     height = pixels * (axes.get_ylim()[1] - axes.get_ylim()[0]) / (axes.get_xlim()[1] - axes.get_xlim()[0])
 
     def arrow(x: float, direction: Array, text: str) -> None:
         size = np.linalg.norm(direction)
-        start, axis = np.array([x, 44.0]), direction / max(size, 1e-9)
+        start, axis = np.array([x, 44.0]), direction / max(size, NOTHING)
         tip, label = ((start + (24 * size + gap) * axis) / [pixels, height] for gap in (0, 9))
         if size > 0.15:
+            foot, look = start / [pixels, height], {"color": COLOURS[text], "shrinkA": 0, "shrinkB": 0}
             axes.annotate(
                 "",
                 (tip[0], tip[1]),
-                (start[0] / pixels, start[1] / height),
+                (foot[0], foot[1]),
                 "axes fraction",
                 "axes fraction",
-                {"arrowstyle": "-|>", "color": COLOURS[text], "shrinkA": 0, "shrinkB": 0},
+                {"arrowstyle": "-|>", **look},
             )
             style = {"color": COLOURS[text], "fontsize": 8, "ha": "center", "va": "center"}
             axes.text(label[0], label[1], text, transform=axes.transAxes, **style)

@@ -6,15 +6,13 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._magnitudes import ROUNDING
 from symmb._types import Array, Expr
 from symmb.declare.mechanics import AbstractBody, Element, FlexibleBody, Ground, JointEvent, Latch, Point, row_gates
 from symmb.declare.symbolic import vector
 from symmb.equations.model import Scene
 from symmb.run.simulation import Trajectory
 from symmb.show.drawing.shapes import FramePoint, MovingFrame
-
-_AT_REST = 1e-12
-"""Change over a run, relative to the largest value, below which a number counts as constant."""
 
 
 @dataclass(eq=False)
@@ -134,7 +132,7 @@ class Survey:
         for expression, asked in self._asked:
             begin, end = end, end + expression.numel()
             part = values[:, begin:end]
-            at_rest = np.ptp(part, axis=0).max(initial=0.0) <= _AT_REST * np.abs(part).max(initial=0.0)
+            at_rest = np.ptp(part, axis=0).max(initial=0.0) <= ROUNDING * np.abs(part).max(initial=0.0)
             asked.values = part[:1] if at_rest else part
         self._asked.clear()
 

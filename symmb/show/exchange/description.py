@@ -2,6 +2,7 @@
 
 import xml.etree.ElementTree as ET
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib.metadata import version as symmb_version
 
@@ -65,20 +66,12 @@ def description(scene: Exported, version: int, identifier: str) -> bytes:
         | {"generationTool": f"symmb {symmb_version('symmb')}", "variableNamingConvention": "flat"}
         | ({} if three else {"numberOfEventIndicators": str(len(indicators))}),
     )
-    for interface in [*(["ModelExchange"] if scene.source.has_rates else []), "CoSimulation"]:
-        element = ET.SubElement(root, interface, modelIdentifier=identifier)
-        if interface == "CoSimulation":
-            element.set("canHandleVariableCommunicationStepSize", "true")
+    for interface in ["ModelExchange"] * scene.source.has_rates + ["CoSimulation"]:
+        varies = {"canHandleVariableCommunicationStepSize": "true"} if interface == "CoSimulation" else {}
+        element = ET.SubElement(root, interface, {"modelIdentifier": identifier, **varies})
         if not three:
-            files = ET.SubElement(element, "SourceFiles")
-            for name in BINARY_FILES:
-                ET.SubElement(files, "File", name=name)
-    definitions = ET.SubElement(root, "UnitDefinitions")
-    for unit in sorted({variable.unit for variable in variables} - {""}):
-        known = unit_of("export", unit)
-        base = {name: str(power) for name, power in zip(BASES, known.powers, strict=True) if power}
-        factor = {} if known.factor == 1 else {"factor": repr(known.factor)}
-        ET.SubElement(ET.SubElement(definitions, "Unit", name=unit), "BaseUnit", base | factor)
+            _add_files(ET.SubElement(element, "SourceFiles"), "File")
+    _add_units(root, sorted({variable.unit for variable in variables} - {""}))
     times = scene.source.times
     experiment = {"startTime": repr(float(times[0]))}
     if len(times) > 1:
@@ -92,6 +85,15 @@ def description(scene: Exported, version: int, identifier: str) -> bytes:
     _add_structure(root, variables, three)
     ET.indent(root)
     return ET.tostring(root, encoding="utf-8", xml_declaration=True)
+
+
+def _add_units(root: ET.Element, units: Iterable[str]) -> None:
+    definitions = ET.SubElement(root, "UnitDefinitions")
+    for unit in units:
+        known = unit_of("export", unit)
+        base = {name: str(power) for name, power in zip(BASES, known.powers, strict=True) if power}
+        factor = {} if known.factor == 1 else {"factor": repr(known.factor)}
+        ET.SubElement(ET.SubElement(definitions, "Unit", name=unit), "BaseUnit", base | factor)
 
 
 def _add_variable(listed: ET.Element, variable: _Variable, number: int, three: bool) -> None:
@@ -130,13 +132,15 @@ def _add_structure(root: ET.Element, variables: list[_Variable], three: bool) ->
             ET.SubElement(group, "Unknown", index=str(k + 1))  # pyright: ignore[reportArgumentType]
 
 
+def _add_files(files: ET.Element, tag: str) -> None:
+    for name in BINARY_FILES:
+        ET.SubElement(files, tag, name=name)
+
+
 def build_description(identifier: str) -> bytes:
     """sources/buildDescription.xml of FMI 3."""
     root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
-    files = ET.SubElement(
-        ET.SubElement(root, "BuildConfiguration", modelIdentifier=identifier), "SourceFileSet", language="C11"
-    )
-    for name in BINARY_FILES:
-        ET.SubElement(files, "SourceFile", name=name)
+    build = ET.SubElement(root, "BuildConfiguration", modelIdentifier=identifier)
+    _add_files(ET.SubElement(build, "SourceFileSet", language="C11"), "SourceFile")
     ET.indent(root)
     return ET.tostring(root, encoding="utf-8", xml_declaration=True)

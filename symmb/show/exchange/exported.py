@@ -40,7 +40,7 @@ class Exported:
 
 
 def exported(subject: Scene | DAESimulator) -> Exported:
-    """A scene with the solver that pilot runs select for studies, or a prepared scene with its own solver.
+    """The C code of a scene. Pilot runs select its solver, as for studies; a prepared scene has its own solver.
 
     It raises DeclarationError if a part of the scene needs Python.
     """

@@ -17,8 +17,6 @@ from symmb.show.exchange.exported import exported
 
 _SYSTEMS = {"linux": ("linux", "linux", ".so"), "darwin": ("darwin", "darwin", ".dylib")}
 """Names of operating systems in FMI 2 and in FMI 3, and the suffix of libraries."""
-_EPOCH = (1980, 1, 1, 0, 0, 0)
-"""The date of all files, so that the same scene always gives the same FMU."""
 
 
 def save_fmu(scene: Scene | DAESimulator, path: str | Path, version: int = 3) -> None:
@@ -82,7 +80,8 @@ def save_fmu(scene: Scene | DAESimulator, path: str | Path, version: int = 3) ->
     files[f"binaries/{folder}/{identifier}{suffix}"] = portable_library(texts, BINARY_FILES)
     with replacement(path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():
-            archive.writestr(zipfile.ZipInfo(name, _EPOCH), content, zipfile.ZIP_DEFLATED)
+            # The files of a ZipInfo have the date 1980-01-01, so that the same scene always gives the same FMU.
+            archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_DEFLATED)
 
 
 def save_scene_c(scene: Scene | DAESimulator, folder: Path) -> tuple[Path, ...]:

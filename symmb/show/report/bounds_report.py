@@ -15,7 +15,7 @@ from symmb.bound.bounds import ROUNDING, Bounds, Contributions, LimitCheck, Limi
 from symmb.equations.model import Scene
 from symmb.results import plot
 from symmb.results.files import require_suffix
-from symmb.run.simulation import SceneSimulator, simulate
+from symmb.run.simulation import DAESimulator, SceneSimulator, simulate
 from symmb.show.drawing import of_bounds, of_run, page, start_picture, still
 from symmb.show.report import document
 from symmb.show.report.document import assumed, called, section, seed, settings_table
@@ -60,13 +60,24 @@ def _parts(
     steps = next_steps(bounds, check, shares)
     yield section("What to do next", document.sentences(("", step) for step in steps), style="steps")
     yield section("Curves", _curves(bounds, check))
-    study, prepared = bounds.study, None
-    if isinstance(study, Study) and isinstance(study.simulator, SceneSimulator):
-        prepared = study.prepared
-    scene = None if prepared is None else prepared.scene
-    yield section("The mechanism", _part_or_reason(lambda: _motion(bounds, scene, check)) if scene else "")
+    prepared = _prepared(bounds)
+    mechanism = "" if prepared is None else _part_or_reason(lambda: _motion(bounds, prepared.scene, check))
+    yield section("The mechanism", mechanism)
     yield "" if bounds.box is None else assumed(bounds.box, bounds.nominal_parameters)
     yield document.ANNEX
+    yield from _annex(bounds, check, command, shares, why)
+
+
+def _prepared(bounds: Bounds) -> DAESimulator | None:
+    """The prepared scene of a study; None for other simulators, and for bounds from a file."""
+    study = bounds.study
+    return study.prepared if isinstance(study, Study) and isinstance(study.simulator, SceneSimulator) else None
+
+
+def _annex(
+    bounds: Bounds, check: LimitCheck | None, command: str, shares: Contributions | None, why: str
+) -> Iterator[str]:
+    """Warnings, tables, settings and equations. `why` is the reason if contributions are not known."""
     yield section("Warnings and remarks", document.warnings(bounds.doubts, bounds.remarks))
     if check is not None:
         worst = [] if check.worst is None else [document.note(f"Worst case: {check.worst}")]
@@ -77,17 +88,19 @@ def _parts(
         asked = _ASKED_BY_COMMAND if command else _ASKED
         tables = why or _part_or_reason(lambda: _contributions(bounds, check, shares, asked))
         yield section("What each parameter contributes", tables, style="contributions")
-    if prepared is not None and scene is not None:
-        at_start = document.note(f"{scene.name} at its start, at the nominal parameters.")
+    prepared = _prepared(bounds)
+    if prepared is not None:
+        at_start = document.note(f"{prepared.scene.name} at its start, at the nominal parameters.")
         start = _part_or_reason(lambda: html.picture(start_picture(prepared)))
         yield section("The start", at_start, start, style="still")
     yield settings_table(_settings(bounds), is_own=bounds.study is not None)
     took = f", {bounds.seconds:.3g} s" if np.isfinite(bounds.seconds) else ""
     weighed = " A run with derivatives counts as several runs." if bounds.method.startswith("Taylor(") else ""
     yield section("Cost", document.note(f"{bounds.evaluations} runs{took}.{weighed}"))
-    yield section("How to repeat it", *_repeated(command, bounds, scene, check))
-    if scene is not None:
-        yield document.equations(f"{scene.system}\n\n{scene.system.equations()}".rstrip())
+    yield section("How to repeat it", *_repeated(command, bounds, prepared is not None, check))
+    if prepared is not None:
+        system = prepared.scene.system
+        yield document.equations(f"{system}\n\n{system.equations()}".rstrip())
 
 
 def _shown(bounds: Bounds, check: LimitCheck | None) -> list[int]:
@@ -122,7 +135,7 @@ def _curves(bounds: Bounds, check: LimitCheck | None) -> str:
 
 
 def _contributions(bounds: Bounds, check: LimitCheck | None, shares: Contributions | None, asked: str) -> str:
-    """Known contributions, or those of the study's polynomials; for limits, at the time of the smallest margin."""
+    """Tables and pictures of contributions. Outputs with limits are shown at the time of their smallest margin."""
     if shares is None:
         return document.note(_NO_CONTRIBUTIONS.format(asked))
     shown = _shown(bounds, check)
@@ -178,13 +191,13 @@ def _settings(bounds: Bounds) -> list[tuple[str, str]]:
     ]
 
 
-def _repeated(command: str, bounds: Bounds, scene: Scene | None, check: LimitCheck | None) -> list[str]:
+def _repeated(command: str, bounds: Bounds, of_scene: bool, check: LimitCheck | None) -> list[str]:
     """What the reader needs, and the command or the lines of Python that compute the bounds again."""
     if command:
         return [document.note("Run this command in the folder with the files that it names:"), html.text(command)]
-    solver = repr(bounds.study.solver) if scene is not None and isinstance(bounds.study, Study) else ""
+    solver = repr(bounds.study.solver) if of_scene and isinstance(bounds.study, Study) else ""
     box = "" if bounds.box is None else repr(bounds.box)
-    subject = "scene_or_simulator" if bounds.study is None else "simulator" if scene is None else "scene"
+    subject = "scene_or_simulator" if bounds.study is None else "scene" if of_scene else "simulator"
     what = f"the declaration of {bounds.subject}" if bounds.subject else "the declaration of its scene or simulator"
     needed = f"This report does not contain {what}. Ask its author for the Python file that defines `{subject}`."
     lines = ["import symmb as mb", f"bounds = mb.propagate({subject}, {called(bounds.method, box, solver)})"]

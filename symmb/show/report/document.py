@@ -20,9 +20,6 @@ _PACKAGES = "symmb", "numpy", "casadi"
 ANNEX = '<h1 class="annex" id="annex">Annex: methods, warnings and details</h1>'
 BLOCK = "company", "author", "date", "drawing", "revision"
 """Parts of the title block."""
-_LARGE = 1e6
-_PRINTED = 100
-"""Most lines of equations that are printed: one page."""
 _CALL = re.compile(r"(?<![\w.'\"])([A-Z]\w*(?:\.\w+)?\()")
 """Pattern for a call of a class in the text of a method, a box or a solver."""
 
@@ -85,11 +82,11 @@ def moving(page: str, png: bytes, labels: Iterable[tuple[str, str]]) -> str:
     return f'{frame}<div class="printed still">{"".join(texts)}{html.picture(png)}</div>'
 
 
-def equations(text: str) -> str:
-    """Equations that can be shown on demand. As many complete matrices as fit on one page are printed."""
+def equations(text: str, page: int = 100) -> str:
+    """Equations that can be shown on demand. As many complete matrices as fit on one page of lines are printed."""
     blocks = text.split("\n\n")
     lengths = np.cumsum([block.count("\n") + 2 for block in blocks])
-    printed = [html.text(block) for block in blocks[: int((lengths <= _PRINTED).sum())]]
+    printed = [html.text(block) for block in blocks[: int((lengths <= page).sum())]]
     if len(printed) < len(blocks):
         printed.append(note(f"These are some of {lengths[-1]} lines: `print(scene.system.equations())` shows all."))
     folded = f"<details><summary>Equations</summary>{html.text(text)}</details>"
@@ -130,7 +127,7 @@ def _number(value: float) -> str:
     """A number with at most 12 digits. A large number is written with a power of ten if this is shorter."""
     plain = f"{value:.12g}"
     short = np.format_float_scientific(value, precision=11, trim="-", exp_digits=1).replace("e+", "e")
-    return short if abs(value) >= _LARGE and len(short) < len(plain) else plain
+    return short if abs(value) >= 1e6 and len(short) < len(plain) else plain
 
 
 def seed(method: str) -> str:

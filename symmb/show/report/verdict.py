@@ -1,10 +1,12 @@
 """The first page of a report: sentences that say whether limits are kept, and what to do next."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from symmb._errors import SymmbError
+from symmb._magnitudes import SLIGHT
 from symmb._table import is_timeless
 from symmb._types import Array, Mask
 from symmb._units import typeset
@@ -19,13 +21,10 @@ _SAID = {
     None: ("is not decided", "are not decided"),
     True: ("is kept", "are kept"),
 }
-_MANY, _FEW = 6, 3
+_MOST_LISTED, _MOST_PARAMETERS = 6, 3
 """Most limits or ranges with a sentence, and most parameters that one sentence names."""
-_FAR, _SMALL = 0.5, 0.05
-"""Distance from the middle, relative to the half width, from which a value is high or low; smallest effect, relative
-to the largest, of a parameter that is named, and smallest factor of a tolerance that is proposed."""
-_STEPS, _SAFE = 12, 0.99
-"""Bisections for this factor, and a reduction for the rounding of printed tolerances."""
+_LEAST_PART = 0.05
+"""Smallest effect, relative to the largest, of a parameter that is named, and smallest proposed tolerance factor."""
 _CERTAIN = {
     "enclosure": "The bounds for these sentences are proved.",
     "sampled": "Only the {} cases that were run are known. Other cases may have more extreme values.",
@@ -54,7 +53,7 @@ def verdict(bounds: Bounds, check: LimitCheck | None) -> list[tuple[str, str]]:
         everywhere = [_least_excess(bounds, limit)[0] > 0 for limit in check.limits if limit.kept is False]
         head = _headline([limit.kept for limit in check.limits], "all" if all(everywhere) else "some")
         some = [(STATES[limit.kept], _sentence(bounds, limit)) for limit in by_urgency(check)]
-    more = [f"The annex has the other {len(some) - _MANY}."] * (len(some) > _MANY)
+    more = [f"The annex has the other {len(some) - _MOST_LISTED}."] * (len(some) > _MOST_LISTED)
     errors = " Their errors are not known." if bounds.estimate is None else " The annex states their errors."
     more.append(_CERTAIN[bounds.kind].format(bounds.evaluations) + errors * (bounds.kind == "estimate"))
     if bounds.failed:
@@ -62,7 +61,7 @@ def verdict(bounds: Bounds, check: LimitCheck | None) -> list[tuple[str, str]]:
     if n := len(bounds.doubts):
         more.append(f"{'A warning says' if n == 1 else f'{n} warnings say'} what is uncertain: see the annex.")
     more += bounds._about_nominal()
-    return [("" if check is None else STATES[check.kept], head), *some[:_MANY], *(("", text) for text in more)]
+    return [("" if check is None else STATES[check.kept], head), *some[:_MOST_LISTED], *(("", text) for text in more)]
 
 
 def _headline(results: Sequence[bool | None], cases: str) -> str:
@@ -78,12 +77,11 @@ def _headline(results: Sequence[bool | None], cases: str) -> str:
 def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions | None) -> list[str]:
     """How to decide limits, which tolerances to tighten and by how much, and the most important parameters."""
     limits = [] if check is None else by_urgency(check)
-    reasons = [(own.output, own.why) for own in limits if own.kept is None][:_MANY]
-    texts = [f"{name}: {_WARNED if why.startswith(WARNED) else why}" for name, why in reasons]
-    ends = {limit: limit.high if bounds._side(limit) == "upper" else limit.low for limit in limits if not limit.kept}
+    texts = _undecided(limits)
+    ends = {limit: _end(bounds, limit) for limit in limits if not limit.kept}
     beyond = [limit for limit, end in ends.items() if limit.margin[limit.row] < -ROUNDING * abs(end)]
     excess = {limit: max(_nominal_excess(bounds, limit), _least_excess(bounds, limit)[0]) for limit in beyond}
-    lost = [limit for limit in beyond if excess[limit] > 0]
+    lost = {limit: excess[limit] for limit in beyond if excess[limit] > 0}
     met = [limit for limit in beyond if limit not in lost and excess[limit] >= -ROUNDING * abs(ends[limit])]
     if met:
         names = _listed([limit.output for limit in met])
@@ -91,14 +89,25 @@ def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions |
             f"The nominal values reach the limit of {names}: no tolerance keeps it. Change them, or the limit."
         )
     if lost:
-        words = [f"{limit.output} by {_text(excess[limit], limit.unit)}" for limit in lost[:_MANY]]
-        more = [f"{len(lost) - _MANY} other outputs"] * (len(lost) > _MANY)
-        is_nominal = np.isfinite(_nominal_excess(bounds, lost[0]))
-        who, change = ("The nominal values", "them") if is_nominal else ("All cases", "the intervals")
-        texts.append(f"{who} violate the limit of {_listed([*words, *more])}: change {change}, or the limit.")
+        texts.append(_lost(bounds, lost))
     texts += _tighten(bounds, [limit for limit in beyond if limit not in (*lost, *met)])
     idle = "No tolerance needs to be tightened." if limits else "Give limits of outputs, so that this page checks them."
     return [*(texts or [idle]), *_spread(bounds, {_column(bounds, limit): limit.row for limit in limits}, shares)]
+
+
+def _undecided(limits: Sequence[KeptLimit]) -> list[str]:
+    """The reasons why limits are undecided."""
+    some = [limit for limit in limits if limit.kept is None][:_MOST_LISTED]
+    return [f"{own.output}: {_WARNED if own.why.startswith(WARNED) else own.why}" for own in some]
+
+
+def _lost(bounds: Bounds, excess: Mapping[KeptLimit, float]) -> str:
+    """A sentence about limits that no tolerance satisfies, with the excess of the nominal values or of all cases."""
+    words = [f"{limit.output} by {_text(value, limit.unit)}" for limit, value in excess.items()][:_MOST_LISTED]
+    more = [f"{len(excess) - _MOST_LISTED} other outputs"] * (len(excess) > _MOST_LISTED)
+    is_nominal = np.isfinite(_nominal_excess(bounds, next(iter(excess))))
+    who, change = ("The nominal values", "them") if is_nominal else ("All cases", "the intervals")
+    return f"{who} violate the limit of {_listed([*words, *more])}: change {change}, or the limit."
 
 
 def _text(value: float, unit: str, digits: int = 3) -> str:
@@ -115,6 +124,11 @@ def _units(owner: Bounds | Box) -> Sequence[str]:
 
 def _column(bounds: Bounds, limit: KeptLimit) -> int:
     return bounds.names.index(limit.output)
+
+
+def _end(bounds: Bounds, limit: KeptLimit) -> float:
+    """The end of the limit that is closest to the bounds."""
+    return limit.high if bounds._side(limit) == "upper" else limit.low
 
 
 def _inside(limit: KeptLimit) -> str:
@@ -150,7 +164,7 @@ def _sentence(bounds: Bounds, limit: KeptLimit) -> str:
     name, margin = limit.output, float(limit.margin[limit.row])
     where = at(limit.row) + _when(bounds, limit)
     least = f"The smallest margin is {_text(margin, limit.unit)}{where}."
-    end = limit.high if bounds._side(limit) == "upper" else limit.low
+    end = _end(bounds, limit)
     if abs(margin) <= ROUNDING * abs(end):
         return f"{name} reaches its limit of {_text(end, limit.unit, 6)}{where}, within rounding."
     if limit.kept:
@@ -182,10 +196,10 @@ def _when(bounds: Bounds, limit: KeptLimit) -> str:
     except SymmbError:  # the run cannot be repeated
         return ""
     place, units = dict(zip(box.names, point, strict=True)), dict(zip(box.names, _units(box), strict=True))
-    names = [n for n in names if abs(place[n]) >= _FAR]
-    some = names[:_MANY]
+    names = [n for n in names if abs(place[n]) >= 0.5]  # the others are neither high nor low
+    some = names[:_MOST_LISTED]
     words = [f"{n} is {'high' if place[n] > 0 else 'low'} ({_text(case.parameters[n], units[n], 4)})" for n in some]
-    if (n := len(names) - _MANY) > 0:
+    if (n := len(names) - _MOST_LISTED) > 0:
         words.append(f"{n} other{'s are' if n > 1 else ' is'} high or low")
     return f", when {_listed(words)}" if words else ""
 
@@ -208,19 +222,19 @@ def _acting(bounds: Bounds, k: int, i: int, place: Array) -> list[str]:
         return []
     effects = np.nan_to_num(np.abs(values[1:] - values[0]))
     noise = 0.0 if bounds.noise is None else bounds.noise[k]
-    least = max(_SMALL * effects.max(), ROUNDING * np.abs(values[0]), noise)
+    least = max(_LEAST_PART * effects.max(), ROUNDING * np.abs(values[0]), noise)
     return [box.names[n] for n in np.argsort(-effects, kind="stable") if effects[n] > least]
 
 
 def _spread(bounds: Bounds, rows: Mapping[int, int], shares: Contributions | None) -> list[str]:
     """The largest contributions to widths, at the given times of outputs, or at the times of their widest bounds."""
     texts = list[str]()
-    for k in list(rows or range(len(bounds.names)))[: _FEW if shares else 0]:
+    for k in list(rows or range(len(bounds.names)))[: _MOST_PARAMETERS if shares else 0]:
         assert shares is not None
         i, unit = rows.get(k, int(shares.width[:, k].argmax())), _units(bounds)[k]
         alone = dict(zip(shares.parameters, shares.alone[i, k].tolist(), strict=True))
-        names = [n for n in sorted(alone, key=lambda n: -alone[n]) if alone[n] > _SMALL * max(alone.values())]
-        words = [f"{n} ({_text(alone[n], unit)} alone)" for n in names[:_FEW]]
+        names = [n for n in sorted(alone, key=lambda n: -alone[n]) if alone[n] > _LEAST_PART * max(alone.values())]
+        words = [f"{n} ({_text(alone[n], unit)} alone)" for n in names[:_MOST_PARAMETERS]]
         width = _text(shares.width[i, k], unit)
         texts += [f"The spread of {bounds.names[k]}, {width}, comes from {_listed(words)}."] if words else []
     return texts
@@ -234,49 +248,69 @@ def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
     if not limits or box is None or (surrogate := bounds.good_surrogate(columns)) is None:
         return [_SEARCH] * bool(limits)
     nominal = [bounds.nominal_parameters.get(name, middle) for name, middle in zip(box.names, box.center, strict=True)]
-    middle, names = np.clip(box.to_unit(np.array(nominal)), -1.0, 1.0), dict[str, None]()
-    parts = list[tuple[KeptLimit, Piecewise]]()
-
-    def ends(factor: float, names: Sequence[str]) -> tuple[Array, Array]:
-        low, high = (middle + factor * (end - middle) for end in (-1.0, 1.0))
-        return np.where(np.isin(box.names, names), low, -1.0), np.where(np.isin(box.names, names), high, 1.0)
-
-    def beyond(limit: KeptLimit, part: Piecewise, factor: float, names: Sequence[str]) -> Mask:
-        low, high, _ = part.range(*ends(factor, names))
-        return ((low - part.error < limit.low) | (high + part.error > limit.high))[:, 0]
-
-    def largest(names: Sequence[str]) -> float:
-        """The largest factor for the tolerances of some parameters that satisfies the limits; 0 if no factor does."""
-        low, high, factor = 0.0, 1.0, 0.0
-        for _ in range(_STEPS):
-            if any(beyond(*part, factor, names).any() for part in parts):
-                high = factor
-            else:
-                low = factor
-            factor = 0.5 * (low + high)
-        return _SAFE * low
-
-    def change(name: str, factor: float) -> str:
-        i, x = box.names.index(name), box.from_unit(middle)
-        old, new = ([box.from_unit(end)[i] for end in ends(f, [name])] for f in (1.0, factor))
-        return f"{name} from {_tolerance(x[i], *old)} to {_tolerance(x[i], *new)} {_units(box)[i]}".rstrip()
-
+    reduced, names = _Reduced(box, np.clip(box.to_unit(np.array(nominal)), -1.0, 1.0), []), dict[str, None]()
     for limit, k in zip(limits, columns, strict=True):
         part, one = surrogate.part(slice(None), [k]), np.ones(len(box))
         extremes = part.part([limit.row], [0]).range(-one, one)[2][:, 0, 0]
         names |= dict.fromkeys(_acting(bounds, k, limit.row, extremes[SIDES.index(bounds._side(limit))]))
-        rows = np.flatnonzero(beyond(limit, part, 1.0, ()))  # other rows are inside for parts of the box as well
-        parts += [(limit, part.part(rows, [0]))] if len(rows) else []
-    if not parts:  # runs violate limits that the polynomials satisfy
+        rows = np.flatnonzero(
+            reduced.violated(limit, part, 1.0, ())
+        )  # other rows are inside for parts of the box as well
+        reduced.parts.extend([(limit, part.part(rows, [0]))] if len(rows) else [])
+    if not reduced.parts:  # runs violate limits that the polynomials satisfy
         return [_SEARCH]
-    some = [*names][:_MANY]
-    goal = f"To keep {_listed([f'{limit.output} {_inside(limit)}' for limit in limits[:_MANY]])}"
-    factors = {name: largest([name]) for name in some}
-    if best := sorted((n for n in some if factors[n] >= _SMALL), key=lambda n: -factors[n])[:_FEW]:
+    return _proposed(reduced, limits, [*names][:_MOST_LISTED])
+
+
+@dataclass(frozen=True)
+class _Reduced:
+    """Tolerances multiplied by a factor, about the nominal values in the unit box, `middle` (d,).
+
+    `parts` are the limits that the whole box violates, with polynomials of their outputs at the violated times.
+    """
+
+    box: Box
+    middle: Array
+    parts: list[tuple[KeptLimit, Piecewise]]
+
+    def ends(self, factor: float, names: Sequence[str]) -> tuple[Array, Array]:
+        """Ends (d,) of the unit box after the tolerances of some parameters are multiplied by a factor."""
+        low, high = (self.middle + factor * (end - self.middle) for end in (-1.0, 1.0))
+        is_reduced = np.isin(self.box.names, names)
+        return np.where(is_reduced, low, -1.0), np.where(is_reduced, high, 1.0)
+
+    def violated(self, limit: KeptLimit, part: Piecewise, factor: float, names: Sequence[str]) -> Mask:
+        """Whether the output may violate its limit, at each time."""
+        low, high, _ = part.range(*self.ends(factor, names))
+        return ((low - part.error < limit.low) | (high + part.error > limit.high))[:, 0]
+
+    def largest(self, names: Sequence[str]) -> float:
+        """The largest factor for the tolerances of some parameters that satisfies the limits; 0 if no factor does."""
+        low, high, factor = 0.0, 1.0, 0.0
+        for _ in range(12):
+            if any(self.violated(*part, factor, names).any() for part in self.parts):
+                high = factor
+            else:
+                low = factor
+            factor = 0.5 * (low + high)
+        return 0.99 * low  # tolerances are rounded when they are printed
+
+    def change(self, name: str, factor: float) -> str:
+        """The change of a tolerance in words."""
+        i, x = self.box.names.index(name), self.box.from_unit(self.middle)
+        old, new = ([self.box.from_unit(end)[i] for end in self.ends(f, [name])] for f in (1.0, factor))
+        return f"{name} from {_tolerance(x[i], *old)} to {_tolerance(x[i], *new)} {_units(self.box)[i]}".rstrip()
+
+
+def _proposed(reduced: _Reduced, limits: Sequence[KeptLimit], some: Sequence[str]) -> list[str]:
+    """Tolerances of single parameters, or of all together, that satisfy the limits."""
+    goal = f"To keep {_listed([f'{limit.output} {_inside(limit)}' for limit in limits[:_MOST_LISTED]])}"
+    factors = {name: reduced.largest([name]) for name in some}
+    if best := sorted((n for n in some if factors[n] >= _LEAST_PART), key=lambda n: -factors[n])[:_MOST_PARAMETERS]:
         one = "tighten one of these tolerances" if len(best) > 1 else "tighten this tolerance"
-        return [f"{goal}, {one}: {_listed([change(n, factors[n]) for n in best], 'or')}.", _AGAIN]
-    if (factor := largest(box.names)) >= _SMALL:
-        changes = _listed([change(n, factor) for n in some])
+        return [f"{goal}, {one}: {_listed([reduced.change(n, factors[n]) for n in best], 'or')}.", _AGAIN]
+    if (factor := reduced.largest(reduced.box.names)) >= _LEAST_PART:
+        changes = _listed([reduced.change(n, factor) for n in some])
         return [f"{goal}, multiply all tolerances by {factor:.3g}, such as {changes}.", _AGAIN]
     return [_SEARCH]  # the error of the polynomials leaves no room
 
@@ -284,5 +318,5 @@ def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
 def _tolerance(nominal: float, low: float, high: float) -> str:
     """An interval as in drawings."""
     above, below = high - nominal + 0.0, nominal - low + 0.0
-    is_even = abs(above - below) <= 1e-6 * (high - low)
+    is_even = abs(above - below) <= SLIGHT * (high - low)
     return f"{nominal:.6g} ± {above:.3g}" if is_even else f"{nominal:.6g} +{above:.3g} −{below:.3g}"
