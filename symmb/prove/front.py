@@ -111,7 +111,7 @@ def _in_frame(front: Front, B: Array, C: Array) -> Front:
     E = ch.product_bound(C, B, none, np.eye(n))
     eta = above(float(E.sum(axis=1).max()))
     if not eta < 0.5:
-        raise ProofError("deviations from the polynomials grow too differently over the box")
+        raise ProofError("the deviations from the polynomials grow too differently over the box")
     w = above(ch.product_bound(C, front.B, none, none) @ front.w)
     w = above(w + ch.sums(C, C.ndim - 2) @ above(front.x_error + front.B_error @ front.w))
     w = above(w + E @ np.full(n, w.max() / (1.0 - eta)))
