@@ -104,7 +104,7 @@ class Course:
         self.remainder[0], self.terms = np.maximum(self.remainder[0], remainder[0]), np.maximum(self.terms, terms)
 
     def back_to(self, place: Place, times: Array) -> "Course":
-        """The course up to the time of a place, so that it continues from there. `times` (n_t,) are the output times."""
+        """The course up to a place, so that it continues from there. `times` (n_t,) are the output times."""
         stored = min(self.stored, int(np.searchsorted(times, place.front.t, side="right")))
         later = (np.arange(len(times)) >= stored)[:, None]
         lower, upper, remainder = (
@@ -175,7 +175,7 @@ def _why(place: Place, reason: str) -> str:
 
 
 _STEPS_AHEAD, _SPREADS_AHEAD = 40, 3.0
-"""Distance to a singular position, in steps, and distance to a switch, in spreads of the box, below which each is named.
+"""Distances to a singular position, in steps, and to a switch, in spreads of the box, below which each is named.
 Steps become short before a singular position. Before a kink with infinite slopes a proof ends some spreads away."""
 
 
@@ -391,7 +391,7 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
 
 
 def _before_pass(problem: Problem, x: Array, t: float, h: float, usual: float, grain: float) -> float:
-    """The longest step [s] with the motion x that ends before a pass of a switch; _AheadError if a pass begins at once."""
+    """The longest step [s] with the motion x that ends before a pass of a switch. _AheadError if a pass is near."""
     ahead = None if problem.phase is None else crossing(problem, x, t, h, TIME_TERMS, _SHORTEST_AT_CHANGE * grain)
     if ahead is None:
         return np.inf

@@ -1,8 +1,8 @@
 """Passes of switches: all parameters of the box pass a switch, or some switches at once, within a short time window.
 
-The time from the start t of a window to the pass is approximately a polynomial tau(p). In scaled time, the old equations
-lead from t to the surface of the switch for all parameters at once. The new equations then lead back to t. From this
-front, the new equations continue as if they had always been valid. The error of the states is at most the time between
+The time from the start t of a window to the pass is approximately a polynomial tau(p). In scaled time, the old
+equations lead from t to the surface of the switch for all parameters at once. The new equations then lead back to t.
+From this front, the new equations continue as if they had always been valid. The error of the states is at most the time between
 tau and the true pass, at most |g| / |dg/dt|, times the difference of the rates on both sides.
 
 Source: Filippov (1988), Differential Equations with Discontinuous Righthand Sides, section 10, transversal passes.
@@ -41,9 +41,9 @@ _MOST_STEPS_OF_A_PASS = 16
 _NEWTON_ITERATIONS = 8
 """Iterations of Newton's method for the time of a pass."""
 _MOST_SWITCHES_AT_ONCE = 4
-"""Most switches that are passed at once. Each switch doubles the number of equations between the first and last pass."""
+"""Most switches that are passed at once. Each one doubles the number of equations between the first and last pass."""
 _TIME_BEHIND_A_PASS = 1e-3
-"""Time after a pass at which pieces of tables are selected, relative to the time from the window's start to the pass."""
+"""Time after a pass at which pieces of tables are selected, relative to the time from the start to the pass."""
 _PATCHES_OF_A_PASS = 64
 """Approximate number of patches of the parameters on which a pass is proved."""
 _LEAST_POSITIVE = 1e-280
@@ -305,7 +305,7 @@ class Scaled:
             self._tau += float(tau[place]) * term
 
     def of(self, f: ca.Function, factor: float = 0.0, is_back: bool = False) -> ca.Function:
-        """f in scaled time, or `factor` times f tau. With `is_back`, the scaled time runs from the pass to the start."""
+        """f in scaled time, or `factor` times f tau. With `is_back`, scaled time runs from the pass to the start."""
         x, s = ca.SX.sym("x", self._n), ca.SX.sym("s")
         value = f(x, self._p, self._begin + (1 - s if is_back else s) * self._tau)
         return common(f.name(), [x, self._p, s], [ca.densify(factor * self._tau * value if factor else value)])

@@ -105,7 +105,7 @@ class _Factors(NamedTuple):
 
 
 def _factors(rho: float, count: int, degree: int, half: bool) -> _Factors:
-    """The factors of a variable. Derivatives of T_k by the angle are at most k cosh(k log rho) and k^2 cosh(k log rho)."""
+    """The factors of a variable. The n-th derivative of T_k by the angle is at most k^n cosh(k log rho)."""
     k = np.arange(degree + 1)
     top = cosh_powers(rho, degree + 1)
     if count == 1:  # z = rho / 2 eps + 1 / (2 rho eps) on the ellipse, with |eps| = 1

@@ -119,7 +119,7 @@ class Pairs:
 
 
 _PAIRS_IN_CACHE = 2000
-"""Pairs of monomials that are multiplied at once: their products stay in the processor's cache."""
+"""Pairs of monomials that are multiplied at once: their products stay in the cache."""
 
 
 @cache
@@ -206,7 +206,7 @@ def reach(a: Model) -> float:
 
 
 def _padded(c: Array, terms: int) -> Array:
-    """Coefficients (terms, P) with zeros after those of c."""
+    """The coefficients c, filled with zeros to (terms, P)."""
     if len(c) == terms:
         return c
     whole = np.zeros((terms, *c.shape[1:]), dtype=c.dtype)
@@ -297,9 +297,9 @@ def is_positive(a: Model) -> bool:
 
 
 def _expansion(a: Model) -> tuple[Array, Array, Array | None]:
-    """Centres (P,) of a series with a singularity at 0, the ratio q (P,) of distance to modulus, and `about`.
+    """Centres (P,) of a series with a singularity at 0, ratios q (P,) of distance to modulus, and `about`.
 
-    The ratio is nan from 1 on. `about` is the argument of `_composed`. The constant terms are the centres if all values
+    A ratio is nan from 1 on. `about` is the argument of `_composed`. The constant terms are the centres if all values
     are close to them. A square that comes close to 0, as in sqrt(w^2 + small^2), is close only to the middle of its
     range.
     """
