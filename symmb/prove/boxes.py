@@ -59,8 +59,8 @@ class _Part:
     def halves(self, order: int) -> "list[_Part]":
         """Both halves, in the variable with the slowest decay of coefficients at the end.
 
-        The halves continue from the checkpoint. If there is no checkpoint, or it is the start, they start again, because
-        the start of a half has a smaller remainder. ProofError if the scene does not start for some parameters.
+        The halves continue from the checkpoint. If there is no checkpoint, or it is the start, they start again: the
+        start of a half has a smaller remainder. ProofError if the scene does not start for some parameters.
         """
         end, at = self.course.end, self.course.checkpoint
         variable = slowest(nominal_front(self.problem, order) if end is None else end.front.x)

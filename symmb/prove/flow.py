@@ -27,10 +27,9 @@ _SETTLED_CHANGE = 2e-15
 """Change relative to the size of a state at which the iteration ends: the change is then rounding."""
 
 _SETTLED_CHANGE_OF_FRAME, _STAGNANT_CHANGE = 1e-10, 1e-12
-"""Change at which the iteration of a frame ends, and the change from which an iteration ends if it does not decrease."""
+"""Change at which the iteration of a frame ends, and change below which iterations end if it does not decrease."""
 _ROUNDING_OF_RATES, _ROUNDING_OF_FRAME = 4e-16, 1e-11
-"""Coefficients of rates and of frames, relative to the largest one, that count as rounding. They would grow on ellipses.
-"""
+"""Coefficients of rates and frames, relative to the largest one, that are rounding. They would grow on ellipses."""
 
 
 def parameters_at(problem: Problem, variables: Sequence[Array], leading: int = 1) -> list[Array | float]:
@@ -141,7 +140,7 @@ def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Ar
 
 
 def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int) -> tuple[Curve, Array]:
-    """The frame B with B' = A B from B0 (n, n, NB + 1, ...), row by row, and its approximate inverse (n, n, terms, ...).
+    """The frame B with B' = A B from B0 (n, n, NB + 1, ...), row by row, and about its inverse C (n, n, terms, ...).
 
     The motion has the coefficients x (n, K + 1, N + 1, ...).
     """

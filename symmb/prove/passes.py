@@ -2,8 +2,8 @@
 
 The time from the start t of a window to the pass is approximately a polynomial tau(p). In scaled time, the old
 equations lead from t to the surface of the switch for all parameters at once. The new equations then lead back to t.
-From this front, the new equations continue as if they had always been valid. The error of the states is at most the time between
-tau and the true pass, at most |g| / |dg/dt|, times the difference of the rates on both sides.
+From this front, the new equations continue as if they had always been valid. The error of the states is at most the
+time between tau and the true pass, at most |g| / |dg/dt|, times the difference of the rates on both sides.
 
 Source: Filippov (1988), Differential Equations with Discontinuous Righthand Sides, section 10, transversal passes.
 """

@@ -279,9 +279,7 @@ def _formulation(method: object, simulator: DAESimulator, box: Box) -> Formulati
         )
     if form.dae.impacts is not None:
         what = "joints that open or close" if form.dae.impacts.joints is not None else "impacts"
-        raise PropagationError(
-            f"{method!r} cannot prove bounds for scenes with {what}. Use PolynomialChaos()."
-        )
+        raise PropagationError(f"{method!r} cannot prove bounds for scenes with {what}. Use PolynomialChaos().")
     middle, radius, _ = _intervals(simulator, box)
     if contradiction := _contradiction(form, _points_of(middle, radius)):
         raise PropagationError(f"{method!r}: {contradiction}. Use a start that is valid for all parameters of the box.")

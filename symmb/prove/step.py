@@ -165,6 +165,6 @@ class _Curvature:
 
 
 _JACOBIAN_PATCHES, _ABOUT_MOST_PATCHES = (1, 4, 40), 64
-"""Numbers of patches of each parameter for the change of the Jacobian: the largest one with at most 64 patches in all."""
+"""Numbers of patches of each parameter for the change of the Jacobian, and the most patches of all parameters."""
 _SHARES_OF_LARGEST_DISCS = (1.0, 0.5, 0.2, 0.08, 0.03, 0.01)
 """Radii of discs around the states that are tried, relative to the largest ones."""

@@ -10,9 +10,9 @@ from symmb.bound.polynomials.legendre import MultiIndices
 _SAMPLES_PER_DEGREE = 4
 """Samples along a parameter for each degree: enough to start from the deepest of several valleys."""
 _OTHER_STARTS = 3
-"""Searches from points of no meaning: they find most valleys that the others miss."""
+"""Number of searches from random points: they find most valleys that the other searches miss."""
 _SWEEPS, _GAIN = 30, 1e-9
-"""Most searches along each parameter, and the gain over the largest coefficient below which they end."""
+"""Most searches along each parameter, and the gain, relative to the largest coefficient, below which they end."""
 
 
 def searched_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Array, Array]:
