@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from symmb._magnitudes import ROUNDING, SAME, SLIGHT, SMALL
 from symmb._types import Array, Mask
 from symmb.prove.curves import TimeStep
 from symmb.prove.ellipses import Choice, Control
@@ -27,19 +28,10 @@ take many times longer. With all parts used early, the double pendulum, 5 %, ord
 """
 _LEAST_GROWTH = 2.0
 """Least growth of a remainder between two halvings: a halving does not reduce the earlier remainder."""
-_LOST_REMAINDER = 1e-3
-"""Remainder relative to the width of the states from which a part is lost: its square soon makes it grow.
-
-The other half of the parts is used for the parts that are lost first. They are halved at their last small remainder.
-"""
-_VISIBLE_WIDTH, _VISIBLE_OF_MOTION = 1e-6, 0.1
-"""Least remainders that cause a warning, relative to the size of an output, and to its motion with the parameters."""
-_VISIBLE_OF_TERMS = 1e-9
-"""Least remainder that causes a warning, relative to the terms of an output: if terms cancel, remainders are left."""
+_VISIBLE_OF_MOTION = 0.1
+"""Least remainder that causes a warning, relative to the motion of an output with the parameters."""
 _SPREADS_OF_ELLIPSES = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 """Motion of the parameters on the ellipses that are tried without states, relative to their middles."""
-_SHARP_WITHOUT_STATES = 1e-12
-"""Largest excess of bounds relative to the width, without states: there are only few such bounds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +106,8 @@ class Enclosure:
         width, remainder = np.where(finite, self.upper - self.lower, np.inf), np.where(finite, self.remainder, 0.0)
         moved = np.where(finite, width - 2.0 * remainder, 0.0).max(axis=0)
         size = np.where(finite, np.maximum(np.abs(self.lower), np.abs(self.upper)), 0.0)
-        visible = np.maximum(_VISIBLE_WIDTH * np.maximum.accumulate(size, axis=0), _VISIBLE_OF_MOTION * moved)
-        visible = np.maximum(visible, _VISIBLE_OF_TERMS * self.terms + LARGEST_ZERO)
+        visible = np.maximum(SLIGHT * np.maximum.accumulate(size, axis=0), _VISIBLE_OF_MOTION * moved)
+        visible = np.maximum(visible, SAME * self.terms + LARGEST_ZERO)
         return np.asarray(finite & (remainder > 0.25 * width) & (2.0 * remainder > visible))
 
 
@@ -158,7 +150,9 @@ def _followed(problem: Problem, order: int, boxes: int, progress: Callable[[floa
         march(part.problem, order, part.course, part.small, max(part.small, largest),
               lambda t: progress((done + part.share * t) / horizon))  # fmt: skip
 
-    for most, largest in ((boxes // 2, 0.0), (boxes, _LOST_REMAINDER), (boxes, np.inf)):
+    # A part is lost if its remainder exceeds a small fraction of the width: its square soon makes it grow. The second
+    # half of the parts is for the parts that are lost first. They are halved at their last small remainder.
+    for most, largest in ((boxes // 2, 0.0), (boxes, SMALL), (boxes, np.inf)):
         for part in parts:
             if not part.course.why:
                 follow(part, largest)
@@ -183,7 +177,8 @@ def _of_expressions(problem: Problem, order: int) -> Course:
     whole = TimeStep(problem, 0.0, end or 1.0, none, none, none.c[None])
     for spread in _SPREADS_OF_ELLIPSES:
         control = Control(Choice((spread, spread)), end)
-        lower, upper, rest, _ = output_bounds(whole, np.zeros(0), problem.times, control, _SHARP_WITHOUT_STATES)
+        # without states there are few bounds, so that their ranges may be sharp to rounding
+        lower, upper, rest, _ = output_bounds(whole, np.zeros(0), problem.times, control, ROUNDING)
         course.lower, course.upper = np.maximum(course.lower, lower), np.minimum(course.upper, upper)
         course.remainder = np.minimum(course.remainder, rest)
     course.until = end

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from symmb._magnitudes import ROUNDING
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove.errors import ProofError
@@ -26,8 +27,8 @@ _FIRST_TERMS = 3
 _SETTLED_CHANGE = 2e-15
 """Change relative to the size of a state at which the iteration ends: the change is then rounding."""
 
-_SETTLED_CHANGE_OF_FRAME, _STAGNANT_CHANGE = 1e-10, 1e-12
-"""Change at which the iteration of a frame ends, and change below which iterations end if it does not decrease."""
+_SETTLED_CHANGE_OF_FRAME = 1e-10
+"""Change at which the iteration of a frame ends."""
 _ROUNDING_OF_RATES, _ROUNDING_OF_FRAME = 4e-16, 1e-11
 """Coefficients of rates and frames, relative to the largest one, that are rounding. They would grow on ellipses."""
 
@@ -121,7 +122,7 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
             raise ProofError("the motion is not a number, or changes too fast for the shortest step")
         if (moved > most).any():
             raise ProofError("the motion changes too fast for the shortest step")
-        if change <= _SETTLED_CHANGE or (change > 0.5 * last and (difference < _STAGNANT_CHANGE * moved).all()):
+        if change <= _SETTLED_CHANGE or (change > 0.5 * last and (difference < ROUNDING * moved).all()):
             break
         last = change
     else:
@@ -165,7 +166,7 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
         B = new
         if not np.isfinite(change) or change > 1e3:
             raise ProofError("the deviations from the polynomials change too fast for the shortest step")
-        if change < _SETTLED_CHANGE_OF_FRAME or (change < _STAGNANT_CHANGE and change > 0.5 * last):
+        if change < _SETTLED_CHANGE_OF_FRAME or (change < ROUNDING and change > 0.5 * last):
             break
         last = change
     rate = ch.graded(fit(np.moveaxis(A @ B, (-2, -1), (0, 1)), (terms, *lengths)), problem.d)

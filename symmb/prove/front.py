@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from symmb._magnitudes import SMALL
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove.curves import TimeStep
@@ -14,8 +15,6 @@ from symmb.prove.rounding import U, above, of_sum
 _WORST_CONDITION = 30.0
 """Condition number of the frame, with columns of length 1, from which the frame is made orthogonal."""
 
-_LEAST_MOTION = 1e-3
-"""Least motion of a state in `share`, relative to the largest motion of a state."""
 _TAIL = 2
 """Number of the highest orders that measure the decay of coefficients."""
 
@@ -49,7 +48,7 @@ class Front:
         d = self.x.ndim - 1
         e = (ch.sums(self.B, d) + self.B_error) @ self.w + self.x_error
         moved = ch.sums(self.x, d) - np.abs(self.x[(slice(None), *(0,) * d)])
-        return float((e / np.maximum(moved, _LEAST_MOTION * moved.max(initial=1e-300))).max(initial=0.0))
+        return float((e / np.maximum(moved, SMALL * moved.max(initial=1e-300))).max(initial=0.0))
 
 
 def slowest(x: Array) -> int:

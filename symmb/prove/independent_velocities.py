@@ -20,6 +20,7 @@ import casadi as ca
 import numpy as np
 from scipy.linalg import qr
 
+from symmb._magnitudes import SLIGHT
 from symmb._types import Array, Indices
 from symmb.declare.symbolic import ExplicitSolver, common
 from symmb.equations.model import Lazy, System
@@ -35,10 +36,6 @@ _FEWEST_TIMES, _TIMES_PER_STEP = 100, 8
 """Least number of times of the nominal run at which sets are compared, and times for each of its steps."""
 _LARGE_LOG_CHANGE = np.log(10.0)
 """Change of the logarithm of a determinant from which another set may be better."""
-_EXACT_START = 1e-6
-"""Errors of velocities at the start, relative to the largest error, that count as this size at least."""
-_NOMINAL_RTOL = 1e-6
-"""Relative tolerance of the nominal run."""
 
 
 class Partition(NamedTuple):
@@ -157,7 +154,7 @@ def start_states(form: Formulation, u: ca.SX, p: ca.SX) -> ca.SX:
     x = start.nominal()
     there = dae.arguments(ca.SX(np.concatenate([x["q"], x["v"], x["s"]])), ca.SX(x["p"]), ca.SX(start.t0))
     G_there = ca.DM(dae.G(*there)).full()
-    weights = np.maximum(errors / errors.max(initial=1e-300), _EXACT_START) * dae.displacement_scales
+    weights = np.maximum(errors / errors.max(initial=1e-300), SLIGHT) * dae.displacement_scales
     dependent = list(qr(G_there * weights, mode="r", pivoting=True)[-1][: dae.n_r])
     free = [k for k in range(dae.n_v) if k not in dependent]
     G = dae.G(*at)
@@ -214,7 +211,7 @@ def _partitions(form: Formulation, times: Array) -> list[Partition]:
         first = last - 1
 
 
-def _along_a_run(form: Formulation, times: Array) -> tuple[Array, Array, Array]:
+def _along_a_run(form: Formulation, times: Array, rtol: float = 1e-6) -> tuple[Array, Array, Array]:
     """Jacobians (m, n_r, n_v), mass matrices (m, n_v, n_v) and times (m,) of a nominal run, up to its end."""
     from scipy.integrate import solve_ivp
 
@@ -232,8 +229,8 @@ def _along_a_run(form: Formulation, times: Array) -> tuple[Array, Array, Array]:
             (times[0], times[-1]),
             x0,
             method="DOP853",
-            rtol=_NOMINAL_RTOL,
-            atol=_NOMINAL_RTOL * dae.state_sizes,
+            rtol=rtol,
+            atol=rtol * dae.state_sizes,
             dense_output=True,
         )
         at = np.linspace(times[0], run.t[-1], max(_FEWEST_TIMES, _TIMES_PER_STEP * len(run.t)))

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from symmb._magnitudes import FACTORS, ROUNDING
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove.curves import TimeStep
@@ -23,8 +24,6 @@ from symmb.prove.transitions import drifted, mapped, require_known
 
 TIME_TERMS, FRAME_TERMS = 20, 11
 """Terms of the motion and of the frame in time."""
-_AIMED_TAIL, _LARGEST_TAIL = 1e-14, 1e-12
-"""Last coefficients in time, relative to the sizes of the states: the aim of the control, and the limit of a step."""
 _SHORTEST_OF_AIM = 2.0**-4
 """Shortest step that is tried, relative to the aimed length."""
 _SHORTER_STEP = 0.3
@@ -365,8 +364,9 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
         last = ch.sums(x.c[:, -2:], problem.d).max(axis=1)
         sizes = np.maximum(problem.scales, ch.sums(x.c, problem.d + 1))
         tail = float((last / sizes).max(initial=0.0))
-        h_resolved = h * float(np.clip((_AIMED_TAIL / max(tail, 1e-30)) ** (1.0 / TIME_TERMS), _SHORTER_STEP, 1.5))
-        if tail > _LARGEST_TAIL:
+        # the last coefficients of the motion decide: this length would reduce them to the rounding of the states
+        h_resolved = h * float(np.clip((FACTORS / max(tail, 1e-30)) ** (1.0 / TIME_TERMS), _SHORTER_STEP, 1.5))
+        if tail > ROUNDING:
             aim = h = h_resolved
             continue
         step, before = None, _before_pass(problem, x.c, front.t, h, usual, grain)

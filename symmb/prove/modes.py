@@ -17,6 +17,7 @@ from functools import cached_property, partial
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import SLIGHT
 from symmb._types import Array
 from symmb.declare.symbolic import batch, common
 from symmb.prove.independent_velocities import Equations
@@ -24,9 +25,8 @@ from symmb.prove.problem import StartEquations
 
 _SAME_EIGENVALUE = 1e-5
 """Largest relative distance of equal eigenvalues: double eigenvalues have errors of the square root of rounding."""
-_ZERO_SINGULAR_VALUE, _ZERO_REAL_PART = 1e-7, 1e-6
-"""Singular values, relative to the largest one, and real parts, relative to the largest eigenvalue, that count as 0:
-critical parameters have rounding errors."""
+_ZERO_SINGULAR_VALUE = 1e-7
+"""Singular value, relative to the largest one, that counts as 0: critical parameters have rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +185,7 @@ def _critical_shape(A: Array) -> tuple[Array, float, bool]:
     if none == 1:
         return vectors[-1], float(sizes[0]), False
     values, vectors = np.linalg.eig(A)
-    on_axis = (np.abs(np.real(values)) <= _ZERO_REAL_PART * np.abs(values).max()) & (np.imag(values) > 0)
+    on_axis = (np.abs(np.real(values)) <= SLIGHT * np.abs(values).max()) & (np.imag(values) > 0)
     if none or np.count_nonzero(on_axis) != 1:
         raise ValueError
     k = int(on_axis.argmax())

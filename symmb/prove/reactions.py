@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import ROUNDING
 from symmb.declare.symbolic import ExplicitSolver, common, is_zero
 from symmb.declare.symbolic import t as time_symbol
 from symmb.equations.model import System
@@ -20,8 +21,8 @@ from symmb.run.formulations import Formulation
 
 RANDOM_POINTS = 20
 """Random points at which analytic functions are evaluated. A property at all these points holds everywhere."""
-_SPREAD_OF_PARAMETERS, _ROUNDING_OF_ENTRIES = 0.01, 1e-12
-"""Relative distance of random parameters from the nominal ones, and the error of an entry that counts as rounding."""
+_SPREAD_OF_PARAMETERS = 0.01
+"""Relative distance of random parameters from the nominal ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +134,7 @@ def _with_whole_numbers(form: Formulation, at: tuple[ca.SX, ...], matrices: Sequ
     for S, *values in zip(matrices, *points, strict=True):
         values = np.array([value.full() for value in values])
         whole, size = np.round(values[0]), np.sqrt(np.einsum("kii,kjj->kij", values, values))
-        known = np.abs(values - whole) <= _ROUNDING_OF_ENTRIES * np.where(whole == 0, size, np.abs(whole))
+        known = np.abs(values - whole) <= ROUNDING * np.where(whole == 0, size, np.abs(whole))
         entries = [ca.SX(whole[i, j] + 0.0) if known[:, i, j].all() else S[i, j] for j, i in np.ndindex(*S.shape)]
         found.append(ca.reshape(ca.vertcat(*entries), *S.shape))
     return found

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import PropagationError
+from symmb._magnitudes import SAME, SLIGHT
 from symmb._types import Array, Indices
 from symmb.connect import Simulator
 from symmb.declare.symbolic import On, batch, branches, common
@@ -99,7 +100,7 @@ def _sampled(dae: DAE, equations: Equations, times: Array) -> Change | None:
     sampling = dae.sampling
     assert sampling is not None
     instants, begin = sampling.instants(times), float(times[0])
-    instants = instants[np.diff(instants, prepend=-np.inf) > _SAME_INSTANT * min(sampling.periods)]
+    instants = instants[np.diff(instants, prepend=-np.inf) > SAME * min(sampling.periods)]
     grain = fine_grain_of(float(times[-1] - begin))
     late = grain + 4 * U * float(np.abs(times).max())
 
@@ -112,17 +113,13 @@ def _sampled(dae: DAE, equations: Equations, times: Array) -> Change | None:
         for T, (value, count), law in zip(sampling.periods, sampling.states, sampling.laws, strict=True):
             number = round((instants[k] - sampling.begin) / T)
             own = sampling.begin + T * number
-            if abs(own - instants[k]) <= _SAME_INSTANT * T:
+            if abs(own - instants[k]) <= SAME * T:
                 s[value], s[count] = law(q, v, s, p, own), s[count] + 1
         states = common("states", [x, p, t], [ca.densify(ca.vertcat(x[: x.numel() - dae.n_s], s))])
         time = float(np.round((instants[k] - begin) / grain) * grain)
         return Change(time, states, lambda time, problem: problem.with_fields(change=following(k + 1)), late)
 
     return following(0)
-
-
-_SAME_INSTANT = 1e-9
-"""Largest distance of equal instants, relative to the period."""
 
 
 def _require_tapes(method: object, problem: Problem) -> None:
@@ -175,7 +172,7 @@ def _require_first(method: object, simulator: CriticalSimulator, samples: Array,
     Another eigenvalue may become imaginary first, although the followed one stays simple.
     """
     low, high = simulator.range
-    is_other = ~(np.abs(simulator.run(samples).Y[:, 0] - followed) <= _SAME_CRITICAL_VALUE * (high - low)).all(axis=1)
+    is_other = ~(np.abs(simulator.run(samples).Y[:, 0] - followed) <= SLIGHT * (high - low)).all(axis=1)
     if is_other.any():
         p = samples[is_other.argmax()]
         where = ", ".join(f"{name} = {value:.6g}" for name, value in zip(simulator.parameters, p, strict=True))
@@ -185,9 +182,8 @@ def _require_first(method: object, simulator: CriticalSimulator, samples: Array,
         )
 
 
-_INNER_SAMPLES, _CORNER_SAMPLES, _SAME_CRITICAL_VALUE = 4, 8, 1e-6
-"""Inner points and corners at which critical values are compared, and the largest distance of equal values, relative to
-the range."""
+_INNER_SAMPLES, _CORNER_SAMPLES = 4, 8
+"""Inner points and corners of the box at which critical values are compared."""
 
 
 def _linear_start(method: object, simulator: ModalSimulator | CriticalSimulator, box: Box) -> LinearStart:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from symmb._magnitudes import LAST_DIGITS
 from symmb._types import Array, Indices
 from symmb.prove import chebyshev as ch
 from symmb.prove import discs, points
@@ -25,8 +26,6 @@ from symmb.prove.taylor_models import DEGREES_BEYOND_POLYNOMIALS, basis_of, reac
 _NEGLIGIBLE = 1e-17
 """Coefficients of a start, relative to the state, below which they are removed."""
 
-_ROUNDING_OF_COEFFICIENTS = 1e-15
-"""Coefficients of scaled unknowns that count as rounding. They would grow on ellipses."""
 _START_PATCHES = (1, 8, 32, 128)
 """Numbers of patches of each variable that are tried. Pivots of starting equations nearly cancel, and there is only one
 start."""
@@ -108,7 +107,7 @@ def _unknowns(problem: Problem, order: int) -> Array:
         return np.zeros((0, *(order + 1,) * d))
     p = parameters_at(problem, [ch.nodes(m) for m in counts], leading=0)
     c = fit(_solutions(problem, p, counts), [order + 1] * d)
-    return np.where(np.abs(c) < _ROUNDING_OF_COEFFICIENTS, 0.0, c)
+    return np.where(np.abs(c) < LAST_DIGITS, 0.0, c)
 
 
 def _solutions(problem: Problem, p: list[Array | float], counts: list[int]) -> Array:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import FACTORS, SAME
 from symmb._types import Array, Indices
 from symmb.declare.symbolic import common
 from symmb.prove import chebyshev as ch
@@ -17,10 +18,6 @@ from symmb.prove.start import bounds_of, polynomials, still
 from symmb.prove.tape import Tape
 
 _ROUGH = "sampled values, or other velocities of a loop, cannot be shown to be smooth over the box"
-_ROOM_OF_ROUNDED_TIME = 1e-9
-"""Motion of the states between an instant and its rounded time, relative to their scales."""
-_ALIASING_OF_MAPS = 1e-14
-"""Aliasing of a mapped polynomial, relative to its width."""
 
 
 @np.errstate(all="ignore")  # what is not finite proves nothing
@@ -52,7 +49,7 @@ def mapped(problem: Problem, front: Front, f: ca.Function) -> Front:
     require_known("the laws of sampled values", both)
     step = still(replace(problem, rates=same, outputs=both, scales=scales), front.t, states)
     try:
-        x_new, x_lost = polynomials(step, np.arange(m), lengths, _ALIASING_OF_MAPS)
+        x_new, x_lost = polynomials(step, np.arange(m), lengths, FACTORS)
         B_new, B_lost = polynomials(step, np.arange(m, m + m * n), of_frame)
     except ProofError:
         raise ProofError(_ROUGH) from None
@@ -87,7 +84,7 @@ def require_known(where: str, *functions: ca.Function) -> None:
 
 def drifted(problem: Problem, front: Front, late: float) -> Front:
     """The front with all states within a time `late` before and after [s]. ProofError if the rates are too large."""
-    room = _ROOM_OF_ROUNDED_TIME * problem.scales
+    room = SAME * problem.scales  # states hardly move between an instant and its rounded time
     reach = above(ch.sums(front.B, problem.d) + front.B_error) @ front.w + front.x_error + room
     around = still(problem, front.t - 2 * late, front.x, 4 * late)
     moved = above(late * bounds_of(problem.rate_tape, around, above(reach))[0])
