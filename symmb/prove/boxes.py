@@ -30,8 +30,6 @@ _LEAST_GROWTH = 2.0
 """Least growth of a remainder between two halvings: a halving does not reduce the earlier remainder."""
 _VISIBLE_OF_MOTION = 0.1
 """Least remainder that causes a warning, relative to the motion of an output with the parameters."""
-_SPREADS_OF_ELLIPSES = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
-"""Motion of the parameters on the ellipses that are tried without states, relative to their middles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +173,8 @@ def _of_expressions(problem: Problem, order: int) -> Course:
     course = Course.empty(problem)
     none = integrated(np.zeros((0, *terms)), np.zeros((0, 1, *terms)), end or 1.0)
     whole = TimeStep(problem, 0.0, end or 1.0, none, none, none.c[None])
-    for spread in _SPREADS_OF_ELLIPSES:
+    # motion of the parameters on the ellipses, relative to their middles
+    for spread in (0.3, 1.0, 3.0, 10.0, 30.0, 100.0):
         control = Control(Choice((spread, spread)), end)
         # without states there are few bounds, so that their ranges may be sharp to rounding
         lower, upper, rest, _ = output_bounds(whole, np.zeros(0), problem.times, control, ROUNDING)

@@ -21,14 +21,10 @@ _ALIASED_SHARE = 0.2
 """Fraction of the bound of a defect that may be due to aliasing."""
 ALIASED_GROWTH = 1e-3
 """Relative growth of the remainder in a step that may be due to aliasing."""
-_HARMLESS_ALIASING = 1e-10
-"""Aliasing, relative to the rates of the states, that is negligible if finer grids are too large."""
 LEAST_REMAINDER = 1e-2
 """Remainders below this fraction of the largest one count as this fraction."""
 _MUCH_ALIASING = 30.0
 """Ratio of the aliasing to its aim above which a step is too long."""
-_MOST_FINER_GRIDS = 2
-"""Finer grids that are tried until the aliasing is small."""
 
 _MOST_EXACT_NUMBERS, _MOST_EXACT_NODES = 2e6, 8e6
 """Most numbers in an array of values for an exact interpolation (16 MB), and most nodes: the bounds of rounding errors
@@ -80,7 +76,8 @@ def defect_of_motion(
     k = len(rho)
     most = above(C_on @ (most_rate + largest_on(rho, step.x.rate)))
     small = ALIASED_GROWTH * w / step.h
-    harmless = np.maximum(small, _HARMLESS_ALIASING * (step.C_largest @ ch.sums(step.x.rate, k)))
+    # aliasing of this part of the rates is negligible if finer grids are too large
+    harmless = np.maximum(small, 1e-10 * (step.C_largest @ ch.sums(step.x.rate, k)))
     harmless = np.maximum(harmless, LEAST_REMAINDER * harmless.max())
     wanted = np.maximum(_ALIASED_SHARE * control.wanted, small)
     counts = node_counts(rho, 0.3 * float((wanted / most).min()))
@@ -89,7 +86,7 @@ def defect_of_motion(
     if _is_large(counts, step):
         raise ProofError("polynomials of this order follow the motion too badly, as where a short pulse begins at rest")
     sampled, alias = _sampled_defect(step, counts), above(ch.aliasing(rho, counts) * most)
-    for _ in range(_MOST_FINER_GRIDS):
+    for _ in range(2):  # finer grids, until the aliasing is small
         wanted = np.maximum(_ALIASED_SHARE * sampled, small)
         finer = node_counts(rho, 0.3 * float((wanted / most).min()))
         finer = tuple(max(a, b) for a, b in zip(finer, counts, strict=True))

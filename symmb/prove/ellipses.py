@@ -77,7 +77,8 @@ def ellipses(step: TimeStep, spread: tuple[float, float]) -> list[float]:
         for middle, radius, j in zip(problem.middle, problem.radius, problem.variables, strict=True):
             if j >= 0:
                 place = (j, 0, *(int(i == j) for i in range(problem.d)))
-                own[place] = _STIFFNESS_OF_PARAMETERS * radius / max(abs(middle), radius)
+                # parameters may move three times less than states
+                own[place] = 3.0 * radius / max(abs(middle), radius)
         rows = np.concatenate([rows, own])
     rows[(slice(None), *(0,) * (rows.ndim - 1))] = 0.0
     rho = []
@@ -109,8 +110,6 @@ def _largest_below(holds: Callable[[float], bool], top: float) -> float:
     return low
 
 
-_STIFFNESS_OF_PARAMETERS = 3.0
-"""Factor by which parameters may move less than states."""
 _THINNEST, _WIDEST = 1.02, 1000.0
 """Smallest and largest parameter of an ellipse. With 1000, an interpolation in six nodes has an error of 1e-18."""
 
@@ -145,7 +144,8 @@ def adapted(step: TimeStep, control: Control) -> Tried:
     """
     best = _first(step, control)
     for trial in range(_MOST_CHOICES):
-        if trial >= _CHOICES_PER_STEP and best.nodes <= _NODES_WORTH_CHOICES:
+        # more choices are compared only if very many nodes are needed
+        if trial >= _CHOICES_PER_STEP and best.nodes <= 1e5:
             break
         control.turn += 1
         other = _tried(step, best.choice.turned(control.turn), control.wanted)
@@ -157,8 +157,10 @@ def adapted(step: TimeStep, control: Control) -> Tried:
 def _first(step: TimeStep, control: Control) -> Tried:
     """The ellipses of the last step, or the largest ones that make the equations analytic with the fewest patches."""
     choice = control.choice
-    for narrowing in range(_MOST_NARROWINGS):
-        for count in sorted({choice.patches[1], *_PARAMETER_PATCHES[: 1 + narrowing // 2]}):
+    # the ellipses are halved up to eight times until the equations are analytic on them
+    for narrowing in range(8):
+        # the smaller the ellipses are already, the more patches of each parameter are tried
+        for count in sorted({choice.patches[1], *(1, 8, 24)[: 1 + narrowing // 2]}):
             found = _tried(step, replace(choice, patches=(choice.patches[0], count)), control.wanted)
             if np.isfinite(found.cost):
                 return found
@@ -166,10 +168,6 @@ def _first(step: TimeStep, control: Control) -> Tried:
     inputs = step.on_patches(patches_on(step, ellipses(step, choice.spread), (choice.patches[0], 1)))
     tape = step.problem.jacobian_tape
     raise not_smooth(tape.first(discs.OPERATIONS, discs.disc, inputs, lambda a: not np.isfinite(discs.reach(a)).all()))
-
-
-_PARAMETER_PATCHES = 1, 8, 24
-"""Numbers of patches of each parameter that are tried. Smaller ellipses are tried with more of these numbers."""
 
 
 def _tried(step: TimeStep, choice: Choice, wanted: float) -> Tried:
@@ -188,21 +186,16 @@ def _tried(step: TimeStep, choice: Choice, wanted: float) -> Tried:
         return Tried(choice, rho, rates, slopes, np.inf, np.inf)
     most = float((rates + largest_on(rho, step.x.rate)).max())
     nodes = nodes_needed(rho, wanted / most)
-    return Tried(choice, rho, rates, slopes.reshape(n, n).T, nodes + _TIME_OF_A_PATCH * count, nodes)
+    # a patch takes 20 times as long as a node: numbers are complex, and the Jacobian is computed too
+    return Tried(choice, rho, rates, slopes.reshape(n, n).T, nodes + 20.0 * count, nodes)
 
 
-_MOST_NARROWINGS = 8
-"""Most smaller ellipses that are tried if the equations cannot be shown to be analytic."""
 _CHOICES_PER_STEP, _MOST_CHOICES = 2, 16
 """Other choices that are compared in a step, and the most if many nodes are needed."""
-_NODES_WORTH_CHOICES = 1e5
-"""Nodes of a grid from which more choices are compared."""
 MOST_NODES = 300
 """Most nodes of a variable. Values at more nodes take seconds."""
 TOO_MANY = 3e4
 """Patches that take seconds. If a proof needs more, it ends, or the step becomes shorter."""
-_TIME_OF_A_PATCH = 20.0
-"""Time of a patch relative to that of a node: numbers are complex, and the Jacobian is computed as well."""
 
 
 def nodes_needed(rho: list[float], ratio: float) -> float:

@@ -16,10 +16,6 @@ from symmb.prove.rounding import U, above, of_sum
 
 _MOST_PICARD_ITERATIONS = 60
 """Most Picard iterations. Each at least halves the error, or the step is too long."""
-_SPARE_NODES = 2
-"""Additional nodes of each parameter, so that the aliasing of removed terms is small."""
-_DIVERGED_GROWTH = 1e3
-"""Growth of a state after the first iteration from which a step is too long."""
 _STATES_IN_CACHE = 2**14
 """States that are evaluated at once, so that they stay in the processor's cache."""
 _FIRST_TERMS = 3
@@ -27,8 +23,6 @@ _FIRST_TERMS = 3
 _SETTLED_CHANGE = 2e-15
 """Change relative to the size of a state at which the iteration ends: the change is then rounding."""
 
-_SETTLED_CHANGE_OF_FRAME = 1e-10
-"""Change at which the iteration of a frame ends."""
 _ROUNDING_OF_RATES, _ROUNDING_OF_FRAME = 4e-16, 1e-11
 """Coefficients of rates and frames, relative to the largest one, that are rounding. They would grow on ellipses."""
 
@@ -95,7 +89,8 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
     """
     lengths = x0.shape[1:]
     few = problem.d <= ch.FEW
-    counts = [n + _SPARE_NODES if few else n for n in lengths]
+    # two more nodes than terms: the aliasing of removed terms is then small
+    counts = [n + 2 if few else n for n in lengths]
     begin = ch.along([ch.values_at_nodes(m, n) for m, n in zip(counts, lengths, strict=True)], x0)
     s = ch.nodes(terms)
     p = parameters_at(problem, [ch.nodes(m) for m in counts])
@@ -117,7 +112,8 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
         new = begin[:, None] + np.tensordot(f, step, (1, 1)).transpose(0, -1, *range(1, f.ndim - 1))
         difference, moved = np.abs(new - x).max(axis=others), np.maximum(size, np.abs(new).max(axis=others))
         change = float((difference / size).max(initial=0.0))
-        x, most = new, _DIVERGED_GROWTH * moved if most is None else most
+        # a state that grows more after the first iteration diverges: the step is too long
+        x, most = new, 1e3 * moved if most is None else most
         if not np.isfinite(change):
             raise ProofError("the motion is not a number, or changes too fast for the shortest step")
         if (moved > most).any():
@@ -166,7 +162,8 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
         B = new
         if not np.isfinite(change) or change > 1e3:
             raise ProofError("the deviations from the polynomials change too fast for the shortest step")
-        if change < _SETTLED_CHANGE_OF_FRAME or (change < ROUNDING and change > 0.5 * last):
+        # a frame need not be as accurate as the motion
+        if change < 1e-10 or (change < ROUNDING and change > 0.5 * last):
             break
         last = change
     rate = ch.graded(fit(np.moveaxis(A @ B, (-2, -1), (0, 1)), (terms, *lengths)), problem.d)

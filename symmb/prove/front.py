@@ -15,9 +15,6 @@ from symmb.prove.rounding import U, above, of_sum
 _WORST_CONDITION = 30.0
 """Condition number of the frame, with columns of length 1, from which the frame is made orthogonal."""
 
-_TAIL = 2
-"""Number of the highest orders that measure the decay of coefficients."""
-
 
 @dataclass(frozen=True)
 class Front:
@@ -53,7 +50,8 @@ class Front:
 
 def slowest(x: Array) -> int:
     """Number of the parameter with the slowest decay of the coefficients (n, N + 1, ...)."""
-    tails = [np.abs(x.take(np.arange(max(1, m - _TAIL), m), axis=axis)).sum() for axis, m in enumerate(x.shape[1:], 1)]
+    # the two highest orders measure the decay
+    tails = [np.abs(x.take(np.arange(max(1, m - 2), m), axis=axis)).sum() for axis, m in enumerate(x.shape[1:], 1)]
     return int(np.argmax(tails))
 
 

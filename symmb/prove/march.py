@@ -28,15 +28,11 @@ _SHORTEST_OF_AIM = 2.0**-4
 """Shortest step that is tried, relative to the aimed length."""
 _SHORTER_STEP = 0.3
 """Factor of a step that is too long for the motion."""
-_STEPS_OF_FIRST_LENGTH = 50
-"""Ratio of the horizon to the first step that is tried."""
 _LOST_REMAINDER, _CRAWLING_STEP = 1e-2, 2.0**-6
 """Remainder relative to the width of the states, and step relative to the longest one. A proof that exceeds the first
 with steps below the second ends soon anyway."""
 _SHORTEST_AT_CHANGE = 8
 """Shortest step that ends at a change of states, in units of times."""
-_AT_INSTANT = 4
-"""Distance between an output time and an instant, relative to the error of the instant, up to which both are equal."""
 _BEFORE_PASS_OF_STEP, _BEFORE_PASS_OF_SPREAD = 2.0**-6, 0.25
 """Time before the first pass of a switch, as fractions of a usual step and of the spread of passes over the box."""
 _NEARER_BEGIN, _NEAREST_PASS = 2.0**-6, 2.0**6
@@ -133,7 +129,8 @@ def march(
         except ProofError as error:
             course.why = f"the start cannot be proved, because {error}"
             return
-        course.end = course.checkpoint = Place(front, Control(Choice(), (end or 1.0) / _STEPS_OF_FIRST_LENGTH), problem)
+        # the first step that is tried is 1/50 of the horizon; a step that is too long is shortened
+        course.end = course.checkpoint = Place(front, Control(Choice(), (end or 1.0) / 50), problem)
     place, longest = course.end, 0.0
     while not course.is_done:
         try:
@@ -207,7 +204,8 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
         course.steps.append((step, proof.W))
     front, times = leaving(step, proof.end), problem.times
     late = _late(problem, front.t)
-    until = front.t if late is None else front.t - _AT_INSTANT * late  # outputs at an instant have the new values
+    # outputs within four errors of an instant count as being at the instant, and have the new values
+    until = front.t if late is None else front.t - 4 * late
     behind = int(np.searchsorted(times, until, side="right"))
     if behind > course.stored:
         course.store(behind, *output_bounds(step, proof.W, times[course.stored : behind], control))

@@ -17,8 +17,6 @@ from symmb.prove.rounding import above, of_sum
 from symmb.prove.several_parameters import at_nodes, equations_at_nodes, inputs_on_step, on_step, run
 from symmb.prove.taylor_models import DEGREES_BEYOND_POLYNOMIALS, OPERATIONS, Model, basis_of, reach
 
-_DEGREES_BEYOND_FRAME = 1
-"""Degrees of Taylor models of defects of a frame beyond those of its polynomials."""
 _ALIASED_SHARE = 0.1
 """Fraction of the defect of the last step that may be due to aliasing."""
 _COMPARED_ELLIPSE, _MOST_NARROWINGS, _NARROWEST_ELLIPSE = 1.2, 12, 1.02
@@ -114,7 +112,8 @@ def _defect(step: TimeStep, count: int) -> Array:
 
 def _frame(step: TimeStep, count: int) -> Array:
     """Bounds (n, n) of the interpolation of C (A B - B') in time."""
-    n, basis = step.problem.n, basis_of(step.problem.d, step.B.c.shape[2] - 1 + _DEGREES_BEYOND_FRAME)
+    # Taylor models of the defect of a frame have one degree more than the frame
+    n, basis = step.problem.n, basis_of(step.problem.d, step.B.c.shape[2])
     entries = run(step.problem.jacobian_tape, equations_at_nodes(step, count, basis))[1]
     A = [entries[i::n] for i in range(n)]  # column-major
     B = _matrix(at_nodes(step.B.c, step.B.error, count, basis), n)

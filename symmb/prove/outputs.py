@@ -16,13 +16,8 @@ from symmb.prove.rounding import U, above, of_sum
 from symmb.prove.several_parameters import monomials, on_step, parameter_models, run
 from symmb.prove.taylor_models import Model, basis_of, reach
 
-_OUTPUT_PATCHES = 1, 8, 24, 64
-"""Numbers of patches of each parameter. The next number is tried if outputs cannot be shown to be smooth, or have large
-bounds. Quotients of positive sums, such as reactions, may need many patches."""
 _PATCHES_IF_ROUGH_BEFORE = 1
 """Most patches for outputs that could not be shown to be smooth in the previous step."""
-_NODES_WORTH_PATCHES = 50
-"""Nodes of each parameter above which more patches are tried."""
 EXTRA_NODES = 4
 """Nodes of each parameter at first, in addition to the terms of the motion."""
 _MOST_NODES_OF_ALL_TIMES = 3e6
@@ -56,7 +51,8 @@ def output_bounds(
     with np.errstate(all="ignore"):
         e, smooth = above(step.B_largest @ w), np.zeros(n_y, dtype=bool)
         is_refused = np.array([*map(bool, problem.refused or [""] * n_y)], dtype=bool)
-        for patches in (count for count in _OUTPUT_PATCHES if count ** (1 + problem.d) <= TOO_MANY):
+        # quotients of positive sums, such as reactions, may need many patches
+        for patches in (count for count in (1, 8, 24, 64) if count ** (1 + problem.d) <= TOO_MANY):
             rho, most, nodes = _ellipses(step, control.choice, patches)
             real = patches_on(step, [1.0] * len(rho), (max(patches, Choice().patches[0]), patches))
             slopes = problem.sensitivity_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]
@@ -64,7 +60,8 @@ def output_bounds(
             of_states, terms = above(slopes @ e), slopes @ ch.sums(step.x.c, step.x.c.ndim - 1)
             smooth = np.isfinite(most) & np.isfinite(of_states)
             is_hopeless = control.rough if patches > _PATCHES_IF_ROUGH_BEFORE else False
-            if (smooth | is_refused | is_hopeless).all() and nodes <= _NODES_WORTH_PATCHES**problem.d:
+            # more patches are tried only if 50 nodes of each parameter are not enough
+            if (smooth | is_refused | is_hopeless).all() and nodes <= 50**problem.d:
                 break
         control.rough = ~smooth
         good = np.flatnonzero(smooth)
@@ -86,7 +83,8 @@ def output_bounds(
 def _ellipses(step: TimeStep, choice: Choice, patches: int) -> tuple[list[float], Array, float]:
     """The ellipses of the parameters with the fewest nodes, bounds of the outputs, and the number of nodes."""
     found = []
-    for factor in _FACTORS_OF_ELLIPSES:
+    # spreads relative to that of the ellipses on which the rates are bounded
+    for factor in (1.0, 0.3, 3.0, 10.0):
         rho = [1.0, *ellipses(step, (choice.spread[0], factor * choice.spread[1]))[1:]]
         on = patches_on(step, rho, (patches, max(patches, choice.patches[1])))
         most = reaches(step.problem.output_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(on))[0])
@@ -95,10 +93,6 @@ def _ellipses(step: TimeStep, choice: Choice, patches: int) -> tuple[list[float]
         found.append((len(smooth), -nodes, rho, most))
     _, nodes, rho, most = max(found, key=lambda choice: choice[:2])
     return rho, most, -nodes
-
-
-_FACTORS_OF_ELLIPSES = (1.0, 0.3, 3.0, 10.0)
-"""Spreads of the ellipses that are tried, relative to the spread on which the rates are bounded."""
 
 
 def _good_bounds(

@@ -36,8 +36,6 @@ from symmb.prove.transitions import require_known
 
 _LOOKS_PER_STEP = 33
 """Times of a step at which the sides of switches are examined."""
-_MOST_STEPS_OF_A_PASS = 16
-"""Steps within which all parameters must pass a switch."""
 _NEWTON_ITERATIONS = 8
 """Iterations of Newton's method for the time of a pass."""
 _MOST_SWITCHES_AT_ONCE = 4
@@ -86,7 +84,8 @@ def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: 
     tape, nodes = Tape(with_slopes(problem, problem.valid, problem.rates)), int(np.prod(counts))
     found = np.full((problem.valid.numel_out(0), nodes), np.inf)
     states, begin = np.zeros((problem.n, nodes)), t0
-    for number in range(_MOST_STEPS_OF_A_PASS):
+    # all parameters must pass within 16 steps
+    for number in range(16):
         own = ch.along([ch.values_at_nodes(m, n) for m, n in zip(counts, lengths, strict=True)], x)
         own = own.reshape(*x.shape[:2], nodes)
         _look(tape, own, p, begin, h, found, states)

@@ -21,8 +21,6 @@ from symmb.run.formulations import Formulation
 
 RANDOM_POINTS = 20
 """Random points at which analytic functions are evaluated. A property at all these points holds everywhere."""
-_SPREAD_OF_PARAMETERS = 0.01
-"""Relative distance of random parameters from the nominal ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +124,8 @@ def _with_whole_numbers(form: Formulation, at: tuple[ca.SX, ...], matrices: Sequ
     """
     dae, rng, n_free = form.dae, np.random.default_rng(0), at[0].numel() - form.dae.n_q
     q, p = form.start.q_nominal, form.start.nominal()["p"]
-    spread = _SPREAD_OF_PARAMETERS * np.where(p == 0, 1.0, np.abs(p))
+    # random parameters differ from the nominal ones by about 1 %
+    spread = 0.01 * np.where(p == 0, 1.0, np.abs(p))
     f = ca.Function("matrices", list(at), [ca.densify(S) for S in matrices])
     points = [f.call([ca.vertcat(dae.retract(q, rng.normal(size=dae.n_v)), ca.DM.zeros(n_free)),
                       p + spread * rng.normal(size=len(p)), rng.normal()]) for _ in range(RANDOM_POINTS)]  # fmt: skip

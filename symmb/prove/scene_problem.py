@@ -303,7 +303,8 @@ def _rows_that_may_bind(simulator: DAESimulator, form: Formulation, box: Box) ->
     P = _points_of(middle, radius)
     instants = rng.uniform(float(simulator.times[0]), float(simulator.times[-1]), (RANDOM_POINTS, 1))
     residuals = np.abs(batch(f, X, P, instants)[0])
-    binds = residuals.max(axis=0) > _ROUNDING_OF_ROWS * max(1.0, residuals.max())
+    # smaller residuals are rounding
+    binds = residuals.max(axis=0) > 1e-13 * max(1.0, residuals.max())
     names = system.collected.row_names
     left = [name for name, is_bound in zip(names, binds, strict=False) if is_bound and name not in dae.row_names]
     return ", ".join(_joints(left))
@@ -317,10 +318,6 @@ def _joints(rows: Sequence[str]) -> tuple[str, ...]:
 def _points_of(middle: Array, radius: Array) -> Array:
     """Random points (N, n_p) of a box."""
     return middle + radius * np.random.default_rng(0).uniform(-1, 1, (RANDOM_POINTS, len(middle)))
-
-
-_ROUNDING_OF_ROWS = 1e-13
-"""Rows at random points, relative to the largest one, that count as rounding."""
 
 
 def _contradiction(form: Formulation, P: Array) -> str:

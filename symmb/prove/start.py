@@ -23,9 +23,6 @@ from symmb.prove.several_parameters import equations_at_nodes, on_step, run
 from symmb.prove.tape import Tape
 from symmb.prove.taylor_models import DEGREES_BEYOND_POLYNOMIALS, basis_of, reach
 
-_NEGLIGIBLE = 1e-17
-"""Coefficients of a start, relative to the state, below which they are removed."""
-
 _START_PATCHES = (1, 8, 32, 128)
 """Numbers of patches of each variable that are tried. Pivots of starting equations nearly cancel, and there is only one
 start."""
@@ -79,7 +76,8 @@ def polynomials(step: TimeStep, which: Indices, lengths: tuple[int, ...], sharp:
     c, part = c[:, 0], (slice(None), *(slice(0, terms) for terms in lengths))
     kept, others = ch.graded(c[part], len(lengths)), c.copy()
     others[part] -= kept
-    short, gone = cut(kept, _NEGLIGIBLE * ch.sums(kept, len(lengths)))
+    # coefficients this small change no digit of the state
+    short, gone = cut(kept, 1e-17 * ch.sums(kept, len(lengths)))
     whole = np.zeros((len(which), *lengths))
     whole[(slice(None), *(slice(0, m) for m in short.shape[1:]))] = short
     return whole, above(rest[:, 0] + ch.sums(others, len(lengths)) + gone)

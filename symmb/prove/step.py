@@ -34,8 +34,6 @@ from symmb.prove.tape import Tape
 
 MOST_CANDIDATES = 12
 """Most candidates W for a bound that proves itself: of w, or of the time to a pass."""
-_ELLIPSE_WITHOUT_EQUATIONS = 1.5
-"""Parameter of the ellipses that limit the motion of the states, if the defects need no ellipses."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +50,8 @@ def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
     defects, patches = exact_defects(step), control.choice.patches
     if defects is not None:
         defect, growth = defects
-        rho = [_ELLIPSE_WITHOUT_EQUATIONS] * len(step.degrees)
+        # exact defects need no ellipses, but the room of the states does
+        rho = [1.5] * len(step.degrees)
     elif step.problem.d > ch.FEW:
         defect, growth, rho = defects_of_models(step, w0, control)
     else:
@@ -145,7 +144,8 @@ class _Curvature:
         """Choose the radii around e with the smallest change. Radii are reduced until the change grows again."""
         largest = max(2.0, 0.5 / float((e / self._room).max()))
         least, self._radius = np.inf, np.zeros(0)
-        for factor in _SHARES_OF_LARGEST_DISCS:
+        # radii relative to the largest discs: smaller ones until the change grows again
+        for factor in (1.0, 0.5, 0.2, 0.08, 0.03, 0.01):
             radius = above(e * max(2.0, factor * largest))
             change = self._changes(radius)
             mean = float((change @ e).max() * (e / radius).max())
@@ -166,5 +166,3 @@ class _Curvature:
 
 _JACOBIAN_PATCHES, _ABOUT_MOST_PATCHES = (1, 4, 40), 64
 """Numbers of patches of each parameter for the change of the Jacobian, and the most patches of all parameters."""
-_SHARES_OF_LARGEST_DISCS = (1.0, 0.5, 0.2, 0.08, 0.03, 0.01)
-"""Radii of discs around the states that are tried, relative to the largest ones."""
