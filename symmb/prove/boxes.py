@@ -1,4 +1,4 @@
-"""The whole box: in parts where and when the remainder grows, joined at the end."""
+"""The enclosure over the whole box. The box is divided if remainders grow, and the bounds of the parts are joined."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from symmb._magnitudes import ROUNDING, SAME, SLIGHT, SMALL
 from symmb._types import Array, Mask
 from symmb.prove.curves import TimeStep
 from symmb.prove.ellipses import Choice, Control
@@ -19,31 +20,21 @@ from symmb.prove.rounding import LARGEST_ZERO
 from symmb.prove.start import nominal_front
 
 _EARLY_REMAINDER = 1e-7
-"""Remainder over the width of the states in the whole box at which parts are halved, as long as half of them are left.
+"""Remainder relative to the width of the states in the whole box, from which parts are halved early.
 
-What polynomials of a large part lack is not got back, and steps of large parts take many times longer. With all parts
-spent early, the double pendulum, 5 %, order 8, was proved for 5 s with 1e-5, for 9 s with 1e-7, and for 3 s with 1e-8.
+Half of the parts are used early: a remainder of a large part does not become smaller later, and steps of large parts
+take many times longer. With all parts used early, the double pendulum, 5 %, order 8, was proved for 5 s with 1e-5, for
+9 s with 1e-7, and for 3 s with 1e-8.
 """
 _LEAST_GROWTH = 2.0
-"""Least growth of a remainder between two halvings: what is kept from before does not become less by more of them."""
-_LOST_REMAINDER = 1e-3
-"""Remainder over the width of the states at which a part is lost: it soon grows by itself, as its square.
-
-The other half of the parts are for those that are lost first. They are halved where the remainder was small.
-"""
-_VISIBLE_WIDTH, _VISIBLE_OF_MOTION = 1e-6, 0.1
-"""Widths over the size of an output, and over how far it moves with the parameters, that are worth a caution."""
-_VISIBLE_OF_TERMS = 1e-9
-"""The same over the terms that make an output: where they cancel, their small remainders are left."""
-_SPREADS_OF_ELLIPSES = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
-"""How far parameters move on the ellipses that are tried where there are no states, over their middles."""
-_SHARP_WITHOUT_STATES = 1e-12
-"""Share of the width by which bounds may be off there: there are few of them."""
+"""Least growth of a remainder between two halvings: a halving does not reduce the earlier remainder."""
+_VISIBLE_OF_MOTION = 0.1
+"""Least remainder that causes a warning, relative to the motion of an output with the parameters."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """A part of the box and its course so far, with the share that it is of the whole box."""
+    """A part of the box with its course. `share` is the fraction of the whole box."""
 
     problem: Problem
     course: Course
@@ -51,15 +42,15 @@ class _Part:
 
     @cached_property
     def small(self) -> float:
-        """Remainder over the width of the states up to which it is halved early."""
+        """Remainder relative to the width of the states up to which places are checkpoints."""
         begin = self.course.checkpoint
         return max(_EARLY_REMAINDER / self.share, 0.0 if begin is None else _LEAST_GROWTH * begin.front.share())
 
     def halves(self, order: int) -> "list[_Part]":
-        """Both halves, in the variable whose coefficients decay the least at the end.
+        """Both halves, in the variable with the slowest decay of coefficients at the end.
 
-        They go on from the checkpoint. If that is the start, or if there is none, they begin again: the start of a half
-        has a smaller remainder. ProofError if there are parameters without a start.
+        The halves continue from the checkpoint. If there is no checkpoint, or it is the start, they start again: the
+        start of a half has a smaller remainder. ProofError if the scene does not start for some parameters.
         """
         end, at = self.course.end, self.course.checkpoint
         variable = slowest(nominal_front(self.problem, order) if end is None else end.front.x)
@@ -81,15 +72,16 @@ class _Part:
 
 @dataclass(frozen=True)
 class Enclosure:
-    """Bounds (n_t, n_y) over the whole box, infinite where there are none, and how far they are proved.
+    """Proved bounds over the whole box.
 
     Attributes
     ----------
+    lower, upper : (n_t, n_y) bounds, infinite if they are not known
     remainder : (n_t, n_y) largest part of the bounds that is not the range of a polynomial
-    terms : (n_y,) largest sizes of the terms that make the outputs
-    until : time up to which the motion is proved, from the first one [s]
-    why : what ended the proof; empty if it reached the end
-    boxes : parts in which the box ended
+    terms : (n_y,) largest sizes of the terms of the outputs
+    until : time after the first one up to which the motion is proved [s]
+    why : reason for the end of the proof; empty if it reached the last time
+    boxes : number of parts of the box at the end
     """
 
     lower: Array
@@ -102,22 +94,22 @@ class Enclosure:
 
     @property
     def is_loose(self) -> Mask:
-        """Which bounds (n_t, n_y) are mostly remainder.
+        """Whether bounds (n_t, n_y) are mostly remainder.
 
-        Remainders that are small beside the output, or beside how far the parameters ever move it, are left out: at
-        first the parameters have had no effect, and any width is remainder. So are those of terms that
-        cancel.
+        Remainders do not count if they are small relative to the output, or to its largest motion with the parameters:
+        at first the parameters have no effect, and the whole width is remainder. Small remainders of terms that cancel
+        do not count either.
         """
         finite = np.isfinite(self.upper)
         width, remainder = np.where(finite, self.upper - self.lower, np.inf), np.where(finite, self.remainder, 0.0)
         moved = np.where(finite, width - 2.0 * remainder, 0.0).max(axis=0)
         size = np.where(finite, np.maximum(np.abs(self.lower), np.abs(self.upper)), 0.0)
-        visible = np.maximum(_VISIBLE_WIDTH * np.maximum.accumulate(size, axis=0), _VISIBLE_OF_MOTION * moved)
-        visible = np.maximum(visible, _VISIBLE_OF_TERMS * self.terms + LARGEST_ZERO)
+        visible = np.maximum(SLIGHT * np.maximum.accumulate(size, axis=0), _VISIBLE_OF_MOTION * moved)
+        visible = np.maximum(visible, SAME * self.terms + LARGEST_ZERO)
         return np.asarray(finite & (remainder > 0.25 * width) & (2.0 * remainder > visible))
 
 
-@np.errstate(all="ignore")  # what is not finite proves nothing
+@np.errstate(all="ignore")  # bounds that are not finite are sorted out later
 def enclose(
     problem: Problem, order: int, boxes: int, progress: Callable[[float], None] = lambda share: None
 ) -> Enclosure:
@@ -127,7 +119,7 @@ def enclose(
     ----------
     order : highest degree in each parameter
     boxes : most parts of the box
-    progress : called with the share of the horizon that is done
+    progress : called with the proved fraction of the horizon
     """
     if problem.n:
         courses = [part.course for part in _followed(problem, order, boxes, progress)]
@@ -146,25 +138,27 @@ def enclose(
 
 
 def _followed(problem: Problem, order: int, boxes: int, progress: Callable[[float], None]) -> list[_Part]:
-    """The parts in which the box ends, with their courses."""
+    """The parts of the box at the end, with their courses."""
     horizon = float(problem.times[-1]) or 1.0
     parts = [_Part(problem, Course.empty(problem))]
 
     def follow(part: _Part, largest: float) -> None:
-        """Go on with a part until its remainder is too large, or to the end, and tell the progress."""
+        """Continue a part to the end, or until its remainder is too large, and report the progress."""
         done = sum(other.share * other.course.until for other in parts if other is not part)
         march(part.problem, order, part.course, part.small, max(part.small, largest),
               lambda t: progress((done + part.share * t) / horizon))  # fmt: skip
 
-    for most, largest in ((boxes // 2, 0.0), (boxes, _LOST_REMAINDER), (boxes, np.inf)):
+    # A part is lost if its remainder exceeds a small fraction of the width: its square soon makes it grow. The second
+    # half of the parts is for the parts that are lost first. They are halved at their last small remainder.
+    for most, largest in ((boxes // 2, 0.0), (boxes, SMALL), (boxes, np.inf)):
         for part in parts:
             if not part.course.why:
                 follow(part, largest)
         while len(parts) < most and (lost := [part for part in parts if part.problem.d and not part.course.is_done]):
-            first = min(lost, key=lambda part: part.course.until)  # those that lose first are halved first
+            first = min(lost, key=lambda part: part.course.until)  # enclosures end at the first loss of all parts
             try:
                 halves = first.halves(order)
-            except ProofError:  # more parts do not prove what does not exist
+            except ProofError:  # without a start for all parameters, more parts do not help
                 break
             parts.remove(first)
             for part in halves:
@@ -174,17 +168,19 @@ def _followed(problem: Problem, order: int, boxes: int, progress: Callable[[floa
 
 
 def _of_expressions(problem: Problem, order: int) -> Course:
-    """The course of a problem without states. Each time has the best of the bounds found on several ellipses."""
+    """The course of a problem without states. At each time, it has the best bounds from several ellipses."""
     end, terms = float(problem.times[-1]), (order + 1,) * problem.d
     course = Course.empty(problem)
     none = integrated(np.zeros((0, *terms)), np.zeros((0, 1, *terms)), end or 1.0)
     whole = TimeStep(problem, 0.0, end or 1.0, none, none, none.c[None])
-    for spread in _SPREADS_OF_ELLIPSES:
+    # motion of the parameters on the ellipses, relative to their middles
+    for spread in (0.3, 1.0, 3.0, 10.0, 30.0, 100.0):
         control = Control(Choice((spread, spread)), end)
-        lower, upper, rest, _ = output_bounds(whole, np.zeros(0), problem.times, control, _SHARP_WITHOUT_STATES)
+        # without states there are few bounds, so that their ranges may be sharp to rounding
+        lower, upper, rest, _ = output_bounds(whole, np.zeros(0), problem.times, control, ROUNDING)
         course.lower, course.upper = np.maximum(course.lower, lower), np.minimum(course.upper, upper)
         course.remainder = np.minimum(course.remainder, rest)
     course.until = end
     if not np.isfinite(course.upper).any():
-        course.why = "an output cannot be shown to be smooth over the box"
+        course.why = "no output can be shown to be smooth over the box"
     return course

@@ -1,6 +1,6 @@
-"""Chebyshev polynomials at Chebyshev nodes, with bounds of rounding, of interpolation and of aliasing.
+"""Chebyshev polynomials at Chebyshev nodes, with bounds of rounding, interpolation and aliasing errors.
 
-A polynomial is an array of coefficients c of T_k0(s) T_k1(x1) ... T_kd(xd), with an axis for each variable.
+A polynomial is an array of the coefficients of T_k0(s) T_k1(x1) ... T_kd(xd), with an axis for each variable.
 """
 
 import math
@@ -13,9 +13,9 @@ from symmb._types import Array
 from symmb.prove.rounding import U, above, of_sum
 
 FEW = 2
-"""Most parameters of which polynomials have all products of powers. Those of more have a total degree."""
+"""Most parameters with a tensor basis. Polynomials of more parameters have a total degree."""
 ENTRY = 8 * U
-"""Error of an entry of the matrices: an angle up to pi / 2 with relative error 3 U, and a cosine."""
+"""Error of an entry of the matrices. It is the cosine of an angle up to pi / 2 with the relative error 3 U."""
 
 
 @cache
@@ -42,7 +42,7 @@ def values_at_nodes(m: int, n: int) -> Array:
 
 @cache
 def coefficients_from_nodes(m: int) -> Array:
-    """(m, m) matrix from values at m nodes to the coefficients of their interpolation."""
+    """(m, m) matrix from values at m nodes to the coefficients of the interpolating polynomial."""
     matrix = 2.0 / m * values_at_nodes(m, m).T
     matrix[0] /= 2
     return matrix
@@ -50,7 +50,7 @@ def coefficients_from_nodes(m: int) -> Array:
 
 @cache
 def integral(n: int) -> Array:
-    """(n + 1, n) matrix from coefficients to those of the integral from -1."""
+    """(n + 1, n) matrix from the coefficients of a polynomial to those of its integral from -1."""
     matrix = np.zeros((n + 1, n))
     for k in range(n):
         matrix[k + 1, k] = 1.0 if k == 0 else 0.5 / (k + 1)
@@ -61,7 +61,7 @@ def integral(n: int) -> Array:
 
 
 def along(matrices: Sequence[Array | None], c: Array) -> Array:
-    """Matrices applied to the last axes of c, one each; None leaves an axis as it is."""
+    """The coefficients c after one matrix is applied along each of the last axes. None does not change an axis."""
     first = c.ndim - len(matrices)
     for axis, matrix in enumerate(matrices, first):
         if matrix is None:
@@ -78,7 +78,7 @@ def along(matrices: Sequence[Array | None], c: Array) -> Array:
 
 
 def graded(c: Array, d: int) -> Array:
-    """Coefficients (..., N + 1, ...) of d parameters, of several ones without those of a total degree above N."""
+    """Coefficients (..., N + 1, ...) of d parameters. With more than FEW, those of a total degree above N become 0."""
     if d <= FEW:
         return c
     lengths = c.shape[c.ndim - d :]
@@ -87,19 +87,19 @@ def graded(c: Array, d: int) -> Array:
 
 
 def sums(c: Array, variables: int) -> Array:
-    """Sums of moduli over the last axes, which bound polynomials on [-1, 1]^d as |T_k| <= 1 there."""
+    """Sums of moduli over the last axes. They bound polynomials on [-1, 1]^d, because |T_k| <= 1 there."""
     return above(np.abs(c).sum(axis=tuple(range(c.ndim - variables, c.ndim))))
 
 
 def rounding_of(lengths: Sequence[int], entry: float = ENTRY) -> float:
-    """Error of `along` over the sum of moduli, for matrices with entries up to 1 whose errors are up to `entry`."""
+    """Error of `along`, relative to the sum of moduli. Matrix entries are at most 1, with errors up to `entry`."""
     return above(math.prod(1.0 + above(entry + of_sum(n + 2)) for n in lengths) - 1.0 + U)
 
 
 def values(c: Array, counts: Sequence[int]) -> tuple[Array, Array]:
-    """Polynomials (..., n0, ..., nd) at nodes (..., m0, ..., md), and bounds of the errors (...).
+    """Values (..., m0, ..., md) of polynomials (..., n0, ..., nd) at nodes, and bounds (...) of the errors.
 
-    The constant terms are added last: their part has only the rounding of that sum.
+    Constant terms are added last, so that they have the rounding error of only one sum.
     """
     d = len(counts)
     lengths = c.shape[c.ndim - d :]
@@ -119,9 +119,9 @@ def largest(a: Array, variables: int) -> Array:
 
 
 def bound_of_samples(samples: Array, errors: Array, variables: int) -> Array:
-    """Bounds (...) of the interpolations of values (..., m0, ..., md) whose errors are up to `errors` (...).
+    """Bounds (...) of interpolating polynomials. Their values (..., m0, ..., md) have errors up to `errors` (...).
 
-    The interpolation is at most the sum of the moduli of its coefficients, and at most the largest value times the
+    The polynomial is at most the sum of the moduli of its coefficients. It is also at most the largest value times the
     product of the Lebesgue constants 2 / pi log(m) + 1 of m nodes.
 
     Source: Trefethen (2013), Approximation Theory and Approximation Practice, theorem 15.2 (Brutman).
@@ -135,9 +135,9 @@ def bound_of_samples(samples: Array, errors: Array, variables: int) -> Array:
 
 
 def product_bound(C: Array, B: Array, B_error: Array, minus: Array) -> Array:
-    """Bounds (n, n) of C B - minus for matrices (n, n, n0, ...) of polynomials, where B errs by at most B_error (n, n).
+    """Bounds (n, n) of C B - minus for matrices (n, n, n0, ...) of polynomials. B has errors up to B_error (n, n).
 
-    The product is a polynomial, whose interpolation in enough nodes is exact.
+    The product is a polynomial, so that its interpolation in enough nodes is exact.
     """
     n, k = len(C), C.ndim - 2
     counts = tuple(a + b - 1 for a, b in zip(B.shape[2:], C.shape[2:], strict=True))
@@ -150,12 +150,12 @@ def product_bound(C: Array, B: Array, B_error: Array, minus: Array) -> Array:
 
 
 def aliasing(rho: Sequence[float], counts: Sequence[int]) -> float:
-    """Largest error of the interpolation at nodes, over the bound M of the function on the polyellipse.
+    """Largest error of the interpolation at nodes, relative to the bound M of the function on the polyellipse.
 
-    A function that is analytic in the ellipses of parameters rho_i > 1, and at most M there, has coefficients of at
-    most 2^j M prod rho_i^-k_i, where j counts the k_i > 0. Interpolation in m_i nodes replaces T_k with k_i >= m_i for
-    some i by plus or minus a polynomial of lower degree (aliasing), so that it errs by twice the moduli of their
-    coefficients.
+    A function that is analytic in the ellipses with parameters rho_i > 1, and at most M there, has coefficients of at
+    most 2^j M prod rho_i^-k_i. Here j is the number of k_i > 0. If k_i >= m_i for some i, interpolation in m_i nodes
+    replaces T_k by plus or minus a polynomial of lower degree (aliasing). The error is then at most twice the sum of
+    the moduli of these coefficients.
 
     Source: Trefethen (2013), Approximation Theory and Approximation Practice, theorems 4.1 and 8.1.
     """

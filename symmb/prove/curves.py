@@ -1,4 +1,4 @@
-"""A step: polynomials of the motion and of its frame, and their values as numbers with bounds of errors."""
+"""A time step: the polynomials of the motion and of its frame, and their values with error bounds."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,13 +17,13 @@ from symmb.prove.rounding import U, above, of_sum
 
 @dataclass(frozen=True, eq=False)
 class TimeStep:
-    """A step from t0 over h.
+    """A step of length h from t0.
 
     Attributes
     ----------
-    x : the motion, n polynomials
-    B : the frame, n n polynomials, row by row
-    C : (n, n, ...) coefficients of polynomials, about the inverse of the frame
+    x : n polynomials of the motion
+    B : n n polynomials of the frame, row by row
+    C : (n, n, ...) coefficients of the approximate inverse of the frame
     """
 
     problem: Problem
@@ -52,8 +52,8 @@ class TimeStep:
     def at(self, times: Array) -> tuple[Array, Array]:
         """The motion at times (n_t,) as polynomials of the parameters (n, n_t, N + 1, ...), and their errors (n, n_t).
 
-        An error of the time changes T_k by k^2 of it at most. Constant terms are added last: their part has only the
-        rounding of that sum.
+        An error e of the time changes T_k by at most k^2 e. Constant terms are added last, so that they have the
+        rounding error of only one sum.
         """
         c = self.x.c
         k = np.arange(1, c.shape[1])
@@ -67,7 +67,7 @@ class TimeStep:
 
     @cached_property
     def room(self) -> Array:
-        """Changes of the states (n,) that change the rates about as much as the rates are, at least their scales."""
+        """Changes of the states (n,) that change the rates by about 100 %, but at least the scales of the states."""
         problem, n = self.problem, self.problem.n
         x = self.x.c[(slice(None), *(0,) * (self.x.c.ndim - 1))]
         p = [float(middle) for middle in problem.middle]
@@ -79,10 +79,10 @@ class TimeStep:
         return np.maximum(problem.scales, np.where(np.isfinite(room), room, 0.0))
 
     def on_patches(self, patches: Patches, radius: Array | None = None) -> list[list[discs.Disc]]:
-        """States, parameters and time over patches, the states in discs that are larger by `radius` (n,).
+        """Discs of the states, parameters and time on patches. The discs of the states are larger by `radius` (n,).
 
-        The discs hold the exact motion, which differs from its computed coefficients by a polynomial that is small on
-        [-1, 1] and grows with the ellipses. Errors of parameters are constants, the same everywhere.
+        The discs contain the exact motion. It differs from the computed polynomials by a polynomial that is small on
+        [-1, 1] and grows with the ellipses. Errors of parameters are constants.
         """
         problem, rounded = self.problem, self.x.error_on(patches.rho)
         more = rounded if radius is None else rounded + radius
@@ -95,7 +95,7 @@ class TimeStep:
         return [x, p, [patches.linear(self.t0 + 0.5 * self.h, 0.5 * self.h, 0)]]
 
     def at_nodes(self, counts: tuple[int, ...]) -> list[list[points.Point]]:
-        """States, parameters and time at nodes, with bounds of errors."""
+        """States, parameters and time at nodes, with error bounds."""
         x, errors = ch.values(self.x.c, counts)
         errors = above(errors + self.x.error)
         states = [points.point(values, float(error)) for values, error in zip(x, errors, strict=True)]
@@ -104,28 +104,28 @@ class TimeStep:
         return [states, parameter_points(self.problem, counts[1:], 1), [time]]
 
     def inverse_times(self, y: Array) -> Array:
-        """Bounds of |B^-1 y| (n,) for |y| <= y (n,)."""
+        """Bounds (n,) of |B^-1 z| for all |z| <= y (n,)."""
         return self.solved(above(self.C_largest @ y))
 
     def solved(self, v: Array) -> Array:
-        """Bounds of |B^-1 y| (n,) for |C y| <= v (n,), as B^-1 = (sum of (I - C B)^k) C."""
+        """Bounds (n,) of |B^-1 y| for all y with |C y| <= v (n,). B^-1 is the Neumann series (sum of (I - C B)^k) C."""
         E, eta = self.inverse_defect
         return above(v + E @ np.full(len(v), v.max() / (1.0 - eta)))
 
     @cached_property
     def inverse_defect(self) -> tuple[Array, float]:
-        """Bounds (n, n) of I - C B, and the largest sum of a row; ProofError if this is not below a half."""
+        """Bounds (n, n) of I - C B, and the largest sum of a row. ProofError if the sum is not below 1/2."""
         n = self.problem.n
         B = self.B.c.reshape(n, n, *self.B.c.shape[1:])
         E = ch.product_bound(self.C, B, self.B.error.reshape(n, n), np.eye(n))
         eta = above(float(E.sum(axis=1).max()))
         if not eta < 0.5:
-            raise ProofError("deviations from the polynomials grow too differently over the box")
+            raise ProofError("the deviations from the polynomials grow too differently over the box")
         return E, eta
 
 
 def parameter_points(problem: Problem, counts: tuple[int, ...], leading: int) -> list[points.Point]:
-    """Parameters at nodes, with bounds of errors."""
+    """Parameters at nodes, with error bounds. Arrays have `leading` axes before the axes of the parameters."""
     values = parameters_at(problem, [ch.nodes(m) for m in counts], leading)
     errors = 4.0 * U * (np.abs(problem.middle) + problem.radius) + problem.radius * ch.ENTRY + problem.errors
     return [

@@ -15,33 +15,27 @@ from symmb.prove.patches import largest_on
 from symmb.prove.rounding import U, above, of_sum
 
 _MOST_NODES_OF_GRID, _MOST_FRAME_VALUES = 3e5, 5e7
-"""Most nodes of a grid, and most values of all entries of a frame there: they take seconds, and 2 GB
-with what is computed from them. A step with 1e9 values took a minute, of six bodies in space between short springs.
-"""
+"""Most nodes of a grid, and most values of a frame at all nodes: they take seconds and 2 GB with intermediate results.
+A step with 1e9 values took a minute (six bodies in space between short springs)."""
 _ALIASED_SHARE = 0.2
-"""Share of the bound of a defect that may be due to aliasing."""
+"""Fraction of the bound of a defect that may be due to aliasing."""
 ALIASED_GROWTH = 1e-3
 """Relative growth of the remainder in a step that may be due to aliasing."""
-_HARMLESS_ALIASING = 1e-10
-"""Aliasing over the rates of the states that is as good as none, where finer grids are too large."""
 LEAST_REMAINDER = 1e-2
-"""Least part of the largest remainder that is told apart from none."""
+"""Remainders below this fraction of the largest one count as this fraction."""
 _MUCH_ALIASING = 30.0
-"""Aliasing over what is wanted above which a step is too long."""
-_MOST_FINER_GRIDS = 2
-"""Finer grids that are tried until the aliasing is small."""
+"""Ratio of the aliasing to its aim above which a step is too long."""
 
 _MOST_EXACT_NUMBERS, _MOST_EXACT_NODES = 2e6, 8e6
-"""Most numbers in an array of values at nodes that suffice without a bound of aliasing: 16 MB; and most nodes, since
-bounds of rounding hold for sums of so many terms.
-"""
+"""Most numbers in an array of values for an exact interpolation (16 MB), and most nodes: the bounds of rounding errors
+hold for sums of this many terms."""
 
 
 def exact_defects(step: TimeStep) -> tuple[Array, Array] | None:
-    """Bounds of |C d| (n,) and of |C (A B - B')| (n, n) where the rates are polynomials; otherwise None.
+    """Bounds of |C d| (n,) and of |C (A B - B')| (n, n) if the rates are polynomials; else None.
 
-    All are polynomials of known degree then, and their interpolation in one node more is exact. None also where the
-    grid is too large.
+    The defects are then polynomials of known degree, so that interpolation in degree + 1 nodes is exact. The result is
+    also None if the grid is too large.
     """
     n = step.problem.n
     rates, slopes = degrees_of_equations(step)
@@ -58,7 +52,7 @@ def exact_defects(step: TimeStep) -> tuple[Array, Array] | None:
 
 
 def _grid(degrees: Array, numbers: int) -> tuple[int, ...] | None:
-    """Nodes in which polynomials are interpolated exactly; None if there are too many for so many polynomials."""
+    """Nodes for the exact interpolation of `numbers` polynomials of given degrees; None if there are too many nodes."""
     nodes = np.prod(degrees + 1.0)
     if not (nodes <= _MOST_EXACT_NODES and numbers * nodes <= _MOST_EXACT_NUMBERS):
         return None
@@ -66,7 +60,7 @@ def _grid(degrees: Array, numbers: int) -> tuple[int, ...] | None:
 
 
 def _is_large(counts: tuple[int, ...], step: TimeStep) -> bool:
-    """Whether values at so many nodes take too long for a step."""
+    """Whether the values at a grid of these nodes take too long for a step."""
     nodes = math.prod(counts)
     return nodes > _MOST_NODES_OF_GRID or nodes * step.problem.n**2 > _MOST_FRAME_VALUES
 
@@ -74,15 +68,16 @@ def _is_large(counts: tuple[int, ...], step: TimeStep) -> bool:
 def defect_of_motion(
     step: TimeStep, rho: list[float], C_on: Array, most_rate: Array, w: Array, control: Control
 ) -> Array:
-    """Bounds (n,) of |C d| with d = u' - f(u); ProofError if no grid tried is fine enough.
+    """Bounds (n,) of |C d| with d = u' - f(u). ProofError if no grid is fine enough.
 
-    C is at most C_on (n, n), and f(u) at most most_rate (n,) on the ellipses rho. Aliasing may be a small share of the
-    remainder w (n,).
+    On the ellipses rho, C is at most C_on (n, n), and f(u) at most most_rate (n,). Aliasing may be a small fraction of
+    the remainder w (n,).
     """
     k = len(rho)
     most = above(C_on @ (most_rate + largest_on(rho, step.x.rate)))
     small = ALIASED_GROWTH * w / step.h
-    harmless = np.maximum(small, _HARMLESS_ALIASING * (step.C_largest @ ch.sums(step.x.rate, k)))
+    # aliasing of this part of the rates is negligible if finer grids are too large
+    harmless = np.maximum(small, 1e-10 * (step.C_largest @ ch.sums(step.x.rate, k)))
     harmless = np.maximum(harmless, LEAST_REMAINDER * harmless.max())
     wanted = np.maximum(_ALIASED_SHARE * control.wanted, small)
     counts = node_counts(rho, 0.3 * float((wanted / most).min()))
@@ -91,7 +86,7 @@ def defect_of_motion(
     if _is_large(counts, step):
         raise ProofError("polynomials of this order follow the motion too badly, as where a short pulse begins at rest")
     sampled, alias = _sampled_defect(step, counts), above(ch.aliasing(rho, counts) * most)
-    for _ in range(_MOST_FINER_GRIDS):
+    for _ in range(2):  # finer grids, until the aliasing is small
         wanted = np.maximum(_ALIASED_SHARE * sampled, small)
         finer = node_counts(rho, 0.3 * float((wanted / most).min()))
         finer = tuple(max(a, b) for a, b in zip(finer, counts, strict=True))
@@ -106,7 +101,7 @@ def defect_of_motion(
 
 
 def _sampled_defect(step: TimeStep, counts: tuple[int, ...], in_frame: bool = True) -> Array:
-    """Bounds (n,) of the interpolation at nodes of C d, or of d."""
+    """Bounds (n,) of the interpolation of C d, or of d, at nodes."""
     n, k = step.problem.n, len(counts)
     found = step.problem.rate_tape.run(points.OPERATIONS, points.point, step.at_nodes(counts))[0]
     f, f_errors = _stack(found, counts)
@@ -123,7 +118,7 @@ def _sampled_defect(step: TimeStep, counts: tuple[int, ...], in_frame: bool = Tr
 
 
 def defect_of_frame(step: TimeStep, rho: list[float], C_on: Array, most_slope: Array, w: Array) -> Array:
-    """Bounds (n, n) of |C (A B - B')|, where A is at most most_slope (n, n) on the ellipses."""
+    """Bounds (n, n) of |C (A B - B')|. A is at most most_slope (n, n) on the ellipses."""
     n = step.problem.n
     B_on, rate_on = (largest_on(rho, c).reshape(n, n) for c in (step.B.c, step.B.rate))
     most = above(C_on @ (most_slope @ (B_on + step.B.error_on(rho).reshape(n, n)) + rate_on))
@@ -131,12 +126,12 @@ def defect_of_frame(step: TimeStep, rho: list[float], C_on: Array, most_slope: A
     ratio = ALIASED_GROWTH * float((w / (step.h * (most @ w))).min())
     counts = node_counts(rho, ratio)
     if _is_large(counts, step):
-        raise ProofError("deviations from the polynomials grow too differently over the box")
+        raise ProofError("the deviations from the polynomials grow too differently over the box")
     return above(_sampled_frame(step, counts) + ch.aliasing(rho, counts) * most)
 
 
 def _sampled_frame(step: TimeStep, counts: tuple[int, ...]) -> Array:
-    """Bounds (n, n) of the interpolation of C (A B - B') at nodes."""
+    """Bounds (n, n) of the interpolation of C (A B - B') at nodes of time and parameters."""
     n, k = step.problem.n, len(counts)
     found = step.problem.jacobian_tape.run(points.OPERATIONS, points.point, step.at_nodes(counts))[1]
     A, A_errors = (a.reshape(n, n, *a.shape[1:]).swapaxes(0, 1) for a in _stack(found, counts))

@@ -1,4 +1,4 @@
-"""Degrees of the equations over a step: a polynomial is interpolated exactly in enough nodes, without aliasing."""
+"""Degrees of the equations over a step. Polynomials are interpolated exactly in enough nodes, without aliasing."""
 
 from collections import defaultdict
 
@@ -9,14 +9,14 @@ from symmb._types import Array
 from symmb.prove.curves import TimeStep
 
 Degree = tuple[Array, float | None]
-"""Highest degrees in time and in the parameters, infinite where a number is no polynomial; and the value of a constant
-of the graph."""
+"""Highest degrees in time and in the parameters, infinite if a number is not a polynomial; and the value of a constant
+of the graph, else None."""
 
 
 def degrees_of_equations(step: TimeStep) -> tuple[Array, Array]:
-    """Highest degrees in time and in the parameters of the rates along the motion, and of their Jacobian.
+    """Highest degrees (1 + d,) in time and in the parameters of the rates along the motion, and of their Jacobian.
 
-    Coefficients of the motion that are 0 as computed may be rounding, but not where those of its rate are 0 as well.
+    A state counts as a constant 0 only if the computed coefficients of both the state and its rate are 0.
     """
     none = np.zeros(step.x.c.ndim - 1)
     outputs = step.problem.jacobian_tape.run(_OPERATIONS, lambda value: (none, value), _arguments(step))
@@ -32,7 +32,7 @@ def degrees_of_outputs(step: TimeStep) -> Array:
 
 
 def _arguments(step: TimeStep) -> list[list[Degree]]:
-    """Degrees of states, parameters and time."""
+    """Degrees of the states, the parameters and the time."""
     none = np.zeros(step.x.c.ndim - 1)
     x: list[Degree] = [
         (none + step.degrees if c.any() or rate.any() else none, None)
@@ -51,15 +51,17 @@ def highest(c: Array) -> Array:
 
 
 def _largest(a: Degree, b: Degree) -> Degree:
+    """Degrees of a sum."""
     return np.maximum(a[0], b[0]), None
 
 
 def _sum(a: Degree, b: Degree) -> Degree:
+    """Degrees of a product."""
     return a[0] + b[0], None
 
 
 def _other(*arguments: Degree) -> Degree:
-    """A function of constants is constant, and no other one is known to be a polynomial."""
+    """A function of constants is constant. All other functions count as no polynomials."""
     constant = not any(degree.any() for degree, _ in arguments)
     return arguments[0][0] * 0.0 if constant else np.full(len(arguments[0][0]), np.inf), None
 
@@ -87,4 +89,4 @@ _OPERATIONS = defaultdict(
         ca.OP_CALL: lambda entry, group, at: (0.0 * at[0], None),  # within a piece of a table
     },
 )
-"""Degrees of the results of CasADi's operations."""
+"""CasADi's operations on degrees."""

@@ -1,15 +1,15 @@
-"""Arithmetic on discs in the complex plane: analytic functions on a polyellipse, bounded from its boundary.
+"""Arithmetic on discs in the complex plane. It bounds analytic functions on a polyellipse by values on its boundary.
 
-A number is a disc for each patch of the distinguished boundary of a polyellipse. Its centre moves linearly with the
-place in the patch, so that radii stay small where terms cancel. By induction over the instructions, each number is an
-analytic function on the polyellipse whose values at each place of a patch are in the disc there. Operations that are
-not entire ask that all discs lie where the operation is analytic, in a half plane, a strip or the unit disc. Real and
-imaginary parts and moduli of analytic functions take their extremes on the distinguished boundary, so that then all
-values on the polyellipse are there (maximum principle, in each variable). What cannot be shown to be analytic gets an
-infinite radius.
+A number is a disc for each patch of the distinguished boundary of a polyellipse. The centre moves linearly with the
+place in the patch, so that radii stay small if terms cancel. By induction over the instructions, each number is an
+analytic function on the polyellipse, and its values at each place of a patch are in the disc. Operations that are not
+entire require that all discs lie in a region in which the operation is analytic: a half plane, a strip or the unit
+disc. Analytic functions have the extremes of their real and imaginary parts and of their moduli on the distinguished
+boundary (maximum principle, in each variable). So all values on the polyellipse are in the same region. If a function
+cannot be shown to be analytic, its radius is infinite.
 
-Radii follow from majorants: the Taylor coefficients of a function about a centre are at most those of another one in
-modulus, and the sum of the others' terms is known.
+Radii follow from majorants: series with known sums whose coefficients are at least the moduli of the Taylor
+coefficients of the function about the centre.
 
 References
 ----------
@@ -36,7 +36,7 @@ from symmb.prove.rounding import COMPLEX, above
 class Disc:
     """Numbers centre + slopes . eps + r with real eps_j, |eps_j| <= 1, and |r| <= radius, one for each patch.
 
-    eps are the places in the patch, the same for all numbers. Slopes have an axis for them behind those of the patches.
+    eps is the place in the patch, the same for all numbers. The last axis of `slopes` is that of eps.
     """
 
     centre: Any
@@ -50,7 +50,7 @@ class Disc:
 
     @cached_property
     def slope(self) -> Array:
-        """Largest distance from the centre that the place in the patch makes."""
+        """Largest distance from the centre that is due to the place in the patch."""
         if self.slopes is _NO_SLOPES:
             return _NO_SWING
         sizes = _size(self.slopes)
@@ -63,31 +63,29 @@ class Disc:
 
 
 _NO_SLOPES, _NO_SWING = np.zeros(1), np.zeros(())
-"""Slopes of a constant, and how far they swing."""
-_FADDEEVA_ERROR = 50.0
-"""Relative error of SciPy's complex error function over that of other operations: it aims at 1e-13 (Faddeeva)."""
+"""Slopes of a constant, and the sum of their moduli."""
 _LEAST_SQUARE, _LARGEST_INVERTED = 1e-300, 1e150
-"""A square beside which those that underflow are small, and a number whose inverse has a square that does not."""
+"""A summand that covers squares that underflow, and the largest number whose squared inverse does not underflow."""
 
 
 def disc(centres: Array | float, radii: Array | float = 0.0) -> Disc:
-    """Discs about centres."""
+    """Discs with constant centres."""
     return Disc(np.asarray(centres), _NO_SLOPES, above(np.asarray(radii, dtype=float)))
 
 
 def wider(a: Disc, radius: float) -> Disc:
-    """The discs with larger radii."""
+    """The discs, with radii larger by `radius`."""
     return Disc(a.centre, a.slopes, above(a.radius + radius))
 
 
 def reach(a: Disc) -> Array:
-    """Largest modulus in each disc; infinite where it is not known."""
+    """Largest modulus in each disc; infinite if it is not known."""
     total = above(np.abs(a.centre) + a.swing)
     return np.where(np.isnan(total), np.inf, total)
 
 
 def _size(z: Any) -> Array:
-    """Moduli, or a little more: NumPy's own are ten times slower, but do not overflow."""
+    """Upper bounds of moduli. NumPy's own moduli are ten times slower, but do not overflow."""
     if not np.iscomplexobj(z):
         return np.abs(z)
     size = np.sqrt(z.real * z.real + z.imag * z.imag + _LEAST_SQUARE)
@@ -95,22 +93,24 @@ def _size(z: Any) -> Array:
 
 
 def _times(factor: Any, slopes: Any) -> Any:
+    """Slopes times a factor for each patch."""
     return slopes if slopes is _NO_SLOPES else np.asarray(factor)[..., None] * slopes
 
 
 def _plus(a: Any, b: Any) -> Any:
+    """The sum of slopes."""
     return b if a is _NO_SLOPES else a if b is _NO_SLOPES else a + b
 
 
 def _rounded(centre: Any, slopes: Any, radius: Array, size: Array) -> Disc:
-    """The disc with a radius that holds the rounding of its parts, whose moduli are `size` in all."""
+    """The disc with a radius that covers the rounding of its parts. `size` is the sum of their moduli."""
     return Disc(centre, slopes, above(radius + COMPLEX * size))
 
 
 def _function(a: Disc, value: Any, slope: Any, rest: Array, size: Array, slope_size: Array | None = None) -> Disc:
-    """f(a) with the value and the slope of f at the centres, and what the line through them lacks in the discs.
+    """f(a) from the value and the slope of f at the centres. `rest` bounds the remainder of this linear function.
 
-    Moduli that rounding is a share of are `size` for the value, and `slope_size` for the slope.
+    Rounding errors are relative to `size` for the value, and to `slope_size` for the slope.
     """
     steepness = _size(slope)
     rounded = size + (steepness if slope_size is None else slope_size) * a.slope
@@ -118,7 +118,7 @@ def _function(a: Disc, value: Any, slope: Any, rest: Array, size: Array, slope_s
 
 
 def _if(holds: Any, a: Disc) -> Disc:
-    """The discs, with infinite radii unless all patches are where the operation is analytic."""
+    """The discs, or discs with infinite radii if the operation may not be analytic on all patches."""
     return a if np.all(holds) else Disc(np.ones_like(a.centre), _NO_SLOPES, np.full(np.shape(a.radius), np.inf))
 
 
@@ -146,7 +146,7 @@ def _square(a: Disc) -> Disc:
 
 
 def _right(a: Disc) -> Mask:
-    """Whether discs are in the open right half plane, by more than rounding."""
+    """Whether discs are in the open right half plane, in spite of rounding."""
     across = 0.0 if a.slopes is _NO_SLOPES else np.abs(a.slopes.real).sum(axis=-1)
     return above(across + a.radius) * (1.0 + COMPLEX) < a.centre.real
 
@@ -162,12 +162,12 @@ def is_regular(a: Disc) -> bool:
 
 
 def _gap(far: Array, near: Array) -> Array:
-    """A lower bound of far - near, where it is positive."""
+    """A lower bound of far - near, if it is positive."""
     return (far * (1.0 - COMPLEX) - near * (1.0 + COMPLEX)) * (1.0 - COMPLEX)
 
 
 def _inverse(a: Disc) -> Disc:
-    """1 / (c + w) = 1 / c - w / c^2 + w^2 / (c^2 (c + w)), with |w| < |c|: slopes may be longer beside 0."""
+    """1 / (c + w) = 1 / c - w / c^2 + w^2 / (c^2 (c + w)), if |w| < |c|."""
     size, value = np.abs(a.centre), 1.0 / a.centre
     share, gap = a.swing / size, _gap(size, a.swing)
     is_known = (gap > 0.0) & (size < _LARGEST_INVERTED)
@@ -180,12 +180,12 @@ def _divide(a: Disc, b: Disc) -> Disc:
 
 
 def _share(a: Disc) -> Array:
-    """Distance over modulus of the centre, 1 where it is not below that."""
+    """Ratio of the largest distance to the modulus of the centre, at most 1."""
     return np.minimum(above(a.swing / np.abs(a.centre)) * (1.0 + COMPLEX), 1.0)
 
 
 def _sqrt(a: Disc) -> Disc:
-    """The majorant of sqrt(1 - q) - 1 + q / 2 is q^2 / 2 / (1 + sqrt(1 - q))^2."""
+    """The square root. The majorant of sqrt(1 - q) - 1 + q / 2 is q^2 / 2 / (1 + sqrt(1 - q))^2."""
     root, q = np.sqrt(a.centre), _share(a)
     size = np.abs(root)
     rest = np.where(q < 1.0, size * 0.5 * q * q / (1.0 + np.sqrt(1.0 - q)) ** 2, np.inf)
@@ -193,7 +193,7 @@ def _sqrt(a: Disc) -> Disc:
 
 
 def _log_part(a: Disc) -> Disc:
-    """The majorant of log(1 + q) - q is -log(1 - q) - q, at most q^2 / 2 / (1 - q)."""
+    """The logarithm. The majorant of log(1 + q) - q is -log(1 - q) - q, at most q^2 / 2 / (1 - q)."""
     value, q = np.log(a.centre), _share(a)
     rest = np.minimum(above(-np.log1p(-q)), above(0.5 * q * q / (1.0 - q)))
     return _function(a, value, 1.0 / a.centre, rest, np.abs(value) + 1.0)
@@ -204,7 +204,7 @@ def _log(a: Disc) -> Disc:
 
 
 def _exp(a: Disc) -> Disc:
-    """exp(w) - 1 - w is at most |w|^2 / 2 exp|w|, which may be huge where the value at the centre underflows."""
+    """The exponential. exp(w) - 1 - w is at most |w|^2 / 2 exp|w|. This may be huge if the value at c underflows."""
     value, swing = np.exp(a.centre), a.swing
     size = above(np.abs(value))
     return _function(a, value, value, size * 0.5 * swing**2 * np.exp(swing), size * (1.0 + np.abs(a.centre)))
@@ -228,14 +228,14 @@ _SINH, _COSH = _circular(np.sinh, np.cosh), _circular(np.cosh, np.sinh)
 
 
 def _by_slope(value: Array, a: Disc, steepest: Array, analytic: bool | Mask) -> Disc:
-    """A function whose derivative has at most the modulus `steepest` in each disc, which is convex."""
+    """A function of discs, which are convex. Its derivative has at most the modulus `steepest` in each disc."""
     usable = analytic and bool(np.all(np.isfinite(steepest) & (steepest >= 0)))
     size = np.abs(value) + steepest * np.abs(a.centre)
     return _if(usable, _rounded(value, _NO_SLOPES, a.swing * steepest * (1.0 + COMPLEX), size))
 
 
 def _tanh(a: Disc) -> Disc:
-    """1 / cosh^2, with |cosh z|^2 = sinh^2 x + cos^2 y for z = x + i y, in a half plane or a strip without poles."""
+    """tanh in a half plane or a strip without poles, with the slope 1 / cosh^2, |cosh z|^2 = sinh^2 x + cos^2 y."""
     x = np.maximum(_gap(np.abs(np.real(a.centre)), a.swing), 0.0)
     y = above(np.abs(np.imag(a.centre)) + a.swing)
     least = np.sinh(x) ** 2 + np.where(y < _TANH_STRIP, np.cos(y) ** 2, 0.0)
@@ -243,7 +243,7 @@ def _tanh(a: Disc) -> Disc:
 
 
 _TANH_STRIP = 1.57
-"""Half the width of a strip in which tanh is analytic, so far below pi / 2 that a cosine has small relative errors."""
+"""Half the width of a strip in which tanh is analytic: below pi / 2, so that the cosine has small relative errors."""
 
 
 def _in_unit_disc(a: Disc) -> bool:
@@ -255,7 +255,7 @@ def _off_imaginary_cuts(a: Disc) -> bool:
 
 
 def _arc(f: Callable, sign: float, root: Callable, is_analytic: Callable[[Disc], bool]) -> Callable[[Disc], Disc]:
-    """An inverse function, whose derivative has the modulus 1 / |1 + sign z^2|, or 1 over the root of that."""
+    """An inverse function. Its derivative has the modulus 1 / root(|1 + sign z^2|)."""
 
     def operation(a: Disc) -> Disc:
         z, swing = a.centre, a.swing
@@ -273,12 +273,13 @@ def _acosh(a: Disc) -> Disc:
 
 
 def _erf(a: Disc) -> Disc:
-    """|erf'| = 2 / sqrt(pi) exp(-Re z^2). SciPy's complex values have relative errors up to 1e-13, near 0 more."""
+    """erf, with |erf'| = 2 / sqrt(pi) exp(-Re z^2). SciPy's complex values have larger relative errors near 0."""
     z, swing = a.centre, a.swing
     low = np.real(z * z) - 2.0 * np.abs(z) * swing - swing**2
     value = erf(z)
     found = _by_slope(value, a, 1.1284 * np.exp(-low), True)
-    return _rounded(value, _NO_SLOPES, found.radius, _FADDEEVA_ERROR * np.abs(value) + 1.0)
+    # SciPy's complex error function aims at 1e-13 (Faddeeva), 50 times the error of other operations
+    return _rounded(value, _NO_SLOPES, found.radius, 50.0 * np.abs(value) + 1.0)
 
 
 def _power(a: Disc, b: Disc) -> Disc:
@@ -302,7 +303,9 @@ def _power(a: Disc, b: Disc) -> Disc:
 
 
 def _arctan2(y: Disc, x: Disc) -> Disc:
-    """(log(x + i y) - log(x - i y)) / 2i where both are in the right half plane, else the same turned by pi / 2."""
+    """The angle (log(x + i y) - log(x - i y)) / 2i. Both arguments must be in the right half plane, perhaps after a
+    rotation by pi / 2.
+    """
     turned = ((0.0, y, x), (0.5 * np.pi, _negative(x), y), (-0.5 * np.pi, x, _negative(y)))
     for angle, s, c in turned:
         plus, minus = (_add(c, _by_i(s, sign)) for sign in (1.0, -1.0))
@@ -341,7 +344,7 @@ def _truth(of: Callable[[float], float]) -> Callable[[Disc, Disc], Disc]:
 
 
 def _holds(condition: Disc) -> float:
-    """1 where a condition, which may be any number, is not 0, and 0 where it is; not a number where it is not known."""
+    """1 if a condition is not 0, 0 if it is 0, and nan if neither is known."""
     if np.all(condition.centre == 0.0) and np.all(condition.swing <= above(0.0)):
         return 0.0
     return 1.0 if is_regular(condition) else np.nan
@@ -356,7 +359,8 @@ def _if_else_zero(condition: Disc, a: Disc) -> Disc:
     return _if(truth == truth, a if truth else disc(0.0))
 
 
-def _entry(entry: Entry, group: Disc, at: Disc) -> Disc:  # if all patches are in one piece of a table
+def _entry(entry: Entry, group: Disc, at: Disc) -> Disc:
+    """An entry of a table. All patches must be in the same piece of the table."""
     value, *knots = entry.between(*(float(np.real(a.centre).flat[0]) for a in (group, at)))
     first, last = (disc(knot) for knot in np.clip(knots, -1e300, 1e300))
     is_known = np.ptp(group.centre) == 0.0 and np.all(group.swing <= above(0.0))
@@ -409,4 +413,4 @@ OPERATIONS: dict[int, Callable[..., Disc]] = {
     ca.OP_IF_ELSE_ZERO: _if_else_zero,
     ca.OP_CALL: _entry,
 }
-"""Operations of CasADi on discs."""
+"""CasADi's operations on discs."""

@@ -1,6 +1,6 @@
-"""The choice of ellipses around the box, on which the equations are bounded, and of nodes for interpolations.
+"""The choice of ellipses around the box for bounds of the equations, and of nodes for interpolations.
 
-Large ellipses make coefficients small that are cut, but bounds large. Any choice gives a proof.
+On larger ellipses bounds are larger, but bounds of neglected coefficients are smaller. Any choice gives a proof.
 """
 
 import math
@@ -18,13 +18,13 @@ from symmb.prove.patches import Patches, largest_on
 
 @dataclass(frozen=True)
 class Choice:
-    """How far states move on the ellipses of time and of the parameters, over their room, and patches of each."""
+    """How far states move on the ellipses of time and of the parameters, relative to their room; and patch counts."""
 
     spread: tuple[float, float] = (0.5, 0.5)
     patches: tuple[int, int] = (8, 1)
 
     def turned(self, turn: int) -> "Choice":
-        """One of the eight neighbours."""
+        """The neighbour of this choice with the number `turn` modulo 8."""
         factor = 1.4 if turn % 2 else 1 / 1.4
         which = turn // 2 % 4
         (a, b), (k, m) = self.spread, self.patches
@@ -38,25 +38,26 @@ class Choice:
 
 
 def _bounded(count: float) -> int:
+    """The nearest allowed number of patches."""
     return 1 if count < _FEWEST_PATCHES - 1 else min(max(round(count), _FEWEST_PATCHES), _MOST_PATCHES)
 
 
 _FEWEST_PATCHES, _MOST_PATCHES = 4, 40
-"""Fewest and most patches of a variable that has more than one: two or three are no better than one."""
+"""Fewest and most patches of a variable that has more than one patch. Two or three are not better than one."""
 
 
 @dataclass
 class Control:
-    """What is adapted from step to step.
+    """Settings that are adapted from step to step.
 
     Attributes
     ----------
     choice : ellipses and patches
     h : length of the next step [s]
-    wanted : size of the defects of the last step, to which errors of their interpolation are compared
-    turn : which choices are compared next
+    wanted : size of the defects of the last step. Errors of their interpolation are compared with it
+    turn : number of the choice that is compared next
     rho : ellipse of time, for several parameters
-    rough : which outputs (n_y,) could not be shown to be smooth in the last step, however many patches were tried
+    rough : outputs (n_y,) that the last step could not show to be smooth with any number of patches
     """
 
     choice: Choice
@@ -68,7 +69,7 @@ class Control:
 
 
 def ellipses(step: TimeStep, spread: tuple[float, float]) -> list[float]:
-    """Parameters of ellipses on which states and parameters move farther than on the box, by a share of their room."""
+    """Parameters rho of ellipses. States and parameters move farther there than on the box, by spread x room."""
     problem = step.problem
     rows = np.abs(step.x.c) / step.room[(slice(None), *(None,) * (step.x.c.ndim - 1))]
     if problem.d:  # parameters are linear polynomials of their variables
@@ -76,7 +77,8 @@ def ellipses(step: TimeStep, spread: tuple[float, float]) -> list[float]:
         for middle, radius, j in zip(problem.middle, problem.radius, problem.variables, strict=True):
             if j >= 0:
                 place = (j, 0, *(int(i == j) for i in range(problem.d)))
-                own[place] = _STIFFNESS_OF_PARAMETERS * radius / max(abs(middle), radius)
+                # parameters may move three times less than states
+                own[place] = 3.0 * radius / max(abs(middle), radius)
         rows = np.concatenate([rows, own])
     rows[(slice(None), *(0,) * (rows.ndim - 1))] = 0.0
     rho = []
@@ -98,7 +100,7 @@ def ellipses(step: TimeStep, spread: tuple[float, float]) -> list[float]:
 
 
 def _largest_below(holds: Callable[[float], bool], top: float) -> float:
-    """About the largest number between 1 and `top` for which a condition holds."""
+    """Approximately the largest number between 1 and `top` for which a condition holds."""
     low, high = 1.0, top
     if holds(top):
         return top
@@ -108,25 +110,23 @@ def _largest_below(holds: Callable[[float], bool], top: float) -> float:
     return low
 
 
-_STIFFNESS_OF_PARAMETERS = 3.0
-"""How much less parameters may move than states."""
 _THINNEST, _WIDEST = 1.02, 1000.0
-"""Ellipses that are tried. With parameter 1000 an interpolation in six nodes errs by 1e-18."""
+"""Smallest and largest parameter of an ellipse. With 1000, an interpolation in six nodes has an error of 1e-18."""
 
 
 def reaches(found: list[discs.Disc]) -> Array:
-    """Largest moduli of discs, (m,)."""
+    """Largest moduli (m,) of discs."""
     return np.array([float(discs.reach(a).max()) for a in found])
 
 
 def patches_on(step: TimeStep, rho: list[float], patches: tuple[int, int]) -> Patches:
-    """Patches of polyellipses: so many of time, and of each parameter."""
+    """Patches of polyellipses. `patches` are the numbers of patches of time and of each parameter."""
     return Patches(rho, [patches[0], *[patches[1]] * (len(rho) - 1)], step.degrees)
 
 
 @dataclass(frozen=True)
 class Tried:
-    """Ellipses, bounds of f (n,) and of its Jacobian (n, n) on them, and what their use takes."""
+    """Ellipses, bounds of f (n,) and of its Jacobian (n, n) on the ellipses, and the cost of their use."""
 
     choice: Choice
     rho: list[float]
@@ -139,12 +139,13 @@ class Tried:
 def adapted(step: TimeStep, control: Control) -> Tried:
     """Ellipses and patches, with bounds of the equations there.
 
-    Those of the last step are compared with others, of which the cheapest are taken. ProofError if the equations cannot
-    be shown to be analytic in any of them.
+    The ellipses of the last step are compared with others, and the cheapest ones are used. ProofError if the equations
+    cannot be shown to be analytic on any ellipses.
     """
     best = _first(step, control)
     for trial in range(_MOST_CHOICES):
-        if trial >= _CHOICES_PER_STEP and best.nodes <= _NODES_WORTH_CHOICES:
+        # more choices are compared only if very many nodes are needed
+        if trial >= _CHOICES_PER_STEP and best.nodes <= 1e5:
             break
         control.turn += 1
         other = _tried(step, best.choice.turned(control.turn), control.wanted)
@@ -154,10 +155,12 @@ def adapted(step: TimeStep, control: Control) -> Tried:
 
 
 def _first(step: TimeStep, control: Control) -> Tried:
-    """The ellipses of the last step, or the largest on which the equations are analytic, with the fewest patches."""
+    """The ellipses of the last step, or the largest ones that make the equations analytic with the fewest patches."""
     choice = control.choice
-    for narrowing in range(_MOST_NARROWINGS):
-        for count in sorted({choice.patches[1], *_PARAMETER_PATCHES[: 1 + narrowing // 2]}):
+    # the ellipses are halved up to eight times until the equations are analytic on them
+    for narrowing in range(8):
+        # the smaller the ellipses are already, the more patches of each parameter are tried
+        for count in sorted({choice.patches[1], *(1, 8, 24)[: 1 + narrowing // 2]}):
             found = _tried(step, replace(choice, patches=(choice.patches[0], count)), control.wanted)
             if np.isfinite(found.cost):
                 return found
@@ -167,11 +170,8 @@ def _first(step: TimeStep, control: Control) -> Tried:
     raise not_smooth(tape.first(discs.OPERATIONS, discs.disc, inputs, lambda a: not np.isfinite(discs.reach(a)).all()))
 
 
-_PARAMETER_PATCHES = 1, 8, 24
-"""Patches of each parameter that are tried: more, the smaller the ellipses are already."""
-
-
 def _tried(step: TimeStep, choice: Choice, wanted: float) -> Tried:
+    """The ellipses of a choice. The cost is infinite if the equations are not bounded there."""
     n = step.problem.n
     rho = ellipses(step, choice.spread)
     count = choice.patches[0] * float(choice.patches[1]) ** step.problem.d
@@ -186,33 +186,29 @@ def _tried(step: TimeStep, choice: Choice, wanted: float) -> Tried:
         return Tried(choice, rho, rates, slopes, np.inf, np.inf)
     most = float((rates + largest_on(rho, step.x.rate)).max())
     nodes = nodes_needed(rho, wanted / most)
-    return Tried(choice, rho, rates, slopes.reshape(n, n).T, nodes + _TIME_OF_A_PATCH * count, nodes)
+    # a patch takes 20 times as long as a node: numbers are complex, and the Jacobian is computed too
+    return Tried(choice, rho, rates, slopes.reshape(n, n).T, nodes + 20.0 * count, nodes)
 
 
-_MOST_NARROWINGS = 8
-"""Smaller ellipses that are tried where the equations cannot be shown to be analytic."""
 _CHOICES_PER_STEP, _MOST_CHOICES = 2, 16
-"""Other choices that are compared in a step, and most of them where many nodes are needed."""
-_NODES_WORTH_CHOICES = 1e5
-"""Nodes of a grid above which other choices are compared longer."""
+"""Other choices that are compared in a step, and the most if many nodes are needed."""
 MOST_NODES = 300
-"""Most nodes of a variable: values at more of them take seconds."""
+"""Most nodes of a variable. Values at more nodes take seconds."""
 TOO_MANY = 3e4
-"""Patches that take seconds: a proof that needs more of them is given up, or a step is made shorter."""
-_TIME_OF_A_PATCH = 20.0
-"""Time that a patch takes over that of a node: complex numbers, and the Jacobian beside the rates."""
+"""Patches that take seconds. If a proof needs more, it ends, or the step becomes shorter."""
 
 
 def nodes_needed(rho: list[float], ratio: float) -> float:
-    """About the nodes of a grid with which the aliasing is about a given share of the bound on the polyellipse."""
+    """Nodes of a grid that reduce the aliasing to about `ratio` times the bound on the polyellipse."""
     return math.prod(max(1.0, m) for m in _wanted(rho, ratio))
 
 
 def node_counts(rho: list[float], ratio: float) -> tuple[int, ...]:
-    """Nodes with which the aliasing is about a given share of the bound on the polyellipse, at most MOST_NODES."""
+    """Nodes of each variable that reduce the aliasing to about `ratio` times the bound, at most MOST_NODES."""
     return tuple(int(min(MOST_NODES, max(2, math.ceil(m)))) for m in _wanted(rho, ratio))
 
 
 def _wanted(rho: list[float], ratio: float) -> list[float]:
+    """Nodes of each variable as real numbers. Source: the bound of `chebyshev.aliasing`, solved for the nodes."""
     product = math.prod(1.0 + 2.0 / (r - 1.0) for r in rho)
     return [math.log(4.0 * len(rho) * product / (1.0 - 1.0 / r) / max(ratio, 1e-290)) / math.log(r) for r in rho]

@@ -1,13 +1,13 @@
-"""The end of a proof: what could not be shown."""
+"""The error that ends a proof."""
 
 
 class ProofError(RuntimeError):
-    """An enclosure cannot be proved; the text says what fails."""
+    """An enclosure cannot be proved. The text says why."""
 
 
 def not_smooth(operation: str) -> ProofError:
-    """An error: no step is short enough to bound the equations, of which the first operation has no bound."""
+    """The error if no step is short enough to bound the equations. `operation` is the first one without a bound."""
     return ProofError(
-        f"the equations cannot be shown to be smooth in any step, because '{operation}' has no bound over the box, as "
-        "where its argument comes close to a singular point, or where a short pulse begins"
+        f"the equations cannot be shown to be smooth in any step, because '{operation}' has no bound over the box. Its "
+        "argument may come close to a singular point, or a short pulse may begin"
     )

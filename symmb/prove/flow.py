@@ -1,13 +1,11 @@
-"""The approximate motion over a step, and its frame: polynomials that need not be exact.
-
-What they lack is bounded afterwards, in `step`.
-"""
+"""The approximate motion over a step, and its frame, as polynomials. `step` proves bounds of their errors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from symmb._magnitudes import ROUNDING
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove.errors import ProofError
@@ -17,26 +15,20 @@ from symmb.prove.problem import Problem
 from symmb.prove.rounding import U, above, of_sum
 
 _MOST_PICARD_ITERATIONS = 60
-"""Most iterations of Picard's: they halve the error at least, or the step is too long."""
-_SPARE_NODES = 2
-"""Nodes in each parameter beside the least number, so that cut terms alias little."""
-_DIVERGED_GROWTH = 1e3
-"""Growth of a state after the first iteration at which a step is too long."""
+"""Most Picard iterations. Each at least halves the error, or the step is too long."""
 _STATES_IN_CACHE = 2**14
-"""States that are treated together: they stay in a cache."""
+"""States that are evaluated at once, so that they stay in the processor's cache."""
 _FIRST_TERMS = 3
-"""Terms of several parameters with which the iteration begins."""
+"""Terms of each of several parameters in the first iterations."""
 _SETTLED_CHANGE = 2e-15
-"""Change over the size of a state at which the iteration ends: rounding."""
+"""Change relative to the size of a state at which the iteration ends: the change is then rounding."""
 
-_SETTLED_CHANGE_OF_FRAME, _STAGNANT_CHANGE = 1e-10, 1e-12
-"""The same for frames, which need not be as exact; and the change below which it ends where it no longer falls."""
 _ROUNDING_OF_RATES, _ROUNDING_OF_FRAME = 4e-16, 1e-11
-"""Coefficients over the largest one that are rounding, of rates and of frames. They would be large on ellipses."""
+"""Coefficients of rates and frames, relative to the largest one, that are rounding. They would grow on ellipses."""
 
 
 def parameters_at(problem: Problem, variables: Sequence[Array], leading: int = 1) -> list[Array | float]:
-    """Parameters for values of the variables, each (m_i,), on axes behind `leading` other ones."""
+    """Parameters at values (m_i,) of each variable. Arrays have `leading` axes before those of the variables."""
     d = len(variables)
     found: list[Array | float] = []
     for middle, radius, j in zip(problem.middle, problem.radius, problem.variables, strict=True):
@@ -49,7 +41,7 @@ def parameters_at(problem: Problem, variables: Sequence[Array], leading: int = 1
 
 
 def fit(values: Array, lengths: Sequence[int]) -> Array:
-    """Coefficients (..., lengths) of values at nodes (..., m0, m1, ...), cut after the interpolation."""
+    """Coefficients (..., *lengths) from values at nodes (..., m0, m1, ...). Higher coefficients are removed."""
     counts = values.shape[values.ndim - len(lengths) :]  # none without parameters
     return ch.along([ch.coefficients_from_nodes(m)[:n] for m, n in zip(counts, lengths, strict=True)], values)
 
@@ -58,9 +50,9 @@ def fit(values: Array, lengths: Sequence[int]) -> Array:
 class Curve:
     """Polynomials (m, K + 1, N + 1, ...) of time and parameters.
 
-    They are begin + h / 2 times the integral of `rate` from s = -1 in exact arithmetic; `c` has the coefficients, with
-    which the polynomials err by at most `error` (m,) where all variables are in [-1, 1]. Each coefficient errs by at
-    most that of `rounded`, which has the shape of c; None where the coefficients are exact.
+    The exact polynomials are the start + h / 2 times the integral of `rate` from s = -1. `c` has their computed
+    coefficients. The error of the polynomials is at most `error` (m,) if all variables are in [-1, 1]. `rounded` bounds
+    the errors of the coefficients and has the shape of c; None if the coefficients are exact.
     """
 
     c: Array
@@ -71,14 +63,14 @@ class Curve:
     def error_on(self, rho: Sequence[float]) -> Array:
         """Bounds (m,) of the errors of the polynomials on a polyellipse.
 
-        The error is the polynomial whose coefficients are the errors of the coefficients. It is bounded on the ellipses
-        as all polynomials are: |T_k| <= cosh(k log rho) there, and 1 on [-1, 1], where this is `error`.
+        The error is a polynomial with the errors of the coefficients as coefficients. On the ellipses
+        |T_k| <= cosh(k log rho). With rho = 1 the bounds are `error`.
         """
         return np.zeros(len(self.c)) if self.rounded is None else largest_on(rho, self.rounded)
 
 
 def integrated(begin: Array, rate: Array, h: float) -> Curve:
-    """The curve from begin (m, N + 1, ...) with a rate (m, K, N + 1, ...), over a step h."""
+    """The curve over a step h [s] from begin (m, N + 1, ...) with the rate (m, K, N + 1, ...)."""
     matrix = ch.integral(rate.shape[1])
     others = [None] * (rate.ndim - 2)
     c = 0.5 * h * ch.along([matrix, *others], rate)
@@ -91,13 +83,14 @@ def integrated(begin: Array, rate: Array, h: float) -> Curve:
 
 
 def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curve:
-    """The motion from x0 (n, N + 1, ...) at t0 over a step h, with so many terms of its rate.
+    """The motion from x0 (n, N + 1, ...) at t0 over a step h. Its rate has `terms` terms in time.
 
-    Picard's iteration at Chebyshev nodes of time and of the parameters, all at once.
+    It is computed by Picard iteration at all Chebyshev nodes of time and of the parameters at once.
     """
     lengths = x0.shape[1:]
     few = problem.d <= ch.FEW
-    counts = [n + _SPARE_NODES if few else n for n in lengths]
+    # two more nodes than terms: the aliasing of removed terms is then small
+    counts = [n + 2 if few else n for n in lengths]
     begin = ch.along([ch.values_at_nodes(m, n) for m, n in zip(counts, lengths, strict=True)], x0)
     s = ch.nodes(terms)
     p = parameters_at(problem, [ch.nodes(m) for m in counts])
@@ -106,7 +99,7 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
     x = np.repeat(begin[:, None], terms, axis=1)
     if not few and max(lengths) > _FIRST_TERMS:
         part = (slice(None), *(slice(0, _FIRST_TERMS),) * problem.d)
-        c = motion(problem, x0[part], t0, h, terms).c  # few terms of the parameters move alike
+        c = motion(problem, x0[part], t0, h, terms).c  # a motion with few terms is a good first iterate
         c[:, 0] -= x0[part]
         x = x + ch.along(
             [ch.values_at_nodes(m, size) for m, size in zip((terms, *counts), c.shape[1:], strict=True)], c
@@ -119,12 +112,13 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
         new = begin[:, None] + np.tensordot(f, step, (1, 1)).transpose(0, -1, *range(1, f.ndim - 1))
         difference, moved = np.abs(new - x).max(axis=others), np.maximum(size, np.abs(new).max(axis=others))
         change = float((difference / size).max(initial=0.0))
-        x, most = new, _DIVERGED_GROWTH * moved if most is None else most
+        # a state that grows more after the first iteration diverges: the step is too long
+        x, most = new, 1e3 * moved if most is None else most
         if not np.isfinite(change):
             raise ProofError("the motion is not a number, or changes too fast for the shortest step")
         if (moved > most).any():
             raise ProofError("the motion changes too fast for the shortest step")
-        if change <= _SETTLED_CHANGE or (change > 0.5 * last and (difference < _STAGNANT_CHANGE * moved).all()):
+        if change <= _SETTLED_CHANGE or (change > 0.5 * last and (difference < ROUNDING * moved).all()):
             break
         last = change
     else:
@@ -134,7 +128,7 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
 
 
 def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Array:
-    """f at states (n, terms, ...), (n, terms, ...), at some times after the others where there are many states."""
+    """f (n, terms, ...) at states (n, terms, ...). If there are many states, parts of the times follow each other."""
     if x[0].size > _STATES_IN_CACHE and x.shape[1] > 1:
         k = x.shape[1] // 2
         return np.concatenate([rates_at(problem, x[:, :k], p, t[:k]), rates_at(problem, x[:, k:], p, t[k:])], axis=1)
@@ -143,7 +137,7 @@ def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Ar
 
 
 def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int) -> tuple[Curve, Array]:
-    """B with B' = A B from B0 (n, n, NB + 1, ...), row by row, and about its inverse C (n, n, terms, ...).
+    """The frame B with B' = A B from B0 (n, n, NB + 1, ...), row by row, and about its inverse C (n, n, terms, ...).
 
     The motion has the coefficients x (n, K + 1, N + 1, ...).
     """
@@ -167,20 +161,21 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
         change = float(np.abs(new - B).max() / np.abs(new).max())
         B = new
         if not np.isfinite(change) or change > 1e3:
-            raise ProofError("deviations from the polynomials change too fast for the shortest step")
-        if change < _SETTLED_CHANGE_OF_FRAME or (change < _STAGNANT_CHANGE and change > 0.5 * last):
+            raise ProofError("the deviations from the polynomials change too fast for the shortest step")
+        # a frame need not be as accurate as the motion
+        if change < 1e-10 or (change < ROUNDING and change > 0.5 * last):
             break
         last = change
     rate = ch.graded(fit(np.moveaxis(A @ B, (-2, -1), (0, 1)), (terms, *lengths)), problem.d)
     try:
         inverse = np.moveaxis(np.asarray(np.linalg.inv(B), dtype=float), (-2, -1), (0, 1))
     except np.linalg.LinAlgError:
-        raise ProofError("deviations from the polynomials grow too differently in a step") from None
+        raise ProofError("the deviations from the polynomials grow too differently in a step") from None
     rate = _without_noise(rate.reshape(n * n, terms, *lengths), _ROUNDING_OF_FRAME)
     C = _without_noise(ch.graded(fit(inverse, (terms, *lengths)), problem.d).reshape(rate.shape), _ROUNDING_OF_FRAME)
     return integrated(B0.reshape(n * n, *lengths), rate, h), C.reshape(n, n, *rate.shape[1:])
 
 
 def _without_noise(c: Array, share: float) -> Array:
-    """Polynomials (m, n0, ...) without the coefficients that are below a share of their largest one."""
+    """Polynomials (m, n0, ...). Coefficients below `share` times the largest one become 0."""
     return np.where(np.abs(c) < share * np.abs(c).max(axis=tuple(range(1, c.ndim)), keepdims=True), 0.0, c)

@@ -1,9 +1,10 @@
-"""The states at one time, a polynomial of the parameters and a remainder in a frame, and what is done with them."""
+"""Fronts: the states at one time, as a polynomial of the parameters and a remainder in a frame."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from symmb._magnitudes import SMALL
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove.curves import TimeStep
@@ -12,24 +13,19 @@ from symmb.prove.flow import Curve, fit
 from symmb.prove.rounding import U, above, of_sum
 
 _WORST_CONDITION = 30.0
-"""Condition of the frame, with columns of length 1, from which on it is made orthogonal."""
-
-_LEAST_MOTION = 1e-3
-"""Least motion of a state that counts, over that of the one that moves most."""
-_TAIL = 2
-"""Orders that tell how fast coefficients decay."""
+"""Condition number of the frame, with columns of length 1, from which the frame is made orthogonal."""
 
 
 @dataclass(frozen=True)
 class Front:
-    """States x(xi) + B(xi) w with |w| <= w, up to errors x_error of x and B_error of B.
+    """States x(xi) + B(xi) w for all w up to a bound, with the errors x_error of x and B_error of B.
 
     Attributes
     ----------
     t : time [s]
     x : (n, N + 1, ...) coefficients
     B : (n, n, NB + 1, ...) coefficients of the frame
-    w : (n,)
+    w : (n,) bounds of |w|
     x_error : (n,)
     B_error : (n, n)
     """
@@ -42,24 +38,25 @@ class Front:
     B_error: Array
 
     def share(self) -> float:
-        """Largest remainder of a state over how far it moves with the parameters.
+        """Largest ratio of the remainder of a state to its motion with the parameters.
 
-        A state that hardly moves beside others counts with a small part of their motion.
+        The motion of a state counts as at least a small part of the largest motion.
         """
         d = self.x.ndim - 1
         e = (ch.sums(self.B, d) + self.B_error) @ self.w + self.x_error
         moved = ch.sums(self.x, d) - np.abs(self.x[(slice(None), *(0,) * d)])
-        return float((e / np.maximum(moved, _LEAST_MOTION * moved.max(initial=1e-300))).max(initial=0.0))
+        return float((e / np.maximum(moved, SMALL * moved.max(initial=1e-300))).max(initial=0.0))
 
 
 def slowest(x: Array) -> int:
-    """Number of the parameter in which the coefficients (n, N + 1, ...) decay the least."""
-    tails = [np.abs(x.take(np.arange(max(1, m - _TAIL), m), axis=axis)).sum() for axis, m in enumerate(x.shape[1:], 1)]
+    """Number of the parameter with the slowest decay of the coefficients (n, N + 1, ...)."""
+    # the two highest orders measure the decay
+    tails = [np.abs(x.take(np.arange(max(1, m - 2), m), axis=axis)).sum() for axis, m in enumerate(x.shape[1:], 1)]
     return int(np.argmax(tails))
 
 
 def leaving(step: TimeStep, w: Array) -> Front:
-    """The front at the end of a step with |w| there."""
+    """The front at the end of a step, with the bounds w (n,) there."""
     n, d = step.problem.n, step.problem.d
     x, x_error = _end(step.x, d)
     B, B_error = _end(step.B, d)
@@ -67,18 +64,18 @@ def leaving(step: TimeStep, w: Array) -> Front:
 
 
 def _end(curve: Curve, d: int) -> tuple[Array, Array]:
-    """Polynomials of d parameters at the end of a step, where T_k = 1, and their errors."""
+    """Polynomials of d parameters at the end of a step, and their errors. All T_k of time are 1 there."""
     rest = curve.c[:, 1:]
     value = curve.c[:, 0] + rest.sum(axis=1)
     return value, above(curve.error + of_sum(len(rest[0]) + 2) * ch.sums(rest, d + 1) + U * ch.sums(value, d))
 
 
 def well_conditioned(front: Front, scales: Array, worst: float = _WORST_CONDITION) -> Front:
-    """The front in an orthogonal frame where its own has the condition `worst` or more.
+    """The front in an orthogonal frame, if its frame has the condition number `worst` or more.
 
-    The columns of the frame at nodes of the parameters, the longest first, are made orthogonal. The new frame is a
-    polynomial through these, or the frame of the scales where that polynomial is far from them. |C B| w bounds the new
-    w, with C about the inverse of the new frame.
+    The columns of the frame at nodes of the parameters are made orthogonal, the longest first. The new frame is the
+    polynomial through these columns, or the diagonal frame of the scales if the polynomial is not accurate enough.
+    |C B| w bounds the new w. C is approximately the inverse of the new frame.
 
     Source: Lohner (1988), thesis, Karlsruhe, section 3.3; Makino and Berz, International Journal of Differential
     Equations and Applications 10 (2005), section 4.
@@ -106,12 +103,12 @@ def well_conditioned(front: Front, scales: Array, worst: float = _WORST_CONDITIO
 
 
 def _in_frame(front: Front, B: Array, C: Array) -> Front:
-    """The front in another frame (n, n, ...), where C is about the inverse of that."""
+    """The front in another frame B (n, n, ...). C is approximately the inverse of B."""
     n, none = len(B), np.zeros(B.shape[:2])
     E = ch.product_bound(C, B, none, np.eye(n))
     eta = above(float(E.sum(axis=1).max()))
     if not eta < 0.5:
-        raise ProofError("deviations from the polynomials grow too differently over the box")
+        raise ProofError("the deviations from the polynomials grow too differently over the box")
     w = above(ch.product_bound(C, front.B, none, none) @ front.w)
     w = above(w + ch.sums(C, C.ndim - 2) @ above(front.x_error + front.B_error @ front.w))
     w = above(w + E @ np.full(n, w.max() / (1.0 - eta)))
@@ -119,16 +116,16 @@ def _in_frame(front: Front, B: Array, C: Array) -> Front:
 
 
 def half(front: Front, variable: int, side: int) -> Front:
-    """The front over the half of the box where a variable is negative (side -1) or positive (1)."""
+    """The front over the half of the box in which a variable is negative (side -1) or positive (side 1)."""
     x, x_lost = restricted(front.x, 1, variable, side)
     B, B_lost = restricted(front.B, 2, variable, side)
     return replace(front, x=x, B=B, x_error=above(front.x_error + x_lost), B_error=above(front.B_error + B_lost))
 
 
 def restricted(c: Array, leading: int, variable: int, side: int) -> tuple[Array, Array]:
-    """Coefficients in half of the range of a variable, and bounds of the errors of the polynomials.
+    """Coefficients over half of the range of a variable, and bounds of the errors of the polynomials.
 
-    The coefficients of T_k((z + side) / 2) are interpolated. Its values err by k^2 times the rounding of the argument.
+    T_k((z + side) / 2) is interpolated. Its values have the error k^2 times the rounding error of the argument.
     """
     axis = leading + variable
     n = c.shape[axis]

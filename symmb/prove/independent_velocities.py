@@ -1,11 +1,11 @@
-"""Equations of motion with all coordinates, and as many velocities as the rows of loops leave free.
+"""Equations of motion with all coordinates, and with the velocities that the rows of loops leave free.
 
 Coordinates are not projected onto the rows. Velocities satisfy them: G v = -nu gives the dependent ones from the free
 ones. The free ones follow from Newton's second law for the velocities S of the bodies along them,
 
     S' M S u' = S' (Q - M a),
 
-where a are the accelerations for u' = 0. Masses of bodies are constant, and terms of joints that cancel do not arise.
+where a are the accelerations for u' = 0. Masses of bodies are constant, so that no terms of joints must cancel.
 
 Source: Wehage and Haug, Journal of Mechanical Design 104 (1982), generalised coordinate partitioning.
 """
@@ -20,6 +20,7 @@ import casadi as ca
 import numpy as np
 from scipy.linalg import qr
 
+from symmb._magnitudes import SLIGHT
 from symmb._types import Array, Indices
 from symmb.declare.symbolic import ExplicitSolver, common
 from symmb.equations.model import Lazy, System
@@ -30,19 +31,15 @@ from symmb.prove.tape import Tape
 from symmb.run.formulations import Formulation
 
 _MOST_SETS_COMPARED = 500
-"""Most sets of velocities that are all compared; of more, those that are best at some time are."""
+"""Most sets of velocities that are all compared. Of more sets, only those that are best at some time are compared."""
 _FEWEST_TIMES, _TIMES_PER_STEP = 100, 8
-"""Least number of times of the nominal run at which they are compared, and times of each of its steps."""
+"""Least number of times of the nominal run at which sets are compared, and times for each of its steps."""
 _LARGE_LOG_CHANGE = np.log(10.0)
-"""Change of the logarithm of a determinant above which another set may be better."""
-_EXACT_START = 1e-6
-"""Errors of velocities at the start, over the largest one, which are as good as none."""
-_NOMINAL_RTOL = 1e-6
-"""Tolerance of that run."""
+"""Change of the logarithm of a determinant from which another set may be better."""
 
 
 class Partition(NamedTuple):
-    """Numbers of the dependent velocities, the Jacobian G where they are worst, and the time up to which they serve."""
+    """Numbers of the dependent velocities, the Jacobian G at their worst time, and the time when they end."""
 
     dependent: tuple[int, ...]
     G_there: Array
@@ -51,17 +48,17 @@ class Partition(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """Equations whose states x are parts of those of a formulation.
+    """Equations of motion. Their states x are entries of the states of a formulation.
 
     Attributes
     ----------
     rates : (x, p, t) -> x'
     whole : (x, p, t) -> the state (q, v, s) of the formulation
-    kept : numbers of the entries of that state which x has
+    kept : numbers of the entries of this state that x contains
     solved : (x, p, t) -> multipliers of all rows of the system, and accelerations of the bodies, if the system is known
-    regular : (x, p, t) -> (m,), of which none is 0 where the rates are those of the formulation; None: everywhere
-    until : time from which on others with as many states are better [s]; infinite if these are good to the end
-    following : the others
+    regular : (x, p, t) -> (m,), all different from 0 if the rates are those of the formulation; None: everywhere
+    until : time from which other equations with as many states are better [s]; infinite if there are none
+    following : the other equations
     """
 
     rates: ca.Function
@@ -74,7 +71,7 @@ class Equations:
 
 
 def equations_of(form: Formulation, system: System | None, times: Array) -> Equations:
-    """The equations of a formulation of a system over times (n_t,); of a copy from a pickle it is not known."""
+    """The equations of a formulation over times (n_t,). Copies from a pickle have no system."""
     dae = form.dae
     n = dae.n_q + dae.n_v + dae.n_s
     if dae.G is None:
@@ -94,7 +91,7 @@ def equations_of(form: Formulation, system: System | None, times: Array) -> Equa
 
 
 def _partitioned(form: Formulation, system: System | None, partitions: Sequence[Partition]) -> Equations:
-    """The equations in the first of some partitions, which the others follow."""
+    """The equations of the first partition, followed by those of the other partitions."""
     (dependent, G_there, until), *later = partitions
     following = Lazy(lambda: _partitioned(form, system, later)) if later else None
     dae, bodies = form.dae, form.dae if form.bodies is None else form.bodies.dae
@@ -131,16 +128,16 @@ def _partitioned(form: Formulation, system: System | None, partitions: Sequence[
 
 
 def _in_order(dependent: Sequence[int], values: ca.SX, free_values: ca.SX) -> ca.SX:
-    """Rows (n_v, m) of the dependent and of the free velocities in their order."""
+    """Rows (n_v, m) of the dependent and of the free velocities, in the order of all velocities."""
     free = [k for k in range(values.shape[0] + free_values.shape[0]) if k not in dependent]
     return ca.densify(ca.vertcat(values, free_values))[np.argsort([*dependent, *free]).tolist(), :]
 
 
 def start_states(form: Formulation, u: ca.SX, p: ca.SX) -> ca.SX:
-    """The state (n_x,) at the start, where rows determine those velocities from the others that have large errors.
+    """The state (n_x,) at the start. Rows determine the velocities with large error bounds from the other velocities.
 
-    The solver of the start is made for runs: bounds of its rounding may be large. Velocities that a scene lists have
-    small ones.
+    The expressions of the start are made for runs, and bounds of their rounding errors may be large. The bounds of
+    listed velocities are small.
     """
     dae, start = form.dae, form.start
     x0 = start.state(u, p)
@@ -151,13 +148,13 @@ def start_states(form: Formulation, u: ca.SX, p: ca.SX) -> ca.SX:
     nominal = [[points.point(value) for value in values.tolist()] for values in (unknowns, dae.p_nominal)]
     try:
         found = Tape(start.state).run(points.OPERATIONS, points.point, nominal)[0]
-    except (ProofError, KeyError):  # the proof tells what fails
+    except (ProofError, KeyError):  # the proof reports the cause later
         return x0
     errors = np.array([error for _, error, *_ in found[dae.n_q : dae.n_q + dae.n_v]])
     x = start.nominal()
     there = dae.arguments(ca.SX(np.concatenate([x["q"], x["v"], x["s"]])), ca.SX(x["p"]), ca.SX(start.t0))
     G_there = ca.DM(dae.G(*there)).full()
-    weights = np.maximum(errors / errors.max(initial=1e-300), _EXACT_START) * dae.displacement_scales
+    weights = np.maximum(errors / errors.max(initial=1e-300), SLIGHT) * dae.displacement_scales
     dependent = list(qr(G_there * weights, mode="r", pivoting=True)[-1][: dae.n_r])
     free = [k for k in range(dae.n_v) if k not in dependent]
     G = dae.G(*at)
@@ -167,10 +164,11 @@ def start_states(form: Formulation, u: ca.SX, p: ca.SX) -> ca.SX:
 
 
 def _partitions(form: Formulation, times: Array) -> list[Partition]:
-    """The partitions of the velocities that serve a nominal run, one after the other.
+    """The partitions of the velocities for consecutive parts of a nominal run.
 
-    That of which the determinant of S' M S changes least is best: it is infinite where the rows do not determine the
-    dependent velocities. Where it changes much, the run is in parts: in each the determinant of another changes less.
+    The best partition has the smallest change of the determinant of S' M S. The determinant is infinite if the rows do
+    not determine the dependent velocities. If the change is large, the run is divided into parts with their own best
+    partitions.
     """
     G, M, at = _along_a_run(form, times)
     scales = form.dae.displacement_scales
@@ -187,7 +185,7 @@ def _partitions(form: Formulation, times: Array) -> list[Partition]:
     logs = whole - 2 * sizes
 
     def changes(first: int) -> Array:
-        """How much the determinants change from a place on (sets, places): infinitely from where they have been 0."""
+        """Changes (sets, places) of the logarithms of determinants from a place on; infinite after a change of sign."""
         with np.errstate(invalid="ignore"):
             part = logs[:, first:]
             change = np.maximum.accumulate(part, axis=1) - np.minimum.accumulate(part, axis=1)
@@ -213,8 +211,8 @@ def _partitions(form: Formulation, times: Array) -> list[Partition]:
         first = last - 1
 
 
-def _along_a_run(form: Formulation, times: Array) -> tuple[Array, Array, Array]:
-    """Jacobians (m, n_r, n_v), mass matrices (m, n_v, n_v) and times (m,) of a nominal run, as far as it goes."""
+def _along_a_run(form: Formulation, times: Array, rtol: float = 1e-6) -> tuple[Array, Array, Array]:
+    """Jacobians (m, n_r, n_v), mass matrices (m, n_v, n_v) and times (m,) of a nominal run, up to its end."""
     from scipy.integrate import solve_ivp
 
     dae, at = form.dae, form.start.nominal()
@@ -231,8 +229,8 @@ def _along_a_run(form: Formulation, times: Array) -> tuple[Array, Array, Array]:
             (times[0], times[-1]),
             x0,
             method="DOP853",
-            rtol=_NOMINAL_RTOL,
-            atol=_NOMINAL_RTOL * dae.state_sizes,
+            rtol=rtol,
+            atol=rtol * dae.state_sizes,
             dense_output=True,
         )
         at = np.linspace(times[0], run.t[-1], max(_FEWEST_TIMES, _TIMES_PER_STEP * len(run.t)))

@@ -1,8 +1,9 @@
 """Interval numbers whose ends are arrays, and the interval extension of each scalar operation of CasADi.
 
-Ends are rounded outward: sums, products and roots by one unit in the last place, other functions by eight,
-more than the errors of the mathematical libraries. An argument that is partly outside the domain of a
-function is cut, one that is completely outside is an error. A division by an interval around 0 has infinite bounds.
+Ends are rounded outward: those of sums, products and roots by one unit in the last place, and those of other functions
+by eight units. This is more than the errors of the mathematical libraries. If an argument is partly outside the domain
+of a function, it is cut. If it is completely outside, this is an error. A division by an interval around 0 has infinite
+bounds.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,12 +18,12 @@ from symmb.declare.symbolic import Entry, operation_name
 from symmb.equations.model import Box
 
 FUNCTION_ULPS = 8
-"""Units in the last place by which values of elementary functions are widened: four times the errors of C libraries.
+"""Units in the last place by which values of elementary functions are widened: four times the error of C libraries.
 tests/bounds/test_interval.py"""
 
 
 class Interval(NamedTuple):
-    """Ends of one interval or of many; both arrays have one shape, or shapes that broadcast."""
+    """Ends of one interval or of many. The shapes of both arrays are equal, or broadcast."""
 
     lower: Array
     upper: Array
@@ -34,7 +35,7 @@ class Interval(NamedTuple):
 
 
 def parameter_intervals(nominal: Mapping[str, float], box: Box) -> list[Interval]:
-    """The intervals of a box, and the nominal values of the other parameters."""
+    """The intervals of a box, and the nominal values of the other parameters, in the order of `nominal`."""
     ends = {
         **{name: (value, value) for name, value in nominal.items()},
         **dict(zip(box.names, box.bounds, strict=True)),
@@ -61,6 +62,7 @@ def _outward(lower: Array, upper: Array, ulps: int = 1) -> Interval:
 
 
 def _hull(*values: Array) -> tuple[Array, Array]:
+    """The elementwise minimum and maximum of arrays."""
     return np.minimum.reduce(np.broadcast_arrays(*values)), np.maximum.reduce(np.broadcast_arrays(*values))
 
 
@@ -129,8 +131,8 @@ def _increasing(
         outside = (a.upper < domain[0]) | (a.lower > domain[1])
         if outside.any():
             raise PropagationError(
-                f"IntervalArithmetic(): {getattr(function, '__name__', 'function')} of "
-                f"[{np.min(a.lower):.6g}, {np.max(a.upper):.6g}], outside its domain {domain}."
+                f"IntervalArithmetic(): the argument of {getattr(function, '__name__', 'a function')} is in "
+                f"[{np.min(a.lower):.6g}, {np.max(a.upper):.6g}], outside the domain {domain}. Use a smaller box."
             )
         lower, upper = _outward(
             function(np.maximum(a.lower, domain[0])), function(np.minimum(a.upper, domain[1])), ulps
@@ -152,14 +154,14 @@ def _erf(values: Array) -> Array:
 
 
 def _reaches(a: Interval, point: float, period: float) -> Mask:
-    """Whether point + k period is in the interval for some whole k, or may be by rounding."""
+    """Whether point + k period may be in the interval for some integer k, with rounding."""
     slack = 4 * np.spacing(np.maximum(np.abs(a.lower), np.abs(a.upper)) + period)
     first = point + period * np.ceil((a.lower - slack - point) / period)
     return (first <= a.upper + slack) | ~np.isfinite(first)
 
 
 def _wave(function: Callable[[Array], Array], peak: float) -> Callable[[Interval], Interval]:
-    """Extension of sine or cosine, which is 1 at ``peak``."""
+    """Extension of the sine or the cosine. The function is 1 at ``peak``."""
 
     def extension(a: Interval) -> Interval:
         lower, upper = _outward(*_hull(function(a.lower), function(a.upper)), FUNCTION_ULPS)
@@ -192,7 +194,7 @@ def _atan2(y: Interval, x: Interval) -> Interval:
 
 
 def _fmod(a: Interval, b: Interval) -> Interval:
-    """a - b trunc(a / b): the interval a if it contains no multiple of b, else all possible values."""
+    """a - b trunc(a / b): the interval a if |a| < |b|, else all possible values."""
     size, step = _magnitude(a), _magnitude(b)
     within = size.upper < step.lower
     most = np.minimum(size.upper, step.upper)
@@ -233,7 +235,7 @@ def _equal(a: Interval, b: Interval) -> Interval:
 
 
 def _entry(entry: Entry, group: Interval, at: Interval) -> Interval:
-    """The least and the largest entry of the pieces between both ends, without rounding."""
+    """The smallest and the largest entry of the pieces between both ends, without rounding."""
     pieces, column = entry
     first, last = np.broadcast_arrays(pieces.find(group.lower, at.lower), pieces.find(group.upper, at.upper))
     values = pieces.data[2 + column]
@@ -312,6 +314,6 @@ EXTENSIONS: dict[int, Callable[..., Interval]] = {
     ca.OP_OR: lambda a, b: _maximum(_is_true(a), _is_true(b)),
     ca.OP_IF_ELSE_ZERO: _if_else_zero,
 }
-"""Interval extension by operation code. EXP, SIN ... are exact except for rounding: natural interval arithmetic is too
-wide only because it treats an argument that occurs twice as two. OP_ERFINV is left out: CasADi's own values of it
-are off by 3e-8, which no enclosure of the inverse error function would contain."""
+"""Interval extensions by operation code. Each is exact except for rounding. Interval arithmetic is too wide only
+because it treats two occurrences of an argument as independent. OP_ERFINV is omitted: CasADi's values have errors of
+3e-8, so that no enclosure of the inverse error function would contain them."""

@@ -1,10 +1,11 @@
-"""Steps over the horizon, with their control."""
+"""The march over the horizon: proved steps, passes of switches, changes of states, and the control of step sizes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from symmb._magnitudes import FACTORS, ROUNDING
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove.curves import TimeStep
@@ -23,29 +24,24 @@ from symmb.prove.transitions import drifted, mapped, require_known
 
 TIME_TERMS, FRAME_TERMS = 20, 11
 """Terms of the motion and of the frame in time."""
-_AIMED_TAIL, _LARGEST_TAIL = 1e-14, 1e-12
-"""Last coefficients in time over the sizes of the states: those aimed at, and those with which a step is too long."""
 _SHORTEST_OF_AIM = 2.0**-4
-"""Shortest step that is tried in vain, over the one aimed at."""
+"""Shortest step that is tried, relative to the aimed length."""
 _SHORTER_STEP = 0.3
-"""A step over one that is too long for the motion."""
-_STEPS_OF_FIRST_LENGTH = 50
-"""Horizon over the first step that is tried."""
+"""Factor of a step that is too long for the motion."""
 _LOST_REMAINDER, _CRAWLING_STEP = 1e-2, 2.0**-6
-"""Remainder over the width of the states, and step over the longest one, with which a proof ends soon anyway."""
+"""Remainder relative to the width of the states, and step relative to the longest one. A proof that exceeds the first
+with steps below the second ends soon anyway."""
 _SHORTEST_AT_CHANGE = 8
-"""Shortest step that ends at a change of states, over the unit of times."""
-_AT_INSTANT = 4
-"""Distance of output times from an instant that are at it, over the error of the instant."""
+"""Shortest step that ends at a change of states, in units of times."""
 _BEFORE_PASS_OF_STEP, _BEFORE_PASS_OF_SPREAD = 2.0**-6, 0.25
-"""Shares of a usual step, and of the spread of passes over the box, from which on the pass of a switch begins."""
+"""Time before the first pass of a switch, as fractions of a usual step and of the spread of passes over the box."""
 _NEARER_BEGIN, _NEAREST_PASS = 2.0**-6, 2.0**6
-"""How much nearer a pass may begin if it is not proved, and the least distance, in units of times."""
+"""Fraction of the time to a pass that remains if a step ends closer to it, and the shortest such time [units]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """A front, what is adapted from step to step there, and the problem in the phase that goes on there."""
+    """A front with the control of the next step and the problem of the current phase."""
 
     front: Front
     control: Control
@@ -54,18 +50,19 @@ class Place:
 
 @dataclass(eq=False)
 class Course:
-    """What is proved over a part of the box: bounds (n_t, n_y), infinite where there are none.
+    """The proved results over a part of the box.
 
     Attributes
     ----------
+    lower, upper : (n_t, n_y) bounds, infinite if they are not known
     remainder : (n_t, n_y) part of the bounds that is not the range of a polynomial
-    terms : (n_y,) largest sizes of the terms that make the outputs
-    until : time up to which the motion is proved, from the first one [s]
-    why : what ended the proof; empty if it can go on
+    terms : (n_y,) largest sizes of the terms of the outputs
+    until : time after the first one up to which the motion is proved [s]
+    why : reason for the end of the proof; empty if it can continue
     end : the last place; None before the start
-    checkpoint : the last place where the remainder was small, or the first one
-    stored : output times up to there
-    steps : proved steps with bounds (n,) of |w|; None if they are not kept
+    checkpoint : the last place with a small remainder, or the first place
+    stored : number of output times with stored bounds
+    steps : proved steps with bounds (n,) of |w|; None if they are not needed
     """
 
     lower: Array
@@ -81,17 +78,17 @@ class Course:
 
     @classmethod
     def empty(cls, problem: Problem) -> "Course":
-        """Nothing is proved."""
+        """A course before the start."""
         shape = len(problem.times), problem.outputs.numel_out(0)
         return cls(np.full(shape, -np.inf), np.full(shape, np.inf), np.full(shape, np.inf), np.zeros(shape[1]))
 
     @property
     def is_done(self) -> bool:
-        """Whether all output times have bounds, as far as outputs are smooth."""
+        """Whether the proof has reached all output times."""
         return self.stored == len(self.lower)
 
     def store(self, behind: int, lower: Array, upper: Array, remainder: Array, terms: Array) -> None:
-        """Store bounds of the outputs up to the number of an output time."""
+        """Store bounds of the outputs for the output times from `stored` to `behind` (excluded)."""
         part = slice(self.stored, behind)
         self.lower[part], self.upper[part], self.remainder[part] = lower, upper, remainder
         self.terms, self.stored = np.maximum(self.terms, terms), behind
@@ -102,7 +99,7 @@ class Course:
         self.remainder[0], self.terms = np.maximum(self.remainder[0], remainder[0]), np.maximum(self.terms, terms)
 
     def back_to(self, place: Place, times: Array) -> "Course":
-        """The course up to the time of a place, from which it goes on there; times (n_t,) are those of the outputs."""
+        """The course up to a place, so that it continues from there. `times` (n_t,) are the output times."""
         stored = min(self.stored, int(np.searchsorted(times, place.front.t, side="right")))
         later = (np.arange(len(times)) >= stored)[:, None]
         lower, upper, remainder = (
@@ -115,14 +112,14 @@ class Course:
 def march(
     problem: Problem, order: int, course: Course, small: float, largest: float, progress: Callable[[float], None]
 ) -> None:
-    """Go on with a course over one box from its last place, or from the start.
+    """Continue a course over one box from its last place, or from the start.
 
     Parameters
     ----------
     order : highest degree in each parameter
-    small : remainder, over the width of the states, up to which a place is a checkpoint
-    largest : the same above which the march stops
-    progress : called with the time that is reached
+    small : remainder, relative to the width of the states, up to which a place is a checkpoint
+    largest : relative remainder above which the march stops
+    progress : called with the reached time [s]
     """
     end = float(problem.times[-1])
     if course.end is None:
@@ -132,7 +129,8 @@ def march(
         except ProofError as error:
             course.why = f"the start cannot be proved, because {error}"
             return
-        course.end = course.checkpoint = Place(front, Control(Choice(), (end or 1.0) / _STEPS_OF_FIRST_LENGTH), problem)
+        # the first step that is tried is 1/50 of the horizon; a step that is too long is shortened
+        course.end = course.checkpoint = Place(front, Control(Choice(), (end or 1.0) / 50), problem)
     place, longest = course.end, 0.0
     while not course.is_done:
         try:
@@ -153,10 +151,10 @@ def march(
 
 
 def _why(place: Place, reason: str) -> str:
-    """Why a proof ends at a place: there may be a singular position ahead.
+    """The reason for the end of a proof at a place, with a possible cause ahead.
 
-    The text says if a determinant of the loops would be 0 soon, or a switch: the proof ends before it
-    only where slopes grow without bound there.
+    The cause is a determinant of the loops that would soon be 0, or a switch: a proof ends before a switch only if
+    slopes grow without bound there.
     """
     problem, front, phase = place.problem, place.front, place.problem.phase
     if problem.regular is not None and problem.closing and problem.why_singular not in reason:
@@ -173,13 +171,12 @@ def _why(place: Place, reason: str) -> str:
 
 
 _STEPS_AHEAD, _SPREADS_AHEAD = 40, 3.0
-"""Steps become short before a singular position; they end before a kink with infinite slopes at some spreads of the
-box.
-"""
+"""Distances to a singular position, in steps, and to a switch, in spreads of the box, below which each is named.
+Steps become short before a singular position. Before a kink with infinite slopes a proof ends some spreads away."""
 
 
 def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, float]:
-    """The place behind a proved step or pass, and how long it is. The course stores bounds of the outputs."""
+    """The place after a proved step or pass, and its length [s]. The course stores bounds of the outputs."""
     problem, front, control = place.problem, place.front, replace(place.control)
     usual, left = control.h, _left(problem, front.t, grain)
     control.h, others = min(usual, left), tuple[Problem, ...]()
@@ -207,11 +204,12 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
         course.steps.append((step, proof.W))
     front, times = leaving(step, proof.end), problem.times
     late = _late(problem, front.t)
-    until = front.t if late is None else front.t - _AT_INSTANT * late  # at an instant, outputs have the new values
+    # outputs within four errors of an instant count as being at the instant, and have the new values
+    until = front.t if late is None else front.t - 4 * late
     behind = int(np.searchsorted(times, until, side="right"))
     if behind > course.stored:
         course.store(behind, *output_bounds(step, proof.W, times[course.stored : behind], control))
-    for other in others:  # on a switch, outputs may be those of any side
+    for other in others:  # an output on a switch may have the value of either side
         course.join(*output_bounds(replace(step, problem=other), proof.W, times[:1], control))
     if left < usual:
         control.h = usual
@@ -219,14 +217,17 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
 
 
 class _AheadError(Exception):
-    """A pass of a switch begins at the front of a step."""
+    """The signal that a pass of a switch begins at the front of a step."""
 
     def __init__(self, ahead: Crossing) -> None:
         self.ahead = ahead
 
 
 def _nearer(place: Place, ahead: Crossing, grain: float, why: str) -> tuple[TimeStep, Proof]:
-    """A step and its proof that ends nearer to a pass that cannot be proved from a place, or ProofError."""
+    """A step, with its proof, that ends closer to a pass. The pass cannot be proved from the present place.
+
+    ProofError if there is no such step.
+    """
     problem, phase = place.problem, place.problem.phase
     if ahead.first > _NEAREST_PASS * grain:
         try:
@@ -239,14 +240,14 @@ def _nearer(place: Place, ahead: Crossing, grain: float, why: str) -> tuple[Time
 
 
 def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Place:
-    """The place behind a pass that begins at a place. The course stores bounds of the outputs."""
+    """The place after a pass that begins at a place. The course stores bounds of the outputs."""
     problem, front, control = place.problem, place.front, place.control
     if ahead.why or not ahead.first > 0:
-        raise ProofError(ahead.why or "it may be passed at this time itself")
+        raise ProofError(ahead.why or "the pass may be at this time itself")
     begin, about = front.t, window(problem, ahead)
     end = begin + float(np.ceil((ahead.last + ahead.first) / grain)) * grain
     if problem.change is not None and problem.change.late is not None and problem.change.time <= end:
-        raise ProofError("values are sampled about then")
+        raise ProofError("a sampled value may change during the pass")
     old, _ = _followed(replace(about.old, times=np.array([end])), front, control)
 
     scaled, h = Scaled(problem, begin, ahead.tau), min(1.0, control.h / ahead.last)
@@ -255,7 +256,7 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
     g = np.maximum(np.abs(there.lower), np.abs(there.upper))[-1]
     late, lost = off(to, scaled, at_pass.front, about, ahead.first, g)
     if not above(late) < ahead.first:
-        raise ProofError("it may be passed at this time itself")
+        raise ProofError("the pass may be at this time itself")
     back = scaled.problem(about.new, about.surface, is_back=True)
     new_begin = replace(at_pass.front, t=0.0, x_error=above(at_pass.front.x_error + lost))
     _, at_begin = _followed(back, new_begin, replace(control, h=h))
@@ -274,7 +275,10 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
 
 
 def _followed(problem: Problem, front: Front, control: Control) -> tuple[Course, Place]:
-    """The course of a problem from a front up to its last time, with its steps, of which one ends there; the place."""
+    """The course of a problem from a front to its last time, with its steps, and the last place.
+
+    The last step ends exactly at the last time.
+    """
     end = float(problem.times[-1])
     stop = Change(end, problem.rates, lambda time, problem: problem, late=0.0)
     course = replace(Course.empty(problem), steps=[])
@@ -286,7 +290,7 @@ def _followed(problem: Problem, front: Front, control: Control) -> tuple[Course,
 
 
 def _settled(problem: Problem, front: Front) -> Problem:
-    """The problem on the sides of its switches at a front."""
+    """The problem on the sides that its switches have at a front."""
     phase, d = problem.phase, problem.d
     if phase is None:
         return problem
@@ -298,7 +302,7 @@ def _settled(problem: Problem, front: Front) -> Problem:
 
 
 def _left(problem: Problem, t: float, grain: float) -> float:
-    """Time to the next one at which a step must end, which may be infinite [s]."""
+    """Time until a step must end [s]; infinite without a change of states."""
     change = problem.change
     if change is None or (change.late is None and change.time <= t + _SHORTEST_AT_CHANGE * grain):
         return np.inf
@@ -306,13 +310,13 @@ def _left(problem: Problem, t: float, grain: float) -> float:
 
 
 def _late(problem: Problem, t: float) -> float | None:
-    """The error of an instant at a time; None if there is none."""
+    """The error of the instant at time t [s]; None if there is no instant."""
     change = problem.change
     return None if change is None or t != change.time else change.late
 
 
 def _changed(place: Place, grain: float, is_done: bool) -> Place:
-    """The place behind a change of states, if it is due."""
+    """The place after the change of states, or the same place if the change is later."""
     problem, front = place.problem, place.front
     change, late = problem.change, _late(problem, front.t)
     soon = front.t + _SHORTEST_AT_CHANGE * grain
@@ -329,8 +333,9 @@ def _changed(place: Place, grain: float, is_done: bool) -> Place:
 def _step(problem: Problem, front: Front, grain: float, control: Control) -> tuple[TimeStep, Proof]:
     """A proved step that begins at a front, and its proof.
 
-    What was adapted to earlier steps may be bad for this one, and its frame may differ too much over the box: before it
-    is given up, it is tried with the first choice, and with an orthogonal frame.
+    If the step cannot be proved, two further attempts follow: the first uses the initial choice of ellipses, because
+    the adapted one may be bad for this step. The second also uses an orthogonal frame, because the frame may differ too
+    much over the box.
     """
     aim = control.h
     for _ in range(2):
@@ -342,7 +347,7 @@ def _step(problem: Problem, front: Front, grain: float, control: Control) -> tup
 
 
 def _shortened(problem: Problem, front: Front, grain: float, control: Control) -> tuple[TimeStep, Proof]:
-    """A proved step of the aimed length, or the longest shorter one that can be proved with what is adapted so far."""
+    """A proved step of the aimed length, or a shorter step that can be proved with the present control."""
     h = aim = usual = control.h
     reason, change, is_cut = "", problem.change, False
     while h >= _SHORTEST_OF_AIM * aim and h > 4 * grain:
@@ -357,8 +362,9 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
         last = ch.sums(x.c[:, -2:], problem.d).max(axis=1)
         sizes = np.maximum(problem.scales, ch.sums(x.c, problem.d + 1))
         tail = float((last / sizes).max(initial=0.0))
-        h_resolved = h * float(np.clip((_AIMED_TAIL / max(tail, 1e-30)) ** (1.0 / TIME_TERMS), _SHORTER_STEP, 1.5))
-        if tail > _LARGEST_TAIL:
+        # the last coefficients of the motion decide: this length would reduce them to the rounding of the states
+        h_resolved = h * float(np.clip((FACTORS / max(tail, 1e-30)) ** (1.0 / TIME_TERMS), _SHORTER_STEP, 1.5))
+        if tail > ROUNDING:
             aim = h = h_resolved
             continue
         step, before = None, _before_pass(problem, x.c, front.t, h, usual, grain)
@@ -383,7 +389,7 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
 
 
 def _before_pass(problem: Problem, x: Array, t: float, h: float, usual: float, grain: float) -> float:
-    """How long a step over h with the motion x may be before a pass of a switch begins; _AheadError if at once."""
+    """The longest step [s] with the motion x that ends before a pass of a switch. _AheadError if a pass is near."""
     ahead = None if problem.phase is None else crossing(problem, x, t, h, TIME_TERMS, _SHORTEST_AT_CHANGE * grain)
     if ahead is None:
         return np.inf
@@ -396,12 +402,12 @@ def _before_pass(problem: Problem, x: Array, t: float, h: float, usual: float, g
 
 
 def _require_valid(step: TimeStep, e: Array) -> None:
-    """ProofError unless the equations are shown to be those of the scene within e (n,) of the motion of a step."""
+    """ProofError unless the equations are proved to be those of the scene within e (n,) of the motion of a step."""
     which = unshown(step, e)
     if which is not None:
         phase = step.problem.phase
         raise ProofError(
-            "another one may be passed meanwhile, or it is not passed in one direction"
+            "another switch may be passed at the same time, or the switch is not passed in one direction"
             if phase is None
-            else phase.sentence(which, step.t0, "it may be touched, or be passed by a part of the box")
+            else phase.sentence(which, step.t0, "the motion may touch it, or only a part of the box may pass it")
         )

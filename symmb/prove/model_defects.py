@@ -17,17 +17,15 @@ from symmb.prove.rounding import above, of_sum
 from symmb.prove.several_parameters import at_nodes, equations_at_nodes, inputs_on_step, on_step, run
 from symmb.prove.taylor_models import DEGREES_BEYOND_POLYNOMIALS, OPERATIONS, Model, basis_of, reach
 
-_DEGREES_BEYOND_FRAME = 1
-"""Degrees of Taylor models of defects of a frame beyond those of its polynomials."""
 _ALIASED_SHARE = 0.1
-"""Share of the defect of the last step that may be due to aliasing."""
+"""Fraction of the defect of the last step that may be due to aliasing."""
 _COMPARED_ELLIPSE, _MOST_NARROWINGS, _NARROWEST_ELLIPSE = 1.2, 12, 1.02
-"""Ellipses that are compared, over those of the last step, and how often smaller ones are tried."""
+"""Ratio of compared ellipses, most attempts with smaller ellipses, and the smallest parameter of an ellipse."""
 
 
 @dataclass(frozen=True)
 class _Ellipse:
-    """An ellipse of time, and bounds of the rates (n,) and of their Jacobian (n, n) on it."""
+    """An ellipse of time, bounds of the rates (n,) and of their Jacobian (n, n) on it, and the nodes that it needs."""
 
     rho: float
     rates: Array
@@ -36,6 +34,7 @@ class _Ellipse:
 
 
 def _tried(step: TimeStep, rho: float, wanted: float) -> _Ellipse:
+    """The ellipse with the parameter rho. The number of nodes is infinite if the equations have no bound there."""
     n = step.problem.n
     rates, slopes = (np.array([reach(a) for a in found])
                      for found in on_step(step, step.problem.jacobian_tape, rho=rho))  # fmt: skip
@@ -47,7 +46,7 @@ def _tried(step: TimeStep, rho: float, wanted: float) -> _Ellipse:
 
 
 def _adapted(step: TimeStep, control: Control) -> _Ellipse:
-    """The last step's ellipse, a smaller one, or a neighbour that needs fewer nodes; ProofError if none serves."""
+    """The ellipse of the last step, a smaller one, or a neighbour with fewer nodes. ProofError if no ellipse works."""
     best = _tried(step, control.rho, control.wanted)
     for _ in range(_MOST_NARROWINGS):
         if np.isfinite(best.nodes) or best.rho <= _NARROWEST_ELLIPSE:
@@ -69,7 +68,7 @@ def _adapted(step: TimeStep, control: Control) -> _Ellipse:
 def defects_of_models(step: TimeStep, w: Array, control: Control) -> tuple[Array, Array, list[float]]:
     """Bounds of |C d| (n,) and of |C (A B - B')| (n, n), and the ellipses on which the equations are bounded.
 
-    Aliasing may be a small share of the remainder w (n,). ProofError if the equations cannot be shown to be analytic.
+    Aliasing may be a small fraction of the remainder w (n,). ProofError if the equations may not be analytic.
     """
     chosen, n, d = _adapted(step, control), step.problem.n, step.problem.d
     rho = [chosen.rho, *[1.0] * d]
@@ -92,17 +91,17 @@ _subtract, _multiply, _add = OPERATIONS[ca.OP_SUB], OPERATIONS[ca.OP_MUL], OPERA
 
 
 def _product(A: list[list[Model]], B: list[list[Model]]) -> list[list[Model]]:
-    """The product of two matrices."""
+    """The product of two matrices of Taylor models."""
     return [[reduce(_add, map(_multiply, row, column)) for column in zip(*B, strict=True)] for row in A]
 
 
 def _matrix(entries: list[Model], n: int) -> list[list[Model]]:
-    """Rows of n entries each."""
+    """The entries as rows of n entries."""
     return [entries[i : i + n] for i in range(0, len(entries), n)]
 
 
 def _defect(step: TimeStep, count: int) -> Array:
-    """Bounds (n,) of the interpolation in time of C d."""
+    """Bounds (n,) of the interpolation of C d in time."""
     n, basis = step.problem.n, basis_of(step.problem.d, step.x.c.shape[2] - 1 + DEGREES_BEYOND_POLYNOMIALS)
     (f,) = run(step.problem.rate_tape, equations_at_nodes(step, count, basis))
     rate = at_nodes(step.x.rate, np.zeros(n), count, basis)
@@ -112,8 +111,9 @@ def _defect(step: TimeStep, count: int) -> Array:
 
 
 def _frame(step: TimeStep, count: int) -> Array:
-    """Bounds (n, n) of the interpolation in time of C (A B - B')."""
-    n, basis = step.problem.n, basis_of(step.problem.d, step.B.c.shape[2] - 1 + _DEGREES_BEYOND_FRAME)
+    """Bounds (n, n) of the interpolation of C (A B - B') in time."""
+    # Taylor models of the defect of a frame have one degree more than the frame
+    n, basis = step.problem.n, basis_of(step.problem.d, step.B.c.shape[2])
     entries = run(step.problem.jacobian_tape, equations_at_nodes(step, count, basis))[1]
     A = [entries[i::n] for i in range(n)]  # column-major
     B = _matrix(at_nodes(step.B.c, step.B.error, count, basis), n)
@@ -126,9 +126,9 @@ def _frame(step: TimeStep, count: int) -> Array:
 
 
 def _bound(a: Model, count: int) -> float:
-    """A bound of the interpolation in time at so many nodes, for all parameters.
+    """A bound of the interpolation in time at `count` nodes, for all parameters.
 
-    The coefficients of Chebyshev polynomials of the parameters are interpolated one by one.
+    Each coefficient of the Chebyshev polynomials of the parameters is interpolated separately.
     """
     c = np.broadcast_to(a.basis.to_chebyshev @ a.coefficients(), (a.basis.counts[-1], count))
     lebesgue = above(2.0 / np.pi * np.log(count) + 1.0)

@@ -1,13 +1,13 @@
-"""Frequencies, damping and stability limits as problems without motion, whose starting equations have eigenvectors.
+"""Frequencies, damping and stability limits as problems without motion. Their starting equations contain eigenvectors.
 
-A mode is an eigenvalue lambda and a vector v of the Jacobian J of the equations of motion at the start:
+A mode is an eigenvalue lambda and an eigenvector v of the Jacobian J of the equations of motion at the start:
 
     J v = lambda v,   c' v = 1,
 
-where c is that of the nominal mode. Rows of loops add eigenvalues 0 alone, those of positions off the rows. A simple
-mode has one such solution close to it. So the proof of the starting equations follows it over the box.
+Here c is the eigenvector of the nominal mode. Rows of loops add only eigenvalues 0. Near a simple mode there is one
+solution, so that the proof of the starting equations follows the mode over the box.
 
-At a stability limit lambda is imaginary, or 0, and the critical parameter is an unknown in the place of its real part.
+At a stability limit, lambda is imaginary or 0. The critical parameter replaces its real part as an unknown.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,16 +17,16 @@ from functools import cached_property, partial
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import SLIGHT
 from symmb._types import Array
 from symmb.declare.symbolic import batch, common
 from symmb.prove.independent_velocities import Equations
 from symmb.prove.problem import StartEquations
 
 _SAME_EIGENVALUE = 1e-5
-"""Distance of eigenvalues over their sizes up to which they are the same: double ones move by the root of rounding."""
-_ZERO_SINGULAR_VALUE, _ZERO_REAL_PART = 1e-7, 1e-6
-"""Singular values over the largest one that are 0, and real parts over the largest eigenvalue: critical parameters have
-an error of rounding."""
+"""Largest relative distance of equal eigenvalues: double eigenvalues have errors of the square root of rounding."""
+_ZERO_SINGULAR_VALUE = 1e-7
+"""Singular value, relative to the largest one, that counts as 0: critical parameters have rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +35,8 @@ class LinearStart:
 
     Attributes
     ----------
-    start : of the states
-    equations : of motion
+    start : starting equations of the states
+    equations : equations of motion
     sizes : (n_x,) of the states
     t : time of the start [s]
     """
@@ -48,14 +48,14 @@ class LinearStart:
 
     @cached_property
     def jacobian(self) -> ca.Function:
-        """(x, p, t) -> (n_x, n_x), in sizes of the states [1/s]."""
+        """(x, p, t) -> Jacobian (n_x, n_x) of the rates, scaled by the sizes of the states [1/s]."""
         rates = self.equations.rates
         x, p, t = (ca.SX.sym(name, rates.numel_in(i)) for i, name in enumerate("xpt"))
         scaled = ca.diag(1 / self.sizes) @ ca.jacobian(rates(x, p, t), x) @ ca.diag(self.sizes)
         return common("jacobian", [x, p, t], [ca.densify(scaled)])
 
     def solved(self, P: Array) -> tuple[Array, Array]:
-        """About the unknowns (N, n_u) of the start and the Jacobians (N, n_x, n_x) for parameters P (N, n_p)."""
+        """Approximate unknowns (N, n_u) of the start, and Jacobians (N, n_x, n_x), for parameters P (N, n_p)."""
         u = self.start.solve(P)
         states = batch(self.start.states, u, P)[0]
         A = batch(self.jacobian, states, P, np.full((len(u), 1), self.t))[0]
@@ -67,9 +67,9 @@ class LinearStart:
         return self.start.residual(u, p, t), self.jacobian(self.start.states(u, p, t), p, t)
 
     def has(self, P: Array, eigenvalues: Sequence[Array]) -> bool:
-        """Whether the Jacobians have given eigenvalues at parameters P (N, n_p).
+        """Whether the Jacobians have the given eigenvalues at parameters P (N, n_p).
 
-        A steady motion has others in coordinates that turn with its bodies.
+        The Jacobian of a motion that is steady only in rotating coordinates has other eigenvalues.
         """
         own = np.linalg.eigvals(self.solved(P)[1])  # (N, n_x)
         return all(
@@ -79,7 +79,7 @@ class LinearStart:
 
 
 def with_modes(linear: LinearStart, modes: Array, p: Array) -> StartEquations:
-    """Starting equations whose states are 1 + a and b (2 m,) of eigenvalues a + i b, as shares of the sizes of modes.
+    """Starting equations with the states 1 + a and b (2 m,) for eigenvalues a + i b, divided by their nominal moduli.
 
     Parameters
     ----------
@@ -113,13 +113,13 @@ def with_modes(linear: LinearStart, modes: Array, p: Array) -> StartEquations:
 
 
 def with_limits(linear: LinearStart, number: int, width: float, values: Array, p: Array) -> StartEquations:
-    """Starting equations whose states are the critical values (m,) of a parameter, from the nominal ones on.
+    """Starting equations with the critical values (m,) of a parameter, minus the nominal ones, as states.
 
     Parameters
     ----------
     linear : start and Jacobian
-    number : of the parameter among all parameters
-    width : of the range in which it is critical, which is the unit of the states
+    number : position of the parameter among all parameters
+    width : width of the range of the parameter, which is the unit of the states
     values : (m,) nominal critical values
     p : (n_p - 1,) nominal values of the other parameters
 
@@ -156,7 +156,7 @@ def with_limits(linear: LinearStart, number: int, width: float, values: Array, p
 
 
 def _continued(residual: ca.Function, nominal: Array, p: Array, t: float, samples: Array) -> Array:
-    """About the solutions u (N, n) of the residual at samples (N, n_p), on straight ways from the nominal one."""
+    """Approximate solutions u (N, n) of the residual at samples (N, n_p), continued from the nominal solution."""
     arguments = [ca.SX.sym(name, residual.numel_in(i)) for i, name in enumerate("upt")]
     rows = residual(*arguments)
     both = common("newton", arguments, [rows, ca.densify(ca.jacobian(rows, arguments[0]))])
@@ -166,26 +166,26 @@ def _continued(residual: ca.Function, nominal: Array, p: Array, t: float, sample
             r, J = batch(both, u, p + share * (samples - p), np.full((len(u), 1), t))
             try:
                 u = u - np.linalg.solve(J, r[..., None])[..., 0]
-            except np.linalg.LinAlgError:  # what is no solution cannot be proved
+            except np.linalg.LinAlgError:  # the proof of the start then fails
                 return u
     return u
 
 
 _PARTS_OF_A_WAY, _NEWTON_ITERATIONS = 8, 4
-"""Of Newton's iteration from one part of a way to the next: it is close to the solution from the second part on."""
+"""Parts of the continuation from the nominal parameters to a sample, and Newton iterations for each part."""
 
 
 def _critical_shape(A: Array) -> tuple[Array, float, bool]:
-    """The vector (n,) of the eigenvalue of A (n, n) that is imaginary or 0, a size of it, and whether it oscillates.
+    """The eigenvector (n,) of A (n, n) with an imaginary or zero eigenvalue, a scale, and whether it oscillates.
 
-    ValueError if there is not one.
+    ValueError if there is no such eigenvalue, or more than one.
     """
     _, sizes, vectors = np.linalg.svd(A)
     none = int(np.count_nonzero(sizes <= _ZERO_SINGULAR_VALUE * sizes[0]))
     if none == 1:
         return vectors[-1], float(sizes[0]), False
     values, vectors = np.linalg.eig(A)
-    on_axis = (np.abs(np.real(values)) <= _ZERO_REAL_PART * np.abs(values).max()) & (np.imag(values) > 0)
+    on_axis = (np.abs(np.real(values)) <= SLIGHT * np.abs(values).max()) & (np.imag(values) > 0)
     if none or np.count_nonzero(on_axis) != 1:
         raise ValueError
     k = int(on_axis.argmax())
@@ -193,7 +193,7 @@ def _critical_shape(A: Array) -> tuple[Array, float, bool]:
 
 
 def _rows_of_mode(J: ca.SX, shape: Array, real: ca.SX, imag: ca.SX, a: ca.SX, b: ca.SX) -> list[ca.SX]:
-    """J v = (a + i b) v, and c' v = 1."""
+    """Real and imaginary parts of the equations J v = (a + i b) v and c' v = 1."""
     return [
         J @ real - a * real + b * imag,
         J @ imag - a * imag - b * real,
@@ -210,7 +210,7 @@ def _start_equations(
     p: Array,
     unproved: str,
 ) -> StartEquations:
-    """Starting equations (p, t, blocks) -> residuals and states of unknowns in blocks, from a nominal solution on."""
+    """Starting equations from a function (p, t, *blocks) -> residuals, states. Blocks are parts of the unknowns."""
     arguments = ca.SX.sym("u", int(sum(sizes))), ca.SX.sym("p", len(p)), ca.SX.sym("t")
     u, *others = arguments
     rows, states = equations(*others, *ca.vertsplit(u, [0, *np.cumsum(sizes).tolist()]))

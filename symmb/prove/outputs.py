@@ -16,34 +16,29 @@ from symmb.prove.rounding import U, above, of_sum
 from symmb.prove.several_parameters import monomials, on_step, parameter_models, run
 from symmb.prove.taylor_models import Model, basis_of, reach
 
-_OUTPUT_PATCHES = 1, 8, 24, 64
-"""Patches of each parameter. More are tried where outputs cannot be shown to be smooth with fewer ones, or have large
-bounds: quotients of sums that are positive, such as reactions, may need many."""
 _PATCHES_IF_ROUGH_BEFORE = 1
-"""Patches beyond which no more are tried for outputs that could not be shown to be smooth in the step before."""
-_NODES_WORTH_PATCHES = 50
-"""Nodes of each parameter above which more patches are tried."""
+"""Most patches for outputs that could not be shown to be smooth in the previous step."""
 EXTRA_NODES = 4
-"""Nodes of each parameter that are taken first, beside the terms of the motion."""
+"""Nodes of each parameter at first, in addition to the terms of the motion."""
 _MOST_NODES_OF_ALL_TIMES = 3e6
-"""Most nodes of the grids of all times: their values take seconds."""
+"""Most nodes of the grids of all times. Their values take seconds."""
 SHARP = 1e-6
-"""Share of the width by which bounds may be off because ranges are searched no further."""
+"""Largest excess of bounds, relative to the width, from the search for ranges."""
 _DEGREES_BEYOND_MOTION = 2
 """Degrees of Taylor models of outputs beyond those of the motion, for several parameters."""
 _MOST_COEFFICIENTS = 1e5
-"""Most coefficients of the polynomial of an output at a time, whose range is sought."""
+"""Most coefficients of the polynomial of an output at one time."""
 
 
 def output_bounds(
     step: TimeStep, w: Array, times: Array, control: Control, sharp: float = SHARP
 ) -> tuple[Array, Array, Array, Array]:
-    """Lower and upper bounds of the outputs at times (n_t,) of a step for |w| <= w (n,), and the remainder in them.
+    """Lower and upper bounds of the outputs at times (n_t,) of a step for |w| <= w (n,), remainders and term sizes.
 
-    All have the shape (n_t, n_y). The last array (n_y,) has the sizes of the terms that make the outputs: those of the
-    states times the sensitivities, 0 where they are not known. The outputs y(u(xi, t), p, t) are interpolated in xi.
-    Their ranges are bounded, and widened by the aliasing, the rounding and the largest sensitivity dy/dx times the
-    largest B w. Outputs that cannot be shown to be smooth have infinite bounds, and the control keeps which these are.
+    The first three arrays have the shape (n_t, n_y). The sizes (n_y,) are those of the states times the sensitivities,
+    and 0 if they are not known. The outputs y(u(xi, t), p, t) are interpolated in xi. Their ranges are widened by the
+    aliasing, the rounding, and the largest sensitivity dy/dx times the largest B w. Outputs that cannot be shown to be
+    smooth have infinite bounds. `control.rough` marks these outputs.
     """
     problem, n_t = step.problem, len(times)
     n_y = problem.outputs.numel_out(0)
@@ -56,7 +51,8 @@ def output_bounds(
     with np.errstate(all="ignore"):
         e, smooth = above(step.B_largest @ w), np.zeros(n_y, dtype=bool)
         is_refused = np.array([*map(bool, problem.refused or [""] * n_y)], dtype=bool)
-        for patches in (count for count in _OUTPUT_PATCHES if count ** (1 + problem.d) <= TOO_MANY):
+        # quotients of positive sums, such as reactions, may need many patches
+        for patches in (count for count in (1, 8, 24, 64) if count ** (1 + problem.d) <= TOO_MANY):
             rho, most, nodes = _ellipses(step, control.choice, patches)
             real = patches_on(step, [1.0] * len(rho), (max(patches, Choice().patches[0]), patches))
             slopes = problem.sensitivity_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]
@@ -64,7 +60,8 @@ def output_bounds(
             of_states, terms = above(slopes @ e), slopes @ ch.sums(step.x.c, step.x.c.ndim - 1)
             smooth = np.isfinite(most) & np.isfinite(of_states)
             is_hopeless = control.rough if patches > _PATCHES_IF_ROUGH_BEFORE else False
-            if (smooth | is_refused | is_hopeless).all() and nodes <= _NODES_WORTH_PATCHES**problem.d:
+            # more patches are tried only if 50 nodes of each parameter are not enough
+            if (smooth | is_refused | is_hopeless).all() and nodes <= 50**problem.d:
                 break
         control.rough = ~smooth
         good = np.flatnonzero(smooth)
@@ -76,7 +73,7 @@ def output_bounds(
                 low, high, rest = _good_bounds(
                     step, times, tuple(part.tolist()), rho[1:], most[part], of_states[part], sharp
                 )
-            except ProofError:  # of one of them
+            except ProofError:  # a single output may be the cause
                 pending += np.split(part, len(part)) if len(part) > 1 else []
             else:
                 lower[:, part], upper[:, part], remainder[:, part] = -low, high, rest
@@ -84,12 +81,10 @@ def output_bounds(
 
 
 def _ellipses(step: TimeStep, choice: Choice, patches: int) -> tuple[list[float], Array, float]:
-    """Ellipses of the parameters, those of several choices that need the fewest nodes, and bounds of the outputs.
-
-    The last value is about the number of these nodes.
-    """
+    """The ellipses of the parameters with the fewest nodes, bounds of the outputs, and the number of nodes."""
     found = []
-    for factor in _FACTORS_OF_ELLIPSES:
+    # spreads relative to that of the ellipses on which the rates are bounded
+    for factor in (1.0, 0.3, 3.0, 10.0):
         rho = [1.0, *ellipses(step, (choice.spread[0], factor * choice.spread[1]))[1:]]
         on = patches_on(step, rho, (patches, max(patches, choice.patches[1])))
         most = reaches(step.problem.output_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(on))[0])
@@ -100,14 +95,10 @@ def _ellipses(step: TimeStep, choice: Choice, patches: int) -> tuple[list[float]
     return rho, most, -nodes
 
 
-_FACTORS_OF_ELLIPSES = (1.0, 0.3, 3.0, 10.0)
-"""Ellipses of the parameters that are tried, over those on which the rates are bounded."""
-
-
 def _good_bounds(
     step: TimeStep, times: Array, which: tuple[int, ...], rho: list[float], most: Array, of_states: Array, sharp: float
 ) -> tuple[Array, Array, Array]:
-    """Bounds of some outputs, which are at most `most` on the ellipses rho of the parameters."""
+    """Bounds of some outputs. They are at most `most` on the ellipses rho of the parameters."""
     d = len(rho)
     degrees = degrees_of_outputs(step)[list(which)]
     c, rest = interpolation(step, times, which, rho, most, of_states, sharp, degrees)
@@ -134,10 +125,10 @@ def interpolation(
     Parameters
     ----------
     rho : ellipses of the parameters
-    most : (m,) bounds of the outputs on them
-    blurred : (m,) errors beside which those of aliasing need not be smaller
-    sharp : share of the width up to which they may be larger
-    degrees : (m, d) of outputs that are polynomials, which more nodes interpolate exactly; infinite of others
+    most : (m,) bounds of the outputs on the ellipses
+    blurred : (m,) other errors of the outputs. Errors from aliasing need not be much smaller
+    sharp : allowed errors from aliasing, relative to the width
+    degrees : (m, d) degrees of outputs that are polynomials; infinite for other outputs
     """
     d = len(rho)
     lengths = step.x.c.shape[2:]
@@ -182,9 +173,9 @@ def _values(step: TimeStep, times: Array, counts: tuple[int, ...], which: tuple[
 
 
 def _model_bounds(step: TimeStep, e: Array, times: Array, sharp: float) -> tuple[Array, Array, Array, Array]:
-    """Lower and upper bounds of the outputs (n_t, n_y), the remainder in them, and sensitivities (n_y, n).
+    """Lower and upper bounds of the outputs and remainders (n_t, n_y), and sensitivities (n_y, n).
 
-    States are within e (n,) of the motion.
+    All states are within e (n,) of the motion.
     """
     problem, n_t = step.problem, len(times)
     n_y = problem.outputs.numel_out(0)
@@ -204,9 +195,9 @@ def _model_bounds(step: TimeStep, e: Array, times: Array, sharp: float) -> tuple
 
 
 def _range_of_model(a: Model, beside: float, n_t: int, sharp: float) -> tuple[Array, Array, Array]:
-    """Bounds (n_t,) of an output, and the remainder in them.
+    """Bounds and remainders (n_t,) of an output.
 
-    The highest degrees are cut where they are a small share of the width, or too many.
+    The highest degrees are removed if they are small relative to the width, or have too many coefficients.
     """
     basis, d = a.basis, a.basis.variables
     c = np.broadcast_to(basis.to_chebyshev @ a.coefficients(), (basis.counts[-1], n_t))

@@ -1,4 +1,4 @@
-"""Bounds of the outputs while the parameters of the box pass a switch one after the other."""
+"""Bounds of the outputs during the time window in which the parameters of the box pass a switch."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,17 +16,20 @@ from symmb.prove.passes import reach_of
 from symmb.prove.rounding import above
 
 _MOST_PARTS, _SHORTEST_PASS = 40, 2e-3
-"""Most parts of the box, and the least time within which the parameters of a part pass, over that of the whole box."""
+"""Most parts of the box, and the shortest duration of the pass of a part, relative to that of the whole box."""
 
 Steps = Sequence[tuple[TimeStep, Array]]
-"""Proved steps one after the other, and bounds (n,) of |w| in each."""
+"""Consecutive proved steps, and bounds (n,) of |w| in each step."""
 Found = list[Array]
-"""Lower and upper bounds and remainders (n_t, n_y), and the sizes of terms (n_y,)."""
+"""Lower bounds, upper bounds and remainders (n_t, n_y), and sizes of terms (n_y,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A part of the box: both motions over it, and the times (N + 1, ...) at which it passes, with an error."""
+    """A part of the box, with the motions before and after the pass.
+
+    `times` are the coefficients (N + 1, ...) of the time of the pass, with an error [s].
+    """
 
     old: Steps
     new: Steps
@@ -41,17 +44,17 @@ class Part:
 
     @property
     def length(self) -> float:
-        """Time within which all of it passes [s]."""
+        """Duration of the pass of all parameters of the part [s]."""
         first, last = self.span
         return last - first
 
     def has(self, times: Array) -> Mask:
-        """Whether passes may be at times (n_t,)."""
+        """Whether (n_t,) passes are possible at times (n_t,)."""
         first, last = self.span
         return (times >= first) & (times <= last)
 
     def halves(self) -> "list[Part]":
-        """Both halves in the variable that moves the times most."""
+        """Both halves in the variable with the largest effect on the times."""
         moved = [ch.sums(np.delete(self.times, 0, axis=j), self.times.ndim) for j in range(self.times.ndim)]
         variable = int(np.argmax(moved))
         found = []
@@ -63,7 +66,7 @@ class Part:
 
 
 def _half(step: TimeStep, variable: int, side: int) -> TimeStep:
-    """The step over half of the range of a variable, inside of whose ellipses those of the half are."""
+    """The step over half of the range of a variable. The ellipses of the half are inside those of the whole range."""
     c, lost = restricted(step.x.c, 2, variable, side)
     each = lost.reshape(*lost.shape, *(1,) * step.problem.d)
     rounded = each + (0.0 if step.x.rounded is None else step.x.rounded)
@@ -72,9 +75,9 @@ def _half(step: TimeStep, variable: int, side: int) -> TimeStep:
 
 
 def bounds_about_pass(whole: Part, times: Array, control: Control) -> Found:
-    """Bounds at times (n_t,): of the old motion before the pass, of the new one behind, and of both between.
+    """Bounds at times (n_t,): of the old motion before the pass, of the new motion after it, and of both during it.
 
-    Parts of the box in which the pass may be at one of the times are halved.
+    Parts of the box that may pass at one of the times are halved.
     """
     found, is_between = _joined(whole, times, control), whole.has(times)
     if not (is_between.any() and whole.times.ndim):
@@ -93,6 +96,7 @@ def bounds_about_pass(whole: Part, times: Array, control: Control) -> Found:
 
 
 def _joined(part: Part, times: Array, control: Control) -> Found:
+    """Bounds of a part of the box at times (n_t,), of all motions that are possible at each time."""
     first, last = part.span
     old = _outputs(part.old, times, times <= last, control)
     new = _outputs(part.new, times, times >= first, control)
@@ -100,7 +104,7 @@ def _joined(part: Part, times: Array, control: Control) -> Found:
 
 
 def _outputs(steps: Steps, times: Array, wanted: Mask, control: Control) -> Found:
-    """Bounds at some of the times, and those of the empty set at others."""
+    """Bounds at the wanted times, and those of the empty set at other times."""
     n_y = steps[0][0].problem.outputs.numel_out(0)
     found = [np.full((len(times), n_y), value) for value in (np.inf, -np.inf, 0.0)] + [np.zeros(n_y)]
     for k, (step, w) in enumerate(steps):

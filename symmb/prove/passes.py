@@ -1,9 +1,9 @@
-"""Passes of switches: all parameters of the box pass one, or some at once, within a short window of time.
+"""Passes of switches: all parameters of the box pass a switch, or some switches at once, within a short time window.
 
-The time from the begin t of a window to the pass is about a polynomial tau(p), which need not be exact. In scaled time
-the old equations lead from t to about the surface of the switch for all parameters at once, and the new ones lead from
-there back to t: a front from which the new equations go on as if they had always held. The states err by the time
-between tau and the true pass, which is |g| / |dg/dt| at most, times the difference of the rates on both sides.
+The time from the start t of a window to the pass is approximately a polynomial tau(p). In scaled time, the old
+equations lead from t to the surface of the switch for all parameters at once. The new equations then lead back to t.
+From this front, the new equations continue as if they had always been valid. The error of the states is at most the
+time between tau and the true pass, at most |g| / |dg/dt|, times the difference of the rates on both sides.
 
 Source: Filippov (1988), Differential Equations with Discontinuous Righthand Sides, section 10, transversal passes.
 """
@@ -35,32 +35,30 @@ from symmb.prove.tape import Tape
 from symmb.prove.transitions import require_known
 
 _LOOKS_PER_STEP = 33
-"""Times of a step at which the sides of switches are looked at."""
-_MOST_STEPS_OF_A_PASS = 16
-"""Steps within which all parameters must pass a switch."""
+"""Times of a step at which the sides of switches are examined."""
 _NEWTON_ITERATIONS = 8
 """Iterations of Newton's method for the time of a pass."""
 _MOST_SWITCHES_AT_ONCE = 4
-"""Most switches that are passed at once: each doubles the equations between the first and the last of them."""
+"""Most switches that are passed at once. Each one doubles the number of equations between the first and last pass."""
 _TIME_BEHIND_A_PASS = 1e-3
-"""Time after a pass at which parts of tables are read, over that from the begin of the window to the pass."""
+"""Time after a pass at which pieces of tables are selected, relative to the time from the start to the pass."""
 _PATCHES_OF_A_PASS = 64
-"""About the patches of parameters on which a pass is proved."""
+"""Approximate number of patches of the parameters on which a pass is proved."""
 _LEAST_POSITIVE = 1e-280
-"""A length that is more than 0, and less than any that counts."""
+"""A positive number that is smaller than all relevant times and distances."""
 
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
-    """A pass that lies ahead of a front.
+    """A pass after a front.
 
     Attributes
     ----------
     which : numbers of the switches
-    tau : (N + 1, ...) coefficients of the times from the front to the pass
-    first, last : bounds of them [s]
+    tau : (N + 1, ...) coefficients of the time from the front to the pass
+    first, last : bounds of this time [s]
     place : the state (n,), the parameters (n_p,) and the time of one pass
-    why : a sentence that tells why it cannot be proved; empty if it may be
+    why : reason why the pass cannot be proved; empty if there is none
     """
 
     which: tuple[int, ...]
@@ -72,12 +70,12 @@ class Crossing:
 
 
 def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: float) -> Crossing | None:
-    """The next pass, if a motion (n, K + 1, N + 1, ...) over a step h is seen to leave the sides of its phase.
+    """The next pass, if a motion (n, K + 1, N + 1, ...) leaves the sides of its phase during a step h; else None.
 
     Parameters
     ----------
-    terms : of motions over further steps
-    same : time between passes that are one [s]
+    terms : number of terms of the motions over further steps
+    same : largest time between passes that count as simultaneous [s]
     """
     assert problem.valid is not None and problem.phase is not None
     lengths = x.shape[2:]
@@ -86,7 +84,8 @@ def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: 
     tape, nodes = Tape(with_slopes(problem, problem.valid, problem.rates)), int(np.prod(counts))
     found = np.full((problem.valid.numel_out(0), nodes), np.inf)
     states, begin = np.zeros((problem.n, nodes)), t0
-    for number in range(_MOST_STEPS_OF_A_PASS):
+    # all parameters must pass within 16 steps
+    for number in range(16):
         own = ch.along([ch.values_at_nodes(m, n) for m, n in zip(counts, lengths, strict=True)], x)
         own = own.reshape(*x.shape[:2], nodes)
         _look(tape, own, p, begin, h, found, states)
@@ -96,11 +95,11 @@ def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: 
             break
         begin, x = begin + h, motion(problem, x.sum(axis=1), begin + h, h, terms).c
     else:
-        return _refused(found - t0, "a part of the box does not pass it soon")
+        return _refused(found - t0, "a part of the box does not pass it within the next steps")
     earliest = found.min(axis=0)
     which = np.flatnonzero((found - earliest <= same).all(axis=1))
     if not 0 < len(which) <= _MOST_SWITCHES_AT_ONCE:
-        return _refused(found - t0, "others are passed about then")
+        return _refused(found - t0, "other switches may be passed at about the same time")
     tau = ch.graded(fit((found[which[0]] - t0).reshape(counts), lengths), problem.d)
     place = states[:, 0], np.array([a[0] for a in p]), float(earliest[0])
     middle, reach = float(tau.flat[0]), reach_of(problem, tau)
@@ -108,9 +107,9 @@ def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: 
 
 
 def _look(tape: Tape, c: Array, p: list[Array], begin: float, h: float, found: Array, states: Array) -> None:
-    """Note times (m, P) at which conditions leave the positive numbers in a step, and the states (n, P) at the first.
+    """Write times (m, P) at which conditions become negative in a step to `found`, and states (n, P) to `states`.
 
-    The motion has the coefficients c (n, K + 1, P).
+    The states are those at the first of these times. The motion has the coefficients c (n, K + 1, P).
     """
 
     def at(s: Array, which: Indices | slice = slice(None)) -> tuple[Array, list[list[Array]]]:
@@ -143,12 +142,13 @@ def _look(tape: Tape, c: Array, p: list[Array], begin: float, h: float, found: A
 
 
 def _refused(times: Array, why: str) -> Crossing:
+    """A pass that cannot be proved, at the first of the times (m, P)."""
     first = float(times.min())
     return Crossing((int(times.min(axis=1).argmin()),), np.array(first), first, first, None, why)
 
 
 def reach_of(problem: Problem, tau: Array) -> float:
-    """A bound of how far a polynomial is from its constant term, where parameters are rounded."""
+    """A bound of the distance of a polynomial from its constant term, including rounding errors of the parameters."""
     errors = np.broadcast_to(problem.errors, problem.middle.shape)
     rho = []
     for j in range(problem.d):
@@ -161,7 +161,7 @@ def reach_of(problem: Problem, tau: Array) -> float:
 
 
 def with_slopes(problem: Problem, g: ca.Function, rates: ca.Function) -> ca.Function:
-    """(x, p, t) -> g, and dg/dt along rates."""
+    """(x, p, t) -> g, and the time derivative of g along the rates."""
     assert problem.phase is not None
     x, p, t = arguments = problem.phase.symbols
     value = ca.densify(g(x, p, t))
@@ -175,11 +175,11 @@ class Window:
 
     Attributes
     ----------
-    old, new : the problems on both sides, valid as long as no other switch is passed, and as these are passed in the
-               direction of the pass
-    between : (x, p, t) -> rates, and -> conditions, on all combinations of sides
-    surface : (x, p, t) -> (m,), what is 0 at the passes, above 0 before
-    sides : of all switches behind the passes
+    old, new : the problems on both sides. They are valid as long as no other switch is passed, and the switches are
+               passed in the direction of the pass
+    between : (x, p, t) -> rates, and (x, p, t) -> conditions, on all combinations of sides
+    surface : (x, p, t) -> (m,), positive before the passes, and 0 at the passes
+    sides : of all switches after the passes
     """
 
     old: Problem
@@ -190,7 +190,7 @@ class Window:
 
 
 def window(problem: Problem, ahead: Crossing) -> Window:
-    """The equations about a pass; ProofError if one of these switches depends on the others."""
+    """The equations near a pass. ProofError if one of the switches depends on another switch that is passed with it."""
     phase, which = problem.phase, list(ahead.which)
     assert phase is not None and problem.valid is not None and ahead.place is not None
     x, p, t = arguments = phase.symbols
@@ -203,7 +203,7 @@ def window(problem: Problem, ahead: Crossing) -> Window:
         if min(signs) < 0:
             sides = phase.settled(*ahead.place, sides, ahead.which)
         rates, place = phase.on(phase.rates, sides, *ahead.place), ahead.place
-        if max(signs) < 0:  # beyond: where a table has a narrow part there, its next knot counts
+        if max(signs) < 0:  # after all passes: the table may have another piece a moment later
             place = _moved(rates, place, _TIME_BEHIND_A_PASS * ahead.first)
         conditions = phase.conditions(sides, *place)
         toward = ca.vertcat(
@@ -218,7 +218,7 @@ def window(problem: Problem, ahead: Crossing) -> Window:
     sides = ca.SX.sym("sides", len(changed))
     own = phase.switches(x, p, t, sides)[which]
     if ca.depends_on(own, sides[np.flatnonzero(changed).tolist()]):
-        raise ProofError("it depends on the side of another one that is passed with it")
+        raise ProofError("it depends on the side of another switch that is passed at the same time")
     (_, _, of_old), (new, _, of_new) = found[0], found[-1]
     after = problem.on_sides(new, *ahead.place)
     return Window(
@@ -232,13 +232,13 @@ def window(problem: Problem, ahead: Crossing) -> Window:
 
 @dataclass(frozen=True, eq=False)
 class Departure:
-    """A motion that begins on switches, which it leaves at once.
+    """A motion that starts on switches and leaves them at once.
 
     Attributes
     ----------
-    first : the problem in the first step, valid as long as the rates of these switches are above 0 on their sides
-    after : the problem behind it
-    both : the problems on all combinations of sides of these switches
+    first : the problem in the first step. It is valid as long as the rates of the switches are positive on their sides
+    after : the problem after the first step
+    both : the problems on all combinations of sides of the switches
     """
 
     first: Problem
@@ -247,9 +247,9 @@ class Departure:
 
 
 def departure(problem: Problem, front: Front, own: Sequence[int], h: float) -> Departure:
-    """The problems of a motion that begins on some switches, and perhaps on others, of which a step of about h follows.
+    """The problems of a motion that starts on the switches `own`, and perhaps on others. A step of about h follows.
 
-    ProofError if the switches are not 0 for all of the box, or are not left in one direction.
+    ProofError if the switches are not 0 for all parameters of the box, or the motion may leave them in two directions.
     """
     phase = problem.phase
     assert phase is not None and problem.valid is not None and problem.valid_tape is not None
@@ -280,7 +280,7 @@ def departure(problem: Problem, front: Front, own: Sequence[int], h: float) -> D
 
 
 def _moved(rates: ca.Function, place: tuple[Array, Array, float], h: float) -> tuple[Array, Array, float]:
-    """About the place after a short time."""
+    """Approximately the state, the parameters and the time after a short time h [s]."""
     x, p, t = place
     return x + h * rates(*place).full().ravel(), p, t + h
 
@@ -304,7 +304,7 @@ class Scaled:
             self._tau += float(tau[place]) * term
 
     def of(self, f: ca.Function, factor: float = 0.0, is_back: bool = False) -> ca.Function:
-        """f, or a factor times f tau, in scaled time, which may go back from the pass to the begin."""
+        """f in scaled time, or `factor` times f tau. With `is_back`, scaled time runs from the pass to the start."""
         x, s = ca.SX.sym("x", self._n), ca.SX.sym("s")
         value = f(x, self._p, self._begin + (1 - s if is_back else s) * self._tau)
         return common(f.name(), [x, self._p, s], [ca.densify(factor * self._tau * value if factor else value)])
@@ -324,11 +324,11 @@ class Scaled:
 
 
 def off(problem: Problem, scaled: Scaled, front: Front, about: Window, first: float, g: Array) -> tuple[float, Array]:
-    """How far the passes are from the polynomial [s], and the states (n,) from those of the new equations there.
+    """Bounds of the distance between passes and the polynomial [s], and of the resulting errors (n,) of the states.
 
-    The front is that of the old equations at the polynomial, where the switches are at most g (m,). All motions are
-    within a room about it, which they cannot leave in this time. The problem is the old one in scaled time, `first` a
-    lower bound of the polynomial [s]. ProofError if the rates of all sides do not pass the switches transversally.
+    `front` is the front of the old equations at the times of the polynomial. The switches are at most g (m,) there. All
+    motions stay within a region around the front during this time. `problem` is the old problem in scaled time, and
+    `first` a lower bound of the polynomial [s]. ProofError if the pass is not transversal on all sides.
     """
     tapes = [tuple(Tape(scaled.of(f)) for f in pair) for pair in about.between]
     reach = above((ch.sums(front.B, problem.d) + front.B_error) @ front.w + front.x_error)
@@ -339,7 +339,7 @@ def off(problem: Problem, scaled: Scaled, front: Front, about: Window, first: fl
         around = still(problem, 1.0 - share, front.x, 2.0 * share)
         slowest, fastest, speed, apart, is_shown = _about_pass(around, above(reach + room), tapes, len(g))
         new_late = above(float((g / slowest).max()))
-        if len(g) > 1:  # the first may be passed so much earlier, and the others then be approached more slowly
+        if len(g) > 1:  # after an early pass of one switch, the others may be approached more slowly
             new_late = above(new_late * (2.0 + float((fastest / slowest).max())))
         new_room = above(4.0 * new_late * speed)
         if not (np.isfinite(new_room).all() and is_shown):
@@ -347,16 +347,16 @@ def off(problem: Problem, scaled: Scaled, front: Front, about: Window, first: fl
         if new_late < late and (new_room < room).all():
             return late, above((1.0 if len(g) == 1 else 2.0) * late * apart)
         late, room = new_late, new_room
-    raise ProofError("it may be passed tangentially")
+    raise ProofError("the pass may be tangential")
 
 
 def _about_pass(
     step: TimeStep, e: Array, tapes: Sequence[tuple[Tape, ...]], own: int
 ) -> tuple[Array, Array, Array, Array, bool]:
-    """What holds about a pass on all sides of its switches.
+    """Bounds near a pass, on all sides of its switches.
 
-    Slowest and fastest rates (m,) at which switches are approached, largest rates (n,) of the states, differences (n,)
-    of these between sides, and whether all conditions are shown.
+    Returns the slowest and the fastest rates (m,) at which the switches are approached, the largest rates (n,) of the
+    states, the differences (n,) of rates between sides, and whether all conditions are proved.
     """
     d = max(step.problem.d, 1)
     count = next(m for m in (32, 8, 4, 2, 1) if m**d <= _PATCHES_OF_A_PASS or m == 1)
@@ -374,5 +374,5 @@ def _about_pass(
 
 
 def _least(a: discs.Disc) -> float:
-    """A lower bound of real numbers that are positive."""
+    """A lower bound of positive real numbers."""
     return float((np.real(a.centre) - a.swing * (1.0 + 1e-9)).min()) * (1.0 - 1e-9)

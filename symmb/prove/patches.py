@@ -1,7 +1,7 @@
-"""Patches of the distinguished boundary of a polyellipse, and discs that hold polynomials there.
+"""Patches of the distinguished boundary of a polyellipse, and discs that contain the values of polynomials there.
 
-The ellipse of parameter rho is z = (rho e^(i a) + e^(-i a) / rho) / 2, on which T_k = (rho^k e^(i k a) + e^(-i k a) /
-rho^k) / 2 is at most cosh(k log rho). A patch is a part of the angles a of each variable.
+The ellipse with the parameter rho is z = (rho e^(i a) + e^(-i a) / rho) / 2. On it T_k = (rho^k e^(i k a) +
+e^(-i k a) / rho^k) / 2 is at most cosh(k log rho). A patch is an interval of the angle a for each variable.
 """
 
 import math
@@ -16,14 +16,14 @@ from symmb.prove.discs import Disc
 from symmb.prove.rounding import OF_MODULI, above
 
 _OF_DISTANCES = 4e-15
-"""Relative error that covers the rounding of sums of a middle and its distances."""
+"""Relative error that covers the rounding of sums of a middle and distances from the middle."""
 
 
 class Patches:
     """Patches of the boundaries of ellipses, one for each variable.
 
-    With rho = 1 a variable is real, in [-1, 1]. One patch stands for the whole ellipse. Values at conjugate points are
-    conjugate, so that half the ellipse of the first variable is enough.
+    With rho = 1 a variable is real, in [-1, 1]. A single patch of a variable is the whole ellipse. Values at conjugate
+    points are conjugate, so that half the ellipse of the first variable with several patches is enough.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class Patches:
         self._reaches = [above(of.sizes + of.swings + of.rests) for of in factors]
 
     def discs(self, c: Array) -> list[Disc]:
-        """Polynomials (m, n0, ..., nd) over the patches (P0, ..., Pd)."""
+        """Discs of polynomials (m, n0, ..., nd) on the patches (P0, ..., Pd)."""
         modulus, variables = np.abs(c), range(len(self.rho))
 
         def with_one(matrices: list[Array], others: list[Array], j: int) -> list[Array]:
@@ -60,7 +60,7 @@ class Patches:
         return [Disc(centre, np.moveaxis(own, 0, -1), radius) for centre, own, radius in parts]
 
     def linear(self, middle: float, radius: float, variable: int, error: float = 0.0) -> Disc:
-        """The discs of middle + radius z for one variable z, where the middle has an error."""
+        """The discs of middle + radius z for one variable z. The middle has an error up to `error`."""
         count = len(self.centres)
         shape = [-1 if i == variable else 1 for i in range(count)]
         slopes = np.zeros((count, len(self.centres[variable])), dtype=self._slopes[variable].dtype)
@@ -73,7 +73,7 @@ class Patches:
 
 
 def _applied(matrices: Sequence[Array], c: Array) -> Array:
-    """Matrices with a column for each power, or sums of powers alone, applied to polynomials (m, n0, ..., nd)."""
+    """Matrices with a column for each T_k, applied to polynomials (m, n0, ..., nd). A vector counts as one row."""
     return along([np.atleast_2d(matrix)[:, :n] for matrix, n in zip(matrices, c.shape[1:], strict=True)], c)
 
 
@@ -89,7 +89,7 @@ def cosh_powers(rho: float, n: int) -> Array:
 
 
 class _Factors(NamedTuple):
-    """T_k on the patches of a variable, which is T_k + slope eps + rest for |eps| <= 1.
+    """T_k on the patches of a variable as centre + slope eps + rest for |eps| <= 1.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class _Factors(NamedTuple):
 
 
 def _factors(rho: float, count: int, degree: int, half: bool) -> _Factors:
-    """T_k is analytic in the angle a: its derivatives are at most k cosh(k log rho) and k^2 cosh(k log rho)."""
+    """The factors of a variable. The n-th derivative of T_k by the angle is at most k^n cosh(k log rho)."""
     k = np.arange(degree + 1)
     top = cosh_powers(rho, degree + 1)
     if count == 1:  # z = rho / 2 eps + 1 / (2 rho eps) on the ellipse, with |eps| = 1

@@ -1,7 +1,7 @@
-"""Equations with switches of the state and of time: in each phase they are on fixed sides of all of them.
+"""Equations with switches of the state and of time. In each phase, all switches are on fixed sides.
 
-The equations of a phase are smooth beyond its switches as well. They are those of the scene as long as all switches
-are proved to be on these sides.
+The equations of a phase are also smooth beyond its switches. They are the equations of the scene as long as a proof
+shows that all switches are on these sides.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from symmb._types import Array
 from symmb.declare.symbolic import Entry, Pieces, applied, called, common, interpret
 
 _LETTERS_OF_A_SWITCH = 60
-"""Letters of a switch in a sentence."""
+"""Most letters of a switch in a message."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,10 +25,10 @@ class Phase:
     rates : (x, p, t, sides) -> x'
     outputs : (x, p, t, sides) -> y
     switches : (x, p, t, sides) -> (m,); a switch may depend on the sides of others
-    sides : (m,) 1 where a switch is above 0, -1 where it is below
-    labels : the switches, for sentences
-    names : of the kinks and jumps, for sentences
-    begin : the first time [s], for sentences
+    sides : (m,) 1 if a switch is above 0, -1 if it is below
+    labels : texts of the switches, for messages
+    names : text of the kinks and jumps, for messages
+    begin : the first time [s], for messages
     """
 
     rates: ca.Function
@@ -40,10 +40,10 @@ class Phase:
     begin: float
 
     def on(self, f: ca.Function, sides: Array, *place: Array | float) -> ca.Function:
-        """A Function of these on other sides: (x, p, t) -> ., which holds about one place x, p, t.
+        """One of these Functions on other sides, as (x, p, t) -> value. It is valid near one place x, p, t.
 
-        Numbers of parts of tables are those at the place: all is then smooth beyond their knots. The switches, above 0
-        on their sides, tell that they are the true ones.
+        Tables are fixed to their pieces at this place, so that the Function is smooth beyond their knots. The
+        conditions of the phase show whether these are the right pieces.
         """
         arguments = self.symbols
         found = common(f.name(), [*arguments], [ca.densify(f(*arguments, sides))])
@@ -56,13 +56,13 @@ class Phase:
         return x, p, t
 
     def conditions(self, sides: Array, *place: Array | float) -> ca.Function:
-        """(x, p, t) -> (m,), all above 0 as long as the equations on some sides are those of the scene."""
+        """(x, p, t) -> (m,) values. All are positive as long as the equations on these sides are those of the scene."""
         arguments = self.symbols
         values = sides * self.on(self.switches, sides, *place)(*arguments)
         return common("conditions", [*arguments], [ca.densify(values)])
 
     def settled(self, x: Array, p: Array, t: float, sides: Array, fixed: tuple[int, ...] = ()) -> Array:
-        """Sides (m,) at one place, of which some are given. A switch may depend on the sides of those before it."""
+        """Sides (m,) at one place. Those of the switches `fixed` are given. A switch may depend on earlier sides."""
         sides = sides.copy()
         others = np.setdiff1d(np.arange(len(sides)), fixed)
         for _ in range(len(sides)):
@@ -71,31 +71,31 @@ class Phase:
         return sides
 
     def names_any(self, text: str) -> bool:
-        """Whether a text tells of one of the switches."""
+        """Whether a text names one of the switches."""
         return any(f"'{own}'" in text for own in self.labels)
 
     def steep(self, which: int) -> str:
-        """The end of a sentence: that derivatives may be infinite at a switch."""
+        """The message that derivatives may be infinite at a switch."""
         return (
-            f"'{self.labels[which]}' comes to 0, where a law may have infinite derivatives, such as w*abs(w)**0.5. "
-            "Round it, as by sqrt(w**2 + small**2) for abs(w)"
+            f"'{self.labels[which]}' comes to 0. A law may have infinite derivatives there, such as w*abs(w)**0.5. "
+            "Make the law smooth: use sqrt(w**2 + small**2) instead of abs(w)"
         )
 
     def sentence(self, which: int, time: float, reason: str) -> str:
-        """Why a proof ends before a switch at a time from the first one on [s], with a reason that is a sentence."""
+        """Why a proof ends before a switch at a time after the first one [s]. The reason is a sentence."""
         at = self.begin + time + 0.0  # not -0
-        own = f"'{self.labels[which]}' is not shown to be passed once by all of the box: {reason}"
-        return f"the equations have {self.names} at t = {at:.6g} s, where {own}"
+        own = f"It cannot be proved that all parameters of the box pass '{self.labels[which]}' once: {reason}"
+        return f"the equations have {self.names} at t = {at:.6g} s. {own}"
 
 
 def label(switch: ca.SX) -> str:
-    """The text of a switch."""
+    """The text of a switch in messages."""
     text = str(switch)
     return text if len(text) <= _LETTERS_OF_A_SWITCH else f"{text[:_LETTERS_OF_A_SWITCH]}..."
 
 
 def _frozen(f: ca.Function, *place: Array | float) -> ca.Function:
-    """A Function in which numbers of parts of tables are those at one place."""
+    """A Function in which tables are fixed to their pieces at one place x, p, t."""
     symbols = f.sx_in()
     inputs = [
         list(zip(ca.vertsplit(own), map(ca.SX, np.atleast_1d(values).tolist()), strict=True))
@@ -103,7 +103,7 @@ def _frozen(f: ca.Function, *place: Array | float) -> ca.Function:
     ]
 
     def operation(code: object, arguments: tuple[tuple[ca.SX, ca.SX], ...]) -> tuple[ca.SX, ca.SX]:
-        if isinstance(code, Entry) and type(code.pieces) is not Pieces:  # these have switches
+        if isinstance(code, Entry) and type(code.pieces) is not Pieces:  # subclasses have switches of their own
             number = ca.SX(code.between(*(float(number) for _, number in arguments))[0])
             return number, number
         of, numbers = zip(*arguments, strict=True)

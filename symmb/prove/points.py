@@ -1,7 +1,7 @@
-"""Arithmetic on values at many points with one bound of the rounding errors of all of them.
+"""Arithmetic on values at many points, with one common bound of their rounding errors.
 
-A number is (values, error, lowest, highest): the exact value at each point is within the error of the computed one, and
-the computed ones are between lowest and highest.
+A number is (values, error, lowest, highest). The exact value at each point differs from the computed value by at most
+the error. The computed values are between lowest and highest.
 """
 
 import math
@@ -20,7 +20,7 @@ Point = tuple[Array | float, float, float, float]
 
 
 def point(values: Array | float, error: float = 0.0) -> Point:
-    """Values with a bound of their errors."""
+    """A number from values and a bound of their errors."""
     if isinstance(values, np.ndarray):
         lowest, highest = float(values.min()), float(values.max())
     else:
@@ -36,7 +36,7 @@ def size(a: Point) -> float:
 
 
 def _rounded(values: Array | float, error: float, relative: float = U) -> Point:
-    """A result with the errors of its arguments, and its own."""
+    """The result of an operation: the propagated error of the arguments, plus the rounding error of the operation."""
     p = point(values, error)
     return p[0], above(error + relative * size(p)), p[2], p[3]
 
@@ -62,10 +62,10 @@ def _negative(a: Point) -> Point:
 
 
 def _distance_from_zero(a: Point) -> float:
-    """A lower bound of the moduli of the exact values; they must have one sign."""
+    """A lower bound of the moduli of the exact values. All values must have the same sign."""
     least = a[2] if a[2] > 0 else -a[3]
     if not least * (1.0 - 4.0 * U) > a[1]:
-        raise ProofError("a denominator, a root's or a logarithm's argument, or the argument of a modulus may vanish")
+        raise ProofError("a denominator, or the argument of a root, a logarithm or a modulus, may be 0")
     return (least - a[1]) * (1.0 - 4.0 * U)
 
 
@@ -79,7 +79,7 @@ def _divide(a: Point, b: Point) -> Point:
 
 
 def _function(f: Callable[..., Array], slope: Callable[[float, float], float]) -> Callable[[Point], Point]:
-    """An elementary function, whose derivative is at most slope(low, high) in an interval."""
+    """The operation of an elementary function. Its derivative is at most slope(low, high) on an interval."""
 
     def operation(a: Point) -> Point:
         low, high = math.nextafter(a[2] - 2.0 * a[1], -math.inf), math.nextafter(a[3] + 2.0 * a[1], math.inf)
@@ -87,7 +87,7 @@ def _function(f: Callable[..., Array], slope: Callable[[float, float], float]) -
             steepest = slope(low, high)
         except (ValueError, ZeroDivisionError, OverflowError):
             raise ProofError(
-                f"an argument of {f.__name__} may be outside of its domain, or a value too large"
+                f"an argument of {f.__name__} may be outside its domain, or its value may be too large"
             ) from None
         return _rounded(f(a[0]), above(steepest * 1.001) * a[1], FUNCTION)
 
@@ -103,18 +103,18 @@ def _least(low: float, high: float) -> float:
 
 
 def _steepest_sine(low: float, high: float) -> float:
-    """The largest derivative of the inverse sine, whose differences from 1 and -1 are exact."""
+    """The largest derivative of the inverse sine. The differences 1 - most and 1 + most have no cancellation."""
     most = _largest(low, high)
     return 1.0 / math.sqrt((1.0 - most) * (1.0 + most))
 
 
 def _constant_power(a: Point, exponent: Point) -> Point:
-    """The derivative n x^(n - 1) is taken as (n / x) x^n, which neither underflows nor overflows before x^n does."""
+    """x^n for a constant n. The derivative n x^(n - 1) is computed as (n / x) x^n, which overflows only if x^n does."""
     n, most = float(exponent[0]), size(a) + a[1]
     if n == int(n) and n < 0:
         return _inverse(_constant_power(a, point(-n)))
     if n != int(n) and a[2] <= a[1]:
-        raise ProofError("the base of a power may vanish")
+        raise ProofError("the base of a power may be 0")
     steepest = most if n == int(n) or n > 1 else _distance_from_zero(a)
     try:
         return _rounded(a[0] ** n, above(abs(n) * 1.001 * steepest**n) * (a[1] / steepest), FUNCTION)
@@ -123,7 +123,7 @@ def _constant_power(a: Point, exponent: Point) -> Point:
 
 
 def _is_constant(a: Point) -> bool:
-    """Whether it is one number without an error, beside that which covers underflow."""
+    """Whether all values are the same number without an error. The error that covers underflow does not count."""
     return a[1] <= above(0.0) and a[2] == a[3]
 
 
@@ -134,13 +134,13 @@ def _power(a: Point, b: Point) -> Point:
 
 
 def _arctan2(y: Point, x: Point) -> Point:
-    """The gradient has the length 1 / r."""
+    """The angle of (x, y). Its gradient has the length 1 / r."""
     if x[2] > x[1]:
         least = _distance_from_zero(x)
     elif y[2] > y[1] or y[3] < -y[1]:
         least = _distance_from_zero(y)
     else:
-        raise ProofError("the argument of an angle (atan2) may cross the negative half axis")
+        raise ProofError("the argument of atan2 may cross the negative half axis")
     return _rounded(np.arctan2(y[0], x[0]), above(1.001 * (x[1] + y[1])) / least, FUNCTION)
 
 
@@ -154,18 +154,18 @@ def _less(a: Point, b: Point) -> Point:
 
 
 def _holds(condition: Point) -> bool:
-    """Whether a condition, which may be any number, is not 0."""
+    """Whether a condition is true: any number except 0."""
     return not (_is_constant(condition) and condition[2] == 0.0) and bool(_sign(condition)[0])
 
 
 def _entry(entry: Entry, group: Point, at: Point) -> Point:
-    """An entry of a table, if all points are in one piece."""
+    """An entry of a table. All points must be in the same piece of the table."""
     if not _is_constant(group):
-        raise ProofError("an argument of a table may be in two of its pieces")
-    value, before, behind = entry.between(group[2], at[2])
-    for knot, side in ((before, 1.0), (behind, -1.0)):
+        raise ProofError("the argument of a table may lie in two pieces of the table")
+    value, before, after = entry.between(group[2], at[2])
+    for knot, side in ((before, 1.0), (after, -1.0)):
         if math.isfinite(knot) and _sign(_subtract(at, point(knot)))[0] != side:
-            raise ProofError("an argument of a table may be in two of its pieces")
+            raise ProofError("the argument of a table may lie in two pieces of the table")
     return point(value)
 
 
@@ -223,11 +223,11 @@ OPERATIONS: dict[int, Callable[..., Point]] = {
     ca.OP_IF_ELSE_ZERO: lambda condition, a: a if _holds(condition) else point(0.0),
     ca.OP_CALL: _entry,
 }
-"""Operations of CasADi on such numbers. Comparisons are decided where all points agree, and are 0 or 1."""
+"""CasADi's operations on numbers with error bounds. A comparison is 0 or 1. It needs the same result at all points."""
 
 
 def plain(values: Array | float) -> Array | float:
-    """A number of `PLAIN`: its values alone."""
+    """A number for `PLAIN`: the values without an error bound."""
     return values
 
 
@@ -277,4 +277,4 @@ PLAIN: dict[int, Callable[..., Array | float]] = {
     ca.OP_IF_ELSE_ZERO: lambda condition, a: np.where(condition, a, 0.0),
     ca.OP_CALL: lambda entry, group, at: entry.pieces.read(group, at)[entry.column],
 }
-"""The same operations without bounds of errors."""
+"""CasADi's operations on values without error bounds."""

@@ -28,13 +28,13 @@ class Problem:
     variables : number of the variable xi_j of each parameter, -1 where it is fixed
     times : (n_t,) output times [s]
     scales : (n_x,) sizes of the states
-    errors : (n_p,) of the middles of a part of the box, which are rounded
-    phase : the equations on all sides of their switches; None: they have none
-    valid : (x, p, t) -> (m,), all above 0 as long as the rates are those of the scene; None: always
-    regular : (x, p, t) -> (m,), none of which is 0 where the rates are those of the scene; None: everywhere
+    errors : (n_p,) rounding errors of the middles of a part of the box
+    phase : the equations on all sides of their switches; None if there are no switches
+    valid : (x, p, t) -> (m,), all positive as long as the rates are those of the scene; None: always
+    regular : (x, p, t) -> (m,), all different from 0 if the rates are those of the scene; None: everywhere
     closing : names of the joints that close loops
-    refused : for each output the operations that have no remainder; its expression is then not a number
-    change : to other states; None: these serve to the end
+    refused : for each output the unsupported operations; its expression is then nan
+    change : change to other states; None if these states are used to the end
     """
 
     rates: ca.Function
@@ -54,7 +54,7 @@ class Problem:
     change: "Change | None" = None
 
     def over(self, variable: int, side: int) -> "Problem":
-        """The problem over the half of the box where a variable is negative (side -1) or positive (1)."""
+        """The problem over the half of the box in which a variable is negative (side -1) or positive (side 1)."""
         mine = np.array(self.variables) == variable
         radius = np.where(mine, 0.5 * self.radius, self.radius)
         middle = np.where(mine, self.middle + side * radius, self.middle)
@@ -62,7 +62,7 @@ class Problem:
         return self.with_fields(middle=middle, radius=radius, errors=errors)
 
     def with_fields(self, **fields: Any) -> "Problem":
-        """The problem of the same equations with another box, or another change."""
+        """The problem with the same equations and another box or change."""
         other = replace(self, **fields)
         other.__dict__.update({name: value for name, value in self.__dict__.items() if name in _GRAPHS})
         return other
@@ -79,7 +79,7 @@ class Problem:
 
     @property
     def why_singular(self) -> str:
-        """Why rows of loops may not determine velocities, with the names of the joints that close them."""
+        """The message that rows of loops may not determine velocities, with the joints that close the loops."""
         names = ", ".join(repr(name) for name in self.closing[:_NAMED]) + ", ..." * (len(self.closing) > _NAMED)
         return f"{SINGULAR} of {names}" if names else SINGULAR
 
@@ -100,11 +100,11 @@ class Problem:
 
     @cached_property
     def valid_tape(self) -> Tape | None:
-        """(x, p, t) -> what must be above 0."""
+        """(x, p, t) -> values that must be positive."""
         return None if self.valid is None else Tape(self.valid)
 
     def on_sides(self, sides: Array, *place: Array | float) -> "Problem":
-        """The problem on some sides (m,) of its switches, which holds about one place x, p, t."""
+        """The problem on given sides (m,) of its switches. It is valid near one place x, p, t."""
         phase = self.phase
         assert phase is not None
         return replace(
@@ -117,11 +117,11 @@ class Problem:
 
     @cached_property
     def regular_tape(self) -> Tape | None:
-        """(x, p, t) -> what must not be 0."""
+        """(x, p, t) -> values that must not be 0."""
         return None if self.regular is None else Tape(self.regular)
 
     def tape_of_outputs(self, which: tuple[int, ...]) -> Tape:
-        """(x, p, t) -> some outputs."""
+        """(x, p, t) -> the outputs with the numbers `which`."""
         if which not in self._tapes:
             arguments = [ca.SX.sym(f"a{i}", self.outputs.numel_in(i)) for i in range(3)]
             y = ca.densify(self.outputs(*arguments))[list(which)]
@@ -138,9 +138,9 @@ class Problem:
         return with_jacobian(self.outputs)
 
 
-SINGULAR = "a loop may come to a singular position, such as a dead centre"
+SINGULAR = "a loop may reach a singular position, such as a dead centre"
 _NAMED = 4
-"""Joints that a sentence names."""
+"""Most joints that a message names."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,8 +150,8 @@ class Change:
     Attributes
     ----------
     states : (x, p, t) -> the other states
-    following : time, problem -> the problem of the others from then on, over the same box
-    late : error of the time, which is given [s]; None: any time about this one will do
+    following : time, problem -> the problem of the other states from this time on, over the same box
+    late : error of a prescribed time [s]; None if the change may be at any nearby time
     """
 
     time: float
@@ -161,19 +161,19 @@ class Change:
 
 
 _GRAPHS = ("rate_tape", "jacobian_tape", "output_tape", "sensitivity_tape", "valid_tape", "regular_tape", "_tapes")
-"""What does not depend on the box."""
+"""Cached attributes that do not depend on the box."""
 
 
 @dataclass(frozen=True, eq=False)
 class StartEquations:
-    """The start x of the states: u solves residual(u, p) = 0, and x is given by u and p.
+    """The start x of the states, a function of u and p. The unknowns u solve residual(u, p) = 0.
 
     Attributes
     ----------
     residual : (u, p, t) -> (n_u,)
     states : (u, p, t) -> x (n_x,)
     solve : P (N, n_p) -> approximate u (N, n_u)
-    unproved : why a solution may not be proved, for the end of a sentence
+    unproved : the message if no solution can be proved
     """
 
     residual: ca.Function

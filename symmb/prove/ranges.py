@@ -1,4 +1,4 @@
-"""Proved ranges of polynomials on [-1, 1]^d: Bernstein coefficients, and halving where they are not sharp."""
+"""Proved ranges of polynomials on [-1, 1]^d, by Bernstein coefficients. Cells are halved until the ranges are sharp."""
 
 import itertools
 import math
@@ -12,8 +12,8 @@ from symmb.prove.chebyshev import along
 from symmb.prove.rounding import U, above
 
 _CELLS_TOGETHER = 2**20
-"""Coefficients of the cells of a polynomial that are treated together, 8 MB, and above which it is searched no further:
-where it is largest on a curve or a surface, cells double until they are as fine as the tolerance.
+"""Most coefficients of cells in memory (8 MB). The search of a polynomial ends above it: if the maximum is on a curve
+or a surface, the number of cells doubles until the cells are as small as the tolerance.
 """
 _MOST_HALVINGS = 80
 """Most halvings of a cell."""
@@ -22,10 +22,11 @@ _MOST_HALVINGS = 80
 def ranges(c: Array, tolerance: float) -> tuple[Array, Array]:
     """Bounds (m,) of polynomials with Chebyshev coefficients (m, n1, ..., nd).
 
-    They are off by at most `tolerance` of the range, beside rounding, unless too many cells are needed.
+    The excess is at most `tolerance` times the range, plus rounding, unless too many cells are needed.
 
     The largest Bernstein coefficient of a polynomial is at least its maximum, and the coefficients at the corners are
-    values. Cells whose largest coefficient is not above the largest value found, by more than the tolerance, are done.
+    values of the polynomial. A cell is finished if its largest coefficient exceeds the largest known value by at most
+    the tolerance.
 
     Source: Garloff, J. Comput. Appl. Math. 1985; Farouki, Comput. Aided Geom. Design 29 (2012), sections 5-7.
     """
@@ -80,7 +81,7 @@ def _maxima(b: Array, tolerances: Array) -> Array:
 
 
 def _halved(cells: Array, axis: int) -> Array:
-    """Bernstein coefficients of the lower halves and then of the upper ones, by de Casteljau's algorithm."""
+    """Bernstein coefficients of the lower halves, then of the upper halves, by de Casteljau's algorithm."""
     moved = np.moveaxis(cells, axis, -1)
     matrix = _halving(moved.shape[-1])
     return np.concatenate([np.moveaxis(moved @ part.T, -1, axis) for part in matrix])
@@ -88,11 +89,13 @@ def _halved(cells: Array, axis: int) -> Array:
 
 @cache
 def _halving(n: int) -> tuple[Array, Array]:
+    """(n, n) matrices from Bernstein coefficients to those of the lower and of the upper half."""
     lower = np.array([[math.comb(i, j) / 2.0**i if j <= i else 0.0 for j in range(n)] for i in range(n)])
     return lower, lower[::-1, ::-1].copy()
 
 
 def _corners(b: Array) -> Array:
+    """Values (m, 2^d) of the polynomials at the corners of the cell."""
     ends = itertools.product((0, -1), repeat=b.ndim - 1)
     return np.stack([b[(slice(None), *end)] for end in ends], axis=1)
 
@@ -101,7 +104,7 @@ def _corners(b: Array) -> Array:
 def _to_bernstein(n: int) -> Array:
     """(n + 1, n + 1) matrix from Chebyshev coefficients to Bernstein coefficients on [-1, 1], from exact fractions.
 
-    T_k has the Bernstein coefficients (-1)^(k - j) C(2 k, 2 j) / C(k, j) of degree k, which are raised to degree n.
+    T_k has the Bernstein coefficients (-1)^(k - j) C(2 k, 2 j) / C(k, j) of degree k. They are raised to degree n.
     """
     matrix = np.zeros((n + 1, n + 1))
     for k in range(n + 1):
@@ -114,7 +117,10 @@ def _to_bernstein(n: int) -> Array:
 
 
 def cut(c: Array, share: Array) -> tuple[Array, Array]:
-    """Polynomials (m, n1, ..., nd) without their highest orders, and what is cut, about `share` (m,) at most."""
+    """Polynomials (m, n1, ..., nd) without their highest orders, and bounds (m,) of the removed terms.
+
+    The highest orders are removed from each axis as long as their sum is at most `share` (m,).
+    """
     lost = np.zeros(len(c))
     for axis in range(1, c.ndim):
         sums = np.abs(c).sum(axis=tuple(i for i in range(1, c.ndim) if i != axis))

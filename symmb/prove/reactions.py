@@ -1,8 +1,8 @@
 """Multipliers of constraints, and accelerations of bodies, from the accelerations of a formulation.
 
-With all accelerations known, G' lam = Q - M v' has the multipliers lam. Those of the rows of a formulation follow from
-the equations of the velocities that these rows determine. What is left are the joints that carry bodies: of each, from
-the last body of a tree on, the equations of its body have the multipliers. No mass is divided by.
+If all accelerations are known, G' lam = Q - M v' gives the multipliers lam. Multipliers of the rows of a formulation
+follow from the equations of the velocities that these rows determine. The multipliers of joints that carry bodies
+follow from the equations of the carried bodies, starting at the last body of a tree. Nothing is divided by a mass.
 
 Source: Featherstone (2008), Rigid Body Dynamics Algorithms, section 5.3, the recursive Newton-Euler algorithm.
 """
@@ -13,15 +13,14 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import ROUNDING
 from symmb.declare.symbolic import ExplicitSolver, common, is_zero
 from symmb.declare.symbolic import t as time_symbol
 from symmb.equations.model import System
 from symmb.run.formulations import Formulation
 
 RANDOM_POINTS = 20
-"""Random points at which analytic functions are looked at: what holds at all of them holds everywhere."""
-_SPREAD_OF_PARAMETERS, _ROUNDING_OF_ENTRIES = 0.01, 1e-12
-"""How far their parameters are from the nominal ones, over these, and the error of an entry that is rounding."""
+"""Random points at which analytic functions are evaluated. A property at all these points holds everywhere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,10 +30,10 @@ class Bodies:
     Attributes
     ----------
     at : arguments of the Functions of the bodies
-    J : (n, n_v) their velocities along those of the formulation
-    drift : (n,) their accelerations where those of the formulation are 0
-    Q : (n,) forces on them
-    G : (n_r, n) Jacobian of all rows of the system, if that is known
+    J : (n, n_v) derivatives of the velocities of the bodies by those of the formulation
+    drift : (n,) accelerations of the bodies if the accelerations of the formulation are 0
+    Q : (n,) forces on the bodies
+    G : (n_r, n) Jacobian of all rows of the system, if the system is known
     """
 
     at: tuple[ca.SX, ...]
@@ -45,7 +44,7 @@ class Bodies:
 
 
 def of_bodies(form: Formulation, system: System | None, at: tuple[ca.SX, ...], qdot: ca.SX) -> Bodies:
-    """The bodies in the state `at` of a formulation, with the rates of its coordinates."""
+    """The bodies in the state `at` of a formulation. `qdot` are the rates of its coordinates."""
     dae, (*state, p, t) = form.dae, at
     if form.bodies is None:
         G = ca.SX(0, dae.n_v)
@@ -74,10 +73,10 @@ def solved_function(
     vdot: ca.SX,
     of_rows: Callable[[ca.SX], ca.SX] = lambda f: f,
 ) -> ca.Function:
-    """(x, p, t) -> multipliers of all rows of a system and accelerations of its bodies, at symbols `at`.
+    """(x, p, t) -> multipliers of all rows of a system, and accelerations of its bodies. `at` are the symbols x, p, t.
 
-    The formulation has the accelerations vdot (n_v,). `of_rows` gives the multipliers of its rows, if it has some, for
-    forces (n_v, m) along its velocities. Where it leaves rows out, multipliers are those of least norm.
+    vdot (n_v,) are the accelerations of the formulation. If it has rows, `of_rows` returns their multipliers for forces
+    (n_v, m) along its velocities. If it omits redundant rows, the multipliers are those of least norm.
     """
     assert system is not None
     dae, c, G = form.dae if form.bodies is None else form.bodies.dae, system.collected, bodies.G
@@ -89,7 +88,7 @@ def solved_function(
     solvers = [ExplicitSolver(S) for S in _with_whole_numbers(form, at, [P @ P.T for P in directions])]
 
     def solve(f: ca.SX) -> ca.SX:
-        """Multipliers of the rows of the formulation, and of joints that carry bodies, for f (n, m)."""
+        """Multipliers of the rows of the formulation and of joints that carry bodies, for forces f (n, m)."""
         lam = ca.SX.zeros(G.shape[0], f.shape[1])
         if own:
             lam[own, :] = of_rows(bodies.J.T @ f)
@@ -110,7 +109,7 @@ def solved_function(
 
 
 def _parts(G: ca.SX, rows: slice, columns: slice) -> list[tuple[list[int], list[int]]]:
-    """The rows of a joint that translations of the body it carries violate, with these, and then the others."""
+    """Rows of a joint with columns of the carried body: first the rows that depend on translations, then the others."""
     at, own = [*range(columns.start, columns.stop)], [*range(rows.start, rows.stop)]
     n = 2 if len(at) == 3 else 3
     first = [k for k in own if not is_zero(G[k, at[:n]])]
@@ -119,13 +118,14 @@ def _parts(G: ca.SX, rows: slice, columns: slice) -> list[tuple[list[int], list[
 
 
 def _with_whole_numbers(form: Formulation, at: tuple[ca.SX, ...], matrices: Sequence[ca.SX]) -> list[ca.SX]:
-    """Products P P' that depend on positions and parameters, with whole numbers for entries that are these everywhere.
+    """Products P P' as functions of positions and parameters. Entries that are integers everywhere become numbers.
 
-    An analytic function that is a whole number at random points but for rounding is that number everywhere.
+    An analytic function that is the same integer at random points, up to rounding, is this integer everywhere.
     """
     dae, rng, n_free = form.dae, np.random.default_rng(0), at[0].numel() - form.dae.n_q
     q, p = form.start.q_nominal, form.start.nominal()["p"]
-    spread = _SPREAD_OF_PARAMETERS * np.where(p == 0, 1.0, np.abs(p))
+    # random parameters differ from the nominal ones by about 1 %
+    spread = 0.01 * np.where(p == 0, 1.0, np.abs(p))
     f = ca.Function("matrices", list(at), [ca.densify(S) for S in matrices])
     points = [f.call([ca.vertcat(dae.retract(q, rng.normal(size=dae.n_v)), ca.DM.zeros(n_free)),
                       p + spread * rng.normal(size=len(p)), rng.normal()]) for _ in range(RANDOM_POINTS)]  # fmt: skip
@@ -133,7 +133,7 @@ def _with_whole_numbers(form: Formulation, at: tuple[ca.SX, ...], matrices: Sequ
     for S, *values in zip(matrices, *points, strict=True):
         values = np.array([value.full() for value in values])
         whole, size = np.round(values[0]), np.sqrt(np.einsum("kii,kjj->kij", values, values))
-        known = np.abs(values - whole) <= _ROUNDING_OF_ENTRIES * np.where(whole == 0, size, np.abs(whole))
+        known = np.abs(values - whole) <= ROUNDING * np.where(whole == 0, size, np.abs(whole))
         entries = [ca.SX(whole[i, j] + 0.0) if known[:, i, j].all() else S[i, j] for j, i in np.ndindex(*S.shape)]
         found.append(ca.reshape(ca.vertcat(*entries), *S.shape))
     return found

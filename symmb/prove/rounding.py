@@ -1,6 +1,6 @@
 """Bounds of rounding errors of double precision numbers.
 
-Error bounds are sums of products of numbers that are not negative. Their own rounding is covered by a factor.
+Error bounds are sums of products of nonnegative numbers. A factor covers the rounding of the bounds themselves.
 """
 
 from typing import TypeVar
@@ -15,24 +15,24 @@ FUNCTION = 16 * U
 """Relative error of an elementary function: eight units in the last place, four times those of C libraries.
 tests/bounds/test_interval.py"""
 COMPLEX = 32 * U
-"""The same of an operation on complex numbers, over its modulus."""
+"""Error of an operation on complex numbers, relative to the modulus of the result."""
 _ROUNDING_OF_BOUNDS = 1.0 + 2.0**-30
-"""Covers the rounding of a bound, a sum of up to eight million terms that are not negative (Higham 2002, eq. 4.4)."""
+"""Factor that covers the rounding of a bound: a sum of up to eight million nonnegative terms (Higham 2002, eq. 4.4)."""
 _UNDERFLOW = 1e-290
-"""Covers underflow."""
+"""Summand that covers underflow."""
 LARGEST_ZERO = 1e-250
-"""Bounds up to it are those of 0: they cover underflow only."""
+"""Bounds up to this size belong to an exact 0: they cover only underflow."""
 OF_MODULI = 1e-9
-"""Share of a sum of moduli that covers the rounding of its terms, of centres and of radii."""
+"""Relative part of a sum of moduli that covers the rounding of the terms, the centres and the radii."""
 
 
 def above(bound: T) -> T:
-    """A number that is not below the exact value of a computed sum of terms that are not negative."""
+    """An upper bound of the exact value of a computed sum of nonnegative terms."""
     return bound * _ROUNDING_OF_BOUNDS + _UNDERFLOW
 
 
 def of_sum(terms: int) -> float:
-    """Relative error of a sum of products, over the sum of the products' moduli, in whatever order it is computed.
+    """Error of a sum of products in any order, relative to the sum of the moduli of the products.
 
     Source: Higham (2002), Accuracy and Stability of Numerical Algorithms, eq. (3.5).
     """
@@ -40,14 +40,14 @@ def of_sum(terms: int) -> float:
 
 
 def grain_of(end: float) -> float:
-    """The unit of times of steps over a horizon [s], a power of 2: times of steps are then sums without rounding."""
+    """The unit of the times of steps over a horizon [s], a power of 2. Sums of such times have no rounding errors."""
     return 2.0 ** float(np.ceil(np.log2(end or 1.0))) / _GRAINS_OF_STEPS
 
 
 def fine_grain_of(end: float) -> float:
-    """The unit of times that are given: sums of so many are exact as well, with two bits to spare."""
+    """The unit of given times over a horizon [s]. Sums of such times are exact as well, with two bits to spare."""
     return grain_of(end) * _GRAINS_OF_STEPS / _GRAINS_OF_TIMES
 
 
 _GRAINS_OF_STEPS, _GRAINS_OF_TIMES = 2.0**30, 2.0**50
-"""Units of both kinds in the least power of 2 that is not below a horizon."""
+"""Numbers of units in the smallest power of 2 that is at least the horizon: for steps, and for given times."""

@@ -1,4 +1,4 @@
-"""The initial value problem of a scene's simulator, or the reason why there is none."""
+"""The initial value problem of a scene's simulator, or an error that says why there is none."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import PropagationError
+from symmb._magnitudes import SAME, SLIGHT
 from symmb._types import Array, Indices
 from symmb.connect import Simulator
 from symmb.declare.symbolic import On, batch, branches, common
@@ -32,8 +33,8 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
 
     Raises
     ------
-    PropagationError         if the scene has impacts, joints that open or close, or operations without a remainder in
-                             its equations or in all outputs
+    PropagationError         if the scene has impacts, or joints that open or close, or if its equations or all outputs
+                             have unsupported operations
     """
     if isinstance(simulator, ModalSimulator):
         return _modal_problem(method, simulator, box)
@@ -43,8 +44,8 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
     expression: ca.Function | None = getattr(simulator, "expression", None)
     if not isinstance(simulator, DAESimulator) and expression is None:
         raise PropagationError(
-            f"{method!r}: it needs the equations of a scene, or outputs that are plain expressions of parameters and "
-            f"time, but {simulator!r} gives values only. Use PolynomialChaos()."
+            f"{method!r} needs the equations of a scene, or outputs that are expressions of parameters and time, but "
+            f"{simulator!r} returns only values. Use PolynomialChaos()."
         )
     times = np.asarray(simulator.times, dtype=float)
     if isinstance(simulator, DAESimulator):
@@ -66,7 +67,7 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
 def _of_equations(
     method: object, simulator: DAESimulator, box: Box, form: Formulation, equations: Equations
 ) -> Problem:
-    """The problem with the states of equations."""
+    """The problem of a scene with given equations of motion."""
     times = np.asarray(simulator.times, dtype=float)
     outputs, refused = _with_remainders(method, _outputs(simulator, form, equations))
     rates, outputs, regular, change = equations.rates, _later(outputs, times[0]), equations.regular, None
@@ -88,18 +89,18 @@ def _of_equations(
                       phase=_phase(form.dae, rates, outputs, times, equations.kept),
                       regular=regular and _later(regular, times[0]), refused=refused, change=change,
                       closing=_joints(form.dae.row_names))  # fmt: skip
-    if problem.phase is not None:  # sides are those of the states, as soon as these are known
+    if problem.phase is not None:  # these sides are replaced as soon as the states at the start are known
         problem = problem.on_sides(problem.phase.sides, np.zeros(problem.n), problem.middle, 0.0)
     _require_tapes(method, problem)
     return problem
 
 
 def _sampled(dae: DAE, equations: Equations, times: Array) -> Change | None:
-    """The changes of the values that are held, from one instant after the first time to the next."""
+    """The first change of sampled values after the first time, followed by the others; None if there are none."""
     sampling = dae.sampling
     assert sampling is not None
     instants, begin = sampling.instants(times), float(times[0])
-    instants = instants[np.diff(instants, prepend=-np.inf) > _SAME_INSTANT * min(sampling.periods)]
+    instants = instants[np.diff(instants, prepend=-np.inf) > SAME * min(sampling.periods)]
     grain = fine_grain_of(float(times[-1] - begin))
     late = grain + 4 * U * float(np.abs(times).max())
 
@@ -112,7 +113,7 @@ def _sampled(dae: DAE, equations: Equations, times: Array) -> Change | None:
         for T, (value, count), law in zip(sampling.periods, sampling.states, sampling.laws, strict=True):
             number = round((instants[k] - sampling.begin) / T)
             own = sampling.begin + T * number
-            if abs(own - instants[k]) <= _SAME_INSTANT * T:
+            if abs(own - instants[k]) <= SAME * T:
                 s[value], s[count] = law(q, v, s, p, own), s[count] + 1
         states = common("states", [x, p, t], [ca.densify(ca.vertcat(x[: x.numel() - dae.n_s], s))])
         time = float(np.round((instants[k] - begin) / grain) * grain)
@@ -121,12 +122,8 @@ def _sampled(dae: DAE, equations: Equations, times: Array) -> Change | None:
     return following(0)
 
 
-_SAME_INSTANT = 1e-9
-"""Instants that are closer than this share of a period are one."""
-
-
 def _require_tapes(method: object, problem: Problem) -> None:
-    """Refuse operations without a remainder in equations, switches and the start."""
+    """PropagationError if the equations, the switches or the start have unsupported operations."""
     starts = [Tape(problem.start.residual), Tape(problem.start.states)]
     of_switches = [] if problem.valid_tape is None else [problem.valid_tape]
     for tape in (problem.jacobian_tape, problem.sensitivity_tape, *of_switches, *starts):
@@ -134,7 +131,7 @@ def _require_tapes(method: object, problem: Problem) -> None:
 
 
 def _modal_problem(method: object, simulator: ModalSimulator, box: Box) -> Problem:
-    """Frequencies and damping: the starting equations have the modes, and nothing moves."""
+    """The problem of frequencies and damping. The starting equations determine the modes, and nothing moves."""
     linear, modes = _linear_start(method, simulator, box), simulator.eigenvalues
     intervals = _intervals(simulator, box)
     _require_fixed(method, linear, simulator, _points_of(*intervals[:2]))
@@ -147,7 +144,7 @@ def _modal_problem(method: object, simulator: ModalSimulator, box: Box) -> Probl
 
 
 def _critical_problem(method: object, simulator: CriticalSimulator, box: Box) -> Problem:
-    """Critical values of a parameter, at which an eigenvalue is imaginary or 0."""
+    """The problem of the critical values of a parameter. An eigenvalue is imaginary or 0 at these values."""
     linear, intervals = _linear_start(method, simulator, box), _intervals(simulator, box)
     p, (low, high) = np.array([*simulator.parameters.values()]), simulator.range
     values = simulator.run(p[None]).Y[0, 0]
@@ -155,8 +152,8 @@ def _critical_problem(method: object, simulator: CriticalSimulator, box: Box) ->
         start = with_limits(linear, simulator.number, high - low, values, p)
     except ValueError:
         raise PropagationError(
-            f"{method!r}: at a critical {simulator.outputs[0]} more than one eigenvalue is imaginary or 0, which is "
-            "not proved. Use PolynomialChaos()."
+            f"{method!r}: at a critical {simulator.outputs[0]}, several eigenvalues are imaginary or 0, and it cannot "
+            "prove bounds for this case. Use PolynomialChaos()."
         ) from None
     middle, inner = intervals[0], _points_of(*intervals[:2])
     corners = middle + intervals[1] * np.sign(inner - middle)
@@ -170,27 +167,27 @@ def _critical_problem(method: object, simulator: CriticalSimulator, box: Box) ->
 
 
 def _require_first(method: object, simulator: CriticalSimulator, samples: Array, followed: Array) -> None:
-    """Refuse limits (N, m) that are followed over the box, where stability changes at others for some samples (N, n_p).
+    """PropagationError if the limits `followed` (N, m) are not the limits of stability at samples (N, n_p) of the box.
 
-    Another eigenvalue may become imaginary before. The one that is followed stays simple then.
+    Another eigenvalue may become imaginary first, although the followed one stays simple.
     """
     low, high = simulator.range
-    is_other = ~(np.abs(simulator.run(samples).Y[:, 0] - followed) <= _SAME_CRITICAL_VALUE * (high - low)).all(axis=1)
+    is_other = ~(np.abs(simulator.run(samples).Y[:, 0] - followed) <= SLIGHT * (high - low)).all(axis=1)
     if is_other.any():
         p = samples[is_other.argmax()]
         where = ", ".join(f"{name} = {value:.6g}" for name, value in zip(simulator.parameters, p, strict=True))
         raise PropagationError(
-            f"{method!r}: at {where}, stability changes at other values in the range than the proof follows from the "
-            "nominal ones. Use smaller intervals, or PolynomialChaos()."
+            f"{method!r}: at {where}, stability changes at values that do not continue the nominal critical values. "
+            "Use smaller intervals, or PolynomialChaos()."
         )
 
 
-_INNER_SAMPLES, _CORNER_SAMPLES, _SAME_CRITICAL_VALUE = 4, 8, 1e-6
-"""Samples at which critical values are compared, and the distance over the range up to which they are the same."""
+_INNER_SAMPLES, _CORNER_SAMPLES = 4, 8
+"""Inner points and corners of the box at which critical values are compared."""
 
 
 def _linear_start(method: object, simulator: ModalSimulator | CriticalSimulator, box: Box) -> LinearStart:
-    """Start and Jacobian of the scene of a simulator."""
+    """The start of a simulator's scene, and the Jacobian there."""
     runs = simulator_with(simulator.scene, program_of(simulator.scene).solver)
     form, t = _formulation(method, runs, box), float(runs.times[0])
     equations = equations_of(form, runs.scene.system, runs.times[:1])
@@ -200,20 +197,20 @@ def _linear_start(method: object, simulator: ModalSimulator | CriticalSimulator,
 def _require_fixed(
     method: object, linear: LinearStart, simulator: ModalSimulator | CriticalSimulator, P: Array
 ) -> None:
-    """Refuse steady motions in coordinates that turn, at which the Jacobian has other eigenvalues than the scene."""
+    """PropagationError for motions that are steady only in rotating coordinates: the Jacobian has other eigenvalues."""
     P = P[np.isfinite(P).all(axis=1)]
     P = P[np.isfinite(linear.start.solve(P)).all(axis=1)]
     if not linear.has(P, [found.values for found, _ in simulator.family.eigen_of(P)]):
         raise PropagationError(
-            f"{method!r}: {simulator.name} starts in a motion that is steady only in coordinates that turn, of which "
-            "it proves nothing. Use PolynomialChaos()."
+            f"{method!r}: {simulator.name} starts in a motion that is steady only in rotating coordinates. It cannot "
+            "prove bounds for this case. Use PolynomialChaos()."
         )
 
 
 def _still_problem(
     method: object, start: StartEquations, x: ca.SX, outputs: ca.SX, intervals: tuple[Array, Array, tuple[int, ...]]
 ) -> Problem:
-    """Outputs of states that follow from their starting equations, and do not move."""
+    """The problem of constant states that solve starting equations."""
     _require_remainders(method, ", ".join(Tape(start.residual).unknown(OPERATIONS)))
     arguments = [x, ca.SX.sym("p", len(intervals[0])), ca.SX.sym("t")]
     rates = ca.Function("rates", arguments, [ca.SX.zeros(x.numel())])
@@ -222,16 +219,17 @@ def _still_problem(
 
 
 _MOTION_OF_MODE_SHARES = 0.1
-"""How far the shares of a mode, of size 1, may move on ellipses: frequencies are roots, which are not smooth at 0."""
+"""Motion on ellipses of the scaled eigenvalues, which have the size 1: frequencies are roots, and not smooth at 0."""
 
 
 def _require_remainders(method: object, unknown: str) -> None:
+    """PropagationError if there are unsupported operations."""
     if unknown:
-        raise PropagationError(f"{method!r}: it has no remainder of {unknown}. Use PolynomialChaos().")
+        raise PropagationError(f"{method!r} does not support {unknown}. Use PolynomialChaos().")
 
 
 def _with_remainders(method: object, outputs: ca.Function) -> tuple[ca.Function, tuple[str, ...]]:
-    """The outputs, not a number where they have operations without a remainder, and these operations of each."""
+    """The outputs, and the unsupported operations of each. An output with unsupported operations is nan."""
     if not Tape(outputs).unknown(OPERATIONS):
         return outputs, ("",) * outputs.numel_out(0)
     x, p, t = (ca.SX.sym(name, outputs.numel_in(i)) for i, name in enumerate("xpt"))
@@ -245,7 +243,7 @@ def _with_remainders(method: object, outputs: ca.Function) -> tuple[ca.Function,
 
 
 def _later(f: ca.Function, begin: float) -> ca.Function:
-    """f(x, p, begin + t)."""
+    """The Function (x, p, t) -> f(x, p, begin + t)."""
     if not begin:
         return f
     x, p, t = (ca.SX.sym(name, f.numel_in(i)) for i, name in enumerate("xpt"))
@@ -268,27 +266,26 @@ def _intervals(simulator: Simulator, box: Box) -> tuple[Array, Array, tuple[int,
 
 
 def _formulation(method: object, simulator: DAESimulator, box: Box) -> Formulation:
-    """The formulation of a scene with the fewest rows of constraints, if its motion is smooth."""
+    """The formulation of a scene with the fewest rows of constraints. PropagationError if its motion is not smooth."""
     form = simulator.program.forms.least_constrained
     if rows := _rows_that_may_bind(simulator, form, box):
         raise PropagationError(
-            f"{method!r}: rows of constraints depend on others ({rows}), which is not proved. Use PolynomialChaos()."
+            f"{method!r}: rows of constraints depend on others ({rows}), and it cannot prove that they stay so. Use "
+            "PolynomialChaos()."
         )
     if form.dae.impacts is not None:
         what = "joints that open or close" if form.dae.impacts.joints is not None else "impacts"
-        raise PropagationError(
-            f"{method!r}: the scene has {what}, over which it proves nothing. Use PolynomialChaos()."
-        )
+        raise PropagationError(f"{method!r} cannot prove bounds for scenes with {what}. Use PolynomialChaos().")
     middle, radius, _ = _intervals(simulator, box)
     if contradiction := _contradiction(form, _points_of(middle, radius)):
-        raise PropagationError(f"{method!r}: {contradiction}. Give a start that all parameters of the box allow.")
+        raise PropagationError(f"{method!r}: {contradiction}. Use a start that is valid for all parameters of the box.")
     return form
 
 
 def _rows_that_may_bind(simulator: DAESimulator, form: Formulation, box: Box) -> str:
-    """The rows that are left out of a formulation, and do not vanish at random positions and parameters of the box.
+    """The joints of omitted rows that are not 0 at random positions and parameters of the box; empty if all are 0.
 
-    An analytic function that vanishes at random points but for rounding vanishes everywhere.
+    An analytic function that is 0 at random points, up to rounding, is 0 everywhere.
     """
     if not form.start.redundant:
         return ""
@@ -306,14 +303,15 @@ def _rows_that_may_bind(simulator: DAESimulator, form: Formulation, box: Box) ->
     P = _points_of(middle, radius)
     instants = rng.uniform(float(simulator.times[0]), float(simulator.times[-1]), (RANDOM_POINTS, 1))
     residuals = np.abs(batch(f, X, P, instants)[0])
-    binds = residuals.max(axis=0) > _ROUNDING_OF_ROWS * max(1.0, residuals.max())
+    # smaller residuals are rounding
+    binds = residuals.max(axis=0) > 1e-13 * max(1.0, residuals.max())
     names = system.collected.row_names
     left = [name for name, is_bound in zip(names, binds, strict=False) if is_bound and name not in dae.row_names]
     return ", ".join(_joints(left))
 
 
 def _joints(rows: Sequence[str]) -> tuple[str, ...]:
-    """The names of the joints that rows belong to."""
+    """The names of the joints of rows."""
     return tuple(dict.fromkeys(name.rpartition(".")[0] for name in rows))
 
 
@@ -322,12 +320,8 @@ def _points_of(middle: Array, radius: Array) -> Array:
     return middle + radius * np.random.default_rng(0).uniform(-1, 1, (RANDOM_POINTS, len(middle)))
 
 
-_ROUNDING_OF_ROWS = 1e-13
-"""Rows over the largest one that are rounding at random points."""
-
-
 def _contradiction(form: Formulation, P: Array) -> str:
-    """Where the start is solved for, but what else is listed does not hold: at one of the parameters P (N, n_p)."""
+    """A message if a start at one of the parameters P (N, n_p) contradicts a listed start value; else empty."""
     u, ok = form.start.position.solve(P)
     x = batch(form.start.state, u, P)[0]
     broken = ok & ~(batch(form.start.holds, x, u, P)[0] > 0).all(axis=1)
@@ -340,7 +334,7 @@ def _contradiction(form: Formulation, P: Array) -> str:
 
 
 def _phase(dae: DAE, rates: ca.Function, outputs: ca.Function, times: Array, kept: Indices) -> Phase | None:
-    """Rates and outputs, functions of the time from the first one on, on sides of the switches that rates have."""
+    """Rates and outputs on sides of the switches of the rates; None without switches. Times start at 0."""
     found = kinks(dae, times)
     if found is None:
         return None
@@ -355,7 +349,7 @@ def _phase(dae: DAE, rates: ca.Function, outputs: ca.Function, times: Array, kep
     sides, switches = (ca.densify(every[own.tolist()]) for every in (branch.sides, branch.switches))
     left = branch.sides[np.setdiff1d(np.arange(branch.sides.numel()), own).tolist()]
     y = [
-        whole if ca.depends_on(smooth, left) else smooth  # others have switches of their own
+        whole if ca.depends_on(smooth, left) else smooth  # keep outputs with other switches as they are
         for smooth, whole in zip(ca.vertsplit(branch.outputs[1]), ca.vertsplit(outputs(x, p, t)), strict=True)
     ]
     arguments, named = [x, p, t, sides], (*dae.q_names, *dae.v_names, *dae.s_names)
@@ -370,19 +364,20 @@ def _phase(dae: DAE, rates: ca.Function, outputs: ca.Function, times: Array, kep
 
 
 def _outputs(simulator: DAESimulator, form: Formulation, equations: Equations) -> ca.Function:
-    """(x, p, t) -> y; a copy from a pickle, without its scene, has the multipliers and accelerations of runs."""
+    """(x, p, t) -> y. Without its scene, a copy from a pickle uses the multipliers and accelerations of runs."""
     x, p, t = (ca.SX.sym(name, equations.whole.numel_in(i)) for i, name in enumerate("xpt"))
     whole, symbols = equations.whole(x, p, t), form.declared.sx_in()
     depends = any(ca.which_depends(form.declared(*symbols), ca.vertcat(*symbols[3:]), 1, True) or [])
     if depends and simulator.scene is None:
         y = form.y(whole, p, t)
-    else:  # values that are held change between steps
+    else:  # sampled values change only between steps
         solved = equations.solved()(x, p, t) if depends else [ca.SX.zeros(s.shape) for s in symbols[3:]]
         y = form.declared(whole, p, t, *solved)
     return common("outputs", [x, p, t], [ca.densify(y)])
 
 
 def _start(form: Formulation, equations: Equations) -> StartEquations:
+    """The starting equations of a formulation, for the states of the equations of motion."""
     start, position = form.start, form.start.position
     p, t = ca.SX.sym("p", len(start.dae.p_names)), ca.SX.sym("t")
     u = ca.SX.sym("u", start.state.numel_in(0))

@@ -1,8 +1,8 @@
 """Bounds over a step for several parameters: Taylor models in the parameters at nodes of time.
 
-Grids of nodes in all parameters have too many of them. Polynomials of total degree have few terms. Defects are Taylor
-models in the parameters at nodes of time, and are interpolated in time alone: the error of that is bounded by the
-largest value on an ellipse of time, for all parameters of the box.
+Grids of nodes in all parameters have too many nodes, but polynomials of total degree have few terms. Defects are Taylor
+models in the parameters at nodes of time, and are interpolated in time alone. The largest value on an ellipse of time,
+for all parameters of the box, bounds the error of this interpolation.
 """
 
 import math
@@ -20,7 +20,7 @@ from symmb.prove.taylor_models import Basis, Model, basis_of
 
 
 def _to_monomials(n: int) -> Array:
-    """(n, n) matrix from coefficients of T_0, ..., T_(n - 1) to those of powers. Its entries are whole."""
+    """(n, n) matrix from coefficients of T_0, ..., T_(n - 1) to those of powers. Its entries are integers."""
     matrix = np.zeros((n, n))
     matrix[0, 0] = 1.0
     if n > 1:
@@ -32,7 +32,7 @@ def _to_monomials(n: int) -> Array:
 
 
 def monomials(c: Array, basis: Basis) -> tuple[Array, Array]:
-    """Coefficients (..., T) of the monomials of polynomials (..., n1, ..., nd), and bounds (...) of what they lack."""
+    """Coefficients (..., T) of the monomials of polynomials (..., n1, ..., nd), and bounds (...) of missing terms."""
     d = basis.variables
     first, lengths = c.ndim - d, c.shape[c.ndim - d :]
     matrices = [_to_monomials(n) for n in lengths]
@@ -48,9 +48,9 @@ def monomials(c: Array, basis: Basis) -> tuple[Array, Array]:
 
 
 def at_nodes(c: Array, error: Array, count: int, basis: Basis) -> list[Model]:
-    """Polynomials (q, K, n1, ..., nd) with errors (q,) at nodes of time, in the parameters.
+    """Taylor models, in the parameters, of polynomials (q, K, n1, ..., nd) with errors (q,) at nodes of time.
 
-    The constant terms are added last: their part has only the rounding of that sum.
+    Constant terms are added last, so that they have the rounding error of only one sum.
     """
     found, lost = monomials(c, basis)
     constant = found[:, 0, 0].copy()
@@ -64,7 +64,7 @@ def at_nodes(c: Array, error: Array, count: int, basis: Basis) -> list[Model]:
 
 
 def parameter_models(step: TimeStep, basis: Basis) -> list[Model]:
-    """Parameters, whose variables are the last ones of a basis."""
+    """Taylor models of the parameters. Their variables are the last ones of the basis."""
     problem, first = step.problem, basis.variables - step.problem.d
     errors = np.broadcast_to(problem.errors, problem.middle.shape)
     found = []
@@ -78,7 +78,7 @@ def parameter_models(step: TimeStep, basis: Basis) -> list[Model]:
 
 
 def equations_at_nodes(step: TimeStep, count: int, basis: Basis) -> list[list[Model]]:
-    """States, parameters and time at nodes of time."""
+    """Taylor models of the states, the parameters and the time at nodes of time."""
     x = at_nodes(step.x.c, step.x.error, count, basis)
     t = step.t0 + 0.5 * step.h * (1.0 + ch.nodes(count))
     error = 4.0 * U * (abs(step.t0) + step.h) + step.h * ch.ENTRY
@@ -106,7 +106,7 @@ class TimePatches:
         self._rest = above(np.where(is_small, turn ** (n + 1) / math.factorial(n + 1), np.minimum(2.0, turn)) * top)
 
     def models(self, c: Array, error: Array) -> list[Model]:
-        """Polynomials (q, K, n1, ..., nd) with errors (q,)."""
+        """Taylor models of polynomials (q, K, n1, ..., nd) with errors (q,) on the patches."""
         basis, d = self.basis, c.ndim - 2
         of_parameters, size = basis_of(d, basis.degree), c.shape[1]
         own, lost = monomials(c, of_parameters)
@@ -135,7 +135,7 @@ def on_step(step: TimeStep, tape: Tape, radius: Array | float = 0.0, rho: float 
 
 
 def inputs_on_step(step: TimeStep, radius: Array | float, rho: float) -> list[list[Model]]:
-    """States, parameters and time there."""
+    """Taylor models of the states within a radius (n,), the parameters and the time on an ellipse of time."""
     basis = basis_of(step.problem.d + 1, _DEGREE_ON_PATCHES)
     patches, d = TimePatches(rho, _TIME_PATCHES, step.degrees[0], basis), step.problem.d
     x = patches.models(step.x.c, step.x.error_on([rho, *[1.0] * d]) + radius)

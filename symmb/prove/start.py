@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from symmb._magnitudes import LAST_DIGITS
 from symmb._types import Array, Indices
 from symmb.prove import chebyshev as ch
 from symmb.prove import discs, points
@@ -22,27 +23,23 @@ from symmb.prove.several_parameters import equations_at_nodes, on_step, run
 from symmb.prove.tape import Tape
 from symmb.prove.taylor_models import DEGREES_BEYOND_POLYNOMIALS, basis_of, reach
 
-_NEGLIGIBLE = 1e-17
-"""Share of a state below which coefficients of its start are cut."""
-
-_ROUNDING_OF_COEFFICIENTS = 1e-15
-"""Coefficients of scaled unknowns that are rounding, and would be large on ellipses."""
 _START_PATCHES = (1, 8, 32, 128)
-"""Patches of each variable that are tried: a start solves equations whose pivots nearly cancel, and it is made once."""
+"""Numbers of patches of each variable that are tried. Pivots of starting equations nearly cancel, and there is only one
+start."""
 _PARTS_WITH_INVERSE, _MOST_PARTS_WITH_INVERSE = (1, 8, 32), 1024
-"""Parts of each variable with an inverse of their own, which are tried, and most of them in all: they take seconds."""
+"""Numbers of parts of each variable, each with its own inverse, that are tried; and most parts: they take seconds."""
 
 NO_START = "there are parameters for which the scene cannot be started"
-"""Why no part of a box can be proved."""
+"""The message if no part of a box can be proved."""
 _STILL_STEP = 1e-9
-"""Length of a step in which nothing moves [s]."""
+"""Length of a step without motion [s]."""
 _NO_FRAME = Curve(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)))
-"""No frame."""
+"""The frame of a step without motion."""
 
 
 @np.errstate(all="ignore")
 def first_front(problem: Problem, order: int) -> Front:
-    """The start of the states, with the frame of their scales; ProofError if it cannot be enclosed."""
+    """The front at the start, with the diagonal frame of the scales. ProofError if the start cannot be enclosed."""
     start, n, d = problem.start, problem.n, problem.d
     own = Problem(start.residual, start.states, problem.middle, problem.radius, problem.variables, np.zeros(1),
                   np.ones(start.residual.numel_in(0)), start)  # fmt: skip
@@ -61,12 +58,12 @@ def first_front(problem: Problem, order: int) -> Front:
 
 
 def still(problem: Problem, t: float, x: Array, h: float = _STILL_STEP) -> TimeStep:
-    """A short step from a time, in which states (n, N + 1, ...) stay."""
+    """A short step from time t with constant states (n, N + 1, ...)."""
     return TimeStep(problem, t, h, integrated(x, np.zeros((len(x), 1, *x.shape[1:])), h), _NO_FRAME, _NO_FRAME.c)
 
 
 def polynomials(step: TimeStep, which: Indices, lengths: tuple[int, ...], sharp: float = SHARP) -> tuple[Array, Array]:
-    """Coefficients (m, *lengths) of some outputs at the begin of a step, and bounds (m,) of the errors.
+    """Coefficients (m, *lengths) of some outputs at the start of a step, and bounds (m,) of their errors.
 
     ProofError if they cannot be shown to be smooth.
     """
@@ -79,14 +76,15 @@ def polynomials(step: TimeStep, which: Indices, lengths: tuple[int, ...], sharp:
     c, part = c[:, 0], (slice(None), *(slice(0, terms) for terms in lengths))
     kept, others = ch.graded(c[part], len(lengths)), c.copy()
     others[part] -= kept
-    short, gone = cut(kept, _NEGLIGIBLE * ch.sums(kept, len(lengths)))
+    # coefficients this small change no digit of the state
+    short, gone = cut(kept, 1e-17 * ch.sums(kept, len(lengths)))
     whole = np.zeros((len(which), *lengths))
     whole[(slice(None), *(slice(0, m) for m in short.shape[1:]))] = short
     return whole, above(rest[:, 0] + ch.sums(others, len(lengths)) + gone)
 
 
 def nominal_front(problem: Problem, order: int) -> Array:
-    """Coefficients (n, order + 1, ...) of about the states at the first time, without a proof."""
+    """Approximate coefficients (n, order + 1, ...) of the states at the first time, without a proof."""
     counts = [order + 3] * problem.d
     p = parameters_at(problem, [ch.nodes(m) for m in counts], leading=0)
     u = _solutions(problem, p, counts)
@@ -107,11 +105,11 @@ def _unknowns(problem: Problem, order: int) -> Array:
         return np.zeros((0, *(order + 1,) * d))
     p = parameters_at(problem, [ch.nodes(m) for m in counts], leading=0)
     c = fit(_solutions(problem, p, counts), [order + 1] * d)
-    return np.where(np.abs(c) < _ROUNDING_OF_COEFFICIENTS, 0.0, c)
+    return np.where(np.abs(c) < LAST_DIGITS, 0.0, c)
 
 
 def _solutions(problem: Problem, p: list[Array | float], counts: list[int]) -> Array:
-    """Approximate solutions u (n_u, *counts) of the starting equations at nodes; ProofError if one is lacking."""
+    """Approximate solutions u (n_u, *counts) of the starting equations at nodes. ProofError if one is missing."""
     P = np.stack([np.broadcast_to(value, counts).ravel() for value in p], axis=1)
     u = problem.start.solve(P)
     if not np.isfinite(u).all():
@@ -120,11 +118,12 @@ def _solutions(problem: Problem, p: list[Array | float], counts: list[int]) -> A
 
 
 def _patches(step: TimeStep, rho: list[float], count: int = 1) -> Patches:
+    """One patch of time, and `count` patches of each parameter."""
     return Patches(rho, [1, *[count] * (len(rho) - 1)], step.degrees)
 
 
 def _largest(step: TimeStep, tape: Tape) -> tuple[list[float], Array]:
-    """Ellipses of the parameters, and bounds of the outputs of a tape on them; ProofError if there are none."""
+    """Ellipses of the parameters, and bounds of the outputs of a tape on them. ProofError if there are no bounds."""
     for count in _counts(step.problem.d):
         for spread in (0.5, 0.1, 0.02):
             rho = [1.0, *ellipses(step, (spread, spread))[1:]]
@@ -135,7 +134,7 @@ def _largest(step: TimeStep, tape: Tape) -> tuple[list[float], Array]:
 
 
 def _modelled(step: TimeStep, tape: Tape, order: int) -> tuple[Array, Array]:
-    """Coefficients (m, 1, order + 1, ...) of the outputs of a tape at the begin of a step, and their errors (m, 1)."""
+    """Coefficients (m, 1, order + 1, ...) of the outputs of a tape at the start of a step, and their errors (m, 1)."""
     d = step.problem.d
     basis = basis_of(d, order + DEGREES_BEYOND_POLYNOMIALS)
     x, p, _ = equations_at_nodes(step, 1, basis)
@@ -150,7 +149,7 @@ def _modelled(step: TimeStep, tape: Tape, order: int) -> tuple[Array, Array]:
 
 
 def bounds_of(tape: Tape, step: TimeStep, e: Array) -> list[Array]:
-    """Bounds of the outputs of a tape over the box and within e (n,) of the states."""
+    """Bounds of the outputs of a tape, over the box and for all states within e (n,) of the motion."""
     d = step.problem.d
     if d > ch.FEW:
         return [np.array([reach(a) for a in part]) for part in on_step(step, tape, e)]
@@ -164,15 +163,16 @@ def bounds_of(tape: Tape, step: TimeStep, e: Array) -> list[Array]:
 
 
 def _counts(d: int) -> Iterator[int]:
-    """Patches of each of d variables that are tried."""
+    """Numbers of patches that are tried for each of d variables."""
     return (count for count in _START_PATCHES if count**d <= TOO_MANY)
 
 
 def _distance(step: TimeStep) -> Array:
     """Bounds (n_u,) of the distance of the solution from the polynomials u.
 
-    With Y about the inverse of the Jacobian J in the middle of a part of the box, |Y r(u)| + |I - Y J(u + [-e, e])| e
-    < e proves one solution within e for all parameters of the part, the only one there.
+    Y is approximately the inverse of the Jacobian J in the middle of a part of the box. The inequality
+    |Y r(u)| + |I - Y J(u + [-e, e])| e < e proves that for all parameters of the part there is exactly one solution
+    within e.
 
     Source: Krawczyk (1969); Neumaier (1990), Interval Methods for Systems of Equations, theorem 5.1.8.
     """
@@ -194,11 +194,11 @@ def _distance(step: TimeStep) -> Array:
 
 
 def _contracted(step: TimeStep, off: Array, parts: Patches) -> Array | None:
-    """Bounds (n_u,) of the distance of a solution, where the residual is at most `off` (n_u,), if it is proved."""
+    """Bounds (n_u,) of the distance of a solution if the residual is at most `off` (n_u,); None if not proved."""
     n = step.problem.n
 
     def jacobians(e: Array) -> tuple[Array, Array]:
-        """Middles and radii (k, n, n) on the parts, within e (n,)."""
+        """Middles and radii (k, n, n) of the Jacobian on the parts, for unknowns within e (n,)."""
         slopes = step.problem.jacobian_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(parts, e))[1]
         shape = np.broadcast_shapes(*(np.shape(a.centre) for a in slopes))
         J = np.stack([np.broadcast_to(np.real(a.centre), shape).ravel() for a in slopes], axis=-1)

@@ -1,11 +1,11 @@
-"""What a step proves: the distance of the true motion from the polynomials, in the coordinates of a frame.
+"""The proof of a step: a bound of the distance of the true motion from the polynomials, in the coordinates of a frame.
 
-With x = u + B w, where u and B are polynomials of time and parameters, and C is about the inverse of B,
+The motion is x = u + B w. Here u and B are polynomials of time and parameters, and C is approximately the inverse of B:
 
     w' = B^-1 ((A B - B') w + (int A(u + s B w) - A(u) ds) B w - d),      d = u' - f(u),      A = df/dx at u.
 
-Bounds of |C d|, |C (A B - B')|, |I - C B| and of the change of A over the candidate box W give F(W) >= |w| for all
-times of the step as long as |w| <= W. If F(W) < W, w cannot leave the box.
+Bounds of |C d|, |C (A B - B')|, |I - C B| and of the change of A over the candidate box W give a bound F(W). As long as
+|w| <= W, |w| is at most F(W). If F(W) < W, w cannot leave the box during the step.
 
 References
 ----------
@@ -33,14 +33,12 @@ from symmb.prove.several_parameters import on_step
 from symmb.prove.tape import Tape
 
 MOST_CANDIDATES = 12
-"""Candidates for a bound that proves itself, of w or of the time to a pass, each twice the one before or so."""
-_ELLIPSE_WITHOUT_EQUATIONS = 1.5
-"""Ellipses that tell how far states may move, where none are needed for the defects."""
+"""Most candidates W for a bound that proves itself: of w, or of the time to a pass."""
 
 
 @dataclass(frozen=True)
 class Proof:
-    """|w| <= W (n,) during a step, and |w| <= end (n,) at its end."""
+    """Bounds W (n,) of |w| during a step, and `end` (n,) at the end of the step."""
 
     W: Array
     end: Array
@@ -48,11 +46,12 @@ class Proof:
 
 @np.errstate(all="ignore")
 def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
-    """Bounds of w over a step from |w| <= w0 (n,) at its beginning; ProofError if no box can be shown to hold w."""
+    """Bounds of |w| over a step. At the start, |w| is at most w0 (n,). ProofError if no box W proves itself."""
     defects, patches = exact_defects(step), control.choice.patches
     if defects is not None:
         defect, growth = defects
-        rho = [_ELLIPSE_WITHOUT_EQUATIONS] * len(step.degrees)
+        # exact defects need no ellipses, but the room of the states does
+        rho = [1.5] * len(step.degrees)
     elif step.problem.d > ch.FEW:
         defect, growth, rho = defects_of_models(step, w0, control)
     else:
@@ -79,13 +78,13 @@ def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
 
 
 def is_regular(step: TimeStep, e: Array, patches: tuple[int, int]) -> bool:
-    """Whether rows of loops determine velocities in all states of a step within e (n,) of the motion."""
+    """Whether rows of loops determine the velocities in all states within e (n,) of the motion of a step."""
     tape = step.problem.regular_tape
     return tape is None or all(map(discs.is_regular, on_motion(step, tape, e, patches)))
 
 
 def unshown(step: TimeStep, e: Array) -> int | None:
-    """The first condition of the equations that is not shown in all states of a step within e (n,) of the motion."""
+    """The first condition that is not proved for all states within e (n,) of the motion of a step; None if all are."""
     tape, first = step.problem.valid_tape, None
     if tape is None:
         return None
@@ -100,7 +99,7 @@ def unshown(step: TimeStep, e: Array) -> int | None:
 
 
 _PATCHES_OF_CONDITIONS = (8, 1), (40, 1), (40, 8)
-"""Patches of time and of each parameter on which conditions are tried."""
+"""Numbers of patches of time and of each parameter that are tried for conditions."""
 
 
 def on_motion(step: TimeStep, tape: Tape, e: Array, patches: tuple[int, int]) -> list[discs.Disc]:
@@ -112,16 +111,16 @@ def on_motion(step: TimeStep, tape: Tape, e: Array, patches: tuple[int, int]) ->
 
 
 def stays(end: Array, W: Array) -> bool:
-    """Whether w, which is at most `end` as long as it is at most W, cannot reach W: it is continuous."""
+    """Whether |w| cannot reach W. As long as |w| <= W, |w| is at most `end`, and w is continuous."""
     return bool((end < W).all())
 
 
 class _Curvature:
-    """How far the Jacobian changes between the motion and states beside it.
+    """The change of the Jacobian between the motion u and a state u + e near it.
 
-    A(u + s e) is analytic in s for |s| <= 1 / kappa, where |e| <= kappa r and all discs with the radii r are where the
-    equations are analytic. It stays in discs of radius R there, so that by Schwarz's lemma it changes by at most
-    2 R kappa s, and its mean over s in [0, 1] by at most R kappa.
+    If |e| <= kappa r, and the equations are analytic in all discs with the radii r, A(u + s e) is analytic in s for
+    |s| <= 1 / kappa. If A is in discs of radius R there, it changes by at most 2 R kappa s by Schwarz's lemma, and its
+    mean over s in [0, 1] by at most R kappa.
     """
 
     def __init__(self, step: TimeStep, rho: list[float], patches: tuple[int, int]) -> None:
@@ -135,17 +134,18 @@ class _Curvature:
         self._radius, self._change = np.zeros(0), np.zeros(0)
 
     def __call__(self, e: Array) -> Array:
-        """Bounds (n, n) of the mean change of A over |e_i| (n,)."""
+        """Bounds (n, n) of the mean change of A between u and u + e, for all e with the moduli `e` (n,)."""
         if not self._radius.size or not (e <= self._radius).all():
             self._choose(e)
         kappa = above(float((e / self._radius).max()) * (1 + 4 * U))
         return above(self._change * kappa)
 
     def _choose(self, e: Array) -> None:
-        """Take the radii about e with the least change over them: smaller ones until it grows again."""
+        """Choose the radii around e with the smallest change. Radii are reduced until the change grows again."""
         largest = max(2.0, 0.5 / float((e / self._room).max()))
         least, self._radius = np.inf, np.zeros(0)
-        for factor in _SHARES_OF_LARGEST_DISCS:
+        # radii relative to the largest discs: smaller ones until the change grows again
+        for factor in (1.0, 0.5, 0.2, 0.08, 0.03, 0.01):
             radius = above(e * max(2.0, factor * largest))
             change = self._changes(radius)
             mean = float((change @ e).max() * (e / radius).max())
@@ -155,7 +155,7 @@ class _Curvature:
                 self._radius, self._change, least = radius, change, mean
 
     def _changes(self, radius: Array) -> Array:
-        """Largest radii (n, n) of the Jacobian's discs, at any place of a patch, over states within a radius (n,)."""
+        """Largest radii (n, n) of the discs of the Jacobian on all patches, for states within `radius` (n,)."""
         tape, n = self._step.problem.jacobian_tape, self._step.problem.n
         if self._step.problem.d > ch.FEW:
             entries = on_step(self._step, tape, radius)[1]
@@ -165,6 +165,4 @@ class _Curvature:
 
 
 _JACOBIAN_PATCHES, _ABOUT_MOST_PATCHES = (1, 4, 40), 64
-"""Patches of each parameter on which the change of the Jacobian is bounded at least, and about the most in all."""
-_SHARES_OF_LARGEST_DISCS = (1.0, 0.5, 0.2, 0.08, 0.03, 0.01)
-"""Shares of the largest discs about the states that are tried."""
+"""Numbers of patches of each parameter for the change of the Jacobian, and the most patches of all parameters."""

@@ -1,4 +1,4 @@
-"""The instructions of an SX Function, prepared to be run many times with numbers of any kind."""
+"""The instructions of an SX Function, prepared to run many times with numbers of any kind."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -35,7 +35,7 @@ class Tape:
                 self._steps.append((kind, out[0], a[0], a[-1], code))
 
     def unknown(self, operations: Mapping[int, object]) -> list[str]:
-        """Names of the operations that are not among some."""
+        """Sorted names of the operations that `operations` does not contain."""
         return sorted(operation_name(code) for code in self._codes if code not in operations)
 
     def first(
@@ -45,7 +45,7 @@ class Tape:
         inputs: Sequence[Sequence[Any]],
         is_lost: Callable[[Any], bool],
     ) -> str:
-        """The name of the first operation whose result is lost; empty if none is."""
+        """The name of the first operation whose result is lost; empty if no result is lost."""
         lost: list[int] = []
 
         def watched(code: int) -> Callable[..., Any]:
@@ -66,7 +66,7 @@ class Tape:
         constant: Callable[[float], Any],
         inputs: Sequence[Sequence[Any]],
     ) -> list[list[Any]]:
-        """The outputs for inputs, each a sequence of its elements."""
+        """The outputs, each a list of its elements. Each input is a sequence of its elements."""
         work: list[Any] = [None] * self._slots
         outputs = [[None] * size for size in self.sizes]
         for kind, out, a, b, code in self._steps:

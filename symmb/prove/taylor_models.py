@@ -1,10 +1,10 @@
 """Arithmetic on polynomials of total degree with a remainder, for several parameters.
 
-A number is, at each of some places, a polynomial of real variables in [-1, 1] and a disc in the complex plane: all
-values there are in the disc about that of the polynomial. Terms beyond the degree of the basis are bounded by the sums
-of their moduli and go to the disc. Places are nodes of time, or patches of an ellipse of time as in `discs`. The
-variables are then the place in the patch and the parameters. What is said there of analytic functions holds here for
-time alone: operations that are not entire ask that all values lie where the operation is analytic.
+At each of some places, a number is a polynomial of real variables in [-1, 1] and a disc in the complex plane. Values
+are in the disc about the value of the polynomial. Terms beyond the degree of the basis are bounded by the sums of their
+moduli, and the radius of the disc includes them. Places are nodes of time, or patches of an ellipse of time as in
+`discs`. The variables are then the place in the patch and the parameters. The statements of `discs` about analytic
+functions hold here for time alone: operations that are not entire require that they are analytic at all values.
 
 References
 ----------
@@ -27,19 +27,19 @@ from symmb.prove.discs import Disc
 from symmb.prove.rounding import COMPLEX, FUNCTION, U, above
 
 DEGREES_BEYOND_POLYNOMIALS = 3
-"""Degrees of Taylor models of defects, and of a start, beyond those of the polynomials whose errors they bound."""
+"""Degrees of Taylor models of defects, and of a start, beyond the degree of the polynomials whose errors they bound."""
 _REAL_OPERATION = 4 * U
 """Relative error of an operation on real numbers."""
 
 
 class Basis:
-    """Monomials of total degree up to `degree` in some variables, the lowest degrees first.
+    """Monomials of total degree up to `degree` in some variables, sorted by degree.
 
     Attributes
     ----------
     exponents : (T, variables)
     counts : number of the monomials up to each degree
-    of_squares : (T,) 1/2 for products of squares, which are in [0, 1]; 0 for the other monomials
+    of_squares : (T,) middle of the range: 1/2 for products of squares, which are in [0, 1]; 0 for other monomials
     """
 
     def __init__(self, variables: int, degree: int) -> None:
@@ -56,11 +56,11 @@ class Basis:
         self._pairs: dict[tuple[int, int, int], Pairs] = {}
 
     def places(self, exponents: Indices) -> Indices:
-        """Numbers of the monomials with exponents (m, variables), whose degrees are in the basis."""
+        """Numbers (m,) of the monomials with exponents (m, variables). The basis must contain them."""
         return self._sorted[np.searchsorted(self._codes, exponents @ self._weights)]
 
     def pairs(self, a: int, b: int, most: int) -> "Pairs":
-        """Pairs of monomials up to the degrees a and b, whose products are up to `most`."""
+        """Pairs of monomials up to the degrees a and b whose products have at most the degree `most`."""
         if (a, b, most) not in self._pairs:
             totals = self.exponents.sum(axis=1)
             left, right = [], []
@@ -76,12 +76,12 @@ class Basis:
         return self._pairs[a, b, most]
 
     def constant(self, value: float) -> "Model":
-        """A number."""
+        """The Taylor model of a number."""
         return Model(np.full((1, 1), value), np.zeros(1), self)
 
     @cached_property
     def to_chebyshev(self) -> Array:
-        """(T, T) matrix from coefficients to those of products of Chebyshev polynomials. It has no rounding."""
+        """(T, T) matrix from coefficients of monomials to those of Chebyshev products. Its entries are exact."""
         one = np.zeros((self.degree + 1, self.degree + 1))
         for k in range(self.degree + 1):
             for j in range(k % 2, k + 1, 2):
@@ -92,7 +92,7 @@ class Basis:
 
 
 class Pairs:
-    """Pairs of monomials, numbers i and j (m,), grouped by their products from `starts` (T,) on.
+    """Pairs of monomials with the numbers i and j (m,), grouped by their products. Groups begin at `starts` (T,).
 
     Attributes
     ----------
@@ -119,16 +119,17 @@ class Pairs:
 
 
 _PAIRS_IN_CACHE = 2000
-"""Pairs of monomials that are multiplied together: their products stay in a cache."""
+"""Pairs of monomials that are multiplied at once: their products stay in the cache."""
 
 
 @cache
 def basis_of(variables: int, degree: int) -> Basis:
-    """A basis, which is made once."""
+    """The basis of this size. Each basis is made once."""
     return Basis(variables, degree)
 
 
 def _compositions(variables: int, degree: int) -> Any:
+    """All exponents of monomials up to a total degree, one tuple after the other."""
     if variables == 0:
         yield ()
         return
@@ -152,7 +153,7 @@ class Model:
 
     @cached_property
     def norms(self) -> Array:
-        """(degree + 1, P) sums of the moduli of the coefficients of each degree, or a little more."""
+        """(degree + 1, P) sums of the moduli of the coefficients of each degree."""
         starts = [0, *self.basis.counts[: self.degree]]
         return np.add.reduceat(np.abs(self.c), starts, axis=0)
 
@@ -173,7 +174,7 @@ class Model:
 
     @cached_property
     def around(self) -> Disc:
-        """Discs that hold all values at each place, with products of squares about the middle of their ranges."""
+        """Discs that contain all values at each place. Products of squares are taken about the middle of [0, 1]."""
         half = self.basis.of_squares[: len(self.c), None]
         middle = self.c[0] + (half * self.c).sum(axis=0)
         moved = (np.abs(self.c[1:]) * (1.0 - half[1:])).sum(axis=0)
@@ -181,12 +182,12 @@ class Model:
 
     @cached_property
     def inverse(self) -> "Model":
-        """1 / a, which several quotients may need."""
+        """1 / a, computed once for several quotients."""
         return _inverse(self)
 
     @property
     def disc(self) -> Disc:
-        """The model as a disc, whose places are the variables."""
+        """The model as a disc. The variables are the places in the patch."""
         v = self.basis.variables
         if self.degree == 0:
             centre, radius = (self.c[0, 0], self.radius[0]) if self.c.size == 1 else (self.c[0], self.radius)
@@ -199,12 +200,13 @@ class Model:
 
 
 def reach(a: Model) -> float:
-    """Largest modulus; infinite where it is not known."""
+    """Largest modulus; infinite if it is not known."""
     most = float(above(a.norm + a.radius).max())
     return most if most == most else math.inf
 
 
 def _padded(c: Array, terms: int) -> Array:
+    """The coefficients c, filled with zeros to (terms, P)."""
     if len(c) == terms:
         return c
     whole = np.zeros((terms, *c.shape[1:]), dtype=c.dtype)
@@ -213,10 +215,12 @@ def _padded(c: Array, terms: int) -> Array:
 
 
 def _relative(c: Array) -> float:
+    """Relative error of an operation on coefficients."""
     return COMPLEX if np.iscomplexobj(c) else _REAL_OPERATION
 
 
 def _sum(a: Model, b: Model, sign: float) -> Model:
+    """a + b or a - b."""
     terms = max(len(a.c), len(b.c))
     c = _padded(a.c, terms) + sign * _padded(b.c, terms)
     exact = Model(c, a.radius, a.basis)
@@ -229,7 +233,7 @@ def _scaled(a: Model, factor: float) -> Model:
 
 
 def _multiply(a: Model, b: Model, most: int | None = None) -> Model:
-    """The product up to the degree `most`, that of the basis if it is None."""
+    """The product up to the degree `most`; None: the degree of the basis."""
     basis = a.basis
     most = basis.degree if most is None else most
     group = 1
@@ -245,7 +249,7 @@ def _multiply(a: Model, b: Model, most: int | None = None) -> Model:
 
 
 def _lost(a: Model, b: Model, most: int) -> Array | float:
-    """Sums (P,) of the moduli of the terms of a product beyond a degree."""
+    """Sums (P,) of the moduli of those terms of a product that exceed the degree `most`."""
     lost: Array | float = 0.0
     tails = np.cumsum(b.norms[::-1], axis=0)[::-1]
     for k, own in enumerate(a.norms):
@@ -259,9 +263,9 @@ def _composed(a: Model, derivatives: list[Array], rounded: Array, rest: Array, a
 
     Parameters
     ----------
-    about : (P,) where the series is about; None: the constant terms
-    rounded : (P,) errors of the values of that polynomial because its coefficients are rounded
-    rest : (P,) what it lacks
+    about : (P,) centres of the series; None: the constant terms
+    rounded : (P,) errors of the values of the series that the rounding of its coefficients causes
+    rest : (P,) bounds of the remainder of the series
     """
     basis, n = a.basis, a.basis.degree
     if a.degree == 0:
@@ -278,7 +282,7 @@ def _composed(a: Model, derivatives: list[Array], rounded: Array, rest: Array, a
 
 
 def _if(holds: Any, a: Model) -> Model:
-    """The models, with infinite radii unless all are where the operation is analytic."""
+    """The model, or one with an infinite radius if the operation may not be analytic."""
     return a if np.all(holds) else Model(np.ones_like(a.c[:1]), np.full(np.shape(a.radius), np.inf), a.basis)
 
 
@@ -293,10 +297,11 @@ def is_positive(a: Model) -> bool:
 
 
 def _expansion(a: Model) -> tuple[Array, Array, Array | None]:
-    """Where a series with a singularity at 0 is about (P,), and distances over moduli (P,), not a number from 1 on.
+    """Centres (P,) of a series with a singularity at 0, ratios q (P,) of distance to modulus, and `about`.
 
-    The last is what `_composed` asks for. Constant terms serve as long as values are close to them. A square that comes
-    close to 0, as in sqrt(w^2 + small^2), is close to the middle of its range only.
+    A ratio is nan from 1 on. `about` is the argument of `_composed`. The constant terms are the centres if all values
+    are close to them. A square that comes close to 0, as in sqrt(w^2 + small^2), is close only to the middle of its
+    range.
     """
     own, around = above(a.swing / np.abs(a.c[0])) * (1.0 + COMPLEX), a.around
     if (own < _CONVERGENT_DISTANCE).all() or a.degree == 0:
@@ -306,11 +311,11 @@ def _expansion(a: Model) -> tuple[Array, Array, Array | None]:
 
 
 _CONVERGENT_DISTANCE = 0.5
-"""Distance from the constant term over its modulus up to which series converge well: 1 / 2^9 is left of degree 8."""
+"""Ratio of distance to modulus up to which a series converges well: with degree 8 the remainder is 1 / 2^9."""
 
 
 def _inverse(a: Model) -> Model:
-    """The rest of the geometric series is its first term over 1 - q."""
+    """1 / a. The remainder of the geometric series is its first term divided by 1 - q."""
     middle, q, about = _expansion(a)
     value, n = 1.0 / middle, a.basis.degree
     size, relative = np.abs(value), (n + 4.0) * _relative(value)
@@ -327,7 +332,7 @@ def _gap(q: Array) -> Array:
 
 
 def _sqrt(a: Model) -> Model:
-    """Moduli of the binomial coefficients of 1 / 2 fall."""
+    """The square root. The binomial coefficients of 1 / 2 decrease in modulus: a geometric series bounds it."""
     middle, q, about = _expansion(a)
     root, n = np.sqrt(middle), a.basis.degree
     size, value, factor = np.abs(root), 1.0 / middle, 1.0
@@ -342,7 +347,7 @@ def _sqrt(a: Model) -> Model:
 
 
 def _entire(a: Model, turn: list[Array], size: Array) -> Model:
-    """A function whose derivatives at the constant terms are `turn` again and again, and at most `size`."""
+    """An entire function. Its derivatives at the constant terms repeat the values `turn`, and are at most `size`."""
     n, q = a.basis.degree, a.swing
     own = [turn[k % len(turn)] / math.factorial(k) for k in range(n + 1)]
     grown = np.exp(q)
@@ -352,6 +357,8 @@ def _entire(a: Model, turn: list[Array], size: Array) -> Model:
 
 
 def _circular(first: int) -> Callable[[Model], Model]:
+    """The sine (first = 0) or the cosine (first = 1)."""
+
     def operation(a: Model) -> Model:
         s, c = np.sin(a.c[0]), np.cos(a.c[0])
         turn = [s, c, -s, -c]
@@ -361,6 +368,8 @@ def _circular(first: int) -> Callable[[Model], Model]:
 
 
 def _hyperbolic(first: int) -> Callable[[Model], Model]:
+    """The hyperbolic sine (first = 0) or cosine (first = 1)."""
+
     def operation(a: Model) -> Model:
         s, c = np.sinh(a.c[0]), np.cosh(a.c[0])
         size = (np.abs(s) + np.abs(c)) * (1.0 + np.abs(a.c[0]))
@@ -370,7 +379,7 @@ def _hyperbolic(first: int) -> Callable[[Model], Model]:
 
 
 def _tanh(a: Model) -> Model:
-    """The quotient of sinh and cosh, which is even and so far from 0 about 0; by discs where it cannot be shown."""
+    """tanh as sinh / cosh, or by discs if their radius is smaller."""
     found = _multiply(_hyperbolic(0)(a), _hyperbolic(1)(a).inverse)
     by_discs = _of_discs(ca.OP_TANH)(a)
     return found if (found.radius < by_discs.radius).all() else by_discs
@@ -382,7 +391,7 @@ def _exp(a: Model) -> Model:
 
 
 def _power(a: Model, b: Model) -> Model:
-    """Whole powers by products; others by discs."""
+    """a^b. Integer powers are products, and other powers are computed by discs."""
     exponent = float(np.real(b.c[0]).flat[0])
     is_constant = b.c.size == 1 and float(b.radius.max()) <= above(0.0)
     if not is_constant or exponent != int(exponent) or not 0 < abs(exponent) <= _LARGEST_POWER:
@@ -398,11 +407,11 @@ def _power(a: Model, b: Model) -> Model:
 
 
 _LARGEST_POWER = 16
-"""Largest exponent whose power is made by products."""
+"""Largest exponent of a power that is computed by products."""
 
 
 def _of_discs(code: int) -> Callable[..., Model]:
-    """An operation on discs: its result is linear in the variables."""
+    """An operation that is computed on discs. Its result is linear in the variables."""
 
     def operation(*arguments: Model) -> Model:
         return _from_disc(discs.OPERATIONS[code](*(a.disc for a in arguments)), arguments[-1].basis)
@@ -411,6 +420,7 @@ def _of_discs(code: int) -> Callable[..., Model]:
 
 
 def _from_disc(found: Disc, basis: Basis) -> Model:
+    """The disc as a Taylor model of degree 1 at most."""
     centre, slopes, radius = np.atleast_1d(found.centre), np.asarray(found.slopes), np.atleast_1d(found.radius)
     if slopes.ndim < 2 or basis.degree == 0:
         return Model(centre[None], above(radius + found.slope), basis)
@@ -445,4 +455,4 @@ _OWN: dict[int, Callable[..., Model]] = {
 }
 
 OPERATIONS: dict[int, Callable[..., Model]] = {code: _of_discs(code) for code in discs.OPERATIONS} | _OWN
-"""Operations of CasADi on Taylor models."""
+"""CasADi's operations on Taylor models."""

@@ -1,10 +1,11 @@
-"""Other states at the same time: a front behind a map."""
+"""Changes of the states at one time: the front after a map."""
 
 from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import FACTORS, SAME
 from symmb._types import Array, Indices
 from symmb.declare.symbolic import common
 from symmb.prove import chebyshev as ch
@@ -17,18 +18,14 @@ from symmb.prove.start import bounds_of, polynomials, still
 from symmb.prove.tape import Tape
 
 _ROUGH = "sampled values, or other velocities of a loop, cannot be shown to be smooth over the box"
-_ROOM_OF_ROUNDED_TIME = 1e-9
-"""How far states may move between an instant and its rounded time, over their scales."""
-_ALIASING_OF_MAPS = 1e-14
-"""Aliasing of a mapped polynomial over its width."""
 
 
 @np.errstate(all="ignore")  # what is not finite proves nothing
 def mapped(problem: Problem, front: Front, f: ca.Function) -> Front:
     """The front of the states f(x, p, t).
 
-    With the Jacobian G of f at x and its second derivative H along e = B w, f(x + e) = f(x) + G B w + H / 2, where H is
-    taken somewhere between x and x + e. The new polynomials are interpolations of f(x) and of G B.
+    With the Jacobian G of f at x and its second derivative H along e = B w at a point between x and x + e,
+    f(x + e) = f(x) + G B w + H / 2. The new polynomials are interpolations of f(x) and of G B.
 
     Raises
     ------
@@ -49,10 +46,10 @@ def mapped(problem: Problem, front: Front, f: ca.Function) -> Front:
     states[(slice(n), *map(slice, lengths))] = front.x
     states[(slice(n, None), *map(slice, of_frame))] = front.B.reshape(n * n, *of_frame)
     scales = np.concatenate([problem.scales, np.maximum(ch.sums(states[n:], d), 1e-300)])
-    require_known("the law of a sampled value", both)
+    require_known("the laws of sampled values", both)
     step = still(replace(problem, rates=same, outputs=both, scales=scales), front.t, states)
     try:
-        x_new, x_lost = polynomials(step, np.arange(m), lengths, _ALIASING_OF_MAPS)
+        x_new, x_lost = polynomials(step, np.arange(m), lengths, FACTORS)
         B_new, B_lost = polynomials(step, np.arange(m, m + m * n), of_frame)
     except ProofError:
         raise ProofError(_ROUGH) from None
@@ -60,7 +57,7 @@ def mapped(problem: Problem, front: Front, f: ca.Function) -> Front:
     y = ca.vertcat(x, e, off)
     of_errors = ca.jtimes(new, x, off), ca.jtimes(ca.jtimes(new, x, e), x, e)
     errors = common("errors", [y, p, t], [ca.densify(part) for part in of_errors])
-    require_known("the law of a sampled value", errors)
+    require_known("the laws of sampled values", errors)
     beside = above(front.x_error + front.B_error @ front.w)
     reach = above(ch.sums(front.B, d) @ front.w + beside)
     centres = np.zeros((3 * n, *lengths))
@@ -80,14 +77,14 @@ def mapped(problem: Problem, front: Front, f: ca.Function) -> Front:
 
 
 def require_known(where: str, *functions: ca.Function) -> None:
-    """ProofError where functions have operations without a remainder."""
+    """ProofError if functions have operations without an extension to discs."""
     if unknown := ", ".join(name for f in functions for name in Tape(f).unknown(discs.OPERATIONS)):
-        raise ProofError(f"there is no remainder of {unknown}, which is in {where}")
+        raise ProofError(f"{where} contain {unknown}, and proofs do not support this operation")
 
 
 def drifted(problem: Problem, front: Front, late: float) -> Front:
-    """The front with all states that it has within a short time before and after; ProofError if rates are too large."""
-    room = _ROOM_OF_ROUNDED_TIME * problem.scales
+    """The front with all states within a time `late` before and after [s]. ProofError if the rates are too large."""
+    room = SAME * problem.scales  # states hardly move between an instant and its rounded time
     reach = above(ch.sums(front.B, problem.d) + front.B_error) @ front.w + front.x_error + room
     around = still(problem, front.t - 2 * late, front.x, 4 * late)
     moved = above(late * bounds_of(problem.rate_tape, around, above(reach))[0])
@@ -97,7 +94,7 @@ def drifted(problem: Problem, front: Front, late: float) -> Front:
 
 
 def _with(array: Array, which: Indices, rows: Array) -> Array:
-    """The array with other rows."""
+    """The array with new rows at the places `which`."""
     found = array.copy()
     found[which] = rows
     return found

@@ -8,14 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from symmb._magnitudes import SAME, SLIGHT
 from symmb._types import Array
 
-_SCALE = 1e-9
-"""Width or deviation, relative to the scale of an output, below which it counts as zero."""
 _NOISE = 10.0
 """Largest value of an output, relative to the noise of runs, below which the output counts as zero."""
-_COVER = 1e-6
-"""How far `outer` may miss the reference and still count as covering it, relative to the largest reference width."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +98,7 @@ class Yardstick:
     def _negligible(self) -> Array:
         scale = np.maximum(_largest(self.lower), _largest(self.upper))
         noise = _NOISE * (np.zeros(len(scale)) if self.noise is None else self.noise)
-        return np.where(scale <= noise, noise, _SCALE * scale)
+        return np.where(scale <= noise, noise, SAME * scale)
 
     def _unit(self, size: Array) -> Array:
         """The divisor of deviations: 1 for outputs without width."""
@@ -119,7 +116,7 @@ class Yardstick:
         width = self.upper - self.lower
         known = np.where(np.isnan(self.uncertainty), 0.0, self.uncertainty)
         uncertainty = known * self._unit(_rms(width))
-        share = np.maximum(_COVER * _largest(width), uncertainty)
+        share = np.maximum(SLIGHT * _largest(width), uncertainty)  # a smaller miss still counts as covered
         return np.where(self.zero_width, np.maximum(share, self._negligible), share)
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from symmb._magnitudes import ROUNDING
 from symmb._types import Array
 from symmb.study.ladders import CONTROLLED
 from symmb.study.trials import Trial, by_family, by_reason
@@ -13,8 +14,6 @@ AGREEMENT = 1e-4
 """Largest difference at which two tolerances, or two solvers, confirm each other."""
 ENERGY = 1e-4
 """Largest drift of energy of a confirmed solution, relative to the largest kinetic energy."""
-_NOISE = 1e-12
-"""Size of an output, relative to the largest value of its unit, below which the output is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,5 +114,5 @@ def _deviation(true: Array, units: Sequence[str]) -> Array:
     """
     largest, deviation = np.abs(true).max(axis=0), np.std(true, axis=0)
     of_unit = np.array([max(largest[k] for k in range(len(units)) if units[k] == unit) for unit in units])
-    constant = np.where(largest > _NOISE * of_unit, largest, np.maximum(of_unit, 1e-300))
-    return np.where(deviation > _NOISE * of_unit, deviation, constant)
+    constant = np.where(largest > ROUNDING * of_unit, largest, np.maximum(of_unit, 1e-300))
+    return np.where(deviation > ROUNDING * of_unit, deviation, constant)

@@ -156,5 +156,5 @@ def test_operation_without_extension_is_named():
 
 
 def test_argument_outside_the_domain():
-    with pytest.raises(PropagationError, match=r"sqrt of \[-2, -1\], outside its domain \(0.0, inf\)"):
+    with pytest.raises(PropagationError, match=r"argument of sqrt is in \[-2, -1\], outside the domain \(0.0, inf\)"):
         _bounds(lambda x: ca.sqrt(x), x=(-2, -1))

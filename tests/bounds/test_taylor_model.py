@@ -109,9 +109,9 @@ def test_errors_of_a_solver_are_no_doubt_about_a_proof():
     [
         (
             lambda: _door_on_two_hinges(offset=(-1e-3, 1e-3)),
-            r"rows of constraints depend on others \(.*er\), which is not proved",
+            r"rows of constraints depend on others \(.*er\), and it cannot prove",
         ),
-        (bouncing_ball.scene, "the scene has impacts"),
+        (bouncing_ball.scene, "cannot prove bounds for scenes with impacts"),
     ],
     ids=["redundant", "impact"],
 )
@@ -204,7 +204,7 @@ def test_a_spring_that_holds_a_mass_in_equilibrium():
 
 
 def test_an_operation_without_remainder_is_refused_by_name():
-    with pytest.raises(mb.PropagationError, match="no remainder of floor"):
+    with pytest.raises(mb.PropagationError, match="does not support floor"):
         mb.propagate(formulas(lambda p: {"f": ca.floor(p.x)}, x=(0.0, 1.0)), mb.TaylorModel())
 
 
@@ -213,14 +213,14 @@ def test_an_operation_without_remainder_is_refused_by_name():
 )
 def test_a_switch_without_remainder_is_refused_by_name(window):
     scene = particle(lambda p, mass: ca.if_else(window(mb.t) > 0, p.a, 0), [0.0, 1.0], {}, a=(1, 2))
-    refused("no remainder of floor", mb.propagate, scene, mb.TaylorModel(), error=mb.PropagationError)
+    refused("does not support floor", mb.propagate, scene, mb.TaylorModel(), error=mb.PropagationError)
 
 
 @pytest.mark.parametrize("formula", [ca.fabs, lambda k: 1 / k, ca.sqrt], ids=["corner", "pole", "root"])
 def test_a_scene_whose_only_output_is_not_smooth_has_no_bounds(formula):
     p = mb.Parameters(k=1.0)
     scene = mb.Scene(mb.System(parameters=p), outputs={"f": formula(p.k)}, box=mb.Box(k=(-1.0, 1.0)))
-    with pytest.warns(mb.SymmbWarning, match="not proved at any time: an output cannot be shown to be smooth"):
+    with pytest.warns(mb.SymmbWarning, match="not proved at any time: no output can be shown to be smooth"):
         bounds = mb.propagate(scene, mb.TaylorModel())
     assert np.isinf(bounds.upper).all() and np.isinf(bounds.lower).all()
 

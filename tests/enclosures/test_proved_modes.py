@@ -93,7 +93,7 @@ def test_a_steady_motion_in_turning_coordinates_is_refused():
     others = [element for element in motion.scene.system.elements if not isinstance(element, mb.Gravity)]
     system = mb.System(*others, mb.Gravity(0, 0, -p.g), parameters=p)
     scene = mb.Scene(system, motion.scene.start, guess=motion.scene.guess, box=mb.Box.around(p, 1e-3))
-    with pytest.raises(mb.PropagationError, match="steady only in coordinates that turn"):
+    with pytest.raises(mb.PropagationError, match="steady only in rotating coordinates"):
         mb.propagate(mb.ModalSimulator(scene), mb.TaylorModel(3))
 
 
@@ -116,7 +116,7 @@ def test_flutter_of_two_rods_under_a_follower_force(damping):
     box = mb.Box.around(column.system.parameters, 0.02, ["k"])
     limit = mb.critical(column, "F", (0.1, 60.0))
     if not damping:
-        with pytest.raises(mb.PropagationError, match="more than one eigenvalue"):
+        with pytest.raises(mb.PropagationError, match="several eigenvalues are imaginary or 0"):
             mb.propagate(limit, mb.TaylorModel(3), box)
         return
     bounds = mb.propagate(limit, mb.TaylorModel(5), box)
@@ -139,7 +139,7 @@ def two_rods():
 
 def test_a_limit_that_another_one_precedes_in_a_part_of_the_box():
     limit = two_rods()
-    with pytest.raises(mb.PropagationError, match=r"at a = .*, b = .*, stability changes at other values"):
+    with pytest.raises(mb.PropagationError, match=r"at a = .*, b = .*, stability changes at values that do not"):
         mb.propagate(limit, mb.TaylorModel(3), mb.Box(a=(3.5, 6.5), b=(3.0, 8.0)))
     bounds = mb.propagate(limit, mb.TaylorModel(3), mb.Box(a=(3.5, 4.5), b=(5.0, 8.0)))
     np.testing.assert_allclose([bounds.lower.item(), bounds.upper.item()], [3.5, 4.5], rtol=1e-6)

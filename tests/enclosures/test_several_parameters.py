@@ -178,7 +178,7 @@ def test_rounded_quadratic_drag_beside_outputs_with_kinks():
 @pytest.mark.parametrize(
     ("law", "cause"),
     [
-        (lambda w: w * ca.fabs(w) ** 0.5, "'hinge.angle_rate' comes to 0, where a law may have infinite derivatives"),
+        (lambda w: w * ca.fabs(w) ** 0.5, "'hinge.angle_rate' comes to 0. A law may have infinite derivatives there"),
         (lambda w: w * ca.sqrt(w**2 + 1e-6), "has no bound over the box"),
     ],
 )

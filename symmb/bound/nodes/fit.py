@@ -14,11 +14,11 @@ from symmb.bound.nodes.tensor_transform import transform_axes
 from symmb.bound.polynomials import Basis, MultiIndices, TensorDegree, basis_values, mean_squares
 
 SMALLEST_EIGENVALUE = 0.01
-"""Least eigenvalue of the normalised Gram matrix, which is 1 for an exact quadrature. Below it the successful nodes
-determine some polynomial ten times less accurately than the others, and the fit is refused. tests/nodes/test_fit.py"""
+"""Smallest eigenvalue of the normalised Gram matrix of a fit. It is 1 for an exact quadrature. Below this limit, the
+successful nodes determine some polynomial ten times less accurately than the others. tests/nodes/test_fit.py"""
 
 MOST_PRODUCTS = 10**6
-"""Most products of a basis: their multi-indices take a second to find."""
+"""Most products of a basis. Their multi-indices take a second to compute."""
 
 LARGEST_INVERSE = 1e8
 """Largest entry of V^-1. Above it rounding leaves fewer than eight digits of the coefficients."""
@@ -56,12 +56,12 @@ class Fit:
         """The fit of an order with d parameters. The nodes must determine the polynomials of the basis."""
         request = f"{basis!r} of order {order} in {d} parameters"
         if order > MOST_ORDER:
-            raise PropagationError(f"{request}: the highest order is {MOST_ORDER}.")
+            raise PropagationError(f"{request}: the highest order is {MOST_ORDER}. Use a lower order.")
         sizes = [getattr(part, "size", None) for part in (rule, basis)]
         n_nodes, n_basis = (size(d, order) if size else 1 for size in sizes)
         if n_basis > MOST_PRODUCTS:
             raise PropagationError(f"{request} has {n_basis:.3g} products, more than the {MOST_PRODUCTS:.0e} allowed.")
-        require_runs(rule, n_nodes, f"They are asked for by {request}. Use a lower order, or SparseGrid(Leja()).")
+        require_runs(rule, n_nodes, f"They are needed for {request}. Use a lower order, or SparseGrid(Leja()).")
         tensor = isinstance(rule, Rule) and isinstance(basis, TensorDegree)
         matrix = 0 if tensor else 3 * n_nodes * n_basis
         require_memory(rule, f"nodes and coefficients of {request}", 4 * d * (n_nodes + n_basis) + matrix)

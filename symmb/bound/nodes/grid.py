@@ -43,7 +43,7 @@ class Grid:
         return missing
 
     def add(self, indices: set[Index]) -> None:
-        """More indices, in the order of their degree."""
+        """Add indices, in the order of their degrees."""
         for index in sorted(indices, key=lambda a: (sum(a), a)):
             self.row[index] = len(self.row)
         for derived in ("alpha", "nodes", "_tensors"):
@@ -56,14 +56,14 @@ class Grid:
 
     @cached_property
     def alpha(self) -> MultiIndices:
-        """(N, d)."""
+        """(N, d) multi-indices in the order of `row`."""
         alpha = np.array(list(self.row), dtype=np.intp).reshape(-1, self.d)
         alpha.flags.writeable = False  # expansions share it
         return alpha
 
     @cached_property
     def nodes(self) -> Array:
-        """(N, d) in [-1, 1]."""
+        """(N, d) nodes in [-1, 1]."""
         return line(int(self.alpha.max(initial=0)) + 1)[self.alpha]
 
     def coefficients(self, *blocks: Array, rows: Indices | None = None) -> Array:
@@ -75,7 +75,7 @@ class Grid:
 
     @cached_property
     def _tensors(self) -> list[Tensor]:
-        """The tensor grids in the sum of differences."""
+        """The tensor grids of the sparse interpolant, with their factors."""
         tensors = []
         for index, sign in self._signs().items():
             shape = tuple(k + 1 for k in index)

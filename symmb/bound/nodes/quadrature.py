@@ -14,9 +14,9 @@ from symmb._types import Array
 from symmb.bound.polynomials import homogeneous
 
 MOST_ORDER = 1000
-"""Highest degree of a rule: the nodes of a higher one take longer than a second to find."""
+"""Highest degree of a rule. Nodes of higher degrees take longer than a second to compute."""
 _MOST_HALVINGS = 60
-"""Halvings of an interval of at most unit length: more than the binary digits of a number."""
+"""Halvings of an interval with a length of at most 1: more than the binary digits of a number."""
 
 
 class Nodes(Protocol):
@@ -249,7 +249,7 @@ def tensor(lines: list[tuple[Array, Array]]) -> tuple[Array, Array]:
 
 
 def _merged(nodes: Array, weights: Array) -> tuple[Array, Array]:
-    """Merges equal nodes, and leaves out those whose weights cancel."""
+    """Nodes and weights after equal nodes are merged. Nodes with cancelling weights are removed."""
     rounded = nodes.round(12) + 0.0  # 0 is not -0
     _, first, group = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
     total: Array = np.bincount(group.ravel(), weights).astype(float)

@@ -1,4 +1,4 @@
-"""Coefficients of interpolants that are sums of those on tensor grids, and sums of squares of them, in compiled C."""
+"""Coefficients of sums of interpolants on tensor grids, and sums of squares of coefficients, in compiled C."""
 
 import ctypes
 import itertools
@@ -16,11 +16,11 @@ Tensor = tuple[Indices, list[Array], int]
 """Rows of the nodes of a tensor grid, a matrix for each parameter, and the factor of its interpolant in the sum."""
 
 _FEW_NUMBERS = 2**16
-"""Values, or coefficients that are squared, up to which a compiled loop is not worth its build."""
+"""Number of values, or of squared coefficients, up to which NumPy is used: compilation takes longer."""
 
 
 _SECONDS_PER_COEFFICIENT = 1e-7
-"""Time that a coefficient takes, at most. Higher degrees than 64 would take more."""
+"""Largest time for a coefficient of degrees up to 64 [s]."""
 
 
 class _Tensors(ctypes.Structure):
@@ -32,11 +32,11 @@ class _Tensors(ctypes.Structure):
         *((name, ctypes.c_void_p) for name in ("lengths", "matrices", "fits")),
     ]
     arrays: tuple[np.ndarray, ...]
-    """Which the pointers lead to."""
+    """The arrays to which the pointers point."""
 
 
 def interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows: Indices) -> Array:
-    """Coefficients (N, m) from blocks of values (.., m), of which rows (N,), counted through, are at the nodes."""
+    """Coefficients (N, m) from blocks of values (.., m). `rows` (N,) are the rows of all blocks at the nodes."""
     in_arrays = partial(_array_interpolants, tensors, blocks, rows)
     if blocks[0].shape[1] * len(rows) <= _FEW_NUMBERS:
         return in_arrays()
@@ -69,7 +69,7 @@ def _compiled_interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows:
 
 
 def _packed(tensors: list[Tensor], n: int) -> _Tensors:
-    """The tensors of n nodes. A matrix that several grids share stands once."""
+    """The tensors of n nodes for C. A matrix that several grids share is stored once."""
     rows, fits, factors = zip(*tensors, strict=True)
     axes = [[A for A in each if len(A) > 1] for each in fits]
     used = list(itertools.chain(*axes))
@@ -121,7 +121,7 @@ def _array_squares(coefficients: Array, groups: Sequence[Indices]) -> Array:
 
 
 def _ends(sizes: list[int]) -> Indices:
-    """Where parts of these sizes begin, and the end."""
+    """Starts of consecutive parts with these sizes, and the end of the last part."""
     return np.array([0, *itertools.accumulate(sizes)], dtype=int)
 
 

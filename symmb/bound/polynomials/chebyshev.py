@@ -26,7 +26,7 @@ class LowerSet:
 
     @classmethod
     def of(cls, alpha: MultiIndices) -> "LowerSet":
-        """The smallest one that contains alpha (n_b, d).
+        """The smallest lower set that contains alpha (n_b, d).
 
         Examples
         --------

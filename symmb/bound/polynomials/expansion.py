@@ -13,7 +13,7 @@ from symmb.bound.polynomials.legendre import MultiIndices, basis_values, mean_sq
 from symmb.results.files import NAMES, TIMES, Record, Saved, entry
 
 ROUNDING = 1e-12
-"""Share of an output's largest root mean square below which its standard deviation counts as zero."""
+"""Standard deviation, relative to the largest root mean square of the output, below which it counts as zero."""
 
 _SHARES = "shares of the variance, alone / with others, over all times"
 
@@ -68,7 +68,7 @@ class Expansion:
         return np.tensordot(basis_values(self.alpha, points), self.coefficients, axes=1)
 
     def without(self, parameters: Mask, outputs: Mask) -> "Expansion":
-        """One in which some parameters (d,) change nothing, and some outputs (n_y,) are constant."""
+        """The expansion without the terms of some parameters (d,), and with some constant outputs (n_y,)."""
         if not parameters.any() and not outputs.any():
             return self
         coefficients = self.coefficients.copy()

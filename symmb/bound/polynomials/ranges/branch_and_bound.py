@@ -12,9 +12,9 @@ from symmb.bound.polynomials.ranges.terms import FEW_TERMS, LANES, Terms, terms_
 from symmb.run.codegen import c_source, load, on_threads
 
 _SECONDS_PER_COEFFICIENT = 2.5e-5
-"""Time that a coefficient takes, of many parameters, with a budget of thousands of boxes."""
+"""Time for a coefficient with many parameters and a budget of thousands of boxes [s]."""
 _MOST_LEVELS = 64
-"""Halvings of a parameter after which a box is as small as rounding allows."""
+"""Halvings of a parameter after which the size of a box is below rounding."""
 
 
 class _Basis(ctypes.Structure):
@@ -56,7 +56,7 @@ def compiled_ranges(
 ) -> tuple[Array, ...]:
     """Bounds, points and gaps of polynomials with Legendre coefficients (n_b, m), as in ``Extremes``.
 
-    Unless it proves bounds, values at the points are given where the budget runs out.
+    Without `proves`, the result contains values at the points if the budget is used up.
     """
     tables = _tables(terms.products)
     b, (n_given, m) = tables.basis, legendre.shape

@@ -19,8 +19,8 @@ from symmb.run.codegen import with_compiler
 RANGE_ERROR = 1e-5
 """Accuracy of a range over its width, by branch and bound."""
 RANGE_WORK = 200_000
-"""Coefficients in all boxes that such a search may take, as ranges over many parameters stay unproved anyway. The best
-values that were found count then."""
+"""Most coefficients in all boxes of a search by branch and bound. Ranges over many parameters remain unproved anyway,
+and the best values found are used."""
 _MOST_COEFFICIENTS = 2**14
 """Most Bernstein coefficients of a polynomial that is bounded without a C compiler."""
 

@@ -4,15 +4,16 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from symmb._limits import windows
+from symmb._magnitudes import SAME
 from symmb._types import Array
 from symmb.bound.polynomials.legendre import MultiIndices
 
 _SAMPLES_PER_DEGREE = 4
 """Samples along a parameter for each degree: enough to start from the deepest of several valleys."""
 _OTHER_STARTS = 3
-"""Searches from points of no meaning: they find most valleys that the others miss."""
-_SWEEPS, _GAIN = 30, 1e-9
-"""Most searches along each parameter, and the gain over the largest coefficient below which they end."""
+"""Number of searches from random points: they find most valleys that the other searches miss."""
+_SWEEPS = 30
+"""Most searches along each parameter."""
 
 
 def searched_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Array, Array]:
@@ -43,7 +44,7 @@ def _minima(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array]:
 def _descended(alpha: MultiIndices, coefficients: Array, x: Array) -> tuple[Array, Array]:
     x, d = x.copy(), alpha.shape[1]
     factors = [legendre.legvander(x[:, k], int(alpha[:, k].max()))[:, alpha[:, k]].T for k in range(d)]
-    value, floor = np.full(x.shape[0], np.inf), _GAIN * np.abs(coefficients).max(axis=0, initial=0.0)
+    value, floor = np.full(x.shape[0], np.inf), SAME * np.abs(coefficients).max(axis=0, initial=0.0)
     for _ in range(_SWEEPS):
         before = value
         for k in range(d):

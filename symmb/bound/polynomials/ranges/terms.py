@@ -10,7 +10,7 @@ from symmb.bound.polynomials.chebyshev import LowerSet
 from symmb.run.codegen import c_number
 
 LANES = int(c_number("polynomial_ranges", "W"))
-"""Coefficients are padded to multiples of it, with at least one zero, which stands for all products outside the set."""
+"""Coefficients are padded to a multiple of this number, with at least one zero for all products outside the set."""
 FEW_TERMS = 64
 """Coefficients up to which one full matrix is the fastest change of basis."""
 
