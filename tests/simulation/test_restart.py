@@ -127,7 +127,7 @@ def test_runs_that_cannot_be_gone_on_from_are_refused(tmp_path):
     with pytest.raises(mb.DeclarationError, match="the run has failed"):
         scene.starting_at(replace(run, x=run.x * np.nan))
     run.save(tmp_path / "run.npz")
-    with pytest.raises(mb.DeclarationError, match=r"Give Trajectory\.load the scene"):
+    with pytest.raises(mb.DeclarationError, match=r"Pass the scene: Trajectory\.load"):
         scene.starting_at(mb.Trajectory.load(tmp_path / "run.npz"))
     read = scene.starting_at(mb.Trajectory.load(tmp_path / "run.npz", scene))
     refused(r"a run that ended at 1\.0 s\. Begin there", read.with_times, [0.0, 2.0])

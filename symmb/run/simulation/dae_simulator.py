@@ -229,6 +229,8 @@ class DAESimulator(WithWarnings):
     def expression(self) -> ca.Function:
         """The outputs y (p, t) of a scene without bodies: they are plain expressions."""
         if self.dae.n_q:
-            raise AttributeError("The outputs depend on the motion of bodies. They are not expressions of p and t alone.")
+            raise AttributeError(
+                "The outputs depend on the motion of bodies. They are not expressions of p and t alone."
+            )
         p, t = ca.SX.sym("p", len(self.parameters)), ca.SX.sym("t")
         return ca.Function("expression", [p, t], [self.y(ca.SX(0, 1), p, t)])

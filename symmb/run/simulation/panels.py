@@ -87,12 +87,12 @@ class Panels:
 
     @cached_property
     def misfit(self) -> Array:
-        """(n_c, n) about how far curves in the middle are off what the ends tell, as far as they are not smooth."""
+        """Estimated errors (n_c, n): difference of the rate in the middle from the rate that the ends predict."""
         e0, d0, _, dm, e1, d1 = self._ends
         return np.abs(dm / 2 - 0.75 * (e1 - e0) + (d0 + d1) / 8)
 
     def is_exact(self, sizes: Array) -> Mask:
-        """(n_c, n) whether the polynomials stand for curves, whose sizes are (N, n_c) for each sample."""
+        """Mask (n_c, n) of panels whose polynomials represent the curves. `sizes` (N, n_c) are sizes of the curves."""
         e0, d0, em, _, e1, d1 = self._ends
         size, cubic = sizes.T[:, self.sample], np.abs(em - (e0 + e1) / 2 - (d0 - d1) / 8)
         most = (_EXACT / _ROUGH) ** 2 * size * size * size

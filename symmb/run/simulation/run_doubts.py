@@ -111,7 +111,9 @@ def _gap_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
     if values[k, i] >= -_BELOW * dae.scales.length:
         return ()
     name = dae.impacts.names[i]
-    return (f"The gap of Impact {name!r} is {values[k, i]:.3g} m at t = {states.t[k]:.6g} s: the run missed an impact.",)
+    return (
+        f"The gap of Impact {name!r} is {values[k, i]:.3g} m at t = {states.t[k]:.6g} s: the run missed an impact.",
+    )
 
 
 def _element_doubts(runs: PilotRuns, trajectory: Trajectory) -> Iterator[str]:

@@ -97,9 +97,7 @@ def with_options(scene: Scene, times: Sequence[float] | Array | None, outputs: M
 def require_own(subject: object, solver: object, times: object, outputs: object) -> None:
     """Raise a DeclarationError if a simulator is given options that only a scene accepts."""
     if solver is not None or times is not None or outputs is not None:
-        raise DeclarationError(
-            f"{subject!r} has its own solver, times and outputs. Pass a Scene to choose other ones."
-        )
+        raise DeclarationError(f"{subject!r} has its own solver, times and outputs. Pass a Scene to choose other ones.")
 
 
 def prepare(scene: Scene, solver: Solver | str | None = None) -> DAESimulator:
