@@ -125,16 +125,16 @@ class Differentiable:
         if not names:
             return ""
         return (
-            f"Derivatives for {', '.join(names)} are not valid from t = {kink[0]:g} s on: they ignore the {kink[1]} that "
-            "the run meets at this time. Compare with runs at nearby parameters, as by sweep."
+            f"Derivatives for {', '.join(names)} are not valid from t = {kink[0]:g} s on: they ignore the {kink[1]} "
+            "that the run meets at this time. Compare with runs at nearby parameters, as by sweep."
         )
 
     def require_shape(self, shape: Sequence[int]) -> None:
         """Raise a DeclarationError unless the shape is (..., n_p)."""
         if not shape or shape[-1] != len(self._columns):
             raise DeclarationError(
-                f"{self._owner}: expected an array of shape (..., {len(self._columns)}) with {', '.join(self.parameters)}, "
-                f"got an array of shape {tuple(shape)}."
+                f"{self._owner}: expected an array of shape (..., {len(self._columns)}) with "
+                f"{', '.join(self.parameters)}, got an array of shape {tuple(shape)}."
             )
 
     def _samples(self, P: Array) -> Array:

@@ -108,7 +108,7 @@ class Panels:
         return np.asarray(B, dtype=float)
 
     def bends(self) -> Array:
-        """Times (n_c, n) at which the tangents at both ends intersect [s]: a kink is close. nan without intersection."""
+        """Times (n_c, n) at which the tangents at both ends intersect [s]: a kink is close. nan if they do not."""
         e0, d0, _, _, e1, d1 = self._ends
         with np.errstate(all="ignore"):
             x = (e1 - e0 - d1) / (d0 - d1)

@@ -32,7 +32,7 @@ from symmb.run.verification import Examination, work_of
 
 _POSITION_DRIFT, _ENERGY_DRIFT, _SINGULAR_ENERGY_DRIFT = 1e-6, 1e-4, 1e-6
 """Largest drifts of an accepted run: of positions over the size of the scene, of energy over the kinetic energy, and of
-energy in a run through a singular position. Above them other solvers are tried. Calibrated by tests/test_problems.py."""
+energy in a run through a singular position. Above them other solvers are tried. Calibration: tests/test_problems.py."""
 _NEIGHBOURS, _NEIGHBOUR_DISTANCE = 7, 1e-3
 """Number of pilot runs beside the nominal one, and the largest relative distance of their parameters."""
 MANY = 20_000

@@ -94,7 +94,7 @@ class Sweep(plot.OverTime, Result, WithWarnings, Saved):
         return len(self.values)
 
     def __getitem__(self, name: str) -> Array:
-        """An output of all runs: (N, n_t), or (m_1, ..., m_d, n_t) over a grid. A scalar output has no axis of times."""
+        """An output of all runs: (N, n_t), or (m_1, ..., m_d, n_t) over a grid. A scalar output has no time axis."""
         name = require_name("Sweep", "output", name, self.names)
         values = self.values[:, :, self.names.index(name)].reshape(*self._shape, len(self.t))
         return values[..., 0] if name in self.figures else values

@@ -21,8 +21,8 @@ number of velocities. This takes seconds."""
 _CLOSER, _NEAR = 2, 2000
 """Number of examinations of a run that fails, each closer to its failure, and largest number of times of each."""
 _EXAMINED = 1e-6
-"""Drift of energy over the largest kinetic energy at the examined times. Above this value, a second run looks for larger
-kinetic energies between these times."""
+"""Drift of energy over the largest kinetic energy at the examined times. Above this value, a second run looks for
+larger kinetic energies between these times."""
 _STILL = 1e-20
 """Kinetic energy over that of a motion of the scene's size, below which all speeds are rounding."""
 _ROUNDING = 1e-14
@@ -172,8 +172,8 @@ class Examination:
             energy *= not self._falls_with_tolerance()
         if self._is_unexplained(position):
             return (
-                f"The run violates its constraints by {position:.0e} of its size: constraints contradict each other, or "
-                "a position is nearly singular.",
+                f"The run violates its constraints by {position:.0e} of its size: constraints contradict each other, "
+                "or a position is nearly singular.",
             )
         if self._rtol is None and energy > _OF_STEPS and self.program.bodies.dae.Phi_t is None:
             return (
