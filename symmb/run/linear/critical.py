@@ -145,7 +145,7 @@ def require_range(owner: str, scene: Scene, parameter: str, range: tuple[float, 
 
 
 def _growth(found: Eigenvalues) -> float:
-    """The largest positive real part of an eigenvalue [1/s], or else the largest negative one; zero parts are ignored."""
+    """The largest positive real part of an eigenvalue [1/s], or else the largest negative one."""
     real = found.values.real
     growing, decaying = real[real > found.errors], real[real < -found.errors]
     return float(growing.max(initial=0.0) or decaying.max(initial=-np.inf))

@@ -44,8 +44,8 @@ def eigenvalues(A: Array) -> Eigenvalues:
     """The eigenvalues of A (n, n).
 
     The null space of A is split off until the remaining matrix is regular. So chains of free motions, as of a position
-    and its rate, have eigenvalues 0, and not the square root of rounding (Golub & Van Loan, Matrix Computations, section
-    7.6.5).
+    and its rate, have eigenvalues 0, and not the square root of rounding (Golub & Van Loan, Matrix Computations,
+    section 7.6.5).
     """
     from scipy.linalg import get_lapack_funcs
 

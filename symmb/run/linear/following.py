@@ -39,9 +39,9 @@ class Followed:
 def followed(at: Callable[[float], tuple[Eigenvalues, Array]], start: tuple[Eigenvalues, Array]) -> Followed:
     """Follow all oscillations along a way from 0 to 1.
 
-    `at` returns eigenvalues and shapes (n_z, n) at a fraction of the way. Steps are halved until the shapes of each mode
-    at both ends of a step overlap by `_ALIKE`, and no two frequencies change their order. Frequencies that change their
-    order within the shortest step cross, if the shapes stay alike.
+    `at` returns eigenvalues and shapes (n_z, n) at a fraction of the way. Steps are halved until the shapes of each
+    mode at both ends of a step overlap by `_ALIKE`, and no two frequencies change their order. Frequencies that change
+    their order within the shortest step cross, if the shapes stay alike.
     """
     from scipy.optimize import linear_sum_assignment
 

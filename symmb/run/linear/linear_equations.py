@@ -57,8 +57,8 @@ class LinearEquations:
     ----------
     formulation : Formulation
     inputs : numbers of the parameters that are inputs
-    often : bool           whether blocks are computed for dozens of samples. Then whole matrices are derived. This takes
-                           as long as some dozen samples, and makes each sample about ten times faster
+    often : bool           whether blocks are computed for dozens of samples. Then whole matrices are derived. This
+                           takes as long as some dozen samples, and makes each sample about ten times faster
     """
 
     formulation: Formulation

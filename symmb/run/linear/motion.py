@@ -18,7 +18,7 @@ from symmb.run.simulation import Trajectory
 _PERIODS, _PICTURES = 3, 36
 """Number of oscillations of the motion, and of output times in each oscillation."""
 _TRAVEL, _TURN = 0.15, 0.25
-"""Largest displacement over the length of the scene, and largest angle [rad]: the motion is visible, and looks linear."""
+"""Largest displacement over the length of the scene, and largest angle [rad]: motions are visible, and look linear."""
 _PROJECTIONS = 4
 """Newton steps that close joints after large linear displacements: the last step moves parts by rounding only."""
 _STARTED = ("held", "solved", "free", "redundant")

@@ -22,8 +22,8 @@ _ASIDE = 1e-7
 _SAME = 1e-4
 """Largest relative difference of equal derivatives: a continuous derivative changes by some 1e-7."""
 _SHRINKS, _NOISE = 0.9, 1e-12
-"""Factor on a difference of forces at half the distance: it is 1/2 for a continuous force, and 1 for a jump. And rounding
-of a difference over the rates at displacements of the scene's size."""
+"""Factor on a difference of forces at half the distance: it is 1/2 for a continuous force, and 1 for a jump. And
+rounding of a difference over the rates at displacements of the scene's size."""
 
 
 @dataclass(frozen=True, eq=False)

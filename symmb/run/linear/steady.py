@@ -1,8 +1,8 @@
 """Steady motions, and the turning coordinates that make their linear equations constant.
 
 Deviations z from a motion satisfy z' = A(t) z. The eigenvalues of A decide about stability only if A is constant, as at
-an equilibrium. The motion of a wheel that rolls evenly is steady as well, but the coordinates of the wheel turn with it,
-and A turns with them. In turned coordinates z = exp(X t) w the equations are
+an equilibrium. The motion of a wheel that rolls evenly is steady as well, but the coordinates of the wheel turn with
+it, and A turns with them. In turned coordinates z = exp(X t) w the equations are
 
     w' = (exp(-X t) A exp(X t) - X) w
 
@@ -219,7 +219,7 @@ class SteadyMotion:
 
 
 def _generators(v_names: tuple[str, ...], n_z: int) -> Iterator[Array]:
-    """Rotations (n_z, n_z) of the displacements and velocities of each body: of its position, and of its orientation."""
+    """Rotations (n_z, n_z) of the displacements and velocities of each body: of its position, and of its axes."""
     n_v, numbers = len(v_names), {name: k for k, name in enumerate(v_names)}
     for kinds in (("vx", "vy", "vz"), ("omega_x", "omega_y", "omega_z")):
         for owner in dict.fromkeys(name.rpartition(".")[0] for name in v_names):

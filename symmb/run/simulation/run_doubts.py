@@ -79,8 +79,8 @@ def _switch_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
     stops = SwitchPasses(program.bodies.dae, program.times).stops(runs.x0, runs.p[None]).of(0)
     if np.isfinite(stops.sticks):
         return (
-            f"The motion sticks to a switch of a force at t = {stops.sticks:.6g} s. Fixed steps jump across this switch "
-            f"again and again: {SMOOTH}.",
+            f"The motion sticks to a switch of a force at t = {stops.sticks:.6g} s. Fixed steps pass this switch again "
+            f"and again: {SMOOTH}.",
         )
     times, span = stops.times[np.isfinite(stops.times)], np.ptp(program.times)
     if (share := len(times) * step / span) > _CROWDED:

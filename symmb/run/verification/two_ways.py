@@ -276,7 +276,7 @@ def _changes(way: Program, p: Array, level: float) -> Array:
 
 
 def changes_of_outputs(y: ca.Function, dae: DAE, X: Array, p: Array, t: Array, level: float) -> Array:
-    """Largest changes (n_y,) of outputs y(x, p, t) along a run X (n_t, n_x) if states change by `level` times their sizes."""
+    """Largest changes (n_y,) of outputs y(x, p, t) along states X (n_t, n_x) that change by a level of their sizes."""
     k = np.arange(1, X.shape[1] + 1)  # neither symmetry nor differences of states, as joint angles are, cancel these:
     shares = np.where(np.cos(k**1.5) > 0, 1.0, -1.0) * (1 + k * np.sqrt(1.25) % 1 / 2)
     shifted, here = (batch(y, states, p, t[:, None])[0] for states in (X + _SHIFT * shares * dae.state_sizes, X))
