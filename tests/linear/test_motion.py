@@ -23,7 +23,7 @@ def test_phases_of_a_complex_mode():
     assert max(*a[1], *b[1]) < 1e-25  # both are pure oscillations
     assert complex_b / complex_a == pytest.approx(ratio, rel=1e-9)
     assert abs(complex_a) == pytest.approx(size, rel=1e-2) and abs(np.angle(complex_a) - begin) < 0.2
-    assert "It is no run of the scene" in run.doubts[0]
+    assert "It is not a run of the scene" in run.doubts[0]
 
 
 def rods() -> mb.Scene:

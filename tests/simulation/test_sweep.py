@@ -125,7 +125,7 @@ def test_wrong_calls_are_told():
             lambda: mb.sweep(scene, {"kk": [1.0]}),
             lambda: mb.simulate(scene, parameters=[{"kk": 1}]),
         ],
-        "no run to make": [lambda: mb.simulate(scene, parameters=[])],
+        "parameters is empty": [lambda: mb.simulate(scene, parameters=[])],
         "nan is not a finite number": [lambda: mb.simulate(scene, parameters=[{"k": np.nan}])],
         "check=True applies to a single run": [lambda: mb.simulate(scene, parameters=[{}], check=True)],
         "Scene or a simulator": [lambda: mb.sweep("scene", {"k": [1.0]})],

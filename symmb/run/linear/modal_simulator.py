@@ -18,8 +18,8 @@ from symmb.run.linear.following import Followed, followed
 class ModalSimulator(BlackBox):
     """Frequencies f1, f2, ... [Hz] and damping ratios zeta1, zeta2, ... [-] of a scene at its start, for samples.
 
-    Modes are numbered by their frequencies at the nominal parameters. Each mode is followed to a sample by its shape, so
-    that it keeps its number if frequencies cross.
+    Modes are numbered by their frequencies at the nominal parameters. Each mode is followed to a sample by its shape,
+    so that it keeps its number if frequencies cross.
 
     Parameters
     ----------
