@@ -13,11 +13,12 @@ from symmb._errors import SymmbWarning
 from symmb._interrupts import carry, runs_of
 from symmb._names import ByName
 from symmb._types import Array
-from symmb.equations.model import DAE, Scene
+from symmb.equations.model import Scene
 from symmb.run.codegen import REASONS, SLOW, FailureCode, compiler_advice, has_compiler, with_compiler
 from symmb.run.formulations import Program, program_of
 from symmb.run.integrate import (
     CVODES,
+    STIFF,
     AugmentedLagrangian,
     DormandPrince,
     Rosenbrock,
@@ -27,6 +28,7 @@ from symmb.run.integrate import (
     some_states,
     stiffness,
 )
+from symmb.run.schemes import MOST_STEPS
 from symmb.run.simulation.trajectory import Trajectory
 from symmb.run.verification import Examination, work_of
 
@@ -35,6 +37,7 @@ _POSITION_DRIFT, _ENERGY_DRIFT, _SINGULAR_ENERGY_DRIFT = 1e-6, 1e-4, 1e-6
 energy in a run through a singular position. Above them other solvers are tried. Calibration: tests/test_problems.py."""
 _NEIGHBOURS, _NEIGHBOUR_DISTANCE = 7, 1e-3
 """Number of pilot runs beside the nominal one, and the largest relative distance of their parameters."""
+TOO_FAST = "a part of the motion decays too fast for explicit steps"
 MANY = 20_000
 """Steps of a run beyond which an implicit solver may be faster."""
 
@@ -84,11 +87,14 @@ class Candidates(NamedTuple):
     others: tuple[Solver, ...]
 
 
-def for_studies() -> Candidates:
-    """Candidates for many runs."""
+def for_studies(stiff: bool) -> Candidates:
+    """Candidates for many runs. For a stiff scene explicit solvers are not tried: they would exceed the step limit."""
     if not has_compiler():
-        return Candidates(_MANY_RUNS, *for_one_run(False, False)[1:])
-    return Candidates(DormandPrince(), Rosenbrock(), (*_SINGULAR, Rosenbrock(stabilization=AugmentedLagrangian())))
+        return Candidates(_STIFF if stiff else _MANY_RUNS, *for_one_run(stiff, False)[1:])
+    implicit, through = Rosenbrock(), Rosenbrock(stabilization=AugmentedLagrangian())
+    if stiff:
+        return Candidates(implicit, implicit, (through,))
+    return Candidates(DormandPrince(), implicit, (*_SINGULAR, through))
 
 
 def for_one_run(stiff: bool, switches: bool) -> Candidates:
@@ -163,13 +169,23 @@ def program_for_studies(scene: Scene, threads: int) -> tuple[Program, str]:
     def pilot(solver: Solver) -> Pilot:
         return _pilot_of_samples(program_of(scene, solver).cautious, threads)
 
-    program_of(scene, for_studies().first)  # refuses a scene that no solver can run as they do
-    solver, reason = choose(for_studies, pilot)
+    program = program_of(scene, for_studies(False).first)  # refuses a scene that no solver can run as they do
+    p = program.bodies.dae.p_nominal
+    x0, _ = program.bodies.start.states(p[None])
+    # Explicit steps are tried unless they certainly exceed their limit: up to it, they may still be faster.
+    stiff = Rosenbrock().runs_in_lanes(program.formulation.dae) and starts_stiff(program, x0, p, MOST_STEPS)
+    solver, reason = choose(partial(for_studies, stiff), pilot)
     program = program_of(scene, solver)
     if not (has_compiler() or program.is_stateless):
         warnings.warn(f"No C compiler found. {SLOW} {compiler_advice()}", SymmbWarning, stacklevel=2)
     form = program.formulation
-    return program, _joined(reason, str(form.kinks(program.times) or ""), form.why)
+    return program, _joined(TOO_FAST if stiff else "", reason, str(form.kinks(program.times) or ""), form.why)
+
+
+def starts_stiff(program: Program, x0: Array, p: Array, most: float = STIFF) -> bool:
+    """Whether the motion linearised about the start x0 (1, n_x) has more than `most` time constants in the horizon."""
+    X, dae = program.shortest_equations(x0, p)
+    return stiffness(dae, X, p, program.times[:1]).is_stiff(np.ptp(program.times), most)
 
 
 def _joined(*reasons: str) -> str:
@@ -289,16 +305,10 @@ class PilotRuns:
             where = f"{singularity}, " if singularity else ""
             doubt = f"{where}energy drifts by {trajectory.energy_drift:.0e}"
             return replace(pilot, doubt=doubt, drift=trajectory.energy_drift / limit)
-        states = trajectory.examination
-        return replace(pilot, slow=pilot.steps > MANY and self._is_stiff(states.x, states.t))
+        return replace(pilot, slow=pilot.steps > MANY and self._is_stiff(trajectory.examination))
 
-    @property
-    def starts_stiff(self) -> bool:
-        """Whether the motion linearised about the start is stiff over the horizon."""
-        X, dae = self.program.shortest_equations(self.x0, self.p)
-        return self._is_stiff(X, self.program.times[:1], dae)
-
-    def _is_stiff(self, X: Array, t: Array, dae: DAE | None = None) -> bool:
-        """Whether the motion linearised about some of the states X (m, n_x) at times t (m,) is stiff."""
-        some, dae = some_states(len(t)), dae or self.program.bodies.dae
-        return stiffness(dae, X[some], self.p, t[some]).is_stiff(np.ptp(self.program.times))
+    def _is_stiff(self, states: Examination) -> bool:
+        """Whether the motion linearised about some states of a run is stiff."""
+        some = some_states(len(states.t))
+        rates = stiffness(self.program.bodies.dae, states.x[some], self.p, states.t[some])
+        return rates.is_stiff(np.ptp(self.program.times))

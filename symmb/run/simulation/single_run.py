@@ -21,7 +21,7 @@ from symmb.run.formulations import program_of
 from symmb.run.integrate import EventDriven, Solver, solver_of
 from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_simulator import FigureSimulator
-from symmb.run.simulation.pilots import PilotRuns, choose, for_one_run, given_program
+from symmb.run.simulation.pilots import TOO_FAST, PilotRuns, choose, for_one_run, given_program, starts_stiff
 from symmb.run.simulation.run_doubts import SMOOTH, run_doubts
 from symmb.run.simulation.subject import (
     require_own,
@@ -183,14 +183,13 @@ def _simulated(runs: PilotRuns, check: bool, tolerances: Mapping[str, Any]) -> t
         solver, reason = runs.program.solver, runs.reason
         runs.run(solver)
     else:
-        stiff, ends = runs.starts_stiff, bodies.dae.sampling is not None
+        stiff, ends = starts_stiff(runs.program, runs.x0, runs.p), bodies.dae.sampling is not None
         switches = ends or bodies.kinks(times) is not None
         solver, reason = choose(
             partial(for_one_run, stiff, switches), lambda solver: runs.judge(_at(solver, tolerances))
         )
         solver = _at(solver, tolerances)
-        reason = f"a part of the motion decays too fast for explicit steps; {reason}" if stiff else reason
-        reason = "; ".join(filter(None, (reason, runs.program.forms.of(solver).why)))
+        reason = "; ".join(filter(None, (TOO_FAST if stiff else "", reason, runs.program.forms.of(solver).why)))
     run, trajectory = runs.done[solver]
     switches = bodies.kinks(times)
     if run.message:

@@ -227,7 +227,7 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
 
     @cached_property
     def examination(self) -> Examination:
-        """The examination of the run: drifts, singular positions and doubts."""
+        """The examination of the run: drifts, singular positions and warnings."""
         return self.run_examination or Examination.of(self._model[1], self._p, self.t, self.x, self.work)
 
     @cached_property
