@@ -124,7 +124,7 @@ def test_tolerances_of_impacts_figures_and_several_runs():
 def test_tolerances_beside_a_solver_are_refused(subject):
     subject = subject()
     solver = None if isinstance(subject, mb.DAESimulator) else mb.DormandPrince()
-    refused("rtol and atol are of the default solver", mb.simulate, subject, solver, rtol=1e-5)
+    refused("rtol= and atol= apply to the default solver", mb.simulate, subject, solver, rtol=1e-5)
     refused("rtol=2 must be a number", mb.simulate, scene(), rtol=2)
 
 

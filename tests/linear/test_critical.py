@@ -136,4 +136,4 @@ def test_faults():
     scene = bicycle.scene()
     refused("no parameter 'speed'", mb.critical, scene, "speed", (0, 1))
     refused("lower end of the range", mb.critical, scene, "v", (3, 1))
-    refused("bicycle is unstable for every v looked at from 1 to 2", mb.critical, scene, "v", (1, 2))
+    refused("bicycle is unstable at all tested values of v from 1 to 2", mb.critical, scene, "v", (1, 2))

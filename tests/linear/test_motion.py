@@ -23,7 +23,7 @@ def test_phases_of_a_complex_mode():
     assert max(*a[1], *b[1]) < 1e-25  # both are pure oscillations
     assert complex_b / complex_a == pytest.approx(ratio, rel=1e-9)
     assert abs(complex_a) == pytest.approx(size, rel=1e-2) and abs(np.angle(complex_a) - begin) < 0.2
-    assert "It is no run of the scene" in run.doubts[0]
+    assert "It is not a run of the scene" in run.doubts[0]
 
 
 def rods() -> mb.Scene:
@@ -79,8 +79,8 @@ def test_files(tmp_path, capsys):
 def test_refusals(tmp_path):
     lin = mb.linearize(pushing_oscillator(name="masses"))
     for number in (-1, 2, 0.0, True):
-        with pytest.raises(mb.DeclarationError, match=r"masses has no mode .*\. Its modes are 0 to 1"):
+        with pytest.raises(mb.DeclarationError, match=r"masses has no mode .*\. Numbers of modes: 0 to 1"):
             lin.motion(number)
     lin.save(tmp_path / "lin.npz")
-    with pytest.raises(mb.DeclarationError, match="it was read from a file"):
+    with pytest.raises(mb.DeclarationError, match="was read from a file"):
         mb.Linearization.load(tmp_path / "lin.npz").motion(0)

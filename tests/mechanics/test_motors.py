@@ -69,7 +69,7 @@ def test_its_torque_is_a_force_and_its_voltage_the_input():
     scene = driven()
     run = mb.simulate(scene)
     assert_allclose(run(scene.system.force("motor")), run["torque"], rtol=0, atol=0)
-    refused(r"inputs: that of Motor 'motor' is its voltage\. .*voltage=u\.value", mb.linearize, scene, inputs=["motor"])
+    refused(r"the input of Motor 'motor' is its voltage\. .*u\.value", mb.linearize, scene, inputs=["motor"])
 
 
 def test_faults_are_told():

@@ -127,3 +127,18 @@ def test_models_run_again_with_what_was_prepared(model, monkeypatch):
     first = mb.simulate(scene)
     monkeypatch.setattr(ca.Function, "__init__", lambda *_: pytest.fail("a Function is made anew"))
     assert_array_equal(mb.simulate(scene).x, first.x)
+
+
+@pytest.mark.parametrize("rate", [4e7, 9e8, 3e10])
+def test_no_explicit_steps_are_tried_over_a_decay_beyond_their_limit(rate):
+    """A damper of 1 s whose transient decays at a high rate, beside a spring: y = exp(-t) (1 + O(1 / rate))."""
+    p = mb.Parameters(k=100.0, rate=rate)
+    bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    force = mb.Force("damper", bob.point(0, 0), (-p.k * bob.x, -p.rate * (bob.vy + bob.y)))
+    system = mb.System(bob, force, parameters=p)
+    start = {"bob.x": 1.0, "bob.y": 1.0}
+    prepared = mb.DAESimulator(mb.Scene(system, start, np.linspace(0, 1, 5), {"x": bob.x, "y": bob.y}))
+    assert prepared.solver == mb.Rosenbrock() and "too fast for explicit steps" in prepared.reason
+    assert "DormandPrince" not in prepared.reason
+    (values,) = prepared.run([[90.0, rate]]).Y
+    np.testing.assert_allclose(values.T, [np.cos(np.sqrt(90.0) * prepared.times), np.exp(-prepared.times)], atol=1e-6)

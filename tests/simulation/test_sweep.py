@@ -125,24 +125,24 @@ def test_wrong_calls_are_told():
             lambda: mb.sweep(scene, {"kk": [1.0]}),
             lambda: mb.simulate(scene, parameters=[{"kk": 1}]),
         ],
-        "no run to make": [lambda: mb.simulate(scene, parameters=[])],
+        "parameters is empty": [lambda: mb.simulate(scene, parameters=[])],
         "nan is not a finite number": [lambda: mb.simulate(scene, parameters=[{"k": np.nan}])],
-        "check=True is of one run": [lambda: mb.simulate(scene, parameters=[{}], check=True)],
+        "check=True applies to a single run": [lambda: mb.simulate(scene, parameters=[{}], check=True)],
         "Scene or a simulator": [lambda: mb.sweep("scene", {"k": [1.0]})],
         "has its own solver": [lambda: mb.sweep(black_box, {"k": [1.0]}, times=[0, 1])],
         "no output 'y'": [lambda: mb.sweep(scene, {"k": [1.0]})["y"]],
         "no parameter 'b'": [lambda: mb.sensitivities(scene, ["b"]), lambda: mb.sensitivities(scene)["x", "b"]],
         "the list of parameters is empty": [lambda: mb.sensitivities(scene, [])],
-        "has 'k' twice": [lambda: mb.sensitivities(scene, ["k", "a", "k"])],
+        "contains 'k' twice": [lambda: mb.sensitivities(scene, ["k", "a", "k"])],
         "sensitivities: expected a Scene or a simulator": [lambda: mb.sensitivities(None)],
-        "there is no parameter": [lambda: mb.sensitivities(without_parameters)],
+        "there are no parameters": [lambda: mb.sensitivities(without_parameters)],
         "an output and a parameter": [lambda: mb.sensitivities(scene)["x"]],
     }
     for why, calls in wrong.items():
         for call in calls:
             with pytest.raises(mb.DeclarationError, match=why):
                 call()
-    with pytest.raises(mb.SimulationError, match="gives no derivatives"):
+    with pytest.raises(mb.SimulationError, match="has no derivatives"):
         mb.sensitivities(black_box)
 
 

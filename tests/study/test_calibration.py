@@ -247,7 +247,7 @@ def test_wrong_calls_are_told():
         "no output 'y'": lambda: mb.calibrate(scene, {"y": T}),
         "no parameter 'mass'": lambda: mb.calibrate(scene, {"x": T}, ["mass"]),
         "the list of parameters is empty": lambda: mb.calibrate(scene, {"x": T}, []),
-        "has 'fall' twice": lambda: mb.calibrate(scene, {"x": T}, ["fall", "speed", "fall"]),
+        "contains 'fall' twice": lambda: mb.calibrate(scene, {"x": T}, ["fall", "speed", "fall"]),
         "the 41 times of the scene": lambda: mb.calibrate(scene, {"x": T[:3]}),
         "its own times": lambda: mb.calibrate(scene, {"x": (T[:3], T)}),
         "times of 'x' start at -1 s, before": lambda: mb.calibrate(scene, {"x": (T - 1, T)}),

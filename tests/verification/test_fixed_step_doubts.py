@@ -23,7 +23,7 @@ def test_runs_that_are_visibly_wrong_are_doubted(solver, length, damping):
     for step in (0.1, 0.05, 0.02, 5e-4):
         run = mb.simulate(scene, solver(step))
         error = np.abs(run.values - right).max() / np.ptp(right)
-        told[error] = any("Take shorter ones" in doubt for doubt in run.doubts)
+        told[error] = any("Use shorter steps" in doubt for doubt in run.doubts)
         assert error < 0.04 or told[error]
         assert error > 0.005 or not told[error]
     assert len(set(told.values())) == 2

@@ -10,6 +10,9 @@ from symmb.declare.symbolic import batch, pattern
 from symmb.equations.model import DAE
 from symmb.run.integrate.initial_value_problem import build_problem
 
+STIFF = 2e3
+"""A motion is stiff if its horizon has more shortest time constants: explicit steps are about as long as one."""
+
 
 @dataclass(frozen=True)
 class Stiffness:
@@ -31,16 +34,12 @@ class Stiffness:
         """The rate that limits the step of explicit methods: their product must be below about 3."""
         return max(self.decay, self.frequency)
 
-    def is_stiff(self, span: float) -> bool:
-        """Whether the decay is so fast that the steps should not resolve it over this time [s].
+    def is_stiff(self, span: float, most: float = STIFF) -> bool:
+        """Whether steps over a time `span` [s] should not resolve the decay: it has more than `most` time constants.
 
         Near an unstable position motions decay as fast as others grow, which the steps must resolve.
         """
-        return self.decay * span > STIFF and self.decay > 10 * self.growth
-
-
-STIFF = 2e3
-"""A motion is stiff if its horizon holds more shortest time constants: explicit steps are about as long as one."""
+        return self.decay * span > most and self.decay > 10 * self.growth
 
 
 _MOST, _LARGEST, _ROUGH = 600, 6, 1e-2

@@ -1,6 +1,6 @@
-"""Linear equations of motion at a state: eigenvalues, modes, and how these depend on parameters.
+"""Linear equations of motion at a state, their eigenvalues and modes, and the effect of parameters on these.
 
-`linearize` gives one linearisation, `ModalSimulator` frequencies for samples of the parameters.
+`linearize` returns one linearisation. `ModalSimulator` computes frequencies for samples of the parameters.
 """
 
 from symmb.run.linear.critical import CriticalSimulator, critical, require_range

@@ -17,29 +17,30 @@ from symmb.run.linear.family import LinearFamily
 from symmb.run.simulation import scene_of
 
 _VALUES = 65
-"""Values of the parameter at which stability is looked at: a stable range must be wider than their distance."""
+"""Number of parameter values at which stability is tested: a stable range must be wider than their distance."""
 _ROUNDING = 1e-12
-"""Error of a critical value over the range, at which the search ends."""
+"""Error of a critical value over the range: the search ends at this error."""
 
 
 def critical(scene: Scene, parameter: str, range: tuple[float, float]) -> "CriticalSimulator":
-    """A simulator of the values of a parameter at which the smallest damping of a scene passes zero.
+    """A simulator of critical values of a parameter: the smallest damping of the scene is zero there.
 
-    Its other parameters are those of the scene. So the critical values get bounds like any output.
+    The parameters of the simulator are the other parameters of the scene. So critical values get bounds like any
+    output.
 
     Parameters
     ----------
     scene : Scene
-        one that starts in equilibrium, or in a steady motion, for every value in the range
+        a scene that starts in equilibrium, or in a steady motion, for every value in the range
     parameter : str
         such as a speed
     range : (lower, upper)
-        values that are searched
+        range of the search
 
     Raises
     ------
     DeclarationError
-        If there is no such parameter, the range is empty, or stability does not change in it
+        If the parameter is unknown, the range is empty, or stability does not change in the range
 
     Examples
     --------
@@ -56,7 +57,7 @@ def critical(scene: Scene, parameter: str, range: tuple[float, float]) -> "Criti
 
 
 class CriticalSimulator(BlackBox):
-    """What `critical` gives. With several critical values, outputs have numbers: v1, v2, ..."""
+    """The result of `critical`. If there are several critical values, their names have numbers: v1, v2, ..."""
 
     def __init__(self, scene: Scene, parameter: str, range: tuple[float, float]) -> None:
         scene = scene_of(scene)
@@ -73,7 +74,8 @@ class CriticalSimulator(BlackBox):
         if not found:
             state = "unstable" if _growth(self._eigen(self._rows(nominal)[:1])[0]) > 0 else "not unstable"
             raise DeclarationError(
-                f"critical: {scene.name} is {state} for every {parameter} looked at from {lower:g} to {upper:g}."
+                f"critical: {scene.name} is {state} at all tested values of {parameter} from {lower:g} to {upper:g}. "
+                "Pass another range."
             )
         if parameter in units:
             self.units = (units[parameter],) * len(found)
@@ -85,7 +87,10 @@ class CriticalSimulator(BlackBox):
         """The critical values (1, n_y)."""
         found = self._values(values)
         if len(found) != len(self.outputs):
-            raise SimulationError(f"stability changes at {len(found)} values of {self._parameter} in the range")
+            raise SimulationError(
+                f"stability changes at {len(found)} values of {self._parameter} in the range, but at "
+                f"{len(self.outputs)} values for the nominal parameters"
+            )
         return np.array(found)[None]
 
     def _values(self, others: Mapping[str, float]) -> list[float]:
@@ -94,7 +99,7 @@ class CriticalSimulator(BlackBox):
         return [self._root(P[k], P[k + 1]) for k in np.flatnonzero(np.diff(grows))]
 
     def _rows(self, others: Mapping[str, float]) -> Array:
-        """Parameters (n, n_p) at the values of the grid."""
+        """All parameters (n, n_p) at the n values of the grid."""
         fixed = np.insert(np.array(list(others.values())), self.number, 0.0)
         P = np.tile(fixed, (len(self._grid), 1))
         P[:, self.number] = self._grid
@@ -116,7 +121,7 @@ class CriticalSimulator(BlackBox):
         return cast(float, brentq(growth, *ends[:, self.number], xtol=width))
 
     def _eigen(self, P: Array) -> list[Eigenvalues]:
-        """Eigenvalues for parameters P (N, n_p)."""
+        """Eigenvalues for each row of parameters P (N, n_p)."""
         return [eigen for eigen, _ in self.family.eigen_of(P)]
 
     def __repr__(self) -> str:
@@ -124,7 +129,7 @@ class CriticalSimulator(BlackBox):
 
 
 def require_range(owner: str, scene: Scene, parameter: str, range: tuple[float, float]) -> tuple[float, float]:
-    """The ends of the range of a parameter; DeclarationError if there is no such parameter, or the range is empty."""
+    """The ends of the range of a parameter. Raise a DeclarationError if the name or the range is not valid."""
     require_name(owner, "parameter", parameter, list(scene.system.parameters))
     if isinstance(range, str) or (
         isinstance(range, tuple | list) and any(isinstance(end, str | tuple) for end in range)
@@ -140,12 +145,12 @@ def require_range(owner: str, scene: Scene, parameter: str, range: tuple[float, 
 
 
 def _growth(found: Eigenvalues) -> float:
-    """The largest real part of an eigenvalue [1/s] if one grows, else the largest of those that decay."""
+    """The largest positive real part of an eigenvalue [1/s], or else the largest negative one."""
     real = found.values.real
     growing, decaying = real[real > found.errors], real[real < -found.errors]
     return float(growing.max(initial=0.0) or decaying.max(initial=-np.inf))
 
 
 def _marginal(found: Eigenvalues) -> int:
-    """How many eigenvalues neither grow nor decay."""
+    """Number of eigenvalues whose real part is 0 to rounding."""
     return int(np.count_nonzero(np.abs(found.values.real) <= found.errors))

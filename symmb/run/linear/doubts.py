@@ -1,4 +1,4 @@
-"""What cannot be trusted about a linearisation."""
+"""Doubts about a linearisation."""
 
 from collections.abc import Iterator
 
@@ -11,21 +11,21 @@ from symmb.run.linear.steady import DOUBT, SteadyMotion
 from symmb.run.verification import AttachedLoads, deformation_doubts
 
 _TIMES, _GOLDEN = 21, 0.6180339887
-"""Later times at which A is compared, and the share of the horizon between them: they do not fall on whole periods."""
+"""Number of later times at which A is compared, and their distance over the horizon: no period fits such distances."""
 _CHANGE = 1e-3
-"""Change of an entry of A, over its largest one, from which it is not constant."""
+"""Change of an entry of A over the largest entry, above which A is not constant."""
 _TOO_HIGH = 0.05
-"""Share of a frequency by which it may be too high: deflections then lack 10 %."""
+"""Largest relative error of a frequency: then 10 % of the deflections are missing."""
 _PROMISED = 0.5
-"""Share of the highest frequency of a body's modes up to which oscillations should be right, beside the first one."""
+"""Frequency over the highest frequency of a body's modes, below which oscillations should be right."""
 _NAMED = 3
-"""Frequencies that a sentence names."""
+"""Largest number of frequencies in a sentence."""
 _MOST = 6
-"""Oscillations that are judged, from the lowest frequency on: higher ones are asked for by few."""
+"""Largest number of judged oscillations, from the lowest frequency on: few users need higher ones."""
 
 
 def doubts_of(scene: Scene, motion: SteadyMotion, blocks: Blocks, loads: tuple[AttachedLoads, ...]) -> tuple[str, ...]:
-    """Doubts about a scene that is linear next to a motion. The loads of its flexible bodies are the last outputs."""
+    """Doubts about the linearisation of a motion. The loads of flexible bodies are the last outputs of its blocks."""
     point, formulation = motion.point, motion.equations.formulation
     dae, X = formulation.in_bodies(point.x[None], point.p)
     own = motion.doubts or ((DOUBT,) if _varies(scene, motion, blocks) else ())
@@ -34,7 +34,7 @@ def doubts_of(scene: Scene, motion: SteadyMotion, blocks: Blocks, loads: tuple[A
 
 
 def _varies(scene: Scene, motion: SteadyMotion, blocks: Blocks) -> bool:
-    """Whether coefficients of the equations change with time where nothing moves, as a stiffness that is a law of t."""
+    """Whether coefficients change with time while nothing moves, as a stiffness that is a function of time."""
     point, end = motion.point, float(scene.times[-1])
     if motion.moves or end <= point.t:
         return False
@@ -46,10 +46,11 @@ def _varies(scene: Scene, motion: SteadyMotion, blocks: Blocks) -> bool:
 
 
 def _doubts_of_loads(some: tuple[AttachedLoads, ...], motion: SteadyMotion, blocks: Blocks) -> Iterator[str]:
-    """Which oscillations about a motion are too fast, for each flexible body. Its loads are the last outputs.
+    """Doubts about oscillations whose frequencies are too high, for each flexible body.
 
-    Modes leave out a compliance of their body. It has strain energy e under the loads of an oscillation, and the
-    frequency falls by the factor (1 + e / V)^(-1/2), V the potential energy of the oscillation (Rayleigh's quotient).
+    Modes neglect a compliance of their body. Under the loads of an oscillation it has the strain energy e. By
+    Rayleigh's quotient it lowers the frequency by the factor (1 + e / V)^(-1/2), with the potential energy V of the
+    oscillation.
     """
     if not some:
         return

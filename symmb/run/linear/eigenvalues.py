@@ -1,4 +1,4 @@
-"""Eigenvalues of real matrices with the error that rounding leaves in them."""
+"""Eigenvalues of real matrices, with their errors by rounding."""
 
 from dataclasses import dataclass
 from typing import cast
@@ -8,18 +8,18 @@ import numpy as np
 from symmb._types import Array, Indices, Mask
 
 _ROUNDING = 1e-13
-"""Relative error of the entries of a matrix: a few hundred roundings of the equations of motion."""
+"""Relative error of the entries of a matrix: a few hundred rounding errors of the equations of motion."""
 
 
 @dataclass(frozen=True, eq=False)
 class Eigenvalues:
-    """Eigenvalues of a real matrix by size, with positive imaginary parts before their conjugates.
+    """Eigenvalues of a real matrix, sorted by size. Of a conjugate pair, the positive imaginary part is first.
 
     Attributes
     ----------
-    values : (n,) complex      [1/s]; those of free motions, along which nothing changes, are exactly 0
+    values : (n,) complex      [1/s]; the values of free motions, which no force opposes, are exactly 0
     vectors : (n, n) complex   eigenvectors in columns
-    errors : (n,)              estimated errors of the values: rounding times the condition of each one [1/s]
+    errors : (n,)              estimated errors of the values: rounding times the condition of each value [1/s]
     """
 
     values: Array
@@ -28,12 +28,12 @@ class Eigenvalues:
 
     @property
     def oscillating(self) -> Mask:
-        """Which have a positive imaginary part (n,)."""
+        """Mask (n,) of the values with a positive imaginary part."""
         return self.values.imag > self.errors
 
     @property
     def damped(self) -> Array:
-        """The values (n,), with real part 0 where it is only rounding."""
+        """The values (n,). A real part that is rounding is set to 0."""
         return np.where(np.abs(self.values.real) <= self.errors, 1j * self.values.imag, self.values)
 
     def __getitem__(self, which: Indices) -> "Eigenvalues":
@@ -43,8 +43,9 @@ class Eigenvalues:
 def eigenvalues(A: Array) -> Eigenvalues:
     """The eigenvalues of A (n, n).
 
-    The null space of A is split off until what is left has none. So chains of free motions, as of a position and its
-    rate, have eigenvalues 0 and not the square root of rounding (Golub & Van Loan, Matrix Computations, sec. 7.6.5).
+    The null space of A is split off until the remaining matrix is regular. So chains of free motions, as of a position
+    and its rate, have eigenvalues 0, and not the square root of rounding (Golub & Van Loan, Matrix Computations,
+    section 7.6.5).
     """
     from scipy.linalg import get_lapack_funcs
 
@@ -60,7 +61,7 @@ def eigenvalues(A: Array) -> Eigenvalues:
 
 
 def _without_null_space(A: Array, rounding: float) -> Eigenvalues:
-    """The eigenvalues of A, whose entries have errors of that size."""
+    """The eigenvalues of A. The null space is split off; entries of A have errors of size `rounding`."""
     n = len(A)
     if not n:
         return Eigenvalues(np.zeros(0, complex), np.zeros((0, 0), complex), np.zeros(0))
@@ -78,10 +79,10 @@ def _without_null_space(A: Array, rounding: float) -> Eigenvalues:
 
 
 def _regular(A: Array, rounding: float) -> Eigenvalues:
-    """Those of a regular matrix.
+    """The eigenvalues of a regular matrix A, whose entries have errors of size `rounding`.
 
-    The condition of an eigenvalue is |x| |y| / |y' x| for its right and left eigenvectors, and a double one changes by
-    the square root of a change of A (Golub & Van Loan, Matrix Computations, sec. 7.2.2 and 7.2.3).
+    The condition of an eigenvalue is |x| |y| / |y' x| for its right and left eigenvectors x and y. A double eigenvalue
+    changes by the square root of a change of A (Golub & Van Loan, Matrix Computations, sections 7.2.2 and 7.2.3).
     """
     from scipy.linalg import eig
 

@@ -18,8 +18,8 @@ from symmb.run.verification import attached_loads, with_loads
 class LinearFamily:
     """The linearisation of a scene at its start as a function of its parameters.
 
-    A scene that starts neither in equilibrium nor in a steady motion is a SymmbWarning, and stands in `doubts`. So do
-    frequencies that modes of flexible bodies make too high at the nominal parameters.
+    A SymmbWarning is issued, and added to `doubts`, if the scene starts neither in equilibrium nor in a steady motion.
+    The same applies if modes of flexible bodies make frequencies too high at the nominal parameters.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -40,12 +40,12 @@ class LinearFamily:
         warn_of(self.doubts, f"Linearisation of {scene.name}")
 
     def eigen(self, p: Array) -> tuple[Eigenvalues, Array]:
-        """Eigenvalues and the displacements of their modes (n_v, n) over their sizes, for parameters p (n_p,)."""
+        """Eigenvalues for parameters p (n_p,), and the displacements (n_v, n) of their modes over their sizes."""
         (found,) = self.eigen_of(p[None])
         return found
 
     def eigen_of(self, P: Array) -> list[tuple[Eigenvalues, Array]]:
-        """The same for each row of P (N, n_p)."""
+        """The results of `eigen` for each row of parameters P (N, n_p)."""
         X, reasons = self._formulation.start.states(P)
         faults = [k for k, reason in enumerate(reasons) if reason]
         if faults:
@@ -61,10 +61,10 @@ class LinearFamily:
         return found
 
     def _reduced(self, blocks: Blocks, point: LinearizationPoint) -> tuple[Array, Array]:
-        """A (n, n) of one sample, and all displacements for its states (n_z, n).
+        """The matrix A (n, n) of one sample, and all displacements (n_z, n) for unit states.
 
-        Each sample has its own states. Those of another one may depend on each other here, as the heading of a bicycle,
-        which follows from its sideways motion only while it runs.
+        Each sample chooses its own independent states, because the states of another sample may be dependent here: the
+        heading of a bicycle follows from its sideways motion only if it runs.
         """
         free = free_states(self._equations, blocks)
         motion = SteadyMotion(self._equations, point, blocks, free)

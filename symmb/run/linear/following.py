@@ -1,4 +1,4 @@
-"""Modes followed along a way through the parameters by their shapes."""
+"""Modes that are followed along a straight way through the parameters by their shapes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,11 +9,11 @@ from symmb._types import Array, Indices
 from symmb.run.linear.eigenvalues import Eigenvalues
 
 _ALIKE = 0.9
-"""Overlap of two shapes from which they belong to the same mode: shapes at right angles to the first have up to 0.1."""
+"""Overlap of two shapes, above which they belong to the same mode: then other modes overlap by less than 0.1."""
 _ALIKE_ALONE = 0.5
-"""The same for a mode that is the only one on both sides."""
+"""The same for a mode that is the only one at both points."""
 _SHORTEST = 2.0**-10
-"""Shortest step along the way. Shapes that turn within less of it cross there."""
+"""Shortest step over the way. If two frequencies change their order within this step, they cross."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,8 +23,8 @@ class Followed:
     Attributes
     ----------
     values : (n,) complex      eigenvalues in the order of the modes at the start; nan of modes that have ended
-    errors : (n,)              their errors by rounding
-    places : (n,)              their numbers among the eigenvalues at the end; -1 of modes that have ended
+    errors : (n,)              errors of the eigenvalues by rounding
+    places : (n,)              numbers of the modes among the eigenvalues at the end; -1 of modes that have ended
     crossings : set of pairs   numbers of modes whose frequencies cross on the way
     veerings : set of pairs    numbers of modes that exchange their shapes within the shortest step
     """
@@ -37,11 +37,11 @@ class Followed:
 
 
 def followed(at: Callable[[float], tuple[Eigenvalues, Array]], start: tuple[Eigenvalues, Array]) -> Followed:
-    """Follow all oscillations from 0 to 1.
+    """Follow all oscillations along a way from 0 to 1.
 
-    `at` gives eigenvalues and shapes (n_z, n) at a share of the way. Steps are halved until the shape of each mode
-    overlaps by `_ALIKE` with the one that follows it, and no two frequencies change their order. What changes it within
-    the shortest step crosses, if shapes stay alike there.
+    `at` returns eigenvalues and shapes (n_z, n) at a fraction of the way. Steps are halved until the shapes of each
+    mode at both ends of a step overlap by `_ALIKE`, and no two frequencies change their order. Frequencies that change
+    their order within the shortest step cross, if the shapes stay alike.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -76,7 +76,7 @@ def followed(at: Callable[[float], tuple[Eigenvalues, Array]], start: tuple[Eige
 
 
 def _swapped(before: Array, after: Array) -> list[tuple[int, int]]:
-    """Pairs of modes whose frequencies change their order."""
+    """Pairs of numbers of modes whose frequencies change their order."""
     signs = [np.sign(values[:, None] - values) for values in (before, after)]
     return [(int(i), int(j)) for i, j in np.argwhere(np.triu(signs[0] * signs[1] < 0, 1))]
 

@@ -1,4 +1,4 @@
-"""Inputs of a linearisation: forces of actuators, parameters, and starts of coordinates that nothing touches."""
+"""Inputs of a linearisation: forces of actuators, parameters, and start values of uniform motions."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,7 +14,7 @@ from symmb.equations.model import Scene
 def with_inputs(scene: Scene, inputs: Sequence[str]) -> tuple[Scene, tuple[int, ...]]:
     """The scene with parameters for forces of actuators and for inputs, and the numbers of all input parameters.
 
-    DeclarationError if a name is neither of an actuator, an input nor a parameter, or repeats.
+    Raise a DeclarationError if a name is not an actuator, an input or a parameter, or is listed twice.
     """
     actuators = {e.name: e for e in scene.system.elements if isinstance(e, Actuator)}
     declared = scene.system.inputs
@@ -23,11 +23,11 @@ def with_inputs(scene: Scene, inputs: Sequence[str]) -> tuple[Scene, tuple[int, 
     inputs = require_names("inputs", "actuator, input or parameter", inputs, known)
     if name := next((name for name in inputs if name in motors), None):
         raise DeclarationError(
-            f"inputs: that of Motor {name!r} is its voltage. Make it an input, u = mb.Input('u'), voltage=u.value, and "
-            "give inputs=['u']."
+            f"inputs: the input of Motor {name!r} is its voltage. Declare u = mb.Input('u') and voltage=u.value, and "
+            "pass inputs=['u']."
         )
     if len(set(inputs)) < len(inputs):
-        raise DeclarationError(f"inputs: names repeat: {', '.join(inputs)}.")
+        raise DeclarationError(f"inputs: a name is listed twice: {', '.join(inputs)}. List each name once.")
     scene = scene.with_inputs([name for name in declared if name in inputs])
     parameters = scene.system.parameters
     forces = {f"input_{k}": actuators[name] for k, name in enumerate(inputs) if name in actuators}
@@ -44,10 +44,10 @@ def with_inputs(scene: Scene, inputs: Sequence[str]) -> tuple[Scene, tuple[int, 
 
 
 def with_uniform(scene: Scene) -> tuple[Scene, tuple[int, ...], tuple[str, ...]]:
-    """The scene with parameters for the starts of the coordinates that nothing touches but outputs contain.
+    """The scene with parameters for start values of uniform motions, and the numbers and names of these parameters.
 
-    Such coordinates move uniformly. They are no states of the equations of motion, but outputs deviate with them. The
-    place and the velocity of each coordinate in turn have the numbers and the names that are returned.
+    A coordinate that no force depends on moves uniformly. It is not a state of the equations of motion, but outputs may
+    contain it. Each such coordinate has two parameters: its position and its velocity at the start.
     """
     system = scene.system
     curves = [y for y, _ in scene.asked.values() if not isinstance(y, Figure)]

@@ -14,13 +14,13 @@ from symmb.equations.model import DAE
 from symmb.run.formulations import Formulation
 
 _MOST_INSTRUCTIONS = 2_000_000
-"""Instructions for all columns one by one, up to which the matrices are derived as a whole: this takes some seconds."""
+"""Largest number of instructions for all columns, for which whole matrices are derived: this takes some seconds."""
 _BLOCKS = ("qdot", "vdot", "sdot", "rows", "outputs", "bodies")
 
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Linear equations of N samples in all displacements z = (delta, v, s), of which the constraints leave some.
+    """Linear equations of N samples in all displacements z = (delta, v, s), with the rows of the constraints.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Blocks:
     bodies: Array
 
     def __getitem__(self, k: int) -> "Blocks":
-        """Those of one sample."""
+        """The blocks of one sample."""
         return Blocks(**{field.name: getattr(self, field.name)[k : k + 1] for field in fields(self)})
 
 
@@ -50,15 +50,15 @@ class Blocks:
 class LinearEquations:
     """Exact derivatives of a formulation's equations with respect to its states and to some parameters.
 
-    Displacements delta belong to the velocities: q = retract(q0, delta). Next to a motion q0(t), delta' is v - v0 and
-    what the motion turns.
+    Displacements delta belong to the velocities: q = retract(q0, delta). Near a motion q0(t), delta' consists of
+    v - v0 and of the rotation of delta by the motion.
 
     Parameters
     ----------
     formulation : Formulation
     inputs : numbers of the parameters that are inputs
-    often : bool           whether blocks are computed for dozens of samples. Then the matrices are derived as a whole,
-                           which takes as long as some dozen samples, and makes each one about ten times faster
+    often : bool           whether blocks are computed for dozens of samples. Then whole matrices are derived. This
+                           takes as long as some dozen samples, and makes each sample about ten times faster
     """
 
     formulation: Formulation
@@ -86,7 +86,7 @@ class LinearEquations:
         dae, n_z, n_u = self.dae, self.n_z, len(self.inputs)
         N, n = len(X), n_z + n_u
         if not n:
-            raise DeclarationError("linearize: the scene has no states: nothing in it moves.")
+            raise DeclarationError("linearize: the scene has no states. Linearise a scene with bodies that can move.")
         f, cuts = self._slopes
         if self.often and f.n_instructions() * n <= _MOST_INSTRUCTIONS:
             values = batch(self._jacobian, X, P, np.full((N, 1), t))[0].reshape(N, -1, n)
@@ -106,7 +106,7 @@ class LinearEquations:
 
     @cached_property
     def _slopes(self) -> tuple[ca.Function, list[int]]:
-        """(x, p, t, dz) -> all blocks times dz, and where each one ends."""
+        """Function (x, p, t, dz) of all blocks times dz, and the rows at which one block ends and the next begins."""
         dae = self.dae
         x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
         z, dz = ca.SX.sym("z", self.n_z + len(self.inputs)), ca.SX.sym("dz", self.n_z + len(self.inputs))
@@ -133,13 +133,13 @@ class LinearEquations:
 
     @cached_property
     def _jacobian(self) -> ca.Function:
-        """(x, p, t) -> all blocks, below each other."""
+        """Function (x, p, t) of all blocks, below each other."""
         x, p, t, dz = self._slopes[0].sx_in()
         (slopes,) = self._slopes[0].call([x, p, t, dz], True, False)
         return ca.Function("jacobian", [x, p, t], [ca.jacobian(slopes, dz)])
 
     def _counted(self, q: ca.SX, s: ca.SX, p: ca.SX) -> list[ca.SX]:
-        """What is constant where first-order states count the angles of coordinates."""
+        """Differences of counted angles and the angles of coordinates: they are constant during a motion."""
         begin = self.dae.s_start
         if begin is None:
             return []
@@ -157,7 +157,7 @@ class LinearEquations:
 def independent(equations: LinearEquations, blocks: Blocks) -> Indices:
     """Numbers of independent displacements, velocities and states of the first sample.
 
-    The rank of the rows was decided at the start: it is that of the equations of motion.
+    The rank of the rows is that of the equations of motion, which was decided at the start.
     """
     from scipy.linalg import qr
 
@@ -173,7 +173,7 @@ def independent(equations: LinearEquations, blocks: Blocks) -> Indices:
 
 
 def lifts(blocks: Blocks, free: Indices) -> Array:
-    """(N, n_z, n) all displacements for independent ones."""
+    """All displacements (N, n_z, n) for unit independent displacements."""
     N, _, n_z = blocks.rows.shape
     bound = np.setdiff1d(np.arange(n_z), free)
     lift = np.zeros((N, n_z, len(free)))

@@ -1,4 +1,4 @@
-"""Linearisation of a scene at its start, or of a run at a time."""
+"""The linearisation of a scene at its start, or of a run at an output time."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -32,7 +32,7 @@ def linearize(
 ) -> Linearization:
     """Linearise a scene at its start, or a run at one of its times.
 
-    Derivatives are exact. The constraints are eliminated: the states are independent displacements and velocities, and
+    Derivatives are exact. Constraints are eliminated: the states are independent displacements and velocities, and
     first-order states.
 
     Parameters
@@ -40,20 +40,20 @@ def linearize(
     subject : Scene or Trajectory
         a scene that starts in equilibrium or in a steady motion, or a run
     time : float, optional
-        an output time of the run [s]; default: its last one
+        an output time of the run [s]; default: the last one
     parameters : mapping, optional
-        values in place of the nominal ones, of a scene
+        values of parameters instead of the nominal ones, for a scene
     inputs : names
-        of actuators, which get an additional force or torque, of inputs, or of parameters
+        names of actuators, inputs or parameters; an actuator gets an additional force or torque
     outputs : names, optional
-        of outputs; default: all of the scene
+        default: all outputs of the scene over time
 
     Raises
     ------
     DeclarationError
-        If a name is unknown, an input moves constraints, or the equations have no derivative there
+        If a name is unknown, an input moves constraints, or the equations have no derivative at the state
     AssemblyError, SimulationError
-        If the scene does not start
+        If the scene cannot be started
 
     Examples
     --------
@@ -112,7 +112,7 @@ def linearize(
 
 
 def formulation_of(scene: Scene) -> Formulation:
-    """The scene in coordinates of its joints if it has some: these do not turn with bodies that spin in a joint."""
+    """The formulation in joint coordinates if there are any, because they do not turn with a body that spins."""
     can_choose = scene.coordinates is None and not scene.system.collected.gated
     if can_choose and scene.system.joint_space().joints.names:
         with suppress(DeclarationError):
@@ -123,36 +123,36 @@ def formulation_of(scene: Scene) -> Formulation:
 
 
 def _require_slopes_of_outputs(names: Sequence[str], *parts: Array) -> None:
-    """DeclarationError if an output has no derivative, as a norm at 0."""
+    """Raise a DeclarationError if an output has no derivative, as a norm at 0."""
     for name, *rows in zip(names, *parts, strict=True):
         if not all(np.isfinite(row).all() for row in rows):
             raise DeclarationError(
                 f"linearize: output {name!r} has no finite derivative at this state, as a square root or a norm at 0. "
-                "Leave it out, or linearise a state beside it."
+                "Remove this output, or linearise at a state nearby."
             )
 
 
 def _require_free_inputs(inputs: Sequence[str], blocks: Blocks) -> None:
-    """DeclarationError if an input moves constraints: states would depend on its rate."""
+    """Raise a DeclarationError if an input moves constraints, because states would depend on the rate of the input."""
     moved = np.abs(blocks.row_inputs[0]).max(axis=0, initial=0.0)
     for name, size in zip(inputs, moved, strict=False):
         if size > _MOVED * np.abs(blocks.rows[0]).max(initial=0.0):
             raise DeclarationError(
-                f"linearize: input {name!r} moves constraints, such as a length or a place. Inputs are forces, or "
-                "parameters of forces."
+                f"linearize: input {name!r} moves constraints, as a length or a position does. Use inputs that change "
+                "forces only."
             )
 
 
 def free_states(equations: LinearEquations, blocks: Blocks, others: int = 0) -> Indices:
-    """Numbers of independent displacements, velocities and first-order states, without those of events.
+    """Numbers of independent displacements, velocities and first-order states, without states of events.
 
-    DeclarationError if there are none, and no others either.
+    `others` is the number of further states. Raise a DeclarationError if there are no states at all.
     """
     dae = equations.dae
     flags = 2 * dae.n_v + dae.impacts.states if dae.impacts is not None else np.zeros(0, dtype=np.intp)
     free = np.setdiff1d(independent(equations, blocks), flags)
     if not len(free) + others:
-        raise DeclarationError("linearize: the scene has no state that can deviate: nothing in it moves freely.")
+        raise DeclarationError("linearize: no part of the scene can move freely. Linearise a scene with free motions.")
     return free
 
 
@@ -172,4 +172,4 @@ def displacement_names(dae: DAE) -> tuple[str, ...]:
 
 _DISPLACEMENTS = {"vx": "x", "vy": "y", "vz": "z", "omega": "theta"}
 _MOVED = 1e-12
-"""Share of the slopes of constraints below which those with respect to an input are rounding."""
+"""Slope of a constraint with respect to an input over its largest slope, below which it is rounding."""

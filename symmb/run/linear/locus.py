@@ -1,4 +1,4 @@
-"""Oscillations followed along one parameter, and along it for samples of the others."""
+"""Oscillations along the values of one parameter, also for samples of the other parameters."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -27,9 +27,10 @@ class Locus:
     ----------
     values : (n,)
     points : n eigenvalues with the shapes of their modes
-    numbers : n dicts          number of an eigenvalue -> number of its oscillation, by the value at which this begins
-    count : int                how many oscillations there are
-    remarks : tuple of str     where frequencies cross, and where shapes are exchanged
+    numbers : n dicts          number of an eigenvalue -> number of its oscillation; oscillations that appear later have
+                               larger numbers
+    count : int                number of oscillations
+    remarks : tuple of str     sentences about frequencies that cross, and modes that exchange their shapes
     """
 
     values: Array
@@ -40,7 +41,7 @@ class Locus:
 
     @property
     def modes(self) -> Array:
-        """Oscillations (n, k) complex, nan where there is none."""
+        """Complex eigenvalues (n, k) of the oscillations, nan if an oscillation does not exist at a value."""
         modes = np.full((len(self.values), self.count), np.nan, dtype=complex)
         for i, own in enumerate(self.numbers):
             modes[i, list(own.values())] = self.points[i][0].damped[list(own)]
@@ -48,7 +49,7 @@ class Locus:
 
 
 def nominal_locus(family: LinearFamily, parameter: str, values: Array) -> Locus:
-    """The locus at the nominal values of the other parameters; SimulationError where the scene does not start."""
+    """The locus at the nominal values of the other parameters. Raise a SimulationError if the scene does not start."""
     number = list(family.scene.system.parameters).index(parameter)
     P = np.tile(family.nominal, (len(values), 1))
     P[:, number] = values
@@ -78,18 +79,22 @@ def _oscillations(point: tuple[Eigenvalues, Array]) -> list[int]:
 def _way(
     family: LinearFamily, begin: Array, end: Array, at_end: tuple[Eigenvalues, Array]
 ) -> Callable[[float], tuple[Eigenvalues, Array]]:
-    """Eigenvalues and shapes at a share of the way between two sets of parameters; those at its end are known."""
+    """Function of a fraction of the way between two sets of parameters: eigenvalues and shapes there.
+
+    Eigenvalues and shapes at the end are known already.
+    """
     return lambda share: at_end if share == 1.0 else family.eigen(begin + share * (end - begin))
 
 
 class LocusSimulator(BlackBox):
     """Frequencies, damping, real and imaginary parts of the oscillations of a locus, for samples of other parameters.
 
-    Its times are the values of the parameter. Each oscillation is followed from the nominal parameters to the sample.
+    The values of the locus parameter take the place of times. Each oscillation is followed from the nominal parameters
+    to the sample.
 
     Attributes
     ----------
-    known : (n, k)         where a sample is asked for its oscillations; elsewhere it gives 0
+    known : (n, k)         mask of the oscillations that samples must have; results of the others are 0
     """
 
     def __init__(self, family: LinearFamily, parameter: str, locus: Locus) -> None:
@@ -104,12 +109,12 @@ class LocusSimulator(BlackBox):
         self.units = tuple(unit for unit in ("Hz", "1", "1/s", "1/s") for _ in numbers)
 
     def restrict(self, P: Array) -> None:
-        """Ask no longer for oscillations that a sample of P (N, d) has not."""
+        """Remove oscillations from `known` that a sample of P (N, d) does not have."""
         for row in P:
             self.known &= ~np.isnan(self._followed(row))
 
     def response(self, values: Mapping[str, float]) -> Any:
-        """(n, 4 k): frequencies, damping, real and imaginary parts."""
+        """Frequencies, damping, real and imaginary parts (n, 4 k)."""
         modes = self._followed(np.array(list(values.values())))
         lost = np.argwhere(self.known & np.isnan(modes))
         if len(lost):
@@ -121,7 +126,7 @@ class LocusSimulator(BlackBox):
         return np.hstack([sizes / (2 * np.pi), damping, found.real, found.imag])
 
     def _followed(self, others: Array) -> Array:
-        """Oscillations (n, k), nan of those that end between the nominal parameters and the sample."""
+        """Complex eigenvalues (n, k), nan if an oscillation ends between the nominal parameters and the sample."""
         n = len(self._locus.values)
         begin = np.tile(self._family.nominal, (n, 1))
         end = np.tile(np.insert(others, self._number, 0.0), (n, 1))

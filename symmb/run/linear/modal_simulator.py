@@ -16,17 +16,17 @@ from symmb.run.linear.following import Followed, followed
 
 
 class ModalSimulator(BlackBox):
-    """Frequencies f1, f2, ... [Hz] and damping zeta1, zeta2, ... [-] of a scene at its start, for samples.
+    """Frequencies f1, f2, ... [Hz] and damping ratios zeta1, zeta2, ... [-] of a scene at its start, for samples.
 
-    The modes are those of the nominal parameters, by frequency. Each one is followed to a sample by its shape. So a
-    mode keeps its number where frequencies cross.
+    Modes are numbered by their frequencies at the nominal parameters. Each mode is followed to a sample by its shape,
+    so that it keeps its number if frequencies cross.
 
     Parameters
     ----------
     scene : Scene
-        one that starts in equilibrium, or in a steady motion
+        a scene that starts in equilibrium, or in a steady motion
     count : int
-        how many modes, from the lowest frequency; at most those that there are
+        number of modes, from the lowest frequency on; all modes if there are fewer
 
     Raises
     ------
@@ -77,11 +77,10 @@ class ModalSimulator(BlackBox):
         return np.concatenate([sizes / (2 * np.pi), 0.0 - reached.real / sizes])[None]
 
     def crossings(self, box: Box) -> tuple[str, ...]:
-        """Which frequencies cross on the straight ways from the nominal parameters to the corners of a box.
+        """Sentences about frequencies that cross on straight ways from the nominal parameters to the corners of a box.
 
-        Frequencies that come close and part again, and exchange their shapes, veer: they keep their numbers by size.
-        Sentences name the first corner of each crossing, and the places where modes exchange shapes too fast to be
-        followed.
+        Frequencies veer if they come close, exchange their shapes and part again. Then they keep their order. Sentences
+        name the first corner for each crossing, and modes that exchange their shapes too fast to be followed.
         """
         nominal, told = self.family.nominal, {}
         names = list(self.parameters)
@@ -110,7 +109,7 @@ class ModalSimulator(BlackBox):
 
 
 def corners(box: Box) -> Array:
-    """The corners (n, d) of a box; of one with many parameters, as many random ones as one of six has."""
+    """The corners (n, d) of a box. For more than six parameters, 64 random corners are returned."""
     d = len(box.names)
     every = product((0, 1), repeat=d) if d <= _EVERY else np.random.default_rng(0).integers(0, 2, (2**_EVERY, d))
     lower, upper = np.array(box.bounds).T
@@ -118,4 +117,4 @@ def corners(box: Box) -> Array:
 
 
 _EVERY = 6
-"""Parameters of a box up to which the ways to all corners are followed: each takes some linearisations."""
+"""Largest number of parameters for which all corners of a box are used: each corner takes some linearisations."""

@@ -1,4 +1,4 @@
-"""A mode as a motion of the scene, to be looked at."""
+"""A mode as a motion of the scene, for animations."""
 
 from dataclasses import dataclass
 
@@ -16,24 +16,24 @@ from symmb.run.linear.point import LinearizationPoint
 from symmb.run.simulation import Trajectory
 
 _PERIODS, _PICTURES = 3, 36
-"""Oscillations of the motion, and its output times in each."""
+"""Number of oscillations of the motion, and of output times in each oscillation."""
 _TRAVEL, _TURN = 0.15, 0.25
-"""Largest displacement over the length of the scene, and largest angle [rad]: they can be seen, and look linear."""
+"""Largest displacement over the length of the scene, and largest angle [rad]: motions are visible, and look linear."""
 _PROJECTIONS = 4
-"""Newton steps that close joints which large linear displacements open: the last one moves parts by rounding."""
+"""Newton steps that close joints after large linear displacements: the last step moves parts by rounding only."""
 _STARTED = ("held", "solved", "free", "redundant")
 
 
 @dataclass(frozen=True, eq=False)
 class Origin:
-    """Where a linearisation was made.
+    """The scene and the state of a linearisation.
 
     Attributes
     ----------
     scene : Scene
     formulation : Formulation
     point : LinearizationPoint
-    lift : (n_z, n) array      displacements, velocities and first-order states for the states of the linearisation
+    lift : (n_z, n) array      displacements, velocities and first-order states for unit states of the linearisation
     """
 
     scene: Scene
@@ -49,7 +49,7 @@ class Origin:
         Z = np.real(np.exp(1j * phase)[:, None] * deviation)
         X = batch(self._displaced(), self.point.x, Z, p)[0]
         if not np.isfinite(X).all():
-            raise SimulationError(f"{label} has no visible motion: joints do not close beside the state.")
+            raise SimulationError(f"{label} has no visible motion: joints cannot be closed near the state.")
         scene = self.scene.curves.with_name(label).with_times(self.point.t + phase / rate)
         run = Trajectory(
             scene=scene,
@@ -64,12 +64,12 @@ class Origin:
             setup_seconds=0.0,
             run_seconds=0.0,
         )
-        doubt = "A mode without its damping, with an amplitude that can be seen. It is no run of the scene."
-        vars(run).update(doubts=(doubt,))  # in place of those of a run
+        doubt = "This motion is a mode without damping, with a visible amplitude. It is not a run of the scene."
+        vars(run).update(doubts=(doubt,))  # in place of the doubts about a run
         return run
 
     def _displaced(self) -> ca.Function:
-        """(x, z, p) -> the state that a linear deviation z leads to, with joints closed."""
+        """Function (x, z, p) of the state after a linear deviation z, with joints closed."""
         dae = self.formulation.dae
         x, p = ca.SX.sym("x", len(self.point.x)), ca.SX.sym("p", len(self.point.p))
         z = ca.SX.sym("z", len(self.lift))
@@ -79,7 +79,7 @@ class Origin:
         return common("displaced", [x, z, p], [ca.densify(moved if closed is None else closed)])
 
     def _amplitude(self, shape: Array) -> float:
-        """The factor of displacements of bodies (n_b,) with which they are visible."""
+        """The factor that makes displacements of bodies (n_b,) visible."""
         system, (dae, x) = self.scene.system, self.formulation.in_bodies(self.point.x[None], self.point.p)
         places, turns = [], []
         for body in system.bodies:

@@ -16,14 +16,14 @@ from symmb.run.linear.linear_equations import LinearEquations
 from symmb.run.simulation import DAESimulator, Trajectory, parameter_values, scene_of
 
 _ON = 1e-9
-"""Distance from a switch, in sizes of the states, below which a state is on it."""
+"""Distance from a switch, in sizes of the states, below which a state is on the switch."""
 _ASIDE = 1e-7
-"""Distance on both sides of a switch, in the same sizes, at which derivatives are compared."""
+"""Distance from a switch, in sizes of the states, at which derivatives on both sides are compared."""
 _SAME = 1e-4
-"""Relative difference up to which they agree: a force with a continuous slope changes it by 1e-7 and a factor."""
+"""Largest relative difference of equal derivatives: a continuous derivative changes by some 1e-7."""
 _SHRINKS, _NOISE = 0.9, 1e-12
-"""Share of a difference that may be left at half the distance: a continuous force leaves half, a jump all of it. And a
-share of the rates at displacements of the scene's size that is rounding."""
+"""Factor on a difference of forces at half the distance: it is 1/2 for a continuous force, and 1 for a jump. And
+rounding of a difference over the rates at displacements of the scene's size."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,17 +38,20 @@ class LinearizationPoint:
 def point_of(
     subject: Scene | DAESimulator | Trajectory, time: float | None, parameters: Mapping[str, float] | None
 ) -> tuple[Scene, dict[str, float], float, Array | None]:
-    """Scene, parameters, time, and the state of the bodies if the subject is a run."""
+    """Scene, parameters, time, and the state of the bodies (None for the start of a scene)."""
     if not isinstance(subject, Trajectory):
         subject = scene_of(subject)
         if time is not None:
-            raise DeclarationError("linearize: a scene is linearised at its start. Give time= with a run of simulate.")
+            raise DeclarationError("linearize: a scene is linearised at its start. Pass time= with a run of simulate.")
         values = parameter_values(subject, {} if parameters is None else parameters)
         return subject, values, float(subject.times[0]), None
     if subject.scene is None:
-        raise DeclarationError("linearize: the run was read from a file. Give Trajectory.load the scene.")
+        raise DeclarationError(
+            "linearize: the run was read from a file, and its equations are not known. Pass the scene: "
+            "Trajectory.load(path, scene)."
+        )
     if parameters is not None:
-        raise DeclarationError("linearize: a run has its own parameters. Give parameters= with a scene.")
+        raise DeclarationError("linearize: a run has its own parameters. Pass parameters= with a scene only.")
     time = float(subject.t[-1]) if time is None else time
     if not is_finite_number(time) or not (subject.t == time).any():
         raise DeclarationError(
@@ -74,18 +77,18 @@ def started(scene: Scene, formulation: Formulation, p: Array, t: float, of_bodie
 
 
 def require_smooth(formulation: Formulation, point: LinearizationPoint, equations: LinearEquations) -> None:
-    """DeclarationError if the equations have no derivative at a point."""
+    """Raise a DeclarationError if the equations have no derivative at a point."""
     dae, x = formulation.dae, point.x
     blocks = equations.blocks(x[None], point.p[None], point.t)
     if not all(np.isfinite(block).all() for block in (blocks.A, blocks.B, blocks.rows)):
         raise DeclarationError(
-            "linearize: a derivative of the equations is infinite at this state, or 0/0, as that of a square root or "
-            "of a norm at 0. Linearise a state beside it."
+            "linearize: a derivative of the equations is infinite or undefined at this state, as the derivative of a "
+            "square root or a norm at 0. Linearise at a state nearby."
         )
     if dae.sampling is not None:
         raise DeclarationError(
-            "linearize: the scene has Sampled values, which change at instants. Write the law of the controller as an "
-            "expression without Sampled."
+            "linearize: the scene has Sampled values, which change in steps. Write the controller as an expression "
+            "without Sampled."
         )
     if dae.impacts is not None:
         at = (*np.split(x, [dae.n_q, dae.n_q + dae.n_v]), point.p, point.t)
@@ -93,7 +96,10 @@ def require_smooth(formulation: Formulation, point: LinearizationPoint, equation
         touching = gaps <= _ON * dae.scales.length
         if touching.any():
             name = dae.impacts.names[int(touching.argmax())]
-            raise DeclarationError(f"linearize: Impact {name!r} is closed at this state. An impact has no derivative.")
+            raise DeclarationError(
+                f"linearize: Impact {name!r} is closed at this state, and impacts have no derivative. Linearise at a "
+                "state with open gaps."
+            )
     switches = kinks(dae, np.array([point.t]))
     if switches is None:
         return
@@ -110,15 +116,15 @@ def require_smooth(formulation: Formulation, point: LinearizationPoint, equation
         noise = _NOISE * float((np.abs(blocks.A).max(axis=0) @ equations.sizes).max())
         jumps = bool((near > _SHRINKS * far + noise).any())
         if jumps or np.abs(blocks.A[1] - blocks.A[0]).max() > _SAME * np.abs(blocks.A).max():
-            how = "jump there" if jumps else "have different slopes on both sides"
+            how = "jump" if jumps else "have different slopes on both sides"
             raise DeclarationError(
-                f"linearize: a switch of the equations ({', '.join(switches.names)}) lies at this very state, and the "
-                f"forces {how}. Linearise a state beside it."
+                f"linearize: the state is on a switch of the equations ({', '.join(switches.names)}), and the forces "
+                f"{how} there. Linearise at a state nearby."
             )
 
 
 def _jump(dae: DAE, point: LinearizationPoint, aside: Array) -> Array:
-    """Differences of accelerations and rates (n,) on two sides of a point."""
+    """Differences (n,) of accelerations and rates between the states x + aside and x - aside."""
     sides = []
     for x in (point.x - aside, point.x + aside):
         parts = np.split(x, [dae.n_q, dae.n_q + dae.n_v])[: 2 + bool(dae.n_s)]

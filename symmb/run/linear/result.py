@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from scipy.signal import StateSpace
 
 _MOST, _LEAST = 3, 0.1
-"""Displacements of a mode that its line tells: so many, and those that have this share of the largest one."""
+"""Largest number of printed displacements of a mode, and smallest printed displacement over the largest one."""
 _HEAD, _LEFT = ("mode", "frequency [Hz]", "damping [-]", "moves most"), (0, 3)
 
 
@@ -33,8 +33,8 @@ class Mode:
     Attributes
     ----------
     eigenvalue : complex       with positive imaginary part [1/s]
-    frequency : float          |eigenvalue| / 2 pi [Hz], that of the undamped oscillation
-    damping : float            share of the critical damping, negative if the oscillation grows [-]
+    frequency : float          |eigenvalue| / 2 pi [Hz], the frequency of the undamped oscillation
+    damping : float            damping ratio, negative if the oscillation grows [-]
     shape : dict               complex amplitudes of the bodies' displacements [m, rad] by name, as "rod.theta"; the
                                largest one is 1
     """
@@ -54,7 +54,7 @@ class Mode:
 
     @property
     def text(self) -> str:
-        """The largest displacements: the first is 1, others have their amplitude, and their phase if it is not 0."""
+        """The largest displacements as text. The first has the amplitude 1; others show amplitude and phase."""
         largest = sorted(self.shape.items(), key=lambda item: -round(abs(item[1]), 9))  # those that are equal stay
         words = [_displacement_text(*item) for item in largest[:_MOST] if abs(item[1]) >= _LEAST]
         return ", ".join([largest[0][0], *words[1:]])
@@ -69,7 +69,7 @@ def _displacement_text(name: str, amplitude: complex) -> str:
 class Linearization(WithWarnings, Saved):
     """Linear equations x' = A x + B u, y = C x + D u of small deviations from a state, and their eigenvalues.
 
-    `print` shows the modes, `save` and `load` keep them in a file.
+    `print` shows the modes. `save` writes a file, and `load` reads it.
 
     Attributes
     ----------
@@ -90,13 +90,13 @@ class Linearization(WithWarnings, Saved):
     parameters : dict
         values
     doubts : tuple of str
-        what cannot be trusted
+        warnings, in sentences
     shapes : (n_b, n) array
-        displacements of the bodies for the states
+        displacements of the bodies for unit states
     displacements
-        their n_b names
+        names of the n_b displacements
     origin
-        scene and state; None if it was read from a file
+        scene and state; None after `load`
 
     Examples
     --------
@@ -133,12 +133,12 @@ class Linearization(WithWarnings, Saved):
 
     @property
     def eigenvalues(self) -> Array:
-        """(n,) complex, by size [1/s]."""
+        """Eigenvalues (n,), complex, sorted by size [1/s]."""
         return self._eigen.values
 
     @cached_property
     def modes(self) -> tuple[Mode, ...]:
-        """Oscillations by frequency."""
+        """The oscillations, sorted by frequency."""
         modes, eigen = [], self._eigen
         for k in np.flatnonzero(eigen.oscillating):
             shape = self.shapes @ eigen.vectors[:, k]
@@ -156,12 +156,12 @@ class Linearization(WithWarnings, Saved):
 
     @property
     def damping(self) -> Array:
-        """Damping of the modes, as shares of the critical damping [-]."""
+        """Damping ratios of the modes [-]."""
         return np.array([mode.damping for mode in self.modes])
 
     @property
     def stability(self) -> str:
-        """ "unstable", "asymptotically stable", or what lies on the imaginary axis."""
+        """ "unstable", "asymptotically stable", or "not asymptotically stable" with the undamped modes."""
         eigen = self._eigen
         if (eigen.values.real > eigen.errors).any():
             return "unstable"
@@ -175,21 +175,23 @@ class Linearization(WithWarnings, Saved):
         return f"not asymptotically stable: {' and '.join(parts)}"
 
     def motion(self, number: int) -> Trajectory:
-        """The mode of a number, from 0 on, as a motion that `view` animates.
+        """A mode as a motion that `view` can animate. The first mode has the number 0.
 
-        It oscillates about the state without damping, with an amplitude that can be seen. Joints stay closed.
+        The motion oscillates about the state without damping, with a visible amplitude. Joints stay closed.
 
         Raises
         ------
         DeclarationError
-            If there is no such mode, or the result was read from a file
+            If the mode does not exist, or the result was read from a file
         """
         if self.origin is None:
-            raise DeclarationError("The scene of this linearisation is not known: it was read from a file.")
+            raise DeclarationError(
+                "This linearisation was read from a file, and its scene is not known. Call linearize again for motions."
+            )
         modes = self.modes
         if not is_whole(number) or not 0 <= number < len(modes):
             known = f"0 to {len(modes) - 1}" if modes else "none"
-            raise DeclarationError(f"{self.name} has no mode {number!r}. Its modes are {known}.")
+            raise DeclarationError(f"{self.name} has no mode {number!r}. Numbers of modes: {known}.")
         k = np.flatnonzero(self._eigen.oscillating)[number]
         label = f"{self.name}, mode {number + 1}, {modes[number].frequency:.4g} Hz"
         vector = self._eigen.vectors[:, k]
@@ -203,7 +205,7 @@ class Linearization(WithWarnings, Saved):
         DeclarationError
             If there is no state, input or output
         """
-        from scipy.signal import StateSpace  # a second of loading that few ask for
+        from scipy.signal import StateSpace  # loading takes a second, and few users need it
 
         self._require_all("to_scipy")
         return StateSpace(self.A, self.B, self.C, self.D)
@@ -226,8 +228,8 @@ class Linearization(WithWarnings, Saved):
     def _require_all(self, owner: str) -> None:
         for kind in ("states", "inputs", "outputs"):
             if not getattr(self, kind):
-                remedy = f" Give linearize({kind}=[...])." if kind != "states" else ""
-                raise DeclarationError(f"{owner}: {self.name} is linearised without {kind}.{remedy}")
+                remedy = f" Pass {kind}=[...] to linearize." if kind != "states" else ""
+                raise DeclarationError(f"{owner}: the linearisation of {self.name} has no {kind}.{remedy}")
 
     def __str__(self) -> str:
         table = aligned(self._rows(), left=_LEFT) if self.modes else []
@@ -273,7 +275,7 @@ class Linearization(WithWarnings, Saved):
 
 
 def _plain(names: Sequence[str]) -> list[str]:
-    """Names in which control allows no point."""
+    """Names without points, which the package control does not allow."""
     return [name.replace(".", "_") for name in names]
 
 

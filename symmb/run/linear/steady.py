@@ -1,12 +1,12 @@
-"""Whether a state is on a steady motion, and the turning coordinates in which such a motion is steady.
+"""Steady motions, and the turning coordinates that make their linear equations constant.
 
-Deviations z of a motion obey z' = A(t) z. The eigenvalues of A tell what they do where A is constant, as at an
-equilibrium. A wheel that rolls evenly is steady as well, but the coordinates of a body turn with it, and A with them.
-In turned coordinates z = exp(X t) w the equations are
+Deviations z from a motion satisfy z' = A(t) z. The eigenvalues of A decide about stability only if A is constant, as at
+an equilibrium. The motion of a wheel that rolls evenly is steady as well, but the coordinates of the wheel turn with
+it, and A turns with them. In turned coordinates z = exp(X t) w the equations are
 
     w' = (exp(-X t) A exp(X t) - X) w
 
-so that a motion is steady if rotations X of the coordinates, one of each body, make this matrix constant.
+A motion is steady if rotations X of the coordinates, one rotation for each body, make this matrix constant.
 """
 
 from collections.abc import Iterator
@@ -22,35 +22,36 @@ from symmb.run.linear.linear_equations import Blocks, LinearEquations, lifts
 from symmb.run.linear.point import LinearizationPoint
 
 DOUBT = (
-    "The state is neither an equilibrium nor a steady motion: A changes along the motion. Its eigenvalues say nothing "
-    "about what comes later."
+    "The state is neither an equilibrium nor a steady motion: A changes along the motion. The eigenvalues of A do not "
+    "describe the later motion."
 )
 _LARGE = 2e-3
-"""Largest displacement, in sizes of the states, at which A is compared. Changes of A over longer ways are extrapolated
-from it: at a lower one rounding counts, at a higher one the third order of the way."""
+"""Largest displacement, in sizes of the states, at which A is compared. Changes of A over longer ways are extrapolated:
+from a smaller displacement with errors by rounding, from a larger one with errors of third order."""
 _LIGHTER = 0.1
-"""Weight of velocities beside displacements there: A depends on them by squares."""
+"""Weight of velocities relative to displacements there: A depends on velocities by their squares."""
 _FARTHEST = 300.0
-"""Steps of that size up to which changes are extrapolated: rounding of 1e-13 in second differences becomes 1e-8."""
+"""Largest factor of the extrapolation: rounding of 1e-13 in second differences becomes 1e-8."""
 _CHANGE = 1e-3
-"""Change of a mode over its size, within its own time constant, from which a motion is not steady."""
+"""Change of a mode over its size within its own time constant, above which a motion is not steady."""
 _BESIDE = 0.9
-"""Direction [rad] in which a mode is asked beside its eigenvalue: no other one is likely to be there."""
+"""Direction [rad] from an eigenvalue to the point where the response of a mode is evaluated: another eigenvalue is
+unlikely there."""
 _LEAST = 1e-6
-"""Share of the largest row of A below which a row counts less than the others: rounding must not count."""
+"""Size of a row of A over the largest row, below which the weight of the row is not increased: it may be rounding."""
 _DEPENDENT = 1e-9
-"""Share below which turnings of coordinates have the same effect, and what is left when they cancel is rounding."""
+"""Relative difference, below which two rotations of coordinates have the same effect, and differences are rounding."""
 _NOISE = 1e-15
-"""Share of the largest entry of A up to which an entry of turned equations is rounding: it would move eigenvalues 0."""
+"""Entry of turned equations over the largest entry of A, below which it is rounding. It would change eigenvalues 0."""
 _HALVINGS = 200
-"""Most halvings of a step: 1e-60 of its time."""
+"""Largest number of halvings of a step: the last step is 1e-60 of the first one."""
 _APART = 4.0
-"""Ratio of times from which they are looked at one by one."""
+"""Ratio of time constants, above which modes are examined separately."""
 
 
 @dataclass(frozen=True, eq=False)
 class SteadyMotion:
-    """The motion through a point, next to which the equations are linear.
+    """The motion through a point, with the linear equations of deviations from it.
 
     Parameters
     ----------
@@ -67,12 +68,12 @@ class SteadyMotion:
 
     @cached_property
     def lift(self) -> Array:
-        """All displacements, velocities and states for independent ones (n_z, n)."""
+        """All displacements, velocities and states (n_z, n) for unit independent ones."""
         return lifts(self.blocks, self.free)[0]
 
     @cached_property
     def _fixed(self) -> Array:
-        """A (n, n) in coordinates that do not turn."""
+        """The matrix A (n, n) in coordinates that do not turn."""
         return (self.blocks.A[0] @ self.lift)[self.free]
 
     @cached_property
@@ -90,7 +91,7 @@ class SteadyMotion:
 
     @cached_property
     def turning(self) -> Array | None:
-        """X (n_z, n_z) where coordinates must turn; 0 where none has to, None where no turning makes A constant."""
+        """The rotation X (n_z, n_z) of coordinates that makes A constant: 0 if none is needed, None if none exists."""
         none = np.zeros((self.equations.n_z,) * 2)
         if not self._rates.any() or not self._fixed.size or self._is_constant(none):
             return none
@@ -99,11 +100,11 @@ class SteadyMotion:
 
     @property
     def A(self) -> Array:
-        """The matrix (n, n) of the equations, in turning coordinates where these make it constant."""
+        """The matrix (n, n) of the equations, in turning coordinates if these make it constant."""
         return self.turned(self.turning)
 
     def turned(self, X: Array | None) -> Array:
-        """A (n, n) in coordinates that turn by X (n_z, n_z)."""
+        """The matrix A (n, n) in coordinates that turn by X (n_z, n_z)."""
         if X is None or not X.any():
             return self._fixed
         turn = (X @ self.lift)[self.free]
@@ -113,11 +114,14 @@ class SteadyMotion:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """That A changes along the motion."""
+        """The doubt that A changes along the motion."""
         return (DOUBT,) if self.turning is None else ()
 
     def best_turning(self) -> Array | None:
-        """X with the least change of exp(-X t) A exp(X t) and of the constraints; None if no coordinates can turn."""
+        """The rotation X (n_z, n_z) with the least change of exp(-X t) A exp(X t) and of the rows of constraints.
+
+        None if no coordinates can turn.
+        """
         candidates = list(_generators(self.equations.dae.v_names, self.equations.n_z))
         if not candidates:
             return None
@@ -134,7 +138,7 @@ class SteadyMotion:
         return np.tensordot(rates, np.array(candidates), 1)
 
     def _slopes(self, h: float) -> list[Any]:
-        """Rates of A (n_z, n_z) and of the rows of the constraints along the motion, of sixth order in the time h."""
+        """Rates of A (n_z, n_z) and of the rows of constraints along the motion, by differences of sixth order."""
         pairs = [(self._at(k * h, None), self._at(-k * h, None)) for k in (1, 2, 3)]
         weights = np.array([45.0, -9.0, 1.0]) / (60 * h)
         return [
@@ -142,7 +146,7 @@ class SteadyMotion:
         ]
 
     def _is_constant(self, X: Array) -> bool:
-        """Whether A, in coordinates that turn by X, changes no mode along the motion within its time constant."""
+        """Whether A is constant in coordinates that turn by X: no mode changes within its own time constant."""
         modes = eigenvalues(self._turned(0.0, X))
         sizes = np.abs(modes.values)
         slowest = sizes[sizes > 0].min(initial=np.inf)
@@ -156,10 +160,10 @@ class SteadyMotion:
         return True
 
     def _keeps(self, modes: Eigenvalues, time: float, X: Array) -> bool:
-        """Whether A changes these modes little as long as `time` before and after.
+        """Whether A changes these modes only little from -`time` to `time`.
 
-        A change dA of the matrix answers a mode x with (s - A)^-1 dA x, for an s as far from its eigenvalue as this is
-        large. Stiff parts answer little, as they do in the motion.
+        The response to a change dA of the matrix by a mode x is (s - A)^-1 dA x. The distance of s from the eigenvalue
+        is the size of the eigenvalue. Stiff parts respond little, as they do in the motion.
         """
         step = self._step(time)
         factor = min(time / step, _FARTHEST)
@@ -175,7 +179,7 @@ class SteadyMotion:
         return True
 
     def _step(self, time: float) -> float:
-        """A step [s], not above a time, in which the motion leads so far that it can be compared."""
+        """A step [s], at most `time`, over which the motion covers the distance for comparisons of A."""
         step = min(time, 1e3 / max(float(np.abs(self._rates / self.equations.sizes).max()), 1e-300))
         n_v = self.equations.dae.n_v
         for _ in range(_HALVINGS):
@@ -187,11 +191,11 @@ class SteadyMotion:
         return step
 
     def _displacement(self, tau: float) -> Array:
-        """Where the motion leads in a time (n_z,): exact to second order; stiff parts by their distance from rest."""
+        """The displacement (n_z,) by the motion in a time tau, by the implicit midpoint rule."""
         return np.linalg.solve(np.eye(self.equations.n_z) - tau / 2 * self.blocks.A[0], tau * self._rates)
 
     def _at(self, tau: float, X: Array | None) -> tuple[Array, Array]:
-        """A (n_z, n_z) and the rows of the constraints at a time beside the point, in coordinates that turn by X."""
+        """The matrix A (n_z, n_z) and the rows of constraints at a time tau, in coordinates that turn by X."""
         from scipy.linalg import expm
 
         equations, point = self.equations, self.point
@@ -208,14 +212,14 @@ class SteadyMotion:
         return turned.T @ A @ turned - X, rows @ turned  # rotations
 
     def _turned(self, tau: float, X: Array) -> Array:
-        """A (n, n) of the independent ones."""
+        """The matrix A (n, n) of independent displacements at a time tau, in coordinates that turn by X."""
         A, rows = self._at(tau, X)
         lift = lifts(Blocks(A[None], *[rows[None]] * 6), self.free)[0]
         return (A @ lift)[self.free]
 
 
 def _generators(v_names: tuple[str, ...], n_z: int) -> Iterator[Array]:
-    """Rotations (n_z, n_z) of the displacements and velocities of each body about its axes, and of its place."""
+    """Rotations (n_z, n_z) of the displacements and velocities of each body: of its position, and of its axes."""
     n_v, numbers = len(v_names), {name: k for k, name in enumerate(v_names)}
     for kinds in (("vx", "vy", "vz"), ("omega_x", "omega_y", "omega_z")):
         for owner in dict.fromkeys(name.rpartition(".")[0] for name in v_names):

@@ -1,4 +1,4 @@
-"""Runs of scenes: `simulate` makes one run, and a `DAESimulator` those of samples."""
+"""Runs of scenes. `simulate` makes one run, and a `DAESimulator` runs samples of parameters."""
 
 from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_simulator import FigureSimulator, SceneSimulator, motion_of

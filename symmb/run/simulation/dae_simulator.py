@@ -1,4 +1,4 @@
-"""The simulator of a declared scene: its program with the interface of studies."""
+"""The simulator of a scene. It gives a program the interface that studies use."""
 
 import time
 from collections.abc import Iterator
@@ -26,15 +26,15 @@ S = TypeVar("S")
 
 
 class DAESimulator(WithWarnings):
-    """A scene that is prepared for runs: its equations, its start and its solver. `prepare` makes it.
+    """A scene with its equations, its start and its solver, ready for runs. `prepare` returns it.
 
-    It runs samples of the parameters. It compiles once, at its first run, and it can be pickled.
+    It runs samples of the parameters. Compilation takes place once, at the first run. It can be pickled.
 
     Parameters
     ----------
     scene : Scene
     solver : Solver, optional
-        default: pilot runs choose it here, mostly DormandPrince()
+        default: pilot runs choose the solver, mostly DormandPrince()
 
     Attributes
     ----------
@@ -46,21 +46,21 @@ class DAESimulator(WithWarnings):
     outputs : tuple of str
         names of the n_y outputs over time
     units : tuple of str
-        of the outputs, '' where they do not follow from the expression
+        of the outputs, '' if the unit does not follow from the expression
     solver : Solver
     reason : str
         why symmb chose this solver and these coordinates; empty if they were given
     setup_seconds : float
-        time for deriving, compiling and starting so far [s]
+        time spent on deriving, compiling and starting so far [s]
     threads : int
         CasADi threads for samples; 1 in a pickled copy
     bodies : Formulation
         in coordinates of the bodies
     doubts : tuple of str
-        what cannot be trusted about the start and, after `second_look`, about runs at the nominal parameters
+        warnings about the start and, after `second_look`, about the nominal run
     noise : (n_y,) array
-        how far outputs may be off, by errors of the solver's steps and as far as the nominal run is; None before
-        `second_look`
+        estimated errors of the outputs: the larger of the error of the solver's steps and that of the nominal run;
+        None before `second_look`
     nominal : (n_t, n_y) array
         outputs of the nominal run; None before `second_look`
 
@@ -90,7 +90,7 @@ class DAESimulator(WithWarnings):
         self._setup = time.perf_counter() - begin - self.program.compiled.seconds
 
     def _hold(self, program: Program, reason: str) -> None:
-        """Set all that follows from a program. Nothing is known yet about its runs."""
+        """Set the attributes that follow from a program, and forget the results of earlier runs."""
         self.program, self.reason = program, reason
         self.solver, self.times, self.bodies = program.solver, program.times, program.bodies
         self.dae, self.start, self.y = self.bodies.dae, self.bodies.start, self.bodies.y
@@ -111,7 +111,7 @@ class DAESimulator(WithWarnings):
 
     @property
     def setup_seconds(self) -> float:
-        """Time for deriving, compiling and starting so far [s]."""
+        """Time spent on deriving, compiling and starting so far [s]."""
         return self._setup + self.program.compiled.seconds
 
     @property
@@ -124,7 +124,7 @@ class DAESimulator(WithWarnings):
         self.program.prepare()
 
     def tighter(self) -> "DAESimulator":
-        """The same simulator with a solver ten times more accurate, or more if its steps would be the same."""
+        """The same simulator with a solver that is ten times more accurate, or more if its steps would not change."""
         return self._by(self.program.tighter())
 
     def solved_by(self, solver: Solver) -> "DAESimulator":
@@ -138,7 +138,7 @@ class DAESimulator(WithWarnings):
         return other
 
     def second_look(self) -> None:
-        """Run the nominal parameters in two ways, at the first time. `warnings` and `noise` say what is seen."""
+        """Run the nominal parameters in two ways, at the first call. This sets `warnings`, `noise` and `nominal`."""
         if self.noise is None:
             self.nominal, self.noise, self.doubts = self.ways.at_nominal()
 
@@ -157,9 +157,10 @@ class DAESimulator(WithWarnings):
         return stream(self, P, reduction, executor, progress, block)
 
     def jets(self, p0: Array, directions: Array, order: int) -> Array:
-        """Taylor coefficients (order + 1, m, n_t, n_y) of the outputs along m directions (m, d), by larger runs.
+        """Taylor coefficients (order + 1, m, n_t, n_y) of the outputs along m directions (m, d).
 
-        The point p0 is (d,), or (m, d) with one for each direction.
+        The coefficients are integrated along with the states. The point p0 is (d,), or (m, d) with one point for each
+        direction.
 
         Raises
         ------
@@ -191,7 +192,10 @@ class DAESimulator(WithWarnings):
             return Y.reshape(m, len(self.times), order + 1, -1).transpose(2, 0, 1, 3)
 
     def kink(self, p0: Array) -> tuple[float, str] | None:
-        """Time at which the run at p0 (d,) first meets a kink or a jump of its state [s], and their names."""
+        """Time [s] at which the run at p0 (d,) first meets a kink or a jump of the state, and the names of all kinks.
+
+        None if the run meets no kink.
+        """
         with LOCK:
             form, p = self.formulation, np.asarray(p0, float)
             kinks = form.kinks(self.times)
@@ -205,7 +209,7 @@ class DAESimulator(WithWarnings):
             return None if np.isnan(first) else (float(first), str(kinks))
 
     def march(self, P: Array) -> Iterator[tuple[int, Array]]:
-        """All samples in parallel with a fixed step: (i, Y_i (N, n_y)) for every output time.
+        """Run all samples P (N, d) in lockstep, and yield the number i and outputs (N, n_y) of every output time.
 
         Raises
         ------
@@ -223,8 +227,10 @@ class DAESimulator(WithWarnings):
 
     @property
     def expression(self) -> ca.Function:
-        """(p, t) -> y of a scene without bodies, whose outputs are plain expressions."""
+        """The outputs y (p, t) of a scene without bodies: they are plain expressions."""
         if self.dae.n_q:
-            raise AttributeError("only a scene without bodies has outputs that are plain expressions")
+            raise AttributeError(
+                "The outputs depend on the motion of bodies. They are not expressions of p and t alone."
+            )
         p, t = ca.SX.sym("p", len(self.parameters)), ca.SX.sym("t")
         return ca.Function("expression", [p, t], [self.y(ca.SX(0, 1), p, t)])

@@ -1,4 +1,4 @@
-"""Runs and their derivatives with respect to parameters, as arrays and as functions of JAX and PyTorch."""
+"""Runs and their derivatives with respect to parameters: as arrays, and as functions of JAX and PyTorch."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
@@ -17,9 +17,10 @@ from symmb.run.simulation.figure_simulator import FigureSimulator
 from symmb.run.simulation.subject import chosen_parameters, simulator_for
 
 _APART = 1e-3
-"""Distance of the runs of a difference, as a share of the nominal parameter."""
+"""Relative change of a parameter for difference quotients."""
 _DISAGREES = 0.02
-"""How far differences may be from derivatives, over the largest of an output: they err by some shares of `_APART`."""
+"""Largest difference of derivatives and difference quotients over the largest derivative of an output. Difference
+quotients have errors of a few times `_APART`."""
 
 
 class Differentiable:
@@ -45,11 +46,11 @@ class Differentiable:
         simulator = simulator_for(owner, scene, solver, times, outputs)
         if isinstance(simulator, FigureSimulator):
             raise SimulationError(
-                f"{owner}: scalar outputs have no derivatives: {', '.join(simulator.figures)}. Leave them out of "
-                "outputs, or ask bounds for contributions."
+                f"{owner}: scalar outputs have no derivatives: {', '.join(simulator.figures)}. Remove them from "
+                "outputs=, or use the contributions of bounds."
             )
         if not isinstance(simulator, Jets):
-            raise SimulationError(f"{owner}: {shown(scene)} gives no derivatives. Give a Scene.")
+            raise SimulationError(f"{owner}: {shown(scene)} has no derivatives. Pass a Scene.")
         nominal = dict(simulator.parameters)
         some = chosen_parameters(owner, parameters, nominal)
         self._owner, self._nominal = owner, np.array(list(nominal.values()))
@@ -60,7 +61,7 @@ class Differentiable:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(n_t, n_y) of a run."""
+        """The shape (n_t, n_y) of the outputs of a run."""
         return len(self.simulator.times), len(self.simulator.outputs)
 
     def values(self, P: Array) -> Array:
@@ -96,11 +97,11 @@ class Differentiable:
         return Y[::n_p].reshape(*batch, *self.shape), dY.reshape(*batch, *self.shape, n_p)
 
     def at_nominal(self) -> tuple[Array, Array]:
-        """The nominal run (n_t, n_y) and its derivatives (n_t, n_y, n_p), as of `checked_slopes`."""
+        """The nominal outputs (n_t, n_y) and derivatives (n_t, n_y, n_p), with the warning of `checked_slopes`."""
         return self.checked_slopes(self._nominal[self._columns])
 
     def checked_slopes(self, P: Array) -> tuple[Array, Array]:
-        """The same as `slopes`. A warning tells jumps of runs, where derivatives are not those of differences."""
+        """The results of `slopes`. Runs with jumps cause a warning if their difference quotients disagree."""
         Y, dY = self.slopes(P)
         if isinstance(self.simulator, Kinked):
             n_p = len(self._columns)
@@ -111,7 +112,7 @@ class Differentiable:
         return Y, dY
 
     def _doubt(self, p: Array, dY: Array) -> str:
-        """What makes derivatives dY (n_t, n_y, n_p) at p (n_p,) wrong, empty if nothing does."""
+        """The reason why derivatives dY (n_t, n_y, n_p) at p (n_p,) are wrong; empty if they are right."""
         kink = cast(Kinked, self.simulator).kink(self._samples(p)[0])
         if kink is None:
             return ""
@@ -124,20 +125,20 @@ class Differentiable:
         if not names:
             return ""
         return (
-            f"Derivatives for {', '.join(names)} are not valid from t = {kink[0]:g} s on: they leave out the "
-            f"{kink[1]} that are met there."
+            f"Derivatives for {', '.join(names)} are not valid from t = {kink[0]:g} s on: they ignore the {kink[1]} "
+            "that the run meets at this time. Compare with runs at nearby parameters, as by sweep."
         )
 
     def require_shape(self, shape: Sequence[int]) -> None:
-        """DeclarationError unless arrays of a shape hold the parameters (..., n_p)."""
+        """Raise a DeclarationError unless the shape is (..., n_p)."""
         if not shape or shape[-1] != len(self._columns):
             raise DeclarationError(
-                f"{self._owner}: expected an array (..., {len(self._columns)}) of {', '.join(self.parameters)}, "
-                f"got one of shape {tuple(shape)}."
+                f"{self._owner}: expected an array of shape (..., {len(self._columns)}) with "
+                f"{', '.join(self.parameters)}, got an array of shape {tuple(shape)}."
             )
 
     def _samples(self, P: Array) -> Array:
-        """Parameters (N, d) of the simulator for (..., n_p)."""
+        """All parameters (N, d) of the simulator for values P (..., n_p) of the chosen parameters."""
         P = np.asarray(P, dtype=float)
         self.require_shape(P.shape)
         samples = np.tile(self._nominal, (int(np.prod(P.shape[:-1])), 1))
@@ -145,7 +146,7 @@ class Differentiable:
         return samples
 
 
-_NO_SECOND = "symmb has first derivatives of runs only, and second ones were asked for."
+_NO_SECOND = "symmb computes first derivatives of runs only. Second derivatives are not available."
 
 
 def jax_function(
@@ -156,34 +157,34 @@ def jax_function(
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,
 ) -> Callable[[Any], Any]:
-    """The runs of a scene as a function that JAX differentiates, maps and compiles into its own.
+    """The runs of a scene as a function that JAX can differentiate, map and compile.
 
-    It takes parameters (..., n_p) and gives outputs (..., n_t, n_y). All runs of a call are made together by the
-    compiled code of symmb, on the host. Derivatives are exact first ones, along each parameter; they serve `jax.jvp`
-    and `jax.grad`. There are no second derivatives. A warning says where a run meets jumps, which derivatives do not
-    show. Switch on double precision, `jax.config.update("jax_enable_x64", True)`, or outputs are rounded to single
-    precision. It needs JAX, which `pip install 'symmb[jax]'` installs.
+    The function has parameters (..., n_p) and returns outputs (..., n_t, n_y). The compiled code of symmb makes all
+    runs of a call together, on the host. First derivatives are exact, so that `jax.jvp` and `jax.grad` work. There are
+    no second derivatives. If a run meets a jump that its derivatives ignore, a warning gives the time. Outputs are
+    rounded to single precision unless double precision is switched on: `jax.config.update("jax_enable_x64", True)`.
+    The function needs JAX: `pip install 'symmb[jax]'`.
 
     Parameters
     ----------
     scene : Scene
         or a simulator with derivatives
     parameters : list of str
-        those that the function takes, in this order; default: all. Others have their nominal values.
+        names of the parameters of the function, in this order; default: all. Others have their nominal values.
     solver, times, outputs
         of a scene, instead of its own
 
     Raises
     ------
     DeclarationError
-        If a parameter is unknown or named twice, or there is none
+        If a parameter is unknown or listed twice, or there are no parameters
     ImportError
         If JAX is not installed
     AssemblyError
         If the scene cannot be started
     SimulationError
-        If the nominal run breaks down, or the simulator gives values only. If a later run breaks down, JAX raises an
-        error of its own, whose text has the reason; second derivatives raise a SimulationError
+        If the nominal run breaks down, or the simulator has no derivatives; and for second derivatives. If a later run
+        breaks down, JAX raises its own error, and the text of the error has the reason
 
     Examples
     --------
@@ -208,17 +209,17 @@ def torch_function(
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,
 ) -> Callable[[Any], Any]:
-    """The runs of a scene as a function that PyTorch differentiates.
+    """The runs of a scene as a function that PyTorch can differentiate.
 
-    It takes a tensor of parameters (..., n_p) and gives outputs (..., n_t, n_y) of its type. All runs of a call are
-    made together by the compiled code of symmb, on the CPU. Derivatives are exact first ones; there are no second
-    ones, and none by `torch.func`. A warning says where a run meets jumps, which derivatives do not show. It needs
-    PyTorch, which `pip install 'symmb[torch]'` installs.
+    The function has a tensor of parameters (..., n_p) and returns outputs (..., n_t, n_y) of the same type. The
+    compiled code of symmb makes all runs of a call together, on the CPU. First derivatives are exact. There are no
+    second derivatives, and `torch.func` is not supported. If a run meets a jump that its derivatives ignore, a warning
+    gives the time. The function needs PyTorch: `pip install 'symmb[torch]'`.
 
     Parameters
     ----------
     scene, parameters, solver, times, outputs
-        those of `jax_function`
+        as of `jax_function`
 
     Raises
     ------

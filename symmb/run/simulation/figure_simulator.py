@@ -1,4 +1,4 @@
-"""Runs of a scene with figures of its motion, from runs at times between which curves are exact polynomials."""
+"""Runs of a scene with scalar outputs ("figures"). Between the times of a run, curves over time are polynomials."""
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -26,34 +26,36 @@ _BLOCK = 64
 _LEAST, _MOST = 64, 2048
 """Panels of a run at first."""
 _FEW = 0.1
-"""Share of panels of the nominal run that are not exact up to which there are enough."""
+"""Fraction of panels of the nominal run that may be inexact: if more are, the number of panels is doubled."""
 _PARTS, _LEVELS = 8, 9
-"""Parts of a panel that is not exact, and how often it is divided at most."""
+"""Number of parts of a divided panel, and largest number of divisions one after the other."""
 _MOST_DIVIDED = 2**15
-"""Panels of a sample that are divided at once at most: a curve with more bends is noise."""
+"""Largest number of panels of a sample that are divided together: a curve with more bends is noise."""
 _ROUNDING = 1e-6
-"""Size of a curve, over its change by the sizes of all states, below which it is rounding: a speed of what is held."""
+"""Size of a curve over its change by the sizes of all states, below which it is rounding, as the speed of a fixed
+point."""
 _SHORTEST, _BESIDE, _NEAR = 1e-10, 3e-11, 1e-3
-"""Width over the horizon below which panels are not divided; distance from an event over the horizon, and from a bend
-over the width of the panel, at which they end."""
+"""Smallest width of a divided panel over the horizon; distances of panel ends from an event over the horizon, and from
+a bend over the width of the panel."""
 _NOISE = 1e-9
-"""Error of a figure over the largest value of its expression, or of a time over the horizon."""
+"""Error of a scalar output over the largest value of its expression, and error of a time over the horizon."""
 _SHIFT = 0.137
-"""Share of a panel by which panels are shifted: curves bend at round numbers, which no middle of a panel should be."""
+"""Fraction of a panel by which all panels are shifted: curves bend at round times, which should not be the middle of a
+panel."""
 _SAME = 1e-13
-"""Distance over the horizon of times that are the same."""
+"""Largest distance of two equal times over the horizon."""
 
 
 class FigureSimulator(WithWarnings):
-    """A scene with figures of its motion, for studies. It has the interface of `DAESimulator`, but for derivatives.
+    """The simulator of a scene with scalar outputs. It has the interface of `DAESimulator`, but no derivatives.
 
-    Figures are the same at all times; if there is nothing else, there is one time, 0.
+    A scalar output has the same value at all times. If all outputs are scalar, there is one time, 0.
 
     Parameters
     ----------
     scene : Scene
     curves : DAESimulator
-        of `scene.curves`
+        simulator of `scene.curves`, which has the outputs over time
     """
 
     def __init__(self, scene: Scene, curves: DAESimulator) -> None:
@@ -86,12 +88,12 @@ class FigureSimulator(WithWarnings):
 
     @property
     def figures(self) -> tuple[str, ...]:
-        """Names of the scalar outputs, which are one number per run."""
+        """Names of the scalar outputs. Each is one number per run."""
         return tuple(rule.name for rule in self._rules)
 
     @property
     def setup_seconds(self) -> float:
-        """Time for deriving, compiling and starting so far [s]."""
+        """Time spent on deriving, compiling and starting so far [s]."""
         return self.curves.setup_seconds + self._with_rates.compiled.seconds
 
     def prepare(self) -> None:
@@ -99,13 +101,13 @@ class FigureSimulator(WithWarnings):
         self._with_rates.prepare()
 
     def tighter(self) -> "FigureSimulator":
-        """The same simulator with a solver ten times more accurate, or more if its steps would be the same."""
+        """The same simulator with a solver that is ten times more accurate, or more if its steps would not change."""
         _, other, curves = self._count, FigureSimulator.__new__(FigureSimulator), self.curves.tighter()
         vars(other).update(vars(self), curves=curves, solver=curves.solver, _with_rates=_with_rates(curves))
         return other
 
     def second_look(self) -> None:
-        """Run the nominal parameters in two ways, at the first time. `warnings` and `noise` say what is seen."""
+        """Run the nominal parameters in two ways, at the first call. This sets `warnings` and `noise`."""
         if self.noise is not None:
             return
         self.curves.second_look()
@@ -127,7 +129,7 @@ class FigureSimulator(WithWarnings):
             noise[self.outputs.index(rule.name)] += _NOISE * size
 
     def run(self, P: Array) -> Samples:
-        """Run samples P (N, d) as one block. Outputs of a sample are nan after its failure."""
+        """Run samples P (N, d) as one block. Outputs of a failed sample are nan."""
         P = np.ascontiguousarray(checked_samples(self, P, None))
         with LOCK:
             traces, Y = self._values(P)
@@ -137,7 +139,7 @@ class FigureSimulator(WithWarnings):
                 values = "".join(f", {name} = {value:.6g}" for name, value in zip(self.parameters, P[i], strict=True))
                 ok[i], t_failed[i] = False, rule.window[1]
                 texts[i] = (
-                    f"t = {t_failed[i]:g} s{values}: the condition of output {rule.name!r} does not hold in the run"
+                    f"t = {t_failed[i]:g} s{values}: the condition of output {rule.name!r} never holds in the run"
                 )
         Y[~ok] = np.nan
         return Ensemble(Y, ok, t_failed, tuple(texts[i] for i in np.flatnonzero(~ok).tolist()))
@@ -154,7 +156,9 @@ class FigureSimulator(WithWarnings):
         return digest(self._with_rates.identity(), self.outputs, tuple(self._rules))
 
     def values(self, p: Array) -> tuple[Array, tuple[str, ...]]:
-        """Outputs (n_t, n_y) of the run with parameters p (d,), and the figures whose condition never holds: nan.
+        """Outputs (n_t, n_y) of the run with parameters p (d,), and names of scalar outputs that are nan.
+
+        A scalar output is nan if its condition never holds.
 
         Raises
         ------
@@ -167,7 +171,7 @@ class FigureSimulator(WithWarnings):
         return Y[0], tuple(name for name in self.figures if np.isnan(Y[0, 0, self.outputs.index(name)]))
 
     def _values(self, P: Array) -> "tuple[_Traces, Array]":
-        """Curves of samples, and outputs (N, n_t, n_y): nan of figures whose condition never holds."""
+        """Curves of samples, and outputs (N, n_t, n_y). A scalar output is nan if its condition never holds."""
         times, grid = self._times_of(self._count)
         traces = self._traces(times, P)
         Y = np.full((len(P), len(self.times), len(self.outputs)), np.nan)
@@ -185,7 +189,7 @@ class FigureSimulator(WithWarnings):
 
     @cached_property
     def _count(self) -> int:
-        """Panels of runs at first: as many as the nominal run needs."""
+        """The number of panels of a run before divisions: as many as the nominal run needs."""
         P, count = np.array([list(self.parameters.values())]), self._least_count()
         while True:
             times, grid = self._times_of(count)
@@ -202,12 +206,12 @@ class FigureSimulator(WithWarnings):
             count = min(2 * count, _MOST)
 
     def _sizes(self, traces: "_Traces") -> Array:
-        """Sizes (N, n_c) of curves of samples."""
+        """Largest absolute values (N, n_c) of the curves of samples, at least their rounding."""
         return np.maximum(np.abs(traces.Y[0]).max(axis=2).T, self._rounding)
 
     @cached_property
     def _rounding(self) -> Array:
-        """Sizes (n_c,) of curves below which they are rounding."""
+        """Absolute values (n_c,) below which curves are rounding."""
         form = self.curves.formulation
         x, p, t = ca.SX.sym("x", form.y.numel_in(0)), ca.SX.sym("p", form.y.numel_in(1)), ca.SX.sym("t")
         change = ca.fabs(ca.jacobian(form.y(x, p, t), x)) @ ca.DM(form.dae.state_sizes)
@@ -216,7 +220,7 @@ class FigureSimulator(WithWarnings):
         return _ROUNDING * np.where(np.isfinite(sizes), sizes, 0.0)
 
     def _least_count(self) -> int:
-        """Panels that are as many as every second step of the nominal run, and shorter than pulses of laws of time."""
+        """A number of panels: half the steps of the nominal run, and so many that panels are shorter than pulses."""
         runs = self._with_rates
         runs.runs(np.array([list(self.parameters.values())])).t_failed.sum()
         steps = runs.engine().counts.steps if runs.runs_in_lanes else 0
@@ -230,7 +234,7 @@ class FigureSimulator(WithWarnings):
         return _distinct(np.concatenate([self.curves.times, *_nodes(grid[:-1], grid[1:])]), _SAME * self._span), grid
 
     def _traces(self, times: Array, P: Array) -> "_Traces":
-        """The curves and their rates at times (n_t,) that begin and end with the scene."""
+        """The curves and their rates at times (n_t,), which cover the horizon of the scene."""
         ensemble = self._with_rates.at(times).runs(P, self.threads)
         Y = np.ascontiguousarray(np.moveaxis(ensemble.Y, -1, 0)).reshape(2, -1, len(P), len(times))
         stops: list[Array] = [np.empty(0)] * len(P)
@@ -243,7 +247,7 @@ class FigureSimulator(WithWarnings):
         return _Traces(times, Y, ensemble.ok, ensemble.t_failed, texts, stops)
 
     def _refined(self, panels: Panels, sizes: Array, P: Array, stops: Sequence[Array]) -> Panels:
-        """Panels that are divided, in further runs, until they are exact or so short that it does not matter."""
+        """The panels after divisions. Panels are divided, by further runs, until they are exact or very short."""
         done, has_stops = list[Panels](), any(own.size for own in stops)
         best = np.full((len(self._rules), len(P)), -np.inf)
         for level in range(_LEVELS):
@@ -272,9 +276,9 @@ class FigureSimulator(WithWarnings):
         return Panels.joined([*done, panels])
 
     def _parts(self, panels: Panels, off: Mask, stops: Sequence[Array]) -> tuple[Indices, Array, Array]:
-        """Samples, begins and ends of the parts into which panels are divided: evenly, at stops and about bends.
+        """Samples, begins and ends of the parts of panels. Panels are divided evenly, at stops and around bends.
 
-        Those of the first division have no bends: most of them are only too long.
+        Panels of the first division are divided evenly: most of them are only too long.
         """
         own_stops = _with_stop(panels, stops)
         even = ~own_stops & (panels.width > 0.5 * self._span / self._count)
@@ -295,10 +299,10 @@ class FigureSimulator(WithWarnings):
         return sample, begin, end
 
     def _divided(self, panels: Panels, off: Mask, sizes: Array, best: Array) -> Mask:
-        """(n,) whether curves of panels that are off may count for a figure.
+        """Mask (n,) of inexact panels that may change a scalar output.
 
-        `best` (n_f, N) are the largest values of each figure and sample so far, and times with a minus before which its
-        condition holds. It brings them up to date.
+        `best` (n_f, N) has the largest value of each scalar output and sample so far, or the negative time up to which
+        its condition is known to hold first. The method updates `best`.
         """
         divided, slack = np.zeros(off.shape[1], dtype=bool), 4 * panels.misfit
         for number, rule in enumerate(self._rules):
@@ -323,17 +327,17 @@ class FigureSimulator(WithWarnings):
 
 
 SceneSimulator = DAESimulator | FigureSimulator
-"""What runs a scene in studies."""
+"""The simulators of scenes."""
 
 
 def motion_of(simulator: object) -> DAESimulator | None:
-    """What runs the motion of a scene; None of other simulators."""
+    """The simulator of the motion of a scene; None for other simulators."""
     simulator = simulator.curves if isinstance(simulator, FigureSimulator) else simulator
     return simulator if isinstance(simulator, DAESimulator) else None
 
 
 class _Traces(NamedTuple):
-    """Curves of samples at times (n_t,): Y (2, n_c, N, n_t), with their rates, and when steps of samples meet kinks."""
+    """Curves and rates Y (2, n_c, N, n_t) of samples at times (n_t,), and the times at which steps end at switches."""
 
     times: Array
     Y: Array
@@ -344,7 +348,7 @@ class _Traces(NamedTuple):
 
 
 def _with_rates(curves: DAESimulator) -> Program:
-    """The program of curves with the rates of its outputs behind them."""
+    """The program of curves whose outputs are followed by their rates."""
     form = curves.formulation
     x, p, t = ca.SX.sym("x", form.y.numel_in(0)), ca.SX.sym("p", form.y.numel_in(1)), ca.SX.sym("t")
     y = ca.densify(form.y(x, p, t))
@@ -361,7 +365,7 @@ def _nodes(begin: Array, end: Array) -> tuple[Array, Array, Array]:
 
 
 def _distinct(times: Array, distance: float, kept: Sequence[float] = ()) -> Array:
-    """Times in order, each more than a distance behind the last one, in favour of those to be kept and of the ends."""
+    """Sorted times that are more than a distance apart. The ends and the times `kept` have priority."""
     times = np.unique(times)
     if np.diff(times).min() > distance:
         return times
@@ -376,7 +380,7 @@ def _distinct(times: Array, distance: float, kept: Sequence[float] = ()) -> Arra
 
 
 def _panels(traces: _Traces, sample: Indices, begin: Array, end: Array) -> Panels:
-    """Panels between times of traces, sample numbers being those of traces."""
+    """Panels from begins to ends (n,), which are times of traces. `sample` (n,) are sample numbers of traces."""
     half = np.append(np.diff(traces.times) / 2, np.inf)
     at = []
     for time in _nodes(begin, end):
@@ -387,7 +391,7 @@ def _panels(traces: _Traces, sample: Indices, begin: Array, end: Array) -> Panel
 
 
 def _with_stop(panels: Panels, stops: Sequence[Array]) -> Mask:
-    """(n,) panels within which steps of their samples end."""
+    """Mask (n,) of panels that contain a stop of their sample."""
     has = np.zeros(len(panels.sample), dtype=bool)
     for i, own in enumerate(stops):
         if own.size:

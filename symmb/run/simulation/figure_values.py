@@ -1,4 +1,4 @@
-"""Figures of motions from their curves, of many samples at once."""
+"""Scalar outputs ("figures") from polynomial curves of many samples."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -9,12 +9,12 @@ from symmb._types import Array, Indices, Mask
 from symmb.run.simulation.panels import GRID, ON_GRID, Panels, highest, values_at
 
 TOUCHED = 1e-9
-"""Margin over its largest value in a run up to which a condition is touched."""
+"""Margin over its largest value in a run, below which a condition is touched."""
 _BISECTIONS, _ROUNDING = 50, 1e-14
 
 
 class Rule(NamedTuple):
-    """How a scalar output follows from curves: `expression` and `margin` are numbers of curves, -1 without."""
+    """How a scalar output follows from curves. `expression` and `margin` are numbers of curves, or -1."""
 
     name: str
     kind: str
@@ -26,20 +26,20 @@ class Rule(NamedTuple):
 
     @property
     def sign(self) -> float:
-        """By which the expression is multiplied, so that its maximum is looked for."""
+        """The factor of the expression, so that minima become maxima."""
         return -1.0 if self.kind == "minimum" else 1.0
 
     def inside(self, panels: Panels) -> Mask:
-        """(n,) which panels are in the window."""
+        """Mask (n,) of panels in the window."""
         middle = (panels.begin + panels.end) / 2
         return np.asarray((middle > self.window[0]) & (middle < self.window[1]))
 
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """Curves of samples by their panels, in order, of which some are exact (n_c, n).
+    """Curves of samples by their panels, in order. `exact` (n_c, n) tells which panels are exact.
 
-    The others are no longer than `shortest` [s], or do not matter.
+    Panels that are not exact are no longer than `shortest` [s], or have no effect.
     """
 
     panels: Panels
@@ -48,7 +48,7 @@ class Curves:
     shortest: float
 
     def figure(self, rule: Rule) -> Array:
-        """(N,) the figure of each sample, nan where its condition does not hold, or the sample has no panels."""
+        """The scalar output (N,) of each sample, nan if its condition never holds, or if the sample has no panels."""
         own = rule.inside(self.panels)
         if own.all():
             return self._figure(rule)
@@ -83,11 +83,11 @@ class Curves:
         return values
 
     def _passages(self, rule: Rule, samples: Indices, first: Indices) -> tuple[Indices, Array]:
-        """Numbers of the panels in which the condition of a figure first holds, -1 without, and places in them.
+        """Numbers of the panels in which a condition first holds, or -1, and the places (0 to 1) in these panels.
 
-        That is where the margin becomes 0 or less from above its tolerance, or is as small at its least. So a gap that
-        an impact closes counts, and one that is 0 at the begin does not if it opens. A margin that is 0 from the begin
-        on counts where it falls below 0.
+        A condition first holds when its margin falls from above its tolerance to 0, or to a minimum within the
+        tolerance. So a gap that an impact closes counts. A gap that is 0 at the begin does not count if it opens. A
+        margin that is 0 from the begin on counts when it falls below 0.
         """
         panels, g = self.panels, rule.margin
         B, ends = panels.bernstein(g, self.exact), panels.nodes[g]
@@ -121,8 +121,10 @@ class Curves:
 
 
 def _passage(B: Array, tolerance: float) -> tuple[bool, float, float]:
-    """Whether a polynomial B (6,) comes down to a tolerance, and places between which it passes 0; equal if it does
-    not."""
+    """Whether a polynomial B (6,) falls to a tolerance, and two places between which it passes 0.
+
+    The two places are equal if it does not pass 0.
+    """
     x, values = GRID, B @ ON_GRID
     if values.min() > tolerance:
         least = highest(-B[None])[0]

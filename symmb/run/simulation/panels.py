@@ -1,4 +1,4 @@
-"""Curves over time as polynomials of degree 5 between three times each, from values and rates there."""
+"""Curves over time as polynomials of degree 5. Each interpolates values and rates at three times."""
 
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -10,12 +10,12 @@ from symmb._types import Array, Indices, Mask
 
 _DEGREE = 5
 _ZOOMS = 8
-"""Refinements of a highest place, each by a factor of 8."""
+"""Number of refinements of a maximum, each by a factor of 8."""
 GRID = np.linspace(0.0, 1.0, 17)
-"""Places in a panel at which polynomials are looked at first."""
+"""Places in a panel (0 to 1) at which polynomials are evaluated first."""
 _EXACT, _ROUGH = 3e-8, 0.03
-"""Misfit of an exact polynomial over the size of its curve, and its error over that of a cubic one to the power of
-3/2."""
+"""Largest misfit of an exact polynomial over the size of its curve, and over the misfit of a cubic polynomial to the
+power of 3/2."""
 
 
 def _basis(x: Array) -> Array:
@@ -24,7 +24,7 @@ def _basis(x: Array) -> Array:
 
 
 def _slopes(x: float) -> Array:
-    """Rates (6,) of the Bernstein polynomials at x."""
+    """Derivatives (6,) of the Bernstein polynomials at x."""
     lower = [comb(_DEGREE - 1, k) * x**k * (1 - x) ** (_DEGREE - 1 - k) for k in range(_DEGREE)]
     return _DEGREE * (np.array([0.0, *lower]) - np.array([*lower, 0.0]))
 
@@ -39,7 +39,7 @@ def values_at(B: Array, x: Array) -> Array:
 
 
 def highest(B: Array) -> tuple[Array, Array]:
-    """Where polynomials B (n, 6) are largest inside of [0, 1], and their values there."""
+    """The maximum points (n,) of polynomials B (n, 6) on [0, 1], and the maxima (n,)."""
     low, high, rows = np.zeros(len(B)), np.ones(len(B)), np.arange(len(B))
     for _ in range(_ZOOMS):
         x = low[:, None] + (high - low)[:, None] * GRID
@@ -66,40 +66,40 @@ class Panels:
     nodes: Array
 
     def of(self, some: Mask | Indices | slice) -> "Panels":
-        """Some of them."""
+        """The panels with these numbers, or of this mask."""
         return Panels(*(getattr(self, f.name)[..., some] for f in fields(self)))
 
     @classmethod
     def joined(cls, parts: list["Panels"]) -> "Panels":
-        """All panels of some parts, sample after sample in order of time."""
+        """The panels of all parts, sorted by sample, then by time."""
         whole = cls(*(np.concatenate([getattr(part, f.name) for part in parts], axis=-1) for f in fields(cls)))
         return whole if len(parts) == 1 else whole.of(np.lexsort((whole.begin, whole.sample)))
 
     @property
     def width(self) -> Array:
-        """(n,) [s]."""
+        """Widths (n,) [s]."""
         return self.end - self.begin
 
     @cached_property
     def _ends(self) -> list[Array]:
-        """Values and rates times the width at the three nodes, each (n_c, n)."""
+        """Values, and rates times the width, at the three nodes: six arrays (n_c, n)."""
         return [part for k in range(3) for part in (self.nodes[:, 0, k], self.nodes[:, 1, k] * self.width)]
 
     @cached_property
     def misfit(self) -> Array:
-        """(n_c, n) about how far curves in the middle are off what the ends tell, as far as they are not smooth."""
+        """Estimated errors (n_c, n): difference of the rate in the middle from the rate that the ends predict."""
         e0, d0, _, dm, e1, d1 = self._ends
         return np.abs(dm / 2 - 0.75 * (e1 - e0) + (d0 + d1) / 8)
 
     def is_exact(self, sizes: Array) -> Mask:
-        """(n_c, n) whether the polynomials stand for curves, whose sizes are (N, n_c) for each sample."""
+        """Mask (n_c, n) of panels whose polynomials represent the curves. `sizes` (N, n_c) are sizes of the curves."""
         e0, d0, em, _, e1, d1 = self._ends
         size, cubic = sizes.T[:, self.sample], np.abs(em - (e0 + e1) / 2 - (d0 - d1) / 8)
         most = (_EXACT / _ROUGH) ** 2 * size * size * size
         return np.asarray((self.misfit <= _EXACT * size) & (cubic * cubic * cubic <= most))
 
     def bernstein(self, curve: int, exact: Mask | None = None) -> Array:
-        """Coefficients (n, 6) of a curve; those that are not exact are straight from the begin to the end."""
+        """Bernstein coefficients (n, 6) of a curve. Panels that are not exact become straight lines."""
         B = np.stack([part[curve] for part in self._ends], axis=1) @ _FROM_NODES
         if exact is not None and not exact[curve].all():
             rough = ~exact[curve]
@@ -108,7 +108,7 @@ class Panels:
         return np.asarray(B, dtype=float)
 
     def bends(self) -> Array:
-        """(n_c, n) where lines from both ends meet [s]: a kink stands close to it. nan where they do not."""
+        """Times (n_c, n) at which the tangents at both ends intersect [s]: a kink is close. nan if they do not."""
         e0, d0, _, _, e1, d1 = self._ends
         with np.errstate(all="ignore"):
             x = (e1 - e0 - d1) / (d0 - d1)

@@ -1,4 +1,4 @@
-"""Choice of the solver by pilot runs, each of which is judged, and its reason."""
+"""The choice of the solver by pilot runs, and the reason for the choice. Each pilot run is judged."""
 
 import time
 import warnings
@@ -13,11 +13,12 @@ from symmb._errors import SymmbWarning
 from symmb._interrupts import carry, runs_of
 from symmb._names import ByName
 from symmb._types import Array
-from symmb.equations.model import DAE, Scene
+from symmb.equations.model import Scene
 from symmb.run.codegen import REASONS, SLOW, FailureCode, compiler_advice, has_compiler, with_compiler
 from symmb.run.formulations import Program, program_of
 from symmb.run.integrate import (
     CVODES,
+    STIFF,
     AugmentedLagrangian,
     DormandPrince,
     Rosenbrock,
@@ -27,33 +28,42 @@ from symmb.run.integrate import (
     some_states,
     stiffness,
 )
+from symmb.run.schemes import MOST_STEPS
 from symmb.run.simulation.trajectory import Trajectory
 from symmb.run.verification import Examination, work_of
 
 _POSITION_DRIFT, _ENERGY_DRIFT, _SINGULAR_ENERGY_DRIFT = 1e-6, 1e-4, 1e-6
-"""Drift of positions over the scene's size, drift of energy over the kinetic energy, and the latter in a run through a
-singular position, above which other solvers are tried. Calibrated by tests/test_problems.py."""
+"""Largest drifts of an accepted run: of positions over the size of the scene, of energy over the kinetic energy, and of
+energy in a run through a singular position. Above them other solvers are tried. Calibration: tests/test_problems.py."""
 _NEIGHBOURS, _NEIGHBOUR_DISTANCE = 7, 1e-3
-"""Runs of a pilot beside the nominal one, and the distance of their parameters, as a share of the nominal values."""
+"""Number of pilot runs beside the nominal one, and the largest relative distance of their parameters."""
+TOO_FAST = "a part of the motion decays too fast for explicit steps"
 MANY = 20_000
 """Steps of a run beyond which an implicit solver may be faster."""
 
 _SMOOTH, _SWITCHING, _STIFF = CVODES(), DormandPrince(), CVODES(stiff=True)
 _TIGHTER, _COMPILED = CVODES(rtol=1e-12, stiff=True), (Rosenbrock(), DormandPrince())
-"""Of stiff scenes."""
+"""Solvers of stiff scenes."""
 _SINGULAR = (DormandPrince(stabilization=AugmentedLagrangian()),)
-"""The solver that passes singular positions of scenes that are not stiff."""
+"""The solver that passes through singular positions, if the scene is not stiff."""
 _THROUGH = CVODES(stiff=True, stabilization=AugmentedLagrangian())
-"""That of those that are."""
+"""The solver that passes through singular positions of stiff scenes."""
 _MANY_RUNS = CVODES(rtol=1e-8)
-"""That of studies without a C compiler: as accurate as DormandPrince()."""
+"""The solver of studies without a C compiler. It is as accurate as DormandPrince()."""
 
 
 @dataclass(frozen=True)
 class Pilot:
-    """A run at the nominal parameters: why it failed, steps, run time [s], why others may be faster or better.
+    """A pilot run.
 
-    `drift` is what the doubt is about, over the largest drift that raises none.
+    Attributes
+    ----------
+    message : str       why the run failed; empty if it did not
+    steps : int
+    seconds : float     run time [s]
+    slow : bool         whether an implicit solver may be faster
+    doubt : str         why another solver may be better; empty if there is no reason
+    drift : float       drift that causes the doubt, over the largest accepted drift
     """
 
     message: str
@@ -65,27 +75,30 @@ class Pilot:
 
     @property
     def succeeds(self) -> bool:
-        """Whether it did not fail, and nothing about it is doubtful."""
+        """Whether the run finished, and no doubt is raised."""
         return not (self.message or self.doubt)
 
 
 class Candidates(NamedTuple):
-    """Candidates for a scene: the first one, one that may be faster, and those that may not fail."""
+    """Solvers to try: the first one, an implicit one that may be faster, and others that may succeed if it fails."""
 
     first: Solver
     implicit: Solver
     others: tuple[Solver, ...]
 
 
-def for_studies() -> Candidates:
-    """Candidates for many runs."""
+def for_studies(stiff: bool) -> Candidates:
+    """Candidates for many runs. For a stiff scene explicit solvers are not tried: they would exceed the step limit."""
     if not has_compiler():
-        return Candidates(_MANY_RUNS, *for_one_run(False, False)[1:])
-    return Candidates(DormandPrince(), Rosenbrock(), (*_SINGULAR, Rosenbrock(stabilization=AugmentedLagrangian())))
+        return Candidates(_STIFF if stiff else _MANY_RUNS, *for_one_run(stiff, False)[1:])
+    implicit, through = Rosenbrock(), Rosenbrock(stabilization=AugmentedLagrangian())
+    if stiff:
+        return Candidates(implicit, implicit, (through,))
+    return Candidates(DormandPrince(), implicit, (*_SINGULAR, through))
 
 
 def for_one_run(stiff: bool, switches: bool) -> Candidates:
-    """Candidates for one run. With switches of time or state, steps should end there."""
+    """Candidates for one run. If the equations have switches, a solver is preferred whose steps end at them."""
     if stiff:
         return Candidates(_STIFF, _STIFF, (_TIGHTER, *(_COMPILED if has_compiler() else ()), _THROUGH))
     if not has_compiler():
@@ -94,7 +107,7 @@ def for_one_run(stiff: bool, switches: bool) -> Candidates:
 
 
 def choose(candidates: Callable[[], Candidates], pilot: Callable[[Solver], Pilot]) -> tuple[Solver, str]:
-    """The solver with which pilot runs succeed, or the faster one if the first is slow, and the reason."""
+    """The first solver whose pilot run succeeds, or a faster one if this run is slow, and the reason."""
     choice = partial(_choice, candidates, pilot)
     return with_compiler(choice, choice)  # the candidates are others if no compiler builds the first
 
@@ -110,7 +123,7 @@ def _choice(candidates: Callable[[], Candidates], pilot: Callable[[Solver], Pilo
         return first, _count(run)
     other = pilot(implicit)
     if not other.succeeds:
-        return first, f"{_count(run)}; {implicit!r}: {other.message or other.doubt}"
+        return first, f"{_count(run)}; {_fault(implicit, other)}"
     times = run.seconds / other.seconds
     if times > 1:
         return implicit, f"{first!r} takes {run.steps} steps and {times:.1f} times as long"
@@ -120,7 +133,7 @@ def _choice(candidates: Callable[[], Candidates], pilot: Callable[[Solver], Pilo
 def _replaced(
     failed: Solver, run: Pilot, others: Sequence[Solver], pilot: Callable[[Solver], Pilot]
 ) -> tuple[Solver, str]:
-    """The first of the others that succeeds in the place of one that does not, or the one that drifts least."""
+    """The solver that replaces a failed one: the first that succeeds, or else the one with the smallest drift."""
     runs, verdicts = {failed: run}, [_fault(failed, run)]
     for solver in others:
         if solver not in runs:
@@ -141,7 +154,7 @@ def _count(run: Pilot) -> str:
 
 
 def given_program(scene: Scene, solver: Solver | None) -> tuple[Program, str] | None:
-    """The program by the solver that is given, or the only one that locates events, and why; None if none is."""
+    """The program and the reason for its solver: the given one, or the only one that locates events; else None."""
     if solver is None and not scene.system.collected.has_events:
         return None
     program = program_of(scene, solver)
@@ -156,13 +169,23 @@ def program_for_studies(scene: Scene, threads: int) -> tuple[Program, str]:
     def pilot(solver: Solver) -> Pilot:
         return _pilot_of_samples(program_of(scene, solver).cautious, threads)
 
-    program_of(scene, for_studies().first)  # refuses a scene that no solver can run as they do
-    solver, reason = choose(for_studies, pilot)
+    program = program_of(scene, for_studies(False).first)  # refuses a scene that no solver can run as they do
+    p = program.bodies.dae.p_nominal
+    x0, _ = program.bodies.start.states(p[None])
+    # Explicit steps are tried unless they certainly exceed their limit: up to it, they may still be faster.
+    stiff = Rosenbrock().runs_in_lanes(program.formulation.dae) and starts_stiff(program, x0, p, MOST_STEPS)
+    solver, reason = choose(partial(for_studies, stiff), pilot)
     program = program_of(scene, solver)
     if not (has_compiler() or program.is_stateless):
         warnings.warn(f"No C compiler found. {SLOW} {compiler_advice()}", SymmbWarning, stacklevel=2)
     form = program.formulation
-    return program, _joined(reason, str(form.kinks(program.times) or ""), form.why)
+    return program, _joined(TOO_FAST if stiff else "", reason, str(form.kinks(program.times) or ""), form.why)
+
+
+def starts_stiff(program: Program, x0: Array, p: Array, most: float = STIFF) -> bool:
+    """Whether the motion linearised about the start x0 (1, n_x) has more than `most` time constants in the horizon."""
+    X, dae = program.shortest_equations(x0, p)
+    return stiffness(dae, X, p, program.times[:1]).is_stiff(np.ptp(program.times), most)
 
 
 def _joined(*reasons: str) -> str:
@@ -170,7 +193,7 @@ def _joined(*reasons: str) -> str:
 
 
 def _pilot_of_samples(program: Program, threads: int) -> Pilot:
-    """How the nominal run goes as one of many, and its neighbours."""
+    """The pilot run of a program for many samples: the nominal run, and runs with parameters nearby."""
     program.prepare()
     p, begin = program.bodies.dae.p_nominal, time.perf_counter()
     ensemble = program.runs(p[None], threads)
@@ -186,16 +209,16 @@ def _pilot_of_samples(program: Program, threads: int) -> Pilot:
 
 
 class PilotRuns:
-    """Runs of a scene with one set of parameters by several solvers, and what is wrong with them.
+    """Runs of a scene by several solvers with one set of parameters. Each run is judged.
 
     Attributes
     ----------
-    program : Program           with these parameters; by a solver that is to run it, or for the equations alone
-    reason : str, optional      why that solver is to run it; None if one is to be chosen
+    program : Program           with these parameters; its solver is used only if a reason is given
+    reason : str, optional      why the solver of the program runs it; None if a solver is to be chosen
     p, x0 : (n_p,), (1, n_x)    parameters, and the state of the bodies at the start
     start_fault : str           why the scene cannot start; empty if it can
-    where : str                 the parameters for a message; empty if there are none
-    done : dict                 solver -> its run and trajectory
+    where : str                 the parameters as text for a message; empty if there are none
+    done : dict                 solver -> run and trajectory
     """
 
     def __init__(self, scene: Scene, parameters: Mapping[str, float], program: Program, reason: str | None) -> None:
@@ -210,11 +233,11 @@ class PilotRuns:
         self._setup = time.perf_counter() - begin
 
     def _judging(self, program: Program) -> Program:
-        """For runs that are judged, with the parameters of the run."""
+        """The program with the parameters of the run, for a run that is judged."""
         return program.cautious.around(self.p)
 
     def run(self, solver: Solver) -> Pilot:
-        """Run by a solver, and keep the trajectory."""
+        """Run by a solver, and keep the trajectory in `done`."""
         begin = time.perf_counter()
         is_own = solver == self.program.solver
         program = self.program if is_own else self._judging(program_of(self.scene, solver))
@@ -266,14 +289,14 @@ class PilotRuns:
         )
 
     def judge(self, solver: Solver) -> Pilot:
-        """Run by a solver, and return what is wrong with the result."""
+        """Run by a solver, and judge the result."""
         pilot = self.run(solver)
         run, trajectory = self.done[solver]
         if pilot.message:
             return replace(pilot, message=f"t = {run.t_failed:g} s, {run.message}")
         drift = float(trajectory.examination.violation.max(initial=0.0))
         if not drift < _POSITION_DRIFT:
-            doubt = f"drifts off its constraints by {drift:.0e} of its size"
+            doubt = f"positions violate the constraints by {drift:.0e} of the size of the scene"
             return replace(pilot, doubt=doubt, drift=float(np.nan_to_num(drift, nan=np.inf)) / _POSITION_DRIFT)
         singularity = trajectory.singularity
         limit = _SINGULAR_ENERGY_DRIFT if singularity else _ENERGY_DRIFT
@@ -282,16 +305,10 @@ class PilotRuns:
             where = f"{singularity}, " if singularity else ""
             doubt = f"{where}energy drifts by {trajectory.energy_drift:.0e}"
             return replace(pilot, doubt=doubt, drift=trajectory.energy_drift / limit)
-        states = trajectory.examination
-        return replace(pilot, slow=pilot.steps > MANY and self._is_stiff(states.x, states.t))
+        return replace(pilot, slow=pilot.steps > MANY and self._is_stiff(trajectory.examination))
 
-    @property
-    def starts_stiff(self) -> bool:
-        """Whether the motion linearised about the start is stiff over the horizon."""
-        X, dae = self.program.shortest_equations(self.x0, self.p)
-        return self._is_stiff(X, self.program.times[:1], dae)
-
-    def _is_stiff(self, X: Array, t: Array, dae: DAE | None = None) -> bool:
-        """Whether the motion linearised about some of the states X (m, n_x) at times t (m,) is stiff."""
-        some, dae = some_states(len(t)), dae or self.program.bodies.dae
-        return stiffness(dae, X[some], self.p, t[some]).is_stiff(np.ptp(self.program.times))
+    def _is_stiff(self, states: Examination) -> bool:
+        """Whether the motion linearised about some states of a run is stiff."""
+        some = some_states(len(states.t))
+        rates = stiffness(self.program.bodies.dae, states.x[some], self.p, states.t[some])
+        return rates.is_stiff(np.ptp(self.program.times))

@@ -1,4 +1,4 @@
-"""What is doubtful about one run: switches, impacts and small states that it may miss, and laws that it leaves."""
+"""Doubts about one run: missed switches and impacts, small states, and elements outside their range of validity."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -27,36 +27,37 @@ from symmb.run.simulation.pilots import PilotRuns
 from symmb.run.simulation.trajectory import Trajectory
 
 _SAME = 1e-12
-"""Share of the horizon by which two switches at one time may differ by rounding."""
+"""Largest difference of two equal switch times over the horizon: it is rounding."""
 _CROWDED = 0.1
-"""Share of fixed steps with a switch from which errors are visible: those of a motor on pulses are a tenth of it."""
+"""Fraction of fixed steps with a switch, above which errors are visible. A motor on pulses has a tenth of it."""
 _BELOW = 1e-6
-"""Share of the length of the scene by which a gap may be below 0: that of a closed contact is rounding."""
+"""Largest penetration over the length of the scene that counts as rounding of a closed contact."""
 _ROUNDING = 1e-9
-"""Share of the largest value of a margin by which it may be below 0 by rounding and errors of the run."""
+"""Largest violation of a margin over its largest value that rounding and errors of the run explain."""
 SMOOTH = "smooth it, as tanh(v / 1e-3) does sign(v)"
 _INSIDE = 1e3
-"""Size of a first-order state over its absolute tolerance up to which its values have few digits."""
+"""Size of a first-order state over its absolute tolerance, below which its values have few correct digits."""
 _VERY_STIFF = 1e8
-"""Decay over a run, in its shortest time constants, of reactions whose slow part may follow from rests that are within
-the tolerances: hydraulics and contacts decay by 1e6. tests/simulation/test_small_states.py"""
+"""Horizon over the shortest time constant, above which slow reactions may depend on concentrations that are smaller
+than the tolerances. Hydraulics and contacts reach 1e6. Calibrated by tests/simulation/test_small_states.py"""
 _FINER, _MANY = 1e-6, 1e3
-"""Absolute tolerances of a run that tells what they do, over those of the run; and errors in the unit of the relative
-tolerance from which on they are doubted."""
+"""Absolute tolerances of a second run, over those of the run; and errors over the relative tolerance above which the
+absolute tolerances are doubted."""
 _LEAST = 1e-28
 """Least absolute tolerance."""
 _SHARE = 1e-2
-"""Share of an output that is off at a time."""
+"""Relative error of an output at one time, above which it is doubted."""
 
 
 _SAME_AXIS = 1e-6
-"""Sine of an angle between two axes that are one, and their distance over that of their points from the origin."""
+"""Largest sine of the angle between two equal axes, and their largest distance over that of their points from the
+origin."""
 Hinge = tuple[Point, ca.SX, AbstractBody]
-"""A point on an axis, its direction in world axes (3,), and the body that holds it."""
+"""A point on an axis, the direction of the axis in world coordinates (3,), and the body that holds the axis."""
 
 
 def run_doubts(runs: PilotRuns, solver: Solver, trajectory: Trajectory, switches: Kinks | None) -> tuple[str, ...]:
-    """All of them, of a run whose equations have such switches."""
+    """All doubts about a run by a solver. `switches` are the kinks and jumps of its equations."""
     return (
         *_switch_doubts(runs, solver),
         *_gap_doubts(runs, solver),
@@ -68,7 +69,7 @@ def run_doubts(runs: PilotRuns, solver: Solver, trajectory: Trajectory, switches
 
 
 def _switch_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
-    """Whether steps of a fixed length pass over contacts, pulses of forces, or switches to which the motion sticks."""
+    """Doubts about fixed steps: they may pass over contacts, force pulses, or switches to which the motion sticks."""
     program = runs.program
     step = solver.step_taken(program.times)
     if doubts := follow_doubts(program.bodies.dae):
@@ -78,27 +79,28 @@ def _switch_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
     stops = SwitchPasses(program.bodies.dae, program.times).stops(runs.x0, runs.p[None]).of(0)
     if np.isfinite(stops.sticks):
         return (
-            f"The motion sticks to a switch of a force at t = {stops.sticks:.6g} s. Fixed steps pass it again and "
-            f"again: {SMOOTH}.",
+            f"The motion sticks to a switch of a force at t = {stops.sticks:.6g} s. Fixed steps pass this switch again "
+            f"and again: {SMOOTH}.",
         )
     times, span = stops.times[np.isfinite(stops.times)], np.ptp(program.times)
     if (share := len(times) * step / span) > _CROWDED:
         return (
-            f"The equations switch {len(times)} times, and steps of {step:.1g} s do not end there: forces jump or bend "
-            f"in {min(share, 1):.0%} of the steps. Take shorter ones, or DormandPrince(), whose steps end there.",
+            f"The equations switch {len(times)} times, but steps of {step:.1g} s do not end at switches: forces jump "
+            f"or bend in {min(share, 1):.0%} of the steps. Use shorter steps, or DormandPrince(), whose steps end at "
+            "switches.",
         )
     distances = np.diff(times)
     distances[distances < _SAME * span] = np.inf
     if not (distances <= step).any():
         return ()
     return (
-        f"Two switches of the equations are {distances.min():.1g} s apart at t = {times[distances.argmin()]:.6g} s. A "
-        f"step is {step:.1g} s long, so that contacts or pulses may be missed.",
+        f"Two switches of the equations are {distances.min():.1g} s apart at t = {times[distances.argmin()]:.6g} s, "
+        f"but steps are {step:.1g} s long. The run may miss contacts or pulses. Use shorter steps.",
     )
 
 
 def _gap_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
-    """Whether the states of a run are below the gap of an impact."""
+    """The doubt that a run has missed an impact, because its states penetrate a gap."""
     dae, states = runs.program.bodies.dae, runs.done[solver][1].examination
     if dae.impacts is None or not dae.impacts.names:
         return ()
@@ -109,11 +111,13 @@ def _gap_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
     if values[k, i] >= -_BELOW * dae.scales.length:
         return ()
     name = dae.impacts.names[i]
-    return (f"The gap of Impact {name!r} is {values[k, i]:.3g} m at t = {states.t[k]:.6g} s: an impact is missed.",)
+    return (
+        f"The gap of Impact {name!r} is {values[k, i]:.3g} m at t = {states.t[k]:.6g} s: the run missed an impact.",
+    )
 
 
 def _element_doubts(runs: PilotRuns, trajectory: Trajectory) -> Iterator[str]:
-    """Where the run leaves what the laws of its elements are made for, at its output times and between them."""
+    """Doubts about elements that the run takes outside their range of validity, at output times and between them."""
     scene, dae, states = runs.scene, runs.program.bodies.dae, trajectory.examination
     elements, bind, lam = scene.system.elements, scene.system.bind, scene.system.lam
     known = scene.remembered(_element_doubts, lambda: [
@@ -134,13 +138,13 @@ def _element_doubts(runs: PilotRuns, trajectory: Trajectory) -> Iterator[str]:
 
 
 _LETS_GO = (
-    "the contact or rope that it models lets go{}, where its force has the wrong sign. Use a contact or a Rope to "
-    "follow the motion from there."
+    "the contact or rope that it models opens{}, because its force changes sign. Use a contact or a Rope to follow the "
+    "motion after this time."
 )
 
 
 def _pass_doubts(runs: PilotRuns, solver: Solver, switches: Kinks) -> tuple[str, ...]:
-    """Whether the states of a run change the side of a switch near which it noted no pass."""
+    """The doubt that a run has missed a switch: its states change sides, but no step ended at the switch."""
     (run, trajectory), dae = runs.done[solver], runs.program.bodies.dae
     states = trajectory.examination
     if run.stops is None or dae.sampling is not None:  # sampled laws have sides of their own
@@ -150,22 +154,23 @@ def _pass_doubts(runs: PilotRuns, solver: Solver, switches: Kinks) -> tuple[str,
     if is_full and switches.met(states.switch_values[later]):
         return (
             f"The motion passes more than {MOST_PASSES} {switches}. From t = {stops.until:.6g} s on, steps of "
-            f"{solver!r} do not end at them, and may miss some. Use DormandPrince().",
+            f"{solver!r} do not end at switches, and may miss some. Use DormandPrince().",
         )
     ends = np.append(stops.passes, [event.time for event in trajectory.events])  # an event may pass a switch as well
     missed = switches.passed_over(states.switch_values[~later], states.t[~later], ends)
     if np.isnan(missed):
         return ()
     return (
-        f"The equations have {switches}. The motion passes one of them after t = {missed:.6g} s, where no step of the "
-        "run ended. Others may be missed as well.",
+        f"The equations have {switches}. The motion passes a switch after t = {missed:.6g} s, but no step of the run "
+        "ended at it. The run may have missed other switches as well.",
     )
 
 
 def _small_state_doubts(runs: PilotRuns, solver: Solver, run: Trajectory) -> Iterator[str]:
     """The doubt that outputs change with the absolute tolerances.
 
-    It looks at first-order states, and at velocities that constraints determine: others that are so small are rounding.
+    Only first-order states and velocities that constraints determine are examined: other states of this size are
+    rounding.
     """
     dae, states, elements, p = runs.program.bodies.judged, run.examination, runs.scene.system.elements, runs.p
     if not solver.controls_step or not any(isinstance(e, OwnState | VelocityConstraint) for e in elements):
@@ -190,17 +195,17 @@ def _small_state_doubts(runs: PilotRuns, solver: Solver, run: Trajectory) -> Ite
     if wrong.any():
         k, i = np.argwhere(wrong)[0]
         yield (
-            f"Output {run.names[i]!r} depends on states within their absolute tolerances: at t = {run.t[k]:.6g} s "
-            f"it is {run.values[k, i]:.3g}, and {finer.values[k, i]:.3g} at smaller ones. Choose "
-            f"{type(solver).__name__}(atol=...) far below these states."
+            f"Output {run.names[i]!r} depends on states that are smaller than their absolute tolerances: at t = "
+            f"{run.t[k]:.6g} s it is {run.values[k, i]:.3g}, but {finer.values[k, i]:.3g} at smaller tolerances. Use "
+            f"{type(solver).__name__}(atol=...) with a value far below these states."
         )
 
 
 def _carrier_doubts(elements: Sequence[object], value: Callable[[Expr], Array]) -> Iterator[str]:
-    """Doubts about gears without a carrier; `value` gives numbers of expressions at the start.
+    """Doubts about gears without a carrier. `value` evaluates expressions at the start.
 
-    An axis may move if all hinges of a wheel are on bodies that may turn about other axes. At the ratio 1 this makes
-    no difference.
+    The axis of a wheel may move if all its hinges are on bodies that may turn about other axes. At the ratio 1 a
+    carrier makes no difference.
     """
     joints = [e for e in elements if isinstance(e, AxisJoint) and not isinstance(e, Gear)]
     ground = _fixed_to(Ground(), joints)
@@ -216,8 +221,9 @@ def _carrier_doubts(elements: Sequence[object], value: Callable[[Expr], Array]) 
             pivots = _hinges(_fixed_to(holder, joints), joints)
             if not any(_name(other) in ground and _is_same(point, axis, p, u, value) for p, u, other in pivots):
                 yield (
-                    f"{gear.title}: Body {holder.name!r} holds the axis of {wheel.name!r} and may turn, but the angles "
-                    f"are those against the ground. Write carrier={holder.name}, or carrier=Ground() if this is meant."
+                    f"{gear.title}: Body {holder.name!r} holds the axis of {wheel.name!r} and may turn, but the gear "
+                    f"measures angles against the ground. Pass carrier={holder.name}, or carrier=Ground() if the "
+                    "ground is right."
                 )
 
 
@@ -226,7 +232,7 @@ def _name(body: AbstractBody) -> str | None:
 
 
 def _fixed_to(body: AbstractBody, joints: Sequence[AxisJoint]) -> set[str | None]:
-    """Names of the bodies that do not turn against a body, None of the ground."""
+    """Names of the bodies that do not turn against a body. The name of the ground is None."""
     names, before = {_name(body)}, 0
     while len(names) > before:
         before = len(names)
@@ -238,7 +244,7 @@ def _fixed_to(body: AbstractBody, joints: Sequence[AxisJoint]) -> set[str | None
 
 
 def _hinges(names: set[str | None], joints: Sequence[AxisJoint]) -> list[Hinge]:
-    """The hinges between bodies of these names and others."""
+    """The hinges between bodies with these names and all other bodies."""
     found = []
     for joint in (j for j in joints if j.turns):
         a, b = joint.point_a, joint.point_b
@@ -248,7 +254,7 @@ def _hinges(names: set[str | None], joints: Sequence[AxisJoint]) -> list[Hinge]:
 
 
 def _is_same(p: Point, u: ca.SX, r: Point, w: ca.SX, value: Callable[[Expr], Array]) -> bool:
-    """Whether two axes are one."""
+    """Whether the axes through points p and r with directions u and w are the same line."""
     size = 1 + ca.norm_1(p.r) + ca.norm_1(r.r)
     beside = ca.vertcat(ca.cross(u, w), ca.cross(p.r - r.r, u) / size)
     return bool(np.abs(value(beside)).max() < _SAME_AXIS)

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 class Sensitivities(plot.OverTime, Result, Saved):
     """dy/dp of outputs y over time at the nominal values of parameters p.
 
-    `slopes["x", "k"]` gives one of them (n_t,). `print` shows the largest ones. `plot` draws the change of outputs
-    for 1 % of each parameter. `save` and `load` keep them.
+    `slopes["x", "k"]` returns one derivative (n_t,). `print` shows the largest derivatives. `plot` draws the changes of
+    outputs if a parameter changes by 1 %. `save` writes a file, and `load` reads it.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Sensitivities(plot.OverTime, Result, Saved):
         of the scene
     t : (n_t,)
         times [s]
-    names, units : n_y outputs and their units, '' where they are not known
+    names, units : names of the n_y outputs and their units, '' if the unit is not known
     parameters : dict
         n_p nominal values by name
     run : (n_t, n_y)
@@ -81,7 +81,7 @@ class Sensitivities(plot.OverTime, Result, Saved):
 
     @property
     def _labels(self) -> list[str]:
-        """The parameters with their units."""
+        """Names of the parameters with their units."""
         units = units_of_parameters(self.parameters)
         return [label(name, units.get(name, "")) for name in self.parameters]
 
@@ -89,7 +89,7 @@ class Sensitivities(plot.OverTime, Result, Saved):
         return f"{self.name}: dy/dp of {counted(len(self.names), 'output')} at the nominal parameters"
 
     def _rows(self, names: Sequence[str]) -> list[list[str]]:
-        """The largest dy/dp of each output and parameter, and the change of the output for 1 % of the parameter."""
+        """Rows of text: the largest dy/dp of each output and parameter, and the change of the output for 1 %."""
         rows = [["output", "parameter", "nominal", "largest dy/dp", "at [s]", "change for 1 %"]]
         for k, name in enumerate(names):
             places = np.abs(self.values[:, k]).argmax(axis=0)
@@ -135,25 +135,25 @@ def sensitivities(
 ) -> Sensitivities:
     """Exact derivatives of all outputs over time with respect to parameters, along the nominal run.
 
-    The equations of motion are differentiated and integrated with it, as for `Taylor`.
+    The derivatives of the equations of motion are integrated together with the equations, as for `Taylor`.
 
     Parameters
     ----------
     scene : Scene
         or a simulator with derivatives
     parameters : list of str
-        those with respect to which derivatives are taken; default: all
+        names of the parameters p of dy/dp; default: all
     solver, times, outputs
         of a scene, instead of its own
 
     Raises
     ------
     DeclarationError
-        If a parameter is unknown or named twice, or there is none
+        If a parameter is unknown or listed twice, or there are no parameters
     AssemblyError
         If the scene cannot be started
     SimulationError
-        If the run breaks down, or the simulator gives values only
+        If the run breaks down, or the simulator has no derivatives
 
     Examples
     --------

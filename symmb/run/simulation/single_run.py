@@ -1,4 +1,4 @@
-"""One run of a scene, by a solver that pilot runs choose if none is given."""
+"""One run of a scene. Pilot runs choose the solver if no solver is given."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -21,7 +21,7 @@ from symmb.run.formulations import program_of
 from symmb.run.integrate import EventDriven, Solver, solver_of
 from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_simulator import FigureSimulator
-from symmb.run.simulation.pilots import PilotRuns, choose, for_one_run, given_program
+from symmb.run.simulation.pilots import TOO_FAST, PilotRuns, choose, for_one_run, given_program, starts_stiff
 from symmb.run.simulation.run_doubts import SMOOTH, run_doubts
 from symmb.run.simulation.subject import (
     require_own,
@@ -36,10 +36,9 @@ from symmb.run.simulation.trajectory import Trajectory
 from symmb.run.verification import in_two_ways, other_way
 
 _CONFIRMATIONS, _AGREEMENT, _LEAST = 2, 1e-6, 1e-3
-"""Runs at tighter tolerances at most, each ten times tighter; largest difference of two runs over the sizes of the
-states, a tenth of the error that default runs may have; and least size of a state over that of its part of the
-scene."""
-_STICKS = f"where it sticks to one, {SMOOTH}"
+"""Largest number of runs at tighter tolerances, each ten times tighter; largest difference of two runs over the sizes
+of the states, which is a tenth of the error of default runs; and smallest size of a state over that of its body."""
+_STICKS = f"if it sticks to a switch, {SMOOTH}"
 
 
 @overload
@@ -85,27 +84,26 @@ def simulate(
     Parameters
     ----------
     scene : Scene
-        or one of `prepare`, which has a solver
+        or the result of `prepare`, which has a solver
     solver : Solver
         or its text on the command line, such as "cvodes:1e-9";
         default: CVODES(); DormandPrince() with switches; CVODES(stiff=True) for stiff scenes; CVODES with
-        AugmentedLagrangian() if these fail; EventDriven() with impacts, and joints that open or close.
+        AugmentedLagrangian() if these fail; EventDriven() with impacts, and with joints that open or close.
         `trajectory.reason` gives the reason
     parameters : mapping
-        values instead of the nominal ones; a list of them makes all these runs side by side
+        values instead of the nominal ones; or a list of mappings, whose runs are made side by side
     rtol, atol : float
         relative and absolute tolerance of the default solver, instead of its own
     check : bool
         run a second time in another way: by a solver of another family, and in other coordinates if the scene has any.
-        `trajectory.error` (n_t, n_y) is the difference, and warnings say from when on digits are lost
+        `trajectory.error` (n_t, n_y) is the difference. Warnings give the time from which digits are lost
     times, outputs
-        instead of those of the scene
+        instead of the times and outputs of the scene
 
     Returns
     -------
     Trajectory
-        its `warnings` say what is uncertain about it, and Python issues a SymmbWarning; for a list of parameters a
-        Sweep
+        its `warnings` list what is uncertain, and Python issues a SymmbWarning; a Sweep for a list of parameters
 
     Raises
     ------
@@ -133,7 +131,10 @@ def simulate(
         require_own(prepared, solver, times, outputs)
     tolerances: dict[str, Any] = {k: x for k, x in (("rtol", rtol), ("atol", atol)) if x is not None}
     if tolerances and (solver is not None or prepared is not None):
-        raise DeclarationError("simulate: rtol and atol are of the default solver. Write solver=CVODES(rtol=1e-10).")
+        raise DeclarationError(
+            "simulate: rtol= and atol= apply to the default solver only. Write them into the solver, such as "
+            "solver=CVODES(rtol=1e-10)."
+        )
     own = with_options(own, times, outputs)
     if not (parameters is None or isinstance(parameters, Mapping | str)) and isinstance(parameters, Sequence):
         return _simulated_side_by_side(prepared or own, solver, parameters, check, tolerances)
@@ -163,14 +164,16 @@ def _simulated_side_by_side(
     tolerances: Mapping[str, Any],
 ) -> Sweep:
     if check:
-        raise DeclarationError("simulate: check=True is of one run. Studies by propagate look at theirs twice.")
+        raise DeclarationError(
+            "simulate: check=True applies to a single run, not to a list of parameters. Pass one mapping of parameters."
+        )
     if tolerances and isinstance(subject, Scene):
         solver = _at(simulator_with(subject).solver, tolerances)
     return swept(simulator_for("simulate", subject, solver), parameters, "simulate")
 
 
 def _simulated(runs: PilotRuns, check: bool, tolerances: Mapping[str, Any]) -> tuple[Solver, Trajectory]:
-    """The solver that is given, or chosen here for one run, and its run with all that is told about it."""
+    """The solver of one run, given or chosen here, and its trajectory with reasons and doubts."""
     bodies, times = runs.program.bodies, runs.program.times
     if runs.start_fault:
         begin = f"t = {times[0]:g} s"
@@ -180,14 +183,13 @@ def _simulated(runs: PilotRuns, check: bool, tolerances: Mapping[str, Any]) -> t
         solver, reason = runs.program.solver, runs.reason
         runs.run(solver)
     else:
-        stiff, ends = runs.starts_stiff, bodies.dae.sampling is not None
+        stiff, ends = starts_stiff(runs.program, runs.x0, runs.p), bodies.dae.sampling is not None
         switches = ends or bodies.kinks(times) is not None
         solver, reason = choose(
             partial(for_one_run, stiff, switches), lambda solver: runs.judge(_at(solver, tolerances))
         )
         solver = _at(solver, tolerances)
-        reason = f"a part of the motion decays too fast for explicit steps; {reason}" if stiff else reason
-        reason = "; ".join(filter(None, (reason, runs.program.forms.of(solver).why)))
+        reason = "; ".join(filter(None, (TOO_FAST if stiff else "", reason, runs.program.forms.of(solver).why)))
     run, trajectory = runs.done[solver]
     switches = bodies.kinks(times)
     if run.message:
@@ -214,13 +216,13 @@ def _at(solver: Solver, tolerances: Mapping[str, Any]) -> Solver:
 
 
 def with_figures_of(trajectory: Trajectory, simulator: FigureSimulator, check: bool) -> Trajectory:
-    """The trajectory with the figures of its scene, and their errors if they are to be checked.
+    """The trajectory with the scalar outputs of its scene, and with their errors if `check` is true.
 
-    Those whose condition never holds are nan, which is a doubt.
+    A scalar output is nan if its condition never holds. This raises a doubt.
 
     Raises
     ------
-    SimulationError        if the run breaks down in the solver of studies
+    SimulationError        if the run by the solver of studies breaks down
     """
     p = np.array([*trajectory.parameters.values()])
     Y, lacking = simulator.values(p)
@@ -236,7 +238,7 @@ def with_figures_of(trajectory: Trajectory, simulator: FigureSimulator, check: b
 
 
 def _start_fault(runs: PilotRuns) -> str:
-    """What the assembly says if the parameters of the run are the nominal ones, such as a joint that stays open."""
+    """The fault of an assembly with the parameters of the run, such as a joint that stays open; '' without a fault."""
     scene = runs.scene
     try:
         prepare_start(scene, replace(compile_dae(scene.system), p_nominal=runs.p))
@@ -246,10 +248,10 @@ def _start_fault(runs: PilotRuns) -> str:
 
 
 def _confirmed(runs: PilotRuns, solver: Solver, trajectory: Trajectory, reason: str) -> tuple[Solver, Trajectory, str]:
-    """The solver, run and reason after runs at tighter tolerances, while two of them do not agree.
+    """The solver, run and reason after runs at tighter tolerances, until two runs agree.
 
-    A switch of the state that is met at a small angle magnifies errors: a wall that is touched shortly before a motion
-    turns back, by several hundred.
+    A motion that meets a switch of the state at a small angle magnifies errors. If it touches a wall shortly before it
+    turns back, errors grow by a factor of several hundred.
     """
     sizes = runs.program.bodies.dae.state_sizes
     for _ in range(_CONFIRMATIONS):
@@ -267,7 +269,7 @@ def _confirmed(runs: PilotRuns, solver: Solver, trajectory: Trajectory, reason: 
 
 
 def _require_sound(runs: PilotRuns, trajectory: Trajectory) -> None:
-    """SimulationError if the run has left its constraints, or has outputs that are not finite."""
+    """Raise a SimulationError if the run has left its constraints, or if an output is not finite."""
     about = f"{runs.scene.name}{runs.where} by {trajectory.solver}"
     fault = trajectory.examination.fault
     irregular = ~np.isfinite(trajectory.values)
@@ -279,7 +281,7 @@ def _require_sound(runs: PilotRuns, trajectory: Trajectory) -> None:
 
 
 def parameter_values(scene: Scene, changes: Mapping[str, float]) -> dict[str, float]:
-    """Nominal values, of which some are replaced."""
+    """The nominal values of all parameters, with these changes."""
     nominal = scene.system.parameters
     if not isinstance(changes, Mapping):
         raise DeclarationError(f'parameters: expected values by name, such as {{"l1": 1.02}}, got {shown(changes)}.')
@@ -293,13 +295,13 @@ def parameter_values(scene: Scene, changes: Mapping[str, float]) -> dict[str, fl
 
 
 def _breakdown_text(runs: PilotRuns, solver: Solver, reason: str, switches: str) -> str:
-    """The reason why a run failed, its place, and possible causes."""
+    """The message of a failed run: the time, the reason and possible causes."""
     run, trajectory = runs.done[solver]
     near = trajectory.singularity
     parts = [
         f"{runs.scene.name}: the run breaks down at t = {run.t_failed:g} s{runs.where}: {run.message}",
         f"The position may be singular: {near}" if near else "",
-        f"The equations have {switches}, at which no motion can stay: {_STICKS}" if switches else "",
-        f"No other solver gets through: {reason}" if len(runs.done) > 1 else "",
+        f"The equations have {switches}. A motion cannot stay on a switch: {_STICKS}" if switches else "",
+        f"The other solvers fail as well: {reason}" if len(runs.done) > 1 else "",
     ]
     return ". ".join(filter(None, parts)) + "."

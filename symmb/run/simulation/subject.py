@@ -1,4 +1,4 @@
-"""The subject of a study: a scene, for which a simulator is made, or a simulator."""
+"""The simulator of a study. The subject of a study is a scene or a simulator."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from symmb.run.integrate import Solver, solver_of
 from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_simulator import FigureSimulator, SceneSimulator
 
-_SCENE = "Scene(system, times=...) makes one of a System."
+_SCENE = "Scene(system, times=...) makes a Scene from a System."
 
 
 def simulator_of(
@@ -25,20 +25,19 @@ def simulator_of(
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,
 ) -> tuple[Simulator, Box]:
-    """The simulator and the box of a study, which is that of the scene if none is given.
+    """The simulator and the box of a study. Without `box`, the study uses the box of the scene.
 
     Raises
     ------
-    DeclarationError       if there is no box, subject, box or solver is something else, or a simulator is given
-                           options that only a scene takes
+    DeclarationError       if there is no box, an argument has a wrong type, or a simulator is given options of scenes
     """
     solver = solver_of(solver)
     box = getattr(subject, "box", None) if box is None else box
     if box is None:
-        raise DeclarationError("No box: which parameters are uncertain? Give box=Box(l1=(0.95, 1.05)).")
+        raise DeclarationError("No box: no parameter has an interval. Pass a box, such as box=Box(l1=(0.95, 1.05)).")
     if not isinstance(box, Box):
         raise DeclarationError(
-            f"box: {shown(box)} is not a Box. Write Box(l1=(0.95, 1.05)), or for a dict Box(**intervals)."
+            f"box: {shown(box)} is not a Box. Write Box(l1=(0.95, 1.05)), or Box(**intervals) for a dict."
         )
     if not (isinstance(subject, Scene) or hasattr(subject, "outputs")):
         raise DeclarationError(f"Expected a Scene or a simulator, got {type(subject).__name__}. {_SCENE}")
@@ -53,11 +52,11 @@ def simulator_for(
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,
 ) -> Simulator:
-    """The simulator of a scene with these options, or the given one, which takes none; with figures, if it has any.
+    """The simulator of a scene with these options, or the given simulator. It computes scalar outputs as well.
 
     Raises
     ------
-    DeclarationError       if it is something else, or takes no options
+    DeclarationError       if the subject has a wrong type, or a simulator is given options of scenes
     """
     solver = solver_of(solver)
     if isinstance(subject, Scene):
@@ -71,21 +70,21 @@ def simulator_for(
 
 
 def chosen_parameters(owner: str, names: Sequence[str] | None, nominal: Mapping[str, float]) -> list[str]:
-    """Names of parameters that are given, each once; all of them if none are.
+    """The given names of parameters, or the names of all parameters if `names` is None.
 
     Raises
     ------
-    DeclarationError       if there is none, or a name is not known or stands there twice
+    DeclarationError       if there are no parameters, or a name is unknown or listed twice
     """
     if not nominal:
-        raise DeclarationError(f"{owner}: there is no parameter. Declare Parameters(k=...) and use p.k.")
+        raise DeclarationError(f"{owner}: there are no parameters. Declare p = Parameters(k=...), and use p.k.")
     if names is None:
         return [*nominal]
     some = require_names(f"{owner}: parameters", "parameter", names, nominal)
     if not some:
-        raise DeclarationError(f"{owner}: the list of parameters is empty.")
+        raise DeclarationError(f"{owner}: the list of parameters is empty. Omit it to choose all parameters.")
     if twice := [name for name, count in Counter(some).items() if count > 1]:
-        raise DeclarationError(f"{owner}: the list of parameters has {twice[0]!r} twice.")
+        raise DeclarationError(f"{owner}: the list of parameters contains {twice[0]!r} twice.")
     return some
 
 
@@ -96,31 +95,31 @@ def with_options(scene: Scene, times: Sequence[float] | Array | None, outputs: M
 
 
 def require_own(subject: object, solver: object, times: object, outputs: object) -> None:
-    """DeclarationError if a simulator is given options that only a scene takes."""
+    """Raise a DeclarationError if a simulator is given options that only a scene accepts."""
     if solver is not None or times is not None or outputs is not None:
-        raise DeclarationError(f"{subject!r} has its own solver, times and outputs; only a Scene takes others.")
+        raise DeclarationError(f"{subject!r} has its own solver, times and outputs. Pass a Scene to choose other ones.")
 
 
 def prepare(scene: Scene, solver: Solver | str | None = None) -> DAESimulator:
-    """Prepare what all runs of a scene share: equations, start, and solver. The scene remembers it.
+    """Prepare the equations, the start and the solver of a scene for all its runs. The scene remembers the result.
 
-    The nominal parameters are run in two ways, which gives the warnings.
+    The nominal parameters are run in two ways. Their difference leads to warnings.
 
-    `simulate`, `propagate`, `compare`, `linearize`, `stability` and `view` prepare scenes in this way, and take what is
-    prepared instead of a scene. So nothing is derived, chosen or compiled twice.
+    `simulate`, `propagate`, `compare`, `linearize`, `stability` and `view` prepare scenes in this way. They also accept
+    the prepared scene instead of the scene. So nothing is derived, chosen or compiled twice.
 
     Parameters
     ----------
     scene : Scene
     solver : Solver, optional
-        or its text on the command line, such as "cvodes:1e-9"; default: pilot runs choose one for many runs,
+        or its text on the command line, such as "cvodes:1e-9"; default: pilot runs choose the solver for many runs,
         mostly DormandPrince()
 
     Returns
     -------
     DAESimulator
-        `formulation`, `solver` and `reason` say what was chosen, `warnings` what is uncertain about the run at the
-        nominal parameters
+        `formulation`, `solver` and `reason` show what was chosen; `warnings` list what is uncertain about the nominal
+        run
 
     Raises
     ------
@@ -148,13 +147,13 @@ def prepare(scene: Scene, solver: Solver | str | None = None) -> DAESimulator:
 
 
 def simulator_with(scene: Scene, solver: Solver | str | None = None) -> DAESimulator:
-    """The simulator that `prepare` gives, before it takes its second look."""
+    """The simulator that `prepare` returns, before the nominal parameters are run in two ways."""
     solver = solver_of(solver)
     return scene.remembered(solver, lambda: DAESimulator(scene, solver))
 
 
 def study_simulator(scene: Scene, solver: Solver | None = None) -> SceneSimulator:
-    """The simulator of a study: with the figures of a scene, if it has any."""
+    """The simulator of a study. It computes the scalar outputs of the scene as well, if there are any."""
     if not scene.figures:
         return simulator_with(scene, solver)
     curves = scene.curves
@@ -162,15 +161,15 @@ def study_simulator(scene: Scene, solver: Solver | None = None) -> SceneSimulato
 
 
 def scene_of(subject: Scene | DAESimulator) -> Scene:
-    """A Scene, or the one that was prepared.
+    """The given scene, or the scene of a prepared one.
 
     Raises
     ------
-    DeclarationError       if it is something else
+    DeclarationError       if the subject has another type
     """
     scene = subject.scene if isinstance(subject, DAESimulator) else subject
     if isinstance(scene, Scene):
         return scene
     if hasattr(subject, "stream"):
-        raise DeclarationError(f"{subject!r} is a simulator. It runs samples P (N, d) of its parameters by run(P).")
+        raise DeclarationError(f"{subject!r} is a simulator. Call its run(P) with samples P (N, d) of its parameters.")
     raise DeclarationError(f"Expected a Scene, got {type(subject).__name__}. {_SCENE}")

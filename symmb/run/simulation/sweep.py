@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 _NAMED = 3
-"""Failed runs whose reasons are printed."""
+"""Number of failed runs whose reasons are printed."""
 Part = tuple[Indices, Array, Mask, tuple[str, ...]]
-"""Numbers of samples, their outputs, whether they are valid, and why the others are not."""
+"""Numbers of samples, their outputs, a mask of the valid ones, and the messages of the others."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,7 +40,7 @@ class Sweep(plot.OverTime, Result, WithWarnings, Saved):
     """Runs with several values of parameters.
 
     `runs["x"]` gives an output of all runs. `print` shows extremes. `plot` draws all runs,
-    coloured by the first parameter that varies. `save` and `load` keep them.
+    coloured by the first parameter that varies. `save` writes a file, and `load` reads it.
 
     Attributes
     ----------
@@ -48,22 +48,22 @@ class Sweep(plot.OverTime, Result, WithWarnings, Saved):
         of the scene or simulator
     t : (n_t,)
         times [s]
-    names, units : n_y outputs and their units, '' where they are not known
+    names, units : names of the n_y outputs and their units, '' if the unit is not known
     parameters : dict
         name -> (N,) values, of all parameters
     grid : dict
-        name -> values (m,) of which all combinations are run, the last one changing fastest; empty if the runs are a
+        name -> values (m,); all combinations are run, and the last parameter changes fastest; empty if the runs are a
         list
     values : (N, n_t, n_y)
-        outputs, nan from a failure on
+        outputs; nan after a failure
     ok : (N,)
         whether a run is valid
     messages : tuple of str
-        why each of the others is not, in order
+        reasons of the failed runs, in order
     figures : tuple of str
-        scalar outputs, which are one number per run
+        names of the scalar outputs; each is one number per run
     simulator : SceneSimulator
-        of the runs, by which `view` draws them; None if they are of a function or a program, or were read from a file
+        the simulator of the runs, so that `view` can draw them; None for functions and programs, and after `load`
 
     Examples
     --------
@@ -94,7 +94,7 @@ class Sweep(plot.OverTime, Result, WithWarnings, Saved):
         return len(self.values)
 
     def __getitem__(self, name: str) -> Array:
-        """An output of all runs: (N, n_t), or (m_1, ..., m_d, n_t) over a grid. A figure of the motion has no times."""
+        """An output of all runs: (N, n_t), or (m_1, ..., m_d, n_t) over a grid. A scalar output has no time axis."""
         name = require_name("Sweep", "output", name, self.names)
         values = self.values[:, :, self.names.index(name)].reshape(*self._shape, len(self.t))
         return values[..., 0] if name in self.figures else values
@@ -105,7 +105,7 @@ class Sweep(plot.OverTime, Result, WithWarnings, Saved):
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Which runs failed, in a sentence; empty if none did."""
+        """A sentence about the runs that failed; empty if none failed."""
         if self.ok.all():
             return ()
         more = f" and {len(self.messages) - _NAMED} more" if len(self.messages) > _NAMED else ""
@@ -130,7 +130,7 @@ class Sweep(plot.OverTime, Result, WithWarnings, Saved):
         return {name: values for name, values in self.parameters.items() if np.ptp(values) > 0 or name in self.grid}
 
     def _rows(self, names: Sequence[str]) -> list[list[str]]:
-        """Extremes of each output, with the time and the run, counted from 0."""
+        """Rows of text with the extremes of each output, their times and their runs, counted from 0."""
         rows = [["output", "lowest", "at [s]", "run", "highest", "at [s]", "run"]]
         for k, name in enumerate(names):
             values = self.values[self.ok, :, k]
@@ -170,7 +170,7 @@ class Sweep(plot.OverTime, Result, WithWarnings, Saved):
         return Labelled(coordinates, variables, {k: v or None for k, v in about.items()}, units | units_of_own)
 
     def to_xarray(self) -> "Dataset":
-        """An xarray.Dataset over the parameters of a grid, or over samples, and over time and output.
+        """The runs as an xarray.Dataset over time, output and either the parameters of the grid or the samples.
 
         Raises
         ------
@@ -198,13 +198,13 @@ def sweep(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Sweep:
-    """Runs with all combinations of values of some parameters; the others keep their nominal values.
+    """Run all combinations of values of some parameters. The other parameters have their nominal values.
 
     Parameters
     ----------
     scene : Scene or simulator
     values : mapping
-        name -> (m,) values, in the unit of the parameter, or with others that fit, as ([0.24, 0.25], "m")
+        name -> (m,) values, in the unit of the parameter or with a compatible unit, such as ([0.24, 0.25], "m")
     solver, times, outputs
         of a scene, instead of its own
     executor : anything with an ordered `map`, or an executor; default: runs in this process
@@ -213,7 +213,7 @@ def sweep(
     Raises
     ------
     DeclarationError
-        If a parameter is unknown, or values are no numbers
+        If a parameter is unknown, or a value is not a number
     AssemblyError
         If the scene cannot be started
 
@@ -241,7 +241,7 @@ def sweep(
             )
         grid[name] = column
     count = math.prod(map(len, grid.values()))
-    require_runs("sweep", count, "Give fewer values.")
+    require_runs("sweep", count, "Pass fewer values.")
     _require_room("sweep", simulator, count)
     P = np.tile([float(value) for value in nominal.values()], (count, 1))
     each = count
@@ -252,10 +252,10 @@ def sweep(
 
 
 def swept(simulator: Simulator, runs: Sequence[Mapping[str, float]], owner: str) -> Sweep:
-    """Runs with parameters of which each replaces some of the nominal ones."""
+    """Runs of a simulator. Each mapping replaces some nominal parameters for one run."""
     nominal = simulator.parameters
     if not runs:
-        raise DeclarationError(f"{owner}: there is no run to make.")
+        raise DeclarationError(f"{owner}: the list of parameters is empty. Pass one mapping for each run.")
     rows, units = [], units_of_parameters(nominal)
     for run in (normal_keys(owner, run) for run in runs):
         if not isinstance(run, Mapping):
@@ -281,7 +281,7 @@ def _of_rows(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Sweep:
-    """Runs with parameters P (N, n_p)."""
+    """Runs of a simulator with parameters P (N, n_p)."""
     with kept_interrupts(), shown_runs(progress, owner) as progress:
         parts = simulator.stream(P, Reduction(list, _with_block, _joined), executor, progress)
     Y, ok = np.full((len(P), len(simulator.times), len(simulator.outputs)), np.nan), np.zeros(len(P), dtype=bool)

@@ -31,9 +31,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _ROUNDING = 1e-12, 1e-30
-"""Shares below which a number counts as 0: of its output's largest, and of the largest of all outputs."""
+"""A number is printed as 0 if it is smaller than these factors times the largest value of its output, and of all
+outputs."""
 _NAMED = 12
-"""Coordinates and velocities that are printed of the start."""
+"""Largest number of printed coordinates and velocities of the start."""
 _START = {"held": "held", "solved": "solved for", "free": "left free"}
 
 
@@ -41,36 +42,36 @@ _START = {"held": "held", "solved": "solved for", "free": "left free"}
 class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
     """One run of a scene.
 
-    `traj["x1"]` gives an output, a coordinate, a velocity or a multiplier by name, `traj(expression)` any expression of
-    the scene, each (n_t,); a scalar output is one number. `save` and `load` keep it in a file.
+    `traj["x1"]` returns an output, a coordinate, a velocity or a multiplier (n_t,) by name. A scalar output is one
+    number. `traj(expression)` evaluates any expression of the scene. `save` writes a file, and `load` reads it.
 
     Attributes
     ----------
     scene : Scene
-        None if it was read from a file without a scene
+        None if the run was read from a file without a scene
     parameters : dict
         values of this run
     solver, reason : str
-        its text, and why symmb chose it if none was given
+        text of the solver, and why symmb chose it; `reason` is empty if the solver was given
     t : (n_t,)
         times [s]
     x : (n_t, n_x)
         states (q, v, s)
     work : (n_t,)
-        work of forces without potential, of drives and of impacts since the start [J]
+        work since the start by forces without potential, drives and impacts [J]
     statistics : dict
         counts of the integrator, and a report on the start
     setup_seconds, run_seconds : float
     events : tuple of Event
-        impacts, and contacts and joints that close and open, in order
+        in order: impacts, and contacts and joints that close or open
     error : (n_t, n_y)
-        estimated error of the outputs, of a run with check=True; None for others
+        estimated error of the outputs; None without check=True
     run_doubts : tuple of str
-        warnings of the start and the solver, in sentences; `warnings` (or `doubts`) has all
+        warnings about the start and the solver, in sentences; `warnings` (or `doubts`) contains all warnings
     figures : dict
-        scalar outputs by name; `values` has them at all times
+        scalar outputs by name; `values` repeats them at all times
     run_examination
-        the examination of the run between its output times as well; None if it was read
+        the examination of the run, also between its output times; None if the run was read from a file
 
     Examples
     --------
@@ -110,7 +111,8 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
     def _model(self) -> tuple[Scene, Program]:
         if self.scene is None or self.program is None:
             raise DeclarationError(
-                "The equations of this run are not known: it was read from a file. Give Trajectory.load the scene."
+                "This run was read from a file, and its equations are not known. Pass the scene: "
+                "Trajectory.load(path, scene)."
             )
         return self.scene, self.program
 
@@ -159,7 +161,7 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
 
     @cached_property
     def units(self) -> tuple[str, ...]:
-        """Units of the outputs, '' where they are not known."""
+        """Units of the outputs, '' if the unit is not known."""
         scene, _ = self._model
         return scene.units if self.figures else scene.curve_units
 
@@ -178,24 +180,27 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
         return self._of(output_function(program.bodies.dae, scene, y))
 
     def _of(self, f: ca.Function) -> Array:
-        """Values of a Function (x, p, t) along the run, (n_t, n)."""
+        """The values (n_t, n) of a Function (x, p, t) along the run."""
         if not f.numel_out(0):
             return np.zeros((len(self.t), 0))
         return batch(f, self.x, self._p, self.t[:, None])[0].reshape(len(self.t), -1)
 
     def __call__(self, expression: Expr) -> Array:
-        """Any expression of coordinates, velocities, multipliers, parameters and `t` along the run, (n_t,) or (n_t, n).
+        """The values (n_t,) or (n_t, n) of an expression of coordinates, velocities, multipliers, parameters and `t`.
 
         Raises
         ------
-        DeclarationError       if it contains a symbol that the scene does not know
+        DeclarationError       if the expression contains a symbol that the scene does not know
         """
         scene, _ = self._model
         bound = ca.vec(scene.expression(expression))
         known = {state.sx.element_hash() for state in scene.system.collected.states}
         for state in scene.system.bind.states(bound):
             if state.sx.element_hash() not in known:
-                raise DeclarationError(f"{state.name!r} counts turns along the run: make it an output of the Scene.")
+                raise DeclarationError(
+                    f"{state.name!r} counts turns during the run, so it must be an output of the Scene. Add it to "
+                    "outputs=."
+                )
         values = self._along(bound)
         return values[:, 0] if bound.numel() == 1 else values
 
@@ -222,7 +227,7 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
 
     @cached_property
     def examination(self) -> Examination:
-        """The values that judge the run."""
+        """The examination of the run: drifts, singular positions and warnings."""
         return self.run_examination or Examination.of(self._model[1], self._p, self.t, self.x, self.work)
 
     @cached_property
@@ -237,7 +242,7 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
 
     @property
     def singularity(self) -> Singularity | None:
-        """The time closest to a singular position, if one is close."""
+        """The singular position to which the run comes closest; None if it comes close to none."""
         return self.examination.singularity
 
     @cached_property
@@ -257,7 +262,7 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
-        """Warnings in sentences: what is uncertain. Empty if no problem is known."""
+        """Warnings, in sentences. Empty if no problem is known."""
         scene, program = self._model
         doubts = (
             *program.bodies.start.doubts,
@@ -269,7 +274,7 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
         longest, step = program.longest_step, program.solver.step_taken(self.t)
         if step <= longest:  # 0 where steps are controlled
             return doubts
-        pulse = f"Steps of {step:.2g} s may miss a pulse in a function of time. Take less than {longest:.2g} s."
+        pulse = f"Steps of {step:.2g} s may miss a pulse in a function of time. Use steps below {longest:.2g} s."
         return (*doubts, pulse)
 
     def _head(self) -> str:
@@ -300,17 +305,17 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
 
     @classmethod
     def load(cls, path: str | Path, scene: Scene | None = None) -> "Trajectory":
-        """Read a file of `save`. A .csv file has times and outputs only.
+        """Read a file that `save` has written. A .csv file contains times and outputs only.
 
         Parameters
         ----------
         scene : Scene
-            the scene of the run; expressions and reactions can be evaluated only with it
+            the scene of the run; without it, expressions and reactions cannot be evaluated
 
         Raises
         ------
         DeclarationError
-            If the file is damaged, has other contents, or is of another scene
+            If the file is damaged, has other contents, or belongs to another scene
         """
         known, derived = files.load(path, "a result of Trajectory.save", of_record, of_table)
         program = None
@@ -321,7 +326,10 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
             dae = program.bodies.start.dae
             names = (dae.q_names, dae.v_names, dae.s_names), list(dae.p_names)
             if (derived["state_names"], list(known["parameters"])) != names:
-                raise DeclarationError(f"{path} holds a run of another scene than {scene.name!r}: its states differ.")
+                raise DeclarationError(
+                    f"{path} contains a run of another scene: its states or parameters differ from those of "
+                    f"{scene.name!r}. Pass the scene of this run."
+                )
         run = cls(scene=scene, program=program, **known)
         vars(run).update(derived)  # in place of the values that cached properties would compute
         return run
@@ -353,30 +361,30 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
 
 
 def _start_lines(start: Mapping[str, list[str]]) -> list[str]:
-    """What the start held, solved for and left free, and rows that are redundant."""
+    """Lines of text: names that the start held, solved for and left free, and redundant rows."""
     parts = "; ".join(f"{what} {_some(start[key])}" for key, what in _START.items() if start[key])
     redundant = [f"  redundant   {', '.join(start['redundant'])}: smallest reactions"] if start["redundant"] else []
     return [*([f"  start       {parts}"] if parts else []), *redundant]
 
 
 def _some(names: Sequence[str]) -> str:
-    """Names, of which a robot has hundreds."""
+    """A list of names, shortened because a robot has hundreds."""
     return ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
 
 
 def _pulse_lines(program: Program) -> list[str]:
-    """The longest step that passes over no pulse in a law of time."""
+    """A line about the longest step that does not miss a pulse in a function of time; no line without pulses."""
     longest = program.longest_step
     if not math.isfinite(longest):
         return []
-    passes = "at most {:.2g} s, so that none passes over one"
+    passes = "are at most {:.2g} s, so that they do not miss pulses"
     if getattr(program.solver, "rtol", None) is None:  # the user chose the fixed step
-        passes = "more than {:.2g} s may pass over one"
-    return [f"  pulses      in functions of time: steps of {passes.format(longest)}"]
+        passes = "above {:.2g} s may miss pulses"
+    return [f"  pulses      in functions of time: steps {passes.format(longest)}"]
 
 
 def _event_lines(events: Sequence[Event]) -> list[str]:
-    """Impacts by their names, other events with their times, and the work of all."""
+    """A line with the number of impacts by name, the times of other events, and the work of all events."""
     if not events:
         return []
     counts = Counter(event.name for event in events if event.what == "impact")
@@ -388,7 +396,7 @@ def _event_lines(events: Sequence[Event]) -> list[str]:
 
 
 def _extremes(t: Array, values: Array, names: Sequence[str]) -> list[list[str]]:
-    """First, last, least and largest value of every output (n_t, n_y) as rows of text. Rounding is shown as 0."""
+    """Rows of text with the first, last, lowest and highest value of each output (n_t, n_y). Rounding is shown as 0."""
     size = np.abs(values)
     rounding = np.maximum(_ROUNDING[0] * size.max(axis=0), _ROUNDING[1] * size.max(initial=0.0))
     values = np.where(size < rounding, 0.0, values)

@@ -1,4 +1,4 @@
-"""What the file of a run holds: attributes of a Trajectory, and what it would derive from the equations."""
+"""The file of a run. It contains attributes of a Trajectory, and values that otherwise follow from the equations."""
 
 import math
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ PLAIN = (
     *("t", "units", "values", "parameters", "q", "v", "s", "lam", "row_names", "position_drift", "velocity_drift"),
     *("energy_drift", "solver", "reason", "statistics", "setup_seconds", "run_seconds", "error", "doubts", "figures"),
 )
-"""Attributes of a Trajectory that its file holds under the same names."""
+"""Attributes of a Trajectory that its file contains under the same names."""
 Contents = tuple[dict[str, Any], dict[str, Any]]
 """Attributes of a Trajectory without its scene, and values of its cached properties."""
 
@@ -61,7 +61,7 @@ def of_record(record: Record) -> Contents:
 
 
 def of_table(table: Record) -> Contents:
-    """The contents of a table: a column t, and one for each output."""
+    """The contents of a table with a column t, and a column for each output."""
     (first, *own), columns = table.texts("headings"), table.record("columns")
     names, units = read_headings(first, own)
     t, *values = (columns.with_nan(str(k), None) for k in range(1 + len(names)))
@@ -87,7 +87,7 @@ def of_table(table: Record) -> Contents:
 
 
 def labelled(record: Mapping[str, Any]) -> Labelled:
-    """A run as labelled arrays, from the entries of its file. Its parameters are coordinates without dimension."""
+    """The entries of a file as labelled arrays. The parameters become coordinates without a dimension."""
     names, units = list(record["names"]), record["units"]
     coordinates, unit_of = over_outputs(record["t"], names, units, "value", "error")
     series = ("time", "output")

@@ -1,4 +1,4 @@
-"""What is examined about a run: drift of its constraints and its energy, singular positions, and what to doubt."""
+"""The examination of a run: drift of its constraints and its energy, singular positions, and doubts."""
 
 import math
 from dataclasses import dataclass
@@ -16,36 +16,38 @@ from symmb.run.integrate import CVODES, Run, refined
 from symmb.run.verification.two_ways import ROUNDING, TwoWays, changes_of_outputs
 
 _MOST, _LEAST, _WORK = 10_000, 100, 2e9
-"""Most times at which a run is examined: times (number of velocities)^3 stays below `_WORK`, which takes seconds, but
-the least number is always examined."""
+"""Largest and smallest number of examined times. In between, the number of times is `_WORK` over the third power of the
+number of velocities. This takes seconds."""
 _CLOSER, _NEAR = 2, 2000
-"""A run that fails is examined so often, each time closer to its failure, at most at so many times."""
+"""Number of examinations of a run that fails, each closer to its failure, and largest number of times of each."""
 _EXAMINED = 1e-6
-"""Drift of energy over the largest kinetic energy at examined times above which that between them is computed."""
+"""Drift of energy over the largest kinetic energy at the examined times. Above this value, a second run looks for
+larger kinetic energies between these times."""
 _STILL = 1e-20
-"""Kinetic energy over that of a motion of the scene's size, below which speeds are rounding."""
+"""Kinetic energy over that of a motion of the scene's size, below which all speeds are rounding."""
 _ROUNDING = 1e-14
-"""Share of the largest energy up to which a change of energy may be rounding."""
+"""Change of energy over the largest energy, below which the change is rounding."""
 _FALLS = 0.5
-"""Share to which a drift of energy that is due to the tolerance falls at a tenth of it: to 0.1 by most solvers."""
+"""Factor by which a drift of energy falls at a tenth of the tolerance, if the tolerance causes the drift. Most solvers
+reach 0.1."""
 _OF_WORK = 1e-9
-"""Share of the work up to which its sum is off at the smallest tolerances: by CVODES 2e-10, which falls no further."""
+"""Relative error of the work at the smallest tolerances: CVODES reaches 2e-10, and smaller tolerances do not help."""
 _SOUND = 1e-6
-"""Violation of positions, over the size of the scene, up to which a state is on its constraints."""
+"""Violation of positions over the size of the scene, below which a state satisfies its constraints."""
 _AGAIN = CVODES(rtol=1e-8, stiff=True)
-"""The solver that runs once more what was examined too coarsely: it compiles nothing, and stiffness is no burden."""
+"""The solver of second runs between the examined times. It compiles nothing, and stiff motions do not slow it down."""
 _SMALL, _USUAL, _SINGULAR = 1e-6, 2e3, 1e2
-"""Drift of energy that raises a doubt: the least one; in relative tolerances; and the same near singular positions.
-Regular motion drifts by up to 1,000 tolerances with multistep methods, wrong branches by 300 and more.
-tests/test_problems.py"""
+"""Smallest drift of energy that raises a doubt; the same over the relative tolerance; and the same near singular
+positions. Regular motions drift by up to 1,000 tolerances with multistep methods, and wrong branches by 300 and more.
+Calibrated by tests/test_problems.py"""
 _OF_STEPS = 0.01
-"""Drift of energy by fixed steps that is visible in the motion."""
+"""Drift of energy by fixed steps, above which the motion changes visibly."""
 _UNREACHED = 1e-2
-"""Violation of positions, over the size of the scene, that no solver leaves where positions can be reached."""
+"""Violation of positions over the size of the scene, above which the positions cannot be reached."""
 
 
 class Drift(NamedTuple):
-    """Largest violation of any row at every time: position (n_t,), velocity (n_t,), in the units of the rows."""
+    """Largest violation of all position rows (n_t,) and of all velocity rows (n_t,), in the units of the rows."""
 
     position: Array
     velocity: Array
@@ -68,11 +70,11 @@ class Energy(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Examination:
-    """States of a run at times over its whole horizon, by which it is judged, whatever its output times.
+    """States of a run at times over its horizon. The run is judged by them, whatever its output times are.
 
     Attributes
     ----------
-    t, x, work : (m,), (m, n_x), (m,)    times [s], states, nan from a failure on, and work since the start [J]
+    t, x, work : (m,), (m, n_x), (m,)    times [s], states (nan after a failure), and work since the start [J]
     is_close : bool                      whether the times are close together
     """
 
@@ -85,7 +87,7 @@ class Examination:
 
     @classmethod
     def of(cls, program: Program, p: Array, t: Array, x: Array, work: Array, is_close: bool = False) -> "Examination":
-        """Of a run with states x (m, n_x): at all its times, or evenly chosen ones if they are many."""
+        """The examination of a run with states x (m, n_x), at all its times or at evenly chosen times."""
         known = _known(x)
         end = len(known) - 1 if known.all() else int(known.argmin())  # the first time behind a failure
         number = min(_number(program.bodies.dae), end + 1)
@@ -96,12 +98,13 @@ class Examination:
 
     @cached_property
     def drift(self) -> Drift:
-        """Violation of the constraints."""
+        """Violation of the constraints at the examined times."""
         return drift(self.program.bodies, self.x, self.p, self.t)
 
     @cached_property
     def violation(self) -> Array:
-        """Largest violation of a position row (m,) over its change by displacements of the scene's size [-]."""
+        """Largest violations (m,) of position rows, each over the change of its row by displacements of the scene's
+        size [-]."""
         dae, bodies = self.program.bodies.start.dae, self.program.bodies.judged
         if dae.Phi is None or dae.G is None:
             return np.zeros(len(self.t))
@@ -112,7 +115,7 @@ class Examination:
 
     @cached_property
     def switch_values(self) -> Array:
-        """What changes sign at the kinks and jumps of the equations (m, k)."""
+        """Switch functions (m, k): they change sign at the kinks and jumps of the equations."""
         kinks = self.program.bodies.kinks(self.program.times)
         return np.empty((len(self.t), 0)) if kinks is None else kinks.values(self.x, self.p, self.t)
 
@@ -133,7 +136,7 @@ class Examination:
 
     @cached_property
     def singularity(self) -> Singularity | None:
-        """The time closest to a singular position, if one is close."""
+        """The singular position to which the run comes closest; None if it comes close to none."""
         near = self.program.bodies.singularity(self.x, self.t, self.p)
         if near or self.program.bodies.dae.G is None or self.program.bodies.dae.impacts is not None:
             return near
@@ -146,11 +149,11 @@ class Examination:
 
     @property
     def fault(self) -> str:
-        """When and why the run leaves its constraints; empty if it does not."""
+        """The time and the possible causes if the run leaves its constraints; empty if it does not."""
         left = ~(self.violation <= _UNREACHED)
         if not left.any():
             return ""
-        cause = "drives contradict each other, jump within a step, or ask for positions that cannot be reached"
+        cause = "drives contradict each other, jump within a step, or require positions that cannot be reached"
         return (
             f"the run leaves its constraints at t = {self.t[int(left.argmax())]:g} s, by up to "
             f"{self.violation.max():.0e} of its size: {'steps are too long, ' if self._rtol is None else ''}{cause}"
@@ -158,9 +161,10 @@ class Examination:
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
-        """What drifts above the tolerance suggest. Energy drifts also at singular positions, where branches meet.
+        """Doubts because of drifts. The energy also drifts at singular positions, because branches meet there.
 
-        A drive may ask for velocities that jump: fixed steps keep them, and do not see their work.
+        Velocities that a drive prescribes may jump. Fixed steps follow such a jump, but miss its work: the drift of
+        energy raises no doubt then.
         """
         position, energy = float(self.violation.max(initial=0.0)), self.energy_drift
         is_singular = self.singularity is not None
@@ -168,33 +172,34 @@ class Examination:
             energy *= not self._falls_with_tolerance()
         if self._is_unexplained(position):
             return (
-                f"The run leaves its constraints by {position:.0e} of its size: they contradict each other, or a "
-                "position is nearly singular.",
+                f"The run violates its constraints by {position:.0e} of its size: constraints contradict each other, "
+                "or a position is nearly singular.",
             )
         if self._rtol is None and energy > _OF_STEPS and self.program.bodies.dae.Phi_t is None:
             return (
-                f"The energy drifts by {energy:.0%}: the steps are too long, or they damp the motion. Take shorter "
-                "ones.",
+                f"The energy drifts by {energy:.0%}: the steps are too long, or they damp the motion. Use shorter "
+                "steps.",
             )
         if not self._is_unexplained(energy, _SINGULAR if is_singular else _USUAL):
             return ()
         drift = f"The energy drifts by {energy:.0e}, which is more than rtol = {self._rtol:g} explains."
         if is_singular:
-            return (f"{drift} The run may have taken another branch: try stabilization=AugmentedLagrangian().",)
-        return (f"{drift} Try a smaller one.",)
+            return (f"{drift} The run may have taken a wrong branch: try stabilization=AugmentedLagrangian().",)
+        return (f"{drift} Try a smaller rtol.",)
 
     @property
     def _rtol(self) -> float | None:
         return getattr(self.program.solver, "rtol", None)
 
     def _is_unexplained(self, drift: float, usual: float = _USUAL) -> bool:
-        """Whether a relative drift is larger than the tolerance explains. Solvers of fixed steps have no tolerance."""
+        """Whether a relative drift is larger than the tolerance explains; False without a tolerance."""
         return self._rtol is not None and drift > max(_SMALL, usual * self._rtol)
 
     def _falls_with_tolerance(self) -> bool:
-        """Whether a run at a tenth of the tolerance has much less change of energy, and the same outputs.
+        """Whether a run at a tenth of the tolerance has a much smaller change of energy, and the same outputs.
 
-        So it is where forces in balance do much work, down to the digits of its sum. On a wrong branch it stays.
+        This is so if forces in balance do much work: the change falls to the rounding of the work. On a wrong branch
+        the change does not fall.
         """
         if _change(self._energy) <= _OF_WORK * float(np.abs(self._energy.work).max()):
             return True
@@ -210,7 +215,7 @@ class Examination:
         return not TwoWays(t, (), values, others, ("", ""), changes, (ROUNDING, ROUNDING)).lost.any()
 
     def _at_failure(self) -> Singularity | None:
-        """From the last state on the constraints on, where a run that fails is lost."""
+        """The singular position at which a run fails. The run is repeated from its last state on the constraints."""
         dae, known = self.program.bodies.dae, _known(self.x)
         sound = known & (self.drift.position <= _SOUND * dae.scales.length)
         lost, k = int(known.argmin()), int(np.flatnonzero(sound).max(initial=0))
@@ -227,7 +232,7 @@ class Examination:
 
     @cached_property
     def _again(self) -> tuple[Array, Array]:
-        """Times (m,) and states (m, n_x) of a second run; with impacts, of this one."""
+        """Times (m,) and states (m, n_x) of a second run with many times; of the run itself if it has impacts."""
         dae = self.program.bodies.dae
         if dae.impacts is not None:
             return self.t, self.x
@@ -257,7 +262,7 @@ def work_of(run: Run) -> Array:
 
 
 def _change(energy: Energy) -> float:
-    """Largest |T + V - W - E_0| [J], 0 if it is within the rounding of the energies."""
+    """Largest |T + V - W - E_0| [J], or 0 if this is rounding of the energies."""
     balance = energy.kinetic + energy.potential - energy.work
     change = float(np.abs(balance - balance[0]).max(initial=0.0))
     return change if change > _ROUNDING * max(float(np.abs(some).max(initial=0.0)) for some in energy) else 0.0
@@ -273,5 +278,5 @@ def _number(dae: DAE) -> int:
 
 
 def _known(x: Array) -> Mask:
-    """Which states (m, n_x) are known."""
+    """Mask (m,) of the states (m, n_x) that are finite."""
     return np.atleast_1d(np.isfinite(x).all(axis=1))

@@ -1,4 +1,4 @@
-"""Where flexible bodies leave the linear theory of their modes, or meet loads that their modes do not follow."""
+"""Doubts about flexible bodies: deformations beyond linear theory, and loads that the modes do not represent."""
 
 from collections.abc import Iterator
 
@@ -13,25 +13,25 @@ from symmb.run.formulations import output_function
 from symmb.run.verification.missing_modes import AttachedLoads, along, attached_loads, left_out
 
 TURN = 0.3
-"""Rotation of a cross section against the frame of its body [rad] up to which linear theory is taken to hold: a
-cantilever's deflection under a load at its end is then 4 % too large, and its shortening is 2 % of its length."""
+"""Largest rotation of a cross section against the frame of its body [rad] for linear theory. At this rotation the
+deflection of a cantilever under a load at its end is 4 % too large, and its shortening is 2 % of its length."""
 SPIN = 0.2
-"""Angular velocity over the first frequency of a body without geometric stiffening, from which centrifugal forces
-change this frequency by more than 2 %: Southwell's coefficient of a cantilever is 1.2."""
+"""Largest angular velocity over the first frequency of a body without geometric stiffening. Above this value
+centrifugal forces change the frequency by more than 2 %: Southwell's coefficient of a cantilever is 1.2."""
 SLENDER = 0.3
-"""Width over length of a body of nodes without rotations up to which it bends, so that tension makes it stiffer."""
+"""Width over length, below which a body without nodal rotations bends, so that tension makes it stiffer."""
 MISSING = 0.08
-"""Share of what deformations add to an output that modes may leave out."""
+"""Largest fraction of the effect of deformations on an output that modes may neglect."""
 ACCURATE = 0.01
-"""Relative error of squared frequencies that the common shapes of a box of parameters may have."""
+"""Largest relative error of squared frequencies because of common mode shapes for a box of parameters."""
 _ROUNDING = 1e-9
-"""Share of an interval by which rounding may leave it."""
+"""Largest distance from an interval over its width that is rounding."""
 STRETCH = 1e-3
-"""Displacement, over the size of a body, along directions in which no mode moves, from which these count."""
+"""Displacement over the size of a body in a direction without modes, above which the direction counts."""
 
 
 def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> tuple[str, ...]:
-    """What is doubtful about flexible bodies in states X (m, n_x) of all bodies, with parameters p, at times t (m,)."""
+    """Doubts about flexible bodies in states X (m, n_x) of all bodies, with parameters p, at times t (m,)."""
     known = np.isfinite(X).all(axis=1)
     X, t = X[known], t[known]
     some = attached_loads(scene) if len(t) else ()
@@ -42,15 +42,15 @@ def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -
     for lack in left_out(scene, dae, some, X, p, t) if some else ():
         if lack.share > MISSING:
             doubts.append(
-                f"FlexibleBody {lack.loads.body.name!r}: its modes lack {lack.share:.0%} of the deflections by the "
-                f"loads at its nodes {', '.join(map(str, lack.loads.loaded))}, seen in {lack.output}, so that it is "
-                f"too stiff. {lack.loads.remedy}"
+                f"FlexibleBody {lack.loads.body.name!r}: its modes neglect {lack.share:.0%} of the deflections by "
+                f"loads at its nodes {', '.join(map(str, lack.loads.loaded))}, so that the body is too stiff. This is "
+                f"the effect on {lack.output}. {lack.loads.remedy}"
             )
     return tuple(doubts)
 
 
 def deformation_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> Iterator[str]:
-    """Which flexible bodies bend or spin too much for linear theory in such states, or are not those of p (n_p,)."""
+    """Doubts about flexible bodies that bend or spin too much, or whose modes do not belong to parameters p (n_p,)."""
     for k, body in enumerate(scene.system.bodies):
         if isinstance(body, FlexibleBody) and (n := len(body.modes.stiffness)):
             moved = ca.vertcat(body.eta, body.frame.omega)
@@ -64,10 +64,9 @@ def _turned(body: FlexibleBody, eta: Array, t: Array) -> Iterator[str]:
     first, worst = t[int((turn > TURN).argmax())], t[int(turn.argmax())]
     if turn.max() > TURN:
         yield (
-            f"FlexibleBody {body.name!r}: its cross sections turn by up to {turn.max():.2g} rad against its frame, at "
-            f"t = {worst:.3g} s, and by more than {TURN:g} rad from t = {first:.3g} s on. Its modes are linear: "
-            "deflections "
-            "become too large, and its ends do not come closer as they should. Divide it into several bodies."
+            f"FlexibleBody {body.name!r}: its cross sections turn by up to {turn.max():.2g} rad against its frame (at "
+            f"t = {worst:.3g} s), and by more than {TURN:g} rad from t = {first:.3g} s on. Its modes are linear: "
+            "deflections are too large, and bending does not shorten the body. Divide the body into several bodies."
         )
 
 
@@ -75,14 +74,14 @@ def _beyond(scene: Scene, body: FlexibleBody, p: Array) -> Iterator[str]:
     family, values = body.modes.family, dict(zip(scene.system.parameters, p.tolist(), strict=True))
     if family is not None and family.error > ACCURATE:
         yield (
-            f"FlexibleBody {body.name!r}: its modes have common shapes for a box of parameters, by which squared "
-            f"frequencies have errors of up to {family.error:.1%}. Narrow the intervals of at=, or ask for more modes."
+            f"FlexibleBody {body.name!r}: its mode shapes are the same for all parameters of the box. Squared "
+            f"frequencies have errors of up to {family.error:.1%}. Use narrower intervals in at=, or more modes."
         )
     for name, (low, high) in family.box.items() if family is not None else ():
         if not low - _ROUNDING * (high - low) <= values[name] <= high + _ROUNDING * (high - low):
             yield (
-                f"FlexibleBody {body.name!r}: {name} = {values[name]:.6g} lies outside ({low:.6g}, {high:.6g}), for "
-                "which its modes were computed. Widen the interval of at=."
+                f"FlexibleBody {body.name!r}: {name} = {values[name]:.6g} is outside of ({low:.6g}, {high:.6g}). Its "
+                "modes were computed for this interval. Use a wider interval in at=."
             )
 
 
@@ -97,8 +96,8 @@ def _spun(body: FlexibleBody, omega: Array, t: Array) -> Iterator[str]:
     if rate.max() > SPIN * lowest and bends and not modes.is_stiffening:
         yield (
             f"FlexibleBody {body.name!r}: it turns at {rate.max():.3g} rad/s at t = {worst:.3g} s, which is "
-            f"{rate.max() / lowest:.2g} of its first frequency of {lowest:.3g} rad/s. Centrifugal forces then change "
-            "its stiffness, and its modes do not. Use FiniteElements.modes(clamped=..., stiffening=True)."
+            f"{rate.max() / lowest:.2g} times its first frequency of {lowest:.3g} rad/s. Centrifugal forces change its "
+            "stiffness, but its modes ignore this. Use FiniteElements.modes(clamped=..., stiffening=True)."
         )
 
 
@@ -109,6 +108,6 @@ def _stretched(loads: AttachedLoads, w: Array) -> Iterator[str]:
     moved = np.abs((w - along(loads, w)) @ loads.responses.left.T).reshape(len(w), -1, 6)[:, :, :3].max(initial=0.0)
     if moved > STRETCH * size:
         yield (
-            f"FlexibleBody {loads.body.name!r}: its loads would stretch it by {moved:.2g} m in a direction in which "
-            f"none of its modes moves. {loads.remedy}"
+            f"FlexibleBody {loads.body.name!r}: its loads would stretch it by {moved:.2g} m in a direction without "
+            f"modes. {loads.remedy}"
         )

@@ -1,9 +1,9 @@
-"""What the modes of flexible bodies leave out of the answers of a scene.
+"""The effects of deformations that the modes of flexible bodies neglect.
 
-Modes of a body with compliance C at its nodes leave out the displacements u = C w by the loads w there. Where a joint
-holds such a node, the body moves instead, and others with it: by least kinetic energy, while modes are stiff. So a
-rotation that is missing at a weld moves the other end of the body, and one that is missing at a loaded end moves
-nothing else. What outputs lack is told by their slopes.
+If the neglected deformations of a body have the compliance C at its nodes, loads w there cause the missing
+displacements u = C w. If a joint holds such a node, the body moves instead, and other bodies with it: with the least
+kinetic energy, while modes are stiff. So a missing rotation at a weld moves the other end of the body, and a missing
+rotation at a loaded end moves nothing else. The slopes of outputs then give the effect on the outputs.
 """
 
 from collections.abc import Iterator
@@ -31,7 +31,7 @@ class AttachedLoads:
     ----------
     body : FlexibleBody
     columns : tuple of int     of its velocities in the system
-    nodes : tuple of int       nodes that the scene uses, those without loads among them
+    nodes : tuple of int       all nodes that the scene uses, with and without loads
     loaded : tuple of int      nodes at which joints and forces act, in rising order
     wrenches : (6 m,) SX       force and moment at each node in the axes of the body's frame
     """
@@ -49,34 +49,34 @@ class AttachedLoads:
 
     @cached_property
     def responses(self) -> Responses | None:
-        """Those of the structure to the wrenches; None where it is not known."""
+        """The responses of the structure to the wrenches; None if the structure is not known."""
         structure = self.body.modes.flexibility
         return None if structure is None or not self.loaded else structure.responses(self.nodes)
 
     @property
     def remedy(self) -> str:
-        """What to do against modes that leave something out."""
+        """The remedy for neglected deformations, in sentences."""
         structure, count = self.body.modes.flexibility, len(self.body.modes.stiffness)
         if structure is not None and count < structure.of_interfaces:
             return (
-                f"Its interfaces have {structure.of_interfaces} shapes, of which count={count} leaves some out. Leave "
-                f"count= out, or ask for more than {structure.of_interfaces}."
+                f"The interfaces of the body need {structure.of_interfaces} modes, but count={count} keeps fewer. Omit "
+                f"count=, or pass more than {structure.of_interfaces}."
             )
         return (
-            "Compute its modes with interfaces=[...]: the nodes where joints and forces act, except a clamped one. "
-            "With them, a larger count= follows inertia."
+            "Compute its modes with interfaces=[...]: the nodes at which joints and forces act, except a clamped node. "
+            "Further modes by a larger count= then follow inertia."
         )
 
     @cached_property
     def shapes(self) -> Array:
-        """Displacements and rotations of the nodes by the modes (6 m, n)."""
+        """Displacements and rotations (6 m, n) of the nodes for unit mode coordinates."""
         modes, nodes = self.body.modes, list(self.nodes)
         return np.concatenate([modes.shapes[nodes], modes.rotations[nodes]], axis=1).reshape(6 * len(nodes), -1)
 
     def placed(self, eta: Array) -> Array:
-        """Displacements and rotations (N, m + 1, 6, n_v) of the nodes, and last of the frame, for modes (N, n).
+        """Slopes (N, m + 1, 6, n_v) of displacements and rotations of the nodes, and last of the frame.
 
-        They are along the body's velocities in its own axes.
+        They are slopes along the body's velocities in its own axes. `eta` (N, n) are mode coordinates.
         """
         places, own = np.zeros((len(eta), len(self.nodes) + 1, 6, len(self.columns))), slice(self.rigid)
         planar = [0, 1, 5] if self.rigid == 3 else slice(6)
@@ -140,8 +140,11 @@ def _clamped(body: FlexibleBody) -> int | None:
 
 @dataclass(frozen=True, eq=False)
 class LeftOut:
-    """What the modes of a body leave out of an output, root mean square over time: a share of what all deformations add
-    to the output, or of its own changes if these are larger."""
+    """The largest effect on an output of deformations that the modes of a body neglect.
+
+    `share` is its root mean square over time, over that of the effect of all deformations, or over that of the changes
+    of the output if these are larger.
+    """
 
     loads: AttachedLoads
     output: str
@@ -149,7 +152,7 @@ class LeftOut:
 
 
 def with_loads(scene: Scene, formulation: Formulation, some: tuple[AttachedLoads, ...]) -> Formulation:
-    """The formulation whose outputs end with the wrenches of these loads."""
+    """The formulation with the wrenches of these loads as its last outputs."""
     if not some:
         return formulation
     x, p, t = (ca.SX.sym(name, formulation.y.numel_in(k)) for k, name in enumerate("xpt"))
@@ -162,7 +165,7 @@ def with_loads(scene: Scene, formulation: Formulation, some: tuple[AttachedLoads
 def left_out(
     scene: Scene, dae: DAE, some: tuple[AttachedLoads, ...], X: Array, p: Array, t: Array
 ) -> Iterator[LeftOut]:
-    """The largest share of an output for each body, in states X (m, n_x) of all bodies at times t (m,)."""
+    """The largest neglected effect for each body, in states X (m, n_x) of all bodies at times t (m,)."""
     if all(loads.responses is None for loads in some):
         return
     names, states, slopes = scene.remembered(left_out, lambda: _judged(scene, dae, some))
@@ -215,7 +218,10 @@ def _rms(values: Array) -> Array:
 def _judged(
     scene: Scene, dae: DAE, some: tuple[AttachedLoads, ...]
 ) -> tuple[tuple[str, ...], ca.Function, ca.Function]:
-    """Names of outputs that follow from places; a Function (x, p, t) for these, modes and loads; and for slopes."""
+    """Names of the judged outputs, a Function (x, p, t) of outputs, mode coordinates and loads, and that of `_slopes`.
+
+    The judged outputs follow from positions alone. Without such outputs, the loaded nodes are judged.
+    """
     system, solved = scene.system, ca.vertcat(ca.SX(scene.system.lam), scene.system.vdot)
     places = ca.which_depends(scene.y, system.q, 1, True) or []
     forces = ca.which_depends(scene.y, solved, 1, True) or [False] * len(places)
@@ -230,7 +236,7 @@ def _judged(
 
 
 def _slopes(scene: Scene, some: tuple[AttachedLoads, ...], y: ca.SX) -> ca.Function:
-    """State -> M, G, slopes of outputs along the velocities, and for each body its rotation and slopes of its loads."""
+    """Function (x, p, t) of M, G, slopes of outputs along velocities; rotation and slopes of loads for each body."""
     system, lam = scene.system, ca.SX(scene.system.lam)
     states = [ca.vertcat(system.q, system.v, system.s), system.p, time_symbol]
     parts = [system.M, system.G, ca.jacobian(y, system.q) @ system.N]
@@ -241,7 +247,7 @@ def _slopes(scene: Scene, some: tuple[AttachedLoads, ...], y: ca.SX) -> ca.Funct
 
 
 class _Moved:
-    """How bodies move, by least kinetic energy, where nodes are displaced against the rows of joints."""
+    """Motions of bodies with the least kinetic energy that compensate displacements against the rows of joints."""
 
     def __init__(self, some: tuple[AttachedLoads, ...], M: Array, G: Array) -> None:
         largest = np.abs(np.einsum("mii->mi", M)).max(axis=1, initial=1e-300)
@@ -254,12 +260,15 @@ class _Moved:
         self._loose = np.linalg.pinv(G @ self._moving, rcond=_REDUNDANT, hermitian=True)
 
     def by(self, gaps: Array) -> Array:
-        """Displacements (m, n_v) along all velocities that close these gaps of the rows (m, n_r)."""
+        """Displacements (m, n_v) along all velocities that close the gaps (m, n_r) of the rows."""
         return _times(self._moving, _times(self._loose, gaps))
 
 
 def _users(own: Array, places: Array) -> list[tuple[int, ...]]:
-    """The nodes through which outputs with slopes (n_y, n_v) along the body's velocities depend on it, -1 its frame."""
+    """The nodes through which outputs depend on a body. The number of its frame is -1.
+
+    `own` (n_y, n_v) are slopes of the outputs along the velocities of the body.
+    """
     frame_and_nodes = range(-1, len(places) - 1)
     units = np.linalg.norm(places[:-1], axis=(0, 1))
     units = np.where(units > 0, units, 1.0)
@@ -275,7 +284,7 @@ def _users(own: Array, places: Array) -> list[tuple[int, ...]]:
 
 
 def _direct(own: Array, places: Array) -> Array:
-    """Slopes of outputs (N, n_y, 6 m) along displacements of nodes, from those along the body's velocities."""
+    """Slopes (N, n_y, 6 m) of outputs along displacements of nodes, from slopes `own` along the body's velocities."""
     users = _users(own[0], places[0])
     slopes = np.zeros((*own.shape[:2], *places.shape[1:3]))
     for some in set(users) - {()}:
@@ -288,14 +297,15 @@ def _direct(own: Array, places: Array) -> Array:
 
 
 _TIMES = 21
-"""Times of a run at which outputs are judged."""
+"""Largest number of times at which outputs are judged."""
 _STIFF = 1e3
-"""Stiffness of modes over their inertia while joints move bodies: loads change slowly."""
+"""Stiffness of modes over their inertia if joints move bodies: loads change slowly."""
 _REGULAR = 1e-12
-"""Share of the largest inertia that bodies without any have."""
+"""Inertia of massless bodies over the largest inertia."""
 _REDUNDANT = 1e-9
-"""Share of the loosest row below which a row depends on others."""
+"""Size over that of the loosest row, below which a row depends on other rows."""
 _NOTHING = 1e-9
-"""Change of an output over its size up to which it is rounding."""
+"""Change of an output over its size, below which it is rounding."""
 _EXPLAINED = 0.05
-"""Share of the slopes of an output that nodes need not explain: it rests on places of the deformed body."""
+"""Fraction of the slopes of an output that nodes need not explain, because it depends on positions of the deformed
+body."""

@@ -1,4 +1,4 @@
-"""One run in two ways, which differ in kind: what both agree on can be trusted. How far outputs follow the states."""
+"""A run in two independent ways, whose common digits can be trusted, and the effect of state errors on outputs."""
 
 import time
 from collections.abc import Callable
@@ -28,40 +28,40 @@ from symmb.run.integrate import (
 from symmb.run.verification.linear_theory import linear_theory_doubts
 
 _CERTAIN, _EXACT = 1e-3, 1e-9
-"""Error of an output, over its range, up to which it counts as certain: three digits; and over its size, for an output
-that hardly changes."""
+"""Largest error of a certain output over its range: three digits; and over its size, for an output that hardly
+changes."""
 _OF_WIDTH = 0.02
-"""Error of a run over the width of bounds from which they are doubtful, as other errors of bounds are."""
+"""Error of a run over the width of bounds, above which the bounds are doubted, as for other errors of bounds."""
 _GLOBAL, _MULTISTEP, _USUAL = 100, 1000, 1e-8
-"""Errors of a run over the relative tolerance of its steps, up to which these explain it, and the same of multistep
-methods: 2,000 steps have 40 and 400. A tolerance that is larger than the usual one excuses nothing."""
+"""Largest error of a run over the relative tolerance of its steps: for one-step and multistep methods. 2,000 steps have
+errors of 40 and 400 tolerances. Larger tolerances than the usual one do not explain larger errors."""
 _NAMED = 4
-"""Outputs that a sentence names."""
+"""Largest number of outputs in a sentence."""
 _TIMES = 101
-"""Times at which a study compares two ways: as many as a picture shows."""
+"""Largest number of times at which a study compares two ways: as many as a picture shows."""
 _FINE, _FINEST = 1e-9, 1e-12
-"""Largest and smallest relative tolerance of a run that checks another one: its own error should not matter."""
+"""Largest and smallest relative tolerance of a run that checks another run: its own error should not matter."""
 ROUNDING, _SHIFT = 1e-12, 1e-6
-"""Changes of states, over their sizes, that no solver resolves; and those that tell how outputs follow them."""
+"""Changes of states over their sizes: rounding, which no solver resolves; and the change for difference quotients."""
 _AROUND, _OF_STEPS = 10, 0.1
-"""States from which noise is told, and errors of steps over rtol and the sizes of states: atol is a hundredth of it."""
+"""Number of states that estimate the noise; and errors of steps over rtol and the sizes of states."""
 
 
 @dataclass(frozen=True, eq=False)
 class TwoWays:
-    """Outputs of a run that was made in two ways: by two families of solvers, and in two sets of coordinates.
+    """Outputs of a run in two ways: by solvers of two families, and in two sets of coordinates.
 
     Attributes
     ----------
     t, names : (m,), (n_y,)        times [s], and names of the outputs
-    values, others : (m, n_y)      outputs in both ways, nan from a failure on
-    ways : (str, str)              solver and coordinates of both
-    floor : level -> (n_y,)        changes of the outputs if states change by a level of their sizes
-    levels : (float, float)        of both ways, what their tolerances explain
-    parameters : str               of both runs, such as "l1 = 1.02"
-    message : str                  when and why the other way failed; empty if it did not
-    seconds : float                time that the other way took [s]
-    unchecked : str                why the run is not checked to its end, or by another family, in a sentence
+    values, others : (m, n_y)      outputs of the first and of the second way; nan after a failure
+    ways : (str, str)              solver and coordinates of both ways
+    floor : level -> (n_y,)        changes of the outputs if states change by `level` times their sizes
+    levels : (float, float)        level of both ways that their tolerances explain
+    parameters : str               parameters as text, such as "l1 = 1.02"
+    message : str                  time and reason of a failure of the second way; empty without a failure
+    seconds : float                time of the second way [s]
+    unchecked : str                a sentence if the run is not checked to its end, or not by another family
     """
 
     t: Array
@@ -78,9 +78,9 @@ class TwoWays:
 
     @classmethod
     def of(cls, first: Program, second: Program, names: tuple[str, ...], p: Array, values: Array) -> "TwoWays":
-        """A run with parameters p (n_p,), which has outputs `values` (n_t, n_y) by those names in the first way.
+        """A run with parameters p (n_p,) in two ways. `values` (n_t, n_y) are its outputs in the first way.
 
-        They are compared at the times of the second way, which are some of those of the first.
+        The outputs are compared at the times of the second way, which are a part of the times of the first way.
         """
         begin, some = time.perf_counter(), np.searchsorted(first.times, second.times)
         run = second.runs(p[None])
@@ -103,7 +103,7 @@ class TwoWays:
 
     @property
     def error(self) -> Array:
-        """How far both are apart (m, n_y); 0 where one of them failed."""
+        """Differences (m, n_y) of both ways; 0 after a failure."""
         return np.nan_to_num(np.abs(self.values - self.others), nan=0.0, posinf=0.0)
 
     @property
@@ -112,31 +112,34 @@ class TwoWays:
 
     @cached_property
     def lost(self) -> Mask:
-        """Where fewer than three digits of outputs are certain, (m, n_y)."""
+        """Mask (m, n_y) of the outputs with fewer than three certain digits."""
         return self.beyond(_CERTAIN * self._range, max(self.levels))
 
     def beyond(self, limits: Array, level: float) -> Mask:
-        """Where errors (m, n_y) are beyond limits (n_y,), and beyond what a level of the states' sizes explains."""
+        """Mask (m, n_y) of errors above limits (n_y,), and above the error that a level of the states explains."""
         size = np.abs(np.nan_to_num(self.values)).max(axis=0, initial=0.0)
         large = self.error > np.maximum(limits, _EXACT * size)
         return large & (self.error > self.floor(level)) if large.any() else large
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """From when on, and how far the ways are apart."""
+        """A doubt with the time from which digits are lost, and the largest difference of the ways."""
         return self._doubts(self.lost, self._range, "a thousandth of their range")
 
     def is_large_beside(self, widths: Array) -> bool:
-        """Whether errors, of whichever way, are large beside the widths (n_y,) of bounds."""
+        """Whether differences of both ways are large in comparison with the widths (n_y,) of bounds."""
         return bool(self.beyond(_OF_WIDTH * widths, ROUNDING).any())
 
     def doubts_of_widths(self, widths: Array) -> tuple[str, ...]:
-        """The same for errors that are large beside the widths (n_y,) of bounds; the other way is more accurate."""
+        """A doubt about errors that are large in comparison with the widths (n_y,) of bounds.
+
+        The second way is the more accurate one.
+        """
         lost = self.beyond(_OF_WIDTH * widths, self.levels[1])
         if lost.any():
-            lost &= widths > self.floor(self.levels[0])  # where nothing is uncertain, widths are errors alone
+            lost &= widths > self.floor(self.levels[0])  # the width of an output that is certain is an error alone
         return self._doubts(
-            lost, widths, f"{_OF_WIDTH:.0%} of the width of their bounds", " Give a solver of a smaller rtol."
+            lost, widths, f"{_OF_WIDTH:.0%} of the width of their bounds", " Use a solver with a smaller rtol."
         )
 
     def _doubts(self, lost: Mask, sizes: Array, beyond: str, advice: str = "") -> tuple[str, ...]:
@@ -154,7 +157,7 @@ class TwoWays:
 
 
 class OtherWays:
-    """What runs of a program in other ways tell. Each of them is made once, at its first use.
+    """Checks of a program by runs in other ways. Each run is made once, at its first use.
 
     Parameters
     ----------
@@ -169,7 +172,7 @@ class OtherWays:
         self._told: dict[tuple[str, bytes], Any] = {}
 
     def at_nominal(self) -> tuple[Array, Array, tuple[str, ...]]:
-        """Outputs (n_t, n_y) of the nominal run, how far they may be off (n_y,), and what is doubtful."""
+        """Outputs (n_t, n_y) of the nominal run, their estimated errors (n_y,), and doubts."""
         program = self._program
         dae, start, p = program.bodies.dae, program.bodies.start, program.bodies.dae.p_nominal
         x, t, rtol = start.states(p[None])[0][0], float(program.times[0]), getattr(program.solver, "rtol", None)
@@ -182,15 +185,15 @@ class OtherWays:
         return self._once("values", p, lambda: self._program.runs(p[None]).Y[0])
 
     def two(self, p: Array, finest: bool = False) -> TwoWays:
-        """The run with parameters p (n_p,) as studies make it, and one in another way, at some of the times.
+        """The run of studies with parameters p (n_p,), and a run in another way, at some of the times.
 
-        It takes the more accurate second way if `finest` is true, or if the ways disagree.
+        The second way is more accurate if `finest` is true, or if the two ways disagree.
         """
         ways = partial(in_two_ways, self._program, self._other, self._names, p, self.values(p), finest)
         return self._once("finest" if finest else "ways", p, ways)
 
     def theory_doubts(self, p: Array) -> tuple[str, ...]:
-        """Those of `linear_theory_doubts` about a run with parameters p (n_p,), in a way that compiles nothing."""
+        """The doubts of `linear_theory_doubts` about a run with parameters p (n_p,). Nothing is compiled for it."""
         return () if self.flexible is None else self._once("theory", p, partial(self._theory, self.flexible, p))
 
     def _theory(self, flexible: Scene, p: Array) -> tuple[str, ...]:
@@ -207,7 +210,7 @@ class OtherWays:
 
     @cached_property
     def _other(self) -> Program:
-        """At so many times as a study compares, the first and the last among them."""
+        """The program of the second way, at evenly chosen times with the first and the last one."""
         times = self._program.times
         some = np.unique(np.linspace(0, len(times) - 1, min(len(times), _TIMES)).round().astype(np.intp))
         return other_way(self._program, times[some])
@@ -216,9 +219,9 @@ class OtherWays:
 def in_two_ways(
     program: Program, other: Program, names: tuple[str, ...], p: Array, values: Array, finest: bool = False
 ) -> TwoWays:
-    """A run of a program with parameters p (n_p,) and outputs (n_t, n_y), and one in another way.
+    """A run of a program with parameters p (n_p,) and outputs `values` (n_t, n_y), and a run in another way.
 
-    It takes the more accurate second way if `finest` is true, or if the ways disagree.
+    The second way is more accurate if `finest` is true, or if the two ways disagree.
     """
     ways = None if finest else TwoWays.of(program, other, names, p, values)
     if ways is None or ways.lost.any():
@@ -231,7 +234,7 @@ def in_two_ways(
 
 
 def other_way(program: Program, times: Array, finest: bool = False) -> Program:
-    """The same scene by a solver of another family, and in other coordinates if the scene has any."""
+    """The program of the same scene with a solver of another family, and in other coordinates if there are any."""
     # With impacts, or drives whose rates jump, there is one family only.
     if program.bodies.dae.impacts is not None or program.contradiction or program.is_stateless:
         return program.tighter()
@@ -245,9 +248,9 @@ def other_way(program: Program, times: Array, finest: bool = False) -> Program:
 
 
 def _another(solver: Solver, finest: bool) -> Solver:
-    """A solver of another family: those of SUNDIALS take the place of the others, and the others of them.
+    """A solver of another family. SUNDIALS solvers replace compiled solvers, and compiled solvers replace SUNDIALS.
 
-    Without a C compiler there are no others. BDF and Adams formulas then take the place of each other.
+    Without a C compiler all solvers are of SUNDIALS. BDF and Adams formulas then replace each other.
     """
     stiff = isinstance(solver, Rosenbrock | StabilizedIndex2) or getattr(solver, "stiff", False)
     is_sundials = isinstance(solver, CVODES | IDAS | StabilizedIndex2)
@@ -260,20 +263,20 @@ def _another(solver: Solver, finest: bool) -> Solver:
 
 
 def _error_of_runs(solver: Solver) -> float:
-    """Errors of states over their sizes that the tolerance explains; 0 for a solver of fixed steps, which has none."""
+    """Error of the states over their sizes that the tolerance explains; 0 for a solver with fixed steps."""
     rtol = min(getattr(solver, "rtol", None) or 0.0, _USUAL)
     return rtol * (_MULTISTEP if isinstance(solver, CVODES | IDAS | StabilizedIndex2) else _GLOBAL)
 
 
 def _changes(way: Program, p: Array, level: float) -> Array:
-    """Changes of outputs (n_y,) along the run with parameters p (n_p,) if states change by a level of their sizes."""
+    """Largest changes of outputs (n_y,) along a run with parameters p if states change by `level` times their sizes."""
     form = way.formulation
     X = way.integration().run(form.start.states(p[None])[0], p[None])[0].X
     return changes_of_outputs(way.bodies.y, *form.in_bodies(X, p), p, way.times, level)
 
 
 def changes_of_outputs(y: ca.Function, dae: DAE, X: Array, p: Array, t: Array, level: float) -> Array:
-    """Changes of outputs y(x, p, t) along a run X (n_t, n_x) if states change by a level of their sizes, (n_y,)."""
+    """Largest changes (n_y,) of outputs y(x, p, t) along states X (n_t, n_x) that change by a level of their sizes."""
     k = np.arange(1, X.shape[1] + 1)  # neither symmetry nor differences of states, as joint angles are, cancel these:
     shares = np.where(np.cos(k**1.5) > 0, 1.0, -1.0) * (1 + k * np.sqrt(1.25) % 1 / 2)
     shifted, here = (batch(y, states, p, t[:, None])[0] for states in (X + _SHIFT * shares * dae.state_sizes, X))
@@ -282,9 +285,9 @@ def changes_of_outputs(y: ca.Function, dae: DAE, X: Array, p: Array, t: Array, l
 
 
 def noise_of_outputs(y: ca.Function, dae: DAE, x: Array, p: Array, t: float, rtol: float | None) -> Array:
-    """How far outputs y(x, p, t) are off (n_y,) if states are off by what a solver's steps leave.
+    """Errors (n_y,) of outputs y(x, p, t) because of the errors that a solver's steps leave in the states.
 
-    The state x (n_x,) may be a special one, such as rest: the median over states around it counts.
+    The state x (n_x,) may be special, such as a state of rest. Therefore the median over states around it is used.
     """
     around = np.random.default_rng(0).uniform(-1, 1, (_AROUND, len(x))) * dae.state_sizes
     states = x + np.vstack([np.zeros(len(x)), around])
