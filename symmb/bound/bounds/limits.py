@@ -1,4 +1,4 @@
-"""Whether bounds keep limits: kept, violated, or not decided by the bounds."""
+"""Checks of limits: satisfied, violated, or not decided by the bounds."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ _MISSED_HILL = 1e-3
 """Distance over the width of bounds that a search may miss if it ends inside the box: beside the highest hill that it
 knows may stand one that is a little higher. tests/benchmarks/machine_tolerances.py"""
 WARNED = "See the warnings"
-_WORDS = {True: "kept", False: "violated", None: "undecided"}
+_WORDS = {True: "satisfied", False: "violated", None: "undecided"}
 
 
 @dataclass(frozen=True, eq=False)
