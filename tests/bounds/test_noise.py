@@ -187,7 +187,7 @@ def test_a_given_order_respects_a_told_noise(method):
     assert "nan" not in str(moments) and str(moments).splitlines()[-1].split() == ["other", "no", "variance"]
 
 
-@pytest.mark.filterwarnings("ignore:.*A check finds errors:symmb.SymmbWarning")
+@pytest.mark.filterwarnings("ignore:.*Check runs show errors:symmb.SymmbWarning")
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_a_parameter_of_no_width_has_no_share(method):
     rng = np.random.default_rng(0)

@@ -174,7 +174,7 @@ def test_latin_hypercube_has_one_point_a_slice():
     assert (np.sort(slices, axis=0) == np.arange(50)[:, None]).all()
 
 
-@pytest.mark.filterwarnings("ignore:.*A check finds errors:symmb.SymmbWarning")
+@pytest.mark.filterwarnings("ignore:.*Check runs show errors:symmb.SymmbWarning")
 def test_same_seed_same_bounds():
     first, second = (mb.propagate(Wave(), mb.MonteCarlo(50, seed=3), BOX) for _ in range(2))
     np.testing.assert_array_equal(first.lower, second.lower)

@@ -33,7 +33,7 @@ def test_number_in_the_place_of_the_symbol_is_a_doubt(method):
         bounds = mb.propagate(pendulum(False), method)
     assert bounds.doubts.count(DOUBT) == 1
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", ".*A check finds errors", mb.SymmbWarning)  # of few samples
+        warnings.filterwarnings("ignore", ".*Check runs show errors", mb.SymmbWarning)  # of few samples
         assert DOUBT not in mb.propagate(pendulum(True), method).doubts
 
 
