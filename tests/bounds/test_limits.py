@@ -133,7 +133,7 @@ def test_samples_only_violate():
     bounds = mb.propagate(waves(), mb.Scanning(5), BOX)
     assert bounds.check({"y": (None, TOP - 0.01)}).kept is False
     check = bounds.check({"y": (None, TOP + 1)})
-    assert check.kept is None and "25 runs keep it" in str(check)
+    assert check.kept is None and "25 runs satisfy the limit" in str(check)
 
 
 def test_enclosures_prove():

@@ -131,7 +131,9 @@ def test_what_has_no_worst_case_is_told(tmp_path):
     with pytest.raises(mb.DeclarationError, match="pickled bounds contain no worst cases"):
         pickle.loads(pickle.dumps(bounds)).worst("y")
     bounds.save(tmp_path / "a.csv")
-    with pytest.raises(mb.DeclarationError, match=r"a .csv file contains no worst cases. Save the bounds as .npz or .json"):
+    with pytest.raises(
+        mb.DeclarationError, match=r"a .csv file contains no worst cases. Save the bounds as .npz or .json"
+    ):
         mb.Bounds.load(tmp_path / "a.csv").worst("y")
     scene = double_pendulum.scene().with_times(np.linspace(0, 0.1, 3))
     taylor = mb.propagate(scene, mb.Taylor(2))

@@ -31,7 +31,7 @@ class Answers(Envelope):
     """The part of `Bounds` that answers questions by runs, by the surrogate, or by further runs."""
 
     def worst(self, output: str, time: float | None = None) -> Worst:
-        """The lowest and the highest value of an output, with their times and the parameters of the runs that attain them.
+        """The lowest and the highest value of an output, their times, and the parameters of the runs that attain them.
 
         Parameters
         ----------
@@ -41,7 +41,7 @@ class Answers(Envelope):
         Raises
         ------
         DeclarationError
-            If there is no such output or time, if no runs were made, or if a file holds the extremes over all times only.
+            If there is no such output or time, if no runs were made, or if a file has the extremes over all times only.
         SimulationError
             If the run fails when it is repeated.
         """
@@ -56,7 +56,7 @@ class Answers(Envelope):
         return Worst(*self._cases(self.attaining, places))
 
     def _cases(self, runs: AttainingRuns, places: Sequence[Place]) -> list[WorstCase]:
-        """The worst cases at places. If runs of the study do not reach a bound, one run is made at the extreme."""
+        """The worst cases at places. If no run of the study reaches a bound, one run is made at the extreme."""
         acting = {k: self._acting(self.box, [k]) for _, _, k in places} if self.box else {}
         units, cases = told_units(self.units, len(self.names), runs.simulator.parameters), list[WorstCase]()
         for place, sample in zip(places, runs.samples(places), strict=True):
@@ -86,7 +86,7 @@ class Answers(Envelope):
         return self._closer(case, side, point[0], attained)
 
     def _closer(self, case: WorstCase, side: str, place: Array, attained: float) -> WorstCase:
-        """The worst case of the run at a place (d,) of the unit box, if its value is closer to the bound; else the case."""
+        """The worst case of the run at a place (d,) of the unit box, if it is closer to the bound; else the case."""
         assert self.box is not None
         values = self.box.from_unit(place).tolist()
         parameters = {**self.nominal_parameters, **dict(zip(self.box.names, values, strict=True))}
@@ -263,7 +263,9 @@ class Answers(Envelope):
     def _responses(self, owner: str) -> Responses:
         """Responses that answer questions about the bounds."""
         if self.box is None:
-            raise DeclarationError(f"{owner}: these bounds have no box, because a .csv file does not contain the box. Save the bounds as .npz.")
+            raise DeclarationError(
+                f"{owner}: these bounds have no box, because a .csv file has none. Save the bounds as .npz."
+            )
         adaptive: Any = self if self.range_of or self.study is None else self.study.adaptive
         surrogate = adaptive.surrogate
         is_good = adaptive.have_good_surrogate()
@@ -275,12 +277,13 @@ class Answers(Envelope):
                     "Use the bounds that propagate has returned."
                 )
             is_good[:] = True
-            remarks.append("The polynomials used here are not accurate enough. Bounds from a file cannot make further runs.")
+            remarks.append("The polynomials used here are inaccurate. Bounds from a file cannot make further runs.")
         values = [self.nominal_parameters.get(n, m) for n, m in zip(self.box.names, self.box.center, strict=True)]
         point = self.box.to_unit(np.array(values))
         if self._left_out:
             listed = ", ".join(self._left_out)
-            remarks.append(f"Nominal values are outside of the intervals: {listed}. The closest ends are used instead.")
+            text = f"Nominal values are outside of the intervals: {listed}."
+            remarks.append(f"{text} The closest ends are used instead.")
         estimate = adaptive.estimate if adaptive.estimate is not None else adaptive.surrogate.error
         own = self.t, self.names, self.units, self.box, np.clip(point, -1.0, 1.0)
         runs = 0 if adaptive is self else adaptive.evaluations
@@ -290,7 +293,7 @@ class Answers(Envelope):
         return Responses(*own, *ranges, adaptive.method, runs, tuple(remarks))
 
     def good_surrogate(self, outputs: Sequence[int] | None = None) -> Piecewise | None:
-        """The surrogate, or None if its error is unknown or too large for some of the outputs, given by their numbers."""
+        """The surrogate, or None if its error is unknown or too large for one of the outputs, given by numbers."""
         asked = slice(None) if outputs is None else [*outputs]
         return self.surrogate if self.have_good_surrogate()[asked].all() else None
 
