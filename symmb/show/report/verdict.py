@@ -88,7 +88,7 @@ def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions |
     if met:
         names = _listed([limit.output for limit in met])
         texts.append(
-            f"The nominal values reach the limit of {names}: no tolerance satisfies this limit. Change the nominal values, or the limit."
+            f"The nominal values reach the limit of {names}. Change the nominal values, or the limit: no tolerance helps."
         )
     if lost:
         words = [f"{limit.output} by {_text(excess[limit], limit.unit)}" for limit in lost[:_MANY]]
