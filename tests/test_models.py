@@ -44,7 +44,7 @@ def test_listed_start_holds(run):
             assert run[name][0] == pytest.approx(value, rel=2e-16, abs=1e-15)  # sums of what joints do are rounded
 
 
-@pytest.mark.filterwarnings("ignore:.*A check finds errors:symmb.SymmbWarning")
+@pytest.mark.filterwarnings("ignore:.*Check runs show errors:symmb.SymmbWarning")
 @pytest.mark.parametrize("model", but_long(ALL_MODELS, slider_crank_flexible), ids=_name)
 def test_box_runs_to_its_corners(model):
     scene = model.scene()

@@ -1,4 +1,4 @@
-"""Limits inside and outside of the true ranges of everyday machines: kept, violated, undecided, or wrong.
+"""Limits inside and outside of the true ranges of everyday machines: satisfied, violated, undecided, or wrong.
 
     PYTHONPATH=. python tests/benchmarks/limits.py [MACHINES ...] [--seeds 0-2] [--number 13] [--truth FOLDER]
 

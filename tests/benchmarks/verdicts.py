@@ -106,7 +106,7 @@ def faults(case, bounds, limits, rng, counted):
     if any("leaves out nominal values" in text for text in check.remarks) != is_left_out:
         yield "the remark of check is needless or missing"
     results = {state: sum(limit.kept is state for limit in check.limits) for state in (True, False, None)}
-    for state, words in ((True, "kept"), (False, "violated"), (None, "not decided")):
+    for state, words in ((True, "satisfied"), (False, "violated"), (None, "not decided")):
         if (words in head) != bool(results[state]):
             yield f"headline: {head}"
     for limit in check.limits:
@@ -118,7 +118,7 @@ def faults(case, bounds, limits, rng, counted):
         (text,) = (text for text in told if re.match(rf"(It is not decided whether )?{limit.output} ", text))
         slack = SLACK * max(width, np.abs(y).max())
         if limit.kept and excess.max() > slack:
-            yield f"kept, but a sample is beyond: {text}"
+            yield f"satisfied, but a sample is beyond: {text}"
         if (
             limit.kept is False
             and bounds.kind != "estimate"

@@ -9,7 +9,7 @@ from unit_functions import unit_function
 
 import symmb as mb
 
-FOUND = "A check finds errors"
+FOUND = "Check runs show errors"
 T = np.linspace(0.0, 5.0, 101)
 
 
@@ -87,7 +87,7 @@ def test_a_failed_check_run_is_told():
         return a + b
 
     simulator, box = function(response)
-    with pytest.warns(mb.SymmbWarning, match="A check run failed, which none of the method's runs did: .*no equilibri"):
+    with pytest.warns(mb.SymmbWarning, match="A check run failed, although no run of the method failed: .*equilibri"):
         mb.propagate(simulator, mb.Vertex(), box)
 
 

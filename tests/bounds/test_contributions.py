@@ -160,7 +160,7 @@ def test_bounds_without_polynomials_from_a_file_tell_so(tmp_path):
     with pytest.raises(mb.DeclarationError, match="has no polynomials"):
         mb.Bounds.load(tmp_path / "b.npz").contributions()
     bounds.save(tmp_path / "b.csv")
-    with pytest.raises(mb.DeclarationError, match="do not know their box"):
+    with pytest.raises(mb.DeclarationError, match="have no box"):
         mb.Bounds.load(tmp_path / "b.csv").contributions()
 
 

@@ -12,7 +12,7 @@ DATA = read("double_pendulum_bounds")
 TIMES = np.array(DATA["times"])
 PAPER, TAYLOR = mb.PolynomialChaos.paper(order=2), mb.Taylor(order=2)
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*A check finds errors:symmb.SymmbWarning")
+pytestmark = pytest.mark.filterwarnings("ignore:.*Check runs show errors:symmb.SymmbWarning")
 """These methods are known to be off: tests/bounds/test_check_runs.py has what is said about it."""
 
 # Mean error of all states, and over / under in % of the width in the first and in the last five seconds.

@@ -44,7 +44,7 @@ def test_limits_of_estimates_are_kept_violated_or_undecided(limits, kept):
         lower, upper = bounds[name]
         exact = np.minimum(lower - (-np.inf if low is None else low), (np.inf if high is None else high) - upper)
         np.testing.assert_array_equal(check[name].margin, exact)
-    assert check.margin.shape == (21,) and {True: "kept", False: "violated", None: "undecided"}[check.kept] in str(
+    assert check.margin.shape == (21,) and {True: "satisfied", False: "violated", None: "undecided"}[check.kept] in str(
         check
     )
 
@@ -133,7 +133,7 @@ def test_samples_only_violate():
     bounds = mb.propagate(waves(), mb.Scanning(5), BOX)
     assert bounds.check({"y": (None, TOP - 0.01)}).kept is False
     check = bounds.check({"y": (None, TOP + 1)})
-    assert check.kept is None and "25 runs keep it" in str(check)
+    assert check.kept is None and "25 runs satisfy the limit" in str(check)
 
 
 def test_enclosures_prove():
@@ -234,7 +234,7 @@ def test_limits_are_drawn_and_labelled(tmp_path):
     dashed = [[line.get_ydata()[0] for line in axes.lines if len(set(line.get_ydata())) == 1] for axes in figure.axes]
     assert -1.0 in dashed[0] and {-1, 2} <= set(dashed[1])
     data = check.to_xarray()
-    assert data["result"].values.tolist() == ["violated", "kept"] and data["margin"].dims == ("time", "output")
+    assert data["result"].values.tolist() == ["violated", "satisfied"] and data["margin"].dims == ("time", "output")
     assert "<table" in check._repr_html_()
     (axes,) = check.plot(outputs="y").axes
     assert axes.get_title(loc="left") == "y" and 2 in [line.get_ydata()[0] for line in axes.lines]

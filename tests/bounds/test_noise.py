@@ -144,7 +144,7 @@ def test_failed_points_are_run_once_and_those_near_them_bounded_by_what_runs_att
             raise ValueError("no convergence")
         return np.exp(5 * a + 10 * b) * (1 + T)
 
-    with pytest.warns(mb.SymmbWarning, match="what happens near the failed ones is not known"):
+    with pytest.warns(mb.SymmbWarning, match="responses near the failed runs are not known"):
         bounds = mb.propagate(simulator(f, outputs=("x",)), mb.PolynomialChaos(), BOX)
     assert len(points) == len(set(points)) == bounds.evaluations < 100
     assert bounds.inner is not None
@@ -153,7 +153,7 @@ def test_failed_points_are_run_once_and_those_near_them_bounded_by_what_runs_att
 
 def test_a_told_noise_above_the_response_is_doubtful():
     for method in mb.PolynomialChaos(), mb.PolynomialChaos(order=3), mb.MonteCarlo(20, seed=0):
-        with pytest.warns(mb.SymmbWarning, match="than the width of x, so that the width is not known.$"):
+        with pytest.warns(mb.SymmbWarning, match="than the width of x. The true width is not known.$"):
             mb.propagate(
                 simulator(lambda a, b: np.stack([a * T, b * T], axis=1), {"x": 5.0, "other": 0.01}), method, BOX
             )
@@ -187,7 +187,7 @@ def test_a_given_order_respects_a_told_noise(method):
     assert "nan" not in str(moments) and str(moments).splitlines()[-1].split() == ["other", "no", "variance"]
 
 
-@pytest.mark.filterwarnings("ignore:.*A check finds errors:symmb.SymmbWarning")
+@pytest.mark.filterwarnings("ignore:.*Check runs show errors:symmb.SymmbWarning")
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_a_parameter_of_no_width_has_no_share(method):
     rng = np.random.default_rng(0)

@@ -128,10 +128,12 @@ def test_what_has_no_worst_case_is_told(tmp_path):
     refused("no output 'x'", bounds.worst, "x")
     for time in (3.0, np.nan, "1"):
         refused("from 0 to 2", bounds.worst, "y", time)
-    with pytest.raises(mb.DeclarationError, match="pickled bounds keep no worst cases"):
+    with pytest.raises(mb.DeclarationError, match="pickled bounds contain no worst cases"):
         pickle.loads(pickle.dumps(bounds)).worst("y")
     bounds.save(tmp_path / "a.csv")
-    with pytest.raises(mb.DeclarationError, match=r"a .csv file keeps no worst cases. Save bounds as .npz or .json"):
+    with pytest.raises(
+        mb.DeclarationError, match=r"a .csv file contains no worst cases. Save the bounds as .npz or .json"
+    ):
         mb.Bounds.load(tmp_path / "a.csv").worst("y")
     scene = double_pendulum.scene().with_times(np.linspace(0, 0.1, 3))
     taylor = mb.propagate(scene, mb.Taylor(2))

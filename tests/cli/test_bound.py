@@ -51,9 +51,11 @@ def test_limits_stand_in_the_file(folder):
     main(["bound", "roll.py", "--limit", "x=:2.3", "y=1:1.5", "--json", "b.json"])
     limits = json.loads((folder / "b.json").read_text())["limits"]
     assert (
-        [*limits] == ["x", "y"] and limits["y"]["result"] == "violated" and limits["y"]["why"] == "A run is beyond it."
+        [*limits] == ["x", "y"]
+        and limits["y"]["result"] == "violated"
+        and limits["y"]["why"] == "A run is beyond the limit."
     )
-    assert limits["x"] == {**limits["x"], "result": "kept", "time": 2.0, "low": None, "high": 2.3}
+    assert limits["x"] == {**limits["x"], "result": "satisfied", "time": 2.0, "low": None, "high": 2.3}
     assert limits["x"]["margin"] == pytest.approx(0.1) and limits["y"]["margin"] == pytest.approx(-0.5)
     assert mb.Bounds.load("b.json")["x"][1][-1] == pytest.approx(2.2)
 

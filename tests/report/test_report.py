@@ -347,7 +347,7 @@ def test_the_command_line(tmp_path, monkeypatch, capsys):
     (tmp_path / "roll.py").write_text(SCENE)
     assert main(["bound", "roll.py", "--limit", "x=:2.3", "--report", "my report.html"]) == 0
     text = text_of(tmp_path / "my report.html")
-    assert "Limits by PolynomialChaos(): kept" in text and "Bounds of roll" in text
+    assert "Limits by PolynomialChaos(): satisfied" in text and "Bounds of roll" in text
     assert "symmb bound roll.py --limit x=:2.3 --report 'my report.html'" in text
     assert main(["bound", "roll.py", "--report", "r.pdf"]) == 2 and "must end in .html" in capsys.readouterr().err
     block = ["--title-block", "author=A. Miller", "drawing=D=17"]

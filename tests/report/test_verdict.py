@@ -1,4 +1,4 @@
-"""Sentences of reports: their numbers are those of the check, and the tolerances that they name keep the limits."""
+"""Sentences of reports: their numbers are those of the check, and the tolerances that they name satisfy the limits."""
 
 import html
 import re
@@ -49,7 +49,7 @@ def test_a_kept_limit(seed):
     limit = float(high + rng.uniform(0.1, 1) * (high - low))
     check, ((state, head), (_, text), *_), steps = told(bounds, {bounds.names[0]: (None, limit)})
     least = check.limits[0].margin[check.limits[0].row]
-    assert state == "kept" and head == "The limit is kept in all cases within the tolerances."
+    assert state == "satisfied" and head == "The limit is satisfied in all cases within the tolerances."
     assert text.startswith(f"{bounds.names[0]} is at most {limit:.6g} in all cases within the tolerances.")
     assert f"The smallest margin is {least:.3g}, at {T[check.limits[0].row]:.4g} s" in text
     assert steps[0] == "No tolerance needs to be tightened."
@@ -58,7 +58,7 @@ def test_a_kept_limit(seed):
 @pytest.mark.parametrize("side", ["lower", "upper"])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_violated_limit_and_what_keeps_it(seed, side):
-    """The run that attains the excess is told, and each tolerance that is named keeps the limit."""
+    """The run that attains the excess is told, and each tolerance that is named satisfies the limit."""
     rng, simulator, box, bounds, low, high = bounded(seed + 10)
     middle = bounds.nominal[:, 0]
     inner, outer = (middle.min(), low) if side == "lower" else (middle.max(), high)
@@ -128,7 +128,7 @@ def test_a_proved_limit(seed):
     bounds = mb.propagate(scene, mb.TaylorModel(order=2))
     limit = float(1.2 * 1.1 * p["speed"])
     check, sentences, _ = told(bounds, {"x": (None, limit)})
-    assert check.kept and sentences[0][0] == "kept"
+    assert check.kept and sentences[0][0] == "satisfied"
     assert f"x is at most {limit:.6g} m in all cases" in sentences[1][1]
     assert f"The smallest margin is {limit - 1.1 * p['speed']:.3g} m" in sentences[1][1]
     assert sentences[-1][1] == "The bounds for these sentences are proved."
@@ -189,8 +189,8 @@ def test_urgent_limits_come_first_and_the_annex_has_the_rest(tmp_path):
     bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(k=(0.9, 1.1)))
     limits = {name: (None, 40.0 if k < 28 else 30.5) for k, name in enumerate(names)}
     _, sentences, steps = told(bounds, limits)
-    assert sentences[0] == ("violated", "Of 30 limits, 2 are violated in some cases and 28 are kept.")
-    assert [state for state, _ in sentences[1:7]] == ["violated"] * 2 + ["kept"] * 4
+    assert sentences[0] == ("violated", "Of 30 limits, 2 are violated in some cases and 28 are satisfied.")
+    assert [state for state, _ in sentences[1:7]] == ["violated"] * 2 + ["satisfied"] * 4
     assert sentences[7] == ("", "The annex has the other 24.")
     assert "k from 1 ± 0.1 to 1 ± 0.016" in steps[0]
     bounds.report(tmp_path / "r.html", limits)
@@ -208,7 +208,7 @@ def test_runs_that_fail_are_told():
 def test_a_box_without_widths():
     simulator = mb.FunctionSimulator(lambda k: k * T, {"k": 2.0}, T, ["x"])
     bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(k=(2.0, 2.0)))
-    for limit, state in ((3.0, "kept"), (1.5, "violated")):
+    for limit, state in ((3.0, "satisfied"), (1.5, "violated")):
         _, sentences, steps = told(bounds, {"x": (None, limit)})
         assert sentences[0][0] == state and " when " not in sentences[1][1]
         assert not any("spread" in step or "ighten one" in step for step in steps)

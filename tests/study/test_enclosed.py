@@ -98,4 +98,4 @@ def test_estimates_that_are_too_low_are_told():
 def test_bounds_that_are_inside_are_not_doubtful():
     methods = [mb.TaylorModel(order=6), Claim(off=-0.05, said=0.0), Wrong(off=-0.05)]
     found = mb.compare(_decay(), methods, reference=mb.Scanning(3))
-    assert not found.doubts and "A check finds errors of z" in found.rows[2].doubts[0]
+    assert not found.doubts and "Check runs show errors of the bounds: z" in found.rows[2].doubts[0]

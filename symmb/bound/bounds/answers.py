@@ -1,4 +1,4 @@
-"""What bounds answer beyond their curves: worst cases, contributions, quantiles and probabilities."""
+"""Answers from bounds: worst cases, contributions, quantiles and probabilities."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -24,26 +24,26 @@ from symmb.equations.model import Box
 from symmb.run.simulation import Sweep
 
 _WITHOUT_RUNS = "Taylor(", "TaylorModel(", "IntervalArithmetic("
-"""Methods that make no runs in the box, by the begin of their texts."""
+"""Methods that make no runs in the box. The texts of these methods start with these words."""
 
 
 class Answers(Envelope):
-    """The part of `Bounds` that asks the runs, the surrogate, or further runs."""
+    """The part of `Bounds` that answers questions by runs, by the surrogate, or by further runs."""
 
     def worst(self, output: str, time: float | None = None) -> Worst:
-        """Where an output is lowest and highest: values, times, and the parameters of the runs that attain them.
+        """The lowest and the highest value of an output, their times, and the parameters of the runs that attain them.
 
         Parameters
         ----------
         output : name of an output
-        time : the output time [s] that is closest to this one; default: the extremes over all times
+        time : [s]; the closest output time is used; default: the extremes over all times
 
         Raises
         ------
         DeclarationError
-            If there is no such output or time, no runs were made, or a file holds the extremes over all times alone.
+            If there is no such output or time, if no runs were made, or if a file has the extremes over all times only.
         SimulationError
-            If the run does not come again.
+            If the run fails when it is repeated.
         """
         k = self._column(output)
         if self.attaining is None:
@@ -56,7 +56,7 @@ class Answers(Envelope):
         return Worst(*self._cases(self.attaining, places))
 
     def _cases(self, runs: AttainingRuns, places: Sequence[Place]) -> list[WorstCase]:
-        """The worst cases at places. Where runs of the study fall short of the bounds, one is made at the extreme."""
+        """The worst cases at places. If no run of the study reaches a bound, one run is made at the extreme."""
         acting = {k: self._acting(self.box, [k]) for _, _, k in places} if self.box else {}
         units, cases = told_units(self.units, len(self.names), runs.simulator.parameters), list[WorstCase]()
         for place, sample in zip(places, runs.samples(places), strict=True):
@@ -73,7 +73,7 @@ class Answers(Envelope):
         return cases
 
     def _at_extreme(self, case: WorstCase, place: Place) -> WorstCase:
-        """The run where the polynomials have their extreme, if it comes closer to the bound."""
+        """The run at the extreme of the polynomials, if it comes closer to the bound; else the given case."""
         if self.surrogate is None or self.study is None or self.box is None:
             return case
         side, i, k = place
@@ -86,7 +86,7 @@ class Answers(Envelope):
         return self._closer(case, side, point[0], attained)
 
     def _closer(self, case: WorstCase, side: str, place: Array, attained: float) -> WorstCase:
-        """The run at a place (d,) of the unit box that attains a value, if it comes closer to the bound of a case."""
+        """The worst case of the run at a place (d,) of the unit box, if it is closer to the bound; else the case."""
         assert self.box is not None
         values = self.box.from_unit(place).tolist()
         parameters = {**self.nominal_parameters, **dict(zip(self.box.names, values, strict=True))}
@@ -97,14 +97,14 @@ class Answers(Envelope):
 
     def _why_no_worst(self, knows_some: bool) -> str:
         if knows_some:
-            return "a file holds the worst cases over all times alone."
+            return "a file holds the worst cases over all times only. Omit time=."
         if self.study is not None or self.method.startswith(_WITHOUT_RUNS):
             return f"{self.method} makes no runs that attain its bounds. Use PolynomialChaos() or Vertex()."
-        what = "pickled bounds keep" if self.box else "a .csv file keeps"
-        return f"{what} no worst cases. Save bounds as .npz or .json."
+        what = "pickled bounds contain" if self.box else "a .csv file contains"
+        return f"{what} no worst cases. Save the bounds as .npz or .json."
 
     def _extreme_rows(self, k: int) -> list[int]:
-        """Numbers of the times at which output number k is least and largest."""
+        """Indices of the times at which output number k is smallest and largest."""
         return [int(self.lower[:, k].argmin()), int(self.upper[:, k].argmax())]
 
     def _all_worst(self) -> Sequence[WorstCase]:
@@ -125,23 +125,23 @@ class Answers(Envelope):
         """
         if self.expansion is None:
             raise PropagationError(
-                f"Bounds by {self.method} hold no expansion to take moments of. Use PolynomialChaos(order=4); "
-                "at kinks or jumps, where PolynomialChaos() cuts the box into pieces, samples of your own."
+                f"Bounds by {self.method} contain no single expansion, so they have no moments. Use "
+                "PolynomialChaos(order=4). If the response has kinks or jumps, compute moments from Bounds.samples."
             )
         return moments(self.expansion, self.t, self.names)
 
     def contributions(self) -> Contributions:
-        """What each parameter contributes to the widths and to the variance.
+        """The contribution of each parameter to the widths and to the variance.
 
-        They are those of polynomials that stand for the responses, which take no runs. A method that has none is
-        followed by a study with PolynomialChaos(). Outputs for which these are not good enough take widths from studies
-        with fewer parameters, and Sobol's indices from least squares: runs at points that are spread over the box are
-        doubled, from 64 to 1024, until the error of the indices is below 0.04.
+        The polynomials of the bounds give the contributions without runs. If the method has no polynomials, a study by
+        PolynomialChaos() follows. If the polynomials are not accurate enough for an output, studies with fewer
+        parameters give the widths, and least squares give Sobol's indices. Least squares start with 64 runs at points
+        that are spread over the box. The runs are doubled until the error of the indices is below 0.04, up to 1024.
 
         Raises
         ------
         DeclarationError
-            If there are no such polynomials, and bounds that were read or pickled cannot make runs.
+            If there are no such polynomials, and the bounds were read or pickled, so that no runs can be made.
         PropagationError
             If too many of these runs fail.
         """
@@ -154,7 +154,7 @@ class Answers(Envelope):
         return found
 
     def _known_contributions(self) -> Contributions | None:
-        """The contributions, if they take no further runs, or have taken them."""
+        """The contributions, or None if they require runs that have not been made."""
         if "_contributions" in self.__dict__:
             return self._contributions
         if not self.range_of and self.study is not None:
@@ -162,8 +162,10 @@ class Answers(Envelope):
         return contributions_of(self._responses("Bounds.contributions"), may_run=False)
 
     def _acting(self, box: Box, columns: Sequence[int]) -> tuple[str, ...]:
-        """The parameters of the box, but those with a fixed value, and those that change none of some outputs, by their
-        numbers, beyond noise and rounding, if polynomials tell that.
+        """Names of the parameters that act on some outputs, given by their numbers.
+
+        Fixed parameters are left out. If there are polynomials, parameters with effects below noise and rounding are
+        left out as well.
         """
         acts = box.radius > 0
         if self.surrogate is not None:
@@ -183,10 +185,11 @@ class Answers(Envelope):
     ) -> Quantiles:
         """Quantiles of an output over time, for parameters that have distributions.
 
-        A parameter without a distribution may have any value in its interval, and another one in each sample. Then
-        there is a lowest and a highest quantile. Quantiles follow from polynomials, which 32 runs verify. If the
-        polynomials are not good enough, quantiles follow from 1,024 runs. If some parameters also have no distribution,
-        they follow from least squares through 256 runs, and some hundreds of further runs estimate the error.
+        A parameter without a distribution may have any value in its interval, and a different value in each sample.
+        Then there is a lowest and a highest quantile. Quantiles follow from polynomials, and 32 runs verify the
+        polynomials. If the polynomials are not accurate enough, quantiles follow from 1,024 runs. If some parameters
+        also have no distribution, quantiles follow from least squares through 256 runs, and some hundreds of further
+        runs estimate the error.
 
         Parameters
         ----------
@@ -194,8 +197,8 @@ class Answers(Envelope):
         levels : float or list
             probabilities between 0 and 1
         laws : mapping
-            name -> distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3). It is cut to the interval of
-            the box
+            name -> distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3). The distribution is truncated
+            to the interval of the box
         correlation : (n, n)
             correlations of a Gaussian copula, in the order of the distributions; default: independent
         distributions : mapping
@@ -225,7 +228,7 @@ class Answers(Envelope):
     ) -> Probability:
         """Probability that an output is above or below a value, at each time and at any time; see `quantiles`.
 
-        With both values, it is the probability that the output is above the one or below the other. This is the reject
+        With both values, it is the probability that the output is above `above` or below `below`. This is the reject
         rate of a limit with two ends.
 
         Parameters
@@ -233,9 +236,9 @@ class Answers(Envelope):
         above, below : float, or with a unit, as "60 deg"
         laws, correlation, distributions : as in `quantiles`
         error : float
-            the estimated error to reach, as a share of the probability of the event at any time. The polynomials are
-            sampled as often as that takes. If this does not suffice, and all parameters have distributions, up to 1,000
-            runs near the limit give probabilities down to 1e-9
+            the estimated error to reach, relative to the probability of the event at any time. More samples of the
+            polynomials are taken until the error is reached. If this does not suffice, and all parameters have
+            distributions, up to 1,000 runs near the limit give probabilities down to 1e-9
         """
         given = given_once("Bounds.probability", laws, distributions)
         responses = self._responses("Bounds.probability")
@@ -252,7 +255,7 @@ class Answers(Envelope):
     ) -> Sweep:
         """Responses for n random samples of parameters that all have distributions; see `quantiles`.
 
-        They follow from the polynomials that `contributions` uses, or from runs.
+        The responses follow from the polynomials that `contributions` uses, or from runs.
         """
         given = given_once("Bounds.samples", laws, distributions)
         return samples_of(self._responses("Bounds.samples"), n, given, correlation, seed, self.nominal_parameters)
@@ -260,7 +263,9 @@ class Answers(Envelope):
     def _responses(self, owner: str) -> Responses:
         """Responses that answer questions about the bounds."""
         if self.box is None:
-            raise DeclarationError(f"{owner}: these bounds do not know their box. A .csv file does not hold it.")
+            raise DeclarationError(
+                f"{owner}: these bounds have no box, because a .csv file has none. Save the bounds as .npz."
+            )
         adaptive: Any = self if self.range_of or self.study is None else self.study.adaptive
         surrogate = adaptive.surrogate
         is_good = adaptive.have_good_surrogate()
@@ -269,15 +274,16 @@ class Answers(Envelope):
             if surrogate is None:
                 raise DeclarationError(
                     f"{owner}: {self.method} has no polynomials, and bounds from a file or a pickle cannot make runs. "
-                    "Use the bounds that propagate returned."
+                    "Use the bounds that propagate has returned."
                 )
             is_good[:] = True
-            remarks.append("Polynomials that are not good enough answer here: bounds from a file make no runs.")
+            remarks.append("The polynomials used here are inaccurate. Bounds from a file cannot make further runs.")
         values = [self.nominal_parameters.get(n, m) for n, m in zip(self.box.names, self.box.center, strict=True)]
         point = self.box.to_unit(np.array(values))
         if self._left_out:
-            taken = "so that the ends of the intervals are taken"
-            remarks.append(f"Nominal values are outside of the intervals, {taken}: {', '.join(self._left_out)}.")
+            listed = ", ".join(self._left_out)
+            text = f"Nominal values are outside of the intervals: {listed}."
+            remarks.append(f"{text} The closest ends are used instead.")
         estimate = adaptive.estimate if adaptive.estimate is not None else adaptive.surrogate.error
         own = self.t, self.names, self.units, self.box, np.clip(point, -1.0, 1.0)
         runs = 0 if adaptive is self else adaptive.evaluations
@@ -287,12 +293,12 @@ class Answers(Envelope):
         return Responses(*own, *ranges, adaptive.method, runs, tuple(remarks))
 
     def good_surrogate(self, outputs: Sequence[int] | None = None) -> Piecewise | None:
-        """The surrogate, if its error is known and small beside the widths of outputs, by numbers; default: all."""
+        """The surrogate, or None if its error is unknown or too large for one of the outputs, given by numbers."""
         asked = slice(None) if outputs is None else [*outputs]
         return self.surrogate if self.have_good_surrogate()[asked].all() else None
 
     def have_good_surrogate(self) -> Mask:
-        """Which outputs (n_y,) have a surrogate whose error is known and small beside the width."""
+        """Mask (n_y,) of the outputs with a surrogate. Its error is known and small compared with the width."""
         if self.surrogate is None or self.estimate is None:
             return np.zeros(len(self.names), dtype=bool)
         return ~np.any(is_doubtful(*self._scaled(self.surrogate.error), GOOD), axis=0)

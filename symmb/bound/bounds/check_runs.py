@@ -1,7 +1,8 @@
-"""Check runs: a look from outside at bounds by methods that do not estimate their error.
+"""Check runs: an independent check of bounds by methods that do not estimate their error.
 
-The runs are at a point near the centre of the box, where lines through it end, and at the extremes that parabolas along
-these lines predict. No method chooses its own runs like that. Runs, bounds and the method's surrogate must agree.
+The runs are at a point near the centre of the box, at the ends of the lines through this point along the axes, and at
+the extremes that parabolas along these lines predict. No method makes these runs itself. Runs, bounds and the method's
+surrogate must agree.
 """
 
 import numpy as np
@@ -38,11 +39,11 @@ _MOST_NUMBERS = 2**25
 def check_doubts(
     simulator: Simulator, box: Box, bounds: Bounds, share: float, executor: Executor | None = None
 ) -> tuple[tuple[str, ...], int]:
-    """What check runs say against bounds without an estimate of their error, in sentences, and how many they are.
+    """Warnings from check runs about bounds that have no estimated error, and the number of check runs.
 
-    Runs outside of the bounds show that these are too narrow. A surrogate that misses the runs, or whose values do not
-    reach bounds that are not its exact range, shows that they are wrong to either side. Disagreements count from a
-    share of the width on.
+    Runs outside of the bounds show that the bounds are too narrow. If the surrogate differs from the runs, the bounds
+    may be too narrow or too wide. If the values of the surrogate do not reach bounds that are not its exact range, the
+    bounds are too wide. Differences above `share` times the width count.
     """
     if bounds.kind == "enclosure" or bounds.estimate is not None or share == np.inf:
         return (), 0
@@ -64,7 +65,7 @@ def check_doubts(
 
 
 class _Checks:
-    """The largest disagreements over the n check runs so far, and the scale (n_y,) of the outputs."""
+    """The largest differences over the n check runs so far, and the scale (n_y,) of the outputs."""
 
     def __init__(self, simulator: Simulator, box: Box, bounds: Bounds, share: float, executor: Executor | None) -> None:
         self._simulator, self._box, self._executor = simulator, box, executor
@@ -77,7 +78,7 @@ class _Checks:
         self._failed, self._share, self._n_outside, self._n_missed = "", share, 0, 0
 
     def run(self, points: Array) -> Array | None:
-        """Values (N, n_t, n_y) at points (N, d) of the unit box; None if a run fails."""
+        """Responses (N, n_t, n_y) at points (N, d) of the unit box; None if a run fails."""
         P = parameter_samples(self._simulator, self._box, points)
         bounds, (Y, bad) = self._bounds, gathered(self._simulator, P, self._executor)
         ok = np.flatnonzero(~which_failed(bad, len(P)))
@@ -97,7 +98,7 @@ class _Checks:
         return None if bad else Y
 
     def doubts(self, candidates: Array) -> tuple[str, ...]:
-        """The disagreements in sentences. The range of the surrogate is looked for at candidates (N, d)."""
+        """The differences in sentences. The range of the surrogate is searched at candidates (N, d)."""
         bounds, share, of_all = self._bounds, self._share, f"of {self.n} other points"
         parts = [(f"runs at {self._n_outside} {of_all} are outside of the bounds", self._outside, share)]
         if bounds.surrogate is not None:
@@ -111,13 +112,13 @@ class _Checks:
         if any(part.any() for _, part in found):
             kinds = " and ".join(text for text, part in found if part.any())
             where = self._where(np.maximum.reduce([part for _, part in found]))
-            doubts.append(f"A check finds errors of {where}. {kinds[:1].upper()}{kinds[1:]}.")
+            doubts.append(f"Check runs show errors of the bounds: {where}. {kinds[:1].upper()}{kinds[1:]}.")
         if self._failed and not bounds.failed:
-            doubts.append(f"A check run failed, which none of the method's runs did: {self._failed}")
+            doubts.append(f"A check run failed, although no run of the method failed: {self._failed}")
         return tuple(doubts)
 
     def _is_large(self, error: Array, share: float) -> Mask:
-        """Which outputs (n_y,) have errors (2, n_t, n_y) of their bounds above noise and a share of the width."""
+        """Mask (n_y,) of the outputs with errors (2, n_t, n_y) above noise and a fraction of the width."""
         size, width = self._sizes(error)
         return size > share * width + self._floor
 
@@ -128,7 +129,7 @@ class _Checks:
         return size, rms(width)
 
     def _where(self, error: Array) -> str:
-        """Errors (2, n_t, n_y) in words: outputs with large ones, and from when on."""
+        """Errors (2, n_t, n_y) in words: the outputs with large errors, and the time from which errors are large."""
         names, t = self._bounds.names, self._bounds.t
         size, width = self._sizes(error)
         share = size / np.maximum(width, self._floor + ROUNDING)
@@ -144,7 +145,7 @@ class _Checks:
 
 
 def _corners(d: int, varied: Indices) -> Array:
-    """Points (N, d): some corners of the box, and points inside."""
+    """Points (N, d) of the unit box: some corners, and random points inside."""
     n, random = len(varied), np.random.default_rng(0)
     ends = some_corners(n, random)
     points = np.zeros((len(ends) + _POINTS_INSIDE, d))
@@ -153,14 +154,14 @@ def _corners(d: int, varied: Indices) -> Array:
 
 
 def some_corners(d: int, random: np.random.Generator) -> Array:
-    """All corners (N, d) of the unit box, or some at random if they are many."""
+    """All corners (N, d) of the unit box, or random corners if there are many."""
     return random.choice([-1.0, 1.0], (_MOST_CORNERS, d)) if 2**d > _MOST_CORNERS else corners(d)
 
 
 def _star(d: int, varied: Indices) -> Array:
-    """A point c near the centre, then those where one parameter is at its lower and at its upper end instead.
+    """A point c near the centre, then the points with one parameter of c moved to its lower or upper end.
 
-    Most methods run the centre itself: their errors are 0 there.
+    The centre itself is not used: most methods make a run there, so that their errors are 0.
     """
     n = len(varied)
     random = np.random.default_rng(1)
@@ -172,9 +173,9 @@ def _star(d: int, varied: Indices) -> Array:
 
 
 def _predicted(Y: Array, c: Array, varied: Indices, candidates: Array) -> tuple[Array, Array]:
-    """Points where parabolas predict new extremes, _RUNS_AT_EXTREMES at most; and the candidates with some of these.
+    """Points of extremes that parabolas predict, at most _RUNS_AT_EXTREMES, and the candidates with more such points.
 
-    Y (1 + 2 n, n_t, n_y) are the values at the star around c (n,), over the scale of the outputs.
+    Y (1 + 2 n, n_t, n_y) are the scaled responses at the star around c (n,).
     """
     n, n_t, n_y = len(varied), *Y.shape[1:]
     outputs = np.linspace(0, n_y - 1, min(n_y, _PREDICTED_VALUES)).astype(int)

@@ -1,4 +1,4 @@
-"""What each uncertain parameter contributes to the bounds, and to the variance."""
+"""Contributions of each uncertain parameter to the bounds and to the variance."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -27,15 +27,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _POOR_LINE, _SMALL_OF_WIDTH = 0.5, 0.05
-"""Error over the width of a parameter alone, and over the whole width, above which it is taken from runs on a line."""
+"""Error, relative to the width of a parameter alone and to the whole width, above which runs give the width alone."""
 _FEWEST_SHARE_RUNS, _MOST_SHARE_RUNS = 64, 1024
-"""Least and largest number of runs from which shares are taken."""
+"""Smallest and largest number of runs for variance fractions."""
 _SHARE_ERROR = 0.04
-"""Error of shares, in the mean over the variance, at which no further runs are made for them."""
+"""Error of variance fractions, averaged with the variance as weight, below which no further runs are made."""
 _SALTELLI_SAMPLES = 2048
-"""Samples of each matrix from which shares of pieces are taken."""
+"""Samples of each matrix for variance fractions of piecewise polynomials."""
 _SALTELLI_ERROR = 0.03
-"""Error of such shares: the largest difference from exact ones in 200 random polynomials was 0.02."""
+"""Error of these fractions: the largest difference from exact fractions in 200 random polynomials was 0.02."""
 _NO_SUM = "The widths of single parameters do not sum to the full width, because parameters act together."
 
 
@@ -47,23 +47,23 @@ _OF_PARAMETER = entry(Record.with_nan, "t", "names", "parameters")
 class Contributions(Result, Saved):
     """Contributions of each parameter to the outputs over time.
 
-    `print` shows them where outputs are widest, by the width of each parameter alone; `plot` draws them.
+    `print` shows them at the times of the largest widths, and sorts parameters by `alone`; `plot` draws them.
 
     Attributes
     ----------
     t : (n_t,)
         times [s]
-    names, units : n_y outputs and their units, '' where they are not known
+    names, units : n_y outputs and their units, '' if they are not known
     parameters : n_p names
     width : (n_t, n_y)
         of the bounds
     alone : (n_t, n_y, n_p)
         width if this parameter alone is uncertain, and the others are nominal
     saved : (n_t, n_y, n_p)
-        width that goes away if this parameter is known to be nominal
+        decrease of the width if this parameter has its nominal value
     first, total : (n_t, n_y, n_p)
-        Sobol's indices: the share of the variance that a parameter explains by itself, and together with others.
-        Parameters are uniform and independent. nan where the variance is rounding
+        Sobol's indices: the fraction of the variance that a parameter explains by itself, and together with others.
+        Parameters are uniform and independent. nan if the variance is rounding
     estimate : (n_t, n_y)
         largest estimated error of alone
     saved_estimate : (n_t, n_y)
@@ -71,11 +71,11 @@ class Contributions(Result, Saved):
     share_estimate : (n_t, n_y)
         estimated error of the indices
     runs : int
-        further runs that were made
+        number of further runs
     method : str
-        where the surrogate comes from, or the runs
+        the method of the surrogate or of the runs
     remarks : sentences
-        what else is known
+        further information
     errors : (2, n_t, n_y, n_p)
         estimated errors of alone and of saved of each parameter; None in files of earlier versions
 
@@ -111,7 +111,7 @@ class Contributions(Result, Saved):
         return "\n".join([first, f"  {_NO_SUM}", *(f"  remark  {remark}" for remark in self.remarks)])
 
     def _rows(self, k: int, i: int | None = None) -> list[list[str]]:
-        """A table of contributions to output k at time i, or where it is widest, with the largest first."""
+        """A table of contributions to output k at time i, the largest first. Default: the time of the largest width."""
         i = int(self.width[:, k].argmax()) if i is None else i
         width, of_share = self.width[i, k], self.share_estimate[i, k]
         has_times = time_text(self.t, i, self.width[:, k]) != ""
@@ -139,7 +139,7 @@ class Contributions(Result, Saved):
         return html.page(self.some_as_html(range(len(self.names)), {}), picture)
 
     def some_as_html(self, columns: Sequence[int], rows: Mapping[int, int]) -> str:
-        """Tables of some outputs, by their numbers, at numbers of times, or where they are widest; no picture."""
+        """Tables of some outputs, given by their numbers, at given rows of times or at the largest width."""
         return html.page(html.text(self._head()), *(html.table(self._rows(k, rows.get(k))) for k in columns))
 
     def plot(
@@ -157,17 +157,17 @@ class Contributions(Result, Saved):
         Parameters
         ----------
         outputs : str or list
-            those to draw; default: the first six
+            outputs to draw; default: the first six
         time : float
-            the output time [s] that is closest is drawn as bars of `alone` and `saved`
+            [s]; `alone` and `saved` at the closest output time are drawn as bars
         figsize : (width, height)
             of a new figure [inch]
         title : str
             of a new figure
         ax : matplotlib Axes
-            to draw in, instead of a new figure, one an output
+            one for each output, used instead of a new figure
         label, color, legend
-            of the curves: a text or a colour, or a list with one for each; and True or False
+            of the curves: a text or a colour, or a list with an entry for each curve; and True or False
         """
         figure = plot.plot_contributions(
             self.t,
@@ -198,8 +198,9 @@ class Contributions(Result, Saved):
 
 
 def contributions_of(responses: Responses, may_run: bool = True) -> Contributions | None:
-    """Ranges over lines and faces through the nominal point, and shares of the variance; None if they take runs that
-    may not be made.
+    """Contributions from ranges over lines and faces through the nominal point, and from variance fractions.
+
+    The result is None if further runs are required and `may_run` is false.
     """
     width, free = responses.upper - responses.lower, responses.box.radius > 0
     alone, of_alone, missing = _widths(responses, is_alone=True)
@@ -238,8 +239,10 @@ def contributions_of(responses: Responses, may_run: bool = True) -> Contribution
 
 
 def _widths(responses: Responses, is_alone: bool) -> tuple[Array, Array, Mask]:
-    """Widths (d, n_t, n_y) by polynomials over lines and faces through the nominal point, the error of their ends,
-    and which of them (d, n_y) runs have to tell. Each parameter is free alone, or nominal alone.
+    """Widths (d, n_t, n_y) of polynomials over lines or faces through the nominal point, and the errors of their ends.
+
+    The third array (d, n_y) marks widths that require runs. On a line one parameter varies and the others are nominal.
+    On a face one parameter is nominal and the others vary.
     """
     d, one, whole = len(responses.box), np.ones(len(responses.box)), rms(responses.upper - responses.lower)
     widths, error = np.zeros((2, d, *responses.lower.shape))
@@ -261,9 +264,10 @@ def _widths(responses: Responses, is_alone: bool) -> tuple[Array, Array, Mask]:
 def _by_runs(
     responses: Responses, missing: Mask, is_alone: bool, widths: Array, error: Array, studies: tuple[int, int]
 ) -> int:
-    """Fill in the widths (d, n_t, n_y) and errors that are missing (d, n_y) by studies; returns how many runs.
+    """Fill in missing widths and errors, each (d, n_t, n_y), by further studies, and return the number of runs.
 
-    The progress counts these studies, and those that were made before.
+    `missing` (d, n_y) marks these widths. `studies` are the number of earlier studies and of all studies, for the
+    progress.
     """
     runs, (before, of_all) = 0, studies
     for number, i in enumerate(np.flatnonzero(missing.any(axis=1)), before + 1):
@@ -278,11 +282,11 @@ def _by_runs(
 
 
 def _shares(responses: Responses, may_run: bool) -> tuple[Array, Array, Array, int]:
-    """First and total indices (d, n_t, n_y), their estimated error (n_t, n_y), and how many runs; nan where the
-    variance is rounding.
+    """First and total indices (d, n_t, n_y), their estimated error (n_t, n_y), and the number of runs.
 
-    They are those of polynomials. The part r of the variance that these miss changes a share by r at most, if it is
-    independent of them, as residuals of least squares are, and else by r + 2 sqrt(r).
+    The indices are those of polynomials, and nan if the variance is rounding. Let the polynomials miss the fraction r
+    of the variance. This changes a variance fraction by at most r + 2 sqrt(r), or by at most r if the error is
+    independent of the polynomials. Residuals of least squares are independent.
     """
     first, total = np.full((2, len(responses.box), *responses.lower.shape), np.nan)
     variance, error = np.zeros(responses.lower.shape), np.ones(responses.lower.shape)
@@ -315,13 +319,13 @@ def _shares(responses: Responses, may_run: bool) -> tuple[Array, Array, Array, i
 
 
 def _share_error(e: Array, variance: Array) -> Array:
-    """Largest change of a share where the standard deviation of a part changes by an error of responses."""
+    """Largest error of a variance fraction if the responses have the rms error e: r (2 + r), r = e / deviation."""
     e = np.divide(e, np.sqrt(variance), out=np.ones_like(variance), where=variance > 0)
     return np.asarray(e * (2 + e))
 
 
 def _is_large(error: Array, variance: Array, varies: Mask) -> bool:
-    """Whether the error of shares of an output that varies is large where its variance is."""
+    """Whether variance fractions of an output have a large error at times with a large variance."""
     weights = np.where(varies, variance, 0.0)
     typical = (np.minimum(error, 1.0) * weights).sum(axis=0) / np.maximum(weights.sum(axis=0), np.finfo(float).tiny)
     unknown = varies.any(axis=0) & (weights.sum(axis=0) == 0)  # before the first runs
@@ -329,7 +333,7 @@ def _is_large(error: Array, variance: Array, varies: Mask) -> bool:
 
 
 def _shares_of(surrogate: Piecewise, responses: Responses) -> tuple[Array, Array, Array, float]:
-    """Indices of polynomials, their variance, and the error of sampling."""
+    """First and total indices (d, n_t, n_y) of polynomials, their variance (n_t, n_y), and the sampling error."""
     if len(surrogate.expansions) > 1:
         first, total, variance = _sampled_shares(surrogate, len(responses.box))
         return first, total, variance, _SALTELLI_ERROR
@@ -342,7 +346,8 @@ def _shares_of(surrogate: Piecewise, responses: Responses) -> tuple[Array, Array
 def _sampled_shares(surrogate: Piecewise, d: int) -> tuple[Array, Array, Array]:
     """First and total indices (d, n_t, n_y), and the variance (n_t, n_y), from samples of two matrices.
 
-    Saltelli and others, Computer Physics Communications 181 (2010): of the first index (b), of the total one (f).
+    Saltelli and others, Computer Physics Communications 181 (2010): formula (b) of the first index, formula (f) of the
+    total index.
     """
     A, B = np.split(Sobol().points(_SALTELLI_SAMPLES, 2 * d, seed=0), 2, axis=1)
     first, total = np.empty((2, d, *surrogate.error.shape))

@@ -9,9 +9,9 @@ import numpy as np
 from symmb._types import Array
 
 DEVIATION = 4.0
-"""Expected size of components of ridges and of logarithms of sizes: it keeps what does not matter in place."""
+"""Prior standard deviation of components of ridges and of log(a). It limits numbers that the runs do not determine."""
 MEAN_RATE, DEVIATION_RATE = float(np.log(0.3)), 1.5
-"""Expected logarithm of other rates, and its standard deviation: more of it takes more runs of many parameters."""
+"""Prior mean and standard deviation of log(w) of other terms. A larger deviation requires more runs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +21,7 @@ class Term(ABC):
     Attributes
     ----------
     size : float    variance of the response, a
-    rates : (d,)    w, one over the length over which the response varies, of each parameter
+    rates : (d,)    w of each parameter: the inverse of the length over which the response varies
     """
 
     size: float
@@ -29,7 +29,7 @@ class Term(ABC):
 
     @property
     def vector(self) -> Array:
-        """The numbers (d + 1,) that a likely kernel is searched in: log(w) and log(a)."""
+        """The numbers (d + 1,) that the search for a likely kernel changes: log(w) and log(a)."""
         return np.log(np.append(self.rates, self.size))
 
     def with_vector(self, vector: Array) -> Self:
@@ -47,19 +47,19 @@ class Term(ABC):
 
     @abstractmethod
     def vector_gradient(self, pull: Array, points: Array, values: Array) -> Array:
-        """Gradient (d + 1,) of the sum of symmetric pulls (N, N) times values (N, N), with respect to the vector."""
+        """Gradient (d + 1,) of sum(pull * values) with respect to the vector; pull (N, N) is symmetric."""
 
     @abstractmethod
     def slope(self, pull: Array, a: Array, b: Array) -> Array:
-        """Gradients (N, d) of sums over m of pull (N, M) times values (N, M), with respect to points a (N, d)."""
+        """Gradients (N, d) of sum(pull * values, axis=1) with respect to the points a (N, d); pull is (N, M)."""
 
 
 class Ridge(Term):
-    """a exp(-(w (x - x'))^2 / 2): functions of one direction w, whose components may have any sign."""
+    """a exp(-(w (x - x'))^2 / 2): functions of one direction w. The components of w may have any sign."""
 
     @property
     def vector(self) -> Array:
-        """The numbers (d + 1,) that are searched: w, whose components may have any sign, and log(a)."""
+        """The numbers (d + 1,) that the search changes: w, not log(w), because its sign matters, and log(a)."""
         return np.append(self.rates, np.log(self.size))
 
     def with_vector(self, vector: Array) -> Self:
@@ -74,7 +74,7 @@ class Ridge(Term):
         return self.size * np.exp(-0.5 * np.square(self._differences(a, b)))
 
     def vector_gradient(self, pull: Array, points: Array, values: Array) -> Array:
-        """Gradient of the sum of pulls times values, with respect to w and log(a)."""
+        """Gradient (d + 1,) of sum(pull * values) with respect to w and log(a)."""
         product = pull * values
         rates = -2 * ((product * self._differences(points, points)).sum(axis=1) @ points)
         return np.append(rates, product.sum())
@@ -87,7 +87,7 @@ class Ridge(Term):
 
 
 class Smooth(Term):
-    """a exp(-|w (x - x')|^2 / 2), by components: smooth functions of all parameters."""
+    """a exp(-sum_i (w_i (x_i - x_i'))^2 / 2): smooth functions of all parameters."""
 
     def values(self, a: Array, b: Array) -> Array:
         p, q = a * self.rates, b * self.rates
@@ -95,7 +95,7 @@ class Smooth(Term):
         return self.size * np.exp(-0.5 * np.maximum(squares, 0.0))
 
     def vector_gradient(self, pull: Array, points: Array, values: Array) -> Array:
-        """Gradient of the sum of pulls times values, with respect to log(w) and log(a)."""
+        """Gradient (d + 1,) of sum(pull * values) with respect to log(w) and log(a)."""
         own = pull * values
         rates = own.sum(axis=1) @ np.square(points) - (points * (own @ points)).sum(axis=0)
         return np.append(-2 * np.square(self.rates) * rates, own.sum())
@@ -116,7 +116,7 @@ class Sum(Term):
         return self.size / len(self.rates) * sum(((1 + part) * np.exp(-part) for part in z), np.zeros((1, 1)))
 
     def vector_gradient(self, pull: Array, points: Array, values: Array) -> Array:
-        """Gradient of the sum of pulls times values, with respect to log(w) and log(a)."""
+        """Gradient (d + 1,) of sum(pull * values) with respect to log(w) and log(a)."""
         differences = self._differences(points, points)
         slopes = np.array([-(pull * np.square(z) * np.exp(-np.abs(z))).sum() for z in differences])
         return np.append(self.size / len(self.rates) * slopes, (pull * values).sum())

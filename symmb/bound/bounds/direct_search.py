@@ -8,23 +8,26 @@ import numpy as np
 from symmb._types import Array
 
 STARTS, LATE_STARTS = 4, 2
-"""Starts from which a search goes on, and those with late steps: more take more runs, fewer miss hills."""
+"""Number of places that are searched with the first step, and with later steps. More require more runs, fewer may
+miss maxima."""
 STEPS, LEAST_STEPS = (2.0, 0.5, 0.12, 0.03, 0.008), 3
-"""The first ones lead from corners to their neighbours. So many are always taken, others where the gain of the last one
-leaves it open whether more is enough."""
+"""Lengths of the steps, and how many of them are always used. The first steps lead from a corner to its neighbours.
+Shorter steps follow only if their gain may matter."""
 LINE_POINTS = 17
-"""Points on a line along an axis of which the best is looked for: a sine of a period has its extremes within 0.06."""
+"""Points of a line search along an axis. They find the extremes of one period of a sine within 0.06."""
 SAFETY_OF_GAIN = 2.0
-"""How many times the gain of a step may be what the search is short of the largest value."""
+"""Factor on the gain of the last step. The product is the expected distance from the largest value."""
 SAME_PLACE = 0.12
-"""Distance in a parameter below which searches from two places are the same."""
+"""Distance in each parameter below which searches from two places count as one search."""
 SUFFICIENT_GAIN = 1e-4
-"""Gain over the range of values at the starts above which a step is tried again: less takes more runs."""
+"""Gain, relative to the range of values at the starts, above which a step is repeated. Less requires more runs."""
 
 
 class Found(NamedTuple):
-    """The best place (d,) of a search, the value there, and how far it may be below the largest one, by the gain of the
-    last steps; infinite if the search is not ended."""
+    """The best place (d,) of a search, the value there, and the expected distance from the largest value.
+
+    This error follows from the gain of the last steps. It is infinite if the search was not completed.
+    """
 
     place: Array
     value: float
@@ -32,17 +35,17 @@ class Found(NamedTuple):
 
 
 def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough: float = np.inf) -> Found:
-    """The best place that polls lead to from the best of some starts (n, d).
+    """Search for the largest value of f by polls, from the best of some starts (n, d).
 
-    A poll goes one step along each axis, or along each of some random orthogonal directions, to both sides, and along
-    all of them at once by as much as parabolas tell. If both gain nothing the next step is shorter. (Audet and Dennis
-    2006, Mesh adaptive direct search algorithms for constrained optimization)
+    A poll evaluates points at one step in both directions along each axis, or along random orthogonal directions, and
+    the point that parabolas through these values predict. If both kinds of directions gain nothing, the step becomes
+    shorter. (Audet and Dennis 2006, Mesh adaptive direct search algorithms for constrained optimization)
 
     Parameters
     ----------
-    f : values (N,) at points (N, d), minus infinity where there is none
-    most : values that are asked for, but for the last poll
-    enough : value above which the search ends; it also ends where none is to be expected
+    f : values (N,) at points (N, d), minus infinity if there is no value
+    most : number of evaluations after which no poll starts
+    enough : value above which the search ends. It also ends if such a value is not expected
     """
     d, rng, known = starts.shape[1], np.random.default_rng(0), dict[bytes, float]()
 
@@ -83,8 +86,8 @@ def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough:
 def _poll(values: Callable[[Array], Array], x: Array, fx: Array, step: float, basis: Array) -> Array:
     """Points (k, 2 d + 2, d) of a poll about places x (k, d) with values fx (k,).
 
-    They are the places, those a step ahead and behind along each vector of a basis (d, d), and where all steps together
-    lead: each to its better end, or to the vertex of a parabola through both.
+    These are the place itself, points one step ahead and behind along each vector of a basis (d, d), and one point that
+    combines the best step along each vector: to the better end, or to the vertex of a parabola through both ends.
     """
     polled = np.clip(x[:, None] + step * np.concatenate([basis, -basis]), -1.0, 1.0)
     ahead, behind = np.split(values(polled) - fx[:, None], 2, axis=1)
@@ -96,7 +99,7 @@ def _poll(values: Callable[[Array], Array], x: Array, fx: Array, step: float, ba
 
 
 def _best(x: Array, fx: Array, number: int) -> tuple[Array, Array]:
-    """So many of the best places (k, d) at most that are not close to better ones, and their values."""
+    """At most `number` of the best places (k, d) that are not close to better places, and their values."""
     kept = list[int]()
     for i in np.argsort(-fx, kind="stable"):
         if not kept or (fx[i] > -np.inf and all(np.abs(x[i] - x[j]).max() >= SAME_PLACE for j in kept)):

@@ -1,4 +1,4 @@
-"""Doubts about bounds: one way for studies and for comparisons of methods."""
+"""Warnings about bounds, for studies and for comparisons of methods."""
 
 import time
 from dataclasses import replace
@@ -21,13 +21,13 @@ from symmb.run.simulation import DAESimulator, SceneSimulator, motion_of
 
 
 def doubted(simulator: Simulator, box: Box, bounds: Bounds) -> Bounds:
-    """The bounds that a method gives, with the doubts about its runs in ``run_doubts``."""
+    """The bounds of a method, with warnings about its runs in ``run_doubts``."""
     unused, far = _unused_doubts(simulator, box), _far_nominal_values(simulator, box)
     bounds = replace(bounds, run_doubts=(*bounds.run_doubts, *unused), remarks=(*bounds.remarks, *far))
     if bounds.kind == "enclosure":
         if not isinstance(simulator, DAESimulator):
             return bounds
-        # Errors of the solver are none of proofs, which make no runs.
+        # A proof makes no runs, so errors of the solver do not concern it.
         doubts = (*simulator.start.doubts, *_nominal_doubts(simulator))
         doubts = (*doubts, *_linear_theory_doubts(simulator, box, bounds.seconds))
         return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts))
@@ -39,9 +39,9 @@ def doubted(simulator: Simulator, box: Box, bounds: Bounds) -> Bounds:
 
 
 def checked(method: Method, simulator: Simulator, box: Box, bounds: Bounds, executor: Executor | None = None) -> Bounds:
-    """The bounds with what check runs say against them in ``run_doubts``, where the method does not estimate its error.
+    """The bounds with warnings from check runs in ``run_doubts``, if the method does not estimate its error.
 
-    ``evaluations`` leaves these runs out; a remark tells their number.
+    ``evaluations`` does not count the check runs; a remark states their number.
     """
     doubts, n = check_doubts(simulator, box, bounds, method.doubtful_miss, executor)
     text = f"{counted(n, 'further run')} checked these bounds. The number of evaluations does not include them."
@@ -50,32 +50,33 @@ def checked(method: Method, simulator: Simulator, box: Box, bounds: Bounds, exec
 
 
 def _unused_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
-    """Parameters with intervals on which nothing of a scene depends: mostly their nominal values were taken."""
+    """Warnings about varied parameters that nothing in a scene depends on. Mostly their nominal values were used."""
     if not isinstance(simulator, SceneSimulator) or simulator.scene is None:  # as in a copy from a pickle
         return ()
     varied = [name for name, low, high in zip(box.names, box.lower, box.upper, strict=True) if low < high]
     return tuple(
-        f"{name} is in the box, but nothing in the scene depends on it. "
-        f'p["{name}"] is a number; p.{name} is the symbol.'
+        f"{name} is in the box, but nothing in the scene depends on {name}. "
+        f'Use the symbol p.{name}; p["{name}"] is a number.'
         for name in unused_parameters(simulator.scene, varied)
     )
 
 
 def _far_nominal_values(simulator: Simulator, box: Box) -> list[str]:
-    """Remarks on nominal values far from their interval, mostly because its unit is another one."""
+    """Remarks on nominal values far from their interval, often because of a wrong unit."""
     remarks = []
     for name, (low, high) in zip(box.names, box.bounds, strict=True):
         value = float(simulator.parameters[name])
         if max(low - value, value - high) > high - low > 0:
             (told,) = with_units({name: f"{value:.6g}"}, simulator.parameters)
-            remarks.append(f"The nominal value {told} is far outside of its interval from {low:.6g} to {high:.6g}.")
+            remarks.append(f"The nominal value {told} is far outside of the interval from {low:.6g} to {high:.6g}.")
     return remarks
 
 
 def _without_effect(simulator: Simulator, box: Box, bounds: Bounds) -> list[str]:
-    """Which parameters change no output of a black box, by its polynomials, and by pairs of runs that differ in one.
+    """A remark on parameters that change no output of a black box.
 
-    Equations of scenes tell it by themselves. Most parameters act, so that mostly no runs are made.
+    Polynomials suggest such parameters, and pairs of runs that differ in one parameter confirm them. Scenes need no
+    such runs, because their equations show which parameters act.
     """
     surrogate, varies = bounds.surrogate, box.radius > 0
     if surrogate is None or isinstance(simulator, SceneSimulator):
@@ -93,13 +94,13 @@ def _without_effect(simulator: Simulator, box: Box, bounds: Bounds) -> list[str]
     if not names:
         return []
     verb = "changes" if len(names) == 1 else "change"
-    return [f"{', '.join(names)} {verb} no output, in all runs of the study and {counted(len(Y), 'further run')}."]
+    return [f"{', '.join(names)} {verb} no output in the runs of the study and in {counted(len(Y), 'further run')}."]
 
 
 def _second_look(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[tuple[str, ...], list[str]]:
-    """Doubts and remarks from the run at the nominal parameters and one at a corner, which are made in two ways.
+    """Warnings and remarks from the nominal run and a run at a corner. Both runs are repeated by a second method.
 
-    That at the corner is left out if the first one has doubts, or took longer than the study and a second.
+    The run at the corner is left out if the nominal run has warnings, or took a second longer than the study.
     """
     if isinstance(simulator, SecondLook):
         simulator.second_look()
@@ -116,7 +117,7 @@ def _second_look(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[tuple[
     if beside and (beside_widths := _doubts_of_widths(motion, motion.dae.p_nominal, widths)):
         return (*own, *beside_widths), remarks
     if first.seconds > bounds.seconds + _SECONDS_BEYOND_STUDY:
-        left_out = f"No run at a corner was checked by a second method, because one run takes {first.seconds:.0f} s."
+        left_out = f"No run at a corner was checked by a second method, because a run takes {first.seconds:.0f} s."
         return own, [*remarks, left_out]
     signs = np.where(np.arange(len(box)) % 2 == 0, 1.0, -1.0)  # unequal ends: equal ones may keep a symmetry
     p = parameter_samples(simulator, box, signs[None])[0]
@@ -126,16 +127,20 @@ def _second_look(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[tuple[
 
 
 def _doubts_of_widths(simulator: DAESimulator, p: Array, widths: Array) -> tuple[str, ...]:
-    """Whether errors of a run are large beside the widths (n_y,) of bounds, by the more accurate of two other ways."""
+    """Warnings if errors of a run are large compared with the widths (n_y,) of bounds.
+
+    A large error is confirmed by the more accurate of two other methods.
+    """
     if not simulator.ways.two(p).is_large_beside(widths):
         return ()
     return simulator.ways.two(p, finest=True).doubts_of_widths(widths)
 
 
 def _linear_theory_doubts(simulator: Simulator, box: Box, seconds: float) -> tuple[str, ...]:
-    """What runs at corners of the box ask of flexible bodies, where the nominal one asks nothing of the kind.
+    """Warnings that flexible bodies deform too much for linear theory at corners of the box.
 
-    No further run begins when they have taken as long as the study and a second.
+    There are no such warnings if the nominal run already has one. No run starts if the runs have taken a second longer
+    than the study.
     """
     motion = motion_of(simulator)
     if motion is None or motion.ways.flexible is None or _nominal_doubts(motion):
@@ -153,12 +158,12 @@ def _linear_theory_doubts(simulator: Simulator, box: Box, seconds: float) -> tup
 
 
 def _nominal_doubts(simulator: DAESimulator) -> tuple[str, ...]:
-    """What the run at the nominal parameters asks of flexible bodies."""
+    """Warnings that flexible bodies deform too much for linear theory in the nominal run."""
     return simulator.ways.theory_doubts(simulator.dae.p_nominal)
 
 
 def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
-    """Whether laws of time have pulses at corners of the box that are shorter than those which steps follow."""
+    """A warning if a function of time has a pulse at a corner of the box that is shorter than the solver's steps."""
     motion = motion_of(simulator)
     if motion is None:
         return ()
@@ -170,30 +175,30 @@ def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
         return ()
     where = ", ".join(f"{name} = {value:g}" for name, value in zip(simulator.parameters, P[k + 1], strict=True))
     return (
-        f"At {where} a function of time has a pulse that is shorter than the steps of the solver, which may miss it. "
-        "Take nominal parameters at which the pulse is shortest.",
+        f"At {where} a function of time has a pulse that is shorter than the steps of the solver. The solver may miss "
+        "the pulse. Choose nominal parameters for which the pulse is shortest.",
     )
 
 
 def _noise_doubts(simulator: Simulator, bounds: Bounds) -> tuple[str, ...]:
-    """Outputs that vary by less than their noise, but by more than rounding. The noise of scenes is a rough guess."""
+    """A warning about outputs with widths between rounding and noise. Scenes are left out: their noise is a guess."""
     if isinstance(simulator, SceneSimulator) or not isinstance(simulator, Noisy) or simulator.noise is None:
         return ()
     lower, upper = bounds.inner or (bounds.lower, bounds.upper)
     varies = (upper - lower > ROUNDING * np.maximum(np.abs(lower), np.abs(upper))).any(axis=0)
     below = (upper <= lower + simulator.noise).all(axis=0) & varies
     names = [bounds.names[k] for k in np.flatnonzero(below)]
-    text = f"The noise of the runs is larger than the width of {', '.join(names)}, so that the width is not known."
+    text = f"The noise of the runs is larger than the width of {', '.join(names)}. The true width is not known."
     return (Doubt(text, names),) if names else ()
 
 
 _SECONDS_BEYOND_STUDY = 1.0
-"""Time beyond that of a study which a second look may take [s]."""
+"""Time [s] beyond that of a study that a check by a second method may take."""
 _LONG_PULSE = 1e-2
-"""Share of the horizon above which steps meet a pulse anyway."""
+"""Length of a pulse, relative to the horizon, above which the solver does not miss the pulse."""
 _IDLE_SHARE = 1e-4
-"""Share of the width up to which polynomials, which may smooth, can stand for no effect."""
+"""Effect in polynomials, relative to the width, up to which a parameter may have no effect: polynomials smooth."""
 _EQUAL_PAIRS = 4
-"""Pairs of runs, all over the box, that must be equal where a parameter has no effect."""
+"""Pairs of runs, spread over the box, that must be equal if a parameter has no effect."""
 _PARAMETERS_OF_ALL_CORNERS = 3
-"""Parameters up to which runs at all corners are asked about flexible bodies; of more, at the two extreme ones."""
+"""Most parameters for which flexible bodies are checked at all corners. With more, two corners are checked."""

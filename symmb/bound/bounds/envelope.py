@@ -1,4 +1,4 @@
-"""Lower and upper bounds over time, and what is doubtful about them."""
+"""Lower and upper bounds over time, and warnings about them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,12 +20,12 @@ from symmb.equations.model import Box
 from symmb.results.files import NAMES, NOT_KEPT, TIMES, Record, entry
 
 _NAMED_WINDOWS = 3
-"""Doubtful windows of an output that a sentence names."""
+"""Most windows of time that a sentence names for an output."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Envelope(WithWarnings):
-    """The attributes of `Bounds`, and how far they can be trusted."""
+    """The attributes of `Bounds`, and the warnings about them."""
 
     t: Array = field(metadata=TIMES)
     names: tuple[str, ...] = field(metadata=NAMES)
@@ -59,13 +59,13 @@ class Envelope(WithWarnings):
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Warnings in sentences: what is uncertain. Empty if no problem is known."""
+        """Warnings about the bounds, in sentences. Empty if no problem is known."""
         doubts = list(self.run_doubts)
         if self.failed:
             where = f" Runs fail {self.failed_region}." if self.failed_region else ""
             doubts.append(
-                f"{len(self.failed)} of {self.evaluations} runs failed: the bounds are those of the others, and what "
-                f"happens near the failed ones is not known.{where}"
+                f"{len(self.failed)} of {self.evaluations} runs failed. The bounds are those of the other runs. The "
+                f"responses near the failed runs are not known.{where}"
             )
         if since := self.doubtful():
             windows = self.doubtful_windows()
@@ -77,13 +77,13 @@ class Envelope(WithWarnings):
 
     @property
     def _left_out(self) -> tuple[str, ...]:
-        """Parameters whose nominal value is outside of their interval: then the nominal run is no case of the box."""
+        """Parameters with a nominal value outside of their interval. The nominal run is then not a case of the box."""
         pairs = () if self.box is None else zip(self.box.names, self.box.bounds, strict=True)
         ends = [(n, self.nominal_parameters.get(n, low), low, high) for n, (low, high) in pairs]
         return tuple(n for n, x, low, high in ends if max(low - x, x - high) > 1e-12 * max(-low, high, abs(x)))
 
     def _with_nominal(self) -> Self:
-        """The bounds with the nominal run, which is made if it is not known, and how far it may be off."""
+        """The bounds with the nominal run and its noise. The run is made if it is not known."""
         if self.nominal is not None or self.study is None:
             return self
         nominal, noise = self.study.nominal
@@ -91,17 +91,18 @@ class Envelope(WithWarnings):
 
     @property
     def outer(self) -> tuple[Array, Array]:
-        """(lower, upper) widened by the estimated error, where there is one."""
+        """(lower, upper), widened by the estimated error if there is one."""
         if self.estimate is None:
             return self.lower, self.upper
         with np.errstate(over="ignore"):
             return self.lower - self.estimate, self.upper + self.estimate
 
     def doubtful(self, share: float = DOUBTFUL) -> dict[str, float]:
-        """Doubtful outputs, and from when on [s]: their estimated error exceeds a share of the width.
+        """Outputs with an estimated error above a fraction of the width, with the time [s] from which this is so.
 
-        Both are root mean squares from a time to the end, the width at least a tenth of that over all times. Errors
-        within the noise of the runs, and rounding, do not count. The result is empty without an estimate.
+        Error and width are root mean squares from a time to the end. The width counts as at least a tenth of the width
+        over all times. Errors within the noise of the runs, and rounding, do not count. The result is empty without an
+        estimate.
         """
         require_positive("doubtful", "share", share)
         if self.estimate is None:
@@ -114,10 +115,10 @@ class Envelope(WithWarnings):
         }
 
     def doubtful_windows(self, share: float = DOUBTFUL) -> tuple[tuple[str, float, float], ...]:
-        """Doubtful outputs with windows of time, as (name, from, to) [s]: there the estimated error exceeds a share of
-        the width.
+        """Windows of time (name, from, to) [s] with an estimated error above a fraction of the width.
 
-        Both are root mean squares over 2 % of the times, the width at least a tenth of that over all times.
+        Error and width are root mean squares over 2 % of the times. The width counts as at least a tenth of the width
+        over all times.
         """
         require_positive("doubtful_windows", "share", share)
         if self.estimate is None:
@@ -131,7 +132,7 @@ class Envelope(WithWarnings):
         )
 
     def _doubtful_part(self, name: str, since: float, windows: Sequence[tuple[str, float, float]]) -> str:
-        """When an output is doubtful, in words: windows of time, or from a time on if they reach the end."""
+        """Times of a large error of an output, in words: windows of time, or from a time on."""
         if len(self.t) == 1:
             return ""
         own = [ends for output, *ends in windows if output == name]
@@ -143,9 +144,9 @@ class Envelope(WithWarnings):
         return " " + " and ".join([*texts, *(["later"] if len(own) > _NAMED_WINDOWS else [])])
 
     def _scaled(self, estimate: Array) -> tuple[Array, Array, Array]:
-        """Estimated error, width, each (n_t, n_y), and errors that are noise or rounding (n_y,), by powers of two.
+        """Estimated error and width, each (n_t, n_y), and the noise or rounding (n_y,), scaled by powers of two.
 
-        Their squares neither overflow nor underflow.
+        The scaling prevents that squares overflow or underflow.
         """
         scale = np.abs([self.lower, self.upper]).max(axis=(0, 1), initial=0.0)
         power = np.frexp(scale)[1]
@@ -154,7 +155,7 @@ class Envelope(WithWarnings):
         return np.ldexp(estimate, -power), upper - lower, np.ldexp(floor, -power)
 
     def __getitem__(self, name: str) -> tuple[Any, Any]:
-        """(lower, upper) of one output, each (n_t,), or a number of a figure of the motion."""
+        """(lower, upper) of one output, each (n_t,), or two numbers if it is a scalar output."""
         k = self._column(name)
         if name in self.figures:
             return float(self.lower[0, k]), float(self.upper[0, k])

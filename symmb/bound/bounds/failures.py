@@ -1,4 +1,4 @@
-"""Failed runs, their text, and the simplest box of parameters in which runs fail more often than elsewhere."""
+"""Failed runs, their texts, and the simplest box of parameters with more failures than elsewhere."""
 
 import math
 import re
@@ -14,12 +14,12 @@ from symmb.equations.model import Box
 _MOST_PARAMETERS = 3
 """Most parameters that a description names."""
 _DIGITS_OF_POINTS = 12
-"""Decimal digits in which equal points of the unit box agree."""
+"""Decimal digits to which points of the unit box are compared."""
 _MOST_EDGES = 200
-"""Most ends of an interval that are tried on each side."""
+"""Most ends of an interval that are tried on each side. More take longer."""
 
 _Intervals = dict[int, tuple[int, int]]
-"""First and last rank of the values that a column may have, by the column. Equal values have equal ranks."""
+"""For some columns, the first and the last rank of the allowed values. Equal values have equal ranks."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Failure:
 
 
 def failure_text(failed: Sequence[Failure], most: int = 5, indent: str = "  ") -> str:
-    """The first failed runs, a line for each."""
+    """The first failed runs, one line for each."""
     lines = [f"{indent}{run}" for run in failed[:most]]
     if len(failed) > most:
         lines.append(f"{indent}and {len(failed) - most} more")
@@ -54,8 +54,8 @@ class FailedRegion:
     Attributes
     ----------
     box : of all parameters
-    limits : (low, high) of some of them by their column; infinite where there is no limit
-    inside, outside : failed runs and all runs there
+    limits : (low, high) of some parameters, by their column; infinite if there is no limit
+    inside, outside : number of failed runs and of all runs inside and outside of the box
     """
 
     box: Box
@@ -64,7 +64,7 @@ class FailedRegion:
     outside: tuple[int, int]
 
     def contains(self, points: Array) -> Mask:
-        """Which points (..., d) of the unit box are in the region."""
+        """Mask (...) of the points (..., d) of the unit box that are in the region."""
         return _within(self.limits, self.box.from_unit(points))
 
     def __str__(self) -> str:
@@ -74,7 +74,7 @@ class FailedRegion:
 
 
 def failed_region(box: Box, points: Array, failed: Mask) -> str:
-    """Where runs at points (N, d) of the unit box failed (N,), in words; empty for less than two failures.
+    """The region of failed runs (N,) at points (N, d) of the unit box, in words; empty for less than two failures.
 
     Examples
     --------
@@ -88,10 +88,11 @@ def failed_region(box: Box, points: Array, failed: Mask) -> str:
 
 
 def find_failed_region(box: Box, points: Array, failed: Mask) -> FailedRegion | None:
-    """The box of few parameters that explains best which runs failed; None if failures are scattered.
+    """The box of few parameters that explains the failures best; None if failures are scattered.
 
-    The best has the largest likelihood of two shares of failed runs, inside and outside, less the logarithm of the
-    number of possible limits for each limit (the minimum description length; Rissanen, Automatica 14, 1978).
+    Inside and outside of the box, each run fails with a probability of its own. The best box maximizes the logarithm of
+    the likelihood less a cost for each limit. The cost is the logarithm of the number of possible limits (minimum
+    description length; Rissanen, Automatica 14, 1978).
     """
     points = np.round(points, _DIGITS_OF_POINTS)
     X = box.from_unit(points)
@@ -111,7 +112,7 @@ def find_failed_region(box: Box, points: Array, failed: Mask) -> FailedRegion | 
 
 
 def _extended(intervals: _Intervals, ranks: Indices, failed: Mask) -> _Intervals:
-    """The intervals and that of one more column, each the best for those of the others."""
+    """The intervals with an interval of one more column. Then each interval is optimized for the others."""
     free = [j for j in range(len(ranks)) if j not in intervals]
     tried = [intervals | {j: _best_interval(intervals, j, ranks, failed)} for j in free]
     intervals = max(tried, key=lambda some: _score(some, ranks, failed))
@@ -122,7 +123,7 @@ def _extended(intervals: _Intervals, ranks: Indices, failed: Mask) -> _Intervals
 
 
 def _best_interval(others: _Intervals, j: int, ranks: Indices, failed: Mask) -> tuple[int, int]:
-    """The interval of column j with one limit or two that has the best score, beside those of others."""
+    """The interval of column j, with one limit or two, that has the best score together with other intervals."""
     inside, last = _inside(others, ranks), int(ranks[j].max())
     runs = np.cumsum(np.bincount(ranks[j][inside], minlength=last + 1))
     bad = np.cumsum(np.bincount(ranks[j][inside & failed], minlength=last + 1))
@@ -138,18 +139,19 @@ def _best_interval(others: _Intervals, j: int, ranks: Indices, failed: Mask) -> 
 
 
 def _score(intervals: _Intervals, ranks: Indices, failed: Mask) -> float:
-    """Gain of the likelihood by intervals, less what their limits cost."""
+    """Gain of the log-likelihood by intervals, less the cost of their limits."""
     inside = _inside(intervals, ranks)
     limits = sum((first > 0) + (end < ranks[j].max()) for j, (first, end) in intervals.items())
     return float(_gain((failed & inside).sum(), inside.sum(), failed)) - limits * _cost(ranks)
 
 
 def _cost(ranks: Indices) -> float:
-    """What a limit costs: the logarithm of the number of limits that there are."""
+    """Cost of a limit: the logarithm of the number of possible limits."""
     return math.log(max(2.0 * ranks.max(axis=1).sum(), 1.0))
 
 
 def _inside(intervals: _Intervals, ranks: Indices) -> Mask:
+    """Mask (N,) of the runs with ranks inside of all intervals."""
     inside = np.ones(ranks.shape[1], dtype=bool)
     for j, (first, end) in intervals.items():
         inside &= (ranks[j] >= first) & (ranks[j] <= end)
@@ -157,31 +159,32 @@ def _inside(intervals: _Intervals, ranks: Indices) -> Mask:
 
 
 def _gain(bad: Indices, runs: Indices, failed: Mask) -> Array:
-    """How much likelier the failures are if `bad` of `runs` fail inside; 0 where fewer fail there than elsewhere."""
+    """Gain of the log-likelihood if `bad` of `runs` fail inside; 0 if failures are rarer inside than outside."""
     all_bad, n = int(failed.sum()), len(failed)
     gain = _log_likelihood(bad, runs) + _log_likelihood(all_bad - bad, n - runs) - _log_likelihood(all_bad, n)
     return np.where(bad * n > all_bad * runs, gain, 0.0)
 
 
 def _log_likelihood(bad: Indices | int, runs: Indices | int) -> Array:
-    """Largest logarithm of the likelihood of `bad` failures in `runs` runs."""
+    """Maximum log-likelihood of `bad` failures in `runs` runs."""
     parts = [np.asarray(part, dtype=float) for part in (bad, np.subtract(runs, bad))]
     return sum((part * np.log(np.where(part > 0, part / np.maximum(runs, 1), 1.0)) for part in parts), np.zeros(()))
 
 
 def _within(limits: dict[int, tuple[float, float]], X: Array) -> Mask:
+    """Mask (...) of the parameters X (..., d) between all limits."""
     return np.all([(X[..., j] > low) & (X[..., j] < high) for j, (low, high) in limits.items()], axis=0)
 
 
 def _limits(x: Array, rank: Indices, ends: tuple[int, int]) -> tuple[float, float]:
-    """Numbers with few digits beside an interval of the values x; infinite where it reaches the last of them."""
+    """Limits with few digits that separate an interval of the values x from the others; infinite at the end of x."""
     first, end = ends
     low = _between(x[rank == first - 1], x[rank == first]) if first > 0 else -math.inf
     return low, _between(x[rank == end], x[rank == end + 1]) if end < rank.max() else math.inf
 
 
 def _between(below: Array, above: Array) -> float:
-    """The number with fewest digits between two values, neither of which would be taken for it."""
+    """The number with the fewest digits that is clearly between two values."""
     low, high = float(below[0]), float(above[0])
     middle, near = low + 0.5 * (high - low), 0.45 * (high - low)
     numbers = (float(f"{middle:.{digits}g}") for digits in range(1, 18))

@@ -1,4 +1,4 @@
-"""Whether bounds keep limits: kept, violated, or not decided by the bounds."""
+"""Checks of limits: satisfied, violated, or not decided by the bounds."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Limits = Mapping[str, tuple[float | str | None, float | str | None] | tuple[float | None, float | None, str]]
-"""Limits (low, high) of outputs by name, of which one may be None, in their units or others, as ("75 deg/s", None)."""
+"""Limits (low, high) of outputs by name, in any unit that fits, such as ("75 deg/s", None). One end may be None."""
 _UNCERTAIN_ERRORS = 2.0
-"""How many times an estimated error counts within which further runs decide."""
+"""Distance of a limit from the bounds, relative to the estimated error, below which further runs decide."""
 _MOST_FURTHER_RUNS = 600
-"""Further runs of a scene, of which many cost little; of other simulators, as many as the study took, or less."""
+"""Most further runs of a scene. Many of them cost little. Other simulators make at most as many as the study."""
 _NEAR_LIMIT = 0.5
 """Distance of a limit, over the width of bounds of a scene, within which further runs look for what the study has not
 seen, as corners that differ in two parameters from the best one: less misses more, more takes runs for far limits."""
@@ -47,21 +47,21 @@ _MISSED_HILL = 1e-3
 """Distance over the width of bounds that a search may miss if it ends inside the box: beside the highest hill that it
 knows may stand one that is a little higher. tests/benchmarks/machine_tolerances.py"""
 WARNED = "See the warnings"
-_WORDS = {True: "kept", False: "violated", None: "undecided"}
+_WORDS = {True: "satisfied", False: "violated", None: "undecided"}
 
 
 @dataclass(frozen=True, eq=False)
 class FurtherRun:
-    """The run that comes closest to a limit of all that a check has made.
+    """The further run of a check that comes closest to a limit.
 
     Attributes
     ----------
-    side : str                 that of the limit, "lower" or "upper"
-    place : (d,)               of the unit box
+    side : str                 side of the limit, "lower" or "upper"
+    place : (d,)               parameters in the unit box
     values : (n_t,)            of the output
-    beyond : float             how far they are beyond the limit, below 0 inside
-    error : float              how much closer others may be, infinite if the search was not ended
-    runs, failed : int         how many runs were made, and how many of them failed
+    beyond : float             largest distance of the values beyond the limit, negative inside
+    error : float              distance by which other runs may be closer; infinite if the search was not completed
+    runs, failed : int         number of further runs, and of those that failed
     """
 
     side: str
@@ -74,12 +74,12 @@ class FurtherRun:
 
     @property
     def row(self) -> int:
-        """Number of the time at which it is closest."""
+        """Index of the time at which the run is closest to the limit."""
         return int(np.nanargmin(self.values) if self.side == "lower" else np.nanargmax(self.values))
 
 
 class _Decision(NamedTuple):
-    """Whether a limit is kept, why, the margin (n_t,), and the further run that comes closest to it."""
+    """The result of a limit, its reason, the margin (n_t,), and the further run that comes closest to the limit."""
 
     kept: bool | None
     why: str
@@ -94,12 +94,12 @@ class KeptLimit:
     Attributes
     ----------
     output, unit : str
-    low, high : float          limits, infinite where there is none
-    kept : True, False, None   whether all responses are inside; None if the bounds do not decide it
-    why : str                  what decides, or what would decide, in a sentence
-    margin : (n_t,)            distance of the bounds from the closer limit, below 0 beyond it; further runs that end
-                               their search inside show that it is larger
-    further : FurtherRun       the one that comes closest to the limit, or None if none was made
+    low, high : float          limits, infinite if there is none
+    kept : True, False, None   whether all responses are inside; None if the bounds do not decide this
+    why : str                  the reason, or how to decide the limit, in a sentence
+    margin : (n_t,)            distance of the bounds from the closer limit, negative beyond the limit. It is larger if
+                               further runs show this
+    further : FurtherRun       the further run that comes closest to the limit, or None if none was made
     width : float              largest width of the bounds
     """
 
@@ -115,19 +115,19 @@ class KeptLimit:
 
     @property
     def share(self) -> float:
-        """The smallest margin over itself and the width, from -1 to 1, which compares limits of different units."""
+        """The margin m relative to the width w, m / (|m| + w), from -1 to 1. It compares limits of different units."""
         least = float(self.margin.min())
         return least / (abs(least) + self.width) if least and np.isfinite(least) else float(np.sign(least))
 
     @property
     def row(self) -> int:
-        """Number of the time of the smallest margin."""
+        """Index of the time of the smallest margin."""
         further = self.further
         return further.row if further and np.isfinite(further.error) else int(self.margin.argmin())
 
     @property
     def text(self) -> str:
-        """The limit as an inequality, with its unit unless it is one of SI."""
+        """The limit as an inequality. An SI unit is left out."""
         (unit,) = told_units([self.unit], 1)
         low = f"{self.low:g} <= " if np.isfinite(self.low) else ""
         high = f" <= {self.high:g}" if np.isfinite(self.high) else ""
@@ -136,16 +136,16 @@ class KeptLimit:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LimitCheck(plot.OverTimeBesideGiven, Result):
-    """Which limits are kept. `print` shows them, `plot` draws the bounds of outputs with limits, and these as lines.
+    """The results of limits. `print` shows them, `plot` draws the bounds of the outputs and the limits.
 
     Attributes
     ----------
     t : (n_t,)                 times [s]
     method : str
     limits : tuple of KeptLimit
-    draw : function            of names of outputs, and of axes or None: a figure of their bounds
-    worst : WorstCase          the run that comes closest to a limit, or is farthest beyond it; None if none is known
-    remarks : tuple of str     what else is known about the box, in sentences
+    draw : function            draws bounds of outputs, given by their names, into axes or a new figure
+    worst : WorstCase          the run that comes closest to a limit, or is farthest beyond a limit; None if not known
+    remarks : tuple of str     remarks in sentences, such as on nominal values outside of the box
     """
 
     t: Array
@@ -165,13 +165,13 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
 
     @property
     def kept(self) -> bool | None:
-        """True if all limits are kept, False if one is violated, None if that is not decided."""
+        """True if all limits are satisfied, False if one is violated, None if this is not decided."""
         results = [limit.kept for limit in self.limits]
         return False if False in results else None if None in results else True
 
     @property
     def margin(self) -> Array:
-        """(n_t,) the distance of the bounds from the limit that is closest over their width, below 0 beyond it."""
+        """(n_t,) distance of the bounds from the limit with the smallest relative margin, negative beyond it."""
         return closest(self.limits).margin
 
     def __getitem__(self, output: str) -> KeptLimit:
@@ -179,7 +179,7 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
         for limit in self.limits:
             if limit.output == output:
                 return limit
-        raise DeclarationError(f"No limit of {shown(output)}.{did_you_mean(output, self.names)}")
+        raise DeclarationError(f"There is no limit of {shown(output)}.{did_you_mean(output, self.names)}")
 
     def _head(self) -> str:
         return f"Limits by {self.method}: {_WORDS[self.kept]}"
@@ -197,8 +197,7 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
         return float(limit.margin[limit.row]), float(self.t[limit.row])
 
     def to_json(self) -> dict[str, dict[str, Any]]:
-        """The result of each output, why, its smallest margin with the time, and its limits, None where there is
-        none."""
+        """The result of each limit, its reason, its smallest margin with the time, and its ends (None if infinite)."""
         results = {}
         for limit in self.limits:
             margin, time = self._least(limit)
@@ -231,9 +230,9 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
 
 
 def between_times(bounds: Envelope, limits: Sequence[KeptLimit]) -> list[str]:
-    """Remarks on limits that are kept at the output times, and that bounds may pass between two of them.
+    """Remarks on limits that hold at the output times, but that bounds may exceed between two output times.
 
-    Parabolas through three neighbours tell how far the bounds go there. Scalar outputs have no times.
+    Parabolas through three neighbouring times estimate the bounds between them. Scalar outputs are left out.
     """
     remarks = []
     for limit in limits:
@@ -247,13 +246,14 @@ def between_times(bounds: Envelope, limits: Sequence[KeptLimit]) -> list[str]:
         ]:
             remarks.append(
                 f"Between two output times {limit.output} may come closer to its limit by about {max(passed):.2g}"
-                f"{_unit_told(bounds, k)}, and pass it. Give more times, or bound mb.maximum or mb.minimum of it."
+                f"{_unit_told(bounds, k)}, and exceed the limit. Use more times, or bound mb.maximum or mb.minimum of "
+                f"{limit.output}."
             )
     return remarks
 
 
 def _rise(t: Array, y: Array) -> Array:
-    """How much higher (n_t - 2,) parabolas through each value and its neighbours get, where it is the highest."""
+    """Rise (n_t - 2,) of parabolas through each value and its neighbours above this value, 0 if it is not a peak."""
     left, right = np.diff(y)[:-1] / np.diff(t)[:-1], np.diff(y)[1:] / np.diff(t)[1:]
     before, after = np.diff(t)[:-1], np.diff(t)[1:]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -263,14 +263,14 @@ def _rise(t: Array, y: Array) -> Array:
 
 
 def closest(limits: Sequence[KeptLimit]) -> KeptLimit:
-    """The limit with the smallest margin over the width of its bounds."""
+    """The limit with the smallest relative margin."""
     return min(limits, key=lambda limit: limit.share)
 
 
 def limit_pairs(
     owner: str, limits: Limits, names: Sequence[str], units: Sequence[str] = ()
 ) -> dict[str, tuple[float, float]]:
-    """Limits as numbers in the units of the outputs, infinite where there is none."""
+    """Limits (low, high) by output, as numbers in its unit; infinite if there is no limit."""
     if not isinstance(limits, Mapping) or not limits:
         raise DeclarationError(
             f'{owner}: limits must be pairs by output, such as {{"x": (None, 0.3)}}, got {shown(limits)}.'
@@ -283,7 +283,7 @@ def limit_pairs(
 
 
 def kept_limit(bounds: Envelope, output: str, low: float, high: float) -> KeptLimit:
-    """Whether an output keeps a limit."""
+    """The checked limit of an output."""
     k = bounds.names.index(output)
     unit, found = bounds.units[k] if bounds.units else "", _decision(bounds, k, low, high)
     if found.kept is None or (found.kept and bounds.kind != "enclosure"):
@@ -294,70 +294,70 @@ def kept_limit(bounds: Envelope, output: str, low: float, high: float) -> KeptLi
 
 
 def _by_nominal_run(bounds: Envelope, k: int, low: float, high: float, found: _Decision) -> _Decision:
-    """What was found without the nominal run, unless this run of the box is beyond the limit."""
+    """The decision, or "violated" if the nominal run is a case of the box and is beyond the limit."""
     if bounds.nominal is None or bounds.box is None or bounds._left_out:
         return found
     margin = np.minimum(bounds.nominal[:, k] - low, high - bounds.nominal[:, k])
     if not margin.min() < -_rounding(bounds, k):
         return found
-    return _Decision(False, "The nominal run is beyond it.", np.minimum(found.margin, margin))
+    return _Decision(False, "The nominal run is beyond the limit.", np.minimum(found.margin, margin))
 
 
 def _unit_told(bounds: Envelope, k: int) -> str:
-    """The unit behind numbers of output number k, unless it is one of SI."""
+    """The unit of output number k, to be appended to numbers. It is empty for SI units."""
     return f" {typeset(told_units(bounds.units, len(bounds.names))[k])}".rstrip()
 
 
 def _rounding(bounds: Envelope, k: int) -> float:
-    """How far runs of output number k may be off by rounding or noise."""
+    """Error of runs of output number k by rounding or noise."""
     rounding = float(ROUNDING * np.abs([bounds.lower[:, k], bounds.upper[:, k]]).max(initial=0.0))
     return rounding if bounds.noise is None else max(rounding, float(bounds.noise[k]))
 
 
 def _doubt(bounds: Envelope, output: str) -> str:
-    """The first doubt about an output beside its estimated error, '' if there is none."""
+    """The first warning about an output, except on its estimated error; '' if there is none."""
     if doubts := [doubt for doubt in bounds.run_doubts if concerned(doubt, [output])]:
         return doubts[0]
     return "Runs failed." if bounds.failed else f"The bounds are {bounds.caution}." if bounds.caution else ""
 
 
 def _decision(bounds: Envelope, k: int, low: float, high: float) -> _Decision:
-    """Whether output number k keeps a limit."""
+    """The decision on a limit of output number k."""
     lower, upper = bounds.lower[:, k], bounds.upper[:, k]
     margin, rounding = np.minimum(lower - low, high - upper), _rounding(bounds, k)
     unit = _unit_told(bounds, k)
     attained = bounds.inner or ((bounds.lower, bounds.upper) if bounds.kind == "sampled" else None)
     beyond = -np.inf if attained is None else max((low - attained[0][:, k]).max(), (attained[1][:, k] - high).max())
     if beyond > rounding:
-        return _Decision(False, "A run is beyond it.", margin)
+        return _Decision(False, "A run is beyond the limit.", margin)
     if doubt := _doubt(bounds, bounds.names[k]):
         return _Decision(None, f"{WARNED}: {shorten(doubt, 60, placeholder=' ...')}", margin)
     if beyond > 0:
         return _Decision(
-            None, f"A run is beyond it, but by no more than rounding or noise of {rounding:.1e}{unit}.", margin
+            None, f"A run is beyond the limit, but by no more than rounding or noise of {rounding:.1e}{unit}.", margin
         )
     if bounds.kind == "sampled":
-        why = f"All {bounds.evaluations} runs keep it: PolynomialChaos() estimates what is between them."
+        why = f"All {bounds.evaluations} runs satisfy the limit. PolynomialChaos() also estimates other responses."
         return _Decision(None, why, margin)
     if bounds.kind == "enclosure":
         if (margin >= 0).all():
             return _Decision(True, "This is proved.", margin)
         if ((lower > high) | (upper < low)).any():
-            return _Decision(False, "All responses are beyond it at a time.", margin)
-        why = "The proved bounds are beyond it, and may be wider than the responses: more boxes decide."
+            return _Decision(False, "All responses are beyond the limit at a time.", margin)
+        why = "The proved bounds are beyond the limit, but may be wider than the responses. Use more boxes."
         return _Decision(None, why, margin)
     if bounds.estimate is None:
-        return _Decision(None, "The bounds have no estimated error: PolynomialChaos() has one.", margin)
+        return _Decision(None, "The bounds have no estimated error. Use PolynomialChaos().", margin)
     sides = [_side_decision(bounds, k, *end) for end in zip(SIDES, (low, high), strict=True) if np.isfinite(end[1])]
     worst = min(sides, key=lambda side: ((False, None, True).index(side.kept), side.margin.min()))
     return worst._replace(margin=np.min([side.margin for side in sides], axis=0))
 
 
 def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decision:
-    """The same of the lower or upper limit, by its margin and the estimated error at each time.
+    """The decision on the lower or the upper limit, from its margin and the estimated error at each time.
 
-    Where the margin is within this error, further runs decide: one beyond the limit violates it, and a search for such
-    a run that ends inside, farther from the limit than it may be off, keeps it.
+    If the margin is about as small as this error, further runs search for a violation. The limit is violated if a run
+    is beyond the limit. It is satisfied if the closest run is farther inside than the error of the search.
     """
     assert bounds.estimate is not None
     margin = bounds.lower[:, k] - limit if side == "lower" else limit - bounds.upper[:, k]
@@ -371,35 +371,35 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
         inside, error = -further.beyond, max(further.error, rounding)
         own = limit - further.values if side == "upper" else further.values - limit
         if inside < -rounding:
-            return _Decision(False, "A further run is beyond it.", np.fmin(margin, own), further)
+            return _Decision(False, "A further run is beyond the limit.", np.fmin(margin, own), further)
         if further.failed:
-            return _Decision(None, f"{further.failed} of {further.runs} further runs near it failed.", margin, further)
+            why = f"{further.failed} of {further.runs} further runs near the limit failed."
+            return _Decision(None, why, margin, further)
         if inside <= rounding:
-            return _Decision(
-                None, f"A further run meets it, within {rounding:.1e}{unit} of rounding or noise.", margin, further
-            )
+            why = f"A further run reaches the limit, within {rounding:.1e}{unit} of rounding or noise."
+            return _Decision(None, why, margin, further)
         if np.isfinite(error):
-            why = f"{further.runs} further runs near it stay {inside:.3g}{unit} inside, and may be off by {error:.1e}"
+            why = f"{further.runs} further runs stay {inside:.3g}{unit} inside. Other runs may be closer by {error:.1e}"
             return _Decision(
                 True if inside > error else None, f"{why}{unit}.", np.fmin(np.maximum(margin, inside), own), further
             )
     if (margin < -np.maximum(estimate, rounding)).any():
         error = estimate[(margin + estimate).argmin()]
-        why = f"The bounds are beyond it by more than their estimated error of {error:.1e}{unit}."
+        why = f"The bounds are beyond the limit by more than their estimated error of {error:.1e}{unit}."
         return _Decision(False, why, margin, further)
     error = estimate.max()
     if (margin >= estimate).all():
         return _Decision(True, f"The estimated error is at most {error:.1e}{unit}.", margin, further)
-    decides = "PolynomialChaos(tolerance=...) with a smaller number decides."
-    return _Decision(None, f"The estimated error is up to {error:.1e}{unit}: {decides}", margin, further)
+    remedy = "Use a smaller PolynomialChaos(tolerance=...)."
+    return _Decision(None, f"The estimated error is up to {error:.1e}{unit}. {remedy}", margin, further)
 
 
 def _closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indices) -> FurtherRun:
-    """The further run that is closest to a limit or farthest beyond it, of a search from several starts.
+    """The further run that is closest to a limit, or farthest beyond the limit, from a search with several starts.
 
-    These are runs of the study and extremes of its polynomials at the first of the rows (n_t,) whose runs differ, and
-    the nearest corners. Where runs cost little, two parameters are changed, and points are spread over the box. If the
-    limit is close, lines through the best run follow.
+    The starts are the worst runs of the study and the extremes of its polynomials, at the first of the rows (n_t,) with
+    different runs, and the nearest corners. If runs cost little, starts also include points with two parameters
+    changed, and points spread over the box. If the limit is close, lines through the best run follow.
     """
     study, box, sign = bounds.study, bounds.box, -1.0 if side == "lower" else 1.0
     assert study is not None and box is not None
@@ -449,7 +449,7 @@ def _ends(owner: str, name: str, pair: object, unit: str) -> tuple[float, float]
         pair = tuple(end if end is None else (end, pair[2]) for end in pair[:2])
     if not isinstance(pair, list | tuple) or len(pair) != 2 or not any(end is not None for end in pair):
         raise DeclarationError(
-            f"{owner}: the limit of {name!r} must be a pair (low, high), of which one may be None, got {shown(pair)}."
+            f"{owner}: the limit of {name!r} must be a pair (low, high) with at most one None, got {shown(pair)}."
         )
     own = f"{owner}: the limit of {name!r}"
     pair = [number_in(own, f"output {name!r}", end, unit) if isinstance(end, str | tuple) else end for end in pair]

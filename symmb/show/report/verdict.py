@@ -1,4 +1,4 @@
-"""The first page of a report: sentences that say whether limits are kept, and what to do next."""
+"""The first page of a report: sentences that say whether limits are satisfied, and what to do next."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,12 +14,12 @@ from symmb.bound.bounds import ROUNDING, SIDES, WARNED, Bounds, Contributions, K
 from symmb.bound.polynomials.ranges import Piecewise
 from symmb.equations.model import Box
 
-STATES = {False: "violated", None: "undecided", True: "kept"}
+STATES = {False: "violated", None: "undecided", True: "satisfied"}
 """Names of the results of limits, the most urgent first, and the words for one limit and for several limits."""
 _SAID = {
     False: ("is violated in {} cases", "are violated in {} cases"),
     None: ("is not decided", "are not decided"),
-    True: ("is kept", "are kept"),
+    True: ("is satisfied", "are satisfied"),
 }
 _MOST_LISTED, _MOST_PARAMETERS = 6, 3
 """Most limits or ranges with a sentence, and most parameters that one sentence names."""
@@ -65,7 +65,7 @@ def verdict(bounds: Bounds, check: LimitCheck | None) -> list[tuple[str, str]]:
 
 
 def _headline(results: Sequence[bool | None], cases: str) -> str:
-    """How many limits are violated, undecided and kept. Limits are violated in "some" or "all" cases."""
+    """How many limits are violated, undecided and satisfied. Limits are violated in "some" or "all" cases."""
     n, counts = len(results), {state: results.count(state) for state in STATES if state in results}
     words = [f"{count} {_SAID[state][count > 1].format(cases)}" for state, count in counts.items()]
     if len(words) > 1:
@@ -86,7 +86,7 @@ def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions |
     if met:
         names = _listed([limit.output for limit in met])
         texts.append(
-            f"The nominal values reach the limit of {names}: no tolerance keeps it. Change them, or the limit."
+            f"The nominal values reach the limit of {names}. Change the nominal values, or the limit: no tolerance helps."
         )
     if lost:
         texts.append(_lost(bounds, lost))
@@ -244,7 +244,7 @@ def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
     """Tolerances that satisfy limits, if the nominal values satisfy them, by the polynomials of the study."""
     columns, box = [_column(bounds, limit) for limit in limits], bounds.box
     if limits and bounds._left_out:
-        return ["Intervals that hold the nominal values are needed to find tolerances that keep the limits."]
+        return ["Intervals that hold the nominal values are needed to find tolerances that satisfy the limits."]
     if not limits or box is None or (surrogate := bounds.good_surrogate(columns)) is None:
         return [_SEARCH] * bool(limits)
     nominal = [bounds.nominal_parameters.get(name, middle) for name, middle in zip(box.names, box.center, strict=True)]
