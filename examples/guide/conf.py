@@ -109,9 +109,9 @@ GROUPS = {
 OPTIONS_ALONE = {"Solvers"}
 """Subjects whose classes have members for contributors alone."""
 _OF_ELEMENTS = (
-    "actions alignment assembly_cosines axes bodies d doubtful faults flag frames handle holding impacts kind lam loads "
-    "measured nearest number offset opens own_frames parts place place_faults position_rows positive pressure round rows "
-    "sizes states title turn_states velocity_rows"
+    "actions alignment assembly_cosines axes bodies d doubtful faults flag frames handle holding impacts kind lam "
+    "loads measured nearest number offset opens own_frames parts place place_faults position_rows positive pressure "
+    "round rows sizes states title turn_states velocity_rows"
 )
 FOR_CONTRIBUTORS = {
     "Models": (
@@ -119,8 +119,8 @@ FOR_CONTRIBUTORS = {
         "number parts place_faults positive prescribed remembered sign_faults solved_hashes title"
     ),
     "Bodies": (
-        "carried faults inertial is_stiffening laws lively nearly_singular number_of of_structure owner sections_at_ends "
-        "turns used_nodes with_numbers"
+        "carried faults inertial is_stiffening laws lively nearly_singular number_of of_structure owner "
+        "sections_at_ends turns used_nodes with_numbers"
     ),
     "Runs": "compiled jets kink march second_look solved_by",
     "Results": "have_good_surrogate some_as_html",

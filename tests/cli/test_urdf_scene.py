@@ -67,7 +67,7 @@ def test_what_is_wrong_is_told(pendulum, tmp_path, capsys):
     assert "Give their width by --spread" in refused(capsys, *compare, "--uncertain", "rod.mass")
     assert "Name the parameters by --uncertain" in refused(capsys, *compare, "--spread", "5%")
     assert "Did you mean 'rod.mass'" in refused(capsys, *compare, "--spread", "5%", "--uncertain", "rod.mas")
-    assert "nominal value 0" in refused(capsys, *compare, "--spread", "5%", "--uncertain", "hinge.origin.x")
+    assert "'hinge_origin_x' is 0" in refused(capsys, *compare, "--spread", "5%", "--uncertain", "hinge.origin.x")
     assert "There is no scene file none.urdf" in refused(capsys, "simulate", "none.urdf")
     still = tmp_path / "still.urdf"
     still.write_text('<robot name="still"><link name="wall"/></robot>')

@@ -86,7 +86,7 @@ def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions |
     if met:
         names = _listed([limit.output for limit in met])
         texts.append(
-            f"The nominal values reach the limit of {names}. Change the nominal values, or the limit: no tolerance helps."
+            f"The nominal values reach the limit of {names}. Change these values or the limit. No tolerance helps."
         )
     if lost:
         texts.append(_lost(bounds, lost))
