@@ -437,8 +437,11 @@ def _closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indice
         lines = np.tile(best[1], (len(box), LINE_POINTS, 1))
         lines[range(len(box)), :, range(len(box))] = np.linspace(-1.0, 1.0, LINE_POINTS)
         found = direct_search(beyond, np.concatenate([best[1][None], *lines]), most, enough)
-    error = found.error
-    if study.has_lanes and bounds.estimate is not None and (np.abs(best[1]) < 1.0).any():
+    error, inside = found.error, np.abs(best[1]) < 1.0
+    if bounds.surrogate is not None:  # a parameter that has no effect at the time of the extreme makes no hill
+        row = int(np.nan_to_num(sign * best[2], nan=-np.inf).argmax())
+        inside &= bounds.surrogate.part([row], [k]).acting(np.array([enough]))
+    if study.has_lanes and bounds.estimate is not None and inside.any():
         width = (bounds.upper - bounds.lower)[:, k].max()
         error = max(error, min(float(bounds.estimate[:, k].max()), _MISSED_HILL * width))
     return FurtherRun(side, best[1], best[2], best[0], error, runs, failed)
