@@ -22,11 +22,14 @@ from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box
 
 MOST_RUNS, MOST_NUMBERS = 5000, 40_000_000
-"""Without a budget, the most runs, and the most numbers that are kept of them: 0.3 GB, and as many coefficients."""
+"""The largest number of runs without a budget, and the largest number of stored values: 0.3 GB for values, and as much
+for coefficients."""
 NOISY_SHARE = 0.2
-"""Measured noise over the width from which bounds are doubtful: few runs of noise alone are five times as far apart."""
+"""Bounds are uncertain if the measured noise is larger than this part of the width: the bounds of few runs with noise
+only are five times as wide."""
 NOISE_OF_SOLVERS = 1e-6
-"""Noise over the values of an output up to which it is what solvers leave of one that parameters do not change."""
+"""Ratio of noise to the values of an output. Noise below this ratio is the error of solvers for an output that does not
+depend on the parameters."""
 
 
 def adaptive_bounds(
@@ -121,7 +124,8 @@ def _estimated(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange
 
 
 def _attained_or_estimated(runs: Runs, estimated: EstimatedRange, is_noise: Mask) -> tuple[Array, Array, Array]:
-    """Bounds and their estimated error, each (n_t, n_y): those that runs attained where an estimate says no more."""
+    """Bounds and their estimated errors, each (n_t, n_y). The extremes of runs are used if their estimated error is not
+    larger."""
     lowest, highest = runs.extremes
     estimate = np.maximum(estimated.estimate, runs.beyond(estimated.lower, estimated.upper))
     below = above = False
@@ -141,7 +145,7 @@ def _attained_or_estimated(runs: Runs, estimated: EstimatedRange, is_noise: Mask
 def _of_accuracy(
     runs: Runs, tolerance: float, is_enough: bool, estimate: Array
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Remarks and doubts where the tolerance was not reached: the range is not accurate enough, or runs are not."""
+    """Warnings if the tolerance was not reached, because the range or the runs are not accurate enough."""
     if is_enough and (runs.noise <= tolerance * runs.rms_widths()).all():
         return (), ()
     error = float(np.max(rms(estimate) / runs.rms_widths(), initial=0.0))
@@ -153,7 +157,7 @@ def _of_accuracy(
 
 
 def _of_noise(runs: Runs) -> tuple[str, ...]:
-    """A doubt about outputs whose measured noise is large. Outputs that are rounding beside others do not count."""
+    """A warning about outputs with large measured noise. Outputs that are only rounding errors are ignored."""
     low, high = runs.extremes
     scale = np.maximum(rms(low), rms(high))
     is_large = runs.noise > np.maximum(NOISY_SHARE * rms(high - low), NOISE_OF_SOLVERS * scale)
@@ -171,7 +175,7 @@ def _listed(runs: Runs, which: Mask) -> str:
 
 
 def _of_rounding(runs: Runs, is_noise: Mask) -> tuple[str, ...]:
-    """Which outputs vary by more than numbers are rounded, and yet by so little that it counts as rounding."""
+    """Mask (n_y,) of outputs that vary by more than rounding, but so little that the variation counts as rounding."""
     lowest, highest = runs.extremes
     if runs.rounding < ROUNDING:  # the simulator has told its noise
         return ()
@@ -189,14 +193,14 @@ _CUT = (
     "The study ended before it reached the tolerance {tolerance:g}: beside its runs it took more than 1 s, and more "
     "than three times as long as they did. PolynomialChaos(seconds=...) allows more."
 )
-"""What is doubtful where there was no time, if the tolerance is far."""
+"""The warning if a study had no time to refine the bounds and the tolerance is far from reached."""
 _SHORT = "The tolerance {tolerance:g} was not reached: the estimated error is {error:.2g} times the width."
-"""A remark on runs that are too few, and on noise and rounding that are too large."""
+"""A warning if the runs are too few, or if noise and rounding are too large."""
 _OUTPUTS_NAMED = 4
-"""Outputs that a sentence names."""
+"""Names of outputs for a sentence."""
 
 
 def _scaled(values: Array, power: Indices) -> Array:
-    """Values (..., n_y) times 2^power. They overflow where bounds are beyond the largest number."""
+    """Values (..., n_y) times 2^power. Values above the largest double become infinite."""
     with np.errstate(over="ignore"):
         return np.ldexp(values, power) if power.any() else values

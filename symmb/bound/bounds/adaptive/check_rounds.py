@@ -1,4 +1,5 @@
-"""Rounds of check runs near extremes: what they say of an interpolant's range, and of what runs attain."""
+"""Rounds of check runs near extremes, which measure the errors of an interpolant's range and of the extremes of
+runs."""
 
 from dataclasses import dataclass, field
 from itertools import product
@@ -23,13 +24,14 @@ from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import Piecewise
 
 LEAST_ROUNDS = 2
-"""Fewest rounds, and the last ones that show what runs attain beyond those before: fewer miss more, more take runs."""
+"""The smallest number of rounds, and the number of last rounds that measure how far runs exceed earlier extremes.
+Larger numbers miss fewer extremes and take more runs."""
 FITTED_VALUES = 4, 12
-"""Runs with the lowest or highest values to which parabolas are fitted, over their coefficients: few show what is near
-an extreme, many what is not near those that are known."""
+"""Number of best runs per coefficient for a fit of parabolas. With too few runs, the fit only describes the best runs.
+With too many, it describes runs far from the extreme."""
 NEIGHBOURING_TIMES = 4
-"""Output times before and after a time between whose extremes others are looked for: more take longer, fewer miss
-peaks that move by more from run to run."""
+"""Number of output times before and after a time. Between the extremes at these times, further extremes are searched.
+Larger numbers take more time, and miss fewer peaks that move far from run to run."""
 
 
 @dataclass
@@ -48,7 +50,7 @@ class Foreseen:
     attained: float = 0.0
 
     def add(self, predicted: Array, Y: Array, lowest: Array, highest: Array) -> None:
-        """Predicted and true responses (C, n_t, 1) at new points, and the extremes (n_t, 1) of former runs."""
+        """Predicted and true responses (C, n_t, 1) at new points, and the extremes (n_t, 1) of earlier runs."""
         beyond = np.maximum(np.maximum(lowest - predicted, predicted - highest), 0.0)
         gain = np.maximum(np.maximum(lowest - Y, Y - highest), 0.0)
         self.foreseen += float(np.square(beyond).sum())
@@ -56,7 +58,8 @@ class Foreseen:
         self.attained += float(np.square(gain)[beyond > 0].sum())
 
     def add_at(self, places: Array, foreseen: Array, points: Array, gains: Array) -> None:
-        """What was foreseen (2, n_t, 1) at places (2, n_t, 1, d), and gained where these are among points (C, d)."""
+        """The predicted excess (2, n_t, 1) at places (2, n_t, 1, d), and the attained excess if these places are among
+        the points (C, d)."""
         distance = np.full(foreseen.shape, np.inf)
         for point in points:
             distance = np.minimum(distance, np.abs(places - point).max(axis=-1))
@@ -65,7 +68,8 @@ class Foreseen:
         self.attained += float(np.square(gains[is_run]).sum())
 
     def share(self, part: float) -> float:
-        """Root of the share that a sum, `unconfirmed` or `attained`, has in what was foreseen; 1 before any was."""
+        """Square root of the ratio of a sum, `unconfirmed` or `attained`, to the predicted sum; 1 if nothing was
+        predicted yet."""
         return min(part / self.foreseen, 1.0) ** 0.5 if self.foreseen else 1.0
 
 
@@ -105,7 +109,7 @@ class CheckRounds:
     _between: Foreseen = field(default_factory=Foreseen)
 
     def steps(self) -> Steps:
-        """Check runs, round by round, and the better answer."""
+        """Make rounds of check runs, and return the more accurate of two ranges."""
         runs = self.runs
         self._continuation = Continuation.of(self.grid, self.sizes)
         self._correct()
@@ -155,18 +159,18 @@ class CheckRounds:
         self._lower, self._upper, self._places = self._corrected.range(SPARSE_RANGE * self.tolerance)
 
     def _remaining_share(self, places: Array) -> Array:
-        """Share of the error typical of extremes that the check runs leave at places (..., d)."""
+        """Fraction of the typical error of extremes that remains at places (..., d) after the check runs."""
         error = self._corrected.expected_error(places)
         ratio = np.divide(error, self._typical, out=np.ones_like(error), where=error < self._typical)
         return REMAINING_SHARE + (1 - REMAINING_SHARE) * ratio
 
     def _unattained(self) -> Array:
-        """How far the range exceeds what runs attain at its minima and maxima (2, n_t, 1), beyond noise."""
+        """Distance (2, n_t, 1) of the range from the extremes of runs at its minima and maxima, without noise."""
         lowest, highest = self.runs.extremes
         return np.maximum(np.stack([lowest - self._lower, self._upper - highest]) - self.runs.noise, 0.0)
 
     def _errors(self, spread: bool = False) -> list[Array]:
-        """Errors (n_t, 1) of the range and, where corners have been run, of what runs attain."""
+        """Errors (n_t, 1) of the range and, if corners were run, of the extremes of runs."""
         foreseen, exceeding, (lowest, highest) = self._foreseen, self._unattained().max(axis=0), self.runs.extremes
         errors = [(self._remaining, self._upper - self._lower, min(foreseen.attained, foreseen.unconfirmed))]
         if self.has_corners and len(self._gains) > 2 * LEAST_ROUNDS - 1:
@@ -208,10 +212,10 @@ class CheckRounds:
 
 
 def between_times(runs: OutputRuns) -> tuple[Array, Array]:
-    """Places (2, n_t, 1, d) between those of extremes before and after each time, and what may be gained (2, n_t, 1).
+    """Places (2, n_t, 1, d) between the extremes before and after each time, and the expected gain (2, n_t, 1).
 
-    A peak whose time moves with parameters passes a time between two runs. On the line through their parameters it is
-    expected on the line through their peaks.
+    A peak may move with the parameters, and pass an output time between two runs. The place of this peak is
+    interpolated between the parameters of the two runs.
     """
     points, Y = runs.attained()
     k, values = np.arange(runs.shape[0]), np.stack([-Y.min(axis=0), Y.max(axis=0)])[..., 0]
@@ -228,9 +232,9 @@ def between_times(runs: OutputRuns) -> tuple[Array, Array]:
 
 
 def growth_inside(runs: OutputRuns) -> Array:
-    """Errors (n_t, 1) to expect of what runs attain, from what twice as many runs brought elsewhere than at corners.
+    """Expected errors (n_t, 1) of the extremes of runs, from the gain of the last half of all runs outside of corners.
 
-    Where all of them are inside of what corners attain, there is none.
+    The error is 0 if no run exceeds the extremes at corners.
     """
     points, Y = runs.attained()
     is_corner = (np.abs(points) == 1).all(axis=1)
@@ -243,9 +247,9 @@ def growth_inside(runs: OutputRuns) -> Array:
 
 
 def separable_extremes(points: Array, Y: Array) -> Array:
-    """Places (k, d) of the extremes, at 2 d times at most, of sums of parabolas in one parameter each.
+    """Places (k, d) of extremes of separable parabolas, for at most 2 d times.
 
-    They are fitted to the lowest and to the highest of the responses Y (N, n_t, 1) at points (N, d).
+    The parabolas are fitted to the lowest and to the highest responses Y (N, n_t, 1) at points (N, d).
     """
     d, places = points.shape[1], list[Array]()
     terms = np.concatenate([np.ones((len(points), 1)), points, np.square(points)], axis=1)
@@ -260,9 +264,9 @@ def separable_extremes(points: Array, Y: Array) -> Array:
 
 
 def spread_over_times(error: Array, width: Array) -> Array:
-    """Errors (n_t, n_y) of which half the square is that of one share of the width (n_t, n_y) at all times.
+    """Errors (n_t, n_y). One half of each squared error is a constant fraction of the squared width (n_t, n_y).
 
-    Few check runs tell the size of errors, but not well at which times they are small.
+    A few check runs show the size of errors reliably, but not the times at which the errors are small.
     """
     share = np.divide(
         rms(error), rms(width), out=np.zeros(width.shape[1]), where=(rms(width) > 0) & np.isfinite(rms(error))

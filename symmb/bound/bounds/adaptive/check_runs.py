@@ -1,4 +1,4 @@
-"""Check runs: points that show most of an interpolant's error, and the expected error elsewhere."""
+"""Check runs at the points with the largest expected error of an interpolant, and the expected error elsewhere."""
 
 from itertools import count
 
@@ -9,31 +9,37 @@ from symmb.bound.bounds.time_windows import WINDOW, average_over_window
 from symmb.bound.nodes import corners
 
 SAFETY = 2.5
-"""Factor on errors that runs show, and on the deviation of noise: those elsewhere may be larger. Less misses more, more
-takes more runs."""
+"""Safety factor on measured errors and on the standard deviation of noise, because errors elsewhere may be larger. A
+smaller factor misses more, a larger factor takes more runs."""
 CANDIDATES = 150
-"""Extremes among which check points are selected, as all pairs are compared, and points from which searches of
-surfaces start: more take time, fewer miss extremes."""
+"""Number of extremes from which check points are chosen, since all pairs are compared. Also the number of starts of
+searches on surfaces. Larger numbers take more time and miss fewer extremes."""
 WORTHWHILE = 0.3
-"""Weight over the largest one from which an output chooses a place beside those of others: less takes more runs."""
+"""Ratio of a weight to the largest weight. An output chooses check points beside those of other outputs if its weight
+is larger. Smaller ratios take more runs."""
 FEW_SHAPES, SHAPE_SHARE = 3, 1e-2
-"""Shapes of time that hide as much as single numbers do, and their least share of the largest one: more of the first
-takes more check runs, more of the second as well."""
+"""Number of independent functions of time that count like separate outputs, and the smallest ratio of their size to the
+largest. More functions take more check runs."""
 SHAPE_RUNS = round(1 / WINDOW)
-"""Most runs of which shapes are counted, and half the number of times: a window has two."""
+"""Largest number of runs from which independent functions of time are counted, and half the number of their times,
+because a window has two times."""
 PROBES = 6
-"""Quasi-random check points. Nodes lie at middles, ends and halves, where symmetric responses may be alike. More find
-narrower bumps."""
+"""Number of quasi-random check points. Nodes are at the centre, ends and halves, where symmetric responses may be
+equal. More points find narrower peaks."""
 PATIENCE = 30
-"""Runs for each parameter at which what does not converge is given up, as are corners: more take runs, fewer miss."""
+"""Number of runs per parameter after which a grid that does not converge is abandoned, and so are corners. Larger
+numbers take more runs and miss fewer extremes."""
 ALL_CORNERS = 10
-"""Most parameters of which all corners are run where runs share their steps: more take seconds."""
+"""Largest number of parameters for which all corners are run, if runs are computed side by side. Larger numbers take
+seconds."""
 MOST_CORNERS = 32
-"""Most corners that are run because nothing else tells where a response varies: more take runs, fewer miss."""
+"""Largest number of corners if no other information shows where a response varies. Larger numbers take more runs and
+miss fewer extremes."""
 
 
 def select_dispersed(places: Array, weights: Array, number: int, taken: Array | None = None) -> Array:
-    """At most so many places (n, d), of places (2, n_t, n_y, d), with large weights, that are not close to each other.
+    """At most a given number of places (n, d) with large weights, which are not close together, from places (2, n_t,
+    n_y, d).
 
     Each choice maximises the weight in its neighbourhood, sum_j exp(-2 |x - x_j|^2 / d) w_j, and takes this weight from
     its neighbours. Places that others have taken (m, d) do so before, and choices end at a share WORTHWHILE of the
@@ -59,13 +65,13 @@ def select_dispersed(places: Array, weights: Array, number: int, taken: Array | 
 
 
 def _nearness(a: Array, b: Array) -> Array:
-    """exp(-2 |a - b|^2 / d) of points (n, d) and (m, d), (n, m)."""
+    """Kernel exp(-2 |a - b|^2 / d) of points (n, d) and (m, d), an array (n, m)."""
     squares = sum(np.square(np.subtract.outer(x, y)) for x, y in zip(a.T, b.T, strict=True))
     return np.asarray(np.exp(-squares * 2 / a.shape[1]))
 
 
 def quasi_random_points(number: int, d: int) -> Array:
-    """Points (number, d) of the unit box without symmetry, nearer to corners than to the middle.
+    """Points (number, d) of the unit box without symmetry, closer to the corners than to the centre.
 
     They are x = sign(u) sqrt(0.25 + 0.7 |u|) of evenly spread points u.
     """
@@ -74,7 +80,7 @@ def quasi_random_points(number: int, d: int) -> Array:
 
 
 def evenly_spread_points(number: int, d: int) -> Array:
-    """Points (number, d) of the unit box by Roberts' sequence.
+    """Points (number, d) of the unit box from Roberts' sequence.
 
     They are the multiples of the powers of 1 / r modulo 1, with r^(d + 1) = r + 1. (Roberts 2018, The unreasonable
     effectiveness of quasirandom sequences)
@@ -99,8 +105,8 @@ def screening_corners(d: int) -> Array:
 
 
 def corner_design(d: int) -> Array:
-    """All corners of the unit box, or, of more than ALL_CORNERS parameters, a share of them in which any four have all
-    combinations of their signs (resolution V).
+    """All corners of the unit box. With more than ALL_CORNERS parameters, a subset of corners that contains all sign
+    combinations of any four parameters (resolution V).
 
     Parameters beyond the first r, which have all combinations, take products of their signs. No sum of four or fewer of
     the vectors of factors may vanish modulo 2. (Box and Hunter 1961, The 2^(k-p) fractional factorial designs)
@@ -122,27 +128,28 @@ def corner_design(d: int) -> Array:
 
 
 def screening_points(d: int) -> Array:
-    """Points (N, d) where nothing else tells where responses vary: corners, and PROBES points between.
+    """Points (N, d) for responses without other information: corners, and PROBES points inside.
 
-    Few corners are all of them: a kink may act in one only.
+    If there are few corners, all are used, because a kink may affect one corner only.
     """
     ends = corners(d) if 2**d <= MOST_CORNERS else screening_corners(d)
     return np.concatenate([ends, quasi_random_points(2 + PROBES, d)[2:]])
 
 
 def count_shapes(Y: Array) -> Indices:
-    """How many independent functions of time (...) deviations Y (..., N, m) from the mean of responses are made of.
+    """Number of independent functions of time (...) in deviations Y (..., N, m) from the mean response.
 
-    What few shapes hide, few numbers would: all times together may show no more than one. Shapes count from a share
-    SHAPE_SHARE of the largest one on.
+    Few functions would hide as much as few numbers, because all times together may contain one function only. Functions
+    count if their size is at least SHAPE_SHARE of the largest one.
     """
     squares = np.linalg.eigvalsh(Y @ Y.swapaxes(-1, -2))
     return np.asarray((squares > SHAPE_SHARE**2 * squares[..., -1:]).sum(axis=-1))
 
 
 def inflated_error(squares: Array, safety: float = SAFETY) -> Array:
-    """Errors (n_t, n_y) to expect elsewhere from the largest squares of errors at check runs, by a factor.
+    """Expected errors (n_t, n_y) elsewhere, from the largest squared errors at check runs and a factor.
 
-    They are averages over a window, but at least what a check run showed: a pulse is shorter than a window.
+    Errors are averaged over a window, but are at least the error of the check run, because a pulse is shorter than a
+    window.
     """
     return np.sqrt(np.maximum(safety**2 * average_over_window(squares), squares))

@@ -1,4 +1,4 @@
-"""The seconds that a study takes beyond its runs."""
+"""The time that a study takes in addition to its runs."""
 
 import time
 from collections.abc import Iterator
@@ -10,15 +10,15 @@ from symmb._threads import threads_as_before
 from symmb._types import Array
 
 LEAST_SECONDS, SECONDS_OF_RUNS = 1.0, 3.0
-"""Seconds that a study may take beyond its runs, unless more are asked for: nobody notices the first, and runs that
-take long are worth as much thought."""
+"""Allowed time of a study in addition to its runs [s]. Users do not notice the first second. After slow runs, the study
+may take a similar time."""
 OWN_SHARE = 0.1
-"""Least share of the seconds that pass which runs of this program take on processors: those of other programs leave
-less, and only a machine with ten times as much work as processors leaves as little."""
+"""Smallest ratio of processor time to wall time of runs. The ratio is smaller only if other programs leave few
+processors, such as ten times as many processes as processors."""
 
 
 class Clock:
-    """A clock that stands while runs are made.
+    """A clock that stops during runs.
 
     Seconds of runs and beyond them are those that pass, or those of all threads of this program on their processors if
     these are less: other programs do not count. Runs that other programs make take the seconds that pass.
@@ -35,7 +35,7 @@ class Clock:
 
     @property
     def is_late(self) -> bool:
-        """Whether no seconds are left. A study that asks it ends when it is so."""
+        """Whether no time is left. A study that calls this method stops if the result is True."""
         allowed = LEAST_SECONDS + SECONDS_OF_RUNS * self._of_runs if self.seconds is None else self.seconds
         self.is_cut |= bool((_now() - self._begin).min() > allowed)
         return self.is_cut
@@ -52,5 +52,5 @@ class Clock:
 
 
 def _now() -> Array:
-    """Seconds that have passed, and those of this program's threads on their processors (2,)."""
+    """Wall time and processor time of this program's threads, (2,) [s]."""
     return np.array([time.perf_counter(), time.process_time()])

@@ -1,4 +1,4 @@
-"""The most likely continuation of an interpolant on a grid through check runs, its range, and its error."""
+"""The most likely continuation of an interpolant on a grid through check runs, its range and its error."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,12 +15,13 @@ from symmb.bound.polynomials import Expansion, MultiIndices, basis_values
 from symmb.bound.polynomials.ranges import RANGE_WORK, Exact
 
 SPARSE_PROBES = 2
-"""Quasi-random check points: more take runs, fewer miss products of parameters, which runs along axes do not show."""
+"""Number of quasi-random check points. More points take more runs and miss fewer products of parameters, which runs
+along axes do not show."""
 REMAINING_SHARE = 0.1
-"""Least share of the expected error that remains at places of check runs, since the continuation does not interpolate,
-and of the estimated error after them: less misses more, more takes more runs."""
+"""Smallest ratio of the remaining error to the expected error at check runs, since the continuation does not
+interpolate, and of the estimated error after check runs. Smaller ratios miss more, larger ratios take more runs."""
 SPARSE_RANGE = 0.02
-"""Accuracy of a range, over the tolerance: less takes more time."""
+"""Ratio of the accuracy of a range to the tolerance. Smaller ratios take more time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,12 +49,12 @@ class Continuation:
 
     @classmethod
     def of(cls, grid: Grid, sizes: dict[Index, float]) -> "Continuation":
-        """The continuation by the indices ahead of a grid, with their expected sizes."""
+        """The continuation with the indices next to a grid, and their expected sizes."""
         alpha = np.array(list(sizes), dtype=np.intp)
         return cls(alpha, np.array(list(sizes.values())), grid.coefficients(basis_values(alpha, grid.nodes)))
 
     def free(self, known: MultiIndices, points: Array) -> Array:
-        """(C, n_b) values of the further polynomials at points, less their interpolants, times the expected sizes.
+        """Values (C, n_b) of the further polynomials at points, minus their interpolants, times the expected sizes.
 
         `known` (N, d) are the multi-indices of the grid.
         """
@@ -61,12 +62,12 @@ class Continuation:
 
     @property
     def noise(self) -> float:
-        """Variance of the noise."""
+        """Variance of the noise of check runs."""
         return EXPECTED_NOISE * float(np.square(self.sizes).sum()) or 1.0  # any, if nothing is expected
 
 
 def extrapolated_sizes(grid: Grid, sizes: Array) -> dict[Index, float]:
-    """Expected sizes of the coefficients next to those of a grid, if they decay as these (N,) do.
+    """Expected sizes of the coefficients next to a grid, if they decay like the coefficients of these indices (N,).
 
     The size at index a is the least of |c_b| and |c_b| |c_(a-b+z)| / |c_z| over its lower neighbours b and theirs z.
     """
@@ -75,7 +76,7 @@ def extrapolated_sizes(grid: Grid, sizes: Array) -> dict[Index, float]:
 
 
 def largest(sizes: dict[Index, float], number: int) -> set[Index]:
-    """So many indices with the largest sizes."""
+    """A number of indices with the largest expected sizes."""
     return set(sorted(sizes, key=lambda a: (-sizes[a], sum(a), a))[: max(number, 0)])
 
 
@@ -111,18 +112,18 @@ class Corrected:
 
     @cached_property
     def _factor(self) -> Array:
-        """Lower Cholesky factor of the smaller matrix."""
+        """Lower Cholesky factor of the smaller of the two matrices."""
         free = self._free if self._has_few else self._free.T
         products: Array = free @ free.T + self.continuation.noise * np.eye(len(free))
         return np.linalg.cholesky(products).astype(float)
 
     @property
     def _has_few(self) -> bool:
-        """Whether check runs are fewer than further polynomials."""
+        """Whether there are fewer check runs than further polynomials."""
         return self._free.shape[0] <= self._free.shape[1]
 
     def expected_error(self, places: Array) -> Array:
-        """Root mean square (...) of the error that remains at places (..., d), rounded to 0.1."""
+        """Root mean square (...) of the remaining error at places (..., d), rounded to multiples of 0.1."""
         places = places.round(1)
         flat, errors = places.reshape(-1, places.shape[-1]), np.empty(places.shape[:-1])
         for window in windows(len(flat), places.shape[-1]):
@@ -139,7 +140,7 @@ class Corrected:
 
     @cached_property
     def alpha(self) -> MultiIndices:
-        """(n_b, d)."""
+        """Matrix (n_b, d) of indices of the further polynomials."""
         return np.concatenate([self.base.alpha, self.continuation.alpha])
 
     def parts(self) -> Iterator[tuple[slice, Array]]:
@@ -162,7 +163,7 @@ class Corrected:
         return np.concatenate([base - self.continuation.interpolants @ further, further])
 
     def expansion(self) -> Expansion:
-        """The continued expansion, with all coefficients."""
+        """The continued expansion with all coefficients."""
         coefficients = np.empty((len(self.alpha), *self.base.coefficients.shape[1:]))
         for window, part in self.parts():
             coefficients.reshape(len(self.alpha), -1)[:, window] = part
@@ -176,8 +177,8 @@ class Corrected:
     def range(self, tolerance: float) -> tuple[Array, Array, Array]:
         """Minima and maxima (n_t, n_y), and their places (2, n_t, n_y, d).
 
-        The range is that of the best values of the search. A proof would take longer than the runs, and the response
-        may exceed the range of the expansion anyway.
+        The range contains the best values of a search. A rigorous range would take longer than the runs, and the
+        response may exceed the range of the expansion in any case.
         """
         alpha, shape = self.alpha, self.base.coefficients.shape[1:]
         attained = Exact(tolerance, RANGE_WORK // len(alpha) + 1).attained

@@ -1,4 +1,5 @@
-"""The estimated error of an interpolant: of truncation, from the decay of its last coefficients, and at events."""
+"""The estimated error of an interpolant: the truncation error, from the decay of its last coefficients, and the error
+at events."""
 
 import itertools
 from dataclasses import dataclass
@@ -13,15 +14,16 @@ from symmb.bound.nodes import group_squares, line
 from symmb.bound.polynomials import Expansion, MultiIndices
 
 SHELLS = 4
-"""Degree shells, of two degrees each, whose sizes give the decay: fewer trust a lucky pair, more take time."""
+"""Number of degree shells, of two degrees each, from which the decay is measured. Fewer shells trust a pair that is
+small by chance, more take more time."""
 DECAY_POWER, FAST_DECAY = 0.6, 0.8
-"""Power of the observed decay that is expected to continue: 1 trusts it, 0 expects none and takes more runs. On tensor
-grids the power is 1 - decay / FAST_DECAY if that is more, because a fast decay goes on: less trusts it less."""
+"""Power of the measured decay that is assumed to continue: 1 assumes the same decay, 0 assumes none and takes more
+runs. On tensor grids the power is 1 - decay / FAST_DECAY if this is larger, because a fast decay usually continues."""
 NODE_SHARE = 0.4
-"""Share of the largest error that is expected even at nodes, over the degree (at most 4): places of extremes are known
-only nearly. Less misses more, more takes more runs."""
+"""Ratio of the expected error at nodes to the largest error, over the degree (at most 4), because the places of
+extremes are known only approximately. Smaller ratios miss more, larger ratios take more runs."""
 SMOOTH_DECAY = 0.6
-"""Decay of coefficients in two degrees above which a response is not smooth: less cuts it into pieces sooner."""
+"""Decay of coefficients in two degrees above which a response is not smooth. Smaller values divide the box earlier."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +56,9 @@ class TruncationError:
 
     @classmethod
     def of(cls, alpha: MultiIndices, coefficients: Array, noise: Array | float = 0.0) -> "TruncationError":
-        """The error by multi-indices (N, d), a set with all smaller ones, and Legendre coefficients (N, n_t, n_y).
+        """The error for multi-indices (N, d) of a downward closed set, and Legendre coefficients (N, n_t, n_y).
 
-        What errors of the runs up to `noise` (n_y,) make of a coefficient does not count.
+        The part of a coefficient that comes from errors of the runs up to `noise` (n_y,) is ignored.
         """
         degrees = alpha.max(axis=0)
         tensor = len(alpha) == int(np.prod(degrees + 1))
@@ -79,7 +81,7 @@ class TruncationError:
         return cls(directions, slow, np.sqrt(mixed), degrees if tensor else None)
 
     def at(self, x: Array) -> Array:
-        """Expected error (..., n_t, n_y) at points x (..., n_t, n_y, d), or (..., 1, 1, d) for all times."""
+        """Expected errors (..., n_t, n_y) at points x (..., n_t, n_y, d), or at points (..., 1, 1, d) for all times."""
         if self.degrees is None:
             return self.least
         factors = (_node_polynomial(x[..., i], n) for i, n in enumerate(self.degrees.tolist()))
@@ -87,14 +89,14 @@ class TruncationError:
 
     @cached_property
     def least(self) -> Array:
-        """Expected error (n_t, n_y) wherever the extremes are."""
+        """Expected error (n_t, n_y) for extremes at unknown places."""
         if self.degrees is None:
             return self.directions.sum(axis=0) + self.mixed
         return np.tensordot(NODE_SHARE / np.clip(self.degrees, 1, 4), self.directions, axes=1)
 
 
 def _node_polynomial(x: Array, degree: int) -> Array:
-    """|(x - x_0) ... (x - x_n)| of the nodes of a degree: 0 at the nodes, at most 1."""
+    """The node polynomial |(x - x_0) ... (x - x_n)| of a degree, scaled to a maximum of 1. It is 0 at the nodes."""
     product, twice = np.full(x.shape, 1 / _largest_product(degree)), 2 * x
     difference = np.empty_like(product)
     for node in line(degree + 1).tolist():
@@ -109,14 +111,14 @@ def _largest_product(degree: int) -> float:
 
 
 def _ratio(a: Array, b: Array) -> Array:
-    """a / b, at most 1."""
+    """The ratio a / b, limited to 1."""
     return np.divide(a, b, out=np.ones_like(a), where=a < b)
 
 
 def _sizes(coefficients: Array, noise: Array | float, groups: list[Indices]) -> Array:
-    """Root of the sum of squares over each group of rows, averaged over a window of times, (k, n_t, n_y).
+    """Square root of the sum of squares over each group of rows, averaged over a window of times, (k, n_t, n_y).
 
-    The squares that noise (n_y,) is expected to give are subtracted.
+    The expected squares of noise (n_y,) are subtracted.
     """
     sizes = group_squares(coefficients, groups)
     sizes -= np.square(noise) * np.array([len(rows) for rows in groups])[:, None, None]
@@ -146,7 +148,7 @@ class _Groups(NamedTuple):
 
 @lru_cache(maxsize=32)
 def _groups(indices: tuple[tuple[int, ...], ...], least: int) -> list[_Groups]:
-    """The groups of each direction; shells have no degrees below the least."""
+    """The groups of each direction. Shells contain no degrees below the smallest one."""
     alpha = np.array(indices)
     return [_Groups(*_degree_shells(alpha, i, least), _products(alpha, i)) for i in range(alpha.shape[1])]
 
@@ -163,7 +165,8 @@ def _degree_shells(alpha: MultiIndices, i: int, least: int) -> tuple[list[Indice
 
 
 def _products(alpha: MultiIndices, i: int) -> tuple[Indices, Indices]:
-    """Rows of products of x_i with others, and of these others; of x_i and all x_j if there are no products."""
+    """Rows of products of x_i with other parameters, and rows of these other parameters. Without products, rows of x_i
+    and of all x_j."""
     rows = {cast(tuple[int, ...], tuple(a)): k for k, a in enumerate(alpha.tolist())}
     first, base = [], []
     for a, k in rows.items():
@@ -177,7 +180,7 @@ def _products(alpha: MultiIndices, i: int) -> tuple[Indices, Indices]:
 
 
 def decay_ratios(expansion: Expansion, widths: Array, least: int) -> Array:
-    """Decay of the coefficients of each direction over two degrees, (d,); 0 in directions of less than a least degree.
+    """Decay (d,) of the coefficients of each direction over two degrees; 0 for directions with too low a degree.
 
     With S_k the norm of all coefficients of degrees k - 1 and k, relative to the widths (n_y,), and n the highest
     degree, the decay is the larger of S_(n-2) / S_(n-4) and S_(n-4) / S_(n-6). The two highest degrees do not
@@ -194,10 +197,10 @@ def decay_ratios(expansion: Expansion, widths: Array, least: int) -> Array:
 
 
 def event_errors(nodes: Array, degrees: Indices, Y: Array, events: Indices) -> Array:
-    """Expected errors along each parameter (d, n_t, n_y) where events happen between nodes, nan elsewhere.
+    """Expected errors along each parameter (d, n_t, n_y) if events happen between nodes; nan elsewhere.
 
-    Responses have kinks and jumps there. In between, an extreme exceeds the values at the nodes by at most the change
-    of the response over the distance of two nodes, at the largest slope that occurs away from events.
+    Responses have kinks and jumps at events. Between nodes, an extreme exceeds the values at the nodes by at most the
+    change of the response over the distance of two nodes, with the largest slope away from events.
 
     Parameters
     ----------

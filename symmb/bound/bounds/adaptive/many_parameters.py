@@ -1,4 +1,4 @@
-"""Bounds over many parameters: each output is studied by itself, and all share their runs."""
+"""Bounds over many parameters. Each output has its own study, and all studies share their runs."""
 
 from collections.abc import Callable, Sequence
 from itertools import count
@@ -15,7 +15,8 @@ from symmb.bound.polynomials.ranges import Piecewise, joined
 
 
 def range_of_many(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange:
-    """The ranges of all outputs. A study of an output sees all runs, and asks for more until it has its range."""
+    """The ranges of all outputs. The study of an output uses all runs, and requests runs until its range is accurate
+    enough."""
     studies = [OutputStudy(runs.of(k), tolerance, is_patient) for k in range(runs.shape[1])]
     steps = {k: study.steps() for k, study in enumerate(studies)}
     found = dict[int, EstimatedRange]()
@@ -40,7 +41,7 @@ def range_of_many(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRa
 
 
 def _answer(runs: Runs, requests: list[Request], predict: Callable[[Array], Array] | None) -> None:
-    """Make the runs that are asked for, together. Failed nodes take the values (N, n_t, n_y) that are predicted."""
+    """Make all requested runs together. Failed nodes get the predicted values (N, n_t, n_y)."""
     if any(isinstance(each, Noise) for each in requests) and not runs.noise_is_known:
         runs.measure_noise()
     for each in requests:
@@ -59,19 +60,20 @@ def _answer(runs: Runs, requests: list[Request], predict: Callable[[Array], Arra
 
 
 def _distinct(points: Sequence[Array]) -> Array:
-    """Points (N, d), each once, in their order."""
+    """Points (N, d) without repetitions, in their order."""
     every = np.concatenate(points)
     _, first = np.unique(every.round(12), axis=0, return_index=True)
     return every[np.sort(first)]
 
 
 def _together(arrays: Sequence[Array], n_t: int, axis: int) -> Array:
-    """Arrays of all outputs, whose times, n_t or one of a figure, are before this axis."""
+    """Arrays of all outputs, joined along the axis of outputs. The axis before it has n_t times, or one for a scalar
+    output."""
     return np.concatenate([np.broadcast_to(a, (*a.shape[: axis - 1], n_t, *a.shape[axis:])) for a in arrays], axis=axis)
 
 
 def _joined(runs: Runs, found: list[EstimatedRange]) -> EstimatedRange:
-    """One range of all outputs, from that of each."""
+    """The range of all outputs, from the range of each output."""
     lower, upper, estimate = (
         _together([getattr(each, name) for each in found], runs.shape[0], 1) for name in ("lower", "upper", "estimate")
     )

@@ -1,4 +1,5 @@
-"""Bounds of responses that rise or fall with each parameter throughout the box: runs at corners attain them."""
+"""Bounds of responses that increase or decrease monotonically with each parameter. Runs at corners attain these
+bounds."""
 
 from collections.abc import Callable, Generator, Iterator
 
@@ -14,14 +15,16 @@ from symmb.bound.nodes import corners
 from symmb.bound.polynomials.ranges import Piecewise
 
 MONOTONE_SHARE = 0.2
-"""Share of the tolerance that is expected as error of what runs attain at corners: effects of parameters may change
-their signs where no run was. Responses may lose half as much at corners that are not theirs: less takes more runs."""
+"""Fraction of the tolerance that is the expected error of the extremes at corners, because effects of parameters may
+change their signs between runs. Responses may lose half of it at corners with other signs. Smaller values take more
+runs."""
 
 
 def corner_range(
     runs: OutputRuns, tolerance: float, polynomials: Callable[[], Piecewise | None]
 ) -> Generator[Request, None, EstimatedRange | None]:
-    """What runs attain at the corners to which all parameters pull the responses; None if effects change their signs.
+    """The extremes of runs at the corners towards which all parameters increase or decrease the responses; None if an
+    effect changes its sign.
 
     The effect of a parameter is the change of a response when it alone changes. It is seen on both sides of the middle
     of the box, and along edges. Corners are run to which effects with one sign lead: the response is taken as monotone.
@@ -45,7 +48,7 @@ def corner_range(
 
 
 def _error(runs: OutputRuns, tolerance: float) -> Generator[Request, None, Array | None]:
-    """The estimated error (n_t, n_y) of what runs attain at corners; None if it is too large."""
+    """The estimated error (n_t, n_y) of the extremes at corners; None if it is too large."""
     d = len(runs.box)
     unit = np.eye(d)
     star = runs.at_nodes(np.concatenate([np.zeros((1, d)), -unit, unit]))
@@ -73,16 +76,15 @@ def _error(runs: OutputRuns, tolerance: float) -> Generator[Request, None, Array
 
 
 def _beyond_noise(runs: OutputRuns, against: Array) -> Array:
-    """The sum (n_t, n_y) of effects (d, n_t, n_y) against the signs, beyond what noise shows."""
+    """The sum (n_t, n_y) of effects (d, n_t, n_y) with the opposite sign, without noise."""
     return np.maximum(against - 2 * runs.noise, 0.0).sum(axis=0)
 
 
 def _error_at_own_corners(
     runs: OutputRuns, slope: Array, bulge: Array, signs: Array, own: Indices
 ) -> Generator[Request, None, Array | None]:
-    """The estimated error (n_t, n_y) of what responses attain at their own ones (m,) of some corners (K, d), from
-    slopes and bulges (d, n_t, n_y) along the axes; None if runs fail.
-    """
+    """The estimated error (n_t, n_y) of the extremes at corners (K, d), one (m,) for each response, from slopes and
+    curvature (d, n_t, n_y) along the axes; None if runs fail."""
     d, against = len(slope), bulge.copy()
     yield Checks(np.concatenate([signs, -signs, *_uncertain(signs[0], np.abs(slope).reshape(d, -1)[:, own == 0])]))
     values = runs.checked(np.concatenate([signs, -signs]))
@@ -104,9 +106,8 @@ def _error_at_own_corners(
 
 
 def _error_at_all_corners(runs: OutputRuns, bulge: Array) -> Generator[Request, None, Array | None]:
-    """The estimated error (n_t, n_y) of what all corners attain, from bulges (d, n_t, n_y) along the axes and along
-    edges at two of them; None if corners are too many or fail.
-    """
+    """The estimated error (n_t, n_y) of the extremes at all corners, from the curvature (d, n_t, n_y) along the axes
+    and along edges at two corners; None if there are too many corners, or if runs fail."""
     d, every = len(bulge), corners(len(bulge))
     if 2**d > min(PATIENCE * d, runs.left - 2 * d):
         return None
@@ -129,7 +130,8 @@ def _error_at_all_corners(runs: OutputRuns, bulge: Array) -> Generator[Request, 
 
 
 def _uncertain(corner: Array, slopes: Array) -> list[Array]:
-    """Corners (3, d) that differ from a corner, and from that opposite to it, in the two least slopes (d, m)."""
+    """Corners (3, d) that differ from a corner, and from the opposite corner, in the two parameters with the smallest
+    slopes (d, m)."""
     first, second = np.argsort(slopes.max(axis=1))[:2]
     flips = np.ones((3, len(corner)))
     flips[[0, 2], first] = flips[[1, 2], second] = -1.0
@@ -137,17 +139,18 @@ def _uncertain(corner: Array, slopes: Array) -> list[Array]:
 
 
 def _bulge(lower: Array, upper: Array) -> Array:
-    """How far parabolas with changes over the lower and upper half of an interval exceed their values at its ends."""
+    """The maximum of a parabola minus the larger value at its ends. The parabola changes by given values over the lower
+    and the upper half of the interval."""
     slope, bend = np.abs(lower + upper) / 2, np.abs(upper - lower) / 2
     place = np.divide(slope, 2 * bend, out=np.ones_like(bend), where=2 * bend > slope)
     return bend * np.square(1 - place)
 
 
 def _edges(corners: Array, corner: Array) -> Iterator[tuple[Array, Array]]:
-    """For each parameter, points (n, d) and others that differ from them in this parameter only.
+    """For each parameter, points (n, d), and points that differ from these in this parameter only.
 
-    They are pairs of corners (K, d), or, without any, halves of the edges at a corner and at that opposite
-    to it.
+    They are pairs of corners (K, d). Without corners they are halves of the edges at a corner and at the opposite
+    corner.
     """
     row = {tuple(each): k for k, each in enumerate(corners.tolist())}
     for i in range(len(corner)):
@@ -162,10 +165,11 @@ def _edges(corners: Array, corner: Array) -> Iterator[tuple[Array, Array]]:
 
 
 def _corners(slope: Array, allowed: Array, most: int) -> tuple[Array, Indices]:
-    """Corners (K, d) for slopes (m, d), and which of them (m,) each response takes; it loses no more than is allowed.
+    """Corners (K, d) for slopes (m, d), and the corner (m,) of each response. No response loses more than the allowed
+    value.
 
-    Responses with the same signs of all slopes are a group. The most frequent signs are a corner first, and serve the
-    other groups that lose little there. There are no corners if more than `most` are needed.
+    Responses with the same signs of all slopes form a group. The most frequent signs give the first corner, which also
+    serves groups that lose little there. The result is empty if more than `most` corners are needed.
     """
     packed = np.packbits(slope >= 0, axis=1)
     _, first, group, count = np.unique(packed, axis=0, return_index=True, return_inverse=True, return_counts=True)

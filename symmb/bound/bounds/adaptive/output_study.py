@@ -1,4 +1,5 @@
-"""Bounds of one output over many parameters: a sparse grid that grows where it varies, and runs that correct it."""
+"""Bounds of one output over many parameters, from a sparse grid that grows adaptively, and from runs that correct
+it."""
 
 from collections.abc import Generator, Iterator
 
@@ -33,14 +34,15 @@ from symmb.bound.nodes import Grid, Index, corners
 from symmb.bound.polynomials.ranges import Piecewise
 
 SURFACE_TIMES = 8
-"""Most times of an output that is left to a response surface: each extreme of each takes a search."""
+"""Largest number of times of an output with a response surface, because the extremes of each time require searches."""
 GROWTH = 0.25
-"""Share by which the grid grows at a time: less takes more searches, more takes more runs."""
+"""Fraction by which the grid grows in one round. Smaller fractions take more searches, larger ones more runs."""
 EARLY_CHECK = 5.0
-"""Estimated error over the tolerance at which check runs may show that it is enough: more takes fewer nodes, and more
-check runs for nothing."""
+"""Ratio of the estimated error to the tolerance at which check runs are made. Larger ratios take fewer nodes, and more
+check runs that do not help."""
 FEW_NODES = 7
-"""Nodes for each parameter from which on the error shows how fast it falls: fewer give up what converges later."""
+"""Number of nodes per parameter after which the decay of the error is judged. Smaller numbers abandon responses that
+converge later."""
 
 
 class OutputStudy:
@@ -58,7 +60,7 @@ class OutputStudy:
         self._is_brief, self._has_corners, self._is_screened = runs.shape[0] <= SURFACE_TIMES, False, False
 
     def steps(self) -> Steps:
-        """What it asks runs for, until it has the range."""
+        """Request runs until the range is known, and return the range."""
         runs, tolerance, d = self.runs, self.tolerance, len(self.runs.box)
         yield from self._grown(self.grid.missing([tuple(2 * (i == j) for j in range(d)) for i in range(d)]))
         self._probes = np.concatenate([quasi_random_points(SPARSE_PROBES, d), evenly_spread_points(runs.probes, d)])
@@ -90,7 +92,7 @@ class OutputStudy:
                 yield from self._grown(step)
 
     def _screened(self) -> Iterator[Request]:
-        """The error of the interpolant is estimated. Before a small one is believed, runs look for more."""
+        """Estimate the error of the interpolant, and verify a small error by further runs."""
         self._estimate_error()
         if self._error <= EARLY_CHECK * self.tolerance and not self._is_screened and self.runs.may_hide():
             self._is_screened, points = True, screening_points(len(self.runs.box))
@@ -99,9 +101,9 @@ class OutputStudy:
             self._estimate_error()
 
     def _without_grid(self, is_stalled: bool) -> Generator[Request, None, EstimatedRange | None]:
-        """The range by other means than a larger grid: of runs at corners, or of a response surface; None without.
+        """The range from runs at corners or from a response surface instead of a larger grid; None if neither applies.
 
-        Corners come first where runs do not share their steps. Few times are left to a surface.
+        Corners are tried first if runs are not computed side by side. Response surfaces serve only few times.
         """
         runs, tolerance = self.runs, self.tolerance
         if not self._has_corners and not runs.has_lanes:
@@ -114,7 +116,7 @@ class OutputStudy:
         return (yield from self._polled((yield from surface_range(runs, known, tolerance, self.is_patient))))
 
     def _corrected(self, has_corners: bool) -> Steps:
-        """The range after check runs at its extremes."""
+        """The range after check runs at the extremes of the interpolant."""
         rounds = CheckRounds(
             self.runs, self.expansion, self.grid, self.sizes, self.estimate, self.tolerance, has_corners
         )
@@ -137,11 +139,11 @@ class OutputStudy:
 
     @property
     def _left(self) -> int:
-        """Runs that are left for nodes."""
+        """Number of runs that are left for nodes."""
         return self.runs.left - 2 * len(self.runs.box)
 
     def _grown(self, step: set[Index]) -> Iterator[Request]:
-        """The interpolant on the grid with more indices, unless too few runs are left for them."""
+        """The interpolant on the larger grid; the same interpolant if too few runs are left."""
         n_known, grid = len(self.grid.row), Grid(self.grid.d)
         grid.row = dict(self.grid.row)
         grid.add(step)
@@ -151,9 +153,9 @@ class OutputStudy:
             self.grid, self.expansion = grid, self.runs.interpolant(grid)
 
     def _estimate_error(self) -> None:
-        """Expected sizes of the coefficients ahead of the grid, and the estimated error (n_t, n_y).
+        """Expected sizes of the next coefficients of the grid, and the estimated error (n_t, n_y).
 
-        An error at the first check points far above the estimate may come from any index ahead of the grid.
+        If the error at the first check points is far above the estimate, each next index may be the cause.
         """
         runs, expansion, widths = self.runs, self.expansion, self.runs.rms_widths()
         sizes = extrapolated_sizes(self.grid, (rms(expansion.coefficients.swapaxes(0, 1)) / widths).max(axis=1))
@@ -167,9 +169,9 @@ class OutputStudy:
         self.sizes, self.estimate, self._error = sizes, estimate, relative_rms(estimate, widths)
 
     def _is_stalled(self) -> bool:
-        """Whether the error falls so slowly, as at kinks, that it would take too many nodes to reach the tolerance.
+        """Whether the error decreases so slowly that the tolerance would take too many nodes, as near kinks.
 
-        An error above the width tells that the response is not resolved yet.
+        If the error is larger than the width, the response is not resolved yet.
         """
         nodes, d = len(self.grid.row), len(self.runs.box)
         few = FEW_NODES if self._is_brief else 2 * FEW_NODES
@@ -180,9 +182,9 @@ class OutputStudy:
         return factor >= 1 or nodes * 2 ** (np.log(self.tolerance / self._error) / np.log(factor)) > most
 
     def _searched(self, found: EstimatedRange) -> Steps:
-        """What is found by more check runs near extremes, until these attain no more than before.
+        """The range after further check runs near extremes, which end when they do not exceed earlier runs.
 
-        The interpolant tells where extremes may be, though it does not converge.
+        The interpolant still shows where extremes may be, although it does not converge.
         """
         runs, tolerance, d = self.runs, self.tolerance, len(self.runs.box)
         number = runs.left if self.is_patient else len(runs) // 2
@@ -198,7 +200,8 @@ class OutputStudy:
         return (yield from self._polled(found._replace(is_enough=error <= tolerance)))
 
     def _polled(self, found: EstimatedRange) -> Steps:
-        """The range with what runs at extremes of separable quadratics gain, until this is little. It is an error."""
+        """The range with the gain of runs at extremes of separable quadratics. Rounds end if the gain is small. The
+        last gain is an error."""
         runs, estimate, size = self.runs, found.estimate, np.inf
         while runs.left and not runs.clock.is_late and size > self.tolerance / 2:
             yield Checks(separable_extremes(*runs.attained()))

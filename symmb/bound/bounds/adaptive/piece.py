@@ -15,16 +15,18 @@ from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import HIGHEST_DEGREE, RANGE_ERROR, attained_extremes
 
 REFINED_SHARE = 0.25
-"""Directions with at least this share of the largest error are refined together: less takes more runs and fewer rounds.
-So much of the error is left after a rough piece was halved along every parameter."""
+"""Directions are refined together if their error is at least this fraction of the largest error. Smaller fractions
+take more runs and fewer rounds. The same fraction of the error remains after a rough piece was halved along every
+parameter."""
 JUDGED_DEGREE = 16
-"""Least degree at which smoothness is judged, twice that on halves, one of which is expected to be rough: less cuts
-smooth responses into pieces, more takes more runs at kinks."""
+"""Smallest degree at which smoothness is judged. On halves the degree is doubled, because one half is usually rough. A
+smaller degree divides smooth responses, a larger degree takes more runs at kinks."""
 _DEGREES_OF_TAIL = 4
-"""Last degrees whose coefficients together are the error at kinks, where they fall slowly: more is safer."""
+"""Number of last degrees whose coefficients give the error at kinks, where coefficients decrease slowly. Larger numbers
+are safer."""
 
 Part = tuple[Array, Array, Array]
-"""Centre and half width (d,) of a part of the box, and degrees of an interpolant on it."""
+"""Centre and half width (d,) of a part of the box, and the degrees of an interpolant on this part."""
 
 
 def nodes_of(part: Part) -> Array:
@@ -34,7 +36,7 @@ def nodes_of(part: Part) -> Array:
 
 
 def _higher(degrees: Indices) -> Indices:
-    """The next of the degrees 2, 4, 6, 8, 12, 16, 24, ..., the highest one at most."""
+    """The next degree of 2, 4, 6, 8, 12, 16, 24, ..., up to the highest degree."""
     power = 1 << np.array([int(k).bit_length() - 1 for k in degrees])
     step = np.where(degrees > power, 2 * power - degrees, np.maximum(power // 2, 2))
     return np.minimum(degrees + step, HIGHEST_DEGREE)
@@ -72,7 +74,7 @@ class Piece:
 
     @classmethod
     def of(cls, runs: Runs, part: Part, widths: Array, parent: "Piece | None" = None) -> "Piece":
-        """Run the nodes that are new; failed ones get the values that make the interpolant smoothest."""
+        """Run the new nodes. Failed nodes get the values that make the interpolant smoothest."""
         centre, half, degrees = part
         grid = _grid(*degrees.tolist())
         rows = runs.at(centre + half * grid.nodes, parent and parent.values)
@@ -89,17 +91,17 @@ class Piece:
 
     @cached_property
     def truncation(self) -> TruncationError:
-        """The estimated truncation error."""
+        """The estimated truncation error of the interpolant."""
         return TruncationError.of(self.expansion.alpha, self.expansion.coefficients, self.runs.noise)
 
     @cached_property
     def _direction_errors(self) -> Array:
-        """Relative error from each direction (d,)."""
+        """The relative error (d,) that each direction causes."""
         return relative_errors(self.truncation.directions, self.widths).max(axis=1, initial=0.0)
 
     @cached_property
     def event_errors(self) -> Array | None:
-        """Expected errors (d, n_t, n_y) where events happen between nodes, nan elsewhere; None without events."""
+        """Expected errors (d, n_t, n_y) if events happen between nodes, nan elsewhere; None without events."""
         if self.runs.events is None:
             return None
         degrees, (n_t, n_y) = self.expansion.alpha.max(axis=0), self.expansion.coefficients.shape[1:]
@@ -111,7 +113,7 @@ class Piece:
 
     @cached_property
     def rough_direction(self) -> int | None:
-        """The parameter with the largest error along which the response is not smooth, or None."""
+        """The parameter with the largest error along which the response is not smooth; None if there is none."""
         largest = self._direction_errors.max()
         if self.event_errors is not None:
             errors = relative_errors(np.nan_to_num(self.event_errors), self.widths).max(axis=1, initial=0.0)
@@ -124,7 +126,8 @@ class Piece:
 
     @cached_property
     def jumps(self) -> Mask | None:
-        """Where (n_t, n_y) the range is that of the nodes, because interpolants overshoot at jumps; None if nowhere."""
+        """Mask (n_t, n_y) of ranges from the values at nodes, because interpolants overshoot at jumps; None if there
+        are none."""
         has_event = None if self.event_errors is None else np.isfinite(self.event_errors[0])
         if has_event is not None or self.inherited is None or self.rough_direction is None:
             return has_event
@@ -152,12 +155,13 @@ class Piece:
 
     @property
     def checkable_error(self) -> Array:
-        """The part of the errors of the range (2, n_t, n_y) that runs at its places can show; 0 at nodes."""
+        """The part (2, n_t, n_y) of the errors of the range that runs at its places can measure; 0 at nodes."""
         checkable = np.maximum(self.errors - self.truncation.least, 0.0)
         return checkable if self.jumps is None else np.where(self.jumps, 0.0, checkable)
 
     def expected_error(self, places: Array) -> Array:
-        """Expected errors (..., n_t, n_y) at places (..., n_t, n_y, d) of the box, or (..., 1, 1, d) for all times."""
+        """Expected errors (..., n_t, n_y) at places (..., n_t, n_y, d) of the box, or at places (..., 1, 1, d) for all
+        times."""
         smooth = self.truncation.at((places - self.centre) / self.half)
         if self.event_errors is not None:
             events = self.event_errors.sum(axis=0)
@@ -168,7 +172,8 @@ class Piece:
 
     @property
     def largest_error(self) -> Array:
-        """Expected error (n_t, n_y) at any point: at jumps that between nodes, which interpolants overshoot.
+        """Expected error (n_t, n_y) at any point. At jumps it is the error between nodes, because interpolants
+        overshoot there.
 
         Extremes are mostly at nodes, where errors are less. Elsewhere the terms of the next degree are expected to be
         smaller than the last ones by the same ratio as these are than those before; at kinks all of the last degrees
@@ -190,14 +195,15 @@ class Piece:
         return self.expansion.values((points - self.centre) / self.half)
 
     def observed_errors(self, points: Array, Y: Array) -> Array:
-        """Errors (C, n_t, n_y) of the interpolant at the points (C, d) of runs Y; 0 where nodes are used instead."""
+        """Errors (C, n_t, n_y) of the interpolant at points (C, d) with runs Y; 0 if the values at nodes are used
+        instead."""
         errors = Y - self.values(points)
         return errors if self.event_errors is None else np.where(np.isnan(self.event_errors[0]), errors, 0.0)
 
     def refined_parts(self) -> list[Part]:
-        """The part with the next degree in directions of large error, or its halves if it is rough.
+        """The part with higher degrees in the directions of large errors, or its halves if the response is rough.
 
-        There are no parts if the degree or the piece is at its limit.
+        The result is empty if the degree or the size of the part is at its limit.
         """
         degrees = self.expansion.alpha.max(axis=0)
         rough = self.rough_direction
@@ -213,7 +219,8 @@ class Piece:
         return [(self.centre + sign * (self.half - half), half, degrees) for sign in (-1, 1)]
 
     def replaced(self, parts: list[Part], widths: Array) -> list["Piece"]:
-        """Pieces for the parts. Halves inherit a share of this piece's error, or what it missed if that is more."""
+        """Pieces for the parts. Each half inherits a fraction of the error of this piece, or the measured error if it
+        is larger."""
         pieces = [Piece.of(self.runs, part, widths, self) for part in parts]
         if len(pieces) > 1:
             own, new = self.Y, np.concatenate([piece.Y for piece in pieces])
@@ -226,9 +233,9 @@ class Piece:
 
 
 def _smoothing(grid: Grid, Y: Array, rows: Indices, lost: Indices) -> Array:
-    """Changes (k, n_t, n_y) of values Y at rows that are lost, which make the coefficients of high degree least.
+    """Changes (k, n_t, n_y) of the values Y at missing rows that minimise the coefficients of high degree.
 
-    Coefficients of smooth responses fall by a factor with each degree: here it is 2.
+    Coefficients of smooth responses decrease by a constant factor per degree. Here the factor is 2.
     """
     weights = 2.0 ** np.minimum(grid.alpha.sum(axis=1), 40)[:, None]
     c = grid.coefficients(Y.reshape(len(Y), -1), rows=rows)

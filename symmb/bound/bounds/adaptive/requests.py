@@ -1,4 +1,4 @@
-"""What studies of outputs ask runs for. All studies ask once a round, and share what is run."""
+"""Requests for runs by studies of outputs. All studies make one request per round, and share the runs."""
 
 from collections.abc import Generator
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
 
 @dataclass
 class Nodes:
-    """Runs at new nodes (N, d), all of them or, if too few are left, none."""
+    """Runs at new nodes (N, d): all of them, or none if too few runs are left."""
 
     points: Array
     are_run: bool = False
@@ -17,14 +17,14 @@ class Nodes:
 
 @dataclass
 class Checks:
-    """Check runs at points (C, d), as many as are left."""
+    """Check runs at points (C, d), at most as many as are left."""
 
     points: Array
 
 
 @dataclass
 class Places:
-    """Check runs at some of the places (2, n_t, n_y, d), where the weights (2, n_t, n_y) are large."""
+    """Check runs at some of the places (2, n_t, n_y, d) with large weights (2, n_t, n_y)."""
 
     places: Array
     weights: Array
@@ -32,9 +32,9 @@ class Places:
 
 @dataclass
 class Noise:
-    """The noise is measured."""
+    """A measurement of the noise."""
 
 
 Request = Nodes | Checks | Places | Noise
 Steps = Generator[Request, None, EstimatedRange]
-"""A study of an output, which asks for runs and ends with the range."""
+"""A study of an output, which requests runs and returns the range."""

@@ -1,4 +1,4 @@
-"""Bounds of few responses over many parameters, from a Gaussian process that knows in which directions they vary.
+"""Bounds of few responses over many parameters, from a Gaussian process that learns the directions of variation.
 
 Of the 370 functions of tests/benchmarks/known_ranges.py (seeds 5-9, 60 s each) 153 are left to it: they take 80 runs in
 the median, 10 have needless doubts, and none is missed silently. Without it, sparse grids take 328 runs, 80 functions
@@ -26,21 +26,24 @@ from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import Piecewise
 
 SHORTEST_RIDGE = 0.7
-"""Length of a ridge which, or 2, 4 or 8 times it, is the start of a search: fewer may find none, more take time."""
+"""Length of a ridge. Searches start from this length and from 2, 4 and 8 times this length. Fewer starts may fail, more
+take time."""
 REFIT_GROWTH, UNLIKELY = 1.4, 20.0
-"""Growth of the runs after which the kernel is chosen anew, and logarithm of the ratio of likelihoods beyond which one
-is given up: less of the first and more of the second take more time, and fewer runs."""
+"""Growth of the number of runs after which the kernel is chosen again, and logarithm of the likelihood ratio at which a
+kernel is abandoned. Smaller growth and larger ratios take more time and fewer runs."""
 DEVIATIONS, LATEST_RUNS = 2.0, 10
-"""Standard deviations that a response is expected to be from its mean at most, where the latest runs, so many, do not
-show more: more is safer, and takes more runs."""
+"""Largest expected distance of a response from its mean, in standard deviations, unless this number of last runs shows
+more. Larger numbers are safer and take more runs."""
 SPREAD_RUNS, FEWEST_SPREAD = 4, 12
-"""Runs of a round that are spread over the box, and fewest of all rounds: more are safer. So many corners are the first
-of them: what acts for high values of some parameters together is seen nowhere else."""
+"""Number of runs of a round that are spread over the box, and smallest total number. The first runs of the spread are
+corners, because some effects occur only if several parameters are high together. Larger numbers are safer."""
 SLOPE_STEP = 0.15
-"""Distance from the middle at which slopes are taken, and in each parameter from an extreme of the surface at which a
-run shows whether the response is flat there: less shows less, more shows the slope elsewhere."""
+"""Distance from the centre at which slopes are measured. Also the distance from an extreme of the surface at which runs
+test in each parameter whether the response is flat. A small distance measures less, a large distance measures other
+slopes."""
 SEARCH_CANDIDATES, SEARCH_STARTS = 200, 3
-"""Points of the box, and as many corners, of which so many start searches: more take time, fewer miss extremes."""
+"""Number of points of the box, number of corners, and number of starts of searches. Larger numbers take more time and
+miss fewer extremes."""
 _NAME = "a response surface"
 
 
@@ -150,9 +153,10 @@ class _Responses:
         attained: Array,
         estimate: Array,
     ) -> EstimatedRange:
-        """The range by places (2, m, d) of the mean's extremes, and ends (2, 2, m) of it, and of it and deviations.
+        """The range by the places (2, m, d) of the extremes of the mean, and ends (2, 2, m): of the mean, and of the
+        mean with deviations.
 
-        The ends are those attained (2, m) where these are doubtful.
+        If a response is doubtful, its ends are the values (2, m) that runs attained.
         """
         at, ends = extremes
         places = np.zeros((2, len(self.mean), at.shape[2]))
@@ -172,32 +176,35 @@ class _Responses:
         )
 
     def absolute(self, values: Array) -> Array:
-        """Values (..., m) in the units of Y as (..., n_t n_y)."""
+        """Values (..., m) in the units of Y, as (..., n_t n_y)."""
         relative = np.zeros((*values.shape[:-1], len(self.mean)))
         relative[..., self.varies] = values
         return self.mean + self.deviation * relative
 
 
 def _is_plateau(data: _Responses, attained: Array) -> Mask:
-    """Which minima and maxima (2, m) several runs inside the box share: the response is constant there, as at steps."""
+    """Mask (2, m) of minima and maxima that several runs inside the box attain. The response is constant there, as
+    between jumps."""
     inside = (np.abs(data.points) < 1).all(axis=1) & data.points.all(axis=1)
     shared = np.abs(data.Y[inside] - attained[:, None]) <= ROUNDING * np.ptp(attained, axis=0)
     return np.asarray(shared.sum(axis=1) > 1)
 
 
 def _left_out(surface: GaussianProcess, noise: Array) -> Array:
-    """Errors (m,) beyond noise (m,) of a surface that does not converge: those at runs that are left out one by one.
+    """Errors (m,) beyond noise (m,) of a surface that does not converge, from leave-one-out cross-validation.
 
-    The latest runs may all lie on one side of a jump, where the surface is right.
+    The latest runs may all be on one side of a jump, where the surface is accurate.
     """
     errors = np.maximum(np.abs(surface.left_out_errors()) - noise, 0.0)
     return SAFETY * rms(errors)
 
 
 def _kernels(kernels: list[Kernel], data: _Responses) -> list[Kernel]:
-    """Likely kernels of a smooth response, of one with a ridge, with two, and of a sum, the most likely one first.
+    """Likely kernels of a smooth response, of responses with one or two ridges, and of a sum, with the most likely
+    kernel first.
 
-    The first ridge is along the slope in the middle, the second along the direction in which the rest varies most.
+    The first ridge is along the slope at the centre. The second ridge is along the direction of the largest remaining
+    variation.
     """
     slope, plain = _slope(data), Kernel.of(data.points.shape[1])
     starts = [*(kernels or (plain, plain.with_term(Sum(1.0, plain.terms[0].rates))))]
@@ -223,7 +230,7 @@ def _unlikeliness(process: GaussianProcess) -> float:
 
 
 def _slope(data: _Responses) -> Array:
-    """Slope (d,) in the middle of the response for which it is largest."""
+    """The slope (d,) at the centre of the response with the largest slope."""
     is_near = (data.points == SLOPE_STEP).any(axis=1) & (np.count_nonzero(data.points, axis=1) == 1)
     middle = data.Y[(data.points == 0).all(axis=1)]
     if not len(middle):
@@ -233,17 +240,18 @@ def _slope(data: _Responses) -> Array:
 
 
 def _with_ridge(kernel: Kernel, direction: Array, data: _Responses) -> Kernel:
-    """A kernel with one more ridge along a direction, of the most likely length."""
+    """A kernel with one more ridge along a direction. The ridge has the most likely length."""
     direction = direction / np.linalg.norm(direction)
     kernels = [kernel.with_term(Ridge(1.0, SHORTEST_RIDGE * k * direction)) for k in (1, 2, 4, 8)]
     return min(kernels, key=lambda each: _unlikeliness(GaussianProcess(each, data.points, data.Y)))
 
 
 def _extremes(surface: GaussianProcess, factor: float) -> tuple[Array, Array]:
-    """Places (2, 2, m, d) of minima and maxima (first axis), of the mean and of it and deviations, and values there.
+    """Places (2, 2, m, d) of minima and maxima (first axis), of the mean and of the mean with deviations, and the
+    values there.
 
-    Local searches start from the best of points of the box, of corners and of runs, and of a point that takes the best
-    value of each parameter: a sum of functions of one parameter has many local extremes.
+    Local searches start from the best points of the box, corners and runs. One more start combines the best value of
+    each parameter, because a sum of functions of one parameter has many local extremes.
     """
     d, m = surface.points.shape[1], surface.Y.shape[1]
     spread = quasi_random_points(SEARCH_CANDIDATES, d)
@@ -262,7 +270,7 @@ def _extremes(surface: GaussianProcess, factor: float) -> tuple[Array, Array]:
 
 
 def _best_of_each_parameter(surface: GaussianProcess, response: int, sign: float, factor: float, x: Array) -> Array:
-    """A point (d,) of the values on lines through x (d,) where sign times a response less deviations is smallest."""
+    """The point (d,) on lines through x (d,) with the smallest value of sign times the response minus deviations."""
     values = np.linspace(-1, 1, LINE_POINTS)
     points = np.where(np.eye(len(x), dtype=bool)[:, None], values[:, None], x).reshape(-1, len(x))
     objective = sign * surface.mean(points)[:, response] - (factor * surface.deviation(points) if factor else 0.0)
@@ -270,16 +278,17 @@ def _best_of_each_parameter(surface: GaussianProcess, response: int, sign: float
 
 
 def _beside(places: Array, number: int) -> Array:
-    """A point near each place (n, d): runs there show whether the response is as flat as the surface at its extremes.
+    """A point near each place (n, d). Runs at these points test whether the response is as flat as the surface at its
+    extremes.
 
-    Directions depend on the number of the round.
+    The directions depend on the number of the round.
     """
     directions = np.sign(quasi_random_points(number + len(places), places.shape[1])[number:])
     return np.clip(places + SLOPE_STEP * np.where(np.abs(places) < 1, directions, -np.sign(places)), -1.0, 1.0)
 
 
 def _distinct(points: list[Array], known: Array) -> Array:
-    """Points (N, d) that are not close to each other or to known ones (M, d)."""
+    """Points (N, d) that are not close to each other or to known points (M, d)."""
     distinct = known
     for x in points:
         if np.abs(distinct - x).max(axis=1).min() > 1e-3:
@@ -288,7 +297,7 @@ def _distinct(points: list[Array], known: Array) -> Array:
 
 
 def _polynomials(surface: Callable[[Array], Array], runs: OutputRuns, error: Array) -> Piecewise | None:
-    """Interpolant of a surface (N, d) -> (N, n_t n_y) with an error (n_t, n_y); None if it is not close."""
+    """An interpolant of a surface (N, d) -> (N, n_t n_y) with an error (n_t, n_y); None if it is not accurate."""
     d = len(runs.box)
     # Degree 2 does not tell x^3 from x.
     grid, step = Grid(d), {tuple(4 * (i == j) for j in range(d)) for i in range(d)}

@@ -1,4 +1,4 @@
-"""All runs of an adaptive study, and the measures of errors."""
+"""The runs of an adaptive study, and the measures of errors."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,25 +20,27 @@ from symmb.equations.model import Box
 from symmb.run.simulation import SceneSimulator
 
 TRUST = 0.6
-"""Least share of its estimated error that an interpolant keeps when check runs show less, and share of the error of the
-latest runs that extremes of a surface may have: less misses more, more takes more runs."""
+"""Smallest ratio of the error of an interpolant to its estimate after check runs, and ratio of the error of extremes of
+a surface to the error of the latest runs. Smaller ratios miss more, larger ratios take more runs."""
 CHEAP_RUNS = 60
-"""Runs up to which doubtful bounds are refined further, and beyond which it is worth a few to measure noise."""
+"""Number of runs up to which uncertain bounds are refined further. Above this number, the noise is measured by a few
+runs."""
 NOISE_RUNS, NOISE_SPACING = 5, 1e-7
-"""Runs on a line from which noise is measured, and their distance in the unit box: the response is a line there. Fewer
-runs are less certain."""
+"""Number of runs on a short line from which noise is measured, and their distance in the unit box. The response is
+straight along this line. Fewer runs measure the noise less reliably."""
 ROUNDING_OF_VALUES = 4 * 2.0**-52
-"""Share of an output's scale below which its width is rounding where the simulator tells its noise: the digits that
-numbers have."""
+"""Ratio of a width to the scale of its output. Smaller widths are rounding if the simulator reports its noise, because
+numbers have this many digits."""
 UNKNOWN_SHARE = 1.2 * DOUBTFUL
-"""Least error over the width near failed runs, and of what searches attain: nothing tells how large it is. Less misses
-silently, more doubts needlessly."""
+"""Smallest error over the width near failed runs, and of extremes that searches attain, because nothing measures this
+error. Smaller values miss more without a warning, larger values warn more often than needed."""
 _ORDINARY_POWER = 300
-"""Powers of two, 1e90, by which numbers may grow: they are squared. Half of it is not scaled by a power of two."""
+"""Powers of two, 1e90, by which numbers may grow, because they are squared. Numbers are scaled if they exceed half of
+the exponent."""
 
 
 class OutgrownError(Exception):
-    """Runs give values far above those of earlier runs, by which outputs are scaled: the study begins anew."""
+    """The error if runs have values far above the earlier runs that scaled the outputs. The study starts again."""
 
 
 @dataclass
@@ -97,16 +99,16 @@ class Runs:
         self._row: dict[bytes, int] = {}
 
     def __len__(self) -> int:
-        """Number of runs so far, with those that failed."""
+        """Number of runs so far, including failed runs."""
         return self.before + len(self.tried)
 
     @property
     def left(self) -> int:
-        """Runs that are still allowed."""
+        """Number of runs that are still allowed."""
         return self.most - len(self)
 
     def anew(self) -> "Runs":
-        """No runs, with the powers that were too small, and as many runs that are allowed as are left."""
+        """An empty set of runs with the required powers, and the number of runs that are left."""
         runs = Runs(
             self.simulator, self.box, self.most, self.executor, self.progress, self.clock, self.probes, before=len(self)
         )
@@ -115,38 +117,38 @@ class Runs:
 
     @property
     def nodes(self) -> Array:
-        """(N, n_t, n_y) responses at nodes."""
+        """Responses (N, n_t, n_y) at nodes."""
         if len(self._blocks) > 1:
             self._blocks = [np.concatenate(self._blocks)]
         return self._blocks[0]
 
     def shapes(self) -> int:
-        """How many shapes of time the responses are made of."""
+        """Number of independent functions of time in the responses."""
         deviations = _some_deviations(self._blocks, self.rms_widths())
         return int(count_shapes(deviations.reshape(len(deviations), -1)))
 
     def shapes_of_outputs(self) -> Indices:
-        """How many each output that varies is made of."""
+        """Number of independent functions of time in each output that varies."""
         deviations = _some_deviations(self._blocks, self.rms_widths())
         return count_shapes(deviations[..., np.isfinite(self.rms_widths())].transpose(2, 0, 1))
 
     def interpolant(self, grid: Grid, rows: Indices) -> Expansion:
-        """Through the responses at nodes of these rows (N,), in named parameters."""
+        """The polynomial through the responses at the nodes of these rows (N,), in named parameters."""
         coefficients = grid.coefficients(*(Y.reshape(len(Y), -1) for Y in self._blocks), rows=rows)
         return Expansion(grid.alpha, coefficients.reshape(len(rows), *self.shape), self.box.names)
 
     def of(self, column: int) -> "OutputRuns":
-        """The runs as one output sees them."""
+        """The runs with one output only."""
         return OutputRuns(self, column)
 
     def unknown(self, points: Array) -> int:
-        """How many of the points (N, d) are not nodes yet."""
+        """Number of points (N, d) that are not nodes yet."""
         return len(set(_keys(points)).difference(self._row))
 
     def at(self, points: Array, predict: Callable[[Array], Array] | None = None) -> Indices:
-        """Rows of ``nodes`` for points (N, d) of the unit box; ``predict`` gives the values of those that fail.
+        """Rows of ``nodes`` for points (N, d) of the unit box. ``predict`` gives the values of failed nodes.
 
-        Without it, a quadratic polynomial through the others does, unless most of them fail.
+        Without ``predict``, a quadratic polynomial through the other nodes gives the values, unless most nodes fail.
         """
         keys = _keys(points)
         new = [i for i, key in enumerate(keys) if key not in self._row]
@@ -170,7 +172,7 @@ class Runs:
         return np.array([self._row[key] for key in keys], dtype=np.intp)
 
     def check(self, points: Array) -> tuple[Array, Array]:
-        """Run check points (C, d); returns those that are new and do not fail, and the responses there."""
+        """Run check points (C, d). Return the new points whose runs do not fail, and their responses."""
         known = self._row.keys() | set(_keys(self.points))
         points = points[[key not in known for key in _keys(points)]]
         Y, ok, _ = self._run(points)
@@ -179,12 +181,12 @@ class Runs:
         return points, Y
 
     def tell(self, error: float) -> None:
-        """Tell whoever watches the progress the error that is reached."""
+        """Report the current error as progress."""
         if hasattr(self.progress, "estimate"):
             self.progress.estimate(error)  # pyright: ignore[reportFunctionMemberAccess, reportOptionalMemberAccess]
 
     def rms_widths(self) -> Array:
-        """Root mean square widths (n_y,), by which errors are measured; infinite if a width is only rounding."""
+        """Root mean square widths (n_y,) by which errors are measured; infinite if a width is only rounding."""
         if self._widths is None:
             low, high = self.extremes
             width = rms(high - low)
@@ -193,11 +195,11 @@ class Runs:
 
     @property
     def floor(self) -> Array:
-        """Errors (n_y,) that are noise or rounding."""
+        """Errors (n_y,) that are caused by noise or rounding."""
         return np.maximum(self.noise, self.rounding * self._scale)
 
     def is_near_lost(self, places: Array) -> Mask:
-        """At which places (..., d) the nearest point that was run is one that failed, or most runs fail all around."""
+        """Mask (...) of places (..., d) whose nearest run failed, or around which most runs fail."""
         if self.ok.all():
             return np.zeros(places.shape[:-1], dtype=bool)
         near, which = np.unique(places.reshape(-1, places.shape[-1]).round(2), axis=0, return_inverse=True)
@@ -208,12 +210,12 @@ class Runs:
         return is_lost[which.ravel()].reshape(places.shape[:-1])
 
     def beyond(self, lower: Array, upper: Array) -> Array:
-        """How far runs go beyond bounds (n_t, n_y), less noise."""
+        """Distance (n_t, n_y) by which runs exceed bounds, without noise."""
         lowest, highest = self.extremes
         return np.maximum(np.maximum(lower - lowest, highest - upper) - self.noise, 0.0)
 
     def measure_noise(self) -> None:
-        """Measure the noise on a short line, along which responses are straight but for it, if enough runs are left."""
+        """Measure the noise on a short line, along which exact responses are straight, if enough runs are left."""
         d = len(self.box)
         middle, direction = quasi_random_points(9, d)[-2:]  # the first ones are check points
         self.noise_is_known = True
@@ -228,9 +230,9 @@ class Runs:
             self._widths = None
 
     def _run(self, points: Array) -> tuple[Array, Mask, Indices | None]:
-        """Responses (N, n_t, n_y), which did not fail (N,), and numbers of events (N, n_t).
+        """Responses (N, n_t, n_y), a mask (N,) of successful runs, and numbers of events (N, n_t).
 
-        Points that failed before fail again without a run.
+        Points that failed before are not run again.
         """
         lost = set(_keys(self.tried[~self.ok]))
         if (again := np.array([key in lost for key in _keys(points)], dtype=bool)).any():
@@ -270,9 +272,9 @@ class Runs:
         return np.ldexp(values, -self.power) if self.power.any() else values
 
     def _choose_powers(self, largest: Array) -> None:
-        """Scale outputs that have been 0 so far, by their largest values (n_y,) in new runs.
+        """Scale outputs that were 0 so far by their largest values (n_y,) in new runs.
 
-        An OutgrownError tells that others exceed earlier ones so far that their squares overflow.
+        OutgrownError is raised if other outputs exceed earlier values so far that their squares overflow.
         """
         varies = self._largest > 0
         self._largest = np.maximum(self._largest, largest)
@@ -300,26 +302,26 @@ class OutputRuns:
 
     @property
     def left(self) -> int:
-        """Runs that are still allowed."""
+        """Number of runs that are still allowed."""
         return self._runs.left
 
     @property
     def nodes(self) -> Array:
-        """(N, n_t, 1)."""
+        """Responses (N, n_t, 1) at nodes."""
         return self._runs.nodes[self._own]
 
     @property
     def checks(self) -> Array:
-        """(C, n_t, 1)."""
+        """Responses (C, n_t, 1) at check points."""
         return self._runs.checks[self._own]
 
     @property
     def points(self) -> Array:
-        """(C, d) of the checks."""
+        """The check points (C, d)."""
         return self._runs.points
 
     def attained(self, among: Array | None = None) -> tuple[Array, Array]:
-        """Points (M, d) of runs that did not fail, of all or of those among some points, and responses (M, n_t, 1)."""
+        """Points (M, d) of successful runs, of all runs or of the runs at given points, and responses (M, n_t, 1)."""
         ok = self._runs.is_attained
         points, Y = np.concatenate([self._runs.places[ok], self.points]), np.concatenate([self.nodes[ok], self.checks])
         if among is None:
@@ -335,12 +337,12 @@ class OutputRuns:
 
     @property
     def noise(self) -> Array:
-        """(1,)."""
+        """The rms width (1,) by which errors are measured."""
         return self._runs.noise[self._own[-1]]
 
     @property
     def noise_is_known(self) -> bool:
-        """Whether the simulator told it, or it was measured."""
+        """Whether the noise is known, from the simulator or from a measurement."""
         return self._runs.noise_is_known
 
     @property
@@ -354,72 +356,74 @@ class OutputRuns:
         return self._runs.rms_widths()[self._own[-1]]
 
     def beyond(self, lower: Array, upper: Array) -> Array:
-        """How far runs go beyond bounds (n_t, 1), less noise."""
+        """Distance (n_t, 1) by which runs exceed bounds, without noise."""
         lowest, highest = self.extremes
         return np.maximum(np.maximum(lower - lowest, highest - upper) - self.noise, 0.0)
 
     def interpolant(self, grid: Grid) -> Expansion:
-        """Through the responses at the nodes of a grid."""
+        """The polynomial through the responses at the nodes of a grid."""
         Y = self.nodes[self._runs.at(grid.nodes)]
         return Expansion(grid.alpha, grid.coefficients(Y.reshape(len(Y), -1)).reshape(Y.shape), self.box.names)
 
     def at_nodes(self, points: Array) -> Array:
-        """Responses (N, n_t, 1) at nodes (N, d) that have been run."""
+        """Responses (N, n_t, 1) at nodes (N, d) that were run before."""
         return self.nodes[self._runs.at(points)]
 
     def known(self, points: Array) -> tuple[Array, Array]:
-        """Points among some (C, d) that have been check runs and did not fail, and responses there."""
+        """The points (C, d) with successful check runs, and their responses."""
         row = {key: k for k, key in enumerate(_keys(self.points))}
         rows = [row[key] for key in _keys(points) if key in row]
         return self.points[rows], self.checks[rows]
 
     def checked(self, points: Array) -> Array | None:
-        """Responses (C, n_t, 1) at check points; None if some have not been run, or failed."""
+        """Responses (C, n_t, 1) at check points; None if some points were not run, or failed."""
         found, Y = self.known(points)
         return Y if len(found) == len(points) else None
 
     def may_hide(self) -> bool:
-        """Whether runs tell as little as those of a few numbers: responses have few shapes, or none for some time."""
+        """Whether the runs contain as little information as a few numbers, because the responses have few independent
+        functions of time."""
         Y = _some_deviations([self.nodes], self.rms_widths())
         return int(count_shapes(Y.reshape(len(Y), -1))) <= FEW_SHAPES or rests_for_a_time(*self.extremes, self.noise)
 
     def tell(self, error: float) -> None:
-        """Tell whoever watches the progress the error that is reached."""
+        """Report the current error as progress."""
         self._runs.tell(error)
 
 
 def relative_rms(error: Array, widths: Array) -> float:
-    """Largest over outputs of the `relative_errors`."""
+    """The largest of the `relative_errors` of all outputs."""
     return float(np.max(relative_errors(error, widths), initial=0.0))
 
 
 def typical_error(error: Array, widths: Array) -> float:
-    """Mean over the outputs that vary of the `relative_errors`."""
+    """The mean of the `relative_errors` of the outputs that vary."""
     errors = relative_errors(error, widths)[np.isfinite(widths)]
     return float(np.mean(errors)) if errors.size else 0.0
 
 
 def relative_errors(error: Array, widths: Array) -> Array:
-    """Root mean square over time of errors (..., n_t, n_y) over the rms width (n_y,) of each output."""
+    """Root mean square over time of errors (..., n_t, n_y), divided by the rms width (n_y,) of each output."""
     return np.asarray(np.sqrt(np.square(error).mean(axis=-2)) / widths)
 
 
 def _some_deviations(blocks: list[Array], widths: Array) -> Array:
-    """(SHAPE_RUNS at most, n_s, n_y) deviations of first runs from their mean at some times, over the widths (n_y,)."""
+    """Deviations of first runs from their mean at some times, divided by the widths (n_y,): an array (n, n_s, n_y) with
+    n at most SHAPE_RUNS."""
     some = slice(None, None, max(1, blocks[0].shape[1] // (2 * SHAPE_RUNS)))
     Y = np.concatenate([Y[:SHAPE_RUNS, some] for Y in blocks])[:SHAPE_RUNS]
     return (Y - Y.mean(axis=0)) / widths
 
 
 def _quadratic(points: Array, Y: Array) -> Callable[[Array], Array]:
-    """The quadratic polynomial of least coefficients through responses Y (N, n_t, n_y) at points (N, d)."""
+    """The quadratic polynomial with the smallest coefficients through responses Y (N, n_t, n_y) at points (N, d)."""
     alpha = TotalDegree().indices(points.shape[1], 2)
     coefficients = np.linalg.lstsq(basis_values(alpha, points), Y.reshape(len(Y), -1))[0]
     return lambda others: (basis_values(alpha, others) @ coefficients).reshape(-1, *Y.shape[1:])
 
 
 def _distance(places: Array, points: Array) -> Array:
-    """Distance (k,) of places (k, d) from the nearest of some points (m, d)."""
+    """Distance (k,) of places (k, d) from the nearest of the points (m, d)."""
     nearest = np.full(len(places), np.inf)
     for point in points:
         nearest = np.minimum(nearest, np.square(places - point).sum(axis=1))

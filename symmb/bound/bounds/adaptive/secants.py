@@ -1,4 +1,4 @@
-"""Kinks of responses of one parameter: where secants through runs meet, and how far beyond all runs they do."""
+"""Kinks of responses of one parameter, from the intersections of secants through runs on both sides."""
 
 import numpy as np
 
@@ -7,11 +7,12 @@ from symmb._types import Array
 from symmb.bound.bounds.adaptive.check_runs import SAFETY
 
 LEAST_SHARE_BESIDE_CUSP = 0.2
-"""Least share of an interval between a vertex and its ends where slopes grow towards it, as at cusps."""
+"""Smallest distance of a vertex from the ends of an interval, over its length, if slopes increase towards it, as at
+cusps."""
 
 
 def secant_extremes(points: Array, Y: Array, noise: Array) -> tuple[Array, Array]:
-    """Places of possible minima and maxima (2, n_t, n_y, 1), and how far they may go beyond all responses.
+    """Places (2, n_t, n_y, 1) of possible minima and maxima, and their largest possible distance beyond all responses.
 
     The secants through the two runs on the left of an interval and through those on its right bound what is between,
     where a response bends one way. Where the interval is steeper or flatter than both, or at an end of the box, each of
@@ -38,7 +39,8 @@ def secant_extremes(points: Array, Y: Array, noise: Array) -> tuple[Array, Array
 
 
 def _lowest(x: Array, y: Array, noise: Array) -> tuple[Array, Array]:
-    """The least that secants leave to each interval of points x (N,) with responses y (N, ...), and where."""
+    """The largest excess in each interval of points x (N,) that secants through responses y (N, ...) allow, and its
+    place."""
     h = np.diff(x)[:, None, None]
     slope = np.diff(y, axis=0) / h
     sure = np.sign(slope) * np.maximum(np.abs(slope) - 2 * noise / h, 0.0)
@@ -58,7 +60,8 @@ def _lowest(x: Array, y: Array, noise: Array) -> tuple[Array, Array]:
 
 
 def _outer(slope: Array) -> tuple[Array, Array]:
-    """Slopes (N, ...) of the intervals to the left, and the factors, at least 1, by which they have become steeper."""
+    """Slopes (N, ...) of the intervals to the left, and the factors, at least 1, by which these slopes have
+    increased."""
     outer, growth = np.zeros_like(slope), np.ones_like(slope)
     outer[1:] = slope[:-1]
     last, first = slope[1:-1], slope[:-2]

@@ -1,4 +1,4 @@
-"""The range of what stands for the responses over the box."""
+"""The range of a surrogate of the responses over the box."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -27,7 +27,7 @@ class EstimatedRange(NamedTuple):
     is_enough: bool = False
 
     def better(self, other: "EstimatedRange", widths: Array, tolerance: float) -> "EstimatedRange":
-        """For each output that range with the smaller error over the width (n_y,), and polynomials of this one."""
+        """For each output the range with the smaller error over the width (n_y,), and the polynomials of this range."""
         own, its = (rms(each.estimate) / widths for each in (self, other))
         is_other = its < own
         if is_other.all():

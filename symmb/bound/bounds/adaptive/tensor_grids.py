@@ -1,4 +1,5 @@
-"""Bounds over few parameters: tensor grids, in pieces of the box where the response is not smooth, and check runs."""
+"""Bounds over few parameters, from tensor grids, from pieces of the box if the response is not smooth, and from check
+runs."""
 
 import math
 from collections.abc import Sequence
@@ -25,13 +26,17 @@ from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING, average_over_win
 from symmb.bound.polynomials.ranges import RANGE_ERROR, Piecewise
 
 MANY_VALUES = 1000
-"""Values of a run from which they are a field: a mean over fewer says little, and misses more with fewer runs."""
+"""Number of values of a run above which the output is a field. A mean over fewer values is less reliable, and misses
+more with fewer runs."""
 FIELD_TRUST, FIELD_SAFETY = 0.18, 1.6
-"""TRUST and SAFETY of fields, whose check runs show errors at many times: less takes fewer runs, and misses more."""
+"""TRUST and SAFETY of fields, whose check runs show errors at many times. Smaller values take fewer runs and miss
+more."""
 KINK_GAIN = 0.9
-"""Share of the error that half of all rounds of runs near kinks may leave: more takes runs that do not help."""
+"""Fraction of the error that may remain after half of all rounds of runs near kinks. Larger fractions take more runs
+that do not help."""
 NARROW, MOST_AT_KINKS = 0.01, 8
-"""How near kinks are taken together, over the distances of other check runs, and most runs of a round there."""
+"""Distance of kinks that share a run, over the distance of other check runs, and largest number of runs of a round
+there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +85,7 @@ class _Union:
         return self.pieces[int(np.argmax([relative_rms(error, widths) for error in self.errors]))]
 
     def polynomials(self) -> Piecewise:
-        """The interpolants of all pieces, and their error: at least what check runs show."""
+        """The interpolants of all pieces, and their error, which is at least the error at check runs."""
         centres, halves = (np.stack([getattr(piece, name) for piece in self.pieces]) for name in ("centre", "half"))
         error = np.max([piece.largest_error for piece in self.pieces], axis=0)
         found = Piecewise(centres, halves, tuple(piece.expansion for piece in self.pieces), error)
@@ -128,9 +133,9 @@ class TensorGrids:
         return self._confirmed(union, worst, trusted, is_field)
 
     def _confirmed(self, union: _Union, worst: Piece, trusted: Array, is_field: bool) -> EstimatedRange | None:
-        """The range after check runs, unless these show that the worst piece should be refined.
+        """The range after check runs, unless these runs show that the worst piece must be refined.
 
-        They leave at least the trusted error (n_t, n_y), of fields at least the share of the error that they show.
+        At least the trusted error (n_t, n_y) remains. For fields at least a fraction of the measured error remains.
         """
         runs, tolerance, expected = self._runs, self._tolerance, union.expected
         inflated, ratio, worst = self._check(union, worst, FIELD_SAFETY if is_field else SAFETY)
@@ -159,9 +164,10 @@ class TensorGrids:
         return EstimatedRange(union.lower, union.upper, estimate, union.polynomials, name, union.places, is_enough)
 
     def _at_kinks(self, union: _Union, estimate: Array) -> EstimatedRange | None:
-        """What runs attain near kinks of one parameter beside the estimated range, if its error is small enough.
+        """The range from runs near kinks of one parameter and the estimated range, if its error is small enough.
 
-        The next runs are where secants on both sides meet, as at the vertex of a V. They go on while they help.
+        The next runs are at the intersections of secants from both sides, as at the vertex of a V. Rounds continue
+        while they reduce the error.
         """
         runs, tolerance, widths, sizes = self._runs, self._tolerance, self._widths, list[float]()
         has_events = any(piece.event_errors is not None for piece in union.pieces)
@@ -187,13 +193,14 @@ class TensorGrids:
         return None
 
     def _unseen(self, union: _Union) -> tuple[Array, Array]:
-        """Where secants suspect extremes, and how far beyond all runs and the range, (2, n_t, n_y)."""
+        """Places of possible extremes from secants, and their distance beyond all runs and the range, (2, n_t, n_y)."""
         (places, beyond), (lowest, highest) = self._secant_extremes(), self._runs.extremes
         foreseen = np.maximum(np.stack([lowest - union.lower, union.upper - highest]), 0.0)
         return places, np.maximum(beyond - foreseen, 0.0)
 
     def _check_secants(self, union: _Union, places: Array, unseen: Array, chosen: Array) -> int:
-        """Run chosen points, and note what they gain where secants suspect extremes; returns how many are new."""
+        """Run chosen points, and store their gain at possible extremes from secants. Return the number of new
+        points."""
         runs = self._runs
         lower, upper = np.minimum(runs.extremes[0], union.lower), np.maximum(runs.extremes[1], union.upper)
         points, _ = runs.check(chosen)
@@ -205,20 +212,20 @@ class TensorGrids:
         return len(points)
 
     def _secant_extremes(self) -> tuple[Array, Array]:
-        """Where secants through all runs suspect extremes at kinks, and how far beyond the runs."""
+        """Places of possible extremes at kinks, from secants through all runs, and their distance beyond the runs."""
         runs, ok = self._runs, self._runs.is_attained
         points = np.concatenate([runs.places[ok], runs.points])
         return secant_extremes(points, np.concatenate([runs.nodes[ok], runs.checks]), runs.noise)
 
     def _probes(self, number: int) -> Array:
-        """Check points: those that the study is asked for, and so many others, nearer to corners if there are any."""
+        """Check points: the requested ones, and as many others as needed, closer to corners if there are corners."""
         d = len(self._runs.box)
         n_even = self._runs.probes + (number if d == 1 else 0)  # a kink may be anywhere
         points = np.concatenate([evenly_spread_points(n_even, d), quasi_random_points(number if d > 1 else 0, d)])
         return points[: self._runs.left]
 
     def refined(self) -> "TensorGrids":
-        """The grids with the chosen piece refined or halved, or with measured noise."""
+        """The grids after the chosen piece was refined or halved, or after the noise was measured."""
         runs, old = self._runs, self._chosen
         is_worth_it = self._cost() >= 3 * NOISE_RUNS or len(runs) >= CHEAP_RUNS
         if not runs.noise_is_known and is_worth_it:
@@ -232,37 +239,38 @@ class TensorGrids:
         return self
 
     def _chooses(self, piece: Piece, most: int | None = None) -> bool:
-        """Choose a piece to refine, if it has parts, and their nodes take as many runs at most as are left."""
+        """Choose a piece to refine, if it can be refined and enough runs are left for the nodes of its parts."""
         runs, self._chosen, self._parts = self._runs, piece, piece.refined_parts()
         most = runs.left if most is None else min(most, runs.left)
         return bool(self._parts) and self._cost() <= most and not runs.clock.is_late
 
     @property
     def _widths(self) -> Array:
-        """Widths (n_y,) by which errors are measured; infinite for outputs that do not count."""
+        """Widths (n_y,) by which errors are measured; infinite for outputs that are ignored."""
         return np.where(self._counts, self._runs.rms_widths(), np.inf)
 
     def count_only(self, which: Mask) -> None:
-        """Refine these outputs (n_y,) from now on: others are known."""
+        """Refine only these outputs (n_y,) from now on, because the other outputs are known."""
         self._counts = which
         self._pieces = [replace(piece, widths=self._widths) for piece in self._pieces]
         self._chosen, self._parts = self._pieces[0], []
 
     @property
     def is_costly(self) -> bool:
-        """Whether the next step takes more runs than it is worth, as halves along three parameters and large grids do.
+        """Whether the next step takes too many runs for its gain, as halves along three parameters and large grids do.
 
-        Over two parameters pieces take some hundred runs, and show fronts that move in time better than searches.
+        Over two parameters, pieces take some hundred runs, and resolve fronts that move in time better than searches.
         """
         d = len(self._runs.box)
         return d > 2 and (len(self._parts) > 1 or self._cost() > PATIENCE * d)
 
     def _cost(self) -> int:
-        """How many of the nodes of the next parts have not run."""
+        """Number of nodes of the next parts that were not run yet."""
         return self._runs.unknown(np.concatenate([nodes_of(part) for part in self._parts]))
 
     def _is_field(self) -> bool:
-        """Whether each output of many values has many shapes of time: check runs then tell more of the error."""
+        """Whether each output with many values has many independent functions of time, so that check runs measure its
+        error better."""
         if math.prod(self._runs.shape) < MANY_VALUES:
             return False
         if len(self._pieces) > 1 or self._pieces[0].jumps is not None:
@@ -273,7 +281,7 @@ class TensorGrids:
         return self._has_fields
 
     def _check(self, union: _Union, worst: Piece, safety: float) -> tuple[Array, Array, Piece]:
-        """Check runs at some of the extremes, and at quasi-random points.
+        """Make check runs at some of the extremes, and at quasi-random points.
 
         A run with the error e where the estimate of a piece is E(x) suggests the error e E / E(x) where it is E. Told
         are the error (n_t, n_y) that check runs show, the ratio (n_y,) of the root mean squares of errors and of
@@ -317,12 +325,12 @@ class TensorGrids:
 
 
 def _stacked(arrays: Sequence[Array]) -> Array:
-    """The arrays as one; a single one is not copied."""
+    """The concatenated arrays. A single array is not copied."""
     return np.stack(arrays) if len(arrays) > 1 else arrays[0][None]
 
 
 def _select(alternatives: np.ndarray, numbers: Indices) -> np.ndarray:
-    """At each place, the one of k alternatives (k, ...) with the number there."""
+    """At each place, the alternative of k (k, ...) with the number at this place."""
     if len(alternatives) == 1:
         return alternatives[0]
     return np.take_along_axis(alternatives, numbers[None], axis=0)[0]
