@@ -21,13 +21,14 @@ from symmb.run.integrate.stabilization import AugmentedLagrangian, Baumgarte, Pr
 from symmb.run.integrate.stabilized_index2 import stabilized_problem
 
 UNTESTED = 1e10
-"""Absolute tolerance of multipliers [N, N m, -], above any value that occurs: they take no part in error tests. At
-index 2 their errors do not fall with the step. At index 1 their rounding rejects steps: 100 times as many are taken."""
+"""Absolute tolerance of multipliers [N, N m, -]. It is above all values that occur, so that multipliers are ignored in
+error tests. At index 2 the errors of multipliers do not decrease with the step. At index 1 their rounding rejects
+steps: a run takes 100 times as many."""
 FIRST_STEP = 1e-3
-"""First step of index 2, over rtol and the time of the fastest motion at the start. SUNDIALS may reject it ten times,
-and takes a quarter each time, so that it may be a million times too long where steps begin anew."""
+"""First step of index 2, over rtol and the time of the fastest motion at the start. SUNDIALS may reject a first step
+ten times, and divides it by four each time. So the first step may be a million times too long after a restart."""
 SHORTEST_STEP = 1e-14
-"""Shortest step over the horizon: shorter ones are lost in rounding. tests/integrate/test_failures.py"""
+"""Shortest step over the horizon. Shorter steps are lost in rounding. tests/integrate/test_failures.py"""
 
 
 class _Multistep(Solver):
@@ -40,7 +41,7 @@ class _Multistep(Solver):
 
     @abstractmethod
     def _method(self, options: dict[str, Any], problem: InitialValueProblem, length: float) -> dict[str, Any]:
-        """CasADi's options, from those for tolerances, for an integration over a time of this length."""
+        """CasADi's options for an integration over a time of this length, from the options for tolerances."""
 
     def has_dense_output(self, dae: DAE) -> bool:
         return not isinstance(self.stabilization, Projection) and not has_kinks(dae.rhs) and dae.sampling is None
@@ -217,7 +218,7 @@ class Collocation(Solver):
 
 
 def _with_multipliers(options: dict[str, Any], problem: InitialValueProblem) -> dict[str, Any]:
-    """The options of IDAS for a problem whose multipliers are unknowns."""
+    """The options of IDAS for a problem with multipliers as unknowns."""
     tolerances = [options["abstol"]] * problem.x.numel() + [UNTESTED] * problem.z.numel()
     # Rows of the constraints are small beside those of short steps: CasADi's own QR factorisation, without pivoting,
     # is not accurate then.
@@ -225,7 +226,7 @@ def _with_multipliers(options: dict[str, Any], problem: InitialValueProblem) -> 
 
 
 def _measures(tolerances: Tolerances) -> tuple[dict[str, Any], Array | None]:
-    """Options for tolerances, and units (n_x + n_quad,) of states and integrals in which one holds for all."""
+    """Options for tolerances, and units (n_x + n_quad,) of states and integrals, so that one tolerance serves all."""
     sizes = np.array(tolerances.sizes or (1.0,))
     size = float(sizes.max())
     # The integral of the power takes part in error tests: without, CasADi's quadratures can be far off.

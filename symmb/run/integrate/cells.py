@@ -1,19 +1,21 @@
-"""Times between output times: close together over the whole horizon, where runs are limited and judged; steps."""
+"""Times between output times, at which runs are limited and checked, and the numbers of steps between output times."""
 
 import numpy as np
 
 from symmb._types import Array, Indices
 
 CELLS = 1000
-"""Parts of a horizon, none of which is longer than the horizon over this."""
+"""Number of parts of a horizon. No part is longer than the horizon divided by this number."""
 _LONGEST, _GOLDEN = 1.5, 0.5 * (5**0.5 - 1)
-"""Longest of the unequal pieces of an interval over their mean, and the ratio that makes them unequal."""
+"""Ratio of the longest piece of an interval to the mean piece, and the ratio that makes the pieces unequal."""
 _FIRST = 1e-5
-"""Time after the start, over the horizon, that is one of them: SUNDIALS' first step, and all others, follow from it."""
+"""Time of an extra point after the start, over the horizon. SUNDIALS' first step, and all further steps, follow from
+this point."""
 
 
 def refined(times: Array) -> tuple[Array, Indices]:
-    """Output times (n_t,) with others in between (m,), and where the former stand among them (n_t,).
+    """Output times (n_t,) with further times in between (m,), and the positions (n_t,) of the output times in this
+    array.
 
     Longer intervals are cut into unequal pieces: with equal ones all times may be those at which a motion rests.
     One of the times follows the start closely, so that solvers begin alike.
@@ -34,5 +36,5 @@ def refined(times: Array) -> tuple[Array, Indices]:
 
 
 def interval_steps(times: Array, length: float) -> Indices:
-    """Numbers (n_t - 1,) of equal steps, no longer than a length [s], from each output time to the next."""
+    """Numbers (n_t - 1,) of equal steps, not longer than a length [s], between output times."""
     return np.maximum(np.ceil(np.diff(times) / length - 1e-9).astype(np.intp), 1)

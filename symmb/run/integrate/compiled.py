@@ -1,4 +1,4 @@
-"""Solvers whose steps the engine of `codegen` takes for many samples side by side, and their runs."""
+"""Solvers with steps in compiled C, for many samples side by side, and their runs."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
@@ -22,7 +22,7 @@ from symmb.run.integrate.solver import Solver
 
 
 class Task(NamedTuple):
-    """What the engine computes.
+    """The quantities that the engine computes.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Task(NamedTuple):
 
 
 class CompiledSolver(Solver):
-    """Steps that the engine takes for many samples side by side."""
+    """Steps that the engine makes for many samples side by side."""
 
     needs_compiler: ClassVar[bool] = True
 
@@ -53,7 +53,8 @@ class CompiledSolver(Solver):
         return True
 
     def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances | FixedStep:
-        """The choice of steps in the engine, for Taylor coefficients up to an order and integrals along the motion."""
+        """The choice of steps in the engine, for Taylor coefficients up to an order and for integrals along the
+        motion."""
         return self.tolerances(dae, order, n_quad) if self.controls_step else FixedStep(self.fixed_step(times))
 
     def engine(self, task: "Task") -> Engine:
@@ -71,7 +72,7 @@ class CompiledSolver(Solver):
 
     @abstractmethod
     def lanes(self, task: "Task") -> Lanes:
-        """The stages that the engine runs.
+        """The stages of the scheme that the engine runs.
 
         Raises
         ------
@@ -83,7 +84,7 @@ class CompiledSolver(Solver):
         return CompiledIntegration(self, dae, times, order, work)
 
     def limited_control(self, dae: DAE, times: Array, order: int, n_quad: int) -> Tolerances | FixedStep:
-        """The step control, with steps so short that none passes over a pulse of a function of time."""
+        """The step control. Steps are so short that none passes over a pulse of a function of time."""
         self.require_affordable(times)
         control = self.step_control(dae, times, order, n_quad)
         if isinstance(control, FixedStep):
@@ -95,7 +96,8 @@ class CompiledSolver(Solver):
 class CompiledIntegration(Integration):
     """States of runs by the engine.
 
-    `fixed_steps` makes the single steps of a scheme with a fixed step, for runs in lockstep; None if there is no such.
+    `fixed_steps` makes the single steps of a scheme with a fixed step, for runs in lockstep; None if the scheme has no
+    fixed step.
     """
 
     def __init__(

@@ -12,10 +12,11 @@ from symmb.run.codegen import Contacts
 from symmb.run.integrate.step_ends import SwitchedProblem, hysteresis_of
 
 _PENETRATION, _SHORT_WAY = 1e-9, 1e-7
-"""Negative gap at the start that is rounding: over the scene's size, or over the way that speed and acceleration of the
-gap lead until the end. The gap itself may be all that is known of the size."""
+"""Negative gap at the start that counts as rounding, over the size of the scene, or over the distance that the speed
+and acceleration of the gap give until the end. The gap itself may be the only known length."""
 _STRUCK = 1e-9
-"""Slip over the rate of the motion above which an impulse has caused it. Where clutches stick it is not quite 0."""
+"""Ratio of slip to the rate of the motion above which an impulse has caused the slip. The slip of clutches that stick
+is not exactly 0."""
 
 
 def contacts_of(dae: DAE, impacts: Impacts, with_work: bool) -> Contacts:
@@ -55,9 +56,10 @@ def contacts_of(dae: DAE, impacts: Impacts, with_work: bool) -> Contacts:
 
 
 def _tolerances(dae: DAE, joints: JointEvents) -> tuple[float, ...]:
-    """Margins of conditions (m,) that are 0 but for rounding. Those of forces are seen with one joint closed.
+    """Margins of conditions (m,) that are 0 except for rounding. Conditions of forces are evaluated with one closed
+    joint.
 
-    Sizes of states fulfil no constraints: forces of joints that are redundant together would have no bounds there.
+    States that violate constraints would give unlimited forces of redundant joints.
     """
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
 
@@ -115,7 +117,7 @@ def with_gaps(frozen: SwitchedProblem, dae: DAE, impacts: Impacts, work: bool) -
 
 
 def contact_functions(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t: ca.SX) -> dict[str, ca.SX]:
-    """Gaps, forces, impulses and held states of c/impacts.h at states x, which may end with the work."""
+    """Gaps, forces, impulses and stored states of c/impacts.h at states x, which may end with the work."""
     n_x, p = dae.n_q + dae.n_v + dae.n_s, p[: len(dae.p_names)]
     at = dae.arguments(x[:n_x], p, t)
     functions = {name: getattr(impacts, name)(*at) for name in ("gaps", "forces", "impulses")}
@@ -129,18 +131,19 @@ def contact_functions(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t: ca.SX) 
 
 
 def _held(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t: ca.SX) -> ca.SX:
-    """The state x (n_x,) in its closed contacts."""
+    """The state x (n_x,), projected onto its closed contacts."""
     return ca.vertcat(*impacts.project(*dae.arguments(x, p, t)), x[dae.n_q + dae.n_v :])
 
 
 def started(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t0: float, span: float) -> ca.SX:
-    """The state x (n_x,) at the start of a run over some span [s], nan where the run cannot start there."""
+    """The state x (n_x,) at the start of a run over a span [s]; nan if the run cannot start at this state."""
     x, faults, _ = _start(dae, impacts, x, p, ca.SX(t0), ca.SX(span))
     return x + ca.if_else(ca.sum1(faults) > 0, math.nan, 0)
 
 
 def _start(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t: ca.SX, span: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """The results of `Contacts.start`. Joints that open or close come first, and of impacts the last ones."""
+    """The results of `Contacts.start`. Joints that open or close come first, then impacts from the last to the
+    first."""
     gap, rate, _ = impacts.gaps(*dae.arguments(x, p, t))
     way = ca.fabs(rate) * span + impacts.forces(*dae.arguments(x, p, t))[2] * span**2 / 2
     e = impacts.impulses(*dae.arguments(x, p, t))[3]
@@ -155,7 +158,7 @@ def _start(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t: ca.SX, span: ca.SX
 
 
 def _fault_texts(impacts: Impacts) -> tuple[tuple[str, str], ...]:
-    """Texts about the faults of `_start`, before and behind their numbers."""
+    """Texts about the faults of `_start`, before and after their numbers."""
     joints, names = impacts.joints, impacts.names[::-1]
     events = zip(joints.titles, joints.opens, strict=True) if joints else ()
     before, behind = RESTITUTION.split("{}")
@@ -174,7 +177,7 @@ def _fault_texts(impacts: Impacts) -> tuple[tuple[str, str], ...]:
 
 
 def _joints_started(dae: DAE, joints: JointEvents, x: ca.SX, p: ca.SX, t: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """The state with the conditions of joints that hold there, and faults: conditions that would have acted before.
+    """The state with the active conditions of joints, and faults: conditions that would have acted before the start.
 
     Clutches without slip stick.
     """

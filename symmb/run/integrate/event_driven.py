@@ -77,12 +77,12 @@ class EventDriven(Explicit):
 
 
 _SHORTER = 0.37
-"""Longest step of a run that checks another one, over the mean step of that: no simple fraction, so that it rounds
-otherwise."""
+"""Longest step of a check run, over the mean step of the checked run. It is not a simple fraction, so that rounding
+errors differ."""
 
 
 def round_otherwise(engine: Engine, other: Engine) -> None:
-    """Let an engine take steps that are shorter than the mean one of the last run of another."""
+    """Limit the steps of an engine to less than the mean step of the last run of another engine."""
     control, span = cast(Tolerances, engine.control), float(np.ptp(engine.times))
     longest = min(control.longest or np.inf, _SHORTER * span / max(other.counts.steps, 1))
     engine.control = replace(control, longest=longest)

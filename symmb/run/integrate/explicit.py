@@ -26,7 +26,7 @@ class Explicit(CompiledSolver):
 
     stabilization: Stabilization
     projection_steps: ClassVar[int] = PROJECTION_STEPS
-    """Newton steps of a projection."""
+    """Number of Newton steps of a projection."""
 
     @property
     def takes_any_coordinates(self) -> bool:
@@ -75,7 +75,8 @@ class Explicit(CompiledSolver):
         return Lanes(f, control, ends=frozen.ends, contacts=contacts, knots=tuple(linear[1]) if linear else ())
 
     def _switched(self, problem: InitialValueProblem, task: Task, of_time: bool) -> SwitchedProblem:
-        """The problem with the switches at which steps end. Fixed steps end at none, Taylor coefficients at times."""
+        """The problem with the switches at which steps end. Fixed steps end at no switches, Taylor coefficients at
+        switches of time only."""
         if self.controls_step and not task.order:
             return switched(problem, task.dae, task.times, of_time)
         stops = stops_in_time(task.dae, task.times) if self.controls_step else None
@@ -85,7 +86,7 @@ class Explicit(CompiledSolver):
 def _compiled_start(
     start: Start | None, dae: DAE, p: ca.SX, span: float, alone: bool
 ) -> tuple[ca.SX, ca.SX, ca.SX] | None:
-    """The equations of a start that the engine computes; None if it is given the states."""
+    """The equations of a start that the engine computes; None if the states are given."""
     if start is None or not (alone or start.compiles):
         return None
     u, newton, state = start.equations(p)

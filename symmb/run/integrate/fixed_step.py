@@ -1,4 +1,4 @@
-"""Fixed steps over the output times, as one compiled call: for explicit, collocation and implicit schemes alike."""
+"""Fixed steps over the output times in one compiled call, for explicit, collocation and implicit schemes."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -30,7 +30,7 @@ class Advance:
 
 @dataclass(eq=False)
 class _FixedSteps(Integration):
-    """Runs by equal steps, so many in each interval of the times (n_t - 1,)."""
+    """Runs by equal steps. Each interval of the times has its number (n_t - 1,) of steps."""
 
     scheme: Advance = field(kw_only=True)
     counts: Indices = field(kw_only=True)
@@ -98,7 +98,8 @@ def explicit(problem: InitialValueProblem) -> Advance:
 
 
 def collocation(problem: InitialValueProblem, degree: int) -> Advance:
-    """Radau collocation of the given degree on the problem with its algebraic variables, one step of CasADi's own."""
+    """Radau collocation of the given degree, one step of CasADi's implementation, on the problem with its algebraic
+    variables."""
     n_x, n_quad = problem.x.numel(), problem.quad.numel()
     begin, span, tau = ca.SX.sym("begin"), ca.SX.sym("span"), ca.SX.sym("tau")
     time = begin + span * tau
@@ -141,7 +142,7 @@ def implicit(scheme: Step) -> Advance:
 
 
 def _start_at_rest(problem: InitialValueProblem) -> ca.Function:
-    """A history that is the state alone, with nothing integrated along yet."""
+    """A history that contains only the state, and no integrals."""
     w = ca.vertcat(problem.x, ca.SX.zeros(problem.quad.numel()))
     return ca.Function("begin", [problem.x, problem.p, problem.t, ca.SX.sym("h")], [w])
 
@@ -151,7 +152,8 @@ def _symbols(advance: Advance) -> tuple[ca.MX, ca.MX, ca.MX]:
 
 
 def _as_integrator(name: str, arguments: list[ca.MX], advance: Advance, W: ca.MX) -> ca.Function:
-    """Like CasADi's integrators, (x0, z0, p) -> (xf, zf, qf), from the histories W at the output times."""
+    """A function (x0, z0, p) -> (xf, zf, qf), as CasADi's integrators have it, from the histories W at the output
+    times."""
     n_x, n_quad = advance.n_x, advance.n_quad
     results = [W[:n_x, :], ca.MX(0, W.shape[1]), W[n_x : n_x + n_quad, :]]
     return ca.Function(name, arguments, results, ["x0", "z0", "p"], ["xf", "zf", "qf"])

@@ -23,13 +23,15 @@ from symmb.run.integrate.switch_passes import SwitchPasses
 from symmb.run.schemes import Step, generalized_alpha, nstiff_si2
 
 FULL_MATRIX = 12
-"""Velocities up to which a full Newton matrix costs no more than a sparse one. tests/benchmarks/latency.py"""
+"""Largest number of velocities for which a full Newton matrix costs as little as a sparse one.
+tests/benchmarks/latency.py"""
 MOST_VELOCITIES = 300
-"""Velocities up to which a C compiler takes less than minutes for a Newton matrix. tests/benchmarks/scaling.py"""
+"""Largest number of velocities for which a C compiler needs less than minutes for a Newton matrix.
+tests/benchmarks/scaling.py"""
 
 
 class _SchemeSolver(CompiledSolver):
-    """Steps of a scheme in symbols, each solved by Newton's method."""
+    """Symbolic steps of a scheme, solved by Newton's method."""
 
     tolerance: float = 0.0  # of Newton's method; a scheme without iterations needs none
 
@@ -38,7 +40,7 @@ class _SchemeSolver(CompiledSolver):
 
     @abstractmethod
     def scheme(self, dae: DAE, order: int, work: bool) -> Step:
-        """The symbolic step, of the Taylor coefficients up to `order`."""
+        """The symbolic step for Taylor coefficients up to `order`."""
 
     def lanes(self, task: Task) -> Lanes:
         dae, times, y, order, work, start, alone = task
@@ -147,7 +149,7 @@ class _PositionScheme(_SchemeSolver):
 
     @abstractmethod
     def formula(self, dae: DAE, work: bool) -> Step:
-        """The symbolic step."""
+        """The symbolic step of the scheme."""
 
     def scheme(self, dae: DAE, order: int, work: bool) -> Step:
         return self.formula(dae, work).jets(order)
@@ -214,11 +216,11 @@ class BDFI3(_PositionScheme):
 
 
 class _AlphaScheme(_PositionScheme):
-    """A member of the generalised-alpha family on the index-3 form, which its coefficients determine."""
+    """A member of the generalised-alpha family on the index-3 form. Its coefficients define the method."""
 
     @abstractmethod
     def coefficients(self) -> tuple[float, float, float]:
-        """alpha_m, alpha_f and gamma of `schemes.generalized_alpha`."""
+        """The coefficients alpha_m, alpha_f and gamma of `schemes.generalized_alpha`."""
 
     def formula(self, dae: DAE, work: bool) -> Step:
         return generalized_alpha(dae, work, *self.coefficients())

@@ -1,4 +1,4 @@
-"""An initial value problem in SX for CasADi's integrators, and the larger one of its Taylor coefficients."""
+"""An initial value problem in SX for CasADi's integrators, and the larger problem of its Taylor coefficients."""
 
 from dataclasses import dataclass, replace
 
@@ -11,7 +11,8 @@ from symmb.run.integrate.projection import normalize, project, sampled
 from symmb.run.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection, Stabilization
 
 PROJECTION_STEPS = 3
-"""Newton steps of a projection: Newton is quadratic, so these suffice for the drift of a whole output interval."""
+"""Number of Newton steps of a projection. Newton's method converges quadratically, so that these steps suffice for the
+drift over an output interval."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +34,13 @@ class InitialValueProblem:
     projected: ca.SX | None
 
     def projection(self) -> ca.Function | None:
-        """(x, p, t) -> x on the constraints; None if states are not moved."""
+        """The function (x, p, t) -> x on the constraints; None if states are not projected."""
         if self.projected is None:
             return None
         return common("project", [self.x, self.p, self.t], [self.projected])
 
     def in_units(self, units: Array) -> "InitialValueProblem":
-        """The problem of x and integrals over units (n_x + n_quad,), in which one absolute tolerance holds for all."""
+        """The problem of x and of integrals over units (n_x + n_quad,), so that one absolute tolerance serves all."""
         n, D = self.x.numel(), ca.DM(units[: self.x.numel()])
 
         def at(f: ca.SX) -> ca.SX:
@@ -55,9 +56,9 @@ class InitialValueProblem:
         return replace(self, ode=at(self.ode) / D, **parts)
 
     def from_begin(self) -> "InitialValueProblem":
-        """The problem of the change of x and of the integrals since a begin, over units and more by an offset.
+        """The problem of the changes of x and of the integrals since a begin, over units and increased by an offset.
 
-        The begin of x and, for all, units and offsets are the last parameters.
+        The last parameters are the begin of x, and the units and offsets of x and integrals.
         """
         n, n_y = self.x.numel(), self.x.numel() + self.quad.numel()
         y, begin, units, offset = (
@@ -154,7 +155,8 @@ def build_problem(
 def _with_multipliers(
     dae: DAE, at: tuple[ca.SX, ...], G: ca.SX, right: ca.SX, vdot: ca.SX, lam: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
-    """Algebraic variables, their first guess from accelerations and multipliers, what is 0, and both as these tell."""
+    """Algebraic variables, their first guess, their residual, and the accelerations and multipliers as functions of
+    them."""
     M = dae.M(*at)
     of_v, row_scales = ca.DM(dae.displacement_scales), ca.DM(dae.row_scales)
     unit = dae.scales.energy / row_scales  # scaled by the size of the motion: units have no effect
@@ -174,7 +176,7 @@ def _with_multipliers(
 
 
 def _projected(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, projections: int, one_step: bool) -> ca.SX | None:
-    """The state on the constraints, or with quaternions of norm 1; with sampled values. None if it does not move."""
+    """The state on the constraints, or with quaternions of norm 1, and with sampled values; None if nothing changes."""
     if projections:
         projected = project(dae, x, p, time, projections)
     else:
@@ -183,7 +185,7 @@ def _projected(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, projections: int, one_
 
 
 def _feedback(dae: DAE, at: tuple[ca.SX, ...], of_rates: float, of_positions: float) -> ca.SX:
-    """of_rates (G v + Phi_t) + of_positions Phi, (n_r,); velocity-only rows have no positions."""
+    """The feedback of_rates (G v + Phi_t) + of_positions Phi, (n_r,). Velocity-only rows have no positions."""
     if dae.Phi_dot is None:
         return ca.SX(0, 1)
     Phi = dae.Phi(*at) if dae.Phi is not None else ca.SX(0, 1)

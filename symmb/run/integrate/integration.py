@@ -30,7 +30,7 @@ _COUNTED = {
 
 
 RunAdvance = Callable[[float, float, Array], tuple[Array, Array]]
-"""(begin, end, x (n_x,)) -> x, quad (n_quad,) of one sample."""
+"""A function (begin, end, x (n_x,)) -> x, quad (n_quad,) for one sample."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Run:
     stops: Stops | None = None
 
     def at(self, which: Indices) -> "Run":
-        """The run at some of its times, in order."""
+        """The run at some of its times, in their order."""
         return self if len(which) == len(self.X) else replace(self, X=self.X[which], quad=self.quad[which])
 
 
@@ -127,7 +127,8 @@ class Integration:
     def _together(
         self, whole: ca.Function, x0: Array, z0: Array, p: Array, threads: int, interrupts: Interrupts
     ) -> list[Run | None]:
-        """All samples in one call; None for those that fail, or for all of them if one fails the call."""
+        """All samples in one call. The result is None for samples that fail, or for all samples if one of them fails
+        the call."""
         try:
             with quiet(), interrupts:
                 xf, _, qf, *_ = batch(whole, x0, z0, p, threads=threads)
@@ -139,7 +140,7 @@ class Integration:
         return [Run(X[k], quad[k]).at(self._outputs) if done[k] else None for k in range(len(x0))]
 
     def _alone(self, whole: ca.Function, x0: Array, z0: Array, p: Array, interrupts: Interrupts) -> Run:
-        """One sample. Where its call fails, it is tried once more from the last known state on."""
+        """One sample. If its call fails, a second call starts from the last known state."""
         times = self._fine
         X, quad = np.full((len(times), self.n_x), np.nan), np.zeros((len(times), self.n_quad))
         if not interrupts.noticed:
@@ -157,20 +158,20 @@ class Integration:
         return run.at(self._outputs)
 
     def _walk(self, x0: Array, p: Array, stops: Stops, interrupts: Interrupts) -> Run:
-        """One sample, whose steps begin anew at stops and at output times."""
+        """One sample with restarts at stops and output times."""
         X, quad = np.full((len(self.times), self.n_x), np.nan), np.zeros((len(self.times), self.n_quad))
         X[0] = self._projected(x0, p, self.times[0])
         run = Run(X, quad, stops=stops if stops.passes.size else None)
         return self._go_on(self._pieces(p, stops), run, self.times, 0, p, stops, interrupts)
 
     def _pieces(self, p: Array, stops: Stops) -> RunAdvance:
-        """How one sample goes along one piece between its stops after the other."""
+        """A function that continues one sample along one piece between stops after the other."""
         return partial(self.advance, self.between, p)
 
     def _go_on(
         self, advance: RunAdvance, run: Run, times: Array, last: int, p: Array, stops: Stops, interrupts: Interrupts
     ) -> Run:
-        """The run at times behind the last known one, one by one."""
+        """The run at the times after the last known time, one after the other."""
         x, (usual, spare), first = run.X[last], self.limit, self._statistics["steps"]
         for i, (begin, end) in enumerate(pairwise(times[last:].tolist()), start=last + 1):
             if interrupts.noticed:
@@ -202,7 +203,8 @@ class Integration:
         return Run(np.full((n_t, self.n_x), np.nan), np.zeros((n_t, self.n_quad)), float(self.times[0]), message)
 
     def advance(self, f: ca.Function | None, p: Array, begin: float, end: float, x: Array) -> tuple[Array, Array]:
-        """From one time to another by f, of one sample: p (n_p,), x (n_x,) -> x (n_x,), quad (n_quad,)."""
+        """The state x (n_x,) and the integrals quad (n_quad,) of one sample at another time, from p (n_p,), x (n_x,)
+        and the function f."""
         if f is None:
             return x, np.zeros(self.n_quad)
         (z0,) = batch(self.guess, x[None], p[None], np.array([begin]))
@@ -231,25 +233,25 @@ class Integration:
         )
 
     def statistics(self) -> dict[str, int]:
-        """Counts of the integrator for its last samples; empty without counts."""
+        """Counts of the integrator for its last samples; empty if the integrator has no counts."""
         return dict(self._statistics)
 
 
 def _counts(integrator: ca.Function) -> Counter[str]:
-    """Of its last call; empty without counts."""
+    """Counts of the last call; empty if the integrator has no counts."""
     counted = integrator.buffer()[0].stats()
     return Counter({ours: counted[theirs] for theirs, ours in _COUNTED.items() if theirs in counted})
 
 
 def stateless_integration(dae: DAE, times: Array, order: int = 0) -> Integration:
-    """Runs of a scene without states, or of its Taylor coefficients up to an order."""
+    """Runs of a scene without states, or of the Taylor coefficients of such a scene up to an order."""
     n_p = len(dae.p_names) * (2 if order else 1)
     guess = ca.Function("guess", [ca.SX(0, 1), ca.SX.sym("p", n_p), ca.SX.sym("t")], [ca.SX(0, 1)])
     return Integration(times, 0, 0, guess)
 
 
 def pieces_between(begin: float, end: float, stops: Array) -> Iterator[tuple[float, float]]:
-    """An interval cut at stops. Pieces end before a stop, and begin behind it, by its rounding."""
+    """An interval that is cut at stops. Pieces end before a stop and start after it, at a distance of rounding."""
     for stop in stops[(stops >= begin) & (stops <= end)].tolist():
         margin = 2 * np.spacing(max(abs(stop), 1e-3 * (end - begin)))
         if stop - margin > begin:
@@ -260,11 +262,12 @@ def pieces_between(begin: float, end: float, stops: Array) -> Iterator[tuple[flo
 
 
 def quiet() -> AbstractContextManager[object]:
-    """CasADi writes all arguments of a failing call to stderr. `Run.message` contains the reason."""
+    """A context without output on stderr, because CasADi writes all arguments of a failing call. `Run.message` contains
+    the reason."""
     return redirect_stderr(io.StringIO())
 
 
 def _reason(error: RuntimeError) -> str:
-    """The message of the integrator, without paths of CasADi's source."""
+    """The message of the integrator, without paths of CasADi's source files."""
     text = str(error).strip().splitlines()[-1]
     return text.split(": ", 1)[-1].removesuffix(" documentation.").split(". Consult")[0]

@@ -20,23 +20,26 @@ from symmb.run.integrate.side_walk import SideWalk, Stops
 from symmb.run.integrate.switch_passes import SwitchPasses, follows_switches
 
 MOST_STEPS, MOST_STATES = 1_000_000, 20_000_000
-"""Most steps of a run, and most steps times states: more take minutes."""
+"""Largest number of steps of a run, and largest product of steps and states. More take minutes."""
 USUAL, LEAST, LOST = 2.0, 200, 0.05
-"""SUNDIALS counts steps from one time to the next, so that it is given times close together. From one to the next a run
-may take this many times the mean of a run of most steps, and at least so many. If it takes more, it goes on from one to
-the next, and is lost, as at a singular position, when it has taken this share of most steps more."""
+"""SUNDIALS counts steps from one time to the next. So the limit of an interval is this multiple of the mean number of
+steps, and at least a smallest number. A run that needs more continues over the next interval until the limit of the
+whole run."""
 CLOSE_TIMES = 1e-6
-"""Output times closer than this [s] are rescaled: CasADi's interface takes times less than 1e-9 s apart for equal."""
+"""Output times closer than this [s] are rescaled, because CasADi's interface treats times less than 1e-9 s apart as
+equal."""
 _SCALED = {"ode", "alg", "quad"}
 _WITHOUT_DERIVATIVES = {"enable_forward": False, "enable_jacobian": False, "enable_fd": True}
 _SHORT = 1e-3
-"""Steps of an independent integration over the horizon: longer ones may pass over two switches of the state."""
+"""Longest step of an independent integration over the horizon. Longer steps may pass over two switches of the state."""
 _FEW_STATES = 1_000_000
-"""Most steps times states of an independent integration: more take more than a second, and it only checks another."""
+"""Largest product of steps and states of an independent integration. More take longer than a second, which is too long
+for a check."""
 _SMOOTH_STEPS = 20_000
-"""Most steps of a piece on one side of each switch: one that needs more is left to equations that follow the state."""
+"""Largest number of steps of a piece on one side of each switch. A piece that needs more is left to the equations with
+switches."""
 _NOISE = 1e-15
-"""Rounding of a position that counts: tolerances of short pieces are no smaller."""
+"""Relative rounding error of a position. Tolerances of short pieces are not smaller."""
 
 
 def multistep_integration(
@@ -109,14 +112,14 @@ class _Integrators(NamedTuple):
     steps: dict[str, float]
 
     def over(self, name: str, problem: InitialValueProblem, times: Array, most: float) -> ca.Function:
-        """One over all times, with so many steps from one to the next at most."""
+        """The integrator over all times, with a largest number of steps from one time to the next."""
         unit = _time_unit(times)
         part = _parts(problem) if unit == 1 else _rescaled(problem, ca.SX(0), ca.SX(unit))
         limits = self._limited(problem, float(times[-1] - times[0]) / unit, unit, most)
         return _integrator(name, self.plugin, part, times[0] / unit, times / unit, limits)
 
     def from_0_to_1(self, name: str, problem: InitialValueProblem, ends: Array, most: float) -> ca.Function:
-        """One for every interval between ends, by the time since its begin over its length."""
+        """The integrators for the intervals between ends, in the time since the begin divided by the length."""
         begin, span = ca.SX.sym("begin"), ca.SX.sym("span")
         part = _rescaled(problem, begin, span) | {"p": ca.vertcat(problem.p, begin, span)}
         limits = self._limited(problem, 1.0, float(np.diff(ends).max()), most)
@@ -188,7 +191,7 @@ class _SmoothPieces:
         self._start = common("start", at, [problem.z_guess, speed])
 
     def advance(self, begin: float, end: float, y: Array, p: Array) -> Array:
-        """From one time to another, which may be before it: y is the state and the integral along."""
+        """The state and the integral y from one time to another, which may be earlier."""
         n, n_q, units = self._n, self._n_q, self._units.copy()
         (z0,), (speed,) = batch(self._start, y[:n], p, np.array([begin]))
         size = float(np.max(np.abs(y[:n_q]) / units[:n_q], initial=0.0))
@@ -225,13 +228,14 @@ def _parts(problem: InitialValueProblem) -> dict[str, ca.SX]:
 
 
 def _rescaled(problem: InitialValueProblem, begin: ca.SX, span: ca.SX) -> dict[str, ca.SX]:
-    """In terms of tau, t = begin + span tau."""
+    """The problem in the variable tau, with t = begin + span tau."""
     tau, parts = ca.SX.sym("tau"), _parts(problem)
     own = {name: ca.substitute(parts[name], problem.t, begin + span * tau) for name in _SCALED & parts.keys()}
     return parts | {"t": tau} | {name: e if name == "alg" else span * e for name, e in own.items()}
 
 
 def _time_unit(times: Array) -> float:
-    """1, but close times apart: CasADi's interface takes those less than 1e-9 s apart for the same."""
+    """Factor of times: 1, except for close times, because CasADi's interface treats times less than 1e-9 s apart as
+    equal."""
     least = float(np.diff(times).min())
     return 1.0 if least > CLOSE_TIMES else 2.0 ** math.floor(math.log2(least))

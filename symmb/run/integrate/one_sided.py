@@ -12,7 +12,7 @@ from symmb.equations.model import DAE
 from symmb.run.integrate.step_ends import hysteresis_of
 
 _SETTLINGS = 8
-"""Passes over switches that depend on the sides of others."""
+"""Number of passes over switches that depend on the sides of other switches."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,13 +31,14 @@ class OneSided:
     hysteresis: Array
 
     def on_sides(self, x: Array, p: Array, sides: Array, t: float) -> tuple[Array, Array]:
-        """The switches (m,) at one state x (n_x,) as they are on their sides, below 0 beyond them, and their rates."""
+        """The switches (m,) at one state x (n_x,) on their branches, negative on the other side, and the rates of the
+        switches."""
         at = x[: self.switches.numel_in(0)], np.concatenate([p, sides]), np.array([t])
         values, rates = (part[0] for part in batch(self.switches, *at))
         return values * sides, rates * sides
 
     def sides_at(self, x: Array, p: Array, t: float) -> Array:
-        """The sides (m,) of one state x (n_x,). Where a switch is 0 its rate decides."""
+        """The sides (m,) of one state x (n_x,). If a switch is 0, its rate decides."""
         sides = np.ones(len(self.hysteresis))
         for _ in range(_SETTLINGS):
             values, rates = self.on_sides(x, p, sides, t)
@@ -81,7 +82,7 @@ def one_sided(dae: DAE) -> OneSided | None:
 
 
 class _Equations:
-    """The functions of a DAE as expressions of the same symbols, `more` of them besides those of the rates.
+    """The functions of a DAE as expressions of the same symbols, with `more` functions besides the rates.
 
     `whole` has the expressions with kinks, which change, the rates first.
     """
@@ -99,11 +100,11 @@ class _Equations:
         self.whole = common("whole", [x, p, t, self.more], [e for name in self._kinked for e in self.outputs[name]])
 
     def change(self, f: Callable[..., ca.SX], *arguments: ca.SX) -> None:
-        """Put f(e, *arguments) in the place of each expression e with kinks."""
+        """Replace each expression e with kinks by f(e, *arguments)."""
         self.outputs |= {name: [f(e, *arguments) for e in self.outputs[name]] for name in self._kinked}
 
     def functions(self, p: ca.SX) -> dict[str, ca.Function]:
-        """The functions of these expressions, with other parameters."""
+        """The functions of these expressions with other parameters."""
         at = self._symbols | {"p": p}
         return {
             name: common(name, [at[i] for i in f.name_in()], self.outputs[name], f.name_in(), f.name_out())
@@ -112,7 +113,7 @@ class _Equations:
 
 
 def _used(rhs: ca.SX, branch: Branches) -> list[int]:
-    """Numbers of the sides on which the rates depend, also by way of other switches."""
+    """Numbers of the sides on which the rates depend, directly or through other switches."""
     used: list[int] = []
     more = [k for k, side in enumerate(ca.vertsplit(branch.sides)) if ca.depends_on(rhs, side)]
     while more != used:

@@ -13,7 +13,7 @@ def normalize(dae: DAE, x: ca.SX) -> ca.SX | None:
 
 
 def sampled(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX) -> ca.SX:
-    """The state with the sampled values of a time, if an instant is reached."""
+    """The state with the sampled values of a time, if this time is a sampling instant."""
     if dae.sampling is None:
         return x
     return ca.vertcat(x[: dae.n_q + dae.n_v, :], dae.sampling.held(*dae.arguments(x, p, time)))

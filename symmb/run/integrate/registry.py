@@ -36,7 +36,7 @@ class SolverEntry(Spec):
 
     @property
     def family(self) -> str:
-        """Name of the class; of stiff solvers, with this word."""
+        """Name of the class, followed by "stiff" for stiff solvers."""
         return self.text.split("(")[0] + (", stiff" if "stiff=True" in self.text else "")
 
 
@@ -90,11 +90,11 @@ WORDS: dict[str, tuple[str, Any]] = {
     "projection": ("stabilization", Projection()),
     "lagrangian": ("stabilization", AugmentedLagrangian()),
 }
-"""Words that set an option of the solver in front of them: name of the option, and its value."""
+"""Words on the command line that set an option of the solver: name of the option, and its value."""
 
 
 def solver_of(solver: object) -> Solver | None:
-    """The solver that is given, or that a text of the command line names; DeclarationError if it is neither."""
+    """The given solver, or the solver that a text of the command line names; DeclarationError for anything else."""
     if isinstance(solver, str):
         return read_solver(solver)
     if isinstance(solver, type):
@@ -105,7 +105,7 @@ def solver_of(solver: object) -> Solver | None:
 
 
 def read_solver(text: str) -> Solver:
-    """The solver of a text such as "cvodes:1e-8" or "dopri:1e-8:projection" stands for.
+    """The solver that a text such as "cvodes:1e-8" or "dopri:1e-8:projection" names.
 
     Raises
     ------

@@ -10,18 +10,20 @@ from symmb._types import Array
 from symmb.run.integrate.one_sided import OneSided
 
 SideAdvance = Callable[[float, float, Array, Array], Array]
-"""(begin, end, y, parameters) -> y at the end"""
+"""A function (begin, end, y, parameters) -> y at the end."""
 
 _BREAKDOWNS = RuntimeError, np.linalg.LinAlgError
 _SHIFT = 1e-4
-"""Share of the horizon by which times of passes may be off: a motion that is off by more takes branches as it goes."""
+"""Largest error of the times of passes over the horizon. A motion with a larger error takes branches from its own
+switches."""
 _SLOW = 0.01
-"""Share of that time from which on a motion is not moved by the rounding of a switch: it hardly moves on the switch."""
+"""Fraction of this error above which rounding of a switch is ignored, because the motion hardly moves along the
+switch."""
 _NEAREST = 10.0
-"""Times to a switch over that to the nearest one, up to which it may be the next one. Others are passed by pieces that
-may be shorter than times of passes may be off."""
+"""Ratio of the time to a switch to the time to the nearest switch, up to which it may be the next one. Other switches
+are passed by pieces, which may be shorter than the error of the times."""
 _CORRECTIONS = 5
-"""Steps of Newton's method from the time of a pass to that of the run itself."""
+"""Number of Newton steps from the time of a pass to the pass of this run."""
 
 
 class Stops(NamedTuple):
@@ -41,17 +43,17 @@ class Stops(NamedTuple):
     sticks: Array
 
     def of(self, sample: int) -> "Stops":
-        """Those of one sample: (k,), (m,), () and ()."""
+        """The entries of one sample: (k,), (m,), () and ()."""
         return Stops(*(part[sample] for part in self))
 
 
 def no_stops(n: int) -> Stops:
-    """None for n samples."""
+    """Step ends of n samples without switches."""
     return Stops(np.empty((n, 0)), np.empty((n, 0)), np.full(n, np.inf), np.full(n, np.inf))
 
 
 def stops_at(passes: Array) -> Stops:
-    """Passes (m,) of one sample, nan behind the last one: if all are numbers, there may be more [s]."""
+    """Passes (m,) of one sample [s], nan after the last one. There may be further passes if no entry is nan."""
     known = passes[~np.isnan(passes)]
     until = np.array(known[-1] if len(known) == len(passes) else np.inf)
     return Stops(known, known, until, np.array(np.inf))
@@ -85,7 +87,7 @@ class SideWalk:
         self._is_lost = False
 
     def piece(self, begin: float, end: float, y: Array) -> Array:
-        """y at the end of a piece between two stops."""
+        """The vector y at the end of a piece between two stops."""
         first, self._next = self._next, int(np.searchsorted(self._passes, end + self._rounding(end)))
         if end > self._until:
             return self._free(begin, end, y, self._p)
@@ -103,7 +105,7 @@ class SideWalk:
         return new if arrived is None else arrived
 
     def _behind_passes(self, t: float, y: Array, sides: Array, due: int) -> Array | None:
-        """y behind passes that are due at its time; None if the motion is not on the sides behind them."""
+        """The vector y after the passes at its time; None if the motion is not on the sides after these passes."""
         self._sides = None
         with suppress(*_BREAKDOWNS):
             for _ in range(due):
@@ -113,12 +115,13 @@ class SideWalk:
         return None if self._is_lost else y
 
     def _is_near_switch(self, t: float, y: Array, sides: Array) -> bool:
-        """Whether the motion may be on the other side of a switch than the run that told the passes."""
+        """Whether the motion may be on another side of a switch than the run that reported the passes."""
         values, rates = self._equations.on_sides(y, self._p, sides, t)
         return bool((np.abs(values) <= self._shift * np.abs(rates)).any())
 
     def _passed(self, t: float, y: Array, sides: Array) -> tuple[Array, Array]:
-        """y on the next switch that the motion passes, and the sides behind it. Its time stays that of the pass."""
+        """The vector y on the next switch that the motion passes, and the sides after it. Its time remains the time of
+        the pass."""
         late, k = self._late(t, y, sides)
         if not late < np.inf:
             return y, sides
@@ -140,7 +143,7 @@ class SideWalk:
         return y, self._behind(t, y, sides, k)
 
     def _behind(self, t: float, y: Array, sides: Array, k: int) -> Array:
-        """The sides behind switch number k, and behind others that jump with it."""
+        """The sides after switch number k, and after other switches that jump together with it."""
         values, rates = self._equations.on_sides(y, self._p, sides, t)
         sides, may_jump = sides.copy(), values >= -self._margins(rates, t)
         while True:  # one by one: switches depend on the sides of those before them
@@ -152,7 +155,7 @@ class SideWalk:
             k = int(jumps.argmax())
 
     def _late(self, t: float, y: Array, sides: Array) -> tuple[float, int]:
-        """The time after t, or before it, at which the motion passes its next switch, infinite without one."""
+        """The time after t, or before t, at which the motion passes its next switch; infinite if there is none."""
         values, rates = self._equations.on_sides(y, self._p, sides, t)
         with np.errstate(all="ignore"):
             late = np.where(rates < 0, -values / rates, np.inf)
@@ -161,15 +164,15 @@ class SideWalk:
         return float(late.min()), int(late.argmin())
 
     def _fits(self, t: float, y: Array, sides: Array) -> bool:
-        """Whether the motion is on its sides, or beyond them by no more than times of passes may be off."""
+        """Whether the motion is on its sides, or beyond them by no more than the error of the times of passes."""
         values, rates = self._equations.on_sides(y, self._p, sides, t)
         on_side = values >= -self._margins(rates, t)
         return bool(np.all(on_side | ((rates < 0) & (values >= self._shift * rates))))
 
     def _margins(self, rates: Array, t: float) -> Array:
-        """Changes of switches (m,) that are rounding, also that of time."""
+        """Changes of switches (m,) that are caused by rounding, also by rounding of the time."""
         return self._equations.hysteresis + self._rounding(t) * np.abs(rates)
 
     def _rounding(self, t: float) -> float:
-        """More than the time that pieces end before a stop at t."""
+        """A time that is longer than the distance at which pieces end before a stop at t."""
         return 8 * float(np.spacing(max(abs(t), self._least)))

@@ -19,14 +19,14 @@ from symmb.run.integrate.integration import Integration, stateless_integration
 from symmb.run.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection
 
 LEAST_SIZE, NOISE = 1e-2, 1e-12
-"""Least size of a state, over that of its part of the scene, to which absolute tolerances follow it, and the same over
-rtol: forces in balance leave rounding in states that do not move."""
+"""Smallest size of a state, over the size of its part of the scene, down to which absolute tolerances are proportional
+to the size. Also this ratio over rtol, because balanced forces leave rounding in states that do not move."""
 AHEAD = 1.0
-"""Time over which slopes at the start tell the sizes to come, over that of the fastest part. Without it, runs from rest
-take seven more steps, whose lengths depend on rounding. tests/codegen/test_c_files.py"""
+"""Time over which slopes at the start predict the later sizes, over the time of the fastest part. Without the
+prediction, runs from rest take seven more steps, with lengths that depend on rounding. tests/codegen/test_c_files.py"""
 
 _LEAST_RTOL = 1e-15
-"""Numbers are rounded to 1.1e-16 of their size."""
+"""Relative rounding error of numbers."""
 
 
 class Solver(ABC):
@@ -47,15 +47,16 @@ class Solver(ABC):
     """Whether its own steps end at switches of the state. Steps of other solvers end where DormandPrince meets
     switches."""
     begins_anew: ClassVar[bool] = False
-    """Whether a fixed step only keeps the state at an output time."""
+    """Whether a fixed step ends at each output time only because the state is stored there."""
     needs_compiler: ClassVar[bool] = False
-    """Whether even single runs are compiled where `runs_in_lanes`."""
+    """Whether single runs are compiled as well, if `runs_in_lanes` is true."""
     gives_derivatives: ClassVar[bool] = True
     """Whether Taylor coefficients of the motion can be integrated."""
 
     @property
     def takes_any_coordinates(self) -> bool:
-        """Whether it integrates accelerations alone: coordinates of joints then do as well as those of bodies."""
+        """Whether the solver integrates accelerations only, so that coordinates of joints can replace coordinates of
+        bodies."""
         return False
 
     @property
@@ -109,7 +110,7 @@ class Solver(ABC):
         require_steps(self, self._values.get("steps") or horizon / (self._values.get("step") or math.inf))
 
     def fixed_step(self, times: Array) -> float:
-        """The length of fixed steps over output times (n_t,), between which they become shorter [s]."""
+        """The longest fixed step [s] over output times (n_t,), between which steps become shorter."""
         return self._values.get("step") or float(times[-1] - times[0]) / self._values["steps"]
 
     @abstractmethod
@@ -155,7 +156,7 @@ class Solver(ABC):
         return {f.name: getattr(self, f.name) for f in fields(self)}  # pyright: ignore[reportArgumentType]
 
     def step_taken(self, times: Array) -> float:
-        """The longest step that is taken over output times (n_t,), if steps have a fixed length [s]; 0 otherwise."""
+        """The longest step over output times (n_t,), if steps have a fixed length [s]; 0 otherwise."""
         if self.controls_step or len(times) < 2:
             return 0.0
         return _longest_taken(self.fixed_step(times), times)
@@ -180,7 +181,7 @@ class Solver(ABC):
         return f"stabilization={value!r} is not a stabilization: use {allowed} or None"
 
     def _fault(self, option: Field, value: Any) -> str:
-        """Why an option cannot have a value, or empty."""
+        """The reason why an option cannot have a value; an empty text if it can."""
         name, counts = option.name, isinstance(option.default, int)
         if isinstance(option.default, bool):
             require_truth(type(self).__name__, name, value)
@@ -205,12 +206,12 @@ class Solver(ABC):
 
 
 _LIMITS = {"rtol": (_LEAST_RTOL, 1.0), "atol": (1e-30, np.inf), "tolerance": (0.0, 1.0)}
-"""Of options of several solvers. At a tolerance of 1 Newton's method would end at once. SUNDIALS has no end at absolute
-tolerances whose weights are too large to be squared and summed."""
+"""Ranges of options that several solvers have. At a tolerance of 1, Newton's method would stop at once. SUNDIALS does
+not stop if the weights of absolute tolerances are too large to be squared and summed."""
 
 
 def _longest_taken(step: float, times: Array | None) -> float:
-    """The longest of the steps that a given one becomes between output times."""
+    """The longest step between output times for a given step."""
     if times is None or len(times) < 2:
         return step
     return float((np.diff(times) / interval_steps(times, step)).max())

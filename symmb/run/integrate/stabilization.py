@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from symmb._options import require_between, require_whole
 
 LARGEST = 1e60
-"""Largest rate or penalty: its square is a number as well."""
+"""Largest rate or penalty, because its square must be a finite number."""
 MOST_ITERATIONS = 100
-"""Most corrections of the multipliers: each adds to the equations, and a few are enough."""
+"""Largest number of corrections of the multipliers. Each correction adds equations, and a few are enough."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The stabilised index-2 form of a DAE, whose positions and velocities are kept by the solver itself."""
+"""The stabilised index-2 form of a DAE. The solver itself satisfies positions and velocities."""
 
 import casadi as ca
 

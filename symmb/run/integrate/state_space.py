@@ -1,4 +1,5 @@
-"""The state-space method: independent coordinates are integrated, the others follow from the constraints."""
+"""The state-space method. Independent coordinates are integrated, and the constraints determine the other
+coordinates."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -62,11 +63,11 @@ class StateSpace(Solver):
 
 
 _WORSE = 1.5
-"""Growth of the amplification of errors by the constraints after which dependent coordinates are chosen anew."""
+"""Growth of the error amplification by the constraints after which dependent coordinates are chosen again."""
 
 
 class _Partitioned(Integration):
-    """Runs by SciPy's DOP853, one sample after the other; in pieces on one side of each switch of the state."""
+    """Runs by SciPy's DOP853, one sample after the other, in pieces on one side of each switch of the state."""
 
     def __init__(self, solver: StateSpace, dae: DAE, times: Array, work: bool) -> None:
         problem = build_problem(dae, None, algebraic=False, work=work)
@@ -104,7 +105,7 @@ class _Partitioned(Integration):
 
 
 class _Path:
-    """One sample's motion from stop to stop. Its steps go on over output times, at which states are interpolated.
+    """The motion of one sample from stop to stop. Steps continue over output times, at which states are interpolated.
 
     Attributes
     ----------
@@ -116,7 +117,7 @@ class _Path:
         self.before_stop, self._until, self._known = np.inf, -np.inf, (np.nan, np.empty(0), np.empty(0))
 
     def advance(self, equations: "_Equations", begin: float, end: float, y: Array, p: Array) -> Array:
-        """The state and the integrals along, y, at the end of a piece, which may lie before its begin."""
+        """The state and the integrals y at the end of a piece, which may be before its begin."""
         n = self._n = equations.n
         goes_on = begin < self._until and all(map(np.array_equal, self._known, (begin, y[:n], p)))
         if not goes_on:
@@ -132,7 +133,7 @@ class _Path:
         return np.concatenate([x, y[n:] + self._integrals - before])
 
     def _begin(self, t: float, y: Array) -> None:
-        """Choose independent coordinates, and begin steps in them."""
+        """Choose independent coordinates, and start steps in these coordinates."""
         from scipy.integrate import DOP853
 
         self._dependent, self._least = self._equations.dependent(y[: self._n], self._p, t), np.inf
@@ -156,7 +157,7 @@ class _Path:
                 self._begin(steps.t, np.concatenate([x, steps.y[self._n :]]))
 
     def _slopes(self, t: float, y: Array) -> Array:
-        """Rates at the state whose dependent part follows from the constraints; nan where that is not determined."""
+        """Rates at the state whose dependent part follows from the constraints; nan if this part is not determined."""
         try:
             x = self._completed(y[: self._n], t)
         except np.linalg.LinAlgError:
@@ -182,14 +183,15 @@ class _Equations:
         self._moved = common("moved", [x, delta, p, t], [ca.densify(e) for e in (there, *rows, G)])
 
     def dependent(self, x: Array, p: Array, t: float) -> Indices:
-        """Numbers of the velocities that are chosen as dependent, as many as rows."""
+        """Numbers of the dependent velocities, as many as rows."""
         *_, G = self._at(x, p, t)
         return independent_rows_and_columns(G * self._dae.displacement_scales, rank=self._dae.rank)[1]
 
     def amplification(self, x: Array, p: Array, t: float, dependent: Indices) -> float:
-        """Largest change of the dependent velocities over that of the rows, which have the norm 1: from 1 on.
+        """Largest change of the dependent velocities over the change of the rows, whose norm is 1. The result is at
+        least 1.
 
-        The norm is that over all columns. With that over the dependent ones a single row would never tell.
+        The norm is over all columns. With the norm over the dependent columns, a single row would never be noticed.
         """
         if not len(dependent):
             return 1.0
@@ -199,7 +201,7 @@ class _Equations:
         return 1 / least if least > 0 else np.inf
 
     def completed(self, x: Array, p: Array, t: float, dependent: Indices) -> Array:
-        """x with its dependent coordinates and velocities moved onto the constraints."""
+        """The state x with dependent coordinates and velocities on the constraints."""
         dae = self._dae
         if dae.Phi_dot is None:
             return x

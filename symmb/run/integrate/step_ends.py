@@ -1,4 +1,4 @@
-"""Where steps of one problem end besides output times: at its switches of time and of the state."""
+"""Ends of steps besides output times: switches of time and of the state."""
 
 from dataclasses import dataclass, field, replace
 
@@ -13,12 +13,12 @@ from symmb.run.events import TimeSwitches, time_switches
 from symmb.run.integrate.initial_value_problem import InitialValueProblem
 
 _HYSTERESIS = 1e-13
-"""Change of a switch, relative to that by the sizes of all states, which is rounding."""
+"""Change of a switch that counts as rounding, over its change by the sizes of all states."""
 _BESIDE, _NEAR, _SEVERAL = 64, 1e-10, 4.0
-"""States beside each other, their distance over their size, from whose deviations from a line the rounding of a switch
-is seen, and a safety factor on it."""
+"""Distance of close states over their size, and a safety factor. Deviations of a switch from a straight line between
+these states show its rounding."""
 _SIDES = 64
-"""Combinations of sides on which changes of switches are evaluated."""
+"""Number of combinations of sides for which changes of switches are evaluated."""
 
 
 @dataclass(frozen=True, eq=False)
