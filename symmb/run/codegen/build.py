@@ -30,7 +30,7 @@ R = TypeVar("R")
 
 _FLAGS = ("-O2", "-shared", "-fPIC", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-w")
 _MORE_FLAGS = "SYMMB_CFLAGS"
-"""The environment variable of further flags, as "-O1": the tests compile faster so, and their runs take longer."""
+"""The environment variable for further flags, such as "-O1". With this flag tests compile faster and run slower."""
 _NATIVE = "-march=native", "-mcpu=native"  # the second for ARM compilers that do not know the first
 _DEFINED = ("-Wl,-z,defs",) if sys.platform.startswith("linux") else ()
 _LIBMVEC = ("-DLIBMVEC", "-Wl,--no-as-needed", "-lmvec")
@@ -50,21 +50,22 @@ _ANSWER = 42
 
 INSTALL = "Install gcc or clang, or run `pip install 'symmb[compiler]'`, or set CC."
 SLOW = "Without a C compiler runs take about 100 times as long."
-"""Those of studies: CVODES takes 6 ms for a run of the double pendulum, and compiled lanes 0.04 ms."""
+"""CVODES takes 6 ms for a run of the double pendulum, and compiled lanes take 0.04 ms."""
 
 _PROBE_SECONDS = 20.0
-"""Time for the version of a compiler, and for the probe, which takes half a second on an idle machine [s]."""
+"""Time limit for the version of a compiler, and for the test of a compiler [s], which takes half a second on an idle
+machine."""
 _BUILD_SECONDS, _SECONDS_PER_MEGABYTE = 120.0, 120.0
-"""Time for a model, and more for a long one [s]: fifty times what gcc takes, for a busy
-machine gives it a small share of a processor. tests/benchmarks/scaling.py"""
+"""Time limits for a model and for a long model [s]: fifty times the time of gcc, because other programs may use most of
+the processor. tests/benchmarks/scaling.py"""
 
 
 class NoCompilerError(SymmbError):
-    """No C compiler was found, or none works."""
+    """There is no C compiler that works."""
 
 
 class _BuildError(SymmbError):
-    """A compiler does not build a source."""
+    """A compiler fails to build a source."""
 
 
 class _TimeoutError(_BuildError):
@@ -81,20 +82,20 @@ def has_compiler() -> bool:
 
 
 def require_compiler(user: str) -> None:
-    """NoCompilerError, which names what needs a C compiler, if there is none."""
+    """Raise NoCompilerError, with the name of what needs a C compiler, if there is none."""
     if not has_compiler():
         raise NoCompilerError(f"{user} needs a C compiler, and none was found. {compiler_advice()}")
 
 
 def compiler_advice() -> str:
-    """Which compilers do not work, and why, and how to install one that does."""
+    """The compilers that do not work, the reasons, and how to install a compiler."""
     return " ".join(
         [*(f"{shlex.join(command)} is not used: {reason}" for command, reason in _UNUSABLE.items()), INSTALL]
     )
 
 
 def with_compiler(work: Callable[[], R], otherwise: Callable[[], R]) -> R:
-    """What needs a compiler, or what is done without one."""
+    """What needs a compiler, or what happens without one."""
     if has_compiler():
         with suppress(NoCompilerError):  # none builds this
             return work()
@@ -152,7 +153,7 @@ def portable_library(files: Mapping[str, str], sources: Sequence[str]) -> bytes:
 
 
 def _give_up(compiler: tuple[str, ...], reason: str) -> None:
-    """Do without a compiler from now on, and tell so."""
+    """Continue without a compiler from now on, and issue a warning."""
     _UNUSABLE[_real(compiler)] = reason
     warnings.warn(f"{' '.join(compiler)} is not used: {reason}", SymmbWarning, stacklevel=2)
 
@@ -180,7 +181,7 @@ def _loaded(source: str, compiler: "_Compiler", *names: str) -> ctypes.CDLL:
 
 
 def _opened(library: Path | None, *names: str) -> ctypes.CDLL | None:
-    """A library, if it can be loaded and has what is named."""
+    """A library, if it can be loaded and contains all names."""
     if library is None or not _has_its_segments(library.read_bytes()):
         return None
     try:
@@ -191,7 +192,7 @@ def _opened(library: Path | None, *names: str) -> ctypes.CDLL | None:
 
 
 def _has_its_segments(content: bytes) -> bool:
-    """Whether an ELF library of 64 bits has all that is loaded of it: a part that is missing ends the process."""
+    """Whether an ELF library of 64 bits is complete, because loading an incomplete file ends the process."""
     if content[:5] != b"\x7fELF\x02":
         return True
     order = "<" if content[5:6] == b"\x01" else ">"
@@ -219,7 +220,7 @@ def _built(source: str, folder: Path, compiler: "_Compiler") -> Path:
 
 
 def _in_parts(text: Path, library_path: Path, compiler: "_Compiler", parts: int) -> str:
-    """A shell script that compiles the parts of a model side by side, as many as there are cores, and joins them."""
+    """A shell script that compiles the parts of a model in parallel, one per core, and links them."""
     objects = [str(text.with_suffix(f".{k}.o")) for k in range(parts)]
     compile_each = [
         shlex.join([*compiler.command, "-c", f"-DPART={k}", str(text), "-o", name, *compiler.flags])
@@ -268,17 +269,17 @@ class _Compiler:
 
     @property
     def command(self) -> tuple[str, ...]:
-        """How a command begins that runs it: the path, and arguments that come before all others."""
+        """The begin of a command that runs the compiler: the path, and arguments that come before all others."""
         return self.path, *self.arguments
 
 
 _UNUSABLE: dict[tuple[str, ...], str] = {}
-"""Real paths of compilers that do not work, and why."""
+"""Real paths of compilers that do not work, and the reasons."""
 
 
 @functools.cache
 def _compiler() -> _Compiler:
-    """The compiler and its flags, with the vector functions of the C library where it has them.
+    """The compiler and its flags, with the vector functions of the C library if they exist.
 
     Raises
     ------
@@ -301,7 +302,7 @@ def _flags() -> tuple[str, ...]:
 
 
 def _candidates() -> Iterator[tuple[str, ...]]:
-    """Commands of compilers that are there: that of CC first, which may have arguments, and ziglang's last."""
+    """Commands of installed compilers. The command of CC is first, and may have arguments. ziglang is last."""
     given = os.environ.get("CC") or ""
     if given.strip() and not (shutil.which(given) or shutil.which(given.split()[0])):
         warnings.warn(f"CC is {given!r}, and there is no such program. It is not used.", SymmbWarning, stacklevel=2)
@@ -344,7 +345,7 @@ def _probed(command: tuple[str, ...], own: tuple[str, ...] | None = None) -> _Co
 
 
 def _probe(compiler: tuple[str, ...], version: str, flags: tuple[str, ...]) -> None:
-    """Build a library that uses the lanes, without undefined symbols, and call it. A success is noted in the cache.
+    """Build a library that uses the lanes, without undefined symbols, and call it. Store a success in the cache.
 
     Raises
     ------

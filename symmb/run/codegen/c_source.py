@@ -1,4 +1,4 @@
-"""The C of the folder c."""
+"""The text of the C files in the folder c."""
 
 import re
 from pathlib import Path
@@ -17,6 +17,6 @@ def c_source(*names: str) -> str:
 
 
 def c_number(name: str, constant: str) -> float:
-    """The value of `#define constant value` in a header of the folder c: numbers that Python shares stand there."""
+    """The value of `#define constant value` in a header of the folder c. Python and C share such numbers."""
     (value,) = re.findall(rf"^#define {constant} (\S+)", (C_FOLDER / f"{name}.h").read_text(encoding="utf-8"), re.M)
     return float(value)

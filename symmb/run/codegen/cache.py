@@ -17,16 +17,16 @@ from pathlib import Path
 from symmb._errors import SymmbError
 
 _OWN = re.compile(r"[0-9a-f]{32}(-[0-9a-f]{64}\.(so|c)|-\w+\.part|\.note)")
-"""Names of files of the cache: others may lie in its folder."""
+"""Names of files of the cache. The folder may contain other files."""
 LARGEST = 2**30
-"""Size of the cache from which on files are removed [bytes]: some 10,000 models of 100 kB."""
+"""Size of the cache above which files are removed [bytes]: about 10,000 models of 100 kB."""
 _KEPT = 0.9
-"""Share of this size that stays, so that not each new model finds the cache too large."""
+"""Fraction of this size that remains, so that files are not removed for each new model."""
 _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
 class UnsafeFolderError(SymmbError):
-    """Others can write to a folder of libraries."""
+    """Other users can write to a folder of libraries."""
 
 
 def folder() -> Path:

@@ -53,7 +53,7 @@ class Event:
 
 
 def events_of(rows: Array, contacts: Contacts, N: int) -> list[tuple[Event, ...]]:
-    """Events of each of N samples, from rows (k, 14) as `symmb.run.codegen.EVENT` tells."""
+    """Events of each of N samples, from rows (k, 14) in the order of `symmb.run.codegen.EVENT`."""
     found: list[list[Event]] = [[] for _ in range(N)]
     for sample, k, what, time, before, after, work, ordered, *L in rows[rows[:, 2] != BLAMED].tolist():
         impulse = L[: contacts.impulses_of(int(k), int(what))]
@@ -63,7 +63,7 @@ def events_of(rows: Array, contacts: Contacts, N: int) -> list[tuple[Event, ...]
 
 
 def event_doubts(events: Sequence[Event]) -> tuple[str, ...]:
-    """What is doubtful about events: simultaneous impacts whose result depends on their order."""
+    """Warnings about events: simultaneous impacts whose result depends on their order."""
     doubtful = [event for event in events if event.depends_on_order]
     if not doubtful:
         return ()

@@ -12,14 +12,15 @@ from symmb.equations.model import DAE
 from symmb.run.events.time_switches import TimeSwitches
 
 _LOOKS = 20_000
-"""Equally spaced times at which laws of time are evaluated, beside the output times."""
+"""Number of equally spaced times at which laws of time are evaluated, in addition to the output times."""
 _SUSPECTS, _HALVINGS = 20, 30
-"""Places where a law of time changes most, and bisections of each, which show whether the law jumps there."""
+"""Number of places where a law of time changes most, and number of bisections of each place, which show whether the law
+jumps there."""
 _CLEAR, _NEAR = 1e-6, 2e-4
-"""Share of the largest value of a switch from which on it is clearly on a side, and share of the horizon by which the
-solver that locates passes may be off the motion: twice that in integrate/side_walk.py."""
+"""Fraction of the largest value of a switch above which the switch is clearly on one side, and largest error of the
+passes of the locating solver over the horizon: twice the value in integrate/side_walk.py."""
 _HIGH, _LOW = 0.5, 0.25
-"""Shares of a law's largest distance from its median: above the first a pulse begins, below the second it ends."""
+"""Fractions of a law's largest distance from its median. A pulse starts above the first, and ends below the second."""
 _INPUTS = On.STATE, On.PARAMETERS, On.TIME
 
 
@@ -44,21 +45,22 @@ class Kinks:
 
     @property
     def spoil_derivatives(self) -> bool:
-        """Whether derivatives with respect to parameters may jump there."""
+        """Whether derivatives with respect to parameters may jump at each switch."""
         return self.moving is not None or bool(self.on_state.any())
 
     def values(self, X: Array, p: Array, times: Array) -> Array:
-        """What changes sign at each, at states X (n_t, n_x) of the times (n_t,): (n_t, m)."""
+        """The values of the switches (n_t, m) at states X (n_t, n_x) of the times (n_t,)."""
         return batch(self.switches, X, p, times[:, None])[0]
 
     def met(self, values: Array) -> int:
-        """Number of sign changes between values (n_t, m). Two that cancel between two times do not count."""
+        """Number of sign changes between values (n_t, m). Two changes between two times cancel, and are not counted."""
         return int(np.count_nonzero(np.diff(values > 0, axis=0)))
 
     def passed_over(self, values: Array, times: Array, passes: Array) -> float:
-        """When values (n_t, m) first change the side of a switch near which there is no pass; nan if they do not.
+        """Times at which values (n_t, m) first change the side of a switch without a known pass; nan if there is no
+        such change.
 
-        The passes (k,) [s] are those that the run itself noted. Values close to 0 are on no side.
+        The passes (k,) [s] are those that the run itself stored. Values close to 0 are on no side.
         """
         if not len(values):
             return np.nan
@@ -72,7 +74,8 @@ class Kinks:
         return float(times[:-1][missed.argmax()]) if missed.any() else np.nan
 
     def first(self, X: Array, p: Array, times: Array) -> float:
-        """The first of the times by which states X (n_t, n_x) have met one that parameters move; nan if none."""
+        """The first time by which states X (n_t, n_x) have passed a switch that depends on parameters; nan if there is
+        none."""
         changed = (np.diff(self.values(X, p, times) > 0, axis=0) & self.on_state).any(axis=1)
         moving = np.empty(0) if self.moving is None else self.moving(p[None])[0]
         first = min(float(times[1:][changed].min(initial=np.inf)), float(moving.min(initial=np.inf)))
@@ -105,7 +108,7 @@ def kinks(dae: DAE, times: Array) -> Kinks | None:
 
 
 def time_switches(dae: DAE, times: Array) -> TimeSwitches | None:
-    """The switches of time of the equations of motion, with instants of sampled values; None if they have none."""
+    """The switches of time of the equations of motion, with sampling instants; None if there are none."""
     f = dae.remembered(_equations)
     instants = None if dae.sampling is None else dae.sampling.instants(times)
     if not has_kinks(f) and instants is None:
@@ -119,18 +122,18 @@ def time_switches(dae: DAE, times: Array) -> TimeSwitches | None:
 
 
 def _branches(dae: DAE, _: Array) -> Branches:
-    """The equations of motion on sides of their switches, of their own symbols."""
+    """The equations of motion on given sides of their switches, with symbols of their own."""
     f = dae.remembered(_equations)
     return branches(with_common_expressions(f), [*zip(f.sx_in(), _INPUTS, strict=True)])
 
 
 def longest_step(dae: DAE, times: Array) -> float:
-    """That of `Pulses` at the nominal parameters."""
+    """The steps of `Pulses` at the nominal parameters."""
     return float(dae.remembered(Pulses, times)(dae.p_nominal[None])[0])
 
 
 def _signals(dae: DAE, _: Array) -> ca.Function | None:
-    """(p, t) -> laws of time; None if there are none."""
+    """A function (p, t) -> laws of time; None if there are none."""
     f = dae.remembered(_equations)
     x, p, time = f.sx_in()
     time_laws = laws(with_common_expressions(f)(x, p, time), p, time)
@@ -174,9 +177,10 @@ class Pulses:
 
 
 def _shortest_pulse(t: Array, law: Array, stops: Array) -> float:
-    """Duration of the shortest pulse of a law (m,) at times (m,), at most twice what it is, infinite without pulses.
+    """Duration of the shortest pulse of a law (m,) at times (m,); infinite without pulses. It is at most twice the true
+    duration.
 
-    Pulses that contain one of the stops do not count.
+    Pulses that contain a stop are ignored.
     """
     if not (finite := np.isfinite(law)).all():
         t, law = t[finite], law[finite]
@@ -232,7 +236,7 @@ def broken(dae: DAE, q: Array, times: Array) -> Break | None:
 
 
 def _jumps(law: ca.Function, times: Array) -> Array:
-    """Times of the jumps of a law, in order: its differences stay when intervals are halved."""
+    """Times of the jumps of a law, in order. At a jump, differences remain if intervals are halved."""
 
     def values(t: Array) -> Array:
         return batch(law, t.reshape(-1, 1))[0].reshape(t.shape)
@@ -253,12 +257,13 @@ def _jumps(law: ca.Function, times: Array) -> Array:
 
 
 def _is_timed(dae: DAE) -> bool:
-    """Whether equations depend on time. Those solved for accelerations are not derived: they may be millions."""
+    """Whether equations depend on time. Explicit accelerations are not derived, because they may have millions of
+    operations."""
     return dae.remembered(_equations).jac_sparsity(0, _INPUTS.index(On.TIME)).nnz() > 0
 
 
 def _equations(dae: DAE, _: Array) -> ca.Function:
-    """Forces, right sides of constraints and first-order rates of (x, p, t)."""
+    """Forces, right sides of constraints and first-order rates as a function of (x, p, t)."""
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
     at = dae.arguments(x, p, t)
     parts = [dae.Q(*at)]

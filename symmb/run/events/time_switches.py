@@ -1,4 +1,4 @@
-"""Times at which equations of motion have kinks or jumps that depend on time, and perhaps on parameters, alone."""
+"""Times of kinks and jumps of equations of motion that depend only on time and parameters."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,19 +11,22 @@ from symmb.declare.symbolic import On, Pieces, batch, batch_padded, branches, co
 from symmb.run.schemes import roots
 
 _PARTS, _HALVINGS, _MOST_PARTS = 64, 30, 1_000_000
-"""Parts of the horizon at first, how often those are halved in which a switch may change sign more than its values at
-their ends tell, and how many there may be: jumps are parts that stay open. Two changes within a part of the shortest
-length, some 1e-10 of the horizon, are not found."""
+"""Number of parts of the horizon at the start, how often parts are halved if they may contain more sign changes than
+their ends show, and largest number of parts. Jumps are parts that remain undecided. Two changes within a shortest part,
+about 1e-10 of the horizon, are not found."""
 _SHARE, _UNEVEN = 0.487, 1.01
-"""Where parts are halved, and the power that makes the first ones unequal: ends do not meet jumps of whole periods."""
+"""Where parts are halved, and the power that makes the first parts unequal, so that ends do not coincide with jumps at
+whole periods."""
 _ROUNDING = 1e-6
-"""Share of a range by which values may be off it. A value that is farther off is on the other side of a jump."""
+"""Fraction of a range by which values may deviate from it. A value that deviates more is on the other side of a
+jump."""
 _SAME = 8
-"""Roundings of a time within which switches are one."""
+"""Number of rounding errors of a time within which two switches are the same."""
 
 
 _BESIDE = 16
-"""Roundings by which a time is beside a jump: twice those within which switches are one."""
+"""Number of rounding errors between a jump and a time beside it: twice the distance within which switches are the
+same."""
 
 
 class TimeSwitches:
@@ -72,14 +75,14 @@ class TimeSwitches:
         return None if self._curved.numel_out(0) or self._tables else (self._linear, self._places)
 
     def of_all_samples(self) -> Array:
-        """Instants, and switches by curved laws that no parameter moves (k,) [s]."""
+        """Times (k,) of sampling instants, and of switches by curved laws without parameters [s]."""
         none = np.zeros(self._linear.numel_in(0))
         curved = self._curved_roots(none) if self._curved.numel_out(0) and not self._depends else np.empty(0)
         tables = [table(none[None])[0] for table in self._tables if not table.depends]
         return np.unique(np.concatenate([self._instants, curved, *tables]))
 
     def __call__(self, p: Array) -> Array:
-        """Switches (N, k) of N samples p (N, n_p) in order, infinite behind the last one [s]."""
+        """Switches (N, k) of N samples p (N, n_p) in order, padded with inf [s]."""
         p = p[:, : self._linear.numel_in(0)]
         switches = [np.broadcast_to(self._instants, (len(p), len(self._instants)))]
         if self._linear.numel_out(0):
@@ -125,13 +128,13 @@ class TimeSwitches:
         return roots(lambda t: self._values(p, t)[every, which], low, high, at_low, at_high)
 
     def _values(self, p: Array, t: Array) -> Array:
-        """The switches (k, m) at times t (k,)."""
+        """The values (k, m) of the switches at times t (k,)."""
         if not len(t):
             return np.empty((0, self._curved.numel_out(0)))
         return batch_padded(self._curved, np.broadcast_to(p, (len(t), len(p))), t[:, None])[0]
 
     def _told(self, p: Array, low: Array, high: Array, at_low: Array, at_high: Array) -> Mask:
-        """Where the values (k, m) at the ends of times low to high (k,) tell every change of sign."""
+        """Mask of intervals whose values (k, m) at the ends low and high (k,) show every sign change."""
         if not len(low):
             return np.ones(at_low.shape, dtype=bool)
         box = np.column_stack([low, high, high - low])
@@ -146,7 +149,7 @@ class TimeSwitches:
 
 
 class _Knots:
-    """Times at which the argument of a table, a curved function of time, is at one of its knots (k,)."""
+    """Times at which the argument of a table, which is a curved function of time, is at a knot (k,)."""
 
     def __init__(self, at: ca.SX, knots: Array, p: ca.SX, t: ca.SX, times: Array) -> None:
         self._at, self._knots, self.depends = ca.Function("at", [p, t], [at]), knots, ca.depends_on(at, p)
@@ -155,12 +158,12 @@ class _Knots:
         self._turns, self._ends = TimeSwitches(turns, p, t, times, knots=branch.knots), (times[0], times[-1])
 
     def __call__(self, p: Array) -> Array:
-        """The times (N, k) of N samples, infinite behind the last one [s]."""
+        """The times (N, k) of N samples, padded with inf [s]."""
         some = p if self.depends else p[:1]
         return _padded([self._of(row, turns) for row, turns in zip(some, self._turns(some), strict=True)], len(p))
 
     def _of(self, p: Array, turns: Array) -> Array:
-        """Times of one sample: between turns and jumps the argument rises or falls."""
+        """Times of one sample. Between turning points and jumps the argument is monotonic."""
 
         def values(t: Array) -> Array:
             if not len(t):
@@ -182,12 +185,12 @@ class _Knots:
 
 
 def _padded(rows: Sequence[Array], count: int) -> Array:
-    """Rows of different lengths, or one row for all, as an array (count, k), infinite behind their ends."""
+    """Rows of different lengths, or one row for all samples, as an array (count, k), padded with inf."""
     longest = max(map(len, rows), default=0)
     padded = [np.pad(row, (0, longest - len(row)), constant_values=np.inf) for row in rows]
     return np.broadcast_to(np.array(padded).reshape(len(rows), longest), (count, longest))
 
 
 def _is_linear(switch: ca.SX, p: ca.SX, t: ca.SX) -> bool:
-    """Whether its slope is constant, and unlike a sawtooth it has no jumps."""
+    """Whether the expression has a constant slope and no jumps, unlike a sawtooth."""
     return not ca.depends_on(ca.jacobian(switch, t), t) and not has_kinks(ca.Function("f", [p, t], [switch]))

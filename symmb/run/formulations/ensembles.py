@@ -17,18 +17,19 @@ from symmb.run.formulations.formulation import Formulation
 from symmb.run.integrate import Run
 
 LOCK = RLock()
-"""CasADi's reference counts are not atomic: one Python thread at a time calls CasADi. CasADi's own threads compute."""
+"""A lock for Python threads that call CasADi, because CasADi's reference counts are not atomic. CasADi's own threads do
+the computation."""
 IRREGULAR_OUTPUT = REASONS[1]
 NAMED_SAMPLES = 5
-"""Failed samples of a block whose messages name joints: as many as are printed."""
+"""Largest number of failed samples of a block whose messages name joints. No more messages are printed."""
 _COMPILED_BLOCK = 1024
-"""Samples of a block for the engine; up to 8 times as many of small models. tests/benchmarks/ensemble.py"""
+"""Number of samples of a block for the engine. Small models have up to 8 times as many. tests/benchmarks/ensemble.py"""
 _STATELESS_VALUES = 10**6
-"""Values of a block of a scene without states: enough for a call to take much longer than its overhead."""
+"""Number of values of a block of a scene without states, so that a call takes much longer than its overhead."""
 
 
 def block_size(n_x: int, values: int, compiled: bool, keeps_trajectories: bool) -> int:
-    """Samples of a block for n_x states and `values` outputs and times of a sample."""
+    """Number of samples of a block, for n_x states and a number of output values of a sample."""
     if not n_x:
         return max(BLOCK, _STATELESS_VALUES // values)
     if not compiled:
@@ -53,7 +54,7 @@ def ensemble_of_runs(form: Formulation, times: Array, Y: Array, runs: list[Run],
 
 
 def ensemble_of_expressions(form: Formulation, P: Array, times: Array, threads: int) -> Ensemble:
-    """The outputs of a scene without states, for N samples P (N, d), all in one call."""
+    """The outputs of a scene without states for N samples P (N, d), in one call."""
     N, n_t = len(P), len(times)
     arguments = (np.zeros((N * n_t, 0)), np.repeat(P, n_t, axis=0), np.tile(times, N)[:, None])
     Y = batch(form.y, *arguments, threads=threads)[0].reshape(N, n_t, -1)
@@ -69,9 +70,10 @@ def ensemble_of_expressions(form: Formulation, P: Array, times: Array, threads: 
 def failure_texts(
     form: Formulation, P: Array, t_failed: Array, reasons: Sequence[str], states: Callable[[int], tuple[Array, Array]]
 ) -> tuple[str, ...]:
-    """A text for each failed sample: time, parameters, reason, and of the first the joints of a singular position.
+    """A text for each failed sample with time, parameters and reason. The first texts name the joints of a singular
+    position.
 
-    `states` of a sample gives some (m, n_x), which may be nan, and their times (m,).
+    `states` gives some states (m, n_x) of a sample, which may be nan, and their times (m,).
     """
     texts = []
     for k in np.flatnonzero(np.isfinite(t_failed)).tolist():
@@ -85,7 +87,7 @@ def failure_texts(
 
 @dataclass(eq=False)
 class CompiledEnsemble:
-    """An Ensemble from the engine. It computes trajectories or extremes at their first use."""
+    """An Ensemble from the engine. Trajectories or extremes are computed at their first use."""
 
     form: Formulation
     engine: Engine
@@ -99,7 +101,7 @@ class CompiledEnsemble:
 
     @property
     def Y(self) -> Array:
-        """(N, n_t, n_y) outputs, nan where a sample failed."""
+        """Outputs (N, n_t, n_y); nan after a sample failed."""
         return self._trajectories
 
     @cached_property
@@ -108,7 +110,7 @@ class CompiledEnsemble:
         return Y
 
     def extremes(self) -> tuple[Array, Array]:
-        """Smallest and largest outputs (n_t, n_y) of the samples that did not fail; inf and -inf without any."""
+        """Smallest and largest outputs (n_t, n_y) of the samples that did not fail; inf and -inf if all failed."""
         if "_trajectories" in self.__dict__:
             return Ensemble(self.Y, self.ok, self.t_failed, ()).extremes()
         lower, upper, self._failed = self.engine.extremes(self._x0, self.P, self.threads)
@@ -123,7 +125,7 @@ class CompiledEnsemble:
 
     @property
     def events(self) -> Indices | None:
-        """(N, n_t) events of contacts of each sample so far; None in scenes without."""
+        """Number of events of contacts (N, n_t) of each sample up to each time; None in scenes without contacts."""
         if self.engine.contacts is None:
             return None
         rows = self.failed_samples.events
@@ -134,12 +136,12 @@ class CompiledEnsemble:
 
     @property
     def t_failed(self) -> Array:
-        """(N,) time at which a sample failed [s], nan where ok."""
+        """Time (N,) at which a sample failed [s]; nan if it did not fail."""
         return self.failed_samples.t_failed
 
     @property
     def ok(self) -> Mask:
-        """(N,) bool."""
+        """Mask (N,) of the samples that did not fail."""
         return np.isnan(self.t_failed)
 
     @property

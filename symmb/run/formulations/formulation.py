@@ -1,4 +1,4 @@
-"""The formulation in which a scene runs: in coordinates of its bodies, or of the joints that carry them."""
+"""The formulation in which a scene runs: in coordinates of its bodies, or of the joints of these bodies."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,10 +19,11 @@ from symmb.run.formulations.output_functions import declared_function, joint_out
 from symmb.run.integrate import Run, Solver
 
 _STAGE = 8
-"""Operations of a stage of an explicit step for each state: sums of slopes."""
+"""Operations per state of a stage of an explicit step, for sums of slopes."""
 _CHEAPER = 0.8
-"""Operations over those in coordinates of bodies up to which coordinates of joints are chosen: they take up to a fifth
-more steps for the same error (double pendulum, heavy top, four-bar)."""
+"""Ratio of operations in coordinates of joints to operations in coordinates of bodies, below which coordinates of
+joints are chosen. Coordinates of joints take up to a fifth more steps for the same error (double pendulum, heavy top,
+four-bar)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +55,7 @@ class Formulation:
         return self.dae if self.judging is None else self.judging().around(self.dae.p_nominal)
 
     def around(self, p: Array) -> "Formulation":
-        """The same for runs with parameters p (n_p,)."""
+        """The formulation for runs with parameters p (n_p,)."""
         return replace(self, dae=self.dae.around(p))
 
     def kinks(self, times: Array) -> Kinks | None:
@@ -86,12 +87,13 @@ class Formulation:
 
     @property
     def operations(self) -> int:
-        """Operations of a stage of an explicit step."""
+        """Number of operations of a stage of an explicit step."""
         return self.dae.rhs.n_instructions() + _STAGE * self.y.numel_in(0)
 
     @property
     def least_operations(self) -> int:
-        """Operations of a stage that the rows alone take, and their factors. The others need not be derived."""
+        """Number of operations of a stage for the rows of constraints and their factors. The remaining equations are
+        not derived."""
         gamma, G = self.dae.gamma, self.dae.G
         rows = 0 if gamma is None or G is None else gamma.n_instructions() - gamma.nnz_out(0) + least_factorization(G)
         return rows + _STAGE * self.y.numel_in(0)
@@ -119,7 +121,7 @@ class InBodies:
 
 
 class _Loads(Lazy[ca.Function]):
-    """`InBodies.loads`. A pickle has None in its place: only proofs need them, and they are large."""
+    """The function `InBodies.loads`. It is None in a pickle, because it is large and only proofs need it."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(None), ()
@@ -140,21 +142,21 @@ class Formulations(NamedTuple):
     spare: Formulation | None
 
     def of(self, solver: Solver) -> Formulation:
-        """The one in which a solver runs."""
+        """The formulation in which a solver runs."""
         return self.joints if self.joints is not None and solver.takes_any_coordinates else self.bodies
 
     @property
     def least_constrained(self) -> Formulation:
-        """The one in the coordinates that the fewest rows of constraints bind."""
+        """The formulation with the fewest rows of constraints."""
         return min(filter(None, self), key=lambda form: form.dae.n_r)
 
     def around(self, p: Array) -> "Formulations":
-        """The same for runs with parameters p (n_p,)."""
+        """The formulations for runs with parameters p (n_p,)."""
         return Formulations(self.bodies.around(p), *(form and form.around(p) for form in self[1:]))
 
 
 def formulations(scene: Scene) -> Formulations:
-    """A scene in coordinates of its bodies and, as far as it has them, in others. The scene remembers them."""
+    """A scene in coordinates of its bodies and, if possible, of its joints. The scene stores the result."""
     with kept_interrupts():
         return scene.remembered(formulations, lambda: _formulations(scene))
 
@@ -230,7 +232,8 @@ def _in_joints(scene: Scene, bodies: Formulation, system: System) -> Formulation
 
 
 def _along_joints(bodies: System, dae: DAE, joints: System) -> ca.Function:
-    """`DAE.rhs` of bodies that move as joints do by `dae`. That of the bodies takes many more operations."""
+    """The function `DAE.rhs` of bodies that move as joints in the equations `dae`. The function of the bodies
+    themselves has many more operations."""
     p, t, x = bodies.p, time_symbol, ca.vertcat(joints.q, joints.v, joints.s)
     there, states = ca.vertcat(*joints.joints.of_joints), ca.vertcat(*joints.joints.of_bodies)
     rates = ca.vertcat(*dae.rhs.call(list(dae.arguments(x, p, t))))

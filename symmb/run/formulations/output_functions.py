@@ -13,15 +13,15 @@ from symmb.run.integrate import Run
 
 
 def declared_function(scene: Scene, own: System, y: ca.SX) -> ca.Function:
-    """(x, p, t, multipliers, accelerations of the bodies) -> y, for the states x of the scene's system, or of its own
-    one in joint space."""
+    """A function (x, p, t, multipliers, accelerations of the bodies) -> y, for the states x of the scene's system or of
+    a system in joint space."""
     x = ca.vertcat(own.q, own.v, own.s)
     arguments = [x, own.p, time_symbol, ca.SX(scene.system.lam), scene.system.vdot]
     return ca.Function("declared", arguments, [ca.densify(y)])
 
 
 def output_function(dae: DAE, scene: Scene, y: ca.SX) -> ca.Function:
-    """(x, p, t) -> y; multipliers and accelerations are computed only if y contains some."""
+    """A function (x, p, t) -> y. Multipliers and accelerations are computed only if y depends on them."""
     system = scene.system
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
     at = dae.arguments(x, p, t)
@@ -36,9 +36,9 @@ def output_function(dae: DAE, scene: Scene, y: ca.SX) -> ca.Function:
 def joint_output_function(
     dae: DAE, joint_dae: DAE, scene: Scene, system: System, joints: JointSpace, declared: ca.Function
 ) -> ca.Function:
-    """(x, p, t) -> outputs for states x of joints, from their `declared_function`.
+    """A function (x, p, t) -> outputs for states x of joints, from their `declared_function`.
 
-    `system` is the scene's one in joint space, `dae` that of the bodies.
+    `system` is the system of the scene in joint space, `dae` has the equations of the bodies.
     """
     t = time_symbol
     own = ca.vertcat(system.q, system.v, system.s)
@@ -59,7 +59,7 @@ def joint_output_function(
 
 
 def _multipliers(dae: DAE, scene: Scene, y: ca.SX, at: tuple[ca.SX, ...]) -> ca.SX:
-    """Multipliers of all rows in a state, if y contains some; zeros otherwise."""
+    """Multipliers of all rows at a state, if y depends on them; zeros otherwise."""
     lam = ca.SX(scene.system.lam)
     if dae.gamma is None or not _contains(y, lam):
         return ca.SX(*lam.shape)
@@ -84,7 +84,7 @@ def jet_outputs(y: ca.Function, order: int) -> ca.Function:
 
 
 def outputs_along(y: ca.Function, runs: Sequence[Run], P: Array, times: Array, threads: int) -> Array:
-    """A Function y (x, p, t) along N runs with parameters P (N, d) at times (n_t,), (N, n_t, n_y)."""
+    """The values (N, n_t, n_y) of a Function y (x, p, t) along N runs with parameters P (N, d) at times (n_t,)."""
     n_t, N = len(times), len(P)
     if not y.numel_out(0) or not N:
         return np.zeros((N, n_t, y.numel_out(0)))

@@ -1,4 +1,4 @@
-"""A program: what runs samples of a scene. It is made once of formulations, a solver and output times."""
+"""A program, which runs samples of a scene. It is made once from formulations, a solver and output times."""
 
 import time
 from collections.abc import Callable, Hashable
@@ -32,20 +32,21 @@ from symmb.run.integrate import (
 )
 
 _TIGHTENINGS = 4
-"""Most times that a solver is made ten times more accurate until its run changes; exact runs never do."""
+"""How often a solver is made ten times more accurate until its run changes. Exact runs never change."""
 _LONG = 10_000
-"""Operations of the rows of loops in coordinates of bodies above which their equations are not derived to judge runs:
-those of a robot arm with 25,000 take a minute. `tests/benchmarks/real_robots.py` has such ones."""
+"""Number of operations of rows of loops in coordinates of bodies, above which these equations are not derived to check
+runs. The rows of a robot arm with 25,000 operations take a minute. `tests/benchmarks/real_robots.py` contains such
+arms."""
 
 
 class _Compiled:
-    """What programs of the same equations, solver and times compile at its first use, and how long that took [s]."""
+    """The compiled parts of programs with the same equations, solver and times, and the compile time [s]."""
 
     def __init__(self, parts: dict[Hashable, Any] | None = None) -> None:
         self.parts, self.seconds = parts or {}, 0.0
 
     def get(self, key: Hashable, make: Callable[[], Any]) -> Any:
-        """The part under a key, which is made at the first time."""
+        """The part with a key, which is made at its first use."""
         if key not in self.parts:
             begin = time.perf_counter()
             self.parts[key] = make()
@@ -139,9 +140,10 @@ class Program:
         return self.compiled.get(("engine", order), make)
 
     def single(self) -> tuple[Integration, Array, Indices]:
-        """The integration of one run with its work, its times (m,), and where the output times stand among them.
+        """The integration of one run with its work, its times (m,), and the positions of the output times in these
+        times.
 
-        The times are close together where this leaves the steps as they are.
+        The times are close together if this does not change the steps.
         """
 
         def make() -> tuple[Integration, Array, Indices]:
@@ -173,7 +175,7 @@ class Program:
         return digest(symmb_version("symmb"), form.dae, form.start, form.y, repr(self.solver), self.times)
 
     def by(self, solver: Solver) -> "Program":
-        """The same scene by another solver.
+        """The program of the same scene with another solver.
 
         Raises
         ------
@@ -185,7 +187,8 @@ class Program:
         return Program(self.forms, solver, self.times, self.contradiction)
 
     def tighter(self) -> "Program":
-        """The same scene by a solver ten times more accurate, or more if its steps would be the same."""
+        """The program of the same scene with a solver ten times more accurate, or more if the steps would be the
+        same."""
         P = self.bodies.dae.p_nominal[None]
         nominal, finer = self.runs(P), self.by(self.solver.tighter(times=self.times))
         if self.bodies.dae.impacts is not None and nominal.ok.size:
@@ -201,20 +204,21 @@ class Program:
         return finer
 
     def at(self, times: Array) -> "Program":
-        """The same scene at other times, which begin and end as its own. No engine is compiled again."""
+        """The program of the same scene at other times with the same begin and end. No engine is compiled again."""
         if self.runs_in_lanes:
             self.engine()
         engines = {key: part.at(times) for key, part in self.compiled.parts.items() if isinstance(part, Engine)}
         return replace(self, times=times, compiled=_Compiled(engines))
 
     def around(self, p: Array) -> "Program":
-        """The same program for runs with parameters p (n_p,): steps follow the pulses of functions of time there."""
+        """The program for runs with parameters p (n_p,). Steps follow the pulses of functions of time for these
+        parameters."""
         copy = replace(self, forms=self.forms.around(p))
         same = copy.longest_step == self.longest_step
         return copy if same else replace(copy, compiled=_Compiled())  # it follows other pulses
 
     def with_outputs(self, y: Any) -> "Program":
-        """The same runs with outputs y (x, p, t), in the coordinates in which the samples run."""
+        """The program of the same runs with outputs y (x, p, t), in the coordinates in which the samples run."""
         form = replace(self.formulation, y=y)
         forms = self.forms._replace(joints=form) if form.bodies else Formulations(form, None, None)
         return replace(self, forms=forms, compiled=_Compiled())
@@ -227,7 +231,7 @@ class Program:
 
     @property
     def cautious(self) -> "Program":
-        """The program that judges solvers. Loops run in coordinates of bodies, whose steps are short near singular
+        """The program that checks solvers. Loops run in coordinates of bodies, whose steps are short near singular
         positions.
 
         Loops of many bodies run in coordinates of joints, because the equations of the bodies take minutes to derive.
@@ -237,9 +241,10 @@ class Program:
         return self._in_bodies if loops and self.bodies.least_operations <= _LONG else self
 
     def shortest_equations(self, X: Array, p: Array) -> tuple[Array, DAE]:
-        """Equations and their states (m, n_x) where the bodies have states X.
+        """Equations, and their states (m, n_x) for states X of the bodies.
 
-        They are those of the joints where these have no loops or those of the bodies are long, else of the bodies.
+        The equations are in coordinates of joints if the scene has no loops or if the equations of the bodies are long,
+        otherwise in coordinates of bodies.
         """
         tree = self.forms.least_constrained
         if tree.bodies is None or (tree.has_loops and self.bodies.least_operations <= _LONG):
@@ -250,7 +255,8 @@ class Program:
 def program_of(scene: Scene, solver: Solver | None = None) -> Program:
     """The program of a scene, which the scene remembers.
 
-    Without a solver it is for those who integrate nothing, or choose the solver themselves: no pilot run is made.
+    A program without a solver is for callers that do not integrate, or that choose the solver themselves. No pilot run
+    is made.
 
     Raises
     ------
@@ -270,7 +276,7 @@ def program_of(scene: Scene, solver: Solver | None = None) -> Program:
 
 
 def _require_able(solver: Solver, dae: DAE, times: Array, contradiction: Break | None) -> None:
-    """DeclarationError unless the solver can run a scene, whose start may contradict the rates of its drives."""
+    """Raise DeclarationError if the solver cannot run a scene. The start may contradict the rates of drives."""
     if dae.sampling is not None and not solver.controls_step:
         missed = dae.sampling.missed(times)
         if not solver.begins_anew or missed.size:

@@ -20,6 +20,6 @@ STEP_CONTROL = SimpleNamespace(
 )
 """The constants of the step control, those of the code DOP853."""
 ROUNDED_STEP = 1e-6
-"""Share of the time below which the rounding of its end changes the length of a step."""
+"""Fraction of the time below which the rounding of the end of a step changes its length."""
 MOST_STEPS = 1_000_000
-"""Steps of a run: more take minutes in C, and hours in Python."""
+"""Largest number of steps of a run. More take minutes in C, and hours in Python."""

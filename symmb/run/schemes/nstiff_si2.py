@@ -84,7 +84,7 @@ def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
 
 
 def _units(dae: DAE, tau: ca.SX, n_heads: int, stabilized: bool) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """What a step can change: rates of the state, multipliers lam and, of index 2, mu."""
+    """The unknowns of a step: rates of the state, multipliers lam and, at index 2, mu."""
     of_q, of_v, row_scales = ca.DM(dae.coordinate_scales), ca.DM(dae.displacement_scales), ca.DM(dae.row_scales)
     of_positions = ca.vertcat(row_scales[: dae.n_c, :], ca.DM.ones(n_heads))
     return (
@@ -95,7 +95,7 @@ def _units(dae: DAE, tau: ca.SX, n_heads: int, stabilized: bool) -> tuple[ca.SX,
 
 
 def _positions(dae: DAE, x: ca.SX, p: ca.SX, t: ca.SX, n_mu: int, heads: list[int]) -> ca.Function:
-    """(x, mu, p, t) -> rows of Phi and of the quaternions' norms, and the correction of q' by mu."""
+    """A function (x, mu, p, t) -> rows of Phi and of the quaternions' norms, and the correction of q' by mu."""
     q, mu = x[: dae.n_q], ca.SX.sym("mu", n_mu)
     norms = ca.vertcat(*[(ca.sumsqr(q[i : i + 4]) - 1) / 2 for i in heads]) if heads else ca.SX(0, 1)
     rows = ca.densify(ca.vertcat(At(dae, x, p, t).Phi(), norms))
@@ -117,7 +117,7 @@ def _first_history(first: At, h: ca.SX, n_quad: int) -> ca.SX:
 
 
 def quaternions(dae: DAE) -> list[int]:
-    """Where quaternions stand in q: index of each scalar part."""
+    """Positions of quaternions in q: the index of each scalar part."""
     return [
         i for i, (name, one) in enumerate(zip(dae.q_names, dae.q_neutral, strict=True)) if one and name[-3:] == ".e0"
     ]

@@ -7,11 +7,11 @@ import numpy as np
 from symmb._types import Array
 
 _ITERATIONS = 100
-"""Most iterations: bisection alone takes 60 to rounding."""
+"""Largest number of iterations. Bisection alone takes 60 down to rounding."""
 
 
 def roots(f: Callable[[Array], Array], a: Array, b: Array, fa: Array, fb: Array) -> Array:
-    """Roots of m functions between ends (m,) where they have different signs, to rounding.
+    """Roots of m functions between ends (m,) with different signs, down to rounding.
 
     References
     ----------

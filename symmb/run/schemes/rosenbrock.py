@@ -8,9 +8,9 @@ Hairer, Wanner, Solving Ordinary Differential Equations II, section VI.4, table 
 
 GAMMA = 0.25
 C = (0.0, 0.386, 0.21, 0.63, 1.0, 1.0)
-"""Where in the step each stage is."""
+"""Times of the stages, as fractions of the step."""
 D = (0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0)
-"""What each stage takes of h times the partial derivative to time."""
+"""Weight of h times the partial derivative to time in each stage."""
 A = (
     (),
     (1.544,),
@@ -19,7 +19,8 @@ A = (
     (1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950),
     (1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 1.0),
 )
-"""Shares of the stages before in the state of each; the new state is that of the last one plus the last stage."""
+"""Weights of the earlier stages in the state of each stage. The new state is the state of the last stage plus the last
+stage."""
 G = (
     (),
     (-5.6688,),
@@ -28,4 +29,4 @@ G = (
     (7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160),
     (8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136, -6.058818238834054),
 )
-"""Shares of the stages before in the right side of each, over h."""
+"""Weights of the earlier stages in the right side of each stage, over h."""

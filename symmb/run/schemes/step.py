@@ -48,7 +48,8 @@ class Step:
     projected: ca.SX | None = None
 
     def newton(self) -> tuple[ca.SX, ca.SX]:
-        """The change of z to be taken off in Newton's method (n_z,), and what of it counts, by weight."""
+        """The step of z (n_z,) that Newton's method subtracts, and the weight of each part of it in the test of
+        convergence."""
         if not self.z.numel():
             return self.z, self.z
         change = general_solver(ca.jacobian(self.residual, self.z))(self.residual)
@@ -93,7 +94,7 @@ class Step:
 
 @dataclass(frozen=True)
 class At:
-    """The DAE at one state: velocities, forces, rows; empty where the scene has none."""
+    """The DAE at one state: velocities, forces and rows. Missing parts are empty."""
 
     dae: DAE
     x: ca.SX
@@ -107,7 +108,7 @@ class At:
 
     @property
     def qdot(self) -> ca.SX:
-        """N v, (n_q,)."""
+        """The rates N v of the coordinates, (n_q,)."""
         return self._rates()[0]
 
     @property
@@ -125,7 +126,7 @@ class At:
         return vdot, lam
 
     def unbalance(self, vdot: ca.SX, lam: ca.SX) -> ca.SX:
-        """M v' + G' lam - Q, (n_v,)."""
+        """The residual M v' + G' lam - Q, (n_v,)."""
         a = self.arguments
         f = self.dae.inertia(*a, vdot) - self.dae.Q(*a)
         return f + self.dae.G(*a).T @ lam if self.dae.G is not None else f
@@ -135,9 +136,10 @@ class At:
         return self.dae.power(*self.arguments, lam) if self.dae.power is not None else ca.SX(0, 1)
 
     def independent(self, rows: ca.SX, multipliers: ca.SX, scales: ca.SX | ca.DM) -> ca.SX:
-        """Rows over their scales (n_r,), or position rows (n_c,), made independent where some are redundant.
+        """Rows over their scales (n_r,), or position rows (n_c,), without redundancy.
 
-        Combinations that vanish at this state are replaced by those of the multipliers, in units of their own.
+        Combinations of rows that vanish at this state are replaced by combinations of the multipliers, in units of
+        their own.
         """
         if self.dae.vanishing is None:
             return rows
@@ -154,9 +156,10 @@ class At:
 
 
 def sizes(dae: DAE, x: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """By what changes are measured: of the state x (n_x,), and of displacements along v (n_v,).
+    """Scales of changes: of the state x (n_x,), and of displacements along v (n_v,).
 
-    Lengths are measured by the largest length, angles by the largest angle, and so with their rates.
+    The scale of lengths is the largest length, and the scale of angles the largest angle. Rates have scales of the same
+    kind.
     """
     names = [*dae.q_names, *dae.v_names, *dae.s_names]
     linear = [is_linear(name) for name in names]
