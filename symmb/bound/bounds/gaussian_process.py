@@ -1,4 +1,4 @@
-"""A Gaussian process of responses that vary in few directions most: the most likely response given some runs."""
+"""A Gaussian process of responses that vary mainly in few directions: the most likely response for given runs."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -9,12 +9,14 @@ from symmb._types import Array
 from symmb.bound.bounds.covariances import DEVIATION, MEAN_RATE, Ridge, Smooth, Sum, Term
 
 EXPECTED_NOISE, _LEAST_NOISE = 1e-6, 1e-10
-"""Expected and least variance of noise, over that of responses: they keep covariances regular; more of them smooths."""
+"""Expected and smallest variance of noise, over the variance of responses. The noise keeps covariances regular. A
+larger noise smooths more."""
 _LIKELIHOOD_TOLERANCE = 1e-5
-"""Share of the logarithm of a likelihood, some hundreds, to which its maximum is found: a third of the steps."""
+"""Tolerance of the maximum of a likelihood, over the logarithm of the likelihood, which is some hundreds. It takes a
+third of the steps."""
 _FARTHEST_DEVIATIONS = 3.0
-"""Standard deviations from what is expected in which likely numbers are searched: farther ones overflow, nearer ones
-may be those of no response."""
+"""Largest distance of likely numbers from their expectation, in standard deviations. Larger distances overflow, smaller
+ones exclude some responses."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,16 +34,16 @@ class Kernel:
 
     @classmethod
     def of(cls, d: int) -> "Kernel":
-        """One without further terms, to start from."""
+        """A kernel without further terms, as a start."""
         return cls((Smooth(1.0, np.full(d, np.exp(MEAN_RATE))),), 1e-4)
 
     def with_term(self, term: Term) -> "Kernel":
-        """The kernel with one more term, which takes most of the variance of the smooth one."""
+        """The kernel with one more term, which takes most of the variance of the smooth term."""
         smooth, *further = self.terms
         return replace(self, terms=(replace(smooth, size=0.1 * smooth.size), *further, replace(term, size=smooth.size)))
 
     def with_vector(self, vector: Array) -> "Kernel":
-        """The kernel with other numbers in its vector."""
+        """The kernel with another vector of numbers."""
         *own, noise = np.split(vector, np.cumsum([len(term.vector) for term in self.terms]))
         terms = (term.with_vector(part) for term, part in zip(self.terms, own, strict=True))
         return Kernel(tuple(terms), float(np.exp(noise[0])))
@@ -63,7 +65,7 @@ class Kernel:
 
     @property
     def prior(self) -> Array:
-        """Expected vector and its standard deviations (2, n)."""
+        """Expected vector and its standard deviations, an array (2, n)."""
         of_noise = [[np.log(EXPECTED_NOISE)], [DEVIATION]]
         return np.concatenate([*(term.prior for term in self.terms), of_noise], axis=1)
 
@@ -104,7 +106,7 @@ class GaussianProcess:
 
     @cached_property
     def _inverse_root(self) -> Array:
-        """(N, N) inverse of the Cholesky factor of the covariance of the runs."""
+        """Inverse (N, N) of the Cholesky factor of the covariance of the runs."""
         from scipy.linalg import cholesky, solve_triangular
 
         covariance, unit = np.sum(self._covariances, axis=0), np.eye(len(self.points))
@@ -124,7 +126,7 @@ class GaussianProcess:
     def unlikeliness(self) -> tuple[float, Array]:
         """Negative logarithm of the likelihood of the responses, and its gradient by the vector of the kernel.
 
-        A weak prior keeps numbers that do not matter in place.
+        A weak prior determines numbers that have no effect on the likelihood.
         """
         kernel, m = self.kernel, self.Y.shape[1]
         mean, deviation = kernel.prior
@@ -138,7 +140,7 @@ class GaussianProcess:
         return value + 0.5 * float(distance @ distance), gradient + distance / deviation
 
     def most_likely(self) -> "GaussianProcess":
-        """The process with the most likely kernel near its own."""
+        """The process with the most likely kernel near the kernel of this process."""
         from scipy.optimize import minimize
 
         mean, deviation = self.kernel.prior
@@ -155,15 +157,15 @@ class GaussianProcess:
         return replace(self, kernel=self.kernel.with_vector(result.x))
 
     def left_out_errors(self) -> Array:
-        """Errors (N, m) of the mean at each run if that run is left out (Rasmussen and Williams, section 5.4.2)."""
+        """Errors (N, m) of the mean at each run without this run (Rasmussen and Williams, section 5.4.2)."""
         return self._weights / np.square(self._inverse_root).sum(axis=0)[:, None]
 
     def left_out_deviations(self) -> Array:
-        """The largest of these errors (N,) over their standard deviations."""
+        """The largest leave-one-out errors (N,), in standard deviations."""
         return np.abs(self.left_out_errors()).max(axis=1) * np.sqrt(np.square(self._inverse_root).sum(axis=0))
 
     def mean(self, points: Array) -> Array:
-        """(M, m)."""
+        """Mean responses (M, m)."""
         return self.kernel.values(points, self.points) @ self._weights
 
     def deviation(self, points: Array) -> Array:
@@ -180,9 +182,10 @@ class GaussianProcess:
         return np.linalg.svd(np.concatenate(slopes), full_matrices=False)[2][0]
 
     def smallest(self, response: int, sign: float, factor: float, starts: Array) -> tuple[Array, float]:
-        """A place (d,) where sign times a response less factor deviations is smallest in the box, and the value there.
+        """The place (d,) in the box with the smallest value of sign times a response minus some deviations, and this
+        value.
 
-        It is the best of local searches from the starts (S, d).
+        The result is the best of local searches from the starts (S, d).
         """
         from scipy.optimize import minimize
 

@@ -14,9 +14,10 @@ from symmb.equations.model import Box
 
 Correlation = Sequence[Sequence[float]] | Array
 _LEAST_MASS = 1e-6
-"""Probability of the box below which a distribution lies outside of it: its quantiles there have few digits."""
+"""Probability of the box below which a distribution is outside of the box, because its quantiles there have few
+digits."""
 _STATED_MASS = 1e-4
-"""Probability outside of the box from which a remark states it."""
+"""Probability outside of the box above which a remark reports it."""
 
 
 def given_once(owner: str, laws: object, distributions: object) -> Any:
@@ -76,7 +77,7 @@ class Laws:
         return (f"The {words.format(', '.join(cut))}, with a probability of {masses} outside.",)
 
     def unit_points(self, uniform: Array, box: Box) -> Array:
-        """Values (N, n_l) in the unit box from independent uniform numbers (N, n_l) of [0, 1]."""
+        """Values (N, n_l) in the unit box from independent, uniformly distributed numbers (N, n_l) of [0, 1]."""
         u = uniform
         if self.factor is not None:
             from scipy.special import ndtr, ndtri

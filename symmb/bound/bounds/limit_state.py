@@ -13,36 +13,38 @@ from symmb.bound.nodes import Sobol
 from symmb.bound.polynomials import TotalDegree, basis_values
 
 _CHAINS, _MOVES_OF_A_CHAIN = 3000, 4
-"""Samples of a level of subset simulation, and how often each moves there."""
+"""Number of samples of a level of subset simulation, and number of moves of each sample."""
 _SMALL_STEP = 0.3
-"""Size of moves of runs that have failed to where failures are likely."""
+"""Size of moves from runs that failed towards places with likely failures."""
 _FAR_RUNS, _NEAREST, _FARTHEST = 96, 3.0, 7.0
-"""Runs in all directions, and their distances from the middle, in standard deviations."""
+"""Number of runs in all directions, and their distances from the centre in standard deviations."""
 _KEPT_OF_A_LEVEL = 0.1
-"""Share of samples that a level keeps."""
+"""Fraction of samples that a level keeps."""
 _LEAST_PROBABILITY = 1e-10
-"""Probability below which an event is not looked for."""
+"""Probability below which an event is not searched."""
 _OPTIMISTIC_ERRORS = 1.5
-"""Errors by which a margin may be larger where failures are looked for: fewer miss regions that no run has met."""
+"""Number of errors by which a margin may be larger in the search for failures. Smaller numbers miss regions without
+runs."""
 _CLUSTERS, _COVARIANCE_FACTOR, _SHARE_OF_LAWS = 8, 1.6, 0.05
-"""Normal distributions from which samples are drawn, the factor of their covariances, as tails of what they stand for
-are heavier, and the share that is drawn from the laws themselves."""
+"""Number of normal distributions from which samples are drawn, factor on their covariances, because the true tails are
+heavier, and fraction of samples from the distributions of the parameters."""
 _SETS_OF_SAMPLES, _SAMPLES_OF_A_SET = 8, 2048
-"""Independent sets of samples, and samples of a set."""
+"""Number of independent sets of samples, and number of samples of a set."""
 _POOL_OF_RUNS = 4096
-"""Samples from which the places of runs are chosen."""
+"""Number of samples from which the places of runs are chosen."""
 _RUNS_OF_A_ROUND = 48
-"""Runs of a round, at samples that are most likely to be on the wrong side: they correct the probability."""
+"""Number of runs of a round, at samples whose predicted sign is most likely wrong. They correct the probability."""
 _RUNS_OVER_FAILURES = 0.25
-"""Share of them that is spread over all failures."""
+"""Fraction of these runs that is spread over all failures."""
 _MOST_FITTED_RUNS = 400
-"""Most runs of rounds in a fit, those nearest to the limit: the time is that of their number cubed."""
+"""Largest number of runs in a fit. The runs closest to the limit are used, because the time grows with the cube of the
+number."""
 _REFIT_GROWTH = 1.25
-"""Growth of the number of runs at which the kernel is fitted again."""
+"""Growth of the number of runs after which the kernel is fitted again."""
 _EXPECTED_IF_NONE = 3.0
-"""Expected number of wrong samples of which none is seen in one of 20 rounds."""
+"""Expected number of wrong samples if none is observed, at a confidence of 95 %."""
 _STANDARD_ERRORS = 3.0
-"""Standard errors that are told."""
+"""Number of standard errors that is reported as the error."""
 
 Normal = Callable[[Array], Array]
 """Values for standard normal numbers (N, n_l)."""
@@ -116,9 +118,9 @@ def rare_event(points_of: Normal, margins: Normal, known: tuple[Array, Array], a
 
 
 def _mean_of_last(rounds: list[tuple[float, float]]) -> tuple[float, float, int]:
-    """Mean of the probabilities of the last half of the rounds, its error, and their number.
+    """Mean of the probabilities of the last half of the rounds, its error, and the number of rounds.
 
-    All count alike: weights by errors would prefer small probabilities, whose errors are small.
+    All rounds have the same weight. Weights by errors would prefer small probabilities, because their errors are small.
     """
     values, errors = np.array(rounds[len(rounds) // 2 :]).T
     error = float(np.sqrt(np.square(errors).sum())) / len(values)
@@ -126,14 +128,14 @@ def _mean_of_last(rounds: list[tuple[float, float]]) -> tuple[float, float, int]
 
 
 def _directions(n_l: int) -> Array:
-    """Standard normal numbers (N, n_l) in all directions, far from the middle: they meet regions that fail rarely."""
+    """Standard normal numbers (N, n_l) in all directions, far from the centre. They find regions with rare failures."""
     normal = ndtri((Sobol().points(_FAR_RUNS, n_l + 1, seed=_SETS_OF_SAMPLES) + 1) / 2)
     radius = _NEAREST + (_FARTHEST - _NEAREST) * ndtr(normal[:, :1])
     return radius * normal[:, 1:] / np.linalg.norm(normal[:, 1:], axis=1, keepdims=True)
 
 
 def _fitted_runs(m: Array, first: int) -> Indices:
-    """Numbers of the first runs, which are spread over all that may fail, and of later ones near the limit."""
+    """Numbers of the first runs, which are spread over all possible failures, and of later runs near the limit."""
     near = first + np.argsort(np.abs(m[first:]))[:_MOST_FITTED_RUNS]
     return np.concatenate([np.arange(first), near])
 
@@ -166,7 +168,7 @@ class _Margin:
 
     @classmethod
     def of(cls, x: Array, m: Array, before: "_Margin | None") -> "_Margin":
-        """Through margins m (N,) at points x (N, n_l)."""
+        """Fit margins m (N,) at points x (N, n_l)."""
         centre, scale = (x.mean(axis=0), 2 * x.std(axis=0)) if before is None else (before.centre, before.scale)
         scale = np.where(scale > 0, scale, 1.0)
         own = (x - centre) / scale
@@ -185,20 +187,19 @@ class _Margin:
         return cls(trend, process, centre, scale, size, of_kernel, factor)
 
     def mean(self, x: Array) -> Array:
-        """(N,)."""
+        """Margins (N,) at points."""
         own = (x - self.centre) / self.scale
         alpha = TotalDegree().indices(x.shape[1], 1 if len(self.trend) == x.shape[1] + 1 else 2)
         return basis_values(alpha, own) @ self.trend + self.size * self.process.mean(own)[:, 0]
 
     def deviation(self, x: Array) -> Array:
-        """(N,), by the errors of left-out runs."""
+        """Errors (N,) of margins at points, from leave-one-out errors."""
         least = np.sqrt(self.process.kernel.noise)
         return self.size * self.factor * np.maximum(self.process.deviation((x - self.centre) / self.scale), least)
 
     def optimistic(self, x: Array) -> Array:
-        """Margins (N,) that are larger by the error of left-out runs: the deviation of each takes a hundred times as
-        long.
-        """
+        """Margins (N,) plus the leave-one-out error. The standard deviation at each point would take a hundred times as
+        long."""
         error = float(np.sqrt(np.square(self.process.left_out_errors()).mean()))
         return self.mean(x) + _OPTIMISTIC_ERRORS * self.size * error
 
@@ -206,7 +207,7 @@ class _Margin:
 def _sampled(
     process: _Margin, points_of: Normal, failed: Array, n_l: int, rng: np.random.Generator
 ) -> tuple[Array, Array, float, float]:
-    """Samples (N, n_l), their weights (N,), and the probability of a positive margin with the error of sampling."""
+    """Samples (N, n_l), their weights (N,), and the probability of a positive margin with its sampling error."""
 
     def margin(z: Array) -> Array:
         return process.optimistic(points_of(z))
@@ -236,7 +237,7 @@ def _sampled(
 
 
 def _failures(margin: Normal, n_l: int, rng: np.random.Generator) -> Array:
-    """Standard normal numbers (N, n_l) whose margin is positive, or as large as is found, by subset simulation.
+    """Standard normal numbers (N, n_l) with positive margins, or with the largest margins, from subset simulation.
 
     Au and Beck, Probabilistic Engineering Mechanics 16 (2001); moves by Papaioannou and others, ibid. 41 (2015).
     """
@@ -252,7 +253,7 @@ def _failures(margin: Normal, n_l: int, rng: np.random.Generator) -> Array:
 def _moved(
     margin: Normal, level: float, z: Array, m: Array, step: float, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Samples that are beyond a level, as many, after moves that keep their distribution there."""
+    """Samples beyond a level, as many as given, after moves that keep their distribution there."""
     start = rng.choice(np.flatnonzero(m >= level), len(z))
     z, m = z[start], m[start]
     for _ in range(_MOVES_OF_A_CHAIN):
@@ -266,7 +267,8 @@ def _moved(
 def _clusters(z: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """Centres (k, n_l) and roots (k, n_l, n_l) of covariances of normal distributions.
 
-    The first is that of the laws, the second that of all samples z (N, n_l): clusters have too narrow tails.
+    The first covariance is the covariance of the parameters. The second is the covariance of all samples z (N, n_l),
+    because clusters have too narrow tails.
     """
     from scipy.cluster.vq import kmeans2
 

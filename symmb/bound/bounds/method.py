@@ -1,4 +1,4 @@
-"""The base of bounding methods: frozen objects that compute Bounds from a simulator and a box."""
+"""The base of bounding methods, which are frozen objects that compute Bounds from a simulator and a box."""
 
 import time
 from abc import ABC, abstractmethod
@@ -22,7 +22,7 @@ from symmb.prove import Interval, operate, parameter_intervals
 from symmb.run.simulation import DAESimulator
 
 _MOST_OPERATIONS = 10_000
-"""Operations of outputs whose possible values take a tenth of a second."""
+"""Number of operations of outputs whose interval extension takes a tenth of a second."""
 
 
 class Method(ABC):
@@ -30,7 +30,7 @@ class Method(ABC):
 
     kind: ClassVar[Kind]
     unit_of_work: ClassVar[str] = "runs"
-    """The unit of its progress."""
+    """The unit in which the method reports its progress."""
     requires: ClassVar[str] = ""
     """Attribute that a simulator must have beyond `run` and `stream`: "jets" or "expression"."""
 
@@ -92,11 +92,11 @@ class Method(ABC):
         return None
 
     def _result(self, simulator: Simulator, lower: Array, upper: Array, evaluations: int, **details: Any) -> Bounds:
-        """Bounds of this method; `details` are the attributes of Bounds that it knows beyond lower and upper."""
+        """Bounds by this method. `details` are further attributes of Bounds, besides lower and upper."""
         return Bounds(simulator.times, simulator.outputs, lower, upper, self.kind, repr(self), evaluations, **details)
 
     def _partial(self, simulator: Simulator, box: Box, attained: Attained, seconds: float) -> Bounds | None:
-        """What the runs before an interrupt attained."""
+        """The extremes of the runs before an interrupt."""
         if not (attained.lower <= attained.upper).all():
             return None
         inner, text = (attained.lower, attained.upper), f"{self!r}, interrupted"
@@ -110,7 +110,7 @@ class Method(ABC):
 
 
 def require_method(owner: str, method: object) -> Method:
-    """The method. It raises DeclarationError if it is none."""
+    """The given method. DeclarationError is raised for anything else."""
     if isinstance(method, type):
         raise DeclarationError(f"{owner}: got the class {method.__name__}; call it, as in Vertex() or Taylor(order=2).")
     if not isinstance(method, Method):
@@ -121,7 +121,7 @@ def require_method(owner: str, method: object) -> Method:
 
 
 def units_of(simulator: Simulator) -> tuple[str, ...]:
-    """Units of the outputs, where the simulator knows them."""
+    """Units of the outputs, if the simulator knows them."""
     return tuple(getattr(simulator, "units", ()))
 
 
@@ -160,7 +160,7 @@ def unit_jets(method: Method, simulator: Simulator, box: Box, point: Array, dire
 
 
 def possible_values(simulator: Simulator, box: Box) -> tuple[Array, Array]:
-    """Least and largest values (n_t, n_y) of the outputs over a box, for all states. They are infinite if unknown."""
+    """Smallest and largest values (n_t, n_y) of the outputs over a box, for all states; infinite if unknown."""
     shape = len(simulator.times), len(simulator.outputs)
     lower, upper = np.full(shape, -np.inf), np.full(shape, np.inf)
     if not isinstance(simulator, DAESimulator) or simulator.y.n_instructions() > _MOST_OPERATIONS:

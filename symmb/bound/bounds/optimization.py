@@ -19,11 +19,11 @@ from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box
 
 _SIGNS = np.array([1.0, -1.0]).reshape(2, 1, 1)
-"""A response and its negative are minimised."""
+"""The two signs of a response: its minimum and its maximum are both found by minimisation."""
 _RUNS_BETWEEN_FITS = 8
-"""Runs with derivatives between two fits. Fewer would use each run better, but each fit takes time."""
+"""Number of runs with derivatives between two fits. A smaller number uses each run better, but each fit takes time."""
 _LEAST_WIDTH_SHARE = 1e-2
-"""Share of an output's largest width that counts as its width at the times where it is narrower."""
+"""Smallest width of an output at a time, over its largest width over all times."""
 
 
 @dataclass(frozen=True)
@@ -95,8 +95,8 @@ class Optimization(Method):
     def _descended(
         self, simulator: Simulator, box: Box, progress: Progress | None
     ) -> tuple[Quadratics, Array, Array, Array, int]:
-        """Last quadratics of the runs with derivatives, least values found, gains that count, prediction before,
-        evaluations. A maximum of y is a minimum of -y: the arrays are of all y, then of all -y."""
+        """Last quadratics of the runs with derivatives, smallest values found, smallest gains, last prediction, and
+        evaluations. A maximum of y is a minimum of -y: the arrays contain all y, then all -y."""
         d, shape = len(box), (len(simulator.times), len(simulator.outputs))
         cost = 1 + d
         most = self.budget // 2 // cost
@@ -131,9 +131,9 @@ class Optimization(Method):
 
 
 def _widths(Y: Array, G: Array) -> Array:
-    """Widths (n_t, n_y) that gains are measured by, from responses (N, n_t, n_y) and gradients (N, d, n_t, n_y).
+    """Widths (n_t, n_y) that are the scales of gains, from responses (N, n_t, n_y) and gradients (N, d, n_t, n_y).
 
-    The width of a single run is that of its tangent. It is inf where an output is 0 throughout.
+    The width of a single run follows from its tangent. The width is inf if an output is always 0.
     """
     width = np.ptp(Y, axis=0) if len(Y) > 1 else 2 * np.abs(G[0]).sum(axis=0)
     least = np.maximum(_LEAST_WIDTH_SHARE * width.max(axis=0), ROUNDING * np.abs(Y).max(axis=(0, 1)))

@@ -24,31 +24,33 @@ from symmb.bound.polynomials.ranges import Piecewise
 from symmb.run.simulation import Sweep
 
 _SETS = 8
-"""Independent sets of samples: their scatter is the sampling error."""
+"""Number of independent sets of samples. Their scatter gives the sampling error."""
 _SAMPLES_OF_POLYNOMIALS, _SAMPLES_WITH_SEARCH, _SAMPLES_BEFORE_RUNS = 512, 128, 32
-"""Samples of a set from polynomials, where each takes a search for extremes or a run, and where runs near a limit may
-follow: more take more time."""
+"""Numbers of samples of a set: from polynomials, if each sample requires a search for extremes or a run, and if runs
+near a limit may follow. Larger numbers take more time."""
 _VALUES_IN_CACHE = 2**20
-"""Values that are computed at once: what the cache of a processor holds."""
+"""Number of values that are computed together, which fit into the cache of a processor."""
 _SAMPLES_NOT_TOLD_APART = 2.0
-"""Samples next to a quantile that are not told from it."""
+"""Number of samples next to a quantile that cannot be distinguished from it."""
 _FEW_BEYOND = 8
-"""Samples beyond a quantile below which it is told that these are few."""
+"""Number of samples beyond a quantile below which a remark reports too few samples."""
 _EXPECTED_IF_NONE = 3.0
-"""Expected number of events of which none is seen in one of 20 samples: the least sampling error of a probability."""
+"""Expected number of events if none is observed in one of 20 samples. It gives the smallest sampling error of a
+probability."""
 _VERIFYING_RUNS = 32
-"""Runs, spread by the distributions, that verify polynomials where their values count, and not only their range."""
+"""Number of runs, spread by the distributions, that verify the values of polynomials and not only their range."""
 _SAFETY_OF_RUNS = 2.0
-"""Largest error over the largest one at these runs, and over the rms of errors of ranges."""
+"""Largest error at these runs over the largest error of ranges, and rms error over the rms of errors of ranges."""
 _FITTED_RUNS, _POINTS_INSIDE, _INTERVALS_OF_ALL_CORNERS = 256, 32, 5
-"""Runs of a fit where polynomials are not good enough, points inside of the intervals, and intervals of which all
-corners are taken."""
+"""Number of runs of a fit if polynomials are not accurate enough, number of points inside of the intervals, and number
+of intervals of which all corners are used."""
 _MOST_RUNS_NEAR_LIMIT = 1000
-"""Most runs near a limit."""
+"""Largest number of runs near a limit."""
 _MOST_VALUES = 2**24
-"""Most values of polynomials that a probability takes: some seconds."""
+"""Largest number of polynomial values for a probability, which take some seconds."""
 _STANDARD_ERRORS = 3.5
-"""Standard errors of the mean of the sets that are told as sampling error: 99 % of Student's t with 7 degrees."""
+"""Number of standard errors of the mean of the sets that is reported as the sampling error: 99 % of Student's t with 7
+degrees of freedom."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -142,7 +144,7 @@ class Quantiles(Figures):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Probability(Figures):
-    """How probable it is that an output is beyond a value.
+    """The probability that an output is above or below a value.
 
     Attributes
     ----------
@@ -211,7 +213,7 @@ def _quantiles_and_scatter(values: Array, q: Array) -> tuple[Array, Array]:
 
 
 def _of_sorted(values: Array, q: Array) -> Array:
-    """(n_q, n_t, ...) quantiles of values (n_t, ..., n) that rise along the last axis."""
+    """Quantiles (n_q, n_t, ...) of values (n_t, ..., n) that increase along the last axis."""
     place = q * (values.shape[-1] - 1)
     first = np.minimum(place.astype(int), values.shape[-1] - 2)
     share = place - first
@@ -223,7 +225,7 @@ def probability_of(
 ) -> Probability:
     """Probability that an output is above one value or below another; see `Bounds.probability`.
 
-    Where parameters without a law give a sample a range, the event is certain if the range is on one side as a whole.
+    If parameters without a distribution give a sample a range, the event is certain if the whole range is on one side.
     """
     owner = "Bounds.probability"
     k = responses.column(owner, output)
@@ -259,14 +261,13 @@ def probability_of(
 
 
 def _is_short(found: Array, error: float) -> bool:
-    """Whether the error of the event at any time is larger than the one asked for."""
+    """Whether the error of the event at any time is larger than the requested error."""
     return bool(found[2, -1] > error * found[0, -1])
 
 
 def _by_samples(samples: "_Samples", limits: tuple[float, float]) -> Array:
-    """Lowest and highest probability, their error, and the part of it that polynomials have (4, n_t + 1), last of the
-    event at any time.
-    """
+    """Lowest and highest probability, their error, and the part of the error from polynomials: (4, n_t + 1). The last
+    entry is for the event at any time."""
     responses, k, (bottom, top) = samples.responses, samples.column, limits
     at_times, ever = [], np.zeros((4, _SETS, samples.number // _SETS), dtype=bool)
     for window, low, high in samples.over_time():
@@ -284,7 +285,7 @@ def _by_samples(samples: "_Samples", limits: tuple[float, float]) -> Array:
 
 
 def _near_limit(samples: "_Samples", limits: tuple[float, float], error: float) -> Array:
-    """The four figures of `_by_samples`, by runs near the limit."""
+    """The four results of `_by_samples`, from runs near the limit."""
     from scipy.special import ndtr, ndtri
 
     (bottom, top), columns = limits, samples.columns
@@ -335,7 +336,7 @@ def samples_of(
 
 
 def _values(responses: Responses, points: Array) -> Array:
-    """Responses (N, n_t, n_y) of polynomials that agree with some runs at these points, or of runs."""
+    """Responses (N, n_t, n_y) at these points, of polynomials that agree with some runs, or of runs."""
     surrogate, runs = responses.surrogate, responses.runs
     if surrogate is not None and responses.is_good.all():
         if runs is None:
@@ -387,29 +388,29 @@ class _Samples:
 
     @cached_property
     def checks(self) -> tuple[Array, Array]:
-        """Even numbers (N, n_l + n_free) of runs that are spread by the laws, and evenly where there are none, and
-        responses (N, n_t).
-        """
+        """Uniform numbers (N, n_l + n_free) of runs that are spread by the distributions, and evenly for other
+        parameters, and responses (N, n_t)."""
         u = (Sobol().points(_VERIFYING_RUNS, len(self.columns) + self.free.sum(), seed=_SETS) + 1) / 2
         return u, self.by_runs(self.unit_points(u))
 
     def known(self) -> tuple[Array, Array]:
-        """Even numbers (N, n_l) of all runs that were made, and responses (N, n_t)."""
+        """Uniform numbers (N, n_l) of all runs so far, and responses (N, n_t)."""
         return self.checks if self.surrogate is not None else (self._uniform, self._by_samples[:, :, 0])
 
     def may_grow(self) -> bool:
-        """Whether more samples take no runs, and little time."""
+        """Whether more samples require no runs and little time."""
         return self.surrogate is not None and not self.free.any() and 4 * self.number * len(self.error) <= _MOST_VALUES
 
     def spread(self, n: int) -> None:
-        """Take n samples in each set."""
+        """Draw n samples in each set."""
         self.number = _SETS * n
         sets = [Sobol().points(n, len(self.columns), seed) for seed in range(_SETS)]
         self._uniform = (np.concatenate(sets) + 1) / 2
         self._points = self.unit_points(self._uniform)
 
     def unit_points(self, uniform: Array) -> Array:
-        """Points (N, d) of the unit box from even numbers for the laws, (N, n_l), and for what has none, if given."""
+        """Points (N, d) of the unit box from uniform numbers (N, n_l) for the distributions, and from numbers for other
+        parameters, if given."""
         n, points = len(self.columns), np.zeros((len(uniform), len(self.free)))
         points[:, self.columns] = self._laws.unit_points(uniform[:, :n], self.responses.box)
         if uniform.shape[1] > n:
@@ -422,9 +423,8 @@ class _Samples:
         return self.responses.runs.values(points)[:, :, self.column]
 
     def _fit(self) -> None:
-        """Polynomials by least squares, which are not good, and their error at sets of runs that differ in the
-        parameters without a law alone.
-        """
+        """Polynomials by least squares, which are less accurate, and their error at sets of runs that differ only in
+        the parameters without a distribution."""
         responses, free = self.responses, np.flatnonzero(self.free)
         assert responses.runs is not None
         points, Y = responses.runs.sample(_FITTED_RUNS)
@@ -454,7 +454,7 @@ class _Samples:
         return low, high
 
     def over_time(self) -> Iterator[tuple[slice, Array, Array]]:
-        """Windows of time, and the lowest and highest values (replicates, n, n_t) there."""
+        """Windows of time, and the lowest and highest values (replicates, n, n_t) in each window."""
         surrogate, n_t = self.surrogate, len(self.responses.t)
         step = n_t
         if surrogate is not None:  # each window computes all terms at the points again
@@ -480,7 +480,7 @@ class _Samples:
     def about(
         self, levels: Array | None = None
     ) -> tuple[str, str, Array, str, tuple[str, ...], int, int, tuple[str, ...]]:
-        """The attributes of `Figures`."""
+        """The attributes of `Figures` as a dictionary."""
         responses = self.responses
         intervals = tuple(name for name, free in zip(responses.box.names, self.free, strict=True) if free)
         remarks = (*responses.remarks, *self._laws.remarks)
@@ -493,5 +493,5 @@ class _Samples:
 
 
 def _scatter(sets: Array) -> Array:
-    """Sampling error of the mean of figures of all sets (replicates, ...)."""
+    """Sampling error of the mean of the results of all sets (replicates, ...)."""
     return _STANDARD_ERRORS * sets.std(axis=0, ddof=1) / np.sqrt(_SETS)

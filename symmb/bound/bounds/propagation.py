@@ -83,7 +83,7 @@ def propagate(
 
 
 def finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Executor | None) -> Bounds:
-    """The bounds that a method gives, with what is doubtful about them, and with what they were made from."""
+    """The bounds by a method, with warnings and with the data from which further runs are possible."""
     box = bounds.box
     assert box is not None
     bounds = checked(method, simulator, box, doubted(simulator, box, bounds), executor)

@@ -7,11 +7,11 @@ import numpy as np
 from symmb._types import Array
 
 _SWEEPS = 10
-"""Passes over the coordinates."""
+"""Number of passes over the coordinates."""
 _NEAREST_POINTS = 4
-"""Nearest points that determine a curvature, over d + 1: points farther away hardly change it."""
+"""Number of nearest points that determine a curvature, over d + 1. Points farther away change the curvature little."""
 _ZERO_SINGULAR_VALUE = 1e-10
-"""Share of the largest singular value below which the points do not determine a curvature."""
+"""Ratio to the largest singular value below which the points do not determine a curvature."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,18 +32,19 @@ class Quadratics:
     step: Array
 
     def change(self, step: Array) -> Array:
-        """Values (m,) at steps (d, m) from the origins, where they are 0."""
+        """Values (m,) at steps (d, m) from the origins. The values at the origins are 0."""
         return ((self.gradient + np.einsum("ijm,jm->im", self.hessian, step) / 2) * step).sum(axis=0)
 
     @property
     def gain(self) -> Array:
-        """Decrease (m,) of the quadratics by the steps, at least 0."""
+        """Decrease (m,) of the quadratics by the steps, which is at least 0."""
         return np.maximum(-self.change(self.step), 0.0)
 
     def promising(self, least: Array, count: int) -> Array:
-        """At most ``count`` points (n, d) where quadratics gain more than ``least`` (m,), the largest gain first.
+        """At most ``count`` points (n, d) at which quadratics gain more than ``least`` (m,), with the largest gain
+        first.
 
-        After the choice of a point, the gain of each other quadratic counts only beyond its value at this point.
+        After each choice, the gain of the other quadratics is measured from their values at the chosen point.
         """
         left = self.gain / least
         some = np.flatnonzero(left > 1.0)
@@ -83,7 +84,7 @@ def quadratics(X: Array, F: Array, G: Array) -> Quadratics:
 
 
 def _curvatures(offset: Array, rise: Array, turn: Array) -> Array:
-    """Symmetric matrices (d, d, m) of least squares over the other points, the nearer the heavier.
+    """Symmetric matrices (d, d, m) by least squares over the other points. Closer points have larger weights.
 
     H offset = turn (N, d, m), the change of the gradient, and offset H offset / 2 = rise (N, m), the change of the
     value beyond the linear one; the smallest H where these do not determine it.
@@ -105,7 +106,7 @@ def _curvatures(offset: Array, rise: Array, turn: Array) -> Array:
 
 
 def _box_minima(g: Array, H: Array, lower: Array, upper: Array) -> Array:
-    """Steps (d, m) to minima of g s + s H s / 2 over lower <= s <= upper (d, m), one coordinate after the other."""
+    """Steps (d, m) to minima of g s + s H s / 2 with lower <= s <= upper (d, m), by coordinate descent."""
     s = np.zeros_like(g)
     for i in [*range(len(g))] * _SWEEPS:
         h = H[i, i]

@@ -1,4 +1,4 @@
-"""Reductions of trajectories that bounding methods compute block by block."""
+"""Reductions of trajectories, which bounding methods compute block by block."""
 
 import operator
 from collections.abc import Callable
@@ -14,11 +14,11 @@ from symmb.connect import Reduction, Samples, Simulator
 from symmb.equations.model import Box
 
 FailedRuns = tuple[tuple[int, float, str], ...]
-"""(sample number, time, message) of each failed run."""
+"""The sample number, time and message of each failed run."""
 
 
 def extremes(simulator: Simulator) -> Reduction[tuple[Array, Array]]:
-    """Smallest and largest values (n_t, n_y) over the runs that did not fail; inf and -inf without any."""
+    """Smallest and largest values (n_t, n_y) of the runs that did not fail; inf and -inf if all failed."""
     shape = len(simulator.times), len(simulator.outputs)
     none = partial(_no_extremes, shape)
     return Reduction(none, _update_extremes, _merge_extremes, trajectories=False, attained=_itself)
@@ -51,7 +51,7 @@ def gathered(simulator: Simulator, P: Array, executor: Executor | None) -> tuple
 
 
 def together(*reductions: Reduction[Any]) -> Reduction[tuple[Any, ...]]:
-    """Several reductions of the same runs, their states in a tuple."""
+    """Several reductions of the same runs. Their states are a tuple."""
     return Reduction(
         partial(_init_together, reductions),
         partial(_update_together, reductions),
@@ -71,18 +71,18 @@ def failure_records(simulator: Simulator, box: Box, P: Array, runs: FailedRuns) 
 
 
 def failure_details(simulator: Simulator, box: Box, points: Array, P: Array, runs: FailedRuns) -> dict[str, Any]:
-    """Attributes of Bounds: the failed runs, and where in the box they lie, of runs at points (N, d) and samples P."""
+    """Attributes of Bounds: the failed runs, and their places in the box, for runs at points (N, d) with samples P."""
     region = failed_region(box, points, which_failed(runs, len(P)))
     return {"failed": failure_records(simulator, box, P, runs), "failed_region": region}
 
 
 def which_failed(runs: FailedRuns, number: int) -> Mask:
-    """Which runs (number,) failed."""
+    """Mask (number,) of the failed runs."""
     return np.isin(np.arange(number), [index for index, _, _ in runs])
 
 
 def require_some(method: object, failed: tuple[Failure, ...], runs: int) -> None:
-    """PropagationError if every run failed."""
+    """Raise PropagationError if every run failed."""
     if len(failed) == runs:
         raise PropagationError(f"{method!r}: all {runs} runs failed.\n{failure_text(failed)}")
 

@@ -1,4 +1,4 @@
-"""Polynomials by least squares from runs at points that are spread over the box, with their left-out errors."""
+"""Polynomials by least squares from runs that are spread over the box, with leave-one-out errors."""
 
 from collections.abc import Iterator
 
@@ -10,18 +10,19 @@ from symmb.bound.polynomials import Expansion, HyperbolicCross, MultiIndices, ba
 from symmb.bound.polynomials.ranges import Piecewise
 
 _CROSS_EXPONENTS = 1.0, 0.75, 0.5
-"""Exponents of hyperbolic crosses: the first is the total degree, others favour terms of few parameters."""
+"""Exponents of hyperbolic crosses. The first gives the total degree, the others prefer terms of few parameters."""
 _HIGHEST_DEGREE = 16
-"""Highest degree: runs for more of them are rare."""
+"""Highest degree, because runs for higher degrees are rarely available."""
 _RUNS_PER_TERM = 2
-"""Least number of runs for each term: fewer leave coefficients to chance."""
+"""Smallest number of runs for each term. Fewer runs do not determine coefficients reliably."""
 
 _LEAST_OWN_RESIDUAL = 1e-6
-"""Least share of a run that its own residual keeps: a run that determines a term alone has none but rounding."""
+"""Smallest fraction of a run that its own residual contains. If a run alone determines a term, its residual is only
+rounding."""
 
 
 def fitted(points: Array, Y: Array, parameters: tuple[str, ...]) -> Piecewise:
-    """Polynomials through responses Y (N, n_t, n_y) at points (N, d). The error is the rms of left-out residuals.
+    """Polynomials through responses Y (N, n_t, n_y) at points (N, d). The error is the rms of leave-one-out residuals.
 
     Each response takes the basis whose residuals are least where a run is left out. (Blatman and Sudret, Journal of
     Computational Physics 230 (2011), section 3.3)
@@ -50,7 +51,7 @@ def fitted(points: Array, Y: Array, parameters: tuple[str, ...]) -> Piecewise:
 
 
 def _bases(d: int, most: int) -> Iterator[MultiIndices]:
-    """Sets of degrees of at most so many terms, each once."""
+    """Sets of degrees with at most a given number of terms, each set once."""
     sizes = set[int]()
     for q in _CROSS_EXPONENTS:
         for degree in range(1, _HIGHEST_DEGREE + 1):

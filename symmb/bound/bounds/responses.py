@@ -1,4 +1,4 @@
-"""What questions about responses over a box are put to: polynomials, or runs where none are good."""
+"""The source of answers about responses over a box: polynomials, or runs if no polynomials are accurate enough."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,11 +13,12 @@ from symmb.bound.polynomials.ranges import Piecewise
 from symmb.equations.model import Box
 
 GOOD = 0.25
-"""Largest error of polynomials over the widths at which they are asked: their answers stand beside their errors."""
+"""Largest error of polynomials over the widths at which they are used. Answers contain their errors."""
 
 
 class Runs(Protocol):
-    """Further runs: a range with its error and their number, values, and bounds by PolynomialChaos()."""
+    """Functions for further runs: a range with its error and number of runs, values, and bounds by
+    PolynomialChaos()."""
 
     def range(self, box: Box, label: str) -> tuple[Array, Array, Array, int]: ...
 
@@ -79,11 +80,11 @@ class Responses:
         return self.names.index(require_name(owner, "output", output, self.names))
 
     def own(self, k: int) -> Piecewise | None:
-        """Good polynomials of output number k alone."""
+        """The accurate polynomials of output number k only."""
         return self.surrogate.part(slice(None), [k]) if self.surrogate is not None and self.is_good[k] else None
 
     def are_good(self, error: Array, columns: Sequence[int]) -> Mask:
-        """Which of some outputs have polynomials whose error (n_t, n) is small beside the width, or noise."""
+        """Mask of outputs with polynomials whose error (n_t, n) is small beside the width, or is only noise."""
         lower, upper, floor = self.lower[:, columns], self.upper[:, columns], self.floor[[*columns]]
         power = np.frexp(np.abs([lower, upper]).max(axis=(0, 1), initial=0.0))[1]  # squares may overflow
         error, lower, upper, floor = (np.ldexp(each, -power) for each in (error, lower, upper, floor))
@@ -92,7 +93,7 @@ class Responses:
     def range(self, lower: Array, upper: Array) -> tuple[Array, Array, Array]:
         """Bounds (n_t, n_y) by the polynomials over a part of the unit box, and their error (n_t, n_y).
 
-        They are nan for outputs without good ones. Parameters with equal ends are fixed.
+        Bounds are nan for outputs without accurate polynomials. Parameters with equal ends are fixed.
         """
         low, high, error = np.full((3, *self.lower.shape), np.nan)
         if self.surrogate is not None and self.is_good.any():
@@ -103,7 +104,8 @@ class Responses:
         return np.maximum(low, self.lower), np.minimum(high, self.upper), error
 
     def range_by_runs(self, free: Mask, label: str) -> tuple[Array, Array, Array, int]:
-        """The range by a study in which some parameters (d,) are free and others nominal, its error, and its runs."""
+        """The range of a study with some free parameters (d,) and nominal values of the others, its error and number of
+        runs."""
         assert self.runs is not None
         if not free.any():
             value = self.runs.values(self.nominal[None])[0]

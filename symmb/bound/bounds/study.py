@@ -1,4 +1,4 @@
-"""What bounds are made from: kept with them, so that more runs can be made."""
+"""The data from which bounds were computed. They are stored with the bounds for further runs."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -32,7 +32,7 @@ class Study:
 
     @property
     def scene(self) -> Scene:
-        """The scene. Other simulators have no mechanism."""
+        """The scene; None for other simulators, which have no mechanism."""
         return self.prepared.scene
 
     @property
@@ -57,14 +57,14 @@ class Study:
 
     @cached_property
     def nominal(self) -> tuple[Array | None, Array | None]:
-        """Outputs (n_t, n_y) of the nominal run, None if it fails, and how far they may be off."""
+        """Outputs (n_t, n_y) of the nominal run, None if the run fails, and the error of the outputs."""
         Y, bad = gathered(self.simulator, np.array([[*map(float, self.simulator.parameters.values())]]), None)
         return (None, None) if bad else (Y[0], noise_from_runs(self.simulator))
 
     def range(self, box: Box, label: str) -> tuple[Array, Array, Array, int]:
-        """Bounds (n_t, n_y) over another box by PolynomialChaos(), their estimated error, and how many runs they took.
+        """Bounds (n_t, n_y) over another box by PolynomialChaos(), their estimated error, and the number of runs.
 
-        Parameters that are not in the box have their nominal values. The progress shows the label.
+        Parameters outside of the box have their nominal values. The progress shows the label.
         """
         with shown_runs(None, f"{label}, {', '.join(box.names)}") as progress:
             bounds = PolynomialChaos().bounds(self.simulator, box, progress=progress)
@@ -72,9 +72,10 @@ class Study:
         return bounds.lower, bounds.upper, bounds.estimate, bounds.evaluations
 
     def sample(self, n: int) -> tuple[Array, Array]:
-        """The first n of points that are spread over the unit box, and the responses there. All figures share them.
+        """The first n of the points that are spread over the unit box, and the responses there. All answers share these
+        runs.
 
-        Points whose runs fail are left out. A PropagationError tells that most do.
+        Points with failed runs are left out. PropagationError is raised if most runs fail.
         """
         known, new = self._sampled, Sobol().points(n, len(self.box), seed=1)
         if len(new) > (before := len(known[0])):
@@ -88,21 +89,21 @@ class Study:
 
     @cached_property
     def _sampled(self) -> list[Array]:
-        """Points, and responses, which are nan where a run failed."""
+        """Points and responses. Responses of failed runs are nan."""
         shape = len(self.simulator.times), len(self.simulator.outputs)
         return [np.zeros((0, len(self.box))), np.zeros((0, *shape))]
 
     @property
     def has_lanes(self) -> bool:
-        """Whether runs share their steps, so that many cost little."""
+        """Whether runs are computed side by side, so that many runs take little time."""
         return isinstance(self.simulator, SceneSimulator)
 
     def attempted(self, points: Array) -> tuple[Array, FailedRuns]:
-        """Responses (N, n_t, n_y) at points (N, d) of the unit box, nan where a run failed, and the failed runs."""
+        """Responses (N, n_t, n_y) at points (N, d) of the unit box, with nan for failed runs, and the failed runs."""
         return gathered(self.simulator, parameter_samples(self.simulator, self.box, points), None)
 
     def values(self, points: Array) -> Array:
-        """Responses (N, n_t, n_y) at points (N, d) of the unit box, where no run may fail."""
+        """Responses (N, n_t, n_y) at points (N, d) of the unit box. No run may fail."""
         Y, bad = self.attempted(points)
         if bad:
             raise PropagationError(_FAILED.format(len(bad), len(points), bad[0][2]))

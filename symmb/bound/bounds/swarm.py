@@ -98,7 +98,7 @@ class Swarm(Method):
 
 
 def _watch(pairs: int, particles: int, state: tuple[Array, ...], block: Samples, indices: Indices) -> tuple[Array, ...]:
-    """The objective of each run: a response, its negative in the second half of the swarms; inf where a run failed."""
+    """The objective of each run: a response, or its negative in the second half of the swarms; inf for a failed run."""
     swarm = indices // particles
     values = block.Y.reshape(len(indices), -1)[np.arange(len(indices)), swarm % pairs]
     return (*state, np.where(block.ok, np.where(swarm < pairs, values, -values), np.inf))

@@ -21,11 +21,11 @@ from symmb.connect import Kinked, Progress, Simulator
 from symmb.equations.model import Box
 
 _MOST_EVALUATIONS = 100_000
-"""Evaluations of all parts: at 0.1 to 1 ms each they take up to two minutes."""
+"""Largest number of evaluations of all parts. At 0.1 to 1 ms each they take up to two minutes."""
 _MOST_KEPT_NUMBERS = 2**25
-"""Most coefficients that are kept for check runs: 256 MB."""
+"""Largest number of coefficients that are stored for check runs: 256 MB."""
 _MOST_DIRECTIONS = 2000
-"""Directions of derivatives: their system of equations takes ten seconds to solve."""
+"""Largest number of directions of derivatives. Their system of equations takes ten seconds to solve."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ class Taylor(Method):
 
 
 def _caution(kinks: list[tuple[float, str]]) -> str:
-    """The caution about kinks or jumps that runs meet."""
+    """The warning about kinks or jumps that runs pass."""
     if not kinks:
         return ""
     time, which = min(kinks)
@@ -139,7 +139,7 @@ def _caution(kinks: list[tuple[float, str]]) -> str:
 def _polynomials(parts: Sequence[Sequence[Array]], centers: Array, radius: float, box: Box) -> Piecewise:
     """The expansions of all parts, with these centres (k, d) and half widths, as Legendre expansions.
 
-    Their error is expected to be as large as their last terms.
+    Their expected error is the size of their last terms.
     """
     d, order = len(box), len(parts[0]) - 1
     beta, lattice = TotalDegree().indices(d, order), Grid(d)

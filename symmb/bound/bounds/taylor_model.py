@@ -20,13 +20,14 @@ from symmb.equations.model import Box
 from symmb.prove import EXTRA_NODES, NO_START, SINGULAR, Enclosure, enclose, problem_of
 
 _HIGHEST_ORDER = 60
-"""Highest order: coefficients of smooth motions are rounding long before, and their number grows with its powers."""
+"""Highest order. Coefficients of smooth motions of higher order are rounding, and their number grows with the order."""
 _MOST_TERMS = 20_000
-"""Most terms of a polynomial of the parameters. A step then takes a minute, and gigabytes with some ten states."""
+"""Largest number of terms of a polynomial of the parameters. With this number a step takes a minute, and gigabytes for
+about ten states."""
 _MOST_NODES = 1_000_000
-"""The same of interpolations of expressions: they take half a minute."""
+"""Largest number of terms of interpolations of expressions, which take half a minute."""
 _PARTS_OF_PROGRESS = 1000
-"""Parts of the horizon in which progress is told."""
+"""Number of parts of the horizon at which progress is reported."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,7 @@ class TaylorModel(Method):
         return self._result(simulator, found.lower, found.upper, found.boxes, caution=caution)
 
     def _require_room(self, d: int, terms: int, more: int) -> None:
-        """Refuse more parameters than polynomials of the order, with `more` terms of each, have room for."""
+        """Refuse more parameters than the polynomials of the order allow, with `more` terms each."""
         if (self.order + more) ** d > terms:
             most = int(terms ** (1.0 / d) + 1e-9) - more
             lower = f"order={most}, " if most > 0 else ""
@@ -131,7 +132,7 @@ class TaylorModel(Method):
 
 
 class _Outlook:
-    """Says once, early, how long a proof takes, if it takes minutes.
+    """A message that reports once how long a proof takes, if it takes minutes.
 
     The first steps are short and become longer, so that the last step tells more than all of them. Before a proof ends
     early, steps become short again, and all of them tell more.
@@ -142,7 +143,7 @@ class _Outlook:
         self._begin = self._last[0]
 
     def note(self, share: float) -> None:
-        """Note the share of the horizon that is proved."""
+        """Store the fraction of the horizon that is proved."""
         (before, last), now = self._last, time.monotonic()
         self._last = now, share
         if not self._is_open or now < self._begin + _SECONDS_UNTOLD or not last < share < 1.0:
@@ -159,11 +160,11 @@ class _Outlook:
 
 
 _SECONDS_UNTOLD = 8.0
-"""Time after which a proof tells how long it takes [s]."""
+"""Time after which the duration of a proof is predicted [s]."""
 
 
 def _caution(found: Enclosure, remedy: str, times: Array, outputs: Sequence[str], refused: Sequence[str]) -> str:
-    """The caution about times or outputs of which nothing or little is proved."""
+    """The warning about times or outputs for which nothing or little is proved."""
     begin = float(times[0])
     parts = [
         f"infinite for {name}, since {unknown} has no remainder"
@@ -193,6 +194,6 @@ def _caution(found: Enclosure, remedy: str, times: Array, outputs: Sequence[str]
 
 
 def _names(outputs: Sequence[str], which: Mask) -> str:
-    """The outputs that are marked at any time (n_t, n_y), the first three of them."""
+    """The outputs with a mark at any time (n_t, n_y), at most three of them."""
     names = [name for name, marked in zip(outputs, np.any(which, axis=0).tolist(), strict=True) if marked]
     return ", ".join(names[:3]) + (f" and {len(names) - 3} more outputs" if len(names) > 3 else "")

@@ -5,27 +5,28 @@ import numpy as np
 from symmb._types import Array, Mask
 
 WINDOW = 0.02
-"""Length of a window, over that of all times: coefficients and widths of a swinging response pass 0."""
+"""Length of a window over the length of all times. Coefficients and widths of an oscillating response pass 0, so they
+are averaged."""
 
 ROUNDING_SCALE = 1e-12
-"""Difference of runs, over the largest value of an output, that is rounding."""
+"""Difference of runs that counts as rounding, over the largest value of an output."""
 ROUNDING = 1e-9
-"""Share of an output's largest value, and of a limit of errors, below which errors are rounding. So an estimate that is
-the noise itself does not exceed the noise."""
+"""Ratio to an output's largest value, and to a limit of errors, below which errors are rounding, so that an estimate of
+pure noise does not exceed the noise."""
 DOUBTFUL = 0.1
-"""Share of the width above which an estimated error is doubtful."""
+"""Ratio to the width above which an estimated error is a warning."""
 LEAST_WIDTH = 0.1
-"""Width at some of the times, over that over all times, which counts at least: bounds may touch for a moment, and
-responses die out. An error below 1 % of the width over all times, the usual tolerance, is never doubtful."""
+"""Smallest width at some times, over the width over all times, because bounds may touch for a moment and responses
+decay. An error below 1 % of the width over all times, the usual tolerance, is never a warning."""
 
 
 def rms(values: Array) -> Array:
-    """Root mean square over the first axis, mostly that of the times."""
+    """Root mean square over the first axis, which is usually the time."""
     return np.sqrt(np.mean(np.square(values), axis=0))
 
 
 def is_doubtful(estimate: Array, width: Array, floor: Array, share: float = DOUBTFUL) -> Mask:
-    """From which times on (n_t, n_y) an estimated error exceeds a share of the width, and a floor (n_y,).
+    """Mask (n_t, n_y) of the times after which an estimated error exceeds a fraction of the width, and a floor (n_y,).
 
     All are root mean squares from a time to the end. The width is at least LEAST_WIDTH of that over all times.
     """
@@ -36,7 +37,7 @@ def is_doubtful(estimate: Array, width: Array, floor: Array, share: float = DOUB
 
 
 def is_doubtful_in_window(estimate: Array, width: Array, floor: Array, share: float = DOUBTFUL) -> Mask:
-    """At which times (n_t, n_y) an estimated error exceeds a share of the width, and a floor (n_y,).
+    """Mask (n_t, n_y) of the times at which an estimated error exceeds a fraction of the width, and a floor (n_y,).
 
     All are root mean squares over a window, the width at least a share LEAST_WIDTH of that over all times.
     """
