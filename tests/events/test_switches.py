@@ -39,7 +39,7 @@ def test_pulses_that_are_no_fronts_limit_the_steps():
     # The square of the curve of Agnesi has a known integral.
     run = mb.simulate(driven(2 / np.pi / (0.01 * (1 + ((mb.t - 5) / 0.01) ** 2) ** 2)), mb.StateSpace())
     np.testing.assert_allclose(run["x"][15:], np.sin(TIMES[15:] - 5), atol=1e-4)
-    assert "pulses      in functions of time: steps of at most 0.0" in str(run)
+    assert "pulses      in functions of time: steps are at most 0.0" in str(run)
 
 
 @pytest.mark.parametrize(
@@ -134,7 +134,7 @@ def test_drives_that_turn_sharply_are_no_breaks(law):
 
 
 def test_drives_that_contradict_each_other_are_told():
-    with pytest.raises(mb.AssemblyError, match=r"accelerations that 'drive0', 'drive1' ask for .* contradict"):
+    with pytest.raises(mb.AssemblyError, match=r"accelerations that 'drive0', 'drive1' require .* contradict"):
         mb.simulate(led_by(mb.t + mb.t**2, mb.t + 3 * mb.t**2))
     agree = mb.simulate(led_by(mb.t + mb.t**2, mb.t + mb.t**2))
     assert agree.position_drift < 1e-9 and "warning" not in str(agree)
