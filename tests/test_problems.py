@@ -74,7 +74,7 @@ def test_forty_windows_hold_energy_through_their_singular_positions():
 def test_a_wrong_branch_is_doubted(solver):
     """Through the dead point the closed form tells the right branch."""
     problem = problems.slider_crank("dead_point")
-    told = pytest.warns(mb.SymmbWarning, match="may have taken another branch")
+    told = pytest.warns(mb.SymmbWarning, match="may have taken a wrong branch")
     with nullcontext() if solver == AUGMENTED else told:
         run = mb.simulate(problem.make(), solver)
     assert any("another branch" in doubt for doubt in run.doubts) == (problem.error(run.values) > 0.1)
@@ -123,7 +123,7 @@ def test_stiff_scenes_get_implicit_solvers():
     assert "stiff=True" in run.solver and "too fast for explicit steps" in run.reason
     np.testing.assert_allclose(run["x"], exact, atol=1e-5)
     study = mb.DAESimulator(sprung(1e6))
-    assert repr(study.solver) == "Rosenbrock()" and "DormandPrince() takes" in study.reason
+    assert repr(study.solver) == "Rosenbrock()" and "too fast for explicit steps" in study.reason
     np.testing.assert_allclose(study.run(np.array([[1.0]])).Y[0, :, 0], exact, atol=1e-5)
 
 

@@ -31,7 +31,7 @@ def test_state_spaces_of_scipy_and_of_control():
     assert system.output_labels == ["x", "y"] and system.input_labels == ["k"] and "a_vx" in system.state_labels
     np.testing.assert_array_equal(system.A, lin.A)
     for method in (mb.Linearization.to_scipy, mb.Linearization.to_control):
-        with pytest.raises(mb.DeclarationError, match=r"without inputs. Give linearize\(inputs=\[...\]\)"):
+        with pytest.raises(mb.DeclarationError, match=r"has no inputs. Pass inputs=\[...\] to linearize"):
             method(mb.linearize(pushing_oscillator()))
 
 

@@ -32,7 +32,7 @@ def test_a_pass_that_the_states_show_and_the_run_did_not_make_is_doubted(rate, l
     of_engine, of_passes = compiled.stops_at, multistep.SwitchPasses.stops
     monkeypatch.setattr(compiled, "stops_at", lambda passes: without_one(of_engine(passes)))
     monkeypatch.setattr(multistep.SwitchPasses, "stops", lambda self, *of: without_one(of_passes(self, *of)))
-    with pytest.warns(mb.SymmbWarning, match="passes one of them after t = .* no step of the run ended"):
+    with pytest.warns(mb.SymmbWarning, match="passes a switch after t = .* no step of the run ended"):
         mb.simulate(wheel(rate, level), solver)
 
 
