@@ -61,7 +61,7 @@ class Modes:
     """Inertia invariants, stiffness and shapes of n mass-normalised modes at k nodes.
 
     In the floating frame a material point is x = s + u(s), with the elastic displacement u = Σ φ_j η_j + Σ η_i η_j D_ij
-        and D is the foreshortening of beams in bending, if requested. With the frame's velocity v and angular
+    and D is the foreshortening of beams in bending, if requested. With the frame's velocity v and angular
     velocity ω in its own axes, the energies are
 
         T = ½ m v² + v·(ω × f(η)) + v·df(η)/dt + ½ ω·J(η) ω + ω·(G0 + Σ η_i G1_i) η̇ + ½ η̇·η̇
