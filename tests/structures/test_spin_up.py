@@ -29,6 +29,6 @@ def test_as_many_modes_show_what_galerkin_s_method_does(count: int) -> None:
 def test_without_foreshortening_it_diverges() -> None:
     """Centrifugal forces overcome the first mode's stiffness at 3.8 rad/s, which the root reaches at 9 s."""
     scene = spin_up_beam.scene(count=3, stiffening=False)
-    with pytest.warns(mb.SymmbWarning, match="'beam': it turns at .* at t = 12 s, which is 1.[56] of its first"):
+    with pytest.warns(mb.SymmbWarning, match="'beam': it turns at .* at t = 12 s, which is 1.5 times its first"):
         bend = np.abs(mb.simulate(scene, times=[0.0, 4.0, 12.0])["u2"])
     assert bend[1] < 0.4 and bend[2] > 10
