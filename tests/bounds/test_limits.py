@@ -104,6 +104,21 @@ def test_a_peak_that_passes_output_times_has_many_hills(seed):
         assert bounds.check({"y": (None, top * (1 + share))}).kept is (share > 0)
 
 
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize("kink", [0.31, 0.7, -0.2, 0.123])
+def test_a_parameter_without_effect_at_the_time_of_the_extreme_leaves_a_limit_decided(kink):
+    """The cusp of x is at 0 s. The extreme 1.5 sin a is at 1 s, and the search ends at any x inside the box."""
+
+    def cusp_then_sine(p: mb.Parameters) -> dict:
+        return {"y": ca.if_else(mb.t < 0.5, ca.fabs(p.x - kink) ** 0.6, 1.5 * ca.sin(p.a))}
+
+    scene = formulas(cusp_then_sine, np.array([0.0, 1.0]), a=(0.0, 1.5), x=(-1.0, 1.0))
+    bounds, margin = mb.propagate(scene, mb.PolynomialChaos()), 4e-4
+    (limit,) = bounds.check({"y": (None, 1.5 * np.sin(1.5) + margin)}).limits
+    assert bounds.estimate.max() > margin  # of the cusp
+    assert limit.kept is True and limit.further.error < margin, limit.why
+
+
 @pytest.mark.parametrize(("noise", "over", "kept"), [
     (None, 1e-15, None), (None, 1e-8, False), (1e-6, 1e-8, None), (1e-6, 1e-5, False), (0.0, 1e-15, None),
 ])  # fmt: skip

@@ -387,10 +387,10 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
         error = estimate[(margin + estimate).argmin()]
         why = f"The bounds are beyond the limit by more than their estimated error of {error:.1e}{unit}."
         return _Decision(False, why, margin, further)
-    error = estimate.max()
     if (margin >= estimate).all():
-        return _Decision(True, f"The estimated error is at most {error:.1e}{unit}.", margin, further)
-    remedy = "Use a smaller PolynomialChaos(tolerance=...)."
+        error = estimate[margin.argmin()]
+        return _Decision(True, f"The estimated error is {error:.1e}{unit} at the smallest margin.", margin, further)
+    error, remedy = estimate[(margin - estimate).argmin()], "Use a smaller PolynomialChaos(tolerance=...)."
     return _Decision(None, f"The estimated error is up to {error:.1e}{unit}. {remedy}", margin, further)
 
 
