@@ -253,6 +253,8 @@ def test_all_faults_of_the_laws_are_told_at_once():
             ]
         ),
         (lambda: mb.ddt(ROD1.vx), r"ddt: expected an expression of positions, but 'rod1\.vx' is a velocity"),
+        (lambda: mb.ddt(np.array([1.0, np.nan])), "ddt: expected a finite number or CasADi SX"),
+        (lambda: mb.ddt(float("inf")), "ddt: expected a finite number or CasADi SX"),
     ],
 )
 def test_faults_outside_of_a_system(declare, text):

@@ -204,8 +204,8 @@ def ddt(expression: ca.SX) -> ca.SX:
 def rate(expression: ca.SX, accelerations: Mapping[int, ca.SX]) -> ca.SX:
     """The result of `ddt`, also for velocities. `accelerations` has their rates by the hashes of the velocities."""
     value = given(expression)
-    if value is None:
-        raise DeclarationError(f"ddt: expected a number or CasADi SX, got {shown(expression)}.")
+    if value is None or (value.is_constant() and not value.is_regular()):
+        raise DeclarationError(f"ddt: expected a finite number or CasADi SX, got {shown(expression)}.")
     expression, moving, rates = value, [t], [ca.SX(1)]
     for symbol in ca.symvar(expression):
         record = lookup(symbol)
