@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import signal
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -13,6 +14,10 @@ import pytest
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Most of a test's time would be the compiler's. Benchmarks, and a stage of continuous integration, compile as users do.
 os.environ.setdefault("SYMMB_CFLAGS", "-O0")
+# A shell ignores these signals in what it runs in the background, and programs that tests start inherit this.
+for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGQUIT, signal.SIG_DFL)):
+    if signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, handler)
 sys.path.append(str(Path(__file__).parent / "benchmarks"))  # of which tests make a small draw
 
 from joints import ALL_JOINTS as ALL_JOINTS
