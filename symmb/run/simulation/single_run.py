@@ -87,9 +87,9 @@ def simulate(
         or the result of `prepare`, which has a solver
     solver : Solver
         or its text on the command line, such as "cvodes:1e-9";
-        default: CVODES(); DormandPrince() with switches; CVODES(stiff=True) for stiff scenes; CVODES with
-        AugmentedLagrangian() if these fail; EventDriven() with impacts, and with joints that open or close.
-        `trajectory.reason` gives the reason
+        default: DormandPrince(rtol=1e-11), or CVODES() without a C compiler; CVODES(stiff=True) for stiff scenes;
+        others, such as those with AugmentedLagrangian(), if these fail; EventDriven() with impacts, and with joints
+        that open or close. `trajectory.reason` gives the reason
     parameters : mapping
         values instead of the nominal ones; or a list of mappings, whose runs are made side by side
     rtol, atol : float
@@ -183,11 +183,8 @@ def _simulated(runs: PilotRuns, check: bool, tolerances: Mapping[str, Any]) -> t
         solver, reason = runs.program.solver, runs.reason
         runs.run(solver)
     else:
-        stiff, ends = starts_stiff(runs.program, runs.x0, runs.p), bodies.dae.sampling is not None
-        switches = ends or bodies.kinks(times) is not None
-        solver, reason = choose(
-            partial(for_one_run, stiff, switches), lambda solver: runs.judge(_at(solver, tolerances))
-        )
+        stiff = starts_stiff(runs.program, runs.x0, runs.p)
+        solver, reason = choose(partial(for_one_run, stiff), lambda solver: runs.judge(_at(solver, tolerances)))
         solver = _at(solver, tolerances)
         reason = "; ".join(filter(None, (TOO_FAST if stiff else "", reason, runs.program.forms.of(solver).why)))
     run, trajectory = runs.done[solver]
