@@ -14,10 +14,6 @@ import pytest
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Most of a test's time would be the compiler's. Benchmarks, and a stage of continuous integration, compile as users do.
 os.environ.setdefault("SYMMB_CFLAGS", "-O0")
-# A shell ignores these signals in what it runs in the background, and programs that tests start inherit this.
-for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGQUIT, signal.SIG_DFL)):
-    if signal.getsignal(number) is signal.SIG_IGN:
-        signal.signal(number, handler)
 sys.path.append(str(Path(__file__).parent / "benchmarks"))  # of which tests make a small draw
 
 from joints import ALL_JOINTS as ALL_JOINTS
@@ -69,3 +65,9 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if item.nodeid in SLOW or item.nodeid.split("[")[0] in SLOW:
             item.add_marker(pytest.mark.slow)
+
+
+# A shell ignores these signals in what it runs in the background, and programs that tests start inherit this.
+for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGQUIT, signal.SIG_DFL)):
+    if signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, handler)
