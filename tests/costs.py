@@ -23,7 +23,7 @@ SLOW_SECONDS = 0.1
 KEPT = {
     "tests/bounds/test_noise.py::test_what_has_died_out_is_not_doubtful",
     "tests/drawing/test_page.py::test_pages_show_the_run[stick_slip]",
-    "tests/enclosures/test_proved_switches.py::test_a_law_of_time_that_parameters_move",
+    "tests/prove/test_proved_switches.py::test_a_law_of_time_that_parameters_move",
     "tests/exchange/test_fmu_export.py::test_an_fmu_is_bounded_as_its_scene",
     "tests/report/test_report.py::test_comparisons",
     "tests/report/test_report.py::test_the_command_line_asks_for_contributions_once",

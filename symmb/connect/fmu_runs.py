@@ -22,7 +22,7 @@ _MOST_EVENTS = 1000
 """Most events at one time. More events count as an endless sequence."""
 RTOL = 1e-9
 """Relative tolerance. Bounds subtract runs that differ little: an oscillator is exact to 1e-7 after ten periods
-(tests/black_boxes/test_fmu.py)."""
+(tests/connect/test_fmu.py)."""
 
 
 @dataclass

@@ -179,7 +179,7 @@ FAULTS = (
         "symmb/prove/rounding.py",
         "_SAFE = 1.0 + 2.0**-30",
         "_SAFE = 1.0 - 2.0**-30",
-        "enclosures",
+        "prove",
     ),
     Fault(
         "key",
@@ -195,7 +195,7 @@ FAULTS = (
         "symmb/connect/identity.py",
         '*("co_name", "co_consts", "co_names",',
         '*("co_name", "co_names",',
-        "black_boxes",
+        "connect",
     ),
     Fault(
         "doubt",
