@@ -5,6 +5,7 @@ import tomllib
 from email.message import Message
 from pathlib import Path
 
+import planted_faults
 import pytest
 
 import symmb as mb
@@ -125,3 +126,10 @@ def test_readme_claims_no_address_but_those_of_the_project():
     urls = [url for url in re.findall(r"https?://[^\s)\"]+", README)]
     assert {*urls} == {*PROJECT["urls"].values()}
     assert ("the repository that you cloned" in README) == (not PROJECT["urls"])
+
+
+@pytest.mark.parametrize("fault", planted_faults.FAULTS, ids=lambda fault: fault.name)
+def test_a_planted_fault_has_its_place_and_its_tests(fault):
+    assert fault.before != fault.after
+    assert (ROOT / fault.file).read_text(encoding="utf-8").count(fault.before) == 1
+    assert all((ROOT / "tests" / room).is_dir() for room in fault.rooms.split())

@@ -177,8 +177,8 @@ FAULTS = (
         "rounding",
         "bounds of rounding errors, which are rounded inward",
         "symmb/prove/rounding.py",
-        "_SAFE = 1.0 + 2.0**-30",
-        "_SAFE = 1.0 - 2.0**-30",
+        "1.0 + 2.0**-30",
+        "1.0 - 2.0**-30",
         "prove",
     ),
     Fault(
@@ -200,8 +200,8 @@ FAULTS = (
     Fault(
         "doubt",
         "doubts about impacts that a run has missed",
-        "symmb/run/simulation/single_run.py",
-        "*_gap_doubts(runs, solver), ",
+        "symmb/run/simulation/run_doubts.py",
+        "*_gap_doubts(runs, solver),",
         "",
         "simulation events verification",
     ),
@@ -241,8 +241,8 @@ FAULTS = (
         "unit",
         "units of an FMU, whose seconds and radians are exchanged",
         "symmb/show/exchange/description.py",
-        'zip(("m", "kg", "s", "rad"), powers_of(unit), strict=True)',
-        'zip(("m", "kg", "rad", "s"), powers_of(unit), strict=True)',
+        "zip(BASES, known.powers, strict=True)",
+        'zip(("m", "kg", "rad", "s", "A", "K"), known.powers, strict=True)',
         "exchange",
     ),
     Fault(
