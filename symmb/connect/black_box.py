@@ -21,9 +21,6 @@ from symmb.connect.simulator import Ensemble, Merging, Progress, Reduction, Simu
 
 S = TypeVar("S")
 
-_TASK_SECONDS = 0.02
-"""Duration of a task of fast runs [s]. The time to send a task is small compared with it."""
-
 
 class BlackBox(ABC):
     """A simulator that makes one run after the other. A run fails if it raises, or if its values are not finite.
@@ -125,7 +122,8 @@ class BlackBox(ABC):
             for indices in all_blocks:
                 begin, end = int(indices[0]), int(indices[-1]) + 1
                 while begin < end:
-                    size = max(1, min(end - begin, int(_TASK_SECONDS / seconds))) if seconds else end - begin
+                    # Duration of a task of fast runs [s]. The time to send a task is small compared with it.
+                    size = max(1, min(end - begin, int(0.02 / seconds))) if seconds else end - begin
                     tasks.append(P[begin : begin + size])
                     begin += size
                     yield tasks[-1]

@@ -36,9 +36,6 @@ _KILLED = "KilledWorker"
 """Exception of Dask for a task that failed on several workers."""
 _CANCELLED = "CancelledError"
 """Exceptions of futures, also of asyncio, if the executor was shut down or its cluster has ended."""
-_LEAST_WORKERS = 8
-"""Number of workers of a cluster that has fewer at the start. For each task that ends, two more may be submitted:
-the cluster may get more workers, and the duration of tasks determines how many a worker should hold."""
 _LOCAL = "LocalCluster"
 """Dask's cluster on one machine. If a worker dies twice within 15 s, Dask ends the process that would start the next
 worker. The cluster may then have no workers, until the number of workers is set again."""
@@ -282,7 +279,10 @@ class _Pool:
         if self.is_dask:
             self._options = {"pure": False, **self._options}
             try:
-                self.workers_at_first = max(sum(self.executor.nthreads().values()), _LEAST_WORKERS)
+                # Number of workers of a cluster that has fewer at the start. For each task that ends, two more may be
+                # submitted: the cluster may get more workers, and the duration of tasks determines how many a worker
+                # should hold.
+                self.workers_at_first = max(sum(self.executor.nthreads().values()), 8)
                 versions = self.executor.get_versions(packages=["symmb"])
             except Exception as error:  # it is closed
                 raise SimulationError(f"executor: {self.executor!r} does not answer ({text_of(error)}).") from None

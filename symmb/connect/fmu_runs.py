@@ -18,8 +18,6 @@ from symmb._types import Array
 from symmb.connect.fmu_description import CO_SIMULATION, FMU, Variable, fmpy
 from symmb.connect.fmu_instance import ENDED, Instance, Status, has_error, is_fatal, last_line, listen, logged
 
-_MOST_EVENTS = 1000
-"""Most events at one time. More events count as an endless sequence."""
 RTOL = 1e-9
 """Relative tolerance. Bounds subtract runs that differ little: an oscillator is exact to 1e-7 after ten periods
 (tests/connect/test_fmu.py)."""
@@ -142,7 +140,8 @@ class FMURunner:
                 instance.model.enterContinuousTimeMode()
                 solver.restart(instance, self._t)
             count = count + 1 if self._t - begin <= near else 0
-            if count > _MOST_EVENTS:
+            # Most events at one time. More events count as an endless sequence.
+            if count > 1000:
                 raise SimulationError("there are too many events at the same time")
 
     def _steps(self, k: int) -> Iterator[tuple[float, float]]:

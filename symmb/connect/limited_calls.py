@@ -20,9 +20,6 @@ from symmb._cleanup import end_groups, lead_group, note_group, outlive
 from symmb._errors import DeclarationError, SimulationError, text_of
 from symmb._interrupts import deferred_interrupts
 
-_CHECK_SECONDS = 0.2
-"""Time between checks whether a process has ended [s]. Processes that it has started may keep its pipe open."""
-
 
 class _Worker:
     """A forked process for the calls of a thread, and the parent's end of the pipe to this process."""
@@ -41,7 +38,8 @@ class _Worker:
     def replies(self, seconds: float | None) -> bool:
         """Whether a reply arrives in time. It raises EOFError if the process ends without a reply."""
         deadline = inf if seconds is None else time.monotonic() + seconds
-        while not self.pipe.poll(max(min(_CHECK_SECONDS, deadline - time.monotonic()), 0.0)):
+        # Time between checks whether a process has ended [s]. Processes that it has started may keep its pipe open.
+        while not self.pipe.poll(max(min(0.2, deadline - time.monotonic()), 0.0)):
             # A process may reply and end between the two checks, so the pipe is polled once more.
             if self.has_ended(os.WNOHANG) and not self.pipe.poll():
                 raise EOFError

@@ -11,8 +11,6 @@ from symmb.study.trials import LEFT_OUT, Trial, by_family, by_reason, named
 
 GOOD, STABLE = 1e-3, 0.1
 """Largest relative error of a run that is accurate for most purposes, and of a run that is usable."""
-_FAR = 1e-5
-"""Violation of position rows above which the report mentions the violation [m, -]."""
 
 Standards = Mapping[str, Standard]
 """The reference of each scene, by the name of the stress, "" for the scene itself."""
@@ -115,7 +113,8 @@ def _too_long(families: Mapping[str, Sequence[Trial]]) -> list[str]:
 
 def _drift(good: Sequence[Trial]) -> list[str]:
     worst = max(good, key=lambda t: t.position.max(initial=0.0), default=None)
-    if worst is None or not worst.position.max(initial=0.0) > _FAR:
+    # Violation of position rows above which the report mentions the violation [m, -].
+    if worst is None or not worst.position.max(initial=0.0) > 1e-5:
         return []
     remedy = "stabilization=Projection(), or use a solver that keeps positions, such as NSTIFFSI2 or StabilizedIndex2"
     if worst.family in ("NSTIFFSI2", "StabilizedIndex2"):

@@ -27,12 +27,6 @@ from symmb.study.row import LONG, NotRun, Row
 
 _REPEATS, _ENOUGH = 3, 0.1
 """Fewest runs for a median run time, and the total time up to which short runs are repeated [s]."""
-_LANES = 8
-"""Samples in a vector of the engine."""
-_UNCERTAIN = 0.05
-"""Uncertainty of the reference, relative to the width, above which there is a warning."""
-_WARM_UP = 0.5
-"""Duration below which the first run does not count [s]. A longer first run counts: the median excludes it."""
 
 _LOG = logging.getLogger("symmb")
 
@@ -272,7 +266,8 @@ def _doubts_of(scored: Sequence[Bounds], known: Sequence[str]) -> list[str]:
 
 def _doubt_of_reference(simulator: Simulator, reference: Reference) -> list[str]:
     """A warning that lists the outputs with an uncertain reference."""
-    uncertain = np.flatnonzero((reference.uncertainty > _UNCERTAIN) & ~reference.yardstick.zero_width)
+    # Uncertainty of the reference, relative to the width, above which there is a warning.
+    uncertain = np.flatnonzero((reference.uncertainty > 0.05) & ~reference.yardstick.zero_width)
     if not uncertain.size:
         return []
     names = ", ".join(f"{simulator.outputs[k]} by {reference.uncertainty[k]:.2g}" for k in uncertain)
@@ -313,7 +308,8 @@ def _seconds_a_run(simulator: Simulator) -> float:
     begin = time.perf_counter()
     _ = simulator.run(P).Y
     seconds = time.perf_counter() - begin
-    return seconds / (_LANES * simulator.threads) if getattr(simulator, "compiled", False) else seconds  # pyright: ignore[reportAttributeAccessIssue]
+    # Samples in a vector of the engine.
+    return seconds / (8 * simulator.threads) if getattr(simulator, "compiled", False) else seconds  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def _announcement(
@@ -341,7 +337,8 @@ def _timed(run: Callable[[], Bounds], repeats: int = _REPEATS) -> tuple[Bounds, 
     bounds, seconds = _once(run)
     if seconds > LONG or repeats == 1:
         return bounds, seconds
-    durations = [] if seconds < _WARM_UP else [seconds]
+    # Duration below which the first run does not count [s]. A longer first run counts: the median excludes it.
+    durations = [] if seconds < 0.5 else [seconds]
     while len(durations) < repeats or sum(durations) < _ENOUGH:
         durations.append(_once(run)[1])
     return bounds, float(np.median(durations))

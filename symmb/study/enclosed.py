@@ -11,9 +11,6 @@ from symmb.bound.bounds import Bounds
 from symmb.study.metrics import Yardstick
 from symmb.study.reference import Reference
 
-_SOLVER = 10.0
-"""How far runs may be outside of proved bounds, relative to the error of their solver at a few points of the box."""
-
 
 @dataclass(frozen=True)
 class Limits:
@@ -56,7 +53,9 @@ class Limits:
         `attained` is the original reference, if its bounds are values of runs. `solver_error` (n_y,) is in
         the norm of `Score.error`.
         """
-        error = np.zeros(len(bounds[0].names)) if solver_error is None else _SOLVER * solver_error
+        # How far runs may be outside of proved bounds, relative to the error of their solver at a few points of the
+        # box.
+        error = np.zeros(len(bounds[0].names)) if solver_error is None else 10.0 * solver_error
         slack = replace(yardstick, uncertainty=error).slack
         farthest = partial(self._farthest, slack, bounds[0].t, bounds[0].names)
         by = " and ".join(self.names)

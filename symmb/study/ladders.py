@@ -22,8 +22,6 @@ STEPS = (50, 200, 800, 3200)
 _STEPS_PER_RADIAN = (0.5, 2.0, 8.0, 32.0)
 """Fixed steps for each radian of the fastest motion, tried if the steps above are longer. Explicit methods
 are stable with the first number, and accurate with the others."""
-_MOST = 200_000
-"""Most fixed steps to try. They take a tenth of a second or more, and RungeKutta needs some seconds to compile them."""
 CONTROLLED = frozenset({"DormandPrince", "Rosenbrock", "StabilizedIndex2", "CVODES, stiff", "CVODES"})
 """Families that run with tolerances for a reference, or under stress."""
 FIXED = frozenset(entry.family for entry in SOLVERS if entry.ladder is not None and not entry.tolerances)
@@ -67,7 +65,9 @@ def under_stress(step: float) -> dict[str, Ladder]:
 
 def finer_numbers(most: float, radians: float) -> list[int]:
     """Numbers of fixed steps that resolve the fastest motion over this many radians, if clearly above the given one."""
-    return [round(n * radians) for n in _STEPS_PER_RADIAN if 1.5 * most < n * radians <= _MOST]
+    # Most fixed steps to try. They take a tenth of a second or more, and RungeKutta needs some seconds to compile
+    # them.
+    return [round(n * radians) for n in _STEPS_PER_RADIAN if 1.5 * most < n * radians <= 200_000]
 
 
 def finer_steps(scene: Scene, longest: float) -> Ladder:

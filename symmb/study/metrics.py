@@ -11,9 +11,6 @@ import numpy.typing as npt
 from symmb._magnitudes import SAME, SLIGHT
 from symmb._types import Array
 
-_NOISE = 10.0
-"""Largest value of an output, relative to the noise of runs, below which the output counts as zero."""
-
 
 @dataclass(frozen=True)
 class Score:
@@ -97,7 +94,8 @@ class Yardstick:
     @property
     def _negligible(self) -> Array:
         scale = np.maximum(_largest(self.lower), _largest(self.upper))
-        noise = _NOISE * (np.zeros(len(scale)) if self.noise is None else self.noise)
+        # Largest value of an output, relative to the noise of runs, below which the output counts as zero.
+        noise = 10.0 * (np.zeros(len(scale)) if self.noise is None else self.noise)
         return np.where(scale <= noise, noise, SAME * scale)
 
     def _unit(self, size: Array) -> Array:

@@ -20,10 +20,6 @@ RUNS = 2000
 """Approximate number of runs at the finer resolution, if runs are fast."""
 _LEAST_RUNS = 9
 """The same if runs are slow: a grid of three points for each of two parameters."""
-_SECONDS = 120.0
-"""Longest estimated time of the reference [s]. If it takes longer, the reference has fewer runs."""
-_GRID_DIMENSIONS = 5
-"""Most parameters of a scan on a grid. With more, `RUNS` points would leave two or three for each parameter."""
 _SAMPLES = 512, 2048
 """Sobol samples at the two resolutions; powers of two keep the sequence balanced."""
 _OPTIMIZED = 4
@@ -176,7 +172,8 @@ class _Differences:
 
 def affordable_runs(seconds: float) -> int:
     """Number of runs at the finer resolution, if one run takes this long [s]."""
-    return max(_LEAST_RUNS, min(RUNS, int(_SECONDS / max(seconds, 1e-9))))
+    # Longest estimated time of the reference [s]. If it takes longer, the reference has fewer runs.
+    return max(_LEAST_RUNS, min(RUNS, int(120.0 / max(seconds, 1e-9))))
 
 
 def planned_runs(n_p: int, runs: int = RUNS) -> int:
@@ -187,7 +184,8 @@ def planned_runs(n_p: int, runs: int = RUNS) -> int:
 
 def _resolutions(n_p: int, runs: int = RUNS) -> list[Method]:
     """The method at the coarser and at the finer resolution, and a method that combines both."""
-    if n_p <= _GRID_DIMENSIONS and 3**n_p <= max(runs, _LEAST_RUNS):
+    # Most parameters of a scan on a grid. With more, `RUNS` points would leave two or three for each parameter.
+    if n_p <= 5 and 3**n_p <= max(runs, _LEAST_RUNS):
         m = max(round((runs ** (1 / n_p) - 1) / 2), 1)
         return [Scanning(m + 1), Scanning(2 * m + 1)]
     fewer = 2 ** max(0, round(math.log2(RUNS / runs)))

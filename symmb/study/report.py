@@ -10,8 +10,6 @@ from symmb._types import Array
 from symmb.study.metrics import Yardstick
 from symmb.study.row import NotRun, Row
 
-_WIDTH = 110
-"""Most characters of a line: usual terminals would wrap wider tables."""
 _LEFT = {"method", "kind", "worst output"}
 
 
@@ -135,4 +133,5 @@ def _mean(values: Array, yardstick: Yardstick) -> float:
 
 
 def wrapped(text: str) -> str:
-    return textwrap.fill(text, _WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
+    # Most characters of a line: usual terminals would wrap wider tables.
+    return textwrap.fill(text, 110, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)

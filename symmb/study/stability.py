@@ -38,8 +38,6 @@ _LIMIT, _REFERENCE_LIMIT = 3 / _SECONDS, 5 / _SECONDS
 """Longest time of a trial, and of a reference, relative to the time of the study."""
 _TRIALS_END = 0.5
 """Fraction of the time for trials of the scene itself. Its harder variants use the remaining time."""
-_STRESS_STEPS = 800
-"""Number of fixed steps over the horizon of the scene. The steps under stress follow from this number."""
 _WIDTHS = 0.1, 0.2, 0.5
 """Half widths of wider boxes, relative to the nominal values."""
 
@@ -325,7 +323,8 @@ def _parted(trials: Sequence[Trial]) -> tuple[tuple[Trial, ...], tuple[Trial, ..
 
 def _stress_jobs(name: str, make: Callable[[], Scene], horizon: float) -> list[Job]:
     """Fixed steps: the same for all horizons, and additional steps for the fastest motion of each variant."""
-    step = horizon / _STRESS_STEPS
+    # Number of fixed steps over the horizon of the scene. The steps under stress follow from this number.
+    step = horizon / 800
     return [
         Job(name, make, family, ladder, None if family in CONTROLLED else partial(finer_steps, longest=step))
         for family, ladder in under_stress(step).items()

@@ -21,18 +21,10 @@ _SETTLED = 2e-3
 """Relative change of the factors at which a search ends. A study uses a factor smaller by half of it."""
 MOST = 16.0
 """Largest factor of the search: the given box should have the right size."""
-_OF_SIGN = 0.99
-"""The same, relative to the factor at which a parameter such as a mass or length would reach 0."""
 _STUDIES = 12
 """Most studies. Two or three are usual; undecided limits need more."""
-_FAR = 4.0
-"""Factor between a study that satisfies the limits and the next study, if no run with a violated limit is known."""
-_ROOT_RUNS = 40
-"""Most factors at which runs are made between two studies. More are needed only if runs fail."""
 _WIDER, _NARROWER = 1.6, 0.25
 """Factors that an allocation may change at once, with the polynomials of a study over the wider box."""
-_ROUNDS = 12
-"""Most allocations for one study. Each adds the times at which limits were violated before."""
 
 
 class Search:
@@ -58,7 +50,8 @@ class Search:
         closest = np.where(shape.lower > 0, shape.lower, np.where(shape.upper < 0, shape.upper, self._nominal))
         with np.errstate(divide="ignore", invalid="ignore"):
             to_zero = np.where(closest != self._nominal, self._nominal / (self._nominal - closest), np.inf)
-        self._most = np.minimum(_OF_SIGN * to_zero, MOST)
+        # The same, relative to the factor at which a parameter such as a mass or length would reach 0.
+        self._most = np.minimum(0.99 * to_zero, MOST)
         self.evaluations, self.remarks = 1, tuple[str, ...]()
         run = simulator.run(np.array([[*map(float, simulator.parameters.values())]]))
         if not run.ok.all():
@@ -133,7 +126,8 @@ class Search:
         if not beyond < 0:
             return high, False
         margin = np.nan
-        for _ in range(_ROOT_RUNS):
+        # Most factors at which runs are made between two studies. More are needed only if runs fail.
+        for _ in range(40):
             if end <= low * (1 + _SETTLED / 4):
                 break
             share = inside / (inside - beyond) if np.isfinite(beyond) and inside > 0 else 0.5
@@ -172,7 +166,9 @@ class Search:
                 else:
                     met, is_failed = self._met(along, places, low, high, most)
                     why = why if is_failed or met == high else ""
-                    after = min(met * (1 - less), _FAR * s, most)
+                    # Factor between a study that satisfies the limits and the next study, if no run with a violated
+                    # limit is known.
+                    after = min(met * (1 - less), 4.0 * s, most)
             if best is not None and undecided is not None:  # the margin that a decision needs is between two studies
                 after = (low + high) / 2
             if best is not None and (low >= most or after <= low * (1 + _SETTLED)):
@@ -270,7 +266,8 @@ class Search:
         scale = cost(start) or 1.0
         rows = {int(self._margins_on(surrogate, wide, start).min(axis=1).argmin())}
         factors = start
-        for _ in range(_ROUNDS):
+        # Most allocations for one study. Each adds the times at which limits were violated before.
+        for _ in range(12):
             few = surrogate.part(np.array(sorted(rows)), range(len(self._low)))
 
             def margins_of(z: Array, few: Piecewise = few) -> Array:

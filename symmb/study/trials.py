@@ -35,10 +35,6 @@ _TOO_SLOW, _WRONG_ENERGY, _BROKEN = "too slow", "wrong energy", "breaks down"
 WRONG_ENERGY = 0.5
 """Drift of energy, relative to the largest kinetic energy, above which a run counts as failed: half of the motion is
 lost, or has no cause."""
-_TICK = 0.2
-"""Time between checks of the running trials [s]: short compared with a trial, long compared with a check."""
-_WORKERS = 2
-"""Number of trials that run at the same time."""
 _SETUP = 15.0
 """Additional time for the first trial of a job [s]: its compilation is cached only if it ends."""
 _DRIFT = entry(Record.size, None)
@@ -234,13 +230,15 @@ def run_jobs(jobs: Sequence[Job], limit: float, deadline: float) -> Iterator[Tri
     running: list[_Running] = []
     try:
         while pending or running:
-            while pending and len(running) < _WORKERS:
+            # Number of trials that run at the same time.
+            while pending and len(running) < 2:
                 job = pending.pop(0)
                 if time.monotonic() < deadline:
                     running.append(_begin(job))
                 else:
                     yield from _left(job, 0, LEFT_OUT)
-            ready = wait([r.pipe for r in running], _TICK)
+            # Time between checks of the running trials [s]: short compared with a trial, long compared with a check.
+            ready = wait([r.pipe for r in running], 0.2)
             for r in list(running):
                 if r.pipe in ready:
                     try:

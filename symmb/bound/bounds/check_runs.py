@@ -17,9 +17,6 @@ from symmb.bound.polynomials.ranges import Piecewise
 from symmb.connect import Simulator, noise_from_runs
 from symmb.equations.model import Box
 
-_ALLOWED_RUNS = 13
-"""Check runs that are always allowed: centre, faces and extremes of four parameters. More are at most as many as the
-method made."""
 _RUNS_AT_EXTREMES = 4
 """Runs at predicted extremes."""
 _PREDICTED_VALUES = 256
@@ -28,12 +25,8 @@ _MOST_CORNERS, _POINTS_INSIDE = 64, 64
 """Most corners of the box at which something is looked for, and points inside for the range of a surrogate."""
 _OFF_CENTRE = 0.2, 0.4
 """How far the middle of the star is from the centre of the box."""
-_POINTS_AT_ONCE = 16
-"""Points at which a surrogate is evaluated at once: outputs over time of all of them would fill much memory."""
 _OUTPUTS_NAMED = 3
 """Doubtful outputs that a sentence names."""
-_MOST_NUMBERS = 2**25
-"""Most numbers that check runs may fill: 256 MB."""
 
 
 def check_doubts(
@@ -48,7 +41,10 @@ def check_doubts(
     if bounds.kind == "enclosure" or bounds.estimate is not None or share == np.inf:
         return (), 0
     varied = np.flatnonzero(box.radius > 0)
-    most = min(max(_ALLOWED_RUNS, bounds.evaluations), _MOST_NUMBERS // max(bounds.lower.size, 1))
+    # Check runs that are always allowed: centre, faces and extremes of four parameters. More are at most as many as
+    # the method made.
+    # Most numbers that check runs may fill: 256 MB.
+    most = min(max(13, bounds.evaluations), 2**25 // max(bounds.lower.size, 1))
     if not varied.size or most < 3:
         return (), 0
     checks = _Checks(simulator, box, bounds, share, executor)
@@ -211,5 +207,6 @@ def _predicted(Y: Array, c: Array, varied: Indices, candidates: Array) -> tuple[
 
 def _reached(surrogate: Piecewise, points: Array) -> tuple[Array, Array]:
     """Smallest and largest values (n_t, n_y) of a surrogate at points (N, d)."""
-    parts = [surrogate.values(some) for some in np.array_split(points, -(-len(points) // _POINTS_AT_ONCE))]
+    # Points at which a surrogate is evaluated at once: outputs over time of all of them would fill much memory.
+    parts = [surrogate.values(some) for some in np.array_split(points, -(-len(points) // 16))]
     return np.min([part.min(axis=0) for part in parts], axis=0), np.max([part.max(axis=0) for part in parts], axis=0)

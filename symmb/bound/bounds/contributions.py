@@ -30,12 +30,6 @@ _POOR_LINE, _SMALL_OF_WIDTH = 0.5, 0.05
 """Error, relative to the width of a parameter alone and to the whole width, above which runs give the width alone."""
 _FEWEST_SHARE_RUNS, _MOST_SHARE_RUNS = 64, 1024
 """Smallest and largest number of runs for variance fractions."""
-_SHARE_ERROR = 0.04
-"""Error of variance fractions, averaged with the variance as weight, below which no further runs are made."""
-_SALTELLI_SAMPLES = 2048
-"""Samples of each matrix for variance fractions of piecewise polynomials."""
-_SALTELLI_ERROR = 0.03
-"""Error of these fractions: the largest difference from exact fractions in 200 random polynomials was 0.02."""
 _NO_SUM = "The widths of single parameters do not sum to the full width, because parameters act together."
 
 
@@ -329,14 +323,16 @@ def _is_large(error: Array, variance: Array, varies: Mask) -> bool:
     weights = np.where(varies, variance, 0.0)
     typical = (np.minimum(error, 1.0) * weights).sum(axis=0) / np.maximum(weights.sum(axis=0), np.finfo(float).tiny)
     unknown = varies.any(axis=0) & (weights.sum(axis=0) == 0)  # before the first runs
-    return bool((np.where(unknown, 1.0, typical) > _SHARE_ERROR).any())
+    # Error of variance fractions, averaged with the variance as weight, below which no further runs are made.
+    return bool((np.where(unknown, 1.0, typical) > 0.04).any())
 
 
 def _shares_of(surrogate: Piecewise, responses: Responses) -> tuple[Array, Array, Array, float]:
     """First and total indices (d, n_t, n_y) of polynomials, their variance (n_t, n_y), and the sampling error."""
     if len(surrogate.expansions) > 1:
         first, total, variance = _sampled_shares(surrogate, len(responses.box))
-        return first, total, variance, _SALTELLI_ERROR
+        # Error of these fractions: the largest difference from exact fractions in 200 random polynomials was 0.02.
+        return first, total, variance, 0.03
     names = tuple(name for name, is_good in zip(responses.names, responses.is_good, strict=True) if is_good)
     expansion = next(iter(surrogate.expansions))
     exact = moments(expansion, responses.t, names)
@@ -349,7 +345,8 @@ def _sampled_shares(surrogate: Piecewise, d: int) -> tuple[Array, Array, Array]:
     Saltelli and others, Computer Physics Communications 181 (2010): formula (b) of the first index, formula (f) of the
     total index.
     """
-    A, B = np.split(Sobol().points(_SALTELLI_SAMPLES, 2 * d, seed=0), 2, axis=1)
+    # Samples of each matrix for variance fractions of piecewise polynomials.
+    A, B = np.split(Sobol().points(2048, 2 * d, seed=0), 2, axis=1)
     first, total = np.empty((2, d, *surrogate.error.shape))
     variance = np.empty(surrogate.error.shape)
     for k in range(surrogate.error.shape[1]):

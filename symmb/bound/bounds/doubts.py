@@ -82,7 +82,8 @@ def _without_effect(simulator: Simulator, box: Box, bounds: Bounds) -> list[str]
     if surrogate is None or isinstance(simulator, SceneSimulator):
         return []
     floor = ROUNDING_SCALE * np.abs([bounds.lower, bounds.upper]).max(axis=(0, 1), initial=0.0)
-    small = np.maximum(floor, _IDLE_SHARE * (bounds.upper - bounds.lower).max(axis=0))
+    # Effect in polynomials, relative to the width, up to which a parameter may have no effect: polynomials smooth.
+    small = np.maximum(floor, 1e-4 * (bounds.upper - bounds.lower).max(axis=0))
     idle = np.flatnonzero(~surrogate.acting(small) & varies)
     if not len(idle):
         return []
@@ -147,7 +148,8 @@ def _linear_theory_doubts(simulator: Simulator, box: Box, seconds: float) -> tup
         return ()
     end = time.perf_counter() + seconds + _SECONDS_BEYOND_STUDY
     d = len(box)
-    unit = corners(d) if d <= _PARAMETERS_OF_ALL_CORNERS else np.repeat([[-1.0], [1.0]], d, axis=1)
+    # Most parameters for which flexible bodies are checked at all corners. With more, two corners are checked.
+    unit = corners(d) if d <= 3 else np.repeat([[-1.0], [1.0]], d, axis=1)
     for p in parameter_samples(simulator, box, unit):
         where = ", ".join(f"{name} = {value:g}" for name, value in zip(simulator.parameters, p, strict=True))
         if time.perf_counter() > end:
@@ -171,7 +173,8 @@ def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
     P = np.vstack([motion.dae.p_nominal, corners_of_box])
     usual, *others = motion.formulation.pulses(motion.times)(P).tolist()
     k = int(np.argmin(others))
-    if others[k] > min(usual / 2, _LONG_PULSE * float(np.ptp(motion.times))):
+    # Length of a pulse, relative to the horizon, above which the solver does not miss the pulse.
+    if others[k] > min(usual / 2, 1e-2 * float(np.ptp(motion.times))):
         return ()
     where = ", ".join(f"{name} = {value:g}" for name, value in zip(simulator.parameters, P[k + 1], strict=True))
     return (
@@ -194,11 +197,5 @@ def _noise_doubts(simulator: Simulator, bounds: Bounds) -> tuple[str, ...]:
 
 _SECONDS_BEYOND_STUDY = 1.0
 """Time [s] beyond that of a study that a check by a second method may take."""
-_LONG_PULSE = 1e-2
-"""Length of a pulse, relative to the horizon, above which the solver does not miss the pulse."""
-_IDLE_SHARE = 1e-4
-"""Effect in polynomials, relative to the width, up to which a parameter may have no effect: polynomials smooth."""
 _EQUAL_PAIRS = 4
 """Pairs of runs, spread over the box, that must be equal if a parameter has no effect."""
-_PARAMETERS_OF_ALL_CORNERS = 3
-"""Most parameters for which flexible bodies are checked at all corners. With more, two corners are checked."""

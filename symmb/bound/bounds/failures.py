@@ -11,13 +11,6 @@ from symmb._names import look_up_by_name
 from symmb._types import Array, Indices, Mask
 from symmb.equations.model import Box
 
-_MOST_PARAMETERS = 3
-"""Most parameters that a description names."""
-_DIGITS_OF_POINTS = 12
-"""Decimal digits to which points of the unit box are compared."""
-_MOST_EDGES = 200
-"""Most ends of an interval that are tried on each side. More take longer."""
-
 _Intervals = dict[int, tuple[int, int]]
 """For some columns, the first and the last rank of the allowed values. Equal values have equal ranks."""
 
@@ -94,12 +87,14 @@ def find_failed_region(box: Box, points: Array, failed: Mask) -> FailedRegion | 
     the likelihood less a cost for each limit. The cost is the logarithm of the number of possible limits (minimum
     description length; Rissanen, Automatica 14, 1978).
     """
-    points = np.round(points, _DIGITS_OF_POINTS)
+    # Decimal digits to which points of the unit box are compared.
+    points = np.round(points, 12)
     X = box.from_unit(points)
     ranks = np.stack([np.unique(column, return_inverse=True)[1].ravel() for column in points.T])
     intervals, best = _Intervals(), _Intervals()
     least = 0.0
-    for _ in range(min(_MOST_PARAMETERS, len(box))):
+    # Most parameters that a description names.
+    for _ in range(min(3, len(box))):
         intervals = _extended(intervals, ranks, failed)
         if (score := _score(intervals, ranks, failed)) > least:
             best, least = dict(intervals), score
@@ -128,7 +123,8 @@ def _best_interval(others: _Intervals, j: int, ranks: Indices, failed: Mask) -> 
     runs = np.cumsum(np.bincount(ranks[j][inside], minlength=last + 1))
     bad = np.cumsum(np.bincount(ranks[j][inside & failed], minlength=last + 1))
     at = np.unique(ranks[j][inside & failed])  # an interval is best if failed runs are at its ends
-    at = at[np.linspace(0, len(at) - 1, min(len(at), _MOST_EDGES)).round().astype(int)]
+    # Most ends of an interval that are tried on each side. More take longer.
+    at = at[np.linspace(0, len(at) - 1, min(len(at), 200)).round().astype(int)]
     first, end = np.concatenate([[0], at]), np.concatenate([at, [last]])
     before_runs, before_bad = (np.concatenate([[0], sums])[first][:, None] for sums in (runs, bad))
     limits = (first > 0)[:, None].astype(int) + (end < last)

@@ -13,11 +13,6 @@ from symmb._types import Array, Indices
 from symmb.equations.model import Box
 
 Correlation = Sequence[Sequence[float]] | Array
-_LEAST_MASS = 1e-6
-"""Probability of the box below which a distribution is outside of the box, because its quantiles there have few
-digits."""
-_STATED_MASS = 1e-4
-"""Probability outside of the box above which a remark reports it."""
 
 
 def given_once(owner: str, laws: object, distributions: object) -> Any:
@@ -68,7 +63,8 @@ class Laws:
     def remarks(self) -> tuple[str, ...]:
         """Which distributions lose a part outside of the box, in one sentence."""
         outside = 1.0 - (self.masses[:, 1] - self.masses[:, 0])
-        cut = {name: mass for name, mass in zip(self.names, outside.tolist(), strict=True) if mass > _STATED_MASS}
+        # Probability outside of the box above which a remark reports it.
+        cut = {name: mass for name, mass in zip(self.names, outside.tolist(), strict=True) if mass > 1e-4}
         if not cut:
             return ()
         one, more = "distribution of {} is cut to its interval", "distributions of {} are cut to their intervals"
@@ -122,7 +118,9 @@ def _masses(owner: str, name: str, law: Any, box: Box) -> tuple[float, float]:
         raise DeclarationError(f"{owner}: the distribution of {name!r} has no values: {error}.") from error
     if middle != (2,):
         raise DeclarationError(f"{owner}: ppf of the distribution of {name!r} must give a number for each number.")
-    if not above - below >= _LEAST_MASS:
+    # Probability of the box below which a distribution is outside of the box, because its quantiles there have few
+    # digits.
+    if not above - below >= 1e-6:
         raise DeclarationError(
             f"{owner}: the distribution of {name!r} has a probability of {above - below:.1g} in its interval from "
             f"{low:g} to {high:g}."

@@ -14,17 +14,12 @@ from symmb.bound.polynomials import TotalDegree, basis_values
 
 _CHAINS, _MOVES_OF_A_CHAIN = 3000, 4
 """Number of samples of a level of subset simulation, and number of moves of each sample."""
-_SMALL_STEP = 0.3
-"""Size of moves from runs that failed towards places with likely failures."""
 _FAR_RUNS, _NEAREST, _FARTHEST = 96, 3.0, 7.0
 """Number of runs in all directions, and their distances from the centre in standard deviations."""
 _KEPT_OF_A_LEVEL = 0.1
 """Fraction of samples that a level keeps."""
 _LEAST_PROBABILITY = 1e-10
 """Probability below which an event is not searched."""
-_OPTIMISTIC_ERRORS = 1.5
-"""Number of errors by which a margin may be larger in the search for failures. Smaller numbers miss regions without
-runs."""
 _CLUSTERS, _COVARIANCE_FACTOR, _SHARE_OF_LAWS = 8, 1.6, 0.05
 """Number of normal distributions from which samples are drawn, factor on their covariances, because the true tails are
 heavier, and fraction of samples from the distributions of the parameters."""
@@ -36,13 +31,6 @@ _RUNS_OF_A_ROUND = 48
 """Number of runs of a round, at samples whose predicted sign is most likely wrong. They correct the probability."""
 _RUNS_OVER_FAILURES = 0.25
 """Fraction of these runs that is spread over all failures."""
-_MOST_FITTED_RUNS = 400
-"""Largest number of runs in a fit. The runs closest to the limit are used, because the time grows with the cube of the
-number."""
-_REFIT_GROWTH = 1.25
-"""Growth of the number of runs after which the kernel is fitted again."""
-_EXPECTED_IF_NONE = 3.0
-"""Expected number of wrong samples if none is observed, at a confidence of 95 %."""
 _STANDARD_ERRORS = 3.0
 """Number of standard errors that is reported as the error."""
 
@@ -106,7 +94,8 @@ def rare_event(points_of: Normal, margins: Normal, known: tuple[Array, Array], a
         Y = margins(samples[pool][chosen])
         fails, each = Y.max(axis=1) > 0, share[chosen] / density[chosen]
         wrong = (fails.astype(float) - (s[chosen] > 0)) * each
-        unseen = _EXPECTED_IF_NONE / _RUNS_OF_A_ROUND * float((share * doubt).sum())
+        # Expected number of wrong samples if none is observed, at a confidence of 95 %.
+        unseen = 3.0 / _RUNS_OF_A_ROUND * float((share * doubt).sum())
         of_wrong = max(_STANDARD_ERRORS * float(wrong.std(ddof=1)) / np.sqrt(_RUNS_OF_A_ROUND), unseen)
         rounds.append((of_process + float(wrong.mean()), scatter + of_wrong))
         failures.append((each[fails], Y[fails] > 0))
@@ -136,7 +125,9 @@ def _directions(n_l: int) -> Array:
 
 def _fitted_runs(m: Array, first: int) -> Indices:
     """Numbers of the first runs, which are spread over all possible failures, and of later runs near the limit."""
-    near = first + np.argsort(np.abs(m[first:]))[:_MOST_FITTED_RUNS]
+    # Largest number of runs in a fit. The runs closest to the limit are used, because the time grows with the cube of
+    # the number.
+    near = first + np.argsort(np.abs(m[first:]))[:400]
     return np.concatenate([np.arange(first), near])
 
 
@@ -181,7 +172,8 @@ class _Margin:
         size = max(float(rest.std()), 1e-9 * float(np.abs(m).max(initial=0.0)), np.finfo(float).tiny)
         kernel, of_kernel = (Kernel.of(x.shape[1]), 0) if before is None else (before.process.kernel, before.of_kernel)
         process = GaussianProcess(kernel, own, rest[:, None] / size)
-        if len(x) > _REFIT_GROWTH * of_kernel:
+        # Growth of the number of runs after which the kernel is fitted again.
+        if len(x) > 1.25 * of_kernel:
             process, of_kernel = process.most_likely(), len(x)
         factor = max(1.0, float(np.sqrt(np.square(process.left_out_deviations()).mean())))
         return cls(trend, process, centre, scale, size, of_kernel, factor)
@@ -201,7 +193,9 @@ class _Margin:
         """Margins (N,) plus the leave-one-out error. The standard deviation at each point would take a hundred times as
         long."""
         error = float(np.sqrt(np.square(self.process.left_out_errors()).mean()))
-        return self.mean(x) + _OPTIMISTIC_ERRORS * self.size * error
+        # Number of errors by which a margin may be larger in the search for failures. Smaller numbers miss regions
+        # without runs.
+        return self.mean(x) + 1.5 * self.size * error
 
 
 def _sampled(
@@ -217,7 +211,8 @@ def _sampled(
         near = failed[rng.choice(len(failed), _CHAINS)]
         moved = near, np.maximum(margin(near), 0.0)
         for _ in range(_MOVES_OF_A_CHAIN):
-            moved = _moved(margin, 0.0, *moved, _SMALL_STEP, rng)
+            # Size of moves from runs that failed towards places with likely failures.
+            moved = _moved(margin, 0.0, *moved, 0.3, rng)
         z = np.concatenate([z, moved[0]])
     centres, roots = _clusters(z, rng)
     shares = np.append(_SHARE_OF_LAWS, np.full(len(centres) - 1, (1 - _SHARE_OF_LAWS) / (len(centres) - 1)))

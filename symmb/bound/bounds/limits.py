@@ -29,13 +29,6 @@ if TYPE_CHECKING:
 
 Limits = Mapping[str, tuple[float | str | None, float | str | None] | tuple[float | None, float | None, str]]
 """Limits (low, high) of outputs by name, in any unit that fits, such as ("75 deg/s", None). One end may be None."""
-_UNCERTAIN_ERRORS = 2.0
-"""Distance of a limit from the bounds, relative to the estimated error, below which further runs decide."""
-_MOST_FURTHER_RUNS = 600
-"""Most further runs of a scene. Many of them cost little. Other simulators make at most as many as the study."""
-_NEAR_LIMIT = 0.5
-"""Distance of a limit, over the width of bounds of a scene, within which further runs look for what the study has not
-seen, as corners that differ in two parameters from the best one: less misses more, more takes runs for far limits."""
 _SPREAD_STARTS, _START_TIMES = 16, 3
 """Points that are spread over the box, and times at which runs of the study are, where a search in a scene starts."""
 _CLOSE_TO_LIMIT = 0.03
@@ -363,9 +356,13 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
     margin = bounds.lower[:, k] - limit if side == "lower" else limit - bounds.upper[:, k]
     estimate, rounding, further = bounds.estimate[:, k], _rounding(bounds, k), None
     unit = _unit_told(bounds, k)
-    near = _UNCERTAIN_ERRORS * estimate
+    # Distance of a limit from the bounds, relative to the estimated error, below which further runs decide.
+    near = 2.0 * estimate
     if bounds.study is not None and bounds.study.has_lanes:
-        near = near + _NEAR_LIMIT * (bounds.upper - bounds.lower)[:, k].max()
+        # Distance of a limit, over the width of bounds of a scene, within which further runs look for what the study
+        # has not seen, as corners that differ in two parameters from the best one: less misses more, more takes runs
+        # for far limits.
+        near = near + 0.5 * (bounds.upper - bounds.lower)[:, k].max()
     if bounds.study is not None and (margin < near).any():
         further = _closest_run(bounds, k, side, limit, np.argsort(margin, kind="stable"))
         inside, error = -further.beyond, max(further.error, rounding)
@@ -430,7 +427,8 @@ def _closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indice
         starts.append(bounds.surrogate.part(some, [k]).range(-one, one)[2][SIDES.index(side), :, 0])
     points = np.clip(np.concatenate(starts).round(9), -1.0, 1.0)  # corners are 1 to the last digit
     points = np.concatenate([points, np.where(points < 0, -1.0, 1.0)])
-    most = max(_MOST_FURTHER_RUNS, bounds.evaluations) if study.has_lanes else 2 * bounds.evaluations
+    # Most further runs of a scene. Many of them cost little. Other simulators make at most as many as the study.
+    most = max(600, bounds.evaluations) if study.has_lanes else 2 * bounds.evaluations
     enough = _rounding(bounds, k)
     found = direct_search(beyond, points, most, enough)
     if study.has_lanes and 0 <= -best[0] < _CLOSE_TO_LIMIT * (bounds.upper - bounds.lower)[:, k].max():

@@ -21,9 +21,6 @@ from symmb.equations.model import Box
 from symmb.prove import Interval, operate, parameter_intervals
 from symmb.run.simulation import DAESimulator
 
-_MOST_OPERATIONS = 10_000
-"""Number of operations of outputs whose interval extension takes a tenth of a second."""
-
 
 class Method(ABC):
     """A method to bound responses over a box. Subclasses are frozen dataclasses whose fields are the options."""
@@ -163,7 +160,8 @@ def possible_values(simulator: Simulator, box: Box) -> tuple[Array, Array]:
     """Smallest and largest values (n_t, n_y) of the outputs over a box, for all states; infinite if unknown."""
     shape = len(simulator.times), len(simulator.outputs)
     lower, upper = np.full(shape, -np.inf), np.full(shape, np.inf)
-    if not isinstance(simulator, DAESimulator) or simulator.y.n_instructions() > _MOST_OPERATIONS:
+    # Number of operations of outputs whose interval extension takes a tenth of a second.
+    if not isinstance(simulator, DAESimulator) or simulator.y.n_instructions() > 10_000:
         return lower, upper
     y, anything = simulator.y, Interval(np.array(-np.inf), np.array(np.inf))
 

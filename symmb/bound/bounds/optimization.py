@@ -20,10 +20,6 @@ from symmb.equations.model import Box
 
 _SIGNS = np.array([1.0, -1.0]).reshape(2, 1, 1)
 """The two signs of a response: its minimum and its maximum are both found by minimisation."""
-_RUNS_BETWEEN_FITS = 8
-"""Number of runs with derivatives between two fits. A smaller number uses each run better, but each fit takes time."""
-_LEAST_WIDTH_SHARE = 1e-2
-"""Smallest width of an output at a time, over its largest width over all times."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +118,9 @@ class Optimization(Method):
             least = self.tolerance * np.tile(_widths(Y, G).ravel(), 2)
             before = attained if predicted is None else predicted
             predicted = attained - models.gain
-            new = models.promising(least, min(_RUNS_BETWEEN_FITS, most - len(X)))
+            # Number of runs with derivatives between two fits. A smaller number uses each run better, but each fit
+            # takes time.
+            new = models.promising(least, min(8, most - len(X)))
             if not len(new):
                 return models, attained, least, before, len(X) * cost
 
@@ -136,6 +134,7 @@ def _widths(Y: Array, G: Array) -> Array:
     The width of a single run follows from its tangent. The width is inf if an output is always 0.
     """
     width = np.ptp(Y, axis=0) if len(Y) > 1 else 2 * np.abs(G[0]).sum(axis=0)
-    least = np.maximum(_LEAST_WIDTH_SHARE * width.max(axis=0), ROUNDING * np.abs(Y).max(axis=(0, 1)))
+    # Smallest width of an output at a time, over its largest width over all times.
+    least = np.maximum(1e-2 * width.max(axis=0), ROUNDING * np.abs(Y).max(axis=(0, 1)))
     widths = np.maximum(width, least)
     return np.where(widths > 0, widths, np.inf)

@@ -38,8 +38,6 @@ from symmb.equations.model import Box
 
 _CLENSHAW_CURTIS, _GAUSS, _TENSOR_DEGREE, _EXACT = ClenshawCurtis(), Gauss(), TensorDegree(), Exact()
 
-_ORDINARY_POWER = 100
-"""Powers of two between which coefficients are multiplied with each other as they are."""
 
 _Responses = tuple[Array, tuple[Array, Array], Mask, tuple[Failure, ...]]
 """Coefficients (n_b, n_t n_y), extremes of the runs, each (n_t, n_y), which did not fail (N,), and the failed ones."""
@@ -175,7 +173,8 @@ class PolynomialChaos(Method):
         """Lower and upper bounds, each (m,), of all responses. Products of very large or small numbers are avoided."""
         coefficients = expansion.coefficients.reshape(len(expansion.alpha), -1)
         power = np.frexp(np.maximum(coefficients.max(axis=0), -coefficients.min(axis=0)))[1]
-        if (np.abs(power) < _ORDINARY_POWER).all():
+        # Powers of two between which coefficients are multiplied with each other as they are.
+        if (np.abs(power) < 100).all():
             return self.range.bounds(expansion.alpha, coefficients)
         lower, upper = self.range.bounds(expansion.alpha, np.ldexp(coefficients, -power))
         with np.errstate(over="ignore"):

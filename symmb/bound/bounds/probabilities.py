@@ -28,12 +28,6 @@ _SETS = 8
 _SAMPLES_OF_POLYNOMIALS, _SAMPLES_WITH_SEARCH, _SAMPLES_BEFORE_RUNS = 512, 128, 32
 """Numbers of samples of a set: from polynomials, if each sample requires a search for extremes or a run, and if runs
 near a limit may follow. Larger numbers take more time."""
-_VALUES_IN_CACHE = 2**20
-"""Number of values that are computed together, which fit into the cache of a processor."""
-_SAMPLES_NOT_TOLD_APART = 2.0
-"""Number of samples next to a quantile that cannot be distinguished from it."""
-_FEW_BEYOND = 8
-"""Number of samples beyond a quantile below which a remark reports too few samples."""
 _EXPECTED_IF_NONE = 3.0
 """Expected number of events if none is observed in one of 20 samples. It gives the smallest sampling error of a
 probability."""
@@ -46,8 +40,6 @@ _FITTED_RUNS, _POINTS_INSIDE, _INTERVALS_OF_ALL_CORNERS = 256, 32, 5
 of intervals of which all corners are used."""
 _MOST_RUNS_NEAR_LIMIT = 1000
 """Largest number of runs near a limit."""
-_MOST_VALUES = 2**24
-"""Largest number of polynomial values for a probability, which take some seconds."""
 _STANDARD_ERRORS = 3.5
 """Number of standard errors of the mean of the sets that is reported as the sampling error: 99 % of Student's t with 7
 degrees of freedom."""
@@ -206,7 +198,8 @@ def _quantiles_and_scatter(values: Array, q: Array) -> tuple[Array, Array]:
     sets.sort(axis=2)  # np.quantile takes five times as long
     whole = sets.reshape(len(sets), -1).copy()
     whole.sort(axis=1)
-    near = _SAMPLES_NOT_TOLD_APART / whole.shape[1]
+    # Number of samples next to a quantile that cannot be distinguished from it.
+    near = 2.0 / whole.shape[1]
     quantiles, above, below = (_of_sorted(whole, np.clip(q + sign * near, 0, 1)) for sign in (0, 1, -1))
     scatter = _scatter(np.moveaxis(_of_sorted(sets, q), 2, 0))
     return quantiles, np.maximum(scatter, np.maximum(above - quantiles, quantiles - below))
@@ -399,7 +392,8 @@ class _Samples:
 
     def may_grow(self) -> bool:
         """Whether more samples require no runs and little time."""
-        return self.surrogate is not None and not self.free.any() and 4 * self.number * len(self.error) <= _MOST_VALUES
+        # Largest number of polynomial values for a probability, which take some seconds.
+        return self.surrogate is not None and not self.free.any() and 4 * self.number * len(self.error) <= 2**24
 
     def spread(self, n: int) -> None:
         """Draw n samples in each set."""
@@ -458,7 +452,8 @@ class _Samples:
         surrogate, n_t = self.surrogate, len(self.responses.t)
         step = n_t
         if surrogate is not None:  # each window computes all terms at the points again
-            step = max(_VALUES_IN_CACHE // self.number, *(len(own.alpha) for own in surrogate.expansions))
+            # Number of values that are computed together, which fit into the cache of a processor.
+            step = max(2**20 // self.number, *(len(own.alpha) for own in surrogate.expansions))
         for start in range(0, n_t, step):
             window = slice(start, min(start + step, n_t))
             if surrogate is None:
@@ -484,7 +479,8 @@ class _Samples:
         responses = self.responses
         intervals = tuple(name for name, free in zip(responses.box.names, self.free, strict=True) if free)
         remarks = (*responses.remarks, *self._laws.remarks)
-        if levels is not None and (few := np.minimum(levels, 1 - levels) * self.number < _FEW_BEYOND).any():
+        # Number of samples beyond a quantile below which a remark reports too few samples.
+        if levels is not None and (few := np.minimum(levels, 1 - levels) * self.number < 8).any():
             text = ", ".join(f"{q:g}" for q in levels[few])
             remarks = (*remarks, f"Few of the samples are beyond the quantiles {text}: their error is a rough guess.")
         unit = responses.units[self.column] if responses.units else ""

@@ -6,13 +6,6 @@ import numpy as np
 
 from symmb._types import Array
 
-_SWEEPS = 10
-"""Number of passes over the coordinates."""
-_NEAREST_POINTS = 4
-"""Number of nearest points that determine a curvature, over d + 1. Points farther away change the curvature little."""
-_ZERO_SINGULAR_VALUE = 1e-10
-"""Ratio to the largest singular value below which the points do not determine a curvature."""
-
 
 @dataclass(frozen=True, eq=False)
 class Quadratics:
@@ -70,7 +63,9 @@ def quadratics(X: Array, F: Array, G: Array) -> Quadratics:
     half[np.diag_indices(N)] = np.inf
     for k in np.unique(lowest):
         own = np.flatnonzero(lowest == k)
-        near = half[k].argsort()[: min(N - 1, _NEAREST_POINTS * (d + 1))]
+        # Number of nearest points that determine a curvature, over d + 1. Points farther away change the curvature
+        # little.
+        near = half[k].argsort()[: min(N - 1, 4 * (d + 1))]
         offset = X[near] - X[k]
         g = G[k][:, own]
         rise = F[np.ix_(near, own)] - F[k, own] - offset @ g
@@ -100,7 +95,8 @@ def _curvatures(offset: Array, rise: Array, turn: Array) -> Array:
     right = np.concatenate([turn, (rise / length[:, None])[:, None]], axis=1)
     weight = length[:, None, None] ** -3
     H = np.empty((d, d, rise.shape[1]))
-    solve = np.linalg.pinv((weight * system).reshape(N * (d + 1), len(i)), _ZERO_SINGULAR_VALUE)
+    # Ratio to the largest singular value below which the points do not determine a curvature.
+    solve = np.linalg.pinv((weight * system).reshape(N * (d + 1), len(i)), 1e-10)
     H[i, j] = H[j, i] = solve @ (weight * right).reshape(N * (d + 1), rise.shape[1])
     return H
 
@@ -108,7 +104,8 @@ def _curvatures(offset: Array, rise: Array, turn: Array) -> Array:
 def _box_minima(g: Array, H: Array, lower: Array, upper: Array) -> Array:
     """Steps (d, m) to minima of g s + s H s / 2 with lower <= s <= upper (d, m), by coordinate descent."""
     s = np.zeros_like(g)
-    for i in [*range(len(g))] * _SWEEPS:
+    # Number of passes over the coordinates.
+    for i in [*range(len(g))] * 10:
         h = H[i, i]
         slope = g[i] + np.einsum("jm,jm->m", H[i], s) - h * s[i]
         low, high = lower[i], upper[i]

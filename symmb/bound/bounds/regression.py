@@ -11,14 +11,6 @@ from symmb.bound.polynomials.ranges import Piecewise
 
 _CROSS_EXPONENTS = 1.0, 0.75, 0.5
 """Exponents of hyperbolic crosses. The first gives the total degree, the others prefer terms of few parameters."""
-_HIGHEST_DEGREE = 16
-"""Highest degree, because runs for higher degrees are rarely available."""
-_RUNS_PER_TERM = 2
-"""Smallest number of runs for each term. Fewer runs do not determine coefficients reliably."""
-
-_LEAST_OWN_RESIDUAL = 1e-6
-"""Smallest fraction of a run that its own residual contains. If a run alone determines a term, its residual is only
-rounding."""
 
 
 def fitted(points: Array, Y: Array, parameters: tuple[str, ...]) -> Piecewise:
@@ -31,9 +23,12 @@ def fitted(points: Array, Y: Array, parameters: tuple[str, ...]) -> Piecewise:
     squares, chosen = np.square(values - values.mean(axis=0)).mean(axis=0), np.full(values.shape[1], -1)
     found = [(np.zeros((1, points.shape[1]), dtype=np.intp), values.mean(axis=0)[None])]
     with one_thread():
-        for alpha in _bases(points.shape[1], len(points) // _RUNS_PER_TERM):
+        # Smallest number of runs for each term. Fewer runs do not determine coefficients reliably.
+        for alpha in _bases(points.shape[1], len(points) // 2):
             q, r = np.linalg.qr(basis_values(alpha, points))
-            rest = np.maximum(1.0 - np.square(q).sum(axis=1), _LEAST_OWN_RESIDUAL)
+            # Smallest fraction of a run that its own residual contains. If a run alone determines a term, its
+            # residual is only rounding.
+            rest = np.maximum(1.0 - np.square(q).sum(axis=1), 1e-6)
             projected = q.T @ values
             left_out = np.square((values - q @ projected) / rest[:, None]).mean(axis=0)
             better = left_out < squares
@@ -54,7 +49,8 @@ def _bases(d: int, most: int) -> Iterator[MultiIndices]:
     """Sets of degrees with at most a given number of terms, each set once."""
     sizes = set[int]()
     for q in _CROSS_EXPONENTS:
-        for degree in range(1, _HIGHEST_DEGREE + 1):
+        # Highest degree, because runs for higher degrees are rarely available.
+        for degree in range(1, 16 + 1):
             alpha = HyperbolicCross(q).indices(d, degree)
             if len(alpha) > most:
                 break

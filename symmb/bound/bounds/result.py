@@ -29,9 +29,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_PRINTED_AS_ZERO = 1e-12
-"""Share of the largest bound of an output up to which what is printed is rounding."""
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Bounds(Answers, Counted, Result, Saved):
@@ -287,7 +284,8 @@ class Bounds(Answers, Counted, Result, Saved):
         width = np.where(np.isnan(width), np.inf, width)
         for k, name in enumerate(names):
             sizes = np.abs([self.lower[:, k], self.upper[:, k]])
-            least = _PRINTED_AS_ZERO * sizes.max(initial=0.0, where=np.isfinite(sizes))
+            # Share of the largest bound of an output up to which what is printed is rounding.
+            least = 1e-12 * sizes.max(initial=0.0, where=np.isfinite(sizes))
             places = int(self.lower[:, k].argmin()), int(self.upper[:, k].argmax())
             cells = [name]
             is_figure = self.names[k] in self.figures

@@ -22,8 +22,6 @@ from symmb.equations.model import Box
 
 _MOST_EVALUATIONS = 100_000
 """Largest number of evaluations of all parts. At 0.1 to 1 ms each they take up to two minutes."""
-_MOST_KEPT_NUMBERS = 2**25
-"""Largest number of coefficients that are stored for check runs: 256 MB."""
 _MOST_DIRECTIONS = 2000
 """Largest number of directions of derivatives. Their system of equations takes ten seconds to solve."""
 
@@ -100,7 +98,8 @@ class Taylor(Method):
         upper = -lower
         kinked = simulator if isinstance(simulator, Kinked) else None
         kinks: list[tuple[float, str]] = []
-        kept = self.planned_runs(d) * outputs <= _MOST_KEPT_NUMBERS
+        # Largest number of coefficients that are stored for check runs: 256 MB.
+        kept = self.planned_runs(d) * outputs <= 2**25
         parts = list[list[Array]]()
         for done, center in enumerate(centers, start=1):
             jets = unit_jets(self, simulator, box, center, unit * radius, self.order)

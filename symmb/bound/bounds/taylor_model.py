@@ -19,13 +19,6 @@ from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box
 from symmb.prove import EXTRA_NODES, NO_START, SINGULAR, Enclosure, enclose, problem_of
 
-_HIGHEST_ORDER = 60
-"""Highest order. Coefficients of smooth motions of higher order are rounding, and their number grows with the order."""
-_MOST_TERMS = 20_000
-"""Largest number of terms of a polynomial of the parameters. With this number a step takes a minute, and gigabytes for
-about ten states."""
-_MOST_NODES = 1_000_000
-"""Largest number of terms of interpolations of expressions, which take half a minute."""
 _PARTS_OF_PROGRESS = 1000
 """Number of parts of the horizon at which progress is reported."""
 
@@ -94,12 +87,17 @@ class TaylorModel(Method):
     unit_of_work: ClassVar[str] = "parts of the time"
 
     def __post_init__(self) -> None:
-        require_whole(self, "order", 1, _HIGHEST_ORDER)
+        # Highest order. Coefficients of smooth motions of higher order are rounding, and their number grows with the
+        # order.
+        require_whole(self, "order", 1, 60)
         require_whole(self, "boxes", 1)
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         problem = problem_of(self, simulator, box)
-        self._require_room(problem.d, *((_MOST_TERMS, 1) if problem.n else (_MOST_NODES, EXTRA_NODES + 1)))
+        # Largest number of terms of a polynomial of the parameters. With this number a step takes a minute, and
+        # gigabytes for about ten states.
+        # Largest number of terms of interpolations of expressions, which take half a minute.
+        self._require_room(problem.d, *((20_000, 1) if problem.n else (1_000_000, EXTRA_NODES + 1)))
 
         outlook = _Outlook(self)
 
@@ -146,7 +144,8 @@ class _Outlook:
         """Store the fraction of the horizon that is proved."""
         (before, last), now = self._last, time.monotonic()
         self._last = now, share
-        if not self._is_open or now < self._begin + _SECONDS_UNTOLD or not last < share < 1.0:
+        # Time after which the duration of a proof is predicted [s].
+        if not self._is_open or now < self._begin + 8.0 or not last < share < 1.0:
             return
         self._is_open = False
         minutes = (1.0 - share) * min((now - before) / (share - last), (now - self._begin) / share) / 60.0
@@ -157,10 +156,6 @@ class _Outlook:
                 SymmbWarning,
                 stacklevel=2,
             )
-
-
-_SECONDS_UNTOLD = 8.0
-"""Time after which the duration of a proof is predicted [s]."""
 
 
 def _caution(found: Enclosure, remedy: str, times: Array, outputs: Sequence[str], refused: Sequence[str]) -> str:

@@ -26,8 +26,6 @@ Place = tuple[str, int, int]
 """A side, the number of a time, and that of an output."""
 _SEVERAL_TIMES = 2
 """Output times of bounds where their number is not known."""
-_VISIBLE_SHARE = 1e-3
-"""Share of the width by which a run may miss a bound without a word: pictures do not show it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +142,8 @@ class WorstCase:
     @property
     def is_short(self) -> bool:
         """Whether the run misses the bound by more than pictures show."""
-        return self.shortfall > _VISIBLE_SHARE * self.width
+        # Share of the width by which a run may miss a bound without a word: pictures do not show it.
+        return self.shortfall > 1e-3 * self.width
 
     @property
     def scene(self) -> Scene:

@@ -73,15 +73,13 @@ class Coulomb(FrictionLaw):
     def resistance(self, name: str, slip: ca.SX, normal_force: ca.SX) -> tuple[ca.SX, tuple[Symbol, ...]]:
         w = slip / self.speed
         # The root keeps the direction of the slip, and its derivatives, finite at rest.
-        size = ca.sqrt(ca.sumsqr(w) + _REST**2)
+        # Smallest slip over the transition speed that has a direction. It reduces the slope of mu at rest by 5e-8
+        # only.
+        size = ca.sqrt(ca.sumsqr(w) + 1e-4**2)
         mu_over_u = self.kinetic * ca.tanh(4 * size) / size
         if self.static is not None:
             mu_over_u += (self.static - self.kinetic) / (0.25 * size**2 + 0.75) ** 2
         return -normal_force * mu_over_u * w, ()
-
-
-_REST = 1e-4
-"""Smallest slip over the transition speed that has a direction. It reduces the slope of mu at rest by 5e-8 only."""
 
 
 @dataclass(frozen=True, eq=False)

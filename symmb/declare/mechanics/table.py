@@ -132,7 +132,8 @@ class Table:
         x, y = np.array(self.x, dtype=float), np.array(self.y, dtype=float)
         slope = np.diff(y) / np.diff(x)
         steeper = np.maximum(np.abs(slope[1:]), np.abs(slope[:-1]))
-        bends = np.concatenate([[True], np.abs(np.diff(slope)) > _LARGE_BEND * steeper, [True]])
+        # Change of the slope at a point over the steeper of both slopes: steps end at points with larger changes.
+        bends = np.concatenate([[True], np.abs(np.diff(slope)) > 0.5 * steeper, [True]])
         data = self._pieces.data
         return Sides.of(x[bends]), Pieces(np.concatenate([[0], np.cumsum(bends)]), data[1], data[2:-1].T)
 
@@ -144,8 +145,6 @@ def _entries(values: object) -> Sequence[object]:
 
 _MOST_POINTS = 1_000_000
 """Largest number of points. They take 100 MB, and some seconds to declare."""
-_LARGE_BEND = 0.5
-"""Change of the slope at a point over the steeper of both slopes: steps end at points with larger changes."""
 
 
 def _slopes(h: Array, slope: Array) -> Array:

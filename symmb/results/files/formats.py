@@ -146,13 +146,10 @@ def require_usual_size(archive: zipfile.ZipFile | None) -> None:
     """DeclarationError if the data of an archive would be much larger than the archive."""
     members = archive.infolist() if archive else []
     size, packed = (sum(getattr(member, name) for member in members) for name in ("file_size", "compress_size"))
-    if size > 2**26 and size > _LARGEST_EXPANSION * packed:  # up to 64 MB can be unpacked quickly
+    # Most bytes that one byte of an archive may become. Results with random last digits expand by a few times,
+    # constant results a thousand times.
+    if size > 2**26 and size > 200 * packed:  # up to 64 MB can be unpacked quickly
         raise DeclarationError(f"its {packed:.3g} bytes would become {size:.3g} bytes.")
-
-
-_LARGEST_EXPANSION = 200
-"""Most bytes that one byte of an archive may become. Results with random last digits expand by a few times, constant
-results a thousand times."""
 
 
 def _write_json(file: BinaryIO, entries: Mapping[str, Any]) -> None:

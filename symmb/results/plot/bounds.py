@@ -24,8 +24,6 @@ from symmb.results.plot.layout import (
 )
 from symmb.results.plot.style import OWN, Style
 
-_VISIBLE_DISTANCE = 0.015
-"""Distance of curves, relative to the height of the band, below which they look like one thick line."""
 _LIMIT = "#d1495b"
 """Colour of limits."""
 
@@ -159,7 +157,8 @@ def _draw_pairs(
     for own, name, look in pairs:
         if name is not None:
             with np.errstate(invalid="ignore"):  # infinite bounds
-                own = np.where(np.abs(own - first) <= _VISIBLE_DISTANCE * np.ptp(first), np.nan, own)
+                # Distance of curves, relative to the height of the band, below which they look like one thick line.
+                own = np.where(np.abs(own - first) <= 0.015 * np.ptp(first), np.nan, own)
         _draw_pair(axes, x, *own, label=None if np.isnan(own).all() else name, color=colour, **look)
 
 

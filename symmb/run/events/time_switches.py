@@ -17,16 +17,6 @@ about 1e-10 of the horizon, are not found."""
 _SHARE, _UNEVEN = 0.487, 1.01
 """Where parts are halved, and the power that makes the first parts unequal, so that ends do not coincide with jumps at
 whole periods."""
-_ROUNDING = 1e-6
-"""Fraction of a range by which values may deviate from it. A value that deviates more is on the other side of a
-jump."""
-_SAME = 8
-"""Number of rounding errors of a time within which two switches are the same."""
-
-
-_BESIDE = 16
-"""Number of rounding errors between a jump and a time beside it: twice the distance within which switches are the
-same."""
 
 
 class TimeSwitches:
@@ -99,7 +89,8 @@ class TimeSwitches:
         times[~((times >= self._begin) & (times <= self._end))] = np.inf
         times = np.sort(times, axis=1)
         with np.errstate(invalid="ignore"):
-            same = np.diff(times, axis=1) <= _SAME * np.spacing(np.abs(times[:, 1:]))
+            # Number of rounding errors of a time within which two switches are the same.
+            same = np.diff(times, axis=1) <= 8 * np.spacing(np.abs(times[:, 1:]))
         times[:, 1:][same] = np.inf
         times = np.sort(times, axis=1)
         return times[:, : int(np.isfinite(times).sum(axis=1).max(initial=0))]
@@ -143,7 +134,9 @@ class TimeSwitches:
         up = at_low > 0
         toward, away = np.where(up, -fall, rise), np.where(up, rise, -fall)
         between = (up == (at_high > 0)) & (np.abs(at_low) * away + np.abs(at_high) * toward > toward * away)
-        margin = _ROUNDING * (np.abs(least) + np.abs(largest))
+        # Fraction of a range by which values may deviate from it. A value that deviates more is on the other side of
+        # a jump.
+        margin = 1e-6 * (np.abs(least) + np.abs(largest))
         exact = (np.minimum(at_low, at_high) >= least - margin) & (np.maximum(at_low, at_high) <= largest + margin)
         return np.asarray(exact & ((least > 0) | (largest < 0) | (fall >= 0) | (rise <= 0) | between))
 
@@ -171,7 +164,9 @@ class _Knots:
             return batch_padded(self._at, np.broadcast_to(p, (len(t), len(p))), t[:, None])[0][:, 0]
 
         ends = np.unique([*self._ends, *turns[np.isfinite(turns)]])
-        margin = _BESIDE * np.spacing(np.maximum(np.abs(ends[:-1]), np.abs(ends[1:])))
+        # Number of rounding errors between a jump and a time beside it: twice the distance within which switches are
+        # the same.
+        margin = 16 * np.spacing(np.maximum(np.abs(ends[:-1]), np.abs(ends[1:])))
         low, high = ends[:-1] + margin, ends[1:] - margin
         low, high = low[low < high], high[low < high]
         at_low, at_high = values(low), values(high)

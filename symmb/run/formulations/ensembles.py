@@ -22,19 +22,18 @@ the computation."""
 IRREGULAR_OUTPUT = REASONS[1]
 NAMED_SAMPLES = 5
 """Largest number of failed samples of a block whose messages name joints. No more messages are printed."""
-_COMPILED_BLOCK = 1024
-"""Number of samples of a block for the engine. Small models have up to 8 times as many. tests/benchmarks/ensemble.py"""
-_STATELESS_VALUES = 10**6
-"""Number of values of a block of a scene without states, so that a call takes much longer than its overhead."""
 
 
 def block_size(n_x: int, values: int, compiled: bool, keeps_trajectories: bool) -> int:
     """Number of samples of a block, for n_x states and a number of output values of a sample."""
     if not n_x:
-        return max(BLOCK, _STATELESS_VALUES // values)
+        # Number of values of a block of a scene without states, so that a call takes much longer than its overhead.
+        return max(BLOCK, 10**6 // values)
     if not compiled:
         return BLOCK
-    return _COMPILED_BLOCK * (1 if keeps_trajectories else max(1, min(8, 100 // n_x)))
+    # Number of samples of a block for the engine. Small models have up to 8 times as many.
+    # tests/benchmarks/ensemble.py
+    return 1024 * (1 if keeps_trajectories else max(1, min(8, 100 // n_x)))
 
 
 def ensemble_of_runs(form: Formulation, times: Array, Y: Array, runs: list[Run], P: Array) -> Ensemble:

@@ -31,8 +31,6 @@ from symmb.run.integrate import (
     round_otherwise,
 )
 
-_TIGHTENINGS = 4
-"""How often a solver is made ten times more accurate until its run changes. Exact runs never change."""
 _LONG = 10_000
 """Number of operations of rows of loops in coordinates of bodies, above which these equations are not derived to check
 runs. The rows of a robot arm with 25,000 operations take a minute. `tests/benchmarks/real_robots.py` contains such
@@ -194,7 +192,8 @@ class Program:
         if self.bodies.dae.impacts is not None and nominal.ok.size:
             round_otherwise(finer.engine(), self.engine())
             return finer
-        for _ in range(_TIGHTENINGS if nominal.ok.all() and not self.is_stateless else 0):
+        # How often a solver is made ten times more accurate until its run changes. Exact runs never change.
+        for _ in range(4 if nominal.ok.all() and not self.is_stateless else 0):
             if not np.array_equal(finer.runs(P).Y, nominal.Y):
                 break
             next_one = self.by(finer.solver.tighter(times=self.times))

@@ -8,9 +8,6 @@ CELLS = 1000
 """Number of parts of a horizon. No part is longer than the horizon divided by this number."""
 _LONGEST, _GOLDEN = 1.5, 0.5 * (5**0.5 - 1)
 """Ratio of the longest piece of an interval to the mean piece, and the ratio that makes the pieces unequal."""
-_FIRST = 1e-5
-"""Time of an extra point after the start, over the horizon. SUNDIALS' first step, and all further steps, follow from
-this point."""
 
 
 def refined(times: Array) -> tuple[Array, Indices]:
@@ -29,7 +26,9 @@ def refined(times: Array) -> tuple[Array, Indices]:
     k = np.arange(ends[-1]) - np.repeat(ends - counts, counts)
     parts = (k + (_LONGEST - 1) * (k * _GOLDEN % 1)) / np.repeat(counts, counts)
     fine = np.append(np.repeat(times[:-1], counts) + parts * np.repeat(spans, counts), times[-1])
-    first = float(times[0] + _FIRST * (times[-1] - times[0]))
+    # Time of an extra point after the start, over the horizon. SUNDIALS' first step, and all further steps, follow
+    # from this point.
+    first = float(times[0] + 1e-5 * (times[-1] - times[0]))
     if fine[1] < 2 * first - fine[0]:
         return fine, np.append(0, ends)
     return np.insert(fine, 1, first), np.append(0, ends + 1)

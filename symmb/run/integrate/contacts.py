@@ -14,9 +14,6 @@ from symmb.run.integrate.step_ends import SwitchedProblem, hysteresis_of
 _PENETRATION, _SHORT_WAY = 1e-9, 1e-7
 """Negative gap at the start that counts as rounding, over the size of the scene, or over the distance that the speed
 and acceleration of the gap give until the end. The gap itself may be the only known length."""
-_STRUCK = 1e-9
-"""Ratio of slip to the rate of the motion above which an impulse has caused the slip. The slip of clutches that stick
-is not exactly 0."""
 
 
 def contacts_of(dae: DAE, impacts: Impacts, with_work: bool) -> Contacts:
@@ -65,7 +62,9 @@ def _tolerances(dae: DAE, joints: JointEvents) -> tuple[float, ...]:
 
     def of(number: int) -> float:
         if joints.let_slip[number] == 2:
-            return _STRUCK * dae.scales.rate
+            # Ratio of slip to the rate of the motion above which an impulse has caused the slip. The slip of clutches
+            # that stick is not exactly 0.
+            return 1e-9 * dae.scales.rate
         closed = ca.SX(x)
         closed[[dae.n_q + dae.n_v + k for k in joints.flags if joints.by_force[number]]] = 0
         closed[dae.n_q + dae.n_v + joints.flags[number]] = 1

@@ -76,13 +76,10 @@ class EventDriven(Explicit):
         return super()._integration(dae, times, order, work)
 
 
-_SHORTER = 0.37
-"""Longest step of a check run, over the mean step of the checked run. It is not a simple fraction, so that rounding
-errors differ."""
-
-
 def round_otherwise(engine: Engine, other: Engine) -> None:
     """Limit the steps of an engine to less than the mean step of the last run of another engine."""
     control, span = cast(Tolerances, engine.control), float(np.ptp(engine.times))
-    longest = min(control.longest or np.inf, _SHORTER * span / max(other.counts.steps, 1))
+    # Longest step of a check run, over the mean step of the checked run. It is not a simple fraction, so that
+    # rounding errors differ.
+    longest = min(control.longest or np.inf, 0.37 * span / max(other.counts.steps, 1))
     engine.control = replace(control, longest=longest)

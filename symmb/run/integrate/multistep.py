@@ -30,16 +30,6 @@ CLOSE_TIMES = 1e-6
 equal."""
 _SCALED = {"ode", "alg", "quad"}
 _WITHOUT_DERIVATIVES = {"enable_forward": False, "enable_jacobian": False, "enable_fd": True}
-_SHORT = 1e-3
-"""Longest step of an independent integration over the horizon. Longer steps may pass over two switches of the state."""
-_FEW_STATES = 1_000_000
-"""Largest product of steps and states of an independent integration. More take longer than a second, which is too long
-for a check."""
-_SMOOTH_STEPS = 20_000
-"""Largest number of steps of a piece on one side of each switch. A piece that needs more is left to the equations with
-switches."""
-_NOISE = 1e-15
-"""Relative rounding error of a position. Tolerances of short pieces are not smaller."""
 
 
 def multistep_integration(
@@ -73,8 +63,12 @@ def multistep_integration(
         return Integration(times, n_x, problem.quad.numel(), guess, None, None, project, passes.stops, units)
     whole = between = onward = smooth = None
     (fine, outputs), horizon = refined(times), float(times[-1] - times[0])
-    most = min(MOST_STEPS, (_FEW_STATES if independent else MOST_STATES) // n_x)
-    steps = _step_lengths(dae, times, first, _SHORT * horizon if independent else np.inf)
+    # Largest product of steps and states of an independent integration. More take longer than a second, which is too
+    # long for a check.
+    most = min(MOST_STEPS, (1_000_000 if independent else MOST_STATES) // n_x)
+    # Longest step of an independent integration over the horizon. Longer steps may pass over two switches of the
+    # state.
+    steps = _step_lengths(dae, times, first, 1e-3 * horizon if independent else np.inf)
     made = _Integrators(plugin, options, steps)
     if project is None:
         whole = made.over("whole", problem, fine, USUAL * most / CELLS)
@@ -84,7 +78,9 @@ def multistep_integration(
     equations = one_sided(dae) if passes.are_possible and not independent and not order else None
     if equations is not None:
         one = problem_of(equations.dae)
-        integrator = made.from_0_to_1("smooth", one.from_begin(), times, _SMOOTH_STEPS)
+        # Largest number of steps of a piece on one side of each switch. A piece that needs more is left to the
+        # equations with switches.
+        integrator = made.from_0_to_1("smooth", one.from_begin(), times, 20_000)
         smooth = _SmoothPieces(equations, one, integrator, dae.n_q, rtol, units)
     return _MultistepIntegration(
         times,
@@ -196,7 +192,8 @@ class _SmoothPieces:
         (z0,), (speed,) = batch(self._start, y[:n], p, np.array([begin]))
         size = float(np.max(np.abs(y[:n_q]) / units[:n_q], initial=0.0))
         way = float(np.max(np.abs(speed * (end - begin)) / units[:n_q], initial=0.0))
-        noise = _NOISE * size / self._rtol  # in tolerances, of a displacement 1
+        # Relative rounding error of a position. Tolerances of short pieces are not smaller.
+        noise = 1e-15 * size / self._rtol  # in tolerances, of a displacement 1
         share = max(way, noise) or 1.0
         units[:n_q] *= min(share, 1.0)
         offset = np.full(len(y), noise / share)

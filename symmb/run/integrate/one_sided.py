@@ -11,9 +11,6 @@ from symmb.declare.symbolic import Branches, On, batch, branches, common, has_ki
 from symmb.equations.model import DAE
 from symmb.run.integrate.step_ends import hysteresis_of
 
-_SETTLINGS = 8
-"""Number of passes over switches that depend on the sides of other switches."""
-
 
 @dataclass(frozen=True, eq=False)
 class OneSided:
@@ -40,7 +37,8 @@ class OneSided:
     def sides_at(self, x: Array, p: Array, t: float) -> Array:
         """The sides (m,) of one state x (n_x,). If a switch is 0, its rate decides."""
         sides = np.ones(len(self.hysteresis))
-        for _ in range(_SETTLINGS):
+        # Number of passes over switches that depend on the sides of other switches.
+        for _ in range(8):
             values, rates = self.on_sides(x, p, sides, t)
             signs = np.sign(np.where(np.abs(values) > self.hysteresis, values, rates)) * sides
             signs = np.where(signs == 0, sides, signs)

@@ -13,17 +13,6 @@ SideAdvance = Callable[[float, float, Array, Array], Array]
 """A function (begin, end, y, parameters) -> y at the end."""
 
 _BREAKDOWNS = RuntimeError, np.linalg.LinAlgError
-_SHIFT = 1e-4
-"""Largest error of the times of passes over the horizon. A motion with a larger error takes branches from its own
-switches."""
-_SLOW = 0.01
-"""Fraction of this error above which rounding of a switch is ignored, because the motion hardly moves along the
-switch."""
-_NEAREST = 10.0
-"""Ratio of the time to a switch to the time to the nearest switch, up to which it may be the next one. Other switches
-are passed by pieces, which may be shorter than the error of the times."""
-_CORRECTIONS = 5
-"""Number of Newton steps from the time of a pass to the pass of this run."""
 
 
 class Stops(NamedTuple):
@@ -82,7 +71,9 @@ class SideWalk:
     ) -> None:
         self._equations, self._p, self._passes, self._until = equations, p, stops.passes, float(stops.until)
         self._one_sided, self._free = one_sided, free
-        self._shift, self._least, self._next = _SHIFT * span, 1e-3 * span, 0
+        # Largest error of the times of passes over the horizon. A motion with a larger error takes branches from its
+        # own switches.
+        self._shift, self._least, self._next = 1e-4 * span, 1e-3 * span, 0
         self._sides: Array | None = None
         self._is_lost = False
 
@@ -126,10 +117,13 @@ class SideWalk:
         if not late < np.inf:
             return y, sides
         values, rates = self._equations.on_sides(y, self._p, sides, t)
-        if abs(late) > _SLOW * self._shift and abs(values[k]) <= self._margins(rates, t)[k]:
+        # Fraction of this error above which rounding of a switch is ignored, because the motion hardly moves along
+        # the switch.
+        if abs(late) > 0.01 * self._shift and abs(values[k]) <= self._margins(rates, t)[k]:
             return y, self._behind(t, y, sides, k)
         new, to, parameters = y, t, np.concatenate([self._p, sides])
-        for _ in range(_CORRECTIONS):
+        # Number of Newton steps from the time of a pass to the pass of this run.
+        for _ in range(5):
             new = self._one_sided(to, to + late, new, parameters)
             to += late
             values, rates = self._equations.on_sides(new, self._p, sides, t)
@@ -160,7 +154,9 @@ class SideWalk:
         with np.errstate(all="ignore"):
             late = np.where(rates < 0, -values / rates, np.inf)
         far = np.abs(late)
-        late[~(far <= min(self._shift, _NEAREST * far.min(initial=np.inf) + self._rounding(t)))] = np.inf
+        # Ratio of the time to a switch to the time to the nearest switch, up to which it may be the next one. Other
+        # switches are passed by pieces, which may be shorter than the error of the times.
+        late[~(far <= min(self._shift, 10.0 * far.min(initial=np.inf) + self._rounding(t)))] = np.inf
         return float(late.min()), int(late.argmin())
 
     def _fits(self, t: float, y: Array, sides: Array) -> bool:

@@ -62,10 +62,6 @@ class StateSpace(Solver):
         return _Partitioned(self, dae, times, work)
 
 
-_WORSE = 1.5
-"""Growth of the error amplification by the constraints after which dependent coordinates are chosen again."""
-
-
 class _Partitioned(Integration):
     """Runs by SciPy's DOP853, one sample after the other, in pieces on one side of each switch of the state."""
 
@@ -153,7 +149,8 @@ class _Path:
             x = self._completed(steps.y[: self._n], steps.t)
             now = self._equations.amplification(x, self._p, steps.t, self._dependent)
             self._least = min(self._least, now)
-            if now > _WORSE * self._least:
+            # Growth of the error amplification by the constraints after which dependent coordinates are chosen again.
+            if now > 1.5 * self._least:
                 self._begin(steps.t, np.concatenate([x, steps.y[self._n :]]))
 
     def _slopes(self, t: float, y: Array) -> Array:

@@ -12,13 +12,9 @@ from symmb.run.codegen import StepEnds
 from symmb.run.events import TimeSwitches, time_switches
 from symmb.run.integrate.initial_value_problem import InitialValueProblem
 
-_HYSTERESIS = 1e-13
-"""Change of a switch that counts as rounding, over its change by the sizes of all states."""
 _BESIDE, _NEAR, _SEVERAL = 64, 1e-10, 4.0
 """Distance of close states over their size, and a safety factor. Deviations of a switch from a straight line between
 these states show its rounding."""
-_SIDES = 64
-"""Number of combinations of sides for which changes of switches are evaluated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +91,8 @@ def hysteresis_of(dae: DAE, switches: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX, sides
     change = ca.Function("change", [x, p, t, sides], [ca.fabs(ca.jacobian(switches, x)) @ ca.DM(size)])
     # A switch may depend on the state on some sides of the others only. The least change is that of a real combination:
     # others may be far from where the motion can be.
-    on_sides = np.vstack([np.ones(m), np.random.default_rng(0).choice([-1.0, 1.0], (_SIDES, m))])
+    # Number of combinations of sides for which changes of switches are evaluated.
+    on_sides = np.vstack([np.ones(m), np.random.default_rng(0).choice([-1.0, 1.0], (64, m))])
     values = np.nan_to_num(batch(change, size, dae.p_nominal, np.zeros(1), on_sides)[0].reshape(-1, m), posinf=0.0)
     least = np.where(values > 0, values, np.inf).min(axis=0)
     values = np.where(values[0] > 0, values[0], np.where(np.isfinite(least), least, 1.0))
@@ -106,4 +103,5 @@ def hysteresis_of(dae: DAE, switches: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX, sides
     known = np.isfinite(near).all(axis=0)
     rounding = np.zeros(m)
     rounding[known] = np.ptp(near[:, known] - line @ (np.linalg.pinv(line) @ near[:, known]), axis=0)
-    return tuple(np.maximum(_HYSTERESIS * values, _SEVERAL * rounding).tolist())
+    # Change of a switch that counts as rounding, over its change by the sizes of all states.
+    return tuple(np.maximum(1e-13 * values, _SEVERAL * rounding).tolist())

@@ -47,13 +47,10 @@ _MOST, _LARGEST, _ROUGH = 600, 6, 1e-2
 all take n^3 operations, a minute of 3,000 states."""
 
 
-_STATES = 5
-"""States of a run at which its stiffness is estimated."""
-
-
 def some_states(n: int) -> Indices:
     """Numbers of the states, of n, at which the stiffness of a run is estimated."""
-    return np.unique(np.linspace(0, n - 1, _STATES).astype(np.intp))
+    # States of a run at which its stiffness is estimated.
+    return np.unique(np.linspace(0, n - 1, 5).astype(np.intp))
 
 
 def stiffness(dae: DAE, X: Array, p: Array, times: Array) -> Stiffness:

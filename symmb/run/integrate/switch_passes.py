@@ -17,17 +17,8 @@ from symmb.run.integrate.initial_value_problem import build_problem
 from symmb.run.integrate.side_walk import Stops, no_stops
 from symmb.run.integrate.step_ends import switched
 
-_SHARE = 0.1
-"""Tolerance of these runs over that of the solver, whose motion is as exact in time as they are."""
-_LEAST_RTOL = 1e-12
-"""Least tolerance of these runs: below it, steps are rounding."""
 _SAFE_RTOL = 1e-8
 """Tolerance of a second run where the first one breaks down."""
-_MOST_STEPS = 20_000
-"""Steps of these runs. Stiff motions need more: later passes are left to the solver's own step control."""
-
-_AT_ONCE = 1e-9
-"""Time after the start, over the horizon, within which a pass belongs to the start."""
 
 
 class SwitchPasses:
@@ -52,9 +43,12 @@ class SwitchPasses:
             x, p = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names))
             t = ca.SX.sym("t")
             nothing = ca.Function("nothing", [x, p, t], [ca.SX(1, 1)])
-            solver = DormandPrince(max(_SHARE * rtol, _LEAST_RTOL))
+            # Tolerance of these runs over that of the solver, whose motion is as exact in time as they are.
+            # Least tolerance of these runs: below it, steps are rounding.
+            solver = DormandPrince(max(0.1 * rtol, 1e-12))
             engine = solver.engine(Task(dae, times[[0, -1]], nothing, start=start))
-            engine.most_steps = _MOST_STEPS
+            # Steps of these runs. Stiff motions need more: later passes are left to the solver's own step control.
+            engine.most_steps = 20_000
             self._engine = engine if engine.ends.hysteresis else None
 
     @property
@@ -83,7 +77,8 @@ class SwitchPasses:
             return np.nan
         passes = _passes(self._engine, x0, p)[0].ravel()
         span = float(np.ptp(self._times))  # a motion may begin on a switch
-        return float(np.fmin.reduce(passes[passes - self._times[0] > _AT_ONCE * span], initial=np.nan))
+        # Time after the start, over the horizon, within which a pass belongs to the start.
+        return float(np.fmin.reduce(passes[passes - self._times[0] > 1e-9 * span], initial=np.nan))
 
 
 def follows_switches(dae: DAE) -> bool:

@@ -16,8 +16,6 @@ from symmb.run.linear.eigenvalues import Eigenvalues
 from symmb.run.linear.family import LinearFamily
 from symmb.run.simulation import scene_of
 
-_VALUES = 65
-"""Number of parameter values at which stability is tested: a stable range must be wider than their distance."""
 _ROUNDING = 1e-12
 """Error of a critical value over the range: the search ends at this error."""
 
@@ -65,7 +63,8 @@ class CriticalSimulator(BlackBox):
         self.family, self.range = LinearFamily(scene), (lower, upper)
         self.doubts, self.scene = self.family.doubts, self.family.scene
         names = list(scene.system.parameters)
-        self.number, self._grid = names.index(parameter), np.linspace(lower, upper, _VALUES)
+        # Number of parameter values at which stability is tested: a stable range must be wider than their distance.
+        self.number, self._grid = names.index(parameter), np.linspace(lower, upper, 65)
         self.name, self._parameter = scene.name, parameter
         self.box = scene.box and scene.box.without(parameter)
         own, units = scene.system.parameters, units_of_parameters(scene.system.parameters)

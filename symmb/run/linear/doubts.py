@@ -12,16 +12,8 @@ from symmb.run.verification import AttachedLoads, deformation_doubts
 
 _TIMES, _GOLDEN = 21, 0.6180339887
 """Number of later times at which A is compared, and their distance over the horizon: no period fits such distances."""
-_CHANGE = 1e-3
-"""Change of an entry of A over the largest entry, above which A is not constant."""
-_TOO_HIGH = 0.05
-"""Largest relative error of a frequency: then 10 % of the deflections are missing."""
-_PROMISED = 0.5
-"""Frequency over the highest frequency of a body's modes, below which oscillations should be right."""
 _NAMED = 3
 """Largest number of frequencies in a sentence."""
-_MOST = 6
-"""Largest number of judged oscillations, from the lowest frequency on: few users need higher ones."""
 
 
 def doubts_of(scene: Scene, motion: SteadyMotion, blocks: Blocks, loads: tuple[AttachedLoads, ...]) -> tuple[str, ...]:
@@ -40,7 +32,8 @@ def _varies(scene: Scene, motion: SteadyMotion, blocks: Blocks) -> bool:
         return False
     for k in range(1, _TIMES + 1):
         A = motion.equations.blocks(point.x[None], point.p[None], point.t + (end - point.t) * (k * _GOLDEN % 1)).A
-        if np.abs(A - blocks.A).max(initial=0.0) > _CHANGE * np.abs(blocks.A).max(initial=0.0):
+        # Change of an entry of A over the largest entry, above which A is not constant.
+        if np.abs(A - blocks.A).max(initial=0.0) > 1e-3 * np.abs(blocks.A).max(initial=0.0):
             return True
     return False
 
@@ -69,9 +62,12 @@ def _doubts_of_loads(some: tuple[AttachedLoads, ...], motion: SteadyMotion, bloc
             continue
         share = np.real(np.einsum("vk,vw,wk->k", own.conj(), loads.responses.energy, own)) / potential
         high = np.sqrt(1 + np.maximum(share, 0.0)) - 1
-        promised = rates <= _PROMISED * np.sqrt(loads.body.modes.stiffness.max())
-        promised[0], promised[_MOST:] = True, False
-        if (wrong := np.flatnonzero((high > _TOO_HIGH) & promised)).size:
+        # Frequency over the highest frequency of a body's modes, below which oscillations should be right.
+        promised = rates <= 0.5 * np.sqrt(loads.body.modes.stiffness.max())
+        # Largest number of judged oscillations, from the lowest frequency on: few users need higher ones.
+        promised[0], promised[6:] = True, False
+        # Largest relative error of a frequency: then 10 % of the deflections are missing.
+        if (wrong := np.flatnonzero((high > 0.05) & promised)).size:
             listed = ", ".join(f"{rates[k] / (2 * np.pi):.4g} Hz by {high[k]:.0%}" for k in wrong[:_NAMED])
             yield (
                 f"FlexibleBody {loads.body.name!r}: its modes do not follow the loads at its nodes "

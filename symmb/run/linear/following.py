@@ -10,10 +10,6 @@ from symmb.run.linear.eigenvalues import Eigenvalues
 
 _ALIKE = 0.9
 """Overlap of two shapes, above which they belong to the same mode: then other modes overlap by less than 0.1."""
-_ALIKE_ALONE = 0.5
-"""The same for a mode that is the only one at both points."""
-_SHORTEST = 2.0**-10
-"""Shortest step over the way. If two frequencies change their order within this step, they cross."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +55,10 @@ def followed(at: Callable[[float], tuple[Eigenvalues, Array]], start: tuple[Eige
         rows, columns = linear_sum_assignment(-overlap)
         alike, following = overlap[rows, columns], candidates[columns]
         swapped = _swapped(np.abs(eigen.values[place[rows]]), np.abs(new.values[following]))
-        least = _ALIKE if len(place) + len(candidates) > 2 else _ALIKE_ALONE
-        if step > _SHORTEST and (len(rows) < len(place) or alike.min(initial=1.0) < least or swapped):
+        # The same for a mode that is the only one at both points.
+        least = _ALIKE if len(place) + len(candidates) > 2 else 0.5
+        # Shortest step over the way. If two frequencies change their order within this step, they cross.
+        if step > 2.0**-10 and (len(rows) < len(place) or alike.min(initial=1.0) < least or swapped):
             step /= 2
             continue
         turned = set(modes[rows[alike < _ALIKE]].tolist())

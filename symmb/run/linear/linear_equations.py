@@ -13,8 +13,6 @@ from symmb.declare.symbolic import batch, common
 from symmb.equations.model import DAE
 from symmb.run.formulations import Formulation
 
-_MOST_INSTRUCTIONS = 2_000_000
-"""Largest number of instructions for all columns, for which whole matrices are derived: this takes some seconds."""
 _BLOCKS = ("qdot", "vdot", "sdot", "rows", "outputs", "bodies")
 
 
@@ -88,7 +86,9 @@ class LinearEquations:
         if not n:
             raise DeclarationError("linearize: the scene has no states. Linearise a scene with bodies that can move.")
         f, cuts = self._slopes
-        if self.often and f.n_instructions() * n <= _MOST_INSTRUCTIONS:
+        # Largest number of instructions for all columns, for which whole matrices are derived: this takes some
+        # seconds.
+        if self.often and f.n_instructions() * n <= 2_000_000:
             values = batch(self._jacobian, X, P, np.full((N, 1), t))[0].reshape(N, -1, n)
         else:
             seeds = np.tile(np.eye(n), (N, 1))

@@ -19,8 +19,6 @@ _PERIODS, _PICTURES = 3, 36
 """Number of oscillations of the motion, and of output times in each oscillation."""
 _TRAVEL, _TURN = 0.15, 0.25
 """Largest displacement over the length of the scene, and largest angle [rad]: motions are visible, and look linear."""
-_PROJECTIONS = 4
-"""Newton steps that close joints after large linear displacements: the last step moves parts by rounding only."""
 _STARTED = ("held", "solved", "free", "redundant")
 
 
@@ -75,7 +73,8 @@ class Origin:
         z = ca.SX.sym("z", len(self.lift))
         delta, more = z[: dae.n_v], z[dae.n_v :]
         moved = ca.vertcat(dae.retract(x[: dae.n_q, :], delta), x[dae.n_q :] + more)
-        closed = project(dae, moved, p, ca.SX(self.point.t), _PROJECTIONS)
+        # Newton steps that close joints after large linear displacements: the last step moves parts by rounding only.
+        closed = project(dae, moved, p, ca.SX(self.point.t), 4)
         return common("displaced", [x, z, p], [ca.densify(moved if closed is None else closed)])
 
     def _amplitude(self, shape: Array) -> float:

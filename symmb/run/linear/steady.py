@@ -25,28 +25,8 @@ DOUBT = (
     "The state is neither an equilibrium nor a steady motion: A changes along the motion. The eigenvalues of A do not "
     "describe the later motion."
 )
-_LARGE = 2e-3
-"""Largest displacement, in sizes of the states, at which A is compared. Changes of A over longer ways are extrapolated:
-from a smaller displacement with errors by rounding, from a larger one with errors of third order."""
-_LIGHTER = 0.1
-"""Weight of velocities relative to displacements there: A depends on velocities by their squares."""
-_FARTHEST = 300.0
-"""Largest factor of the extrapolation: rounding of 1e-13 in second differences becomes 1e-8."""
-_CHANGE = 1e-3
-"""Change of a mode over its size within its own time constant, above which a motion is not steady."""
-_BESIDE = 0.9
-"""Direction [rad] from an eigenvalue to the point where the response of a mode is evaluated: another eigenvalue is
-unlikely there."""
-_LEAST = 1e-6
-"""Size of a row of A over the largest row, below which the weight of the row is not increased: it may be rounding."""
 _DEPENDENT = 1e-9
 """Relative difference, below which two rotations of coordinates have the same effect, and differences are rounding."""
-_NOISE = 1e-15
-"""Entry of turned equations over the largest entry of A, below which it is rounding. It would change eigenvalues 0."""
-_HALVINGS = 200
-"""Largest number of halvings of a step: the last step is 1e-60 of the first one."""
-_APART = 4.0
-"""Ratio of time constants, above which modes are examined separately."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +90,9 @@ class SteadyMotion:
         turn = (X @ self.lift)[self.free]
         A = self._fixed - turn
         size = np.abs(self._fixed) + np.abs(turn)
-        return np.where(np.abs(A) <= _DEPENDENT * size + _NOISE * size.max(), 0.0, A)
+        # Entry of turned equations over the largest entry of A, below which it is rounding. It would change
+        # eigenvalues 0.
+        return np.where(np.abs(A) <= _DEPENDENT * size + 1e-15 * size.max(), 0.0, A)
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -130,7 +112,9 @@ class SteadyMotion:
         effects = [[(A @ X - X @ A) @ self.lift, rows @ X @ self.lift] for X in candidates]
         # Every equation counts alike: those of stiff parts have large coefficients.
         units = [np.linalg.norm(part, axis=1, keepdims=True) for part in (A, rows)]
-        units = [np.maximum(unit, _LEAST * unit.max(initial=1e-300)) for unit in units]
+        # Size of a row of A over the largest row, below which the weight of the row is not increased: it may be
+        # rounding.
+        units = [np.maximum(unit, 1e-6 * unit.max(initial=1e-300)) for unit in units]
         F = np.array([np.concatenate([(e / u).ravel() for e, u in zip(some, units, strict=True)]) for some in effects])
         f = np.concatenate([(change / unit).ravel() for change, unit in zip(changes, units, strict=True)])
         rates, *_ = np.linalg.lstsq(F.T, -f, rcond=_DEPENDENT)
@@ -153,7 +137,8 @@ class SteadyMotion:
         times = 1 / np.where(sizes > 0, sizes, slowest)
         left = np.argsort(times, kind="stable")
         while left.size:
-            chosen = left[times[left] <= _APART * times[left[0]]]
+            # Ratio of time constants, above which modes are examined separately.
+            chosen = left[times[left] <= 4.0 * times[left[0]]]
             if not self._keeps(modes[chosen], float(times[left[0]]) or np.inf, X):
                 return False
             left = left[len(chosen) :]
@@ -166,15 +151,19 @@ class SteadyMotion:
         is the size of the eigenvalue. Stiff parts respond little, as they do in the motion.
         """
         step = self._step(time)
-        factor = min(time / step, _FARTHEST)
+        # Largest factor of the extrapolation: rounding of 1e-13 in second differences becomes 1e-8.
+        factor = min(time / step, 300.0)
         A, ahead, behind = (self._turned(tau, X) for tau in (0.0, step, -step))
         first, second = factor * (ahead - behind) / 2, factor**2 * (ahead + behind - 2 * A) / 2
         units = self.equations.sizes[self.free]
         for k, value in enumerate(modes.values):
-            s = value + np.exp(_BESIDE * 1j) * max(abs(value), 1 / (factor * step))
+            # Direction [rad] from an eigenvalue to the point where the response of a mode is evaluated: another
+            # eigenvalue is unlikely there.
+            s = value + np.exp(0.9 * 1j) * max(abs(value), 1 / (factor * step))
             changes = np.stack([first + second, second - first], axis=2).swapaxes(1, 2) @ modes.vectors[:, k]
             answers = np.linalg.solve(s * np.eye(len(A)) - A, changes) / units[:, None]
-            if np.abs(answers).max() > _CHANGE * np.abs(modes.vectors[:, k] / units).max():
+            # Change of a mode over its size within its own time constant, above which a motion is not steady.
+            if np.abs(answers).max() > 1e-3 * np.abs(modes.vectors[:, k] / units).max():
                 return False
         return True
 
@@ -182,10 +171,15 @@ class SteadyMotion:
         """A step [s], at most `time`, over which the motion covers the distance for comparisons of A."""
         step = min(time, 1e3 / max(float(np.abs(self._rates / self.equations.sizes).max()), 1e-300))
         n_v = self.equations.dae.n_v
-        for _ in range(_HALVINGS):
+        # Largest number of halvings of a step: the last step is 1e-60 of the first one.
+        for _ in range(200):
             moved = np.abs(self._displacement(step) / self.equations.sizes)
-            moved[n_v : 2 * n_v] *= _LIGHTER * (time if np.isfinite(time) else step)
-            if moved.max() <= _LARGE:
+            # Weight of velocities relative to displacements there: A depends on velocities by their squares.
+            moved[n_v : 2 * n_v] *= 0.1 * (time if np.isfinite(time) else step)
+            # Largest displacement, in sizes of the states, at which A is compared. Changes of A over longer ways are
+            # extrapolated: from a smaller displacement with errors by rounding, from a larger one with errors of
+            # third order.
+            if moved.max() <= 2e-3:
                 break
             step /= 2
         return step

@@ -18,9 +18,6 @@ from symmb.run.simulation.subject import chosen_parameters, simulator_for
 
 _APART = 1e-3
 """Relative change of a parameter for difference quotients."""
-_DISAGREES = 0.02
-"""Largest difference of derivatives and difference quotients over the largest derivative of an output. Difference
-quotients have errors of a few times `_APART`."""
 
 
 class Differentiable:
@@ -119,7 +116,9 @@ class Differentiable:
         steps = _APART * np.where(p, np.abs(p), 1.0)
         ends = self.values(p + np.concatenate([np.diag(steps), -np.diag(steps)]))
         differences = np.moveaxis((ends[: len(p)] - ends[len(p) :]) / (2 * steps[:, None, None]), 0, -1)
-        off = np.abs(differences - dY) > _DISAGREES * np.maximum(np.abs(dY), np.abs(differences)).max(axis=0)
+        # Largest difference of derivatives and difference quotients over the largest derivative of an output.
+        # Difference quotients have errors of a few times `_APART`.
+        off = np.abs(differences - dY) > 0.02 * np.maximum(np.abs(dY), np.abs(differences)).max(axis=0)
         off[np.flatnonzero(self.simulator.times < kink[0])] = False
         names = [name for name, one in zip(self.parameters, off.any(axis=(0, 1)), strict=True) if one]
         if not names:

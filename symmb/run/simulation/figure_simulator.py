@@ -21,27 +21,13 @@ from symmb.run.simulation.panels import Panels
 
 S = TypeVar("S")
 
-_BLOCK = 64
-"""Samples of a block: their values at all times take some MB."""
 _LEAST, _MOST = 64, 2048
 """Panels of a run at first."""
-_FEW = 0.1
-"""Fraction of panels of the nominal run that may be inexact: if more are, the number of panels is doubled."""
 _PARTS, _LEVELS = 8, 9
 """Number of parts of a divided panel, and largest number of divisions one after the other."""
-_MOST_DIVIDED = 2**15
-"""Largest number of panels of a sample that are divided together: a curve with more bends is noise."""
-_ROUNDING = 1e-6
-"""Size of a curve over its change by the sizes of all states, below which it is rounding, as the speed of a fixed
-point."""
 _SHORTEST, _BESIDE, _NEAR = 1e-10, 3e-11, 1e-3
 """Smallest width of a divided panel over the horizon; distances of panel ends from an event over the horizon, and from
 a bend over the width of the panel."""
-_NOISE = 1e-9
-"""Error of a scalar output over the largest value of its expression, and error of a time over the horizon."""
-_SHIFT = 0.137
-"""Fraction of a panel by which all panels are shifted: curves bend at round times, which should not be the middle of a
-panel."""
 _SAME = 1e-13
 """Largest distance of two equal times over the horizon."""
 
@@ -126,7 +112,8 @@ class FigureSimulator(WithWarnings):
         sizes = np.abs(cast(Array, self.curves.nominal)).max(axis=0)
         for rule in self._rules:
             size = self._span * rule.per_second if rule.expression < 0 else sizes[rule.expression]
-            noise[self.outputs.index(rule.name)] += _NOISE * size
+            # Error of a scalar output over the largest value of its expression, and error of a time over the horizon.
+            noise[self.outputs.index(rule.name)] += 1e-9 * size
 
     def run(self, P: Array) -> Samples:
         """Run samples P (N, d) as one block. Outputs of a failed sample are nan."""
@@ -149,7 +136,8 @@ class FigureSimulator(WithWarnings):
     ) -> S:
         """Run samples block by block, and reduce each block."""
         require_instance("stream: reduction", reduction, Reduction, "a Reduction")
-        return stream(self, P, reduction, executor, progress, _BLOCK)
+        # Samples of a block: their values at all times take some MB.
+        return stream(self, P, reduction, executor, progress, 64)
 
     def identity(self) -> str:
         """A digest of equations, start, outputs, times and solver, for `StoredSimulator`."""
@@ -201,7 +189,8 @@ class FigureSimulator(WithWarnings):
             sizes = self._sizes(traces)
             off = self._divided(panels, ~panels.is_exact(sizes), sizes, np.full((len(self._rules), 1), -np.inf))
             off &= ~_with_stop(panels, traces.stops)
-            if off.mean() <= _FEW or count >= _MOST:
+            # Fraction of panels of the nominal run that may be inexact: if more are, the number of panels is doubled.
+            if off.mean() <= 0.1 or count >= _MOST:
                 return count
             count = min(2 * count, _MOST)
 
@@ -217,7 +206,9 @@ class FigureSimulator(WithWarnings):
         change = ca.fabs(ca.jacobian(form.y(x, p, t), x)) @ ca.DM(form.dae.state_sizes)
         f = ca.Function("change", [x, p, t], [ca.densify(change)])
         sizes = f(form.dae.state_sizes, form.dae.p_nominal, float(self.curves.times[0])).full().ravel()
-        return _ROUNDING * np.where(np.isfinite(sizes), sizes, 0.0)
+        # Size of a curve over its change by the sizes of all states, below which it is rounding, as the speed of a
+        # fixed point.
+        return 1e-6 * np.where(np.isfinite(sizes), sizes, 0.0)
 
     def _least_count(self) -> int:
         """A number of panels: half the steps of the nominal run, and so many that panels are shorter than pulses."""
@@ -229,7 +220,9 @@ class FigureSimulator(WithWarnings):
     def _times_of(self, count: int) -> tuple[Array, Array]:
         ends = self.curves.times[[0, -1]]
         windows = [end for rule in self._rules for end in rule.window]
-        inner = ends[0] + self._span / count * (np.arange(1, count) + _SHIFT)
+        # Fraction of a panel by which all panels are shifted: curves bend at round times, which should not be the
+        # middle of a panel.
+        inner = ends[0] + self._span / count * (np.arange(1, count) + 0.137)
         grid = _distinct(np.concatenate([ends, inner, windows]), 1e-9 * self._span, windows)
         return _distinct(np.concatenate([self.curves.times, *_nodes(grid[:-1], grid[1:])]), _SAME * self._span), grid
 
@@ -255,7 +248,8 @@ class FigureSimulator(WithWarnings):
             divided = self._divided(panels, off, sizes, best)
             if level == 0 and has_stops:
                 divided |= _with_stop(panels, stops)
-            if not divided.any() or divided.sum() > _MOST_DIVIDED * len(P):
+            # Largest number of panels of a sample that are divided together: a curve with more bends is noise.
+            if not divided.any() or divided.sum() > 2**15 * len(P):
                 break
             coarse, coarse_off, fine = panels.of(divided), off[:, divided], list[Panels]()
             together = 8 if self._with_rates.runs_in_lanes else len(P)

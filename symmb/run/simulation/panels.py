@@ -9,8 +9,6 @@ import numpy as np
 from symmb._types import Array, Indices, Mask
 
 _DEGREE = 5
-_ZOOMS = 8
-"""Number of refinements of a maximum, each by a factor of 8."""
 GRID = np.linspace(0.0, 1.0, 17)
 """Places in a panel (0 to 1) at which polynomials are evaluated first."""
 _EXACT, _ROUGH = 3e-8, 0.03
@@ -41,7 +39,8 @@ def values_at(B: Array, x: Array) -> Array:
 def highest(B: Array) -> tuple[Array, Array]:
     """The maximum points (n,) of polynomials B (n, 6) on [0, 1], and the maxima (n,)."""
     low, high, rows = np.zeros(len(B)), np.ones(len(B)), np.arange(len(B))
-    for _ in range(_ZOOMS):
+    # Number of refinements of a maximum, each by a factor of 8.
+    for _ in range(8):
         x = low[:, None] + (high - low)[:, None] * GRID
         best = values_at(B[:, None, :], x).argmax(axis=1)
         low, high = x[rows, np.maximum(best - 1, 0)], x[rows, np.minimum(best + 1, len(GRID) - 1)]

@@ -26,32 +26,12 @@ from symmb.run.integrate import Solver, SwitchPasses, follow_doubts, some_states
 from symmb.run.simulation.pilots import PilotRuns
 from symmb.run.simulation.trajectory import Trajectory
 
-_SAME = 1e-12
-"""Largest difference of two equal switch times over the horizon: it is rounding."""
-_CROWDED = 0.1
-"""Fraction of fixed steps with a switch, above which errors are visible. A motor on pulses has a tenth of it."""
-_BELOW = 1e-6
-"""Largest penetration over the length of the scene that counts as rounding of a closed contact."""
-_ROUNDING = 1e-9
-"""Largest violation of a margin over its largest value that rounding and errors of the run explain."""
 SMOOTH = "smooth it, as tanh(v / 1e-3) does sign(v)"
-_INSIDE = 1e3
-"""Size of a first-order state over its absolute tolerance, below which its values have few correct digits."""
-_VERY_STIFF = 1e8
-"""Horizon over the shortest time constant, above which slow reactions may depend on concentrations that are smaller
-than the tolerances. Hydraulics and contacts reach 1e6. Calibrated by tests/simulation/test_small_states.py"""
 _FINER, _MANY = 1e-6, 1e3
 """Absolute tolerances of a second run, over those of the run; and errors over the relative tolerance above which the
 absolute tolerances are doubted."""
-_LEAST = 1e-28
-"""Least absolute tolerance."""
-_SHARE = 1e-2
-"""Relative error of an output at one time, above which it is doubted."""
 
 
-_SAME_AXIS = 1e-6
-"""Largest sine of the angle between two equal axes, and their largest distance over that of their points from the
-origin."""
 Hinge = tuple[Point, ca.SX, AbstractBody]
 """A point on an axis, the direction of the axis in world coordinates (3,), and the body that holds the axis."""
 
@@ -83,14 +63,16 @@ def _switch_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
             f"and again: {SMOOTH}.",
         )
     times, span = stops.times[np.isfinite(stops.times)], np.ptp(program.times)
-    if (share := len(times) * step / span) > _CROWDED:
+    # Fraction of fixed steps with a switch, above which errors are visible. A motor on pulses has a tenth of it.
+    if (share := len(times) * step / span) > 0.1:
         return (
             f"The equations switch {len(times)} times, but steps of {step:.1g} s do not end at switches: forces jump "
             f"or bend in {min(share, 1):.0%} of the steps. Use shorter steps, or DormandPrince(), whose steps end at "
             "switches.",
         )
     distances = np.diff(times)
-    distances[distances < _SAME * span] = np.inf
+    # Largest difference of two equal switch times over the horizon: it is rounding.
+    distances[distances < 1e-12 * span] = np.inf
     if not (distances <= step).any():
         return ()
     return (
@@ -108,7 +90,8 @@ def _gap_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
     gaps = ca.Function("gaps", [x, p, t], dae.impacts.gaps.call([*dae.arguments(x, p, t)])[:1])
     (values,) = batch(gaps, states.x, runs.p, states.t[:, None])
     k, i = np.unravel_index(int(values.argmin()), values.shape)
-    if values[k, i] >= -_BELOW * dae.scales.length:
+    # Largest penetration over the length of the scene that counts as rounding of a closed contact.
+    if values[k, i] >= -1e-6 * dae.scales.length:
         return ()
     name = dae.impacts.names[i]
     return (
@@ -130,7 +113,8 @@ def _element_doubts(runs: PilotRuns, trajectory: Trajectory) -> Iterator[str]:
     f = scene.remembered((_element_doubts, "values"), lambda: output_function(dae, scene, scene.expression(every)))
     t, first = np.unique(np.append(states.t, trajectory.t), return_index=True)
     values = batch(f, np.vstack([states.x, trajectory.x])[first], runs.p, t[:, None])[0].reshape(len(t), -1)
-    below = values < -_ROUNDING * np.abs(values).max(axis=0)
+    # Largest violation of a margin over its largest value that rounding and errors of the run explain.
+    below = values < -1e-9 * np.abs(values).max(axis=0)
     ends = np.cumsum([margins.numel() for _, margins, _ in known])
     for (title, _, what), own in zip(known, np.split(below, ends[:-1], axis=1), strict=True):
         if own.any():
@@ -179,19 +163,25 @@ def _small_state_doubts(runs: PilotRuns, solver: Solver, run: Trajectory) -> Ite
     absolute, names = tolerances.absolute(states.x.shape[1]), [e.name for e in elements if isinstance(e, OwnState)]
     own = dae.n_q + dae.n_v + np.array([k for k, name in enumerate(dae.s_names) if name in names], dtype=np.intp)
     sizes = np.abs(states.x[:, own]).max(axis=0, initial=0.0)
-    is_small = ((sizes > 0) & (sizes < _INSIDE * absolute[own])).any()
+    # Size of a first-order state over its absolute tolerance, below which its values have few correct digits.
+    is_small = ((sizes > 0) & (sizes < 1e3 * absolute[own])).any()
     if not is_small:
         some = some_states(len(states.t))
         X, shortest = runs.program.shortest_equations(states.x[some], p)
-        if stiffness(shortest, X, p, states.t[some]).decay * np.ptp(run.t) < _VERY_STIFF:
+        # Horizon over the shortest time constant, above which slow reactions may depend on concentrations that are
+        # smaller than the tolerances. Hydraulics and contacts reach 1e6. Calibrated by
+        # tests/simulation/test_small_states.py
+        if stiffness(shortest, X, p, states.t[some]).decay * np.ptp(run.t) < 1e8:
             return
-    atol = max(_FINER * float(absolute.min()), _LEAST)
+    # Least absolute tolerance.
+    atol = max(_FINER * float(absolute.min()), 1e-28)
     if atol >= absolute.min() or runs.run(other := replace(solver, atol=atol)).message:  # pyright: ignore
         return
     finer = runs.done[other][1]
     change, size = np.abs(run.values - finer.values), np.abs(finer.values)
     most = size.max(axis=0)  # below the finer tolerances all is rounding
-    wrong = (change > _SHARE * size) & (change > _MANY * tolerances.rtol * most) & (most > atol)
+    # Relative error of an output at one time, above which it is doubted.
+    wrong = (change > 1e-2 * size) & (change > _MANY * tolerances.rtol * most) & (most > atol)
     if wrong.any():
         k, i = np.argwhere(wrong)[0]
         yield (
@@ -257,4 +247,6 @@ def _is_same(p: Point, u: ca.SX, r: Point, w: ca.SX, value: Callable[[Expr], Arr
     """Whether the axes through points p and r with directions u and w are the same line."""
     size = 1 + ca.norm_1(p.r) + ca.norm_1(r.r)
     beside = ca.vertcat(ca.cross(u, w), ca.cross(p.r - r.r, u) / size)
-    return bool(np.abs(value(beside)).max() < _SAME_AXIS)
+    # Largest sine of the angle between two equal axes, and their largest distance over that of their points from the
+    # origin.
+    return bool(np.abs(value(beside)).max() < 1e-6)

@@ -20,30 +20,12 @@ _MOST, _LEAST, _WORK = 10_000, 100, 2e9
 number of velocities. This takes seconds."""
 _CLOSER, _NEAR = 2, 2000
 """Number of examinations of a run that fails, each closer to its failure, and largest number of times of each."""
-_EXAMINED = 1e-6
-"""Drift of energy over the largest kinetic energy at the examined times. Above this value, a second run looks for
-larger kinetic energies between these times."""
-_STILL = 1e-20
-"""Kinetic energy over that of a motion of the scene's size, below which all speeds are rounding."""
-_ROUNDING = 1e-14
-"""Change of energy over the largest energy, below which the change is rounding."""
-_FALLS = 0.5
-"""Factor by which a drift of energy falls at a tenth of the tolerance, if the tolerance causes the drift. Most solvers
-reach 0.1."""
-_OF_WORK = 1e-9
-"""Relative error of the work at the smallest tolerances: CVODES reaches 2e-10, and smaller tolerances do not help."""
-_SOUND = 1e-6
-"""Violation of positions over the size of the scene, below which a state satisfies its constraints."""
 _AGAIN = CVODES(rtol=1e-8, stiff=True)
 """The solver of second runs between the examined times. It compiles nothing, and stiff motions do not slow it down."""
 _SMALL, _USUAL, _SINGULAR = 1e-6, 2e3, 1e2
 """Smallest drift of energy that raises a doubt; the same over the relative tolerance; and the same near singular
 positions. Regular motions drift by up to 1,000 tolerances with multistep methods, and wrong branches by 300 and more.
 Calibrated by tests/test_problems.py"""
-_OF_STEPS = 0.01
-"""Drift of energy by fixed steps, above which the motion changes visibly."""
-_UNREACHED = 1e-2
-"""Violation of positions over the size of the scene, above which the positions cannot be reached."""
 
 
 class Drift(NamedTuple):
@@ -127,12 +109,15 @@ class Examination:
     def energy_drift(self) -> float:
         """Largest |T + V - W - E_0| over the largest kinetic energy; nan if nothing moves."""
         change, largest = _change(self._energy), float(self._energy.kinetic.max(initial=0.0))
-        if change > _EXAMINED * largest > 0 and not self.is_close:  # these may be the times at which it rests
+        # Drift of energy over the largest kinetic energy at the examined times. Above this value, a second run looks
+        # for larger kinetic energies between these times.
+        if change > 1e-6 * largest > 0 and not self.is_close:  # these may be the times at which it rests
             t, x = self._again
             T, *_ = energy(self.program.bodies, x, self.p, t, np.zeros(len(t)))
             largest = max(largest, float(np.nanmax(T, initial=0.0)))
         scales = self.program.bodies.judged.scales
-        return change / largest if largest > _STILL * scales.energy * scales.rate**2 else math.nan
+        # Kinetic energy over that of a motion of the scene's size, below which all speeds are rounding.
+        return change / largest if largest > 1e-20 * scales.energy * scales.rate**2 else math.nan
 
     @cached_property
     def singularity(self) -> Singularity | None:
@@ -150,7 +135,8 @@ class Examination:
     @property
     def fault(self) -> str:
         """The time and the possible causes if the run leaves its constraints; empty if it does not."""
-        left = ~(self.violation <= _UNREACHED)
+        # Violation of positions over the size of the scene, above which the positions cannot be reached.
+        left = ~(self.violation <= 1e-2)
         if not left.any():
             return ""
         cause = "drives contradict each other, jump within a step, or require positions that cannot be reached"
@@ -175,7 +161,8 @@ class Examination:
                 f"The run violates its constraints by {position:.0e} of its size: constraints contradict each other, "
                 "or a position is nearly singular.",
             )
-        if self._rtol is None and energy > _OF_STEPS and self.program.bodies.dae.Phi_t is None:
+        # Drift of energy by fixed steps, above which the motion changes visibly.
+        if self._rtol is None and energy > 0.01 and self.program.bodies.dae.Phi_t is None:
             return (
                 f"The energy drifts by {energy:.0%}: the steps are too long, or they damp the motion. Use shorter "
                 "steps.",
@@ -201,14 +188,18 @@ class Examination:
         This is so if forces in balance do much work: the change falls to the rounding of the work. On a wrong branch
         the change does not fall.
         """
-        if _change(self._energy) <= _OF_WORK * float(np.abs(self._energy.work).max()):
+        # Relative error of the work at the smallest tolerances: CVODES reaches 2e-10, and smaller tolerances do not
+        # help.
+        if _change(self._energy) <= 1e-9 * float(np.abs(self._energy.work).max()):
             return True
         (dae, y), p, t = (self.program.bodies.dae, self.program.bodies.y), self.p, self.t
         work = dae.power is not None or dae.impacts is not None
         run = self.program.solver.tighter().integration(dae, t, work=work).run(self.x[:1], p[None])[0]
         if run.message:
             return False
-        if _change(energy(self.program.bodies, run.X, p, t, work_of(run))) >= _FALLS * _change(self._energy):
+        # Factor by which a drift of energy falls at a tenth of the tolerance, if the tolerance causes the drift. Most
+        # solvers reach 0.1.
+        if _change(energy(self.program.bodies, run.X, p, t, work_of(run))) >= 0.5 * _change(self._energy):
             return False
         values, others = (batch(y, x, p, t[:, None])[0].reshape(len(t), -1) for x in (self.x, run.X))
         changes = partial(changes_of_outputs, y, dae, run.X, p, t)
@@ -217,7 +208,8 @@ class Examination:
     def _at_failure(self) -> Singularity | None:
         """The singular position at which a run fails. The run is repeated from its last state on the constraints."""
         dae, known = self.program.bodies.dae, _known(self.x)
-        sound = known & (self.drift.position <= _SOUND * dae.scales.length)
+        # Violation of positions over the size of the scene, below which a state satisfies its constraints.
+        sound = known & (self.drift.position <= 1e-6 * dae.scales.length)
         lost, k = int(known.argmin()), int(np.flatnonzero(sound).max(initial=0))
         begin, end, x = float(self.t[k]), float(self.t[lost]), self.x[k]
         for _ in range(_CLOSER if known[0] else 0):
@@ -265,7 +257,8 @@ def _change(energy: Energy) -> float:
     """Largest |T + V - W - E_0| [J], or 0 if this is rounding of the energies."""
     balance = energy.kinetic + energy.potential - energy.work
     change = float(np.abs(balance - balance[0]).max(initial=0.0))
-    return change if change > _ROUNDING * max(float(np.abs(some).max(initial=0.0)) for some in energy) else 0.0
+    # Change of energy over the largest energy, below which the change is rounding.
+    return change if change > 1e-14 * max(float(np.abs(some).max(initial=0.0)) for some in energy) else 0.0
 
 
 def _at(dae: DAE, x: Array, p: Array, t: Array) -> tuple[Array, ...]:

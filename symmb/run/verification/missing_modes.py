@@ -171,7 +171,8 @@ def left_out(
     names, states, slopes = scene.remembered(left_out, lambda: _judged(scene, dae, some))
     if not len(names):
         return
-    few = np.unique(np.linspace(0, len(t) - 1, min(len(t), _TIMES)).round().astype(int))
+    # Largest number of times at which outputs are judged.
+    few = np.unique(np.linspace(0, len(t) - 1, min(len(t), 21)).round().astype(int))
     X, t = X[few], t[few]
     values = batch(states, X, p, t[:, None])[0].reshape(len(t), -1)
     numbers = batch(slopes, X, p, t[:, None])
@@ -194,7 +195,8 @@ def left_out(
             bent = _times(J, moved.by(_times(B, modal @ loads.shapes.T))) + _times(own[:, :, loads.rigid :], modal)
             added[kind] += lacking[k] + bent
     Y = values[:, : len(names)]
-    floor = _NOTHING * (np.abs(Y).max(axis=0) + dae.scales.length)
+    # Change of an output over its size, below which it is rounding.
+    floor = 1e-9 * (np.abs(Y).max(axis=0) + dae.scales.length)
     size = np.max([*(_rms(some) for some in added), _rms(Y - Y.mean(axis=0)), floor], axis=0)
     for k, loads in enumerate(some):
         shares = _rms(lacking[k]) / size
@@ -251,13 +253,16 @@ class _Moved:
 
     def __init__(self, some: tuple[AttachedLoads, ...], M: Array, G: Array) -> None:
         largest = np.abs(np.einsum("mii->mi", M)).max(axis=1, initial=1e-300)
-        W = M + _REGULAR * largest[:, None, None] * np.eye(M.shape[1])
+        # Inertia of massless bodies over the largest inertia.
+        W = M + 1e-12 * largest[:, None, None] * np.eye(M.shape[1])
         slowest = min(float(loads.body.modes.stiffness.min()) for loads in some)
         for loads in some:
             own = list(loads.columns)[loads.rigid :]
-            W[:, own, own] += _STIFF / slowest * loads.body.modes.stiffness
+            # Stiffness of modes over their inertia if joints move bodies: loads change slowly.
+            W[:, own, own] += 1e3 / slowest * loads.body.modes.stiffness
         self._moving = np.linalg.solve(W, G.swapaxes(1, 2))
-        self._loose = np.linalg.pinv(G @ self._moving, rcond=_REDUNDANT, hermitian=True)
+        # Size over that of the loosest row, below which a row depends on other rows.
+        self._loose = np.linalg.pinv(G @ self._moving, rcond=1e-9, hermitian=True)
 
     def by(self, gaps: Array) -> Array:
         """Displacements (m, n_v) along all velocities that close the gaps (m, n_r) of the rows."""
@@ -274,7 +279,9 @@ def _users(own: Array, places: Array) -> list[tuple[int, ...]]:
     units = np.where(units > 0, units, 1.0)
     slopes, chosen = own / units, [()] * len(own)
     best = np.linalg.norm(slopes, axis=1)
-    enough = _EXPLAINED * best
+    # Fraction of the slopes of an output that nodes need not explain, because it depends on positions of the deformed
+    # body.
+    enough = 0.05 * best
     for some in [*combinations(frame_and_nodes, 1), *combinations(frame_and_nodes, 2)]:
         A = np.concatenate(places[list(some)]) / units
         off = np.linalg.norm(slopes - slopes @ np.linalg.pinv(A) @ A, axis=1)
@@ -294,18 +301,3 @@ def _direct(own: Array, places: Array) -> Array:
         for place, k in enumerate(some):
             slopes[:, which, k] = found[:, :, place]
     return slopes[:, :, :-1].reshape(*own.shape[:2], -1)
-
-
-_TIMES = 21
-"""Largest number of times at which outputs are judged."""
-_STIFF = 1e3
-"""Stiffness of modes over their inertia if joints move bodies: loads change slowly."""
-_REGULAR = 1e-12
-"""Inertia of massless bodies over the largest inertia."""
-_REDUNDANT = 1e-9
-"""Size over that of the loosest row, below which a row depends on other rows."""
-_NOTHING = 1e-9
-"""Change of an output over its size, below which it is rounding."""
-_EXPLAINED = 0.05
-"""Fraction of the slopes of an output that nodes need not explain, because it depends on positions of the deformed
-body."""

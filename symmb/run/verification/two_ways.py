@@ -37,8 +37,6 @@ _GLOBAL, _MULTISTEP, _USUAL = 100, 1000, 1e-8
 errors of 40 and 400 tolerances. Larger tolerances than the usual one do not explain larger errors."""
 _NAMED = 4
 """Largest number of outputs in a sentence."""
-_TIMES = 101
-"""Largest number of times at which a study compares two ways: as many as a picture shows."""
 _FINE, _FINEST = 1e-9, 1e-12
 """Largest and smallest relative tolerance of a run that checks another run: its own error should not matter."""
 ROUNDING, _SHIFT = 1e-12, 1e-6
@@ -212,7 +210,8 @@ class OtherWays:
     def _other(self) -> Program:
         """The program of the second way, at evenly chosen times with the first and the last one."""
         times = self._program.times
-        some = np.unique(np.linspace(0, len(times) - 1, min(len(times), _TIMES)).round().astype(np.intp))
+        # Largest number of times at which a study compares two ways: as many as a picture shows.
+        some = np.unique(np.linspace(0, len(times) - 1, min(len(times), 101)).round().astype(np.intp))
         return other_way(self._program, times[some])
 
 

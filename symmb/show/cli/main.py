@@ -31,9 +31,6 @@ _PACKAGE = Path(mb.__file__).parent
 _GUIDE = (_PACKAGE if (_PACKAGE / "guide").is_dir() else _PACKAGE.parent / "examples") / "guide" / "index.md"
 """The first page of the guide: inside an installed package, or beside it in a checkout."""
 
-_DOUBTFUL = 3
-"""Exit status of a command whose result has warnings."""
-
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command.
@@ -54,7 +51,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         result = options.run(options)  # warnings of the result, or an exit status
         sys.stdout.flush()
-        return result if isinstance(result, int) else _DOUBTFUL if result else 0
+        # Exit status of a command whose result has warnings.
+        return result if isinstance(result, int) else 3 if result else 0
     except SymmbError as error:
         print(f"symmb {options.command}: {error}", file=sys.stderr)
         return 1 if isinstance(error, SimulationError) else 2

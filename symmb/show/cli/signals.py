@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
 INTERRUPTED = 130
 """The exit status of an interrupted program, as shells define it for SIGINT."""
-_END_SECONDS = 1.4
-"""Time for the main thread to end [s]. The program ends within 2 s."""
 _LOST = b"\0"
 """The byte with which the main thread reports a lost interrupt: Python drops exceptions of some callbacks."""
 
@@ -61,7 +59,8 @@ def _report_unraisable(writer: int, unraisable: "UnraisableHookArgs") -> None:
 def _watch(reader: int) -> None:
     while os.read(reader, 1)[0] not in SIGNALS:  # C writes the number of each signal that has a handler
         pass
-    deadline, repeated = time.monotonic() + _END_SECONDS, 0
+    # Time for the main thread to end [s]. The program ends within 2 s.
+    deadline, repeated = time.monotonic() + 1.4, 0
     while select.select([reader], [], [], max(deadline - time.monotonic(), 0.0))[0]:
         if os.read(reader, 1) == _LOST:
             repeated += 1

@@ -13,9 +13,6 @@ from symmb.declare.mechanics.robots.algebra import matrix, united
 from symmb.declare.mechanics.robots.description import ENTRIES, SLIDING, TURNING, XYZ, full_matrix, inertia_fault, named
 from symmb.declare.mechanics.robots.robot import ORIGIN, Building
 
-_LARGEST_CHANGE = 0.5
-"""Largest relative change of the kinetic energy of a motion by a repair: more would dominate the motion."""
-
 
 def repaired(building: Building) -> tuple[Building, list[str]]:
     """The building with possible inertias of all bodies, and a sentence about the repaired links.
@@ -42,7 +39,8 @@ def repaired(building: Building) -> tuple[Building, list[str]]:
     root = np.linalg.inv(np.linalg.cholesky(after / size / size[:, None] + ROUNDING * np.eye(len(M)))) / size
     share = float(np.abs(np.linalg.eigvalsh(root @ (after - M) @ root.T)).max(initial=0.0))
     names = ", ".join(repr(name.removesuffix(".inertia.xx")) for name in better if name.endswith(".inertia.xx"))
-    if not share <= _LARGEST_CHANGE:
+    # Largest relative change of the kinetic energy of a motion by a repair: more would dominate the motion.
+    if not share <= 0.5:
         raise DeclarationError(
             f"{description.path}: the inertia of {names} is impossible. The nearest possible inertia would change the "
             f"kinetic energy of a motion by {min(share, 10):.0%}. Correct the file."

@@ -54,9 +54,6 @@ from symmb.declare.mechanics.robots.description import (
 )
 from symmb.declare.symbolic import is_sympy, scalar, vector
 
-_TRANSITION = 0.01
-"""Rate at which dry friction is fully there [rad/s, m/s], a hundredth of usual rates of joints. A smaller one is closer
-to Coulomb's law, and stiffer."""
 Place: TypeAlias = "tuple[Vector, Vector]"
 """Origin (3,) [m] and quaternion (4,) of a frame."""
 ORIGIN: Place = (0.0, 0.0, 0.0), by_angles((0.0, 0.0, 0.0))
@@ -322,7 +319,9 @@ class Building:
         if not is_nought(damping):
             yield Actuator(f"{name}:damping", joint, -damping * rate)
         if not is_nought(friction):
-            force, _ = Coulomb(1.0, _TRANSITION).resistance(name, rate, ca.SX(friction))
+            # Rate at which dry friction is fully there [rad/s, m/s], a hundredth of usual rates of joints. A smaller
+            # one is closer to Coulomb's law, and stiffer.
+            force, _ = Coulomb(1.0, 0.01).resistance(name, rate, ca.SX(friction))
             yield Actuator(f"{name}:friction", joint, force)
         stiffness, armature = (self.values.get(f"{name}.{what}", 0.0) for what in ("stiffness", "armature"))
         if not is_nought(stiffness):
