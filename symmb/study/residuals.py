@@ -10,8 +10,6 @@ from symmb._types import Array
 from symmb.bound.nodes import Sobol
 from symmb.run.simulation import DAESimulator
 
-ROUNDS = 3
-"""Number of fits with weights from the residuals of the previous fit: weights settle to 1 % for ten values each."""
 STEPS = 200
 """Most runs of a fit. If the start is within 30 % of the truth, ten runs are usual."""
 APART = 1e-3
@@ -19,30 +17,17 @@ APART = 1e-3
 UNDETERMINED, UNDETERMINED_BY_DIFFERENCES = 1e-6, 1e-4
 """Smallest sensitivity, relative to the largest, that counts as determined by the data (parameters in relative units):
 derivatives by integration are exact to about 1e-7, and differences of runs to about 1e-5."""
-STARTS, FACTOR = 64, 2.5
-"""Number of further starts for each parameter, and the largest factor between these and the nominal values."""
-FOLLOWED = 3
-"""Number of starts from which a fit is made: more starts find more minima, and take longer."""
 HORIZONS = 0.1, 0.2, 0.4, 1.0
 """Fractions of the time span with data for a sequence of fits. Over half a period the residuals of an oscillation have
 one minimum, and each fit gives the start of the next fit close to the right minimum."""
-HELD = 0.01
-"""Residual, relative to the spread of the data, for a change of a parameter by its own size. It holds parameters that
-early data do not determine."""
 SURE = 1e-4
 """Probability of a false warning, for each test."""
 LAGS = 4
 """Lags in time that are compared: more lags detect slow changes better, and fast changes worse."""
 FEW = 12
 """Fewest values of an output for the tests of its residuals: tests of independence hold for many values."""
-LEAST_LEFT = 4
-"""Fewest values, beyond the number of parameters, for a test whether a value is far from the fit to the others."""
 NOISE_OF_RUNS = 1e-4
 """Residuals, relative to the spread of the data, that may be errors of runs: their order in time has no meaning."""
-UNEXPLAINED = 0.7
-"""Ratio of the variance of residuals to the variance of data from which the model explains little of the data."""
-MARGIN = 1.3
-"""Factor of normal quantiles for outliers: the deviation of few values is known to 15 %."""
 
 
 class Residuals:
@@ -131,7 +116,8 @@ def least_squares(
     None if the fit does not end.
     """
     noise, u = np.array([*known_noise.values()] or fit.spreads), begin
-    for _ in range(1 if known_noise else ROUNDS):
+    # Number of fits with weights from the residuals of the previous fit: weights settle to 1 % for ten values each.
+    for _ in range(1 if known_noise else 3):
         if len(basis):
             found = _minimum(fit, u, basis, np.repeat(1 / noise, fit.counts))
             if found is None:
@@ -165,19 +151,23 @@ def _minimum(fit: Residuals, begin: Array, basis: Array, weights: Array, held: f
 def other_minima(fit: Residuals, nominal: Array) -> Iterator[Array]:
     """Results (n_p,) of other fits. They start at runs with small residuals, over increasing time spans."""
     d, (begin, end) = len(nominal), (fit.times.min(), fit.times.max())
-    U = nominal * FACTOR ** Sobol().points(STARTS * d, d, seed=0)
+    # Number of further starts for each parameter, and the largest factor between these and the nominal values.
+    U = nominal * 2.5 ** Sobol().points(64 * d, d, seed=0)
     weights = np.repeat(1 / fit.spreads, fit.counts)
     squares = np.square((fit.data - fit.values(U)) * weights)
     starts = [nominal]
     for share in (HORIZONS[1], 1.0):
         costs = np.nan_to_num(squares[:, fit.times <= begin + share * (end - begin)].sum(axis=1), nan=np.inf)
-        starts += [U[k] for k in np.argsort(costs)[:FOLLOWED] if np.isfinite(costs[k])]
+        # Number of starts from which a fit is made: more starts find more minima, and take longer.
+        starts += [U[k] for k in np.argsort(costs)[:3] if np.isfinite(costs[k])]
     for start in starts:
         u: Array | None = start
         for share in HORIZONS:
             is_within = fit.times <= begin + share * (end - begin)
             if u is not None and is_within.sum() > d and np.isfinite(fit(u)[0]).all():
-                held = HELD * np.sqrt(is_within.sum()) if share < 1 else 0.0
+                # Residual, relative to the spread of the data, for a change of a parameter by its own size. It holds
+                # parameters that early data do not determine.
+                held = 0.01 * np.sqrt(is_within.sum()) if share < 1 else 0.0
                 u = _minimum(fit, u, np.eye(d), weights * is_within, held)
         if u is not None:
             yield u
@@ -203,9 +193,12 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
     parts = zip(fit.measured.items(), fit.parts(fit(u)[0]), own, fit.spreads, strict=True)
     for (name, (t, y)), r, leverage, spread in parts:
         deviation = known_noise.get(name, max(1.4826 * float(np.median(np.abs(r))), NOISE_OF_RUNS * float(spread)))
-        limit = MARGIN * st.norm.isf(SURE / (2 * len(r)))
+        # Factor of normal quantiles for outliers: the deviation of few values is known to 15 %.
+        limit = 1.3 * st.norm.isf(SURE / (2 * len(r)))
         is_far = np.abs(r) > limit * deviation
-        if not known_noise and (left := len(r) - len(u) - 1) >= LEAST_LEFT:  # with few values, a fit follows an outlier
+        # Fewest values, beyond the number of parameters, for a test whether a value is far from the fit to the
+        # others.
+        if not known_noise and (left := len(r) - len(u) - 1) >= 4:  # with few values, a fit follows an outlier
             squared = np.square(r) / np.maximum(1 - leverage, NOISE_OF_RUNS)
             rest = np.maximum((np.square(r).sum() - squared) / left, (NOISE_OF_RUNS * spread) ** 2)
             far = squared / rest > st.t.isf(SURE / (2 * len(r)), left) ** 2
@@ -221,7 +214,8 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
         rms = rms_of(r)
         if len(r) < FEW or rms < NOISE_OF_RUNS * spread:
             continue
-        if not known_noise and rms**2 > UNEXPLAINED * np.var(y):
+        # Ratio of the variance of residuals to the variance of data from which the model explains little of the data.
+        if not known_noise and rms**2 > 0.7 * np.var(y):
             doubts.append(
                 f"The fitted run explains little of {name}: its residuals vary as much as the data. Start with other "
                 "nominal values, or change the model."

@@ -21,8 +21,6 @@ from symmb.results.files import NOT_KEPT, Record, Saved, attributes, entries, en
 from symmb.run.linear import QUANTITIES, LinearFamily, LocusSimulator, nominal_locus, require_range
 from symmb.run.simulation import scene_of
 
-MOST_VALUES = 10_000
-"""Most values of the parameter. The modes at each value take a millisecond."""
 _CORNERS = 6
 """Most parameters of a box whose corners are all checked for oscillations that end inside the box."""
 _HEAD = ("mode", "from", "to", "frequency [Hz]", "", "smallest damping [-]", "at")
@@ -206,7 +204,8 @@ def root_locus(
     """
     scene = scene_of(scene)
     lower, upper = require_range("root_locus", scene, parameter, range)
-    count = whole("root_locus", "count", count, 2, MOST_VALUES)
+    # Most values of the parameter. The modes at each value take a millisecond.
+    count = whole("root_locus", "count", count, 2, 10_000)
     box = _others(scene, parameter, box)
     family = LinearFamily(scene)
     locus = nominal_locus(family, parameter, np.linspace(lower, upper, count))

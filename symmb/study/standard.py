@@ -12,8 +12,6 @@ from symmb.study.trials import Trial, by_family, by_reason
 
 AGREEMENT = 1e-4
 """Largest difference at which two tolerances, or two solvers, confirm each other."""
-ENERGY = 1e-4
-"""Largest drift of energy of a confirmed solution, relative to the largest kinetic energy."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +60,8 @@ def standard_of(trials: Sequence[Trial], units: tuple[str, ...]) -> Standard:
         return Standard(fault=reasons.pop())
     if not pairs:
         return Standard(fault=f"no solver finishes at two tolerances ({by_reason(trials)})")
-    confirmed = [pair for pair in pairs if pair.apart <= AGREEMENT and not pair.fine.energy > ENERGY]
+    # Largest drift of energy of a confirmed solution, relative to the largest kinetic energy.
+    confirmed = [pair for pair in pairs if pair.apart <= AGREEMENT and not pair.fine.energy > 1e-4]
     if not confirmed:
         return Standard(fault=_fault(pairs, units))
     best = confirmed[0].fine

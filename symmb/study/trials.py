@@ -32,9 +32,6 @@ _ENERGY = "the energy"
 """Start of the reasons of runs whose energy is wrong."""
 _TOO_SLOW, _WRONG_ENERGY, _BROKEN = "too slow", "wrong energy", "breaks down"
 """Kinds of failures, besides LEFT_OUT."""
-WRONG_ENERGY = 0.5
-"""Drift of energy, relative to the largest kinetic energy, above which a run counts as failed: half of the motion is
-lost, or has no cause."""
 _SETUP = 15.0
 """Additional time for the first trial of a job [s]: its compilation is cached only if it ends."""
 _DRIFT = entry(Record.size, None)
@@ -201,7 +198,9 @@ def _fault(run: Trajectory) -> str:
     T, V, W = run.energy
     if not np.isfinite(T + V - W).all():
         return f"{_ENERGY} is not finite"
-    if run.energy_drift > WRONG_ENERGY:
+    # Drift of energy, relative to the largest kinetic energy, above which a run counts as failed: half of the motion
+    # is lost, or has no cause.
+    if run.energy_drift > 0.5:
         return f"{_ENERGY} is off by {run.energy_drift:.1g} of the largest kinetic energy"
     return ""
 

@@ -249,7 +249,7 @@ FAULTS = (
         "status",
         "the exit status of doubtful results",
         "symmb/show/cli/main.py",
-        "else _DOUBTFUL if result else 0",
+        "else 3 if result else 0",
         "else 0",
         "cli",
     ),

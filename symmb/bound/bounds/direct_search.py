@@ -15,12 +15,6 @@ STEPS, LEAST_STEPS = (2.0, 0.5, 0.12, 0.03, 0.008), 3
 Shorter steps follow only if their gain may matter."""
 LINE_POINTS = 17
 """Points of a line search along an axis. They find the extremes of one period of a sine within 0.06."""
-SAFETY_OF_GAIN = 2.0
-"""Factor on the gain of the last step. The product is the expected distance from the largest value."""
-SAME_PLACE = 0.12
-"""Distance in each parameter below which searches from two places count as one search."""
-SUFFICIENT_GAIN = 1e-4
-"""Gain, relative to the range of values at the starts, above which a step is repeated. Less requires more runs."""
 
 
 class Found(NamedTuple):
@@ -59,7 +53,8 @@ def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough:
         return np.array([known[key] for key in keys]).reshape(points.shape[:-1])
 
     x, fx = _best(starts, values(starts), STARTS)
-    sufficient = SUFFICIENT_GAIN * float(np.ptp([value for value in known.values() if value > -np.inf] or [0.0]))
+    # Gain, relative to the range of values at the starts, above which a step is repeated. Less requires more runs.
+    sufficient = 1e-4 * float(np.ptp([value for value in known.values() if value > -np.inf] or [0.0]))
     error = np.inf
     for i, step in enumerate(STEPS):
         if i >= LEAST_STEPS and fx[0] + error < enough:
@@ -79,7 +74,8 @@ def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough:
             if not has_gained and (not is_axial or (np.abs(x) == 1).all()):  # inward of a corner, axes tell enough
                 break
             is_axial = has_gained
-        error = SAFETY_OF_GAIN * float(fx[0] - late)
+        # Factor on the gain of the last step. The product is the expected distance from the largest value.
+        error = 2.0 * float(fx[0] - late)
     return Found(x[0], float(fx[0]), error)
 
 
@@ -102,6 +98,7 @@ def _best(x: Array, fx: Array, number: int) -> tuple[Array, Array]:
     """At most `number` of the best places (k, d) that are not close to better places, and their values."""
     kept = list[int]()
     for i in np.argsort(-fx, kind="stable"):
-        if not kept or (fx[i] > -np.inf and all(np.abs(x[i] - x[j]).max() >= SAME_PLACE for j in kept)):
+        # Distance in each parameter below which searches from two places count as one search.
+        if not kept or (fx[i] > -np.inf and all(np.abs(x[i] - x[j]).max() >= 0.12 for j in kept)):
             kept.append(int(i))
     return x[kept[:number]], fx[kept[:number]]

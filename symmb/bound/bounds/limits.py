@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 Limits = Mapping[str, tuple[float | str | None, float | str | None] | tuple[float | None, float | None, str]]
 """Limits (low, high) of outputs by name, in any unit that fits, such as ("75 deg/s", None). One end may be None."""
-_SPREAD_STARTS, _START_TIMES = 16, 3
-"""Points that are spread over the box, and times at which runs of the study are, where a search in a scene starts."""
 _CLOSE_TO_LIMIT = 0.03
 """Distance of a limit, over the width of bounds, within which lines along the axes are looked at after the search: a
 peak that passes output times makes many hills. Less misses more, more takes more runs."""
@@ -411,7 +409,8 @@ def _closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indice
             best = float(excess[i]), points[i], Y[i, :, k]
         return excess
 
-    peaks = _START_TIMES if study.has_lanes else 1
+    # Points that are spread over the box, and times at which runs of the study are, where a search in a scene starts.
+    peaks = 3 if study.has_lanes else 1
     starts, some = [np.zeros((1, len(box)))], rows[:peaks]
     if bounds.attaining is not None:
         numbers = bounds.attaining.at[side][rows, k]
@@ -421,7 +420,7 @@ def _closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indice
         starts = [box.to_unit(np.stack([sample.P[sample.index, columns] for sample in samples]))]
     if study.has_lanes:
         pairs = 1.0 - 2.0 * np.array([np.isin(np.arange(len(box)), pair) for pair in combinations(range(len(box)), 2)])
-        starts += [pairs.reshape(-1, len(box)) * starts[0][0], Sobol().points(_SPREAD_STARTS, len(box), seed=0)]
+        starts += [pairs.reshape(-1, len(box)) * starts[0][0], Sobol().points(16, len(box), seed=0)]
     if bounds.surrogate is not None:
         one = np.ones(len(box))
         starts.append(bounds.surrogate.part(some, [k]).range(-one, one)[2][SIDES.index(side), :, 0])

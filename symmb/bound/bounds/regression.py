@@ -50,7 +50,7 @@ def _bases(d: int, most: int) -> Iterator[MultiIndices]:
     sizes = set[int]()
     for q in _CROSS_EXPONENTS:
         # Highest degree, because runs for higher degrees are rarely available.
-        for degree in range(1, 16 + 1):
+        for degree in range(1, 17):
             alpha = HyperbolicCross(q).indices(d, degree)
             if len(alpha) > most:
                 break

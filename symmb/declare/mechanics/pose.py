@@ -25,9 +25,6 @@ from symmb.declare.symbolic import (
     vector,
 )
 
-MOST_MODES = 1000
-"""Largest number of modal coordinates of a body: the number of terms in the equations grows with its square."""
-
 
 @dataclass(frozen=True, eq=False)
 class Frame:
@@ -74,7 +71,8 @@ class Pose(ABC):
     """Indices of the rigid velocities in the twist."""
 
     def __init__(self, modes: int = 0) -> None:
-        self.modes = whole(type(self).__name__, "modes", modes, 0, MOST_MODES)
+        # Largest number of modal coordinates of a body: the number of terms in the equations grows with its square.
+        self.modes = whole(type(self).__name__, "modes", modes, 0, 1000)
 
     @property
     def coordinates(self) -> tuple[str, ...]:

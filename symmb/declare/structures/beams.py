@@ -15,9 +15,6 @@ from symmb.declare.structures.mass_samples import MassSamples, Sparse, joined
 from symmb.declare.structures.section import Material, Section, is_rigid
 from symmb.declare.structures.validation import numbers
 
-MOST_ELEMENTS = 10_000
-"""Maximum number of elements between two corners. With more elements, rounding affects the slow modes."""
-
 
 @dataclass(frozen=True, eq=False)
 class Beam:
@@ -64,7 +61,8 @@ class Beam:
         object.__setattr__(self, "points", points)
         if len(points) < 2 or not np.linalg.norm(np.diff(points, axis=0), axis=1).all():
             raise DeclarationError("Beam: expected at least two points. Neighbouring points must not coincide.")
-        require_whole(self, "elements", 1, MOST_ELEMENTS)
+        # Maximum number of elements between two corners. With more elements, rounding affects the slow modes.
+        require_whole(self, "elements", 1, 10_000)
         require_instance("Beam: material", self.material, Material, "a Material")
         sections = [self.section] if isinstance(self.section, Section) else self.section
         for section in sections if isinstance(sections, list | tuple) else [sections]:

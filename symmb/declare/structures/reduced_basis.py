@@ -9,10 +9,6 @@ from symmb._types import Array
 from symmb.declare.structures.eigenmodes import MECHANISM, lowest
 from symmb.declare.structures.mass_samples import Sparse
 
-TOLERANCE = 1e-5
-"""Allowed error: the fraction of the strain energy of any mode in the box that the shapes do not represent (this is the
-error of deflections under loads at interfaces), and the relative excess of squared frequencies."""
-
 Solve = Callable[[Sparse, Sparse], tuple[Array, Array]]
 
 
@@ -36,7 +32,10 @@ def spanning(
     while True:
         lost = [_lost(B, *some, pair, rigid) for some, pair in zip(wanted, matrices, strict=True)]
         error, directions = max(lost, key=lambda pair: pair[0])
-        if error <= TOLERANCE or not directions.size or B.shape[1] + directions.shape[1] > most:
+        # Allowed error: the fraction of the strain energy of any mode in the box that the shapes do not represent
+        # (this is the error of deflections under loads at interfaces), and the relative excess of squared
+        # frequencies.
+        if error <= 1e-5 or not directions.size or B.shape[1] + directions.shape[1] > most:
             break
         B = _independent(np.hstack([B, _without(directions, rigid, M)]), K)
     values, Y = lowest(B.T @ (K @ B), B.T @ (M @ B), B.T @ (axes @ B), np.zeros((B.shape[1], 0)))

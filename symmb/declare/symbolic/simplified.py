@@ -8,13 +8,6 @@ import casadi as ca
 from symmb.declare.symbolic.instructions import interpret
 from symmb.declare.symbolic.sympy_out import to_sympy
 
-_MOST_OPERATIONS, _MOST_TERMS = 800, 100
-"""Matrices with at most this number of operations, and entries with at most this number of terms, are simplified.
-
-All matrices of a system with three degrees of freedom take about a second. Larger limits take longer, and smaller
-limits leave long entries.
-"""
-
 
 def simplified(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> Any:
     """The matrix of `to_sympy` with short entries; None if the entries are too long.
@@ -29,11 +22,14 @@ def simplified(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> A
     """
     f = ca.Function("expr", [ca.vertcat(ca.SX(0, 1), *symbols)], [expr])
     [sizes] = interpret(f, [[(0, 1)] * len(names)], _sizes, lambda _: (0, 1))
-    if sum(length for length, _ in sizes) > _MOST_OPERATIONS:
+    # Matrices with at most this number of operations, and entries with at most this number of terms, are simplified.
+    # All matrices of a system with three degrees of freedom take about a second. Larger limits take longer, and
+    # smaller limits leave long entries.
+    if sum(length for length, _ in sizes) > 800:
         return None
     matrix = to_sympy(expr, symbols, names)
     for row, column, (_, terms) in zip(*expr.sparsity().get_triplet(), sizes, strict=True):
-        if terms <= _MOST_TERMS:
+        if terms <= 100:
             matrix[row, column] = _shortest(matrix[row, column])
     return matrix
 

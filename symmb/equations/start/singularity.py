@@ -11,9 +11,6 @@ from symmb._types import Array, Indices, Mask
 from symmb.declare.symbolic import evaluated, nonzeros, pattern, rotation_matrix
 from symmb.equations.model import DAE
 
-NEARLY_SINGULAR = 1e-2
-"""Ratio of the smallest to the largest singular value of unit rows below which a position is nearly singular."""
-
 
 @dataclass(frozen=True)
 class Singularity:
@@ -81,7 +78,8 @@ def _closest(dae: DAE, X: Array, p: Array, times: Array) -> int | None:
     rows, where = dae.remembered(_unit_rows)
     entries, rank = nonzeros(rows, X, p, times[:, None]).T, dae.rank + dae.lasting.size - dae.n_r  # (n, m)
     squares = np.einsum("nm,nm->m", entries, entries)
-    closest, smallest, count = None, NEARLY_SINGULAR, 1
+    # Ratio of the smallest to the largest singular value of unit rows below which a position is nearly singular.
+    closest, smallest, count = None, 1e-2, 1
     rest: Indices = np.arange(len(X), dtype=np.intp)
     while len(rest):
         step = -(-len(rest) // count)

@@ -21,10 +21,6 @@ from symmb.equations.start.implicit_function import LAST_DIGITS, ImplicitMap
 from symmb.equations.start.scales import distances, length_of, power_of_two, sizes_of_parts
 from symmb.equations.start.tolerances import VIOLATION
 
-MOST_COMPILED_STATES = 100
-"""Starts are compiled for scenes with at most this number of states. With more states, compilation takes longer than it
-saves in runs."""
-
 
 @dataclass(frozen=True)
 class Start:
@@ -58,7 +54,9 @@ class Start:
     def compiles(self) -> bool:
         """Whether starts are compiled like runs."""
         n_u, n_x = (self.state.numel_in(0), self.state.numel_out(0))
-        return not self.is_equilibrium and n_u <= n_x <= MOST_COMPILED_STATES
+        # Starts are compiled for scenes with at most this number of states. With more states, compilation takes
+        # longer than it saves in runs.
+        return not self.is_equilibrium and n_u <= n_x <= 100
 
     def states(self, P: Array) -> tuple[Array, tuple[str, ...]]:
         """Start states x = (q, v, s) of samples P (N, n_p), nan for failed starts, and reasons ('' for others)."""

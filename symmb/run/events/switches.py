@@ -19,8 +19,6 @@ jumps there."""
 _CLEAR, _NEAR = 1e-6, 2e-4
 """Fraction of the largest value of a switch above which the switch is clearly on one side, and largest error of the
 passes of the locating solver over the horizon: twice the value in integrate/side_walk.py."""
-_HIGH, _LOW = 0.5, 0.25
-"""Fractions of a law's largest distance from its median. A pulse starts above the first, and ends below the second."""
 _INPUTS = On.STATE, On.PARAMETERS, On.TIME
 
 
@@ -190,7 +188,9 @@ def _shortest_pulse(t: Array, law: Array, stops: Array) -> float:
     top = far.max()
     if top <= 1e-9 * max(law.max(), -law.min()):  # rounding
         return np.inf
-    above = far > _LOW * top
+    # Fractions of a law's largest distance from its median. A pulse starts above the first, and ends below the
+    # second.
+    above = far > 0.25 * top
     changes = np.flatnonzero(above[1:] != above[:-1])
     # What is under way at the first or the last time is evaluated there.
     changes = changes[int(above[0]) :]
@@ -199,7 +199,7 @@ def _shortest_pulse(t: Array, law: Array, stops: Array) -> float:
         return np.inf
     stops = np.sort(stops)
     counts = np.searchsorted(stops, t[last + 1], "right") > np.searchsorted(stops, t[before])
-    high = np.maximum.reduceat(far, np.column_stack([before + 1, last + 1]).ravel())[::2] > _HIGH * top
+    high = np.maximum.reduceat(far, np.column_stack([before + 1, last + 1]).ravel())[::2] > 0.5 * top
     lengths = np.maximum(t[last] - t[before + 1], (t[last + 1] - t[before]) / 2)  # the second for a single sample
     return float(lengths[high & ~counts].min(initial=np.inf))
 

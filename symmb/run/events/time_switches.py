@@ -14,9 +14,6 @@ _PARTS, _HALVINGS, _MOST_PARTS = 64, 30, 1_000_000
 """Number of parts of the horizon at the start, how often parts are halved if they may contain more sign changes than
 their ends show, and largest number of parts. Jumps are parts that remain undecided. Two changes within a shortest part,
 about 1e-10 of the horizon, are not found."""
-_SHARE, _UNEVEN = 0.487, 1.01
-"""Where parts are halved, and the power that makes the first parts unequal, so that ends do not coincide with jumps at
-whole periods."""
 
 
 class TimeSwitches:
@@ -97,7 +94,9 @@ class TimeSwitches:
 
     def _curved_roots(self, p: Array) -> Array:
         """Times (k,) at which some switch of one sample p (n_p,) changes its sign."""
-        ends = self._begin + (self._end - self._begin) * (np.arange(_PARTS + 1) / _PARTS) ** _UNEVEN
+        # Where parts are halved, and the power that makes the first parts unequal, so that ends do not coincide with
+        # jumps at whole periods.
+        ends = self._begin + (self._end - self._begin) * (np.arange(_PARTS + 1) / _PARTS) ** 1.01
         low, high = ends[:-1], ends[1:]
         at_low, at_high = self._values(p, low), self._values(p, high)
         found: list[tuple[Any, ...]] = []
@@ -108,7 +107,7 @@ class TimeSwitches:
             part, which = np.nonzero(~is_open[:, None] & ((at_low > 0) != (at_high > 0)))
             found.append((which, low[part], high[part], at_low[part, which], at_high[part, which]))
             low, high, at_low, at_high = low[is_open], high[is_open], at_low[is_open], at_high[is_open]
-            middle = low + _SHARE * (high - low)
+            middle = low + 0.487 * (high - low)
             at_middle = self._values(p, middle)
             low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
             at_low, at_high = np.concatenate([at_low, at_middle]), np.concatenate([at_middle, at_high])

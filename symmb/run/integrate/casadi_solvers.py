@@ -20,16 +20,6 @@ from symmb.run.integrate.solver import Solver
 from symmb.run.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection, Stabilization
 from symmb.run.integrate.stabilized_index2 import stabilized_problem
 
-UNTESTED = 1e10
-"""Absolute tolerance of multipliers [N, N m, -]. It is above all values that occur, so that multipliers are ignored in
-error tests. At index 2 the errors of multipliers do not decrease with the step. At index 1 their rounding rejects
-steps: a run takes 100 times as many."""
-FIRST_STEP = 1e-3
-"""First step of index 2, over rtol and the time of the fastest motion at the start. SUNDIALS may reject a first step
-ten times, and divides it by four each time. So the first step may be a million times too long after a restart."""
-SHORTEST_STEP = 1e-14
-"""Shortest step over the horizon. Shorter steps are lost in rounding. tests/integrate/test_failures.py"""
-
 
 class _Multistep(Solver):
     """A variable-order method of SUNDIALS on the index-1 DAE, or on the ODE without multipliers."""
@@ -133,7 +123,8 @@ class CVODES(_Multistep):
     def _method(self, options: dict[str, Any], problem: InitialValueProblem, length: float) -> dict[str, Any]:
         adams = {} if self.stiff else {"linear_multistep_method": "adams", "nonlinear_solver_iteration": "functional"}
         # A run that reaches a singularity would otherwise creep into it with ever shorter steps.
-        return {**options, **adams, "min_step_size": SHORTEST_STEP * length}
+        # Shortest step over the horizon. Shorter steps are lost in rounding. tests/integrate/test_failures.py
+        return {**options, **adams, "min_step_size": 1e-14 * length}
 
 
 @dataclass(frozen=True, repr=False)
@@ -167,7 +158,10 @@ class StabilizedIndex2(Solver):
         options, units = _measures(self.tolerances(dae, n_quad=int(work and dae.power is not None)))
         # IDAS computes no consistent rates at index 2. With rates of zero, the first step is rejected until the motion
         # in it is within the tolerance.
-        first = FIRST_STEP * self.rtol / dae.scales.rate
+        # First step of index 2, over rtol and the time of the fastest motion at the start. SUNDIALS may reject a
+        # first step ten times, and divides it by four each time. So the first step may be a million times too long
+        # after a restart.
+        first = 1e-3 * self.rtol / dae.scales.rate
 
         def method(problem: InitialValueProblem, length: float) -> dict[str, Any]:
             return _with_multipliers(options, problem) | {"calc_ic": False}
@@ -219,7 +213,10 @@ class Collocation(Solver):
 
 def _with_multipliers(options: dict[str, Any], problem: InitialValueProblem) -> dict[str, Any]:
     """The options of IDAS for a problem with multipliers as unknowns."""
-    tolerances = [options["abstol"]] * problem.x.numel() + [UNTESTED] * problem.z.numel()
+    # Absolute tolerance of multipliers [N, N m, -]. It is above all values that occur, so that multipliers are
+    # ignored in error tests. At index 2 the errors of multipliers do not decrease with the step. At index 1 their
+    # rounding rejects steps: a run takes 100 times as many.
+    tolerances = [options["abstol"]] * problem.x.numel() + [1e10] * problem.z.numel()
     # Rows of the constraints are small beside those of short steps: CasADi's own QR factorisation, without pivoting,
     # is not accurate then.
     return options | {"abstolv": tolerances, "suppress_algebraic": True, "linear_solver": "csparse"}

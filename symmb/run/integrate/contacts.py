@@ -11,10 +11,6 @@ from symmb.equations.model import DAE, Impacts, JointEvents
 from symmb.run.codegen import Contacts
 from symmb.run.integrate.step_ends import SwitchedProblem, hysteresis_of
 
-_PENETRATION, _SHORT_WAY = 1e-9, 1e-7
-"""Negative gap at the start that counts as rounding, over the size of the scene, or over the distance that the speed
-and acceleration of the gap give until the end. The gap itself may be the only known length."""
-
 
 def contacts_of(dae: DAE, impacts: Impacts, with_work: bool) -> Contacts:
     """The data of the contacts of a DAE, and of its joints that open and close."""
@@ -146,7 +142,9 @@ def _start(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t: ca.SX, span: ca.SX
     gap, rate, _ = impacts.gaps(*dae.arguments(x, p, t))
     way = ca.fabs(rate) * span + impacts.forces(*dae.arguments(x, p, t))[2] * span**2 / 2
     e = impacts.impulses(*dae.arguments(x, p, t))[3]
-    rounding = ca.fmax(_PENETRATION * dae.scales.length, _SHORT_WAY * way)
+    # Negative gap at the start that counts as rounding, over the size of the scene, or over the distance that the
+    # speed and acceleration of the gap give until the end. The gap itself may be the only known length.
+    rounding = ca.fmax(1e-9 * dae.scales.length, 1e-7 * way)
     faults = [ca.logic_not(gap >= -rounding), ca.logic_not(ca.logic_and(e >= 0, e <= 1))]
     last_first = list(range(gap.numel()))[::-1]
     faults, numbers = (ca.vertcat(*[values[last_first] for values in parts]) for parts in (faults, (gap, e)))

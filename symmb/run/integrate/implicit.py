@@ -22,9 +22,6 @@ from symmb.run.integrate.step_ends import StopsInTime, stops_in_time
 from symmb.run.integrate.switch_passes import SwitchPasses
 from symmb.run.schemes import Step, generalized_alpha, nstiff_si2
 
-FULL_MATRIX = 12
-"""Largest number of velocities for which a full Newton matrix costs as little as a sparse one.
-tests/benchmarks/latency.py"""
 MOST_VELOCITIES = 300
 """Largest number of velocities for which a C compiler needs less than minutes for a Newton matrix.
 tests/benchmarks/scaling.py"""
@@ -136,7 +133,9 @@ class Rosenbrock(_SchemeSolver):
 
     def scheme(self, dae: DAE, order: int, work: bool) -> Step:
         # Without multipliers errors are smaller, but the matrix of all velocities is full.
-        algebraic = dae.n_v > FULL_MATRIX and not isinstance(self.stabilization, AugmentedLagrangian)
+        # Largest number of velocities for which a full Newton matrix costs as little as a sparse one.
+        # tests/benchmarks/latency.py
+        algebraic = dae.n_v > 12 and not isinstance(self.stabilization, AugmentedLagrangian)
         problem = build_problem(dae, self.stabilization, algebraic=algebraic, work=work, one_step=True)
         return rosenbrock(problem.jets(order))
 

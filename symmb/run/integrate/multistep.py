@@ -19,15 +19,10 @@ from symmb.run.integrate.one_sided import OneSided, one_sided
 from symmb.run.integrate.side_walk import SideWalk, Stops
 from symmb.run.integrate.switch_passes import SwitchPasses, follows_switches
 
-MOST_STEPS, MOST_STATES = 1_000_000, 20_000_000
-"""Largest number of steps of a run, and largest product of steps and states. More take minutes."""
 USUAL, LEAST, LOST = 2.0, 200, 0.05
 """SUNDIALS counts steps from one time to the next. So the limit of an interval is this multiple of the mean number of
 steps, and at least a smallest number. A run that needs more continues over the next interval until the limit of the
 whole run."""
-CLOSE_TIMES = 1e-6
-"""Output times closer than this [s] are rescaled, because CasADi's interface treats times less than 1e-9 s apart as
-equal."""
 _SCALED = {"ode", "alg", "quad"}
 _WITHOUT_DERIVATIVES = {"enable_forward": False, "enable_jacobian": False, "enable_fd": True}
 
@@ -65,7 +60,8 @@ def multistep_integration(
     (fine, outputs), horizon = refined(times), float(times[-1] - times[0])
     # Largest product of steps and states of an independent integration. More take longer than a second, which is too
     # long for a check.
-    most = min(MOST_STEPS, (1_000_000 if independent else MOST_STATES) // n_x)
+    # Largest number of steps of a run, and largest product of steps and states. More take minutes.
+    most = min(1_000_000, (1_000_000 if independent else 20_000_000) // n_x)
     # Longest step of an independent integration over the horizon. Longer steps may pass over two switches of the
     # state.
     steps = _step_lengths(dae, times, first, 1e-3 * horizon if independent else np.inf)
@@ -235,4 +231,6 @@ def _time_unit(times: Array) -> float:
     """Factor of times: 1, except for close times, because CasADi's interface treats times less than 1e-9 s apart as
     equal."""
     least = float(np.diff(times).min())
-    return 1.0 if least > CLOSE_TIMES else 2.0 ** math.floor(math.log2(least))
+    # Output times closer than this [s] are rescaled, because CasADi's interface treats times less than 1e-9 s apart
+    # as equal.
+    return 1.0 if least > 1e-6 else 2.0 ** math.floor(math.log2(least))

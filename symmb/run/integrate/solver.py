@@ -18,13 +18,6 @@ from symmb.run.integrate.cells import interval_steps
 from symmb.run.integrate.integration import Integration, stateless_integration
 from symmb.run.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection
 
-LEAST_SIZE, NOISE = 1e-2, 1e-12
-"""Smallest size of a state, over the size of its part of the scene, down to which absolute tolerances are proportional
-to the size. Also this ratio over rtol, because balanced forces leave rounding in states that do not move."""
-AHEAD = 1.0
-"""Time over which slopes at the start predict the later sizes, over the time of the fastest part. Without the
-prediction, runs from rest take seven more steps, with lengths that depend on rounding. tests/codegen/test_c_files.py"""
-
 _LEAST_RTOL = 1e-15
 """Relative rounding error of numbers."""
 
@@ -127,8 +120,14 @@ class Solver(ABC):
         if atol is not None:
             return Tolerances(rtol, atol)
         sizes = [*np.tile(dae.state_sizes, order + 1).tolist(), *[dae.scales.work] * n_quad]
-        least = 1.0 if order else min(1.0, max(LEAST_SIZE, NOISE / rtol))
-        ahead = AHEAD / dae.scales.rate
+        # Smallest size of a state, over the size of its part of the scene, down to which absolute tolerances are
+        # proportional to the size. Also this ratio over rtol, because balanced forces leave rounding in states that
+        # do not move.
+        least = 1.0 if order else min(1.0, max(1e-2, 1e-12 / rtol))
+        # Time over which slopes at the start predict the later sizes, over the time of the fastest part. Without the
+        # prediction, runs from rest take seven more steps, with lengths that depend on rounding.
+        # tests/codegen/test_c_files.py
+        ahead = 1.0 / dae.scales.rate
         return Tolerances(rtol, rtol / 100, sizes=tuple(sizes), growth=rtol / 100, least=least, ahead=ahead)
 
     def tighter(self, factor: float = 10.0, times: Array | None = None) -> Self:

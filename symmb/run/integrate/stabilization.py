@@ -6,8 +6,6 @@ from symmb._options import require_between, require_whole
 
 LARGEST = 1e60
 """Largest rate or penalty, because its square must be a finite number."""
-MOST_ITERATIONS = 100
-"""Largest number of corrections of the multipliers. Each correction adds equations, and a few are enough."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +100,8 @@ class AugmentedLagrangian:
         require_between(self, "penalty", "(]", 0.0, LARGEST)
         require_between(self, "omega", "[]", 0.0, LARGEST)
         require_between(self, "damping", "[]", 0.0, LARGEST)
-        require_whole(self, "iterations", 0, MOST_ITERATIONS)
+        # Largest number of corrections of the multipliers. Each correction adds equations, and a few are enough.
+        require_whole(self, "iterations", 0, 100)
 
 
 Stabilization = Baumgarte | Projection | AugmentedLagrangian | None

@@ -42,11 +42,6 @@ class Stiffness:
         return self.decay * span > most and self.decay > 10 * self.growth
 
 
-_MOST, _LARGEST, _ROUGH = 600, 6, 1e-2
-"""States up to which all eigenvalues are computed, and beyond them how many of the largest, and their relative error:
-all take n^3 operations, a minute of 3,000 states."""
-
-
 def some_states(n: int) -> Indices:
     """Numbers of the states, of n, at which the stiffness of a run is estimated."""
     # States of a run at which its stiffness is estimated.
@@ -96,11 +91,13 @@ class _Linearization:
         J = sparse.csc_array((values, (self._rows, self._columns)), shape=(self._seeds.shape[1],) * 2)
         A, B, C, D = J[:n, :n], J[:n, n:], J[n:, :n], J[n:, n:]
         try:
-            if n <= _MOST:
+            # States up to which all eigenvalues are computed, and beyond them how many of the largest, and their
+            # relative error: all take n^3 operations, a minute of 3,000 states.
+            if n <= 600:
                 full = A.toarray() - B.toarray() @ np.linalg.solve(D.toarray(), C.toarray())
                 return np.linalg.eigvals(full) if np.isfinite(full).all() else np.full(n, np.nan)
             solved = sparse.linalg.splu(D).solve if len(z[0]) else np.copy
             operator = sparse.linalg.LinearOperator((n, n), lambda v: A @ v - B @ solved(C @ v), dtype=float)
-            return sparse.linalg.eigs(operator, k=_LARGEST, tol=_ROUGH, return_eigenvectors=False)
+            return sparse.linalg.eigs(operator, k=6, tol=1e-2, return_eigenvectors=False)
         except (np.linalg.LinAlgError, sparse.linalg.ArpackError, RuntimeError):
             return np.full(n, np.nan)

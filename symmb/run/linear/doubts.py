@@ -10,8 +10,6 @@ from symmb.run.linear.linear_equations import Blocks
 from symmb.run.linear.steady import DOUBT, SteadyMotion
 from symmb.run.verification import AttachedLoads, deformation_doubts
 
-_TIMES, _GOLDEN = 21, 0.6180339887
-"""Number of later times at which A is compared, and their distance over the horizon: no period fits such distances."""
 _NAMED = 3
 """Largest number of frequencies in a sentence."""
 
@@ -30,8 +28,10 @@ def _varies(scene: Scene, motion: SteadyMotion, blocks: Blocks) -> bool:
     point, end = motion.point, float(scene.times[-1])
     if motion.moves or end <= point.t:
         return False
-    for k in range(1, _TIMES + 1):
-        A = motion.equations.blocks(point.x[None], point.p[None], point.t + (end - point.t) * (k * _GOLDEN % 1)).A
+    # Number of later times at which A is compared, and their distance over the horizon: no period fits such
+    # distances.
+    for k in range(1, 22):
+        A = motion.equations.blocks(point.x[None], point.p[None], point.t + (end - point.t) * (k * 0.6180339887 % 1)).A
         # Change of an entry of A over the largest entry, above which A is not constant.
         if np.abs(A - blocks.A).max(initial=0.0) > 1e-3 * np.abs(blocks.A).max(initial=0.0):
             return True

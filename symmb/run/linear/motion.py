@@ -17,8 +17,6 @@ from symmb.run.simulation import Trajectory
 
 _PERIODS, _PICTURES = 3, 36
 """Number of oscillations of the motion, and of output times in each oscillation."""
-_TRAVEL, _TURN = 0.15, 0.25
-"""Largest displacement over the length of the scene, and largest angle [rad]: motions are visible, and look linear."""
 _STARTED = ("held", "solved", "free", "redundant")
 
 
@@ -91,5 +89,7 @@ class Origin:
         V = np.stack([np.zeros(len(shape)), shape.real, shape.imag])
         values = batch(rates, x[0, : dae.n_q], V, self.point.p)
         travel, turn = (np.linalg.norm(some[1:] - some[0], axis=0).max(initial=0.0) for some in values)
-        limits = [limit / size for limit, size in ((_TRAVEL * dae.scales.length, travel), (_TURN, turn)) if size]
+        # Largest displacement over the length of the scene, and largest angle [rad]: motions are visible, and look
+        # linear.
+        limits = [limit / size for limit, size in ((0.15 * dae.scales.length, travel), (0.25, turn)) if size]
         return float(min(limits))

@@ -17,9 +17,6 @@ from symmb.run.simulation import DAESimulator, Trajectory, parameter_values, sce
 
 _ON = 1e-9
 """Distance from a switch, in sizes of the states, below which a state is on the switch."""
-_SHRINKS, _NOISE = 0.9, 1e-12
-"""Factor on a difference of forces at half the distance: it is 1/2 for a continuous force, and 1 for a jump. And
-rounding of a difference over the rates at displacements of the scene's size."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,8 +107,10 @@ def require_smooth(formulation: Formulation, point: LinearizationPoint, equation
         aside = 1e-7 * sizes * slopes[k] / steep[k]
         blocks = equations.blocks(np.stack([x - aside, x + aside]), np.stack([point.p] * 2), point.t)
         near, far = (np.abs(_jump(dae, point, share * aside)) for share in (0.5, 1.0))
-        noise = _NOISE * float((np.abs(blocks.A).max(axis=0) @ equations.sizes).max())
-        jumps = bool((near > _SHRINKS * far + noise).any())
+        # Factor on a difference of forces at half the distance: it is 1/2 for a continuous force, and 1 for a jump.
+        # And rounding of a difference over the rates at displacements of the scene's size.
+        noise = 1e-12 * float((np.abs(blocks.A).max(axis=0) @ equations.sizes).max())
+        jumps = bool((near > 0.9 * far + noise).any())
         # Largest relative difference of equal derivatives: a continuous derivative changes by some 1e-7.
         if jumps or np.abs(blocks.A[1] - blocks.A[0]).max() > 1e-4 * np.abs(blocks.A).max():
             how = "jump" if jumps else "have different slopes on both sides"

@@ -27,9 +27,6 @@ from symmb.run.simulation.pilots import PilotRuns
 from symmb.run.simulation.trajectory import Trajectory
 
 SMOOTH = "smooth it, as tanh(v / 1e-3) does sign(v)"
-_FINER, _MANY = 1e-6, 1e3
-"""Absolute tolerances of a second run, over those of the run; and errors over the relative tolerance above which the
-absolute tolerances are doubted."""
 
 
 Hinge = tuple[Point, ca.SX, AbstractBody]
@@ -174,14 +171,16 @@ def _small_state_doubts(runs: PilotRuns, solver: Solver, run: Trajectory) -> Ite
         if stiffness(shortest, X, p, states.t[some]).decay * np.ptp(run.t) < 1e8:
             return
     # Least absolute tolerance.
-    atol = max(_FINER * float(absolute.min()), 1e-28)
+    # Absolute tolerances of a second run, over those of the run; and errors over the relative tolerance above which
+    # the absolute tolerances are doubted.
+    atol = max(1e-6 * float(absolute.min()), 1e-28)
     if atol >= absolute.min() or runs.run(other := replace(solver, atol=atol)).message:  # pyright: ignore
         return
     finer = runs.done[other][1]
     change, size = np.abs(run.values - finer.values), np.abs(finer.values)
     most = size.max(axis=0)  # below the finer tolerances all is rounding
     # Relative error of an output at one time, above which it is doubted.
-    wrong = (change > 1e-2 * size) & (change > _MANY * tolerances.rtol * most) & (most > atol)
+    wrong = (change > 1e-2 * size) & (change > 1e3 * tolerances.rtol * most) & (most > atol)
     if wrong.any():
         k, i = np.argwhere(wrong)[0]
         yield (

@@ -35,9 +35,6 @@ from symmb.run.simulation.sweep import Sweep, swept
 from symmb.run.simulation.trajectory import Trajectory
 from symmb.run.verification import in_two_ways, other_way
 
-_CONFIRMATIONS, _AGREEMENT, _LEAST = 2, 1e-6, 1e-3
-"""Largest number of runs at tighter tolerances, each ten times tighter; largest difference of two runs over the sizes
-of the states, which is a tenth of the error of default runs; and smallest size of a state over that of its body."""
 _STICKS = f"if it sticks to a switch, {SMOOTH}"
 
 
@@ -251,14 +248,17 @@ def _confirmed(runs: PilotRuns, solver: Solver, trajectory: Trajectory, reason: 
     turns back, errors grow by a factor of several hundred.
     """
     sizes = runs.program.bodies.dae.state_sizes
-    for _ in range(_CONFIRMATIONS):
+    # Largest number of runs at tighter tolerances, each ten times tighter; largest difference of two runs over the
+    # sizes of the states, which is a tenth of the error of default runs; and smallest size of a state over that of
+    # its body.
+    for _ in range(2):
         tighter = solver.tighter(times=runs.program.times)
         if runs.run(tighter).message:
             break
         finer = runs.done[tighter][1]
-        least = np.maximum(np.abs(finer.x).max(axis=0), _LEAST * sizes)
+        least = np.maximum(np.abs(finer.x).max(axis=0), 1e-3 * sizes)
         difference = float((np.abs(finer.x - trajectory.x) / least).max(initial=0.0))
-        if difference <= _AGREEMENT:
+        if difference <= 1e-6:
             break
         reason = f"{reason}; {tighter!r}, because switches magnify the errors of {solver!r} to {difference:.0e}"
         solver, trajectory = tighter, finer

@@ -18,8 +18,6 @@ from symmb.run.verification.two_ways import ROUNDING, TwoWays, changes_of_output
 _MOST, _LEAST, _WORK = 10_000, 100, 2e9
 """Largest and smallest number of examined times. In between, the number of times is `_WORK` over the third power of the
 number of velocities. This takes seconds."""
-_CLOSER, _NEAR = 2, 2000
-"""Number of examinations of a run that fails, each closer to its failure, and largest number of times of each."""
 _AGAIN = CVODES(rtol=1e-8, stiff=True)
 """The solver of second runs between the examined times. It compiles nothing, and stiff motions do not slow it down."""
 _SMALL, _USUAL, _SINGULAR = 1e-6, 2e3, 1e2
@@ -212,8 +210,9 @@ class Examination:
         sound = known & (self.drift.position <= 1e-6 * dae.scales.length)
         lost, k = int(known.argmin()), int(np.flatnonzero(sound).max(initial=0))
         begin, end, x = float(self.t[k]), float(self.t[lost]), self.x[k]
-        for _ in range(_CLOSER if known[0] else 0):
-            t = np.linspace(begin, end, min(_NEAR, _number(dae)))
+        # Number of examinations of a run that fails, each closer to its failure, and largest number of times of each.
+        for _ in range(2 if known[0] else 0):
+            t = np.linspace(begin, end, min(2000, _number(dae)))
             X = _AGAIN.integration(dae, t).run(x[None], self.p[None])[0].X
             near, known = self.program.bodies.singularity(X, t, self.p), _known(X)
             if near or known.all():

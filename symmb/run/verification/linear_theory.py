@@ -15,19 +15,8 @@ from symmb.run.verification.missing_modes import AttachedLoads, along, attached_
 TURN = 0.3
 """Largest rotation of a cross section against the frame of its body [rad] for linear theory. At this rotation the
 deflection of a cantilever under a load at its end is 4 % too large, and its shortening is 2 % of its length."""
-SPIN = 0.2
-"""Largest angular velocity over the first frequency of a body without geometric stiffening. Above this value
-centrifugal forces change the frequency by more than 2 %: Southwell's coefficient of a cantilever is 1.2."""
-SLENDER = 0.3
-"""Width over length, below which a body without nodal rotations bends, so that tension makes it stiffer."""
-MISSING = 0.08
-"""Largest fraction of the effect of deformations on an output that modes may neglect."""
-ACCURATE = 0.01
-"""Largest relative error of squared frequencies because of common mode shapes for a box of parameters."""
 _ROUNDING = 1e-9
 """Largest distance from an interval over its width that is rounding."""
-STRETCH = 1e-3
-"""Displacement over the size of a body in a direction without modes, above which the direction counts."""
 
 
 def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> tuple[str, ...]:
@@ -40,7 +29,8 @@ def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -
         f = scene.remembered((_stretched, k), lambda: output_function(dae, scene, loads.wrenches))  # noqa: B023
         doubts += _stretched(loads, batch(f, X, p, t[:, None])[0].reshape(len(t), -1))
     for lack in left_out(scene, dae, some, X, p, t) if some else ():
-        if lack.share > MISSING:
+        # Largest fraction of the effect of deformations on an output that modes may neglect.
+        if lack.share > 0.08:
             doubts.append(
                 f"FlexibleBody {lack.loads.body.name!r}: its modes neglect {lack.share:.0%} of the deflections by "
                 f"loads at its nodes {', '.join(map(str, lack.loads.loaded))}, so that the body is too stiff. This is "
@@ -72,7 +62,8 @@ def _turned(body: FlexibleBody, eta: Array, t: Array) -> Iterator[str]:
 
 def _beyond(scene: Scene, body: FlexibleBody, p: Array) -> Iterator[str]:
     family, values = body.modes.family, dict(zip(scene.system.parameters, p.tolist(), strict=True))
-    if family is not None and family.error > ACCURATE:
+    # Largest relative error of squared frequencies because of common mode shapes for a box of parameters.
+    if family is not None and family.error > 0.01:
         yield (
             f"FlexibleBody {body.name!r}: its mode shapes are the same for all parameters of the box. Squared "
             f"frequencies have errors of up to {family.error:.1%}. Use narrower intervals in at=, or more modes."
@@ -92,8 +83,11 @@ def _spun(body: FlexibleBody, omega: Array, t: Array) -> Iterator[str]:
     rate = np.sqrt(np.einsum("ti,ij,tj->t", omega, J, omega) / np.linalg.eigvalsh(J)[-1])
     lowest, worst = float(np.sqrt(modes.stiffness.min())), t[int(rate.argmax())]
     extents = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(modes.positions.T)), 0.0))  # of the nodes, in rising order
-    bends = modes.rotations.any() or extents[1] < SLENDER * extents[2]
-    if rate.max() > SPIN * lowest and bends and not modes.is_stiffening:
+    # Width over length, below which a body without nodal rotations bends, so that tension makes it stiffer.
+    bends = modes.rotations.any() or extents[1] < 0.3 * extents[2]
+    # Largest angular velocity over the first frequency of a body without geometric stiffening. Above this value
+    # centrifugal forces change the frequency by more than 2 %: Southwell's coefficient of a cantilever is 1.2.
+    if rate.max() > 0.2 * lowest and bends and not modes.is_stiffening:
         yield (
             f"FlexibleBody {body.name!r}: it turns at {rate.max():.3g} rad/s at t = {worst:.3g} s, which is "
             f"{rate.max() / lowest:.2g} times its first frequency of {lowest:.3g} rad/s. Centrifugal forces change its "
@@ -106,7 +100,8 @@ def _stretched(loads: AttachedLoads, w: Array) -> Iterator[str]:
         return
     size = float(np.ptp(loads.body.modes.positions, axis=0).max())
     moved = np.abs((w - along(loads, w)) @ loads.responses.left.T).reshape(len(w), -1, 6)[:, :, :3].max(initial=0.0)
-    if moved > STRETCH * size:
+    # Displacement over the size of a body in a direction without modes, above which the direction counts.
+    if moved > 1e-3 * size:
         yield (
             f"FlexibleBody {loads.body.name!r}: its loads would stretch it by {moved:.2g} m in a direction without "
             f"modes. {loads.remedy}"

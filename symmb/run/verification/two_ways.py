@@ -41,8 +41,6 @@ _FINE, _FINEST = 1e-9, 1e-12
 """Largest and smallest relative tolerance of a run that checks another run: its own error should not matter."""
 ROUNDING, _SHIFT = 1e-12, 1e-6
 """Changes of states over their sizes: rounding, which no solver resolves; and the change for difference quotients."""
-_AROUND, _OF_STEPS = 10, 0.1
-"""Number of states that estimate the noise; and errors of steps over rtol and the sizes of states."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,9 +286,10 @@ def noise_of_outputs(y: ca.Function, dae: DAE, x: Array, p: Array, t: float, rto
 
     The state x (n_x,) may be special, such as a state of rest. Therefore the median over states around it is used.
     """
-    around = np.random.default_rng(0).uniform(-1, 1, (_AROUND, len(x))) * dae.state_sizes
+    # Number of states that estimate the noise; and errors of steps over rtol and the sizes of states.
+    around = np.random.default_rng(0).uniform(-1, 1, (10, len(x))) * dae.state_sizes
     states = x + np.vstack([np.zeros(len(x)), around])
     shift = np.random.default_rng(1).uniform(-1, 1, states.shape) * _SHIFT * dae.state_sizes
     there, here = (batch(y, some, p, np.full((len(some), 1), t))[0] for some in (states + shift, states))
-    level = ROUNDING if rtol is None else max(_OF_STEPS * rtol, ROUNDING)
+    level = ROUNDING if rtol is None else max(0.1 * rtol, ROUNDING)
     return level / _SHIFT * np.median(np.nan_to_num(np.abs(there - here), posinf=0.0), axis=0)

@@ -19,8 +19,6 @@ from symmb.show.report import BLOCK, write_bounds
 _NO_CONTRIBUTIONS = "Contributions of parameters need further runs here. Add --contributions."
 End = float | str | None
 """Pattern for a number, a number with a unit, or an empty end."""
-VIOLATED = 1
-"""Exit status if a limit is violated, the same as for a failed test."""
 
 
 def add_bound(command: Callable[..., argparse.ArgumentParser], methods: str, solvers: str) -> None:
@@ -68,7 +66,8 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
         write_bounds(bounds, paths["report"], limits or None, block, command=command, contributions=contributions)
     if check is None or check.kept:
         return bounds.doubts
-    return VIOLATED if check.kept is False else (*bounds.doubts, "A limit is not decided.")
+    # Exit status if a limit is violated, the same as for a failed test.
+    return 1 if check.kept is False else (*bounds.doubts, "A limit is not decided.")
 
 
 def _tell_contributions(bounds: mb.Bounds, is_asked: bool) -> mb.Contributions | None:

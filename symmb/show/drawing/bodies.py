@@ -33,9 +33,6 @@ SOLID = "solid of the same inertia"
 """Kind of the solids of bodies whose points also show their size."""
 _ROUND = 0.03
 """Relative difference of second moments of mass below which a solid is drawn as round."""
-_LEAST_DENSITY, _LONGEST_HALF = 500.0, 2.0
-"""Smallest density [kg/m^3] and largest half length of the solid of a link, relative to the robot's span per link:
-inertias in files are often placeholders, such as 1 kg m^2 for a finger."""
 
 
 class BodySketch:
@@ -77,9 +74,11 @@ class BodySketch:
         axes[:, 2] *= np.sign(np.linalg.det(axes))
         variances = np.maximum(values.sum() / 2 - values, 0.0) / m
         if isinstance(self.body, Link) and variances.max() and self.survey.span:
-            half, most = np.sqrt(3 * variances), m / _LEAST_DENSITY
+            # Smallest density [kg/m^3] and largest half length of the solid of a link, relative to the robot's span
+            # per link: inertias in files are often placeholders, such as 1 kg m^2 for a finger.
+            half, most = np.sqrt(3 * variances), m / 500.0
             links = sum(isinstance(body, Link) for body in self.survey.bodies)
-            longest = _LONGEST_HALF * self.survey.span / links
+            longest = 2.0 * self.survey.span / links
             variances *= min(np.cbrt(most / max(8 * half.prod(), most)), longest / half.max(), 1.0) ** 2
         return variances, axes
 

@@ -18,15 +18,12 @@ from symmb.show.drawing.geometry import not_drawn, shapes_of_bodies
 from symmb.show.drawing.shapes import Drawing, Shape
 from symmb.show.drawing.survey import Survey
 
-MOST_PICTURES = 1001
-"""Approximate number of pictures of a page. For longer runs only every n-th output time is shown."""
 _TURNED, _RAISED = np.radians(-28.0), np.radians(20.0)
 """Initial angles of view for a spatial mechanism: about the vertical, and above the horizontal."""
 
 
-def draw(
-    run: Trajectory, *, also: Sequence[int] = (), point: Point | None = None, most: int = MOST_PICTURES
-) -> Drawing:
+# Approximate number of pictures of a page. For longer runs only every n-th output time is shown.
+def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = None, most: int = 1001) -> Drawing:
     """A run at its output times, or at every n-th time and those numbered in `also`, with the path of a point."""
     scene = run.scene
     if scene is None:
