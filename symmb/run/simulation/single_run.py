@@ -126,24 +126,18 @@ def simulate(
     prepared = scene if isinstance(scene, DAESimulator) else None
     if prepared is not None:
         require_own(prepared, solver, times, outputs)
-    tolerances: dict[str, Any] = {k: x for k, x in (("rtol", rtol), ("atol", atol)) if x is not None}
-    if tolerances and (solver is not None or prepared is not None):
-        raise DeclarationError(
-            "simulate: rtol= and atol= apply to the default solver only. Write them into the solver, such as "
-            "solver=CVODES(rtol=1e-10)."
-        )
+    tolerances = _tolerances(rtol, atol, solver is not None or prepared is not None)
     own = with_options(own, times, outputs)
-    if not (parameters is None or isinstance(parameters, Mapping | str)) and isinstance(parameters, Sequence):
+    if not isinstance(parameters, Mapping | str | None) and isinstance(parameters, Sequence):
         return _simulated_side_by_side(prepared or own, solver, parameters, check, tolerances)
     if tolerances and own.system.collected.has_events:
         solver = EventDriven(**tolerances)
     values = parameter_values(own, {} if parameters is None else parameters)
     with kept_interrupts(), Progress(f"{own.name}: equations") as progress:
-        if prepared is not None:
-            solver, given = prepared.solver, (prepared.program, prepared.reason)
+        if prepared is None:
+            runs = PilotRuns(own, values, *(given_program(own, solver) or (program_of(own), None)))
         else:
-            given = given_program(own, solver) or (program_of(own), None)
-        runs = PilotRuns(own, values, *given)
+            solver, runs = prepared.solver, PilotRuns(own, values, prepared.program, prepared.reason)
         progress(f"{own.name}: running", 0, 0)
         used, trajectory = _simulated(runs, check, tolerances)
         if own.figures:
@@ -151,6 +145,17 @@ def simulate(
             trajectory = with_figures_of(trajectory, figures, check)
     warn_of(trajectory.doubts, f"{own.name} by {used!r}")
     return trajectory
+
+
+def _tolerances(rtol: float | None, atol: float | None, is_chosen: bool) -> dict[str, Any]:
+    """The given tolerances by their names. They apply only if no solver is chosen."""
+    tolerances = {name: value for name, value in (("rtol", rtol), ("atol", atol)) if value is not None}
+    if tolerances and is_chosen:
+        raise DeclarationError(
+            "simulate: rtol= and atol= apply to the default solver only. Write them into the solver, such as "
+            "solver=CVODES(rtol=1e-10)."
+        )
+    return tolerances
 
 
 def _simulated_side_by_side(
