@@ -207,11 +207,38 @@ def _fault(run: Trajectory) -> str:
 
 @dataclass
 class _Running:
+    """A job in its own process, which sends its trials through a pipe."""
+
     job: Job
     process: Any
     pipe: Connection
     since: float
     done: int = 0
+    ended: bool = False
+
+    def received(self) -> Iterator[Trial]:
+        """The trial that the pipe holds. The first message has the settings of the job, the end is no message."""
+        try:
+            message = self.pipe.recv()
+        except EOFError:
+            self.ended = True
+            yield from _left(self.job, self.done, "the process broke down")
+            return
+        if isinstance(message, Trial):
+            yield message
+            self.done += 1
+        else:
+            self.job = replace(self.job, solvers=message)
+        self.since = time.monotonic()
+        self.ended = self.done == len(self.job.solvers)
+
+    def left(self, limit: float) -> Iterator[Trial]:
+        """The trials that are left out because the current one takes longer than the limit [s]."""
+        most = limit if self.done else limit + _SETUP
+        if time.monotonic() - self.since > most:
+            self.ended = True
+            others = _LARGER if self.job.family in CONTROLLED else _LONGER
+            yield from _left(self.job, self.done, f"{_TOO_LONG} {most:g} s with its set-up", others)
 
 
 def run_jobs(jobs: Sequence[Job], limit: float, deadline: float) -> Iterator[Trial]:
@@ -239,26 +266,8 @@ def run_jobs(jobs: Sequence[Job], limit: float, deadline: float) -> Iterator[Tri
             # Time between checks of the running trials [s]: short compared with a trial, long compared with a check.
             ready = wait([r.pipe for r in running], 0.2)
             for r in list(running):
-                if r.pipe in ready:
-                    try:
-                        message = r.pipe.recv()
-                        if isinstance(message, Trial):
-                            yield message
-                            r.done += 1
-                        else:
-                            r.job = replace(r.job, solvers=message)
-                        r.since = time.monotonic()
-                        ended = r.done == len(r.job.solvers)
-                    except EOFError:
-                        ended = True
-                        yield from _left(r.job, r.done, "the process broke down")
-                else:
-                    most = limit if r.done else limit + _SETUP
-                    ended = time.monotonic() - r.since > most
-                    if ended:
-                        others = _LARGER if r.job.family in CONTROLLED else _LONGER
-                        yield from _left(r.job, r.done, f"{_TOO_LONG} {most:g} s with its set-up", others)
-                if ended:
+                yield from r.received() if r.pipe in ready else r.left(limit)
+                if r.ended:
                     _end(r)
                     running.remove(r)
     finally:  # also if the caller is interrupted
