@@ -174,7 +174,8 @@ PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, c
     /* Ranges of a switch that stays at 0 always leave something open by rounding, however short the part. Parts therefore
        allow for it; a whole step does not, because its halves cost little and exclude more. */
     const V rounding = each(share < 1.0 ? slight : 0.0);
-    const V fall = blend(up, range[2 * N_S + k], -range[3 * N_S + k]), rise = blend(up, range[3 * N_S + k], -range[2 * N_S + k]);
+    const V fall = blend(up, range[2 * N_S + k], -range[3 * N_S + k]);
+    const V rise = blend(up, range[3 * N_S + k], -range[2 * N_S + k]);
     /* Between two values with rates in [fall, rise] a switch stays above the crossing of two straight lines: one that falls
        as fast as it may from the begin, and one that rises as fast as it may to the end. */
     const V from = u[k] + rounding, to = u_end[k] + rounding;
@@ -210,8 +211,10 @@ PRIVATE int may_pass(Block *b, int last) {
   EACH_PART(b) {
     for (int j = 0; j < N_RANGED; ++j) {
       const int i = place[ranged[j]];
-      const V d = a->x_new[i] - a->x[i], dx = b->h * slope(a->x, a->k, i), dx_end = b->h * slope(a->x_new, a->k + last * N_OWN, i);
-      bound_state(a, ranged[j], 1.0, a->x[i], dx, a->x_new[i], dx_end, 0.25 * SCREEN * v_larger(v_fabs(dx - d), v_fabs(d - dx_end)));
+      const V d = a->x_new[i] - a->x[i], dx = b->h * slope(a->x, a->k, i);
+      const V dx_end = b->h * slope(a->x_new, a->k + last * N_OWN, i);
+      const V off = 0.25 * SCREEN * v_larger(v_fabs(dx - d), v_fabs(d - dx_end));
+      bound_state(a, ranged[j], 1.0, a->x[i], dx, a->x_new[i], dx_end, off);
     }
     any |= is_open(a, each(b->t), each(b->t_new), 1.0, b->h, a->u, a->u_new);
     if (!none(any)) return 1;
@@ -323,8 +326,8 @@ PRIVATE double first_fall(Part *a, Block *b, int k, double first) {
     const V middle = switch_at(a, b, k, each(half)), to = switch_at(a, b, k, each(high));
     if (from[0] >= 0.0 && (middle[0] < 0.0 || to[0] < 0.0)) {
       const int early = middle[0] < 0.0;
-      const V when = sign_change(a, b, k, ~(M)zero(), each(early ? low : half), each(early ? half : high), early ? from : middle,
-                                 early ? middle : to, 0.0);
+      const V begin = each(early ? low : half), end = each(early ? half : high);
+      const V when = sign_change(a, b, k, ~(M)zero(), begin, end, early ? from : middle, early ? middle : to, 0.0);
       return when[0] < first ? when[0] : first;
     }
     if (from[0] >= 0.0 && share > FORCE_LEAST && may_fall(from[0], middle[0], to[0])) {
@@ -379,8 +382,8 @@ PRIVATE double first_pass(Block *b) {
     }
   }
   /* Parts from the begin of the step on. A part in which a pass may hide is halved, and the parts behind it are longer again.
-     They begin at multiples of twice their length, so that their ends are exact and the last one ends at 1. All lanes share
-     the parts, and the search ends with the part in which a lane passes first, because the step leads no further. */
+     They begin at multiples of their length, so that their ends are exact and the last part ends at 1. All lanes share the
+     parts, and the search ends with the part in which a lane passes first, because the step leads no further. */
   while (low < 1.0 && first > 1.0) {
     const double high = low + share;
     M open = (M)zero();
@@ -402,7 +405,7 @@ PRIVATE double first_pass(Block *b) {
         const V end = a->u_new[k];
         const M passes = (M)(end < 0.0);
         if (none(passes)) continue;
-        /* A switch that was below 0 at `low` by rounding begins at 0, because a root needs two signs. */
+        /* The root needs two signs: the value at `low` counts as 0 at least. */
         const V when = sign_change(a, b, k, passes, each(low), each(high), v_larger(a->u_low[k], zero()), end, 0.0);
         const M sooner = passes & (M)(when < a->when);
         a->when = blend(sooner, when, a->when);
