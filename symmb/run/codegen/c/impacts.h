@@ -93,7 +93,7 @@ PRIVATE int in_turn(Instant *c, const Block *b, int order, Study *s, int ordered
       if (!closing[k] || !hits(c, k)) continue; /* an impulse of this round may have opened it already */
       const double from = c->rate[k], to = -b->law[2 * N_I * N_V + N_I + k][0] * from;
       const double P = (to - from) / c->D[k][k];
-      /* An impulse does its work at the mean rate. `law` gives the part of it that belongs to a surface moved by a law of time. */
+      /* An impulse does its work at the mean rate, less the rate of a surface that is moved by a law of time. */
       const double work = P * ((from + to) / 2 - b->law[2 * N_I * N_V + k][0]);
       const V L = each(P);
       if (s) note_event(b, s, IMPACT, k, from, to, work, ordered, &L, 1);
@@ -133,8 +133,8 @@ PRIVATE int order_matters(const Instant *c, const Instant *all, const Block *b) 
 PRIVATE int apply_impulses(Instant *c, Block *b, Study *s) {
   Part *a = b->part;
   int immovable[SIZE(N_I)], any = 0;
-  /* An impulse cannot change a gap that the constraints determine: D[k][k] is then a sum whose terms cancel. It is compared with
-     the sizes of these terms, because a small D[k][k] alone may be that of a heavy body. */
+  /* An impulse cannot change a gap that the constraints determine. Its effective inertia 1 / D[k][k] is infinite but for
+     rounding: 1e12 times the largest inertia of the scene or more. */
   impulses(a->x, a->c, each(b->t), b->law);
   for (int k = 0; k < N_I; ++k) {
     double size = 0.0;

@@ -3,7 +3,7 @@
    x holds the history w (N_W), which begins with the state, the length of the step and the unknowns z (N_Z). The model
    gives history(x, c, t, w), which makes w from the state at t. With t at the end of the step it gives guess(x, c, t, z);
    correct(x, c, t, d), Newton's change of z, then N_TESTED parts of it over their sizes, which decide convergence; and
-   follow(x, c, t, w), the new history, then estimated errors of the state (N_E), if there are any. ORDER is the order of
+   follow(x, c, t, w), the new history, then estimated errors (N_E) of the state, if there are any. ORDER is the order of
    the scheme. GROWTH is the largest ratio of a step to the step before.
 
    Hairer and Wanner (1996), Solving Ordinary Differential Equations II, section IV.8: Newton's method and step control. */
