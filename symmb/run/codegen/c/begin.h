@@ -7,7 +7,7 @@
 #include "embedded_pair.h"
 
 #if STARTED
-#define START_CONVERGED 1e-9 /* step over the size of the unknowns: Newton's method is quadratic, so that the error is rounding */
+#define START_CONVERGED 1e-9 /* step over the size of the unknowns: convergence is quadratic, so that the error is rounding */
 #define START_ITERATIONS 30
 #define START_SIZE 1e-3 /* least size of the unknowns */
 

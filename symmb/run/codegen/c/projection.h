@@ -17,7 +17,7 @@ PRIVATE void move_onto_constraints(Part *a, const V *x, double t, V *out) {
 #define REACHED 1e-9 /* change over the largest state: the projection converges quadratically, so that the error is rounding */
 enum { PROJECTIONS_AT_MOST = PROJECTED ? 20 : 0 };
 
-/* Moves the block onto the constraints at time t after a change of parameters, which may be far. Returns 0 if a sample fails. */
+/* Moves the block onto the constraints at time t after a change of parameters, which may be far. Returns 0 if one fails. */
 PRIVATE int reach_constraints(Block *b, Study *s, double t) {
   int reached = 1;
   EACH_PART(b) {
