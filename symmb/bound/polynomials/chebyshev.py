@@ -1,4 +1,4 @@
-"""Chebyshev polynomials on [-1, 1]^d: sets of products closed under lower degrees, and changes of basis."""
+"""Chebyshev polynomials on [-1, 1]^d: sets of products that contain all lower degrees, and changes of basis."""
 
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
@@ -11,14 +11,15 @@ from symmb.bound.polynomials.legendre import MultiIndices
 
 @dataclass(frozen=True, eq=False)
 class LowerSet:
-    """A set of multi-indices that contains, with each of them, all those of lower degrees. The order is by rising sum.
+    """A set of multi-indices that contains all multi-indices below each of its members, in the order of rising sums.
 
-    An expansion in it stays in it if the range of a parameter is halved or the parameter is fixed, in both bases.
+    If the range of a parameter is halved, or a parameter is fixed, the expansion needs no other products. This holds
+    for Legendre and for Chebyshev polynomials.
 
     Attributes
     ----------
     alpha : (n, d) multi-indices, the constant first
-    given : (n_b,) rows of the multi-indices from which it was made
+    given : (n_b,) rows of the multi-indices from which the set was made
     """
 
     alpha: MultiIndices
@@ -42,9 +43,9 @@ class LowerSet:
 
     @cached_property
     def fibres(self) -> list[Indices]:
-        """For each axis (n_f, degree + 1): numbers of products that differ in their degree along it alone.
+        """For each axis (n_f, degree + 1): rows of products that differ in their degree along this axis only.
 
-        The number is n if the set has none of that degree.
+        The row is n if the set has no product of a degree.
         """
         n, d = self.alpha.shape
         fibres = []
@@ -86,7 +87,7 @@ def _lower_set(shape: tuple[int, int], alpha: bytes) -> LowerSet:
 
 @cache
 def legendre_to_chebyshev(n: int) -> Array:
-    """(n + 1, n + 1) matrix from Legendre to Chebyshev coefficients, all of which are positive: no digit is lost.
+    """(n + 1, n + 1) matrix from Legendre to Chebyshev coefficients. No entry is negative, so that no digits are lost.
 
     Examples
     --------

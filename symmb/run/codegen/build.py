@@ -176,7 +176,7 @@ def _loaded(source: str, compiler: "_Compiler", *names: str) -> ctypes.CDLL:
         raise _BuildError(f"temporary files cannot be written ({error}). Set TMPDIR to another folder.") from error
     if library is None:
         raise _BuildError(
-            "its libraries lack functions or cannot be loaded. Set TMPDIR to a folder from which libraries can be loaded."
+            "its libraries lack functions or cannot be loaded. Set TMPDIR to a folder that is not mounted noexec."
         )
     return library
 
@@ -351,8 +351,8 @@ def _probe(compiler: tuple[str, ...], version: str, flags: tuple[str, ...]) -> N
             text.write_text(_PROBE, encoding="utf-8")
             command = [*compiler, str(text), "-o", str(library_path), f"-I{C_FOLDER}", *flags, "-lm", *_DEFINED]
             _compile(command, library_path, folder, _PROBE_SECONDS)
-            # Undefined symbols are errors of the linker (_DEFINED), so that libraries that cannot be loaded here, from a
-            # folder mounted noexec, may still be good: the cache may allow it.
+            # Undefined symbols are errors of the linker (_DEFINED). A library that cannot be loaded from a folder
+            # mounted noexec may therefore still be good, and can be loaded from the cache.
             library = _opened(library_path)
             if library is not None and library.answer() != 42:
                 raise _BuildError("the functions of its libraries return wrong values.")

@@ -42,7 +42,9 @@ def folder() -> Path:
     try:
         root = Path(cache_home) if os.path.isabs(cache_home) else Path.home() / ".cache"
     except RuntimeError:
-        raise SymmbError("Compiled models cannot be stored: no home folder found. Set HOME or XDG_CACHE_HOME.") from None
+        raise SymmbError(
+            "Compiled models cannot be stored: no home folder found. Set HOME or XDG_CACHE_HOME."
+        ) from None
     root.mkdir(parents=True, mode=0o700, exist_ok=True)
     (root / "symmb").mkdir(mode=0o700, exist_ok=True)
     path = (root / "symmb").resolve()

@@ -34,10 +34,10 @@ class Contacts:
     displacements : n_v float  sizes of displacements along v
     joints : lists of int      data of the events of joints that open and close, by their names in c/impacts.h
     n_rows : int               number of rows of all joints
-    start : Function           (x, p, t, span) -> x at the start of a run of some span [s], with the conditions that hold
-                               there; faults (m,), 1 for each fault that the sample has; and a number (m,) for each text
-    fault_texts : m pairs      the text of a fault, and the text behind its number, empty if no number follows. The first
-                               fault of a sample is reported.
+    start : Function           (x, p, t, span) -> x at the start of a run of some span [s], with the conditions that
+                               hold there; faults (m,), 1 for each fault of the sample; and a number (m,) for each text
+    fault_texts : m pairs      the text of a fault, and the text behind its number, empty if no number follows; the
+                               first fault of a sample is reported
     """
 
     names: tuple[str, ...]

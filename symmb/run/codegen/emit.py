@@ -9,7 +9,7 @@ import casadi as ca
 
 from symmb._errors import DeclarationError
 from symmb.declare.symbolic import operation_name
-from symmb.run.codegen.graph import BOX, CONSTANT, INPUT, SEARCH, Graph, Places
+from symmb.run.codegen.graph import BOX, CONSTANT, INPUT, SEARCH, Graph
 
 LARGE_MODEL = 5000
 """Number of values of a model above which sines and cosines are calls of a function: inline, compilers take minutes.
@@ -63,8 +63,8 @@ _TURNED = {ca.OP_SIN: ca.OP_COS, ca.OP_COS: ca.OP_SIN}
 class _Schedule:
     """The statements of a function in pieces.
 
-    The first pieces compute angles, and a loop behind them computes sines and cosines of all angles. Within a function a
-    call would wait for its result, while a loop computes many angles side by side.
+    The first pieces compute angles, and a loop behind them computes sines and cosines of all angles. Within a function
+    a call would wait for its result, while a loop computes many angles side by side.
 
     Attributes
     ----------
@@ -104,10 +104,6 @@ class Emitter:
     def function(self, name: str, outputs: Iterable[int]) -> None:
         """A C function `name(x, c, t, out)` that writes the given nodes to out."""
         self._functions.append(self._source(name, list(outputs), parameters_only=False))
-
-    def used(self, outputs: Iterable[int]) -> list[int]:
-        """Places of the states x on which the given nodes depend."""
-        return sorted(self._place[i] for i in self.inputs(outputs, 0))
 
     def inputs(self, outputs: Iterable[int], source: int) -> list[int]:
         """Numbers of the nonzeros of an input on which the given nodes depend."""
@@ -188,13 +184,15 @@ class Emitter:
         last_use = dict(piece)
         for k, i in piece.items():
             last_use.update((a, max(last_use[a], i)) for a in self._graph.nodes[k].arguments if a in last_use)
-        places, carried = Places(count), dict[int, int]()
+        carried, free = dict[int, int](), list[int]()
         released: dict[int, list[int]] = {}
         for i, ks in enumerate(pieces):
-            places.release(released.pop(i - 1, []))
+            free += released.pop(i - 1, [])
             for k in ks:
                 if last_use[k] > i:
-                    carried[k] = places.take()
+                    if not free:
+                        free, count = [count], count + 1
+                    carried[k] = free.pop()
                     released.setdefault(last_use[k], []).append(carried[k])
         return carried
 

@@ -7,9 +7,9 @@ import casadi as ca
 
 from symmb.declare.symbolic import Entry, Pieces, interpret
 
-CONSTANT, INPUT, SEARCH, ENTRY = -1, -2, -3, -4
-"""Operations of a Node besides those of CasADi, whose numbers are not negative. A SEARCH finds the row of pieces, and an
-ENTRY is the number in column `index` of this row."""
+CONSTANT, INPUT, SEARCH, ENTRY = range(-1, -5, -1)
+"""Operations of a Node besides those of CasADi, whose numbers are not negative. A SEARCH finds the row of pieces, and
+an ENTRY is the number in column `index` of this row."""
 BOX = 3
 """Number of the input that functions of a box of states have instead of x, see `ranges_along`."""
 
@@ -83,25 +83,6 @@ class Graph:
             self._known[key] = len(self.nodes)
             self.nodes.append(node)
         return self._known[key]
-
-
-class Places:
-    """Numbers of places for values. A place is used again as soon as it is free."""
-
-    def __init__(self, count: int = 0) -> None:
-        self.count = count  # number of all places so far
-        self._free: list[int] = []
-
-    def take(self) -> int:
-        """A free place."""
-        if self._free:
-            return self._free.pop()
-        self.count += 1
-        return self.count - 1
-
-    def release(self, places: Iterable[int]) -> None:
-        """Free places whose values are no longer needed."""
-        self._free += places
 
 
 def graph_of(f: ca.Function) -> Graph:

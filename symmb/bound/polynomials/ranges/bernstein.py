@@ -12,17 +12,15 @@ from symmb._options import require_whole
 from symmb._types import Array
 from symmb.bound.polynomials.legendre import MultiIndices
 
-NUMBERS_AT_ONCE = 2**18
-"""Coefficients of a part: 2 MB, the size of a core's cache."""
 MOST_NUMBERS = 2**24
-"""Most coefficients of a polynomial: they take 128 MB."""
+"""Largest number of coefficients of a polynomial. They take 128 MB."""
 
 
 @dataclass(frozen=True)
 class Bernstein:
     """The smallest and the largest Bernstein coefficient, for a few parameters.
 
-    They enclose the range of the expansion. The excess falls with the square of the number of boxes.
+    These coefficients enclose the range of the expansion. The excess falls with the square of the number of boxes.
 
     Parameters
     ----------
@@ -64,11 +62,11 @@ class Bernstein:
         size = math.prod(self.boxes * int(n) for n in shape)
         if size > MOST_NUMBERS:
             raise DeclarationError(
-                f"{self!r}: {len(shape)} parameters of orders {max(shape) - 1} and less have {size:.1e} Bernstein "
+                f"{self!r}: {len(shape)} parameters of orders up to {max(shape) - 1} have {size:.1e} Bernstein "
                 f"coefficients, more than {MOST_NUMBERS:.1e}. Use Exact() or ChebyshevInclusion()."
             )
         changes = [_on_boxes(n - 1, self.boxes) for n in shape]
-        m, step = coefficients.shape[1], max(1, NUMBERS_AT_ONCE // size)
+        m, step = coefficients.shape[1], max(1, 2**18 // size)  # 2^18 numbers take 2 MB, the size of a core's cache
         lower, upper = np.empty(m), np.empty(m)
         for start in range(0, m, step):
             part = slice(start, start + step)
@@ -83,10 +81,8 @@ class Bernstein:
 
 @cache
 def _on_boxes(n: int, boxes: int) -> Array:
-    """(boxes (n + 1), n + 1) matrix from Legendre coefficients to Bernstein coefficients on parts of [-1, 1].
-
-    Coefficient j on the part from u to v of [0, 1] is the polar form at n - j times u and j times v.
-    """
+    """(boxes (n + 1), n + 1) matrix from Legendre coefficients to Bernstein coefficients on parts of [-1, 1]."""
+    # Coefficient j on the part from u to v of [0, 1] is the polar form at n - j arguments u and j arguments v.
     ends = [i / boxes for i in range(boxes + 1)]
     rows = [np.convolve(_power(u, n - j), _power(v, j)) for u, v in itertools.pairwise(ends) for j in range(n + 1)]
     return np.array(rows) @ _from_legendre(n)
@@ -98,18 +94,12 @@ def _power(t: float, n: int) -> Array:
 
 
 def _from_legendre(n: int) -> Array:
-    """(n + 1, n + 1) matrix from Legendre to Bernstein coefficients, summed in integers (Farouki 2012)."""
+    """(n + 1, n + 1) matrix from Legendre to Bernstein coefficients (Farouki 2012)."""
+    # Terms of alternating signs cancel, so that they are summed in integers, without rounding.
     comb = math.comb
-    return np.array(
-        [
-            [
-                sum(
-                    (-1) ** (k + i) * comb(k, i) ** 2 * comb(n - k, j - i)
-                    for i in range(max(0, j + k - n), min(j, k) + 1)
-                )
-                / comb(n, j)
-                for k in range(n + 1)
-            ]
-            for j in range(n + 1)
-        ]
-    )
+
+    def entry(j: int, k: int) -> float:
+        some = range(max(0, j + k - n), min(j, k) + 1)
+        return sum((-1) ** (k + i) * comb(k, i) ** 2 * comb(n - k, j - i) for i in some) / comb(n, j)
+
+    return np.array([[entry(j, k) for k in range(n + 1)] for j in range(n + 1)])

@@ -1,4 +1,4 @@
-"""Inclusion functions: interval arithmetic over the basis, eq. (23), or over Chebyshev polynomials."""
+"""Inclusion functions: interval arithmetic with the Legendre basis, eq. (23), or with Chebyshev polynomials."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -22,7 +22,7 @@ class Range(Protocol):
 class LegendreInclusion:
     """Natural interval arithmetic a_0 + sum a_i [min phi_i, max phi_i], eqs. (23)-(24), for any order.
 
-    It encloses the range of the expansion. The excess grows with the number of terms.
+    The interval encloses the range of the expansion. The excess grows with the number of terms.
 
     Examples
     --------
@@ -43,9 +43,9 @@ class LegendreInclusion:
 
 @dataclass(frozen=True)
 class ChebyshevInclusion:
-    """Interval arithmetic c_0 +- sum |c_i| over Chebyshev polynomials, as |T_i| <= 1, for any order.
+    """Interval arithmetic c_0 +- sum |c_i| with Chebyshev polynomials, because |T_i| <= 1, for any order.
 
-    It encloses the range of the expansion, exactly for a single term.
+    The interval encloses the range of the expansion, and is the range if there is a single term.
 
     Examples
     --------

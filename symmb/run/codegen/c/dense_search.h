@@ -12,9 +12,11 @@
 
 #include "lanes.h"
 
-#define ORDERS 65 /* one more than the highest degree */
-#define PIECES 4  /* of a wavy polynomial's last parameter: each holds a start of Newton's method */
-enum { STEPS = 15, DIRECTIONS = 3 };
+#define HIGHEST_DEGREE 64
+#define ORDERS (HIGHEST_DEGREE + 1)
+#define DIRECTIONS 3 /* largest number of parameters: the size of the grid grows with its power */
+#define PIECES 4     /* of the last parameter of a wavy polynomial. Newton's method starts in each of them */
+enum { STEPS = 15 };
 #define TINY 1e-300
 #define ENOUGH 1e-7 /* gain of a step, over the range, below which the search ends */
 
