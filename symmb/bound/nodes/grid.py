@@ -14,9 +14,7 @@ import numpy as np
 
 from symmb._types import Array, Indices
 from symmb.bound.nodes.tensor_fit import Tensor, interpolants
-from symmb.bound.polynomials import MultiIndices
-
-Index = tuple[int, ...]
+from symmb.bound.polynomials import Index, MultiIndices, below, with_lower
 
 
 class Grid:
@@ -33,14 +31,7 @@ class Grid:
 
     def missing(self, indices: Iterable[Index]) -> set[Index]:
         """The given indices and all smaller indices, without those of the set. They must be added together."""
-        missing: set[Index] = set()
-        pending = list(indices)
-        while pending:
-            index = pending.pop()
-            if index not in self.row and index not in missing:
-                missing.add(index)
-                pending.extend(below(index))
-        return missing
+        return with_lower(indices, self.row)
 
     def add(self, indices: set[Index]) -> None:
         """Add indices, in the order of their degrees."""
@@ -91,11 +82,6 @@ class Grid:
                 lowered = tuple(k - z for k, z in zip(index, steps, strict=True))
                 signs[lowered] = signs.get(lowered, 0) + (-1) ** sum(steps)
         return {index: sign for index, sign in signs.items() if sign}
-
-
-def below(index: Index) -> list[Index]:
-    """The indices of one degree less."""
-    return [(*index[:i], k - 1, *index[i + 1 :]) for i, k in enumerate(index) if k]
 
 
 def _above(index: Index) -> list[Index]:

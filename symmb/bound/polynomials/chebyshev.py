@@ -6,7 +6,7 @@ from functools import cache, cached_property, lru_cache
 import numpy as np
 
 from symmb._types import Array, Indices
-from symmb.bound.polynomials.legendre import MultiIndices
+from symmb.bound.polynomials.legendre import MultiIndices, with_lower
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,12 +75,7 @@ class LowerSet:
 @lru_cache(maxsize=64)
 def _lower_set(shape: tuple[int, int], alpha: bytes) -> LowerSet:
     given = np.frombuffer(alpha, dtype=np.intp).reshape(shape)
-    closed = set()
-    new = {tuple(row) for row in given.tolist()} | {(0,) * shape[1]}
-    while new:
-        closed |= new
-        new = {(*a[:k], a[k] - 1, *a[k + 1 :]) for a in new for k in range(shape[1]) if a[k]} - closed
-    rows = sorted(closed, key=lambda a: (sum(a), a))
+    rows = sorted(with_lower([*map(tuple, given.tolist()), (0,) * shape[1]]), key=lambda a: (sum(a), a))
     place = {a: i for i, a in enumerate(rows)}
     return LowerSet(np.array(rows, dtype=np.intp), np.array([place[tuple(a)] for a in given.tolist()]))
 

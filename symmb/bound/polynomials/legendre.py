@@ -4,6 +4,7 @@ phi_n is eqs. (15)-(17) of Wang and Yang (2021), normalised to phi_n(1) = 1. Its
 W = 1/2. Polynomials of several parameters are products, eq. (22). The rows of ``alpha`` (n_b, d) are their degrees.
 """
 
+from collections.abc import Container, Iterable
 from functools import cache
 
 import numpy as np
@@ -13,6 +14,24 @@ from numpy.polynomial import legendre
 from symmb._types import Array
 
 MultiIndices = npt.NDArray[np.intp]
+Index = tuple[int, ...]
+
+
+def below(index: Index) -> list[Index]:
+    """The indices of one degree less."""
+    return [(*index[:i], k - 1, *index[i + 1 :]) for i, k in enumerate(index) if k]
+
+
+def with_lower(indices: Iterable[Index], known: Container[Index] = ()) -> set[Index]:
+    """The given indices and all smaller indices, without known ones. The known indices contain all smaller indices."""
+    found: set[Index] = set()
+    pending = list(indices)
+    while pending:
+        index = pending.pop()
+        if index not in known and index not in found:
+            found.add(index)
+            pending.extend(below(index))
+    return found
 
 
 def basis_values(alpha: MultiIndices, points: Array) -> Array:

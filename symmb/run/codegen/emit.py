@@ -1,7 +1,7 @@
 """Vectorised C of a graph of values. Each value is one statement, and a vector with one lane for each sample."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -97,26 +97,25 @@ class Emitter:
     def __init__(self, graph: Graph, place: Sequence[int]) -> None:
         self._graph, self._place = graph, place
         self._parameter_values: dict[int, int] = {}  # node -> place in c
-        self._functions: list[str] = []
         self._pieces: list[str] = []
         self.n_carried = 0  # largest number of values that the pieces of a function pass to each other
-
-    def function(self, name: str, outputs: Iterable[int]) -> None:
-        """A C function `name(x, c, t, out)` that writes the given nodes to out."""
-        self._functions.append(self._source(name, list(outputs), parameters_only=False))
 
     def inputs(self, outputs: Iterable[int], source: int) -> list[int]:
         """Numbers of the nonzeros of an input on which the given nodes depend."""
         needed = (self._graph.nodes[k] for k in self._graph.needed(outputs))
         return sorted(node.index for node in needed if node.operation == INPUT and node.source == source)
 
-    def source(self) -> tuple[list[str], str, int]:
-        """The pieces of all functions in parts, the functions with `prepare(p, c)`, and the size of c."""
-        # The last function, because only the others tell which values of parameters they need.
-        self._functions.append(self._source("prepare", list(self._parameter_values), parameters_only=True))
+    def source(self, outputs: Mapping[str, list[int]]) -> tuple[list[str], str, int]:
+        """The pieces of all functions in parts, the functions with `prepare(p, c)`, and the size of c.
+
+        `outputs` are the nodes that C functions `name(x, c, t, out)` write to out.
+        """
+        functions = [self._source(name, nodes, parameters_only=False) for name, nodes in outputs.items()]
+        # `prepare` is last, because the other functions decide which values of parameters are needed.
+        functions.append(self._source("prepare", list(self._parameter_values), parameters_only=True))
         parts = ["\n".join(self._pieces[at : at + _PART]) for at in range(0, len(self._pieces), _PART)]
         heads = [f"{piece.partition(' {')[0]};" for piece in self._pieces]
-        return parts, "\n".join([*heads, *self._functions]), len(self._parameter_values)
+        return parts, "\n".join([*heads, *functions]), len(self._parameter_values)
 
     def _hoisted(self, k: int) -> bool:
         node = self._graph.nodes[k]

@@ -209,9 +209,7 @@ def _ensemble_source(
     else:
         place, own_sizes, steps = _explicit_steps(graph, nodes, fixed, hysteresis)
     emitter = Emitter(graph, place)
-    for name, values in nodes.items():
-        emitter.function(name, values)
-    parts, functions, n_c = emitter.source()
+    parts, functions, n_c = emitter.source(nodes)
     lists = _state_lists(emitter, nodes, place, bool(hysteresis) or one_run)
     sizes = {
         "N_PARTS": len(parts),

@@ -8,9 +8,8 @@ from symmb._limits import windows
 from symmb._options import require_between, require_whole
 from symmb._types import Array
 from symmb.bound.polynomials.legendre import MultiIndices
-from symmb.bound.polynomials.ranges.bernstein import Bernstein
 from symmb.bound.polynomials.ranges.branch_and_bound import compiled_ranges
-from symmb.bound.polynomials.ranges.inclusion import ChebyshevInclusion, Range
+from symmb.bound.polynomials.ranges.inclusion import Bernstein, ChebyshevInclusion, Range
 from symmb.bound.polynomials.ranges.line_search import searched_extremes
 from symmb.run.codegen import with_compiler
 
