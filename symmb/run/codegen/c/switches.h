@@ -211,10 +211,8 @@ PRIVATE int may_pass(Block *b, int last) {
   EACH_PART(b) {
     for (int j = 0; j < N_RANGED; ++j) {
       const int i = place[ranged[j]];
-      const V d = a->x_new[i] - a->x[i], dx = b->h * slope(a->x, a->k, i);
-      const V dx_end = b->h * slope(a->x_new, a->k + last * N_OWN, i);
-      const V off = 0.25 * SCREEN * v_larger(v_fabs(dx - d), v_fabs(d - dx_end));
-      bound_state(a, ranged[j], 1.0, a->x[i], dx, a->x_new[i], dx_end, off);
+      const V d = a->x_new[i] - a->x[i], dx = b->h * slope(a->x, a->k, i), dx_end = b->h * slope(a->x_new, a->k + last * N_OWN, i);
+      bound_state(a, ranged[j], 1.0, a->x[i], dx, a->x_new[i], dx_end, 0.25 * SCREEN * v_larger(v_fabs(dx - d), v_fabs(d - dx_end)));
     }
     any |= is_open(a, each(b->t), each(b->t_new), 1.0, b->h, a->u, a->u_new);
     if (!none(any)) return 1;
@@ -326,8 +324,8 @@ PRIVATE double first_fall(Part *a, Block *b, int k, double first) {
     const V middle = switch_at(a, b, k, each(half)), to = switch_at(a, b, k, each(high));
     if (from[0] >= 0.0 && (middle[0] < 0.0 || to[0] < 0.0)) {
       const int early = middle[0] < 0.0;
-      const V begin = each(early ? low : half), end = each(early ? half : high);
-      const V when = sign_change(a, b, k, ~(M)zero(), begin, end, early ? from : middle, early ? middle : to, 0.0);
+      const V when = sign_change(a, b, k, ~(M)zero(), each(early ? low : half), each(early ? half : high), early ? from : middle,
+                                 early ? middle : to, 0.0);
       return when[0] < first ? when[0] : first;
     }
     if (from[0] >= 0.0 && share > FORCE_LEAST && may_fall(from[0], middle[0], to[0])) {
@@ -447,10 +445,8 @@ PRIVATE int change_sides(Block *b, Study *s, double z) {
       sides(a)[k] = blend(passed[k], -sides(a)[k], sides(a)[k]);
       a->raised[k] = blend(passed[k], each(hysteresis[k]), a->raised[k]);
     }
-    for (long l = 0; l < W && s->passes; ++l) {
-      const long lane = (a - b->part) * W + l;
-      if (a->when[l] <= z && a->which[l] < N_S - N_G && lane < b->live) note_pass(b, s, lane, b->t_new);
-    }
+    for (long l = 0; l < W && s->passes; ++l)
+      if (a->when[l] <= z && a->which[l] < N_S - N_G && (a - b->part) * W + l < b->live) note_pass(b, s, (a - b->part) * W + l, b->t_new);
     prepare(a->p, a->c);
     on_sides(a, a->x_new, t, a->u);
     rates_on_sides(a, a->x_new, t, a->du);
