@@ -130,7 +130,7 @@ def test_malformed_files(folder, libraries):
     [
         (
             {"modelDescription.xml": fmus.description(2, token="another")},
-            "Failed to instantiate model at t = 0 s: the token does not match",
+            "Failed to instantiate model at t = 0 s: the token is another",
         ),
         ({"library": b"no library"}, "Failed to load shared library"),
     ],

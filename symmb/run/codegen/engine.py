@@ -102,7 +102,8 @@ class _Study(ctypes.Structure):
     _fields_ = c_fields(
         (ctypes.c_void_p, "x0 p times"),
         (ctypes.c_long, "n n_t"),
-        (ctypes.c_double, "rtol growth ahead least"),
+        (ctypes.c_double, "rtol growth ahead"),
+        (ctypes.c_double, "least"),
         (ctypes.c_void_p, "atol"),
         (ctypes.c_double, "longest newton"),
         (ctypes.c_long, "most_steps next_block"),

@@ -21,8 +21,8 @@ int work(Study *s, double *restrict lower, double *restrict upper) {
     __atomic_fetch_add(&s->steps, b->steps, __ATOMIC_RELAXED);
     __atomic_fetch_add(&s->iterations, b->iterations, __ATOMIC_RELAXED);
     /* An atomic maximum, which C does not have: a failed exchange reads the maximum of another thread. */
-    for (long most = s->most; b->most > most;)
-      if (__atomic_compare_exchange_n(&s->most, &most, b->most, 0, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) break;
+    for (long most = s->most; b->most > most &&
+         !__atomic_compare_exchange_n(&s->most, &most, b->most, 0, __ATOMIC_RELAXED, __ATOMIC_RELAXED);) {}
     for (long i = 0; started && i < n; ++i) {
       lower[i] = b->lower[i] < lower[i] ? b->lower[i] : lower[i];
       upper[i] = b->upper[i] > upper[i] ? b->upper[i] : upper[i];

@@ -174,8 +174,7 @@ PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, c
     /* Ranges of a switch that stays at 0 always leave something open by rounding, however short the part. Parts therefore
        allow for it; a whole step does not, because its halves cost little and exclude more. */
     const V rounding = each(share < 1.0 ? slight : 0.0);
-    const V fall = blend(up, range[2 * N_S + k], -range[3 * N_S + k]);
-    const V rise = blend(up, range[3 * N_S + k], -range[2 * N_S + k]);
+    const V fall = blend(up, range[2 * N_S + k], -range[3 * N_S + k]), rise = blend(up, range[3 * N_S + k], -range[2 * N_S + k]);
     /* Between two values with rates in [fall, rise] a switch stays above the crossing of two straight lines: one that falls
        as fast as it may from the begin, and one that rises as fast as it may to the end. */
     const V from = u[k] + rounding, to = u_end[k] + rounding;
