@@ -97,7 +97,7 @@ def legendre_to_chebyshev(n: int) -> Array:
 
 @cache
 def halving(n: int) -> Array:
-    """(n + 1, n + 1) matrix to the coefficients on the upper half: T_j((z + 1) / 2) = sum of its column j.
+    """(n + 1, n + 1) matrix from coefficients on [-1, 1] to coefficients on [0, 1]. Column j is T_j((z + 1) / 2).
 
     Examples
     --------

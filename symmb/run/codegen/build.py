@@ -241,18 +241,23 @@ def _in_parts(text: Path, library_path: Path, compiler: "_Compiler", parts: int)
 
 def _compile(command: list[str], library_path: Path, folder: Path, seconds: float) -> None:
     """Run a compiler, and raise _BuildError if it writes no library or takes longer than `seconds`."""
-    try:
-        status, text = run_program(command, seconds, folder)
-    except subprocess.TimeoutExpired:
-        raise _TimeoutError(f"it takes longer than {seconds:.0f} s.") from None
-    except OSError as error:
-        raise _BuildError(f"it cannot be started ({error.strerror}).") from None
+    status, text = _ran(command, seconds, folder)
     if status:
         raise _BuildError(f"it cannot build a model: {_first_error(text)}.")
     head = library_path.read_bytes()[:18] if library_path.is_file() else b""
     is_shared = head[:4] == b"\x7fELF" and head[16:].strip(b"\0") == b"\3"  # a flag such as -c gives an object file
     if not head or (sys.platform.startswith("linux") and not is_shared):
         raise _BuildError("it reports success, but writes no library.")
+
+
+def _ran(command: Sequence[str], seconds: float, folder: Path | None = None, purpose: str = "") -> tuple[int, str]:
+    """The exit status and the output of a compiler. _BuildError if it does not end in time, or cannot be started."""
+    try:
+        return run_program(command, seconds, folder)
+    except subprocess.TimeoutExpired:
+        raise _TimeoutError(f"it takes longer than {seconds:.0f} s{purpose}.") from None
+    except OSError as error:
+        raise _BuildError(f"it cannot be started ({error.strerror}).") from None
 
 
 def _first_error(text: str) -> str:
@@ -369,12 +374,7 @@ def _key(*described: str) -> str:
 
 def _version(compiler: tuple[str, ...]) -> str:
     """The version of the compiler, and its real path. _BuildError if it does not answer."""
-    try:
-        _, said = run_program([*compiler, "--version"], _PROBE_SECONDS)
-    except subprocess.TimeoutExpired:
-        raise _BuildError(f"it takes longer than {_PROBE_SECONDS:.0f} s to print its version.") from None
-    except OSError as error:
-        raise _BuildError(f"it cannot be started ({error.strerror}).") from None
+    _, said = _ran([*compiler, "--version"], _PROBE_SECONDS, purpose=" to print its version")
     return f"{said}{os.path.realpath(compiler[0])}"
 
 

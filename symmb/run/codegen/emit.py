@@ -54,7 +54,7 @@ _CALLS = {
 _CALLS[ca.OP_CONSTPOW] = "v_pow"
 _POWERS = {-2.0: "1.0 / ({0} * {0})", -1.0: "1.0 / {0}", 3.0: "{0} * {0} * {0}", 4.0: "({0} * {0}) * ({0} * {0})"}
 _MASKS = {ca.OP_AND, ca.OP_OR, ca.OP_FMIN, ca.OP_FMAX}
-"""Operations that combine masks. C compares a plain number to an int, which is not a mask of lanes."""
+"""Operations that combine masks. In C a comparison of plain numbers is an int, which is not a mask of lanes."""
 _TURNED = {ca.OP_SIN: ca.OP_COS, ca.OP_COS: ca.OP_SIN}
 """Sine and cosine of an angle together cost little more than one of them."""
 

@@ -114,6 +114,8 @@ class _Study(ctypes.Structure):
         (ctypes.c_void_p, "events"),
         (ctypes.c_long, "n_events most_events"),
     )
+    arrays: Mapping[str, np.ndarray | None]
+    """The arrays to which the pointers point, so that they live as long as the study."""
 
 
 @dataclass(frozen=True)
@@ -223,6 +225,24 @@ class Engine:
         # -0 and 0 are equal, and which of them is found first depends on the threads. The sum makes both 0.
         return lower + 0.0, upper + 0.0, failed_samples
 
+    def _study(self, n: int, n_stops: int, most_events: int, arrays: Mapping[str, np.ndarray | None]) -> _Study:
+        """The study of n samples with these arrays."""
+        control = self.control if isinstance(self.control, Tolerances) else Tolerances(0.0, 0.0, self.control.longest)
+        arrays = {**arrays, "times": self.times, "atol": control.absolute(self.n_x)}
+        study = _Study(
+            n=n,
+            n_t=len(self.times),
+            newton=self.newton,
+            most_steps=self.most_steps,
+            n_stops=n_stops,
+            most_passes=MOST_PASSES,
+            most_events=most_events,
+            **{name: getattr(control, name) for name in ("rtol", "growth", "ahead", "least", "longest")},
+            **{name: array.ctypes.data for name, array in arrays.items() if array is not None},
+        )
+        study.arrays = arrays
+        return study
+
     def _run(self, x0: Array, p: Array, Y: Array | None, extremes: list[Array | None]) -> FailedSamples:
         """Run the blocks on threads. Values go to Y, or to the extremes of each thread."""
         N, faults, given = len(p), {}, x0
@@ -236,21 +256,9 @@ class Engine:
         events = np.empty((N * self._room, len(EVENT)))
         failed_samples = FailedSamples(np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.empty((N, self.n_x)), passes)
         stops = None if self.ends.stops is None else np.ascontiguousarray(self.ends.stops(x0, p))
-        control = self.control if isinstance(self.control, Tolerances) else Tolerances(0.0, 0.0, self.control.longest)
-        atol = control.absolute(self.n_x)
-        arrays = {"x0": x0, "p": p, "times": self.times, "atol": atol, "Y": Y, "stops": stops, "events": events}
+        arrays = {"x0": x0, "p": p, "Y": Y, "stops": stops, "events": events}
         arrays |= {name: getattr(failed_samples, name) for name in ("t_failed", "failure", "x_failed", "passes")}
-        study = _Study(
-            n=N,
-            n_t=len(self.times),
-            newton=self.newton,
-            most_steps=self.most_steps,
-            n_stops=0 if stops is None else stops.shape[1],
-            most_passes=MOST_PASSES,
-            most_events=len(events),
-            **{name: getattr(control, name) for name in ("rtol", "growth", "ahead", "least", "longest")},
-            **{name: array.ctypes.data for name, array in arrays.items() if array is not None},
-        )
+        study = self._study(N, 0 if stops is None else stops.shape[1], len(events), arrays)
 
         def work(part: Array | None) -> bool:
             lower, upper = (None, None) if part is None else (a.ctypes.data for a in part)

@@ -276,7 +276,8 @@ PRIVATE int finish_step(Block *b, Study *s) {
      from a state that fulfils its constraints. */
   if (z <= 1.0 && !change_sides(b, s, z)) return 0;
   EACH_PART(b) {
-    /* The slope before the projection serves the next step: it is as far off as the error of this one. */
+    /* The slope before the projection is used in the next step. It differs from the slope behind the projection by the error of
+       this step only, and a new evaluation would cost as much as a stage. */
     memcpy(a->k, a->k + END * N_OWN, N_OWN * sizeof(V));
     move_onto_constraints(a, a->x_new, b->t_new, a->x);
   }

@@ -242,7 +242,7 @@ PRIVATE int is_sooner(const Block *b, const int *fresh, int k, int i) {
    hold by that. A condition that holds before its event is armed must first cease to hold. A condition on a reaction does not
    hold while the joint is open and has none. Of several clutches one begins to slip at a time, because the others may hold
    then. Clutches that stick before any impulse of this instant have a slip that is an error of the step only. It is projected
-   away: otherwise they would stick again when they go on in the other direction. Returns 0 if the sample fails. */
+   away: otherwise the clutches would stick again when they begin to slip the other way. Returns 0 if the sample fails. */
 PRIVATE int move_joints(Block *b, Study *s, int passed, int is_first) {
   Part *a = b->part;
   const V t = each(between_stops(b, b->t));

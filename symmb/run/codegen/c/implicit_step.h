@@ -1,7 +1,7 @@
 /* Steps of an implicit scheme, of fixed length or with step control. Newton's method computes their unknowns.
 
-   x holds the history w (N_W), which begins with the state, the length of the step and the unknowns z (N_Z). The model
-   gives history(x, c, t, w), which makes w from the state at t. With t at the end of the step it gives guess(x, c, t, z);
+   x holds the history w (N_W), then the length of the step and the unknowns z (N_Z). The history begins with the state. The
+   model gives history(x, c, t, w), which makes w from the state at t. With t at the end of the step it gives guess(x, c, t, z);
    correct(x, c, t, d), Newton's change of z, then N_TESTED parts of it over their sizes, which decide convergence; and
    follow(x, c, t, w), the new history, then estimated errors (N_E) of the state, if there are any. ORDER is the order of
    the scheme. GROWTH is the largest ratio of a step to the step before.

@@ -22,7 +22,7 @@ enum { PATIENCE = 10, FEW = 32, STARTS = 10, PART = 16 }; /* boxes before a desc
 #define LEFT_OUT 0.05 /* fraction of the tolerance for terms left out. They count twice, in a bound and in a value */
 #define PRUNED 0.9    /* fraction of the tolerance for bounds: 0.9 + 2 * 0.05 is 1 */
 #define STOPPED 1073741824 /* more than there are polynomials */
-#define RELAXED 1e-3 /* tolerance after the budget has run out once: up to it, finer ones hardly take more boxes */
+#define RELAXED 1e-3 /* tolerance after the budget is used up for the first time: smaller ones hardly take more boxes */
 typedef double V __attribute__((vector_size(8 * W), aligned(8)));
 typedef long long M __attribute__((vector_size(8 * W), aligned(8)));
 

@@ -46,13 +46,15 @@ PRIVATE int find_stop(Block *b, const Study *s) {
 #if N_S > 0
 #define AT_ONCE 2.220446049250313e-16 /* fraction of a step, 2^-52, that stands for its begin */
 #define LEAST_PART 9.094947017729282e-13 /* fraction of a step, 2^-40: shorter parts are judged by their ends */
-#define MOST_PARTS 256      /* of a step, in which ranges do not exclude a pass: the step then ends before the next one */
+#define MOST_PARTS 256      /* parts of a step that are examined if ranges do not exclude a pass: the step then ends before the
+                               next one */
 #define LONG_PART 0.015625  /* fraction of a step, 2^-6: the least length of parts behind MOST_PARTS */
 #define SETTLINGS 8         /* passes over switches that depend on the sides of others */
 #define MOST_ROOT_STEPS 150 /* every third is a bisection, of which 52 are enough */
 #define SCREEN 0.25         /* largest distance of a state from the cubic of its step, over that between cubic and chord: four
                                times the value of a sine whose phase changes by 2 in a step */
-#define SLIGHT 1e-3         /* hystereses that count as 0 within a step: that of a narrow pulse is larger than its height */
+#define SLIGHT 1e-3         /* fraction of a hysteresis that counts as 0 within a step: the hysteresis itself may be larger than
+                               the height of a narrow pulse */
 #define SLOPE_OFF 3.0792    /* 16 sqrt(3) / 9, the largest slope of 16 z^2 (1 - z)^2, which is at most 1: that of the distance
                                between a function and the cubic with its values and slopes at both ends */
 #define ROUNDED 1.7763568394002505e-15 /* fraction of lengths, 2^-49, below which a gap is 0: eight roundings */
@@ -205,7 +207,7 @@ PRIVATE int may_pass(Block *b, int last) {
   }
   /* Signs at the ends miss a switch that is passed twice in between. Ranges over a box around the step exclude that for most
      steps, at the cost of one evaluation: a search is made only where they do not. The interpolant, which costs three
-     evaluations, does not exist yet. The cubic through the ends has to do, with SCREEN for its distance from the state. */
+     evaluations, does not exist yet. The cubic through the ends is used instead, with SCREEN for its distance from the state. */
   if (!none(any)) return 1;
   EACH_PART(b) {
     for (int j = 0; j < N_RANGED; ++j) {
