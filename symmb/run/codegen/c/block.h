@@ -1,8 +1,8 @@
 /* A block of WIDTH samples that share their steps: its data, and what it stores.
 
    Vector instructions pay only if all lanes do the same, so that the worst lane decides the length of a step. A sample that
-   fails would shorten the steps of the others until they fail as well. Therefore its block runs again from the first time
-   without it, and the results of the others do not depend on it.
+   fails has shortened the steps of the others before. Therefore its block runs again from the first time without it, so that
+   the results of the others do not depend on it.
 
    The model in front of this file, such as model.h, gives the sizes and functions named there. */
 #ifndef BLOCK_H

@@ -1,6 +1,6 @@
 /* Impacts, and contacts that close and open. Velocities jump by B P, where P are impulses along the gaps of contacts.
 
-   Motion is located event by event (Acary and Brogliato 2008, chapter 8), which needs three decisions that no equation of
+   Events are located one by one (Acary and Brogliato 2008, chapter 8), which needs three decisions that no equation of
    motion makes. Of several impacts at one instant, in_turn decides the order. Of several slow contacts, close_contacts decides
    which stay closed: the complementarity of gaps and forces. And a sequence of impacts whose intervals shrink to nothing (Zeno)
    must end in a closed contact: rates below `rest`, at which a gap would rise by no more than its rounding, count as 0.
