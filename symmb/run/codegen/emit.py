@@ -73,6 +73,8 @@ class _Schedule:
     angles : nodes whose sines and cosines the loop computes
     carried : node -> place of a value that a piece passes to later pieces
     twins : node of a sine -> node of its cosine, and back
+    outputs : nodes that the function writes to `out`
+    parameters_only : whether the function is `prepare`, which has no x and t
     """
 
     pieces: list[list[int]]
@@ -80,6 +82,13 @@ class _Schedule:
     angles: list[int]
     carried: dict[int, int]
     twins: dict[int, int]
+    outputs: list[int]
+    parameters_only: bool
+
+    @property
+    def out(self) -> str:
+        """Name of the results in C."""
+        return "c" if self.parameters_only else "out"
 
     @cached_property
     def piece(self) -> dict[int, int]:
@@ -127,12 +136,12 @@ class Emitter:
         self.n_carried = max(self.n_carried, 1 + max(schedule.carried.values(), default=-1))
         inputs = "p" if parameters_only else "x, c, t"
         arguments = "const V *restrict p" if parameters_only else "const V *restrict x, const V *restrict c, V t"
-        out = "c" if parameters_only else "out"
+        out = schedule.out
         names = ("p", "w", "c") if parameters_only else ("x", "c", "t", "w", "out")
         unused = f"{', '.join(f'(void){name}' for name in names)};"
         calls = []
         for piece in range(len(schedule.pieces)):
-            lines = self._piece(schedule, piece, outputs, out, parameters_only)
+            lines = self._piece(schedule, piece)
             head = f"PIECE void {name}_{piece}({arguments}, V *restrict w, V *restrict {out})"
             self._pieces.append("\n".join([f"{head} {{", f"  {unused}", *lines, "}"]))
             calls.append(f"  {name}_{piece}({inputs}, c + N_C, {out});")
@@ -141,7 +150,7 @@ class Emitter:
         head = "const V *restrict p, V *c" if parameters_only else "const V *restrict x, V *c, V t, V *restrict out"
         return "\n".join([f"PRIVATE void {name}({head}) {{", *calls, "}"])
 
-    def _schedule(self, outputs: list[int], parameters_only: bool) -> "_Schedule":
+    def _schedule(self, outputs: list[int], parameters_only: bool) -> _Schedule:
         nodes = self._graph.nodes
         order, twins = self._statements(outputs, parameters_only)
         angles = self._angles(order) if len(nodes) > LARGE_MODEL else []
@@ -151,7 +160,8 @@ class Emitter:
         needed = self._graph.needed(angles)
         first = _chunks(k for k in order if k in needed) if angles else []
         pieces = first + _chunks(k for k in order if k not in needed and k not in sines)
-        return _Schedule(pieces, len(first), angles, sines | self._carried(pieces, 2 * len(angles)), twins)
+        carried = sines | self._carried(pieces, 2 * len(angles))
+        return _Schedule(pieces, len(first), angles, carried, twins, outputs, parameters_only)
 
     def _statements(self, outputs: list[int], parameters_only: bool) -> tuple[list[int], dict[int, int]]:
         """The values that a function computes, in order, and the twins. A sine and its cosine follow each other."""
@@ -195,22 +205,16 @@ class Emitter:
                     released.setdefault(last_use[k], []).append(carried[k])
         return carried
 
-    def _piece(
-        self, schedule: "_Schedule", piece: int, outputs: list[int], out: str, parameters_only: bool
-    ) -> list[str]:
+    def _piece(self, schedule: _Schedule, piece: int) -> list[str]:
         """The statements of a piece: values, copies for later pieces, and results."""
-        results = [(k, f"{out}[{i}]") for i, k in enumerate(outputs)]
+        results = [(k, f"{schedule.out}[{i}]") for i, k in enumerate(schedule.outputs)]
         angles = [(k, f"w[{2 * i}]") for i, k in enumerate(schedule.angles)]
         places: dict[int, list[str]] = {}
         for k, place in [*results, *(angles if piece < schedule.n_first else ())]:
             places.setdefault(k, []).append(place)
-
-        def text(a: int) -> str:
-            return self._operand(a, schedule, piece, parameters_only)
-
         lines = []
         for k in schedule.pieces[piece]:
-            operands = [text(a) for a in self._graph.nodes[k].arguments]
+            operands = [self._operand(a, schedule, piece) for a in self._graph.nodes[k].arguments]
             twin = schedule.twins.get(k)
             if twin is None or schedule.piece[twin] != piece:
                 lines.append(f"  const V v{k} = {self._expression(k, operands)};")
@@ -223,17 +227,17 @@ class Emitter:
             lines += [f"  {place} = v{k};" for place in places.get(k, ())]
         # Results that no piece computes, such as constants, inputs and sines of the loop, are written at the end.
         at_end = {schedule.n_first - 1: angles, len(schedule.pieces) - 1: results}.get(piece, [])
-        lines += [f"  {place} = each({text(k)});" for k, place in at_end if k not in schedule.piece]
-        return lines
+        at_end = [(k, place) for k, place in at_end if k not in schedule.piece]
+        return lines + [f"  {place} = each({self._operand(k, schedule, piece)});" for k, place in at_end]
 
-    def _operand(self, a: int, schedule: "_Schedule", piece: int, parameters_only: bool) -> str:
+    def _operand(self, a: int, schedule: _Schedule, piece: int) -> str:
         """The C of a value in a statement of a piece."""
         node = self._graph.nodes[a]
         if node.operation == CONSTANT:
             return _literal(node.constant)
-        if parameters_only and node.operation == INPUT:
+        if schedule.parameters_only and node.operation == INPUT:
             return f"p[{node.index}]"
-        if self._hoisted(a) and not parameters_only:
+        if self._hoisted(a) and not schedule.parameters_only:
             return f"c[{self._parameter_values.setdefault(a, len(self._parameter_values))}]"
         if node.operation == INPUT:
             if node.source == BOX:

@@ -3,8 +3,9 @@
 
    A response has one polynomial for each output and time, thousands in all, with the same degrees. Branch and bound takes
    other boxes for each of them and cannot run in lanes. A grid is the same for all of them, and its samples are sums over one
-   parameter after the other, so that a sample costs about as many products as the degree of one parameter. Ehlich and Zeller (1964)
-   prove how far a polynomial may go beyond samples at the extremes of a Chebyshev polynomial of a multiple of its degree. */
+   parameter after the other, so that a sample takes about as many products as the degree of one parameter. Ehlich and Zeller
+   (1964) prove how far a polynomial may go beyond samples at the extremes of a Chebyshev polynomial of a multiple of its
+   degree. */
 #ifndef DENSE_SEARCH_H
 #define DENSE_SEARCH_H
 
