@@ -79,7 +79,9 @@ def scene_source(scene: SceneSource) -> dict[str, str]:
     n_knots = [0] * (int(numbers["N_TIMES"]) - len(n_knots)) + n_knots
     numbers["STOPS_AT_MOST"] = len(scene.stops) + len(knots) + n_knots.count(0)
     atol = control.absolute(lanes.f.numel_in("x"))
-    faults = ["the start could not be solved for", *(reason.format("of the scene") for reason in REASONS)]
+    # A program does not know the names of contacts.
+    reasons = (reason.replace("Impact {}", "an impact").replace("of {}", "of the scene") for reason in REASONS)
+    faults = ["the start could not be solved for", *(reason.replace(" {}", "") for reason in reasons)]
     source = [
         source_of(lanes.f, False, lanes.scheme, lanes.ends.hysteresis, lanes.contacts, one_run=True),
         '#include "scene.h"',
