@@ -118,8 +118,8 @@ from .bound.nodes.quadrature import Leja as Leja, SparseGrid as SparseGrid
 from .bound.nodes.samplers import LatinHypercube as LatinHypercube, Random as Random, Sobol as Sobol
 from .bound.polynomials.basis import HyperbolicCross as HyperbolicCross, TensorDegree as TensorDegree
 from .bound.polynomials.basis import TotalDegree as TotalDegree
-from .bound.polynomials.ranges.bernstein import Bernstein as Bernstein
 from .bound.polynomials.ranges.exact import Exact as Exact
+from .bound.polynomials.ranges.inclusion import Bernstein as Bernstein
 from .bound.polynomials.ranges.inclusion import ChebyshevInclusion as ChebyshevInclusion
 from .bound.polynomials.ranges.inclusion import LegendreInclusion as LegendreInclusion
 

@@ -10,7 +10,7 @@ from symmb._errors import PropagationError
 from symmb._limits import require_memory, require_runs
 from symmb._types import Array, Mask
 from symmb.bound.nodes.quadrature import MOST_ORDER, Nodes, Rule
-from symmb.bound.nodes.tensor_transform import transform_axes
+from symmb.bound.nodes.tensor_fit import transform_axes
 from symmb.bound.polynomials import Basis, MultiIndices, TensorDegree, basis_values, mean_squares
 
 SMALLEST_EIGENVALUE = 0.01
@@ -18,10 +18,10 @@ SMALLEST_EIGENVALUE = 0.01
 successful nodes determine some polynomial ten times less accurately than the others. tests/nodes/test_fit.py"""
 
 MOST_PRODUCTS = 10**6
-"""Most products of a basis. Their multi-indices take a second to compute."""
+"""Largest number of products of a basis. Their multi-indices take a second to compute."""
 
 LARGEST_INVERSE = 1e8
-"""Largest entry of V^-1. Above it rounding leaves fewer than eight digits of the coefficients."""
+"""Largest entry of V^-1. With a larger entry, rounding leaves fewer than eight digits of the coefficients."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class Fit:
     """The linear map from node values to coefficients.
 
     With V the basis at the nodes and W the weights, projection divides V^T W y by the mean squares, eqs. (30)-(34).
-    Least squares solves (V^T W V) a = V^T W y. Both are the same where the quadrature is exact for products of basis
+    Least squares solves (V^T W V) a = V^T W y. Both are the same if the quadrature is exact for products of basis
     polynomials. With as many nodes as polynomials the fit is interpolation and solves V a = y, because the product
     V^T W V would lose twice as many digits.
 
@@ -41,7 +41,7 @@ class Fit:
     alpha : (n_b, d) multi-indices
     nodes : (N, d)
     weights : (N,)
-    projects : whether it is a projection if no node failed
+    projects : whether the fit is a projection if no node fails
     line : (n, n) matrix from values at the nodes of one parameter to coefficients, on a tensor grid with a tensor basis
     """
 
@@ -56,7 +56,7 @@ class Fit:
         """The fit of an order with d parameters. The nodes must determine the polynomials of the basis."""
         request = f"{basis!r} of order {order} in {d} parameters"
         if order > MOST_ORDER:
-            raise PropagationError(f"{request}: the highest order is {MOST_ORDER}. Use a lower order.")
+            raise PropagationError(f"{request} is above the highest order, {MOST_ORDER}. Use a lower order.")
         sizes = [getattr(part, "size", None) for part in (rule, basis)]
         n_nodes, n_basis = (size(d, order) if size else 1 for size in sizes)
         if n_basis > MOST_PRODUCTS:
@@ -79,7 +79,7 @@ class Fit:
 
     @property
     def interpolates(self) -> bool:
-        """Whether there are as many nodes as polynomials and no projection, so that every node is needed."""
+        """Whether every node is needed: there are as many nodes as polynomials, and the fit is not a projection."""
         return self.line is not None or (not self.projects and len(self.nodes) == len(self.alpha))
 
     @cached_property
@@ -89,7 +89,7 @@ class Fit:
 
     @cached_property
     def functionals(self) -> Array:
-        """(n_b, N) matrix from node values to coefficients. Its columns may be applied one by one, in any order."""
+        """(n_b, N) matrix from node values to coefficients. Its columns can be applied in any order."""
         if self.line is not None:
             return self.transform(np.eye(len(self.nodes)))
         if self.interpolates:
@@ -111,6 +111,8 @@ class Fit:
         """Coefficients (n_b, m) from ``functionals @ y`` (n_b, m) over the nodes marked in ok (N,)."""
         if ok.all():
             return sums
+        # The sums are those of the full fit. Its Gram matrix is taken back, and that of the remaining nodes is solved:
+        # values at nodes can be dropped as soon as they are in the sums.
         norms = self._norms[:, None]
         return np.linalg.solve(self._gram(ok), self._gram() @ (sums * norms)) / norms
 
@@ -136,13 +138,14 @@ class Fit:
         return self.values / self._norms
 
     def _gram(self, ok: Mask | slice = slice(None)) -> Array:
-        """V^T W V over nodes marked in ok, for polynomials of mean square 1."""
+        """V^T W V (n_b, n_b) over the nodes marked in ok, for polynomials with mean square 1."""
         return (self._scaled[ok].T * self.weights[ok]) @ self._scaled[ok]
 
 
 def _regular(gram: Array) -> bool:
     try:
+        # This factorization exists only if all eigenvalues are larger than the limit.
         np.linalg.cholesky(gram - SMALLEST_EIGENVALUE * np.eye(len(gram)))
-    except np.linalg.LinAlgError:  # not positive definite
+    except np.linalg.LinAlgError:
         return False
     return True

@@ -1,9 +1,9 @@
-"""Interpolation on nested nodes, from tensor grids to sparse ones: a set of degrees, and as many nodes.
+"""Interpolation on nested nodes, on tensor grids and on sparse grids: a set of degrees, and as many nodes.
 
-Nodes of one parameter are numbered: the middle, the ends, then those that halve the angles between them, so that the
-first 3, 5, 9, 17, ... are those of Clenshaw and Curtis. Within a halving the next node is that of Leja, where the
-product of distances is largest. Degree k has the first k + 1 nodes. A set of multi-indices with all smaller ones thus
-has one node for each of its polynomials, with the same numbers.
+Nodes of one parameter are numbered: the middle, the ends, then the nodes that halve the angles between them, so that
+the first 3, 5, 9, 17, ... are those of Clenshaw and Curtis. Within a halving the next node is that of Leja, which has
+the largest product of distances. Degree k has the first k + 1 nodes. A set of multi-indices that contains all smaller
+multi-indices thus has one node for each of its polynomials, with the same numbers.
 """
 
 import itertools
@@ -14,9 +14,7 @@ import numpy as np
 
 from symmb._types import Array, Indices
 from symmb.bound.nodes.tensor_fit import Tensor, interpolants
-from symmb.bound.polynomials import MultiIndices
-
-Index = tuple[int, ...]
+from symmb.bound.polynomials import Index, MultiIndices, below, with_lower
 
 
 class Grid:
@@ -24,7 +22,7 @@ class Grid:
 
     Attributes
     ----------
-    row : dict        multi-index -> its row, in the order in which they were added
+    row : dict        multi-index -> its row, in the order of additions
     """
 
     def __init__(self, d: int) -> None:
@@ -32,15 +30,8 @@ class Grid:
         self.row: dict[Index, int] = {}
 
     def missing(self, indices: Iterable[Index]) -> set[Index]:
-        """The given indices and those that must be added with them, so that the set contains all smaller ones."""
-        missing: set[Index] = set()
-        pending = list(indices)
-        while pending:
-            index = pending.pop()
-            if index not in self.row and index not in missing:
-                missing.add(index)
-                pending.extend(below(index))
-        return missing
+        """The given indices and all smaller indices, without those of the set. They must be added together."""
+        return with_lower(indices, self.row)
 
     def add(self, indices: set[Index]) -> None:
         """Add indices, in the order of their degrees."""
@@ -69,7 +60,7 @@ class Grid:
     def coefficients(self, *blocks: Array, rows: Indices | None = None) -> Array:
         """Legendre coefficients (N, m) of the interpolant from blocks of values (.., m).
 
-        The rows (N,) of all blocks together, or all of them, are those at the nodes.
+        `rows` (N,) are the rows of all blocks together that belong to the nodes, by default all rows.
         """
         return interpolants(self._tensors, blocks, np.arange(len(self.row)) if rows is None else rows)
 
@@ -84,18 +75,13 @@ class Grid:
         return tensors
 
     def _signs(self) -> dict[Index, int]:
-        """Coefficient of each tensor interpolant in the sum of differences (Smolyak 1963)."""
+        """Coefficient of each tensor interpolant in the sum of differences (Smolyak 1963). Most of them cancel."""
         signs: dict[Index, int] = {}
         for index in self.row:
             for steps in itertools.product(*[(0, 1) if k else (0,) for k in index]):
                 lowered = tuple(k - z for k, z in zip(index, steps, strict=True))
                 signs[lowered] = signs.get(lowered, 0) + (-1) ** sum(steps)
         return {index: sign for index, sign in signs.items() if sign}
-
-
-def below(index: Index) -> list[Index]:
-    """The indices of one degree less."""
-    return [(*index[:i], k - 1, *index[i + 1 :]) for i, k in enumerate(index) if k]
 
 
 def _above(index: Index) -> list[Index]:
@@ -111,6 +97,7 @@ def line(n: int) -> Array:
         new = np.arange(-1 + step, 1, 2 * step)
         while new.size:
             distances = np.abs(np.subtract.outer(np.sin(np.pi / 2 * new), np.sin(np.pi / 2 * np.array(angles))))
+            # Mirror images have equal products. Rounded, the first of them is taken on every machine.
             best = int(np.argmax(np.log(distances).sum(axis=1).round(9)))
             angles.append(float(new[best]))
             new = np.delete(new, best)

@@ -1,4 +1,4 @@
-"""Collocation nodes and weights on [-1, 1]^d; the weights carry the density 2^-d, so they sum to 1."""
+"""Collocation nodes and weights on [-1, 1]^d. The weights contain the density 2^-d, so that their sum is 1."""
 
 import math
 from abc import ABC, abstractmethod
@@ -9,22 +9,21 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from symmb._errors import PropagationError
+from symmb._magnitudes import FACTORS
 from symmb._options import constructor_text, dimensions, require_kind, require_whole
 from symmb._types import Array
 from symmb.bound.polynomials import homogeneous
 
 MOST_ORDER = 1000
 """Highest degree of a rule. Nodes of higher degrees take longer than a second to compute."""
-_MOST_HALVINGS = 60
-"""Halvings of an interval with a length of at most 1: more than the binary digits of a number."""
 
 
 class Nodes(Protocol):
     """A rule of nodes and weights for expansions of a given order."""
 
     projects: ClassVar[bool]
-    """True: coefficients by Galerkin projection, eq. (30). False: by weighted least squares, which is interpolation for
-    as many nodes as polynomials."""
+    """True: coefficients by Galerkin projection, eq. (30). False: coefficients by weighted least squares, which is
+    interpolation if there are as many nodes as polynomials."""
 
     def points(self, d: int, order: int) -> tuple[Array, Array]:
         """Nodes (N, d) and weights (N,)."""
@@ -91,7 +90,7 @@ class ClenshawCurtis(Rule):
     """
 
     def line(self, degree: int) -> tuple[Array, Array]:
-        """degree + 1 nodes and weights, exact to that degree; every second one is a node of degree / 2."""
+        """degree + 1 nodes and weights, exact to that degree. Every second node is a node of degree / 2."""
         return _interpolatory(np.sin(0.5 * np.pi * np.arange(-degree, degree + 1, 2) / max(degree, 1)))
 
     def degree(self, level: int) -> int:
@@ -131,10 +130,9 @@ class ChebyshevGauss(Rule):
 class Leja(Rule):
     """Tensor grid of the first order + 1 Leja nodes 0, 1, -1, x, -x, ... .
 
-    The nodes of an order are nodes of every higher one.
-
-    Even orders are symmetric. Their Lebesgue constants up to order 20 are at most 8.9, those of odd orders
-    18.4; sparse grids take the even ones, two additional nodes for each level.
+    The nodes of an order are nodes of every higher order. Even orders are symmetric. Up to order 20, Lebesgue constants
+    of even orders are at most 8.9, and those of odd orders at most 18.4. Sparse grids use even orders, with two
+    additional nodes for each level.
 
     Examples
     --------
@@ -148,8 +146,8 @@ class Leja(Rule):
     """
 
     def points(self, d: int, order: int) -> tuple[Array, Array]:
-        """Nodes ((order + 1)^d, d) and equal weights. Interpolatory weights are 0 at the last node of an odd order, so
-        that a fit would not use it."""
+        """Nodes ((order + 1)^d, d) and equal weights."""
+        # Interpolatory weights are 0 at the last node of an odd order, so that a fit would not use this node.
         nodes, weights = super().points(d, order)
         return nodes, np.full_like(weights, 1.0 / len(weights))
 
@@ -166,15 +164,14 @@ class Leja(Rule):
 class SparseGrid:
     """Smolyak's sparse grid (section 3.3 and Fig. 3): tensor grids of low total level, combined with signs.
 
-    Exact for total degree 2 level + 1. Weights may be negative. With Gauss nodes they are large (the sum of magnitudes
-    is 681 for 6 parameters at level 4,
-    and 34 with Clenshaw-Curtis), which amplifies errors of runs. Leja nodes take the fewest runs: 33 for 2 parameters
-    at level 4, where Gauss nodes take 53 and Clenshaw-Curtis nodes 65.
+    The grid is exact for total degree 2 level + 1. Weights may be negative. Large weights amplify errors of runs: for 6
+    parameters at level 4 the sum of their magnitudes is 681 with Gauss nodes, and 34 with Clenshaw-Curtis nodes. Leja
+    nodes need the fewest runs: 33 for 2 parameters at level 4, while Gauss nodes need 53 and Clenshaw-Curtis nodes 65.
 
     Parameters
     ----------
     rule : Gauss() as in the paper, ClenshawCurtis(), Leja() or ChebyshevGauss()
-    level : the order of the expansion if left out
+    level : by default the order of the expansion
 
     Examples
     --------
@@ -203,7 +200,7 @@ class SparseGrid:
         level = self._level(order)
         if self.rule.degree(level) > MOST_ORDER:
             degree = self.rule.degree(level)
-            raise PropagationError(f"{self!r}: level {level} has degree {degree}; the highest one is {MOST_ORDER}.")
+            raise PropagationError(f"{self!r}: level {level} has degree {degree}. The highest degree is {MOST_ORDER}.")
         lines = [self.rule.line(self.rule.degree(i)) for i in range(level + 1)]
         grids = []
         for total in range(max(0, level - d + 1), level + 1):
@@ -214,7 +211,7 @@ class SparseGrid:
         return _merged(np.concatenate([x for x, _ in grids]), np.concatenate([w for _, w in grids]))
 
     def size(self, d: int, order: int) -> int:
-        """Number of nodes, equal ones counted as often as they occur."""
+        """Number of nodes. Equal nodes of several tensor grids are counted several times."""
         level = self._level(order)
         line = [self.rule.degree(i) + 1 for i in range(level + 1)]
         totals = [1] + [0] * level  # grids of each total level, of one parameter after the other
@@ -224,7 +221,7 @@ class SparseGrid:
 
     def _level(self, order: int) -> int:
         level = order if self.level is None else self.level
-        if level > MOST_ORDER:  # the degree is never lower
+        if level > MOST_ORDER:  # a degree is never lower than its level
             raise PropagationError(f"{self!r}: level {level} is above the highest degree, {MOST_ORDER}.")
         return level
 
@@ -253,7 +250,7 @@ def _merged(nodes: Array, weights: Array) -> tuple[Array, Array]:
     rounded = nodes.round(12) + 0.0  # 0 is not -0
     _, first, group = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
     total: Array = np.bincount(group.ravel(), weights).astype(float)
-    nonzero = np.abs(total) > 1e-14
+    nonzero = np.abs(total) > FACTORS
     return nodes[first[nonzero]], total[nonzero]
 
 
@@ -261,8 +258,8 @@ def _merged(nodes: Array, weights: Array) -> tuple[Array, Array]:
 def _symmetric_leja(n: int) -> Array:
     """The first n of the nodes 0, 1, -1, x, -x, ... (n,), read-only.
 
-    Each pair (x, -x) maximises the product of all distances, its own 2x included. The positive node is first. Of equal
-    maxima the leftmost is taken.
+    Each pair (x, -x) maximises the product of all distances, with its own distance 2x. The positive node is first. Of
+    equal maxima the leftmost is taken.
 
     Bos and Caliari, Dolomites Research Notes on Approximation 8 (2015), Leja sequences of symmetric sets.
     """
@@ -276,14 +273,12 @@ def _symmetric_leja(n: int) -> Array:
 
 
 def _farthest(nodes: Array) -> float:
-    """The x > 0 that maximises 2x prod (x - x_j)^2.
-
-    Between two nodes the logarithm of the product is concave. Bisection on its slope finds the only maximum to the last
-    digit, which a comparison of values would not.
-    """
+    """The x > 0 that maximises 2x prod (x - x_j)^2."""
+    # Between two nodes the logarithm of the product is concave. Bisection on its slope finds the only maximum to the
+    # last digit, while values near a maximum differ by less than rounding. A number has fewer than 60 binary digits.
     ends = np.sort(nodes[nodes >= 0])
     low, high = ends[:-1], ends[1:]
-    for _ in range(_MOST_HALVINGS):
+    for _ in range(60):
         middle = 0.5 * (low + high)
         rises = 0.5 / middle + (1.0 / np.subtract.outer(middle, nodes)).sum(axis=1) > 0
         low, high = np.where(rises, middle, low), np.where(rises, high, middle)

@@ -18,7 +18,7 @@ class Sampler(Protocol):
 
 
 def grid(line: Array, d: int) -> Array:
-    """(len(line)**d, d) points whose coordinates are all combinations of those of ``line``."""
+    """(len(line)**d, d) points. Their coordinates are all combinations of the numbers in ``line``."""
     return line[np.indices((len(line),) * d).reshape(d, -1).T]
 
 

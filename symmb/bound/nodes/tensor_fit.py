@@ -2,6 +2,7 @@
 
 import ctypes
 import itertools
+import math
 from collections.abc import Sequence
 from functools import partial
 
@@ -9,34 +10,40 @@ import numpy as np
 
 from symmb._limits import windows
 from symmb._types import Array, Indices
-from symmb.bound.nodes.tensor_transform import transform_axes
-from symmb.run.codegen import c_source, load, on_threads, with_compiler
+from symmb.run.codegen import c_fields, c_source, load, on_threads, with_compiler
 
 Tensor = tuple[Indices, list[Array], int]
 """Rows of the nodes of a tensor grid, a matrix for each parameter, and the factor of its interpolant in the sum."""
 
 _FEW_NUMBERS = 2**16
-"""Number of values, or of squared coefficients, up to which NumPy is used: compilation takes longer."""
-
-
-_SECONDS_PER_COEFFICIENT = 1e-7
-"""Largest time for a coefficient of degrees up to 64 [s]."""
+"""Number of values, or of squared coefficients, up to which NumPy is used, because compilation takes longer."""
 
 
 class _Tensors(ctypes.Structure):
     """Tensors of c/tensor_fit.h."""
 
-    _fields_ = [
-        *((name, ctypes.c_long) for name in ("count", "n", "largest")),
-        *((name, ctypes.c_void_p) for name in ("factors", "first_row", "rows", "first_axis")),
-        *((name, ctypes.c_void_p) for name in ("lengths", "matrices", "fits")),
-    ]
+    _fields_ = c_fields(
+        (ctypes.c_long, "count n largest"), (ctypes.c_void_p, "factors first_row rows first_axis lengths matrices fits")
+    )
     arrays: tuple[np.ndarray, ...]
     """The arrays to which the pointers point."""
 
 
+def transform_axes(matrices: Sequence[Array], Y: Array) -> Array:
+    """(A_1 x ... x A_d) Y, the Kronecker product of d matrices (n_k, n_k) applied to Y (n_1 ... n_d, m).
+
+    The cost is that of d small products instead of one product with n_1 ... n_d rows and columns.
+    """
+    block, before = Y, 1
+    for A in matrices:
+        if len(A) > 1:
+            block = A @ block.reshape(before, len(A), -1)
+        before *= len(A)
+    return block.reshape(before, math.prod(Y.shape) // before)
+
+
 def interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows: Indices) -> Array:
-    """Coefficients (N, m) from blocks of values (.., m). `rows` (N,) are the rows of all blocks at the nodes."""
+    """Coefficients (N, m) from blocks of values (.., m). `rows` (N,) are the rows of all blocks for the nodes."""
     in_arrays = partial(_array_interpolants, tensors, blocks, rows)
     if blocks[0].shape[1] * len(rows) <= _FEW_NUMBERS:
         return in_arrays()
@@ -53,8 +60,9 @@ def group_squares(coefficients: Array, groups: Sequence[Indices]) -> Array:
 
 def _compiled_interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows: Indices) -> Array:
     basis = _packed(tensors, len(rows))
+    # Addresses of rows instead of rows: blocks come from rounds of runs, and are too large to be copied together.
     blocks = [np.ascontiguousarray(Y, dtype=float) for Y in blocks]
-    at = np.concatenate([Y.ctypes.data + Y.strides[0] * np.arange(len(Y)) for Y in blocks])[rows]  # addresses
+    at = np.concatenate([Y.ctypes.data + Y.strides[0] * np.arange(len(Y)) for Y in blocks])[rows]
     m = blocks[0].shape[1]
     C = np.empty((len(rows), m))
     pointers = [ctypes.c_void_p(a.ctypes.data) for a in (at, C)]
@@ -64,12 +72,12 @@ def _compiled_interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows:
         if not library.fit(ctypes.byref(basis), ctypes.byref(next_response), ctypes.c_long(m), *pointers):
             raise MemoryError("not enough memory to fit an expansion")
 
-    on_threads(work, m, _SECONDS_PER_COEFFICIENT * C.size)
+    on_threads(work, m, 1e-7 * C.size)  # at most, [s]: the time of degrees up to 64
     return C
 
 
 def _packed(tensors: list[Tensor], n: int) -> _Tensors:
-    """The tensors of n nodes for C. A matrix that several grids share is stored once."""
+    """The tensors of n nodes in the layout of C. A matrix of several grids is stored once."""
     rows, fits, factors = zip(*tensors, strict=True)
     axes = [[A for A in each if len(A) > 1] for each in fits]
     used = list(itertools.chain(*axes))

@@ -5,4 +5,12 @@ The ranges of expansions over the box are in `polynomials.ranges`.
 
 from symmb.bound.polynomials.basis import Basis, HyperbolicCross, TensorDegree, TotalDegree
 from symmb.bound.polynomials.expansion import Expansion, Moments, moments
-from symmb.bound.polynomials.legendre import MultiIndices, basis_values, homogeneous, mean_squares
+from symmb.bound.polynomials.legendre import (
+    Index,
+    MultiIndices,
+    basis_values,
+    below,
+    homogeneous,
+    mean_squares,
+    with_lower,
+)

@@ -1,4 +1,4 @@
-"""Chebyshev polynomials on [-1, 1]^d: sets of products closed under lower degrees, and changes of basis."""
+"""Chebyshev polynomials on [-1, 1]^d: sets of products that contain all lower degrees, and changes of basis."""
 
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
@@ -6,19 +6,20 @@ from functools import cache, cached_property, lru_cache
 import numpy as np
 
 from symmb._types import Array, Indices
-from symmb.bound.polynomials.legendre import MultiIndices
+from symmb.bound.polynomials.legendre import MultiIndices, with_lower
 
 
 @dataclass(frozen=True, eq=False)
 class LowerSet:
-    """A set of multi-indices that contains, with each of them, all those of lower degrees. The order is by rising sum.
+    """A set of multi-indices that contains all multi-indices below each of its members, in the order of rising sums.
 
-    An expansion in it stays in it if the range of a parameter is halved or the parameter is fixed, in both bases.
+    If the range of a parameter is halved, or a parameter is fixed, the expansion needs no other products. This holds
+    for Legendre and for Chebyshev polynomials.
 
     Attributes
     ----------
     alpha : (n, d) multi-indices, the constant first
-    given : (n_b,) rows of the multi-indices from which it was made
+    given : (n_b,) rows of the multi-indices from which the set was made
     """
 
     alpha: MultiIndices
@@ -42,9 +43,9 @@ class LowerSet:
 
     @cached_property
     def fibres(self) -> list[Indices]:
-        """For each axis (n_f, degree + 1): numbers of products that differ in their degree along it alone.
+        """For each axis (n_f, degree + 1): rows of products that differ in their degree along this axis only.
 
-        The number is n if the set has none of that degree.
+        The row is n if the set has no product of a degree.
         """
         n, d = self.alpha.shape
         fibres = []
@@ -74,19 +75,14 @@ class LowerSet:
 @lru_cache(maxsize=64)
 def _lower_set(shape: tuple[int, int], alpha: bytes) -> LowerSet:
     given = np.frombuffer(alpha, dtype=np.intp).reshape(shape)
-    closed = set()
-    new = {tuple(row) for row in given.tolist()} | {(0,) * shape[1]}
-    while new:
-        closed |= new
-        new = {(*a[:k], a[k] - 1, *a[k + 1 :]) for a in new for k in range(shape[1]) if a[k]} - closed
-    rows = sorted(closed, key=lambda a: (sum(a), a))
+    rows = sorted(with_lower([*map(tuple, given.tolist()), (0,) * shape[1]]), key=lambda a: (sum(a), a))
     place = {a: i for i, a in enumerate(rows)}
     return LowerSet(np.array(rows, dtype=np.intp), np.array([place[tuple(a)] for a in given.tolist()]))
 
 
 @cache
 def legendre_to_chebyshev(n: int) -> Array:
-    """(n + 1, n + 1) matrix from Legendre to Chebyshev coefficients, all of which are positive: no digit is lost.
+    """(n + 1, n + 1) matrix from Legendre to Chebyshev coefficients. No entry is negative, so that no digits are lost.
 
     Examples
     --------
@@ -101,7 +97,7 @@ def legendre_to_chebyshev(n: int) -> Array:
 
 @cache
 def halving(n: int) -> Array:
-    """(n + 1, n + 1) matrix to the coefficients on the upper half: T_j((z + 1) / 2) = sum of its column j.
+    """(n + 1, n + 1) matrix from coefficients on [-1, 1] to coefficients on [0, 1]. Column j is T_j((z + 1) / 2).
 
     Examples
     --------

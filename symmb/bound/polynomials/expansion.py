@@ -6,16 +6,14 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._errors import DeclarationError
+from symmb._magnitudes import ROUNDING
 from symmb._options import require_names, require_numbers, shown
 from symmb._table import aligned
 from symmb._types import Array, Mask
 from symmb.bound.polynomials.legendre import MultiIndices, basis_values, mean_squares
 from symmb.results.files import NAMES, TIMES, Record, Saved, entry
 
-ROUNDING = 1e-12
-"""Standard deviation, relative to the largest root mean square of the output, below which it counts as zero."""
-
-_SHARES = "shares of the variance, alone / with others, over all times"
+_SHARES = "fractions of the variance, alone / with others, over all times"
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,11 +47,8 @@ class Expansion:
         if not (alpha >= 0).all() or (alpha % 1).any():
             raise DeclarationError(f"Expansion: alpha must be degrees, got {shown(self.alpha)}.")
         coefficients = require_numbers("Expansion", "coefficients", self.coefficients, len(alpha), None, None)
-        for name, value in (
-            ("alpha", alpha.astype(np.intp)),
-            ("coefficients", coefficients),
-            ("parameters", tuple(names)),
-        ):
+        values = {"alpha": alpha.astype(np.intp), "coefficients": coefficients, "parameters": tuple(names)}
+        for name, value in values.items():
             object.__setattr__(self, name, value)
 
     def _repr_html_(self) -> str:
@@ -68,7 +63,7 @@ class Expansion:
         return np.tensordot(basis_values(self.alpha, points), self.coefficients, axes=1)
 
     def without(self, parameters: Mask, outputs: Mask) -> "Expansion":
-        """The expansion without the terms of some parameters (d,), and with some constant outputs (n_y,)."""
+        """The expansion without the terms of some parameters (d,). Some outputs (n_y,) become constant."""
         if not parameters.any() and not outputs.any():
             return self
         coefficients = self.coefficients.copy()
@@ -82,8 +77,8 @@ class Moments(Saved):
     """Mean, variance and Sobol indices over time, for parameters that are uniform and independent in their
     intervals.
 
-    A first index is the share of the variance that a parameter alone explains. A total index adds the shares that it
-    explains together with others. Indices are nan where the variance is rounding.
+    A first index is the fraction of the variance that a parameter alone explains. A total index adds the fractions that
+    it explains together with others. Indices are nan where the variance is rounding.
 
     Attributes
     ----------
@@ -116,7 +111,7 @@ class Moments(Saved):
         moments = super()._of_record(record)
         shares = np.nan_to_num([moments.first, moments.total], posinf=np.inf)
         if (moments.variance < 0).any() or (np.abs(shares - 0.5) > 0.5 + ROUNDING).any():
-            raise DeclarationError("variance must be at least 0, and first and total must be shares between 0 and 1.")
+            raise DeclarationError("variance must be at least 0, and first and total must be between 0 and 1.")
         return moments
 
     def __repr__(self) -> str:
@@ -131,7 +126,7 @@ class Moments(Saved):
     def _rows(self) -> list[list[str]]:
         is_known = ~np.isnan(self.first[0])
         limits = np.finfo(float)
-        size = np.clip(self.variance, limits.tiny, limits.max)  # it may underflow or overflow
+        size = np.clip(self.variance, limits.tiny, limits.max)  # the variance may underflow or overflow
         weights = np.where(is_known, size / size.max(axis=0), 0.0)
         alone, along = (np.nansum(each * weights, axis=1).T for each in (self.first, self.total))
         rows = [["", *self.parameters]]
@@ -143,7 +138,7 @@ class Moments(Saved):
 
 def moments(expansion: Expansion, t: Array, names: tuple[str, ...]) -> Moments:
     """Moments of an expansion. The variance is the sum of squared coefficients times the mean squares of their
-    polynomials. An index is the part of those polynomials that contain the parameter, alone or with others.
+    polynomials. An index is the part of the polynomials that contain the parameter, alone or with others.
 
     Examples
     --------
@@ -162,10 +157,12 @@ def moments(expansion: Expansion, t: Array, names: tuple[str, ...]) -> Moments:
     """
     involved = expansion.alpha.T > 0
     varies, alone = involved.any(axis=0), involved & (involved.sum(axis=0) == 1)
-    power = np.frexp(np.abs(expansion.coefficients).max(axis=(0, 1)))[1]  # squares may underflow or overflow
+    # Squares may underflow or overflow. Powers of two are taken out and put back without rounding.
+    power = np.frexp(np.abs(expansion.coefficients).max(axis=(0, 1)))[1]
     parts = mean_squares(expansion.alpha)[:, None, None] * np.ldexp(expansion.coefficients, -power) ** 2
     mean = expansion.coefficients[~varies].sum(axis=0)
     variance = parts[varies].sum(axis=0)
+    # A standard deviation is rounding if it is this small compared with the largest root mean square of the output.
     least = ROUNDING**2 * parts.sum(axis=0).max(axis=0)
     shares = np.full((2, len(involved), *variance.shape), np.nan)
     for share, chosen in zip(shares, (alone, involved), strict=True):

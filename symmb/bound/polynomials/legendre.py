@@ -1,10 +1,10 @@
 """Legendre polynomials on [-1, 1]^d with the uniform density 2^-d: values, norms, ranges, multi-indices.
 
-phi_n is eqs. (15)-(17) of Wang and Yang (2021), normalised to phi_n(1) = 1; its mean square is 1/(2n+1),
-eq. (18) with W = 1/2. Multivariate polynomials are products, eq. (22), numbered by the rows of ``alpha``
-(n_b, d).
+phi_n is eqs. (15)-(17) of Wang and Yang (2021), normalised to phi_n(1) = 1. Its mean square is 1/(2n+1), eq. (18) with
+W = 1/2. Polynomials of several parameters are products, eq. (22). The rows of ``alpha`` (n_b, d) are their degrees.
 """
 
+from collections.abc import Container, Iterable
 from functools import cache
 
 import numpy as np
@@ -14,6 +14,24 @@ from numpy.polynomial import legendre
 from symmb._types import Array
 
 MultiIndices = npt.NDArray[np.intp]
+Index = tuple[int, ...]
+
+
+def below(index: Index) -> list[Index]:
+    """The indices of one degree less."""
+    return [(*index[:i], k - 1, *index[i + 1 :]) for i, k in enumerate(index) if k]
+
+
+def with_lower(indices: Iterable[Index], known: Container[Index] = ()) -> set[Index]:
+    """The given indices and all smaller indices, without known ones. The known indices contain all smaller indices."""
+    found: set[Index] = set()
+    pending = list(indices)
+    while pending:
+        index = pending.pop()
+        if index not in known and index not in found:
+            found.add(index)
+            pending.extend(below(index))
+    return found
 
 
 def basis_values(alpha: MultiIndices, points: Array) -> Array:
@@ -52,14 +70,11 @@ def basis_ranges(alpha: MultiIndices) -> tuple[Array, Array]:
 
 def total_degree(d: int, order: int) -> MultiIndices:
     """Multi-indices (n_b, d) with sum at most ``order``, by degree; n_b = C(d + order, d), eq. (21)."""
-    rows: list[tuple[int, ...]] = []
-    for degree in range(order + 1):
-        rows.extend(homogeneous(d, degree))
-    return np.array(rows, dtype=np.intp)
+    return np.array([row for degree in range(order + 1) for row in homogeneous(d, degree)], dtype=np.intp)
 
 
 def homogeneous(d: int, degree: int) -> list[tuple[int, ...]]:
-    """Multi-indices of d entries with sum ``degree``, the first entry falling."""
+    """Multi-indices of d entries with sum ``degree``, in the order of falling first entries."""
     if d == 1:
         return [(degree,)]
     return [(first, *rest) for first in range(degree, -1, -1) for rest in homogeneous(d - 1, degree - first)]

@@ -14,7 +14,7 @@ from symmb.run.codegen.build import (
     require_compiler,
     with_compiler,
 )
-from symmb.run.codegen.c_source import C_FOLDER, c_number, c_source
+from symmb.run.codegen.c_source import C_FOLDER, c_fields, c_number, c_source
 from symmb.run.codegen.contacts import BLAMED, CLOSES, IMPACT, OPENS, Contacts
 from symmb.run.codegen.engine import MOST_PASSES, Engine, FailedSamples, FixedStep, Lanes, StepEnds, Tolerances
 from symmb.run.codegen.failures import REASONS, FailureCode

@@ -1,4 +1,4 @@
-"""Compilation of C sources into shared libraries, which are kept in the cache."""
+"""Compilation of C sources into shared libraries, which are stored in the cache."""
 
 import ctypes
 import functools
@@ -28,10 +28,11 @@ from symmb.run.codegen.threads import cores
 
 R = TypeVar("R")
 
+# Not -ffast-math: it lets compilers assume that nothing is NaN, and tests for NaN find lanes that fail.
 _FLAGS = ("-O2", "-shared", "-fPIC", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-w")
 _MORE_FLAGS = "SYMMB_CFLAGS"
 """The environment variable for further flags, such as "-O1". With this flag tests compile faster and run slower."""
-_NATIVE = "-march=native", "-mcpu=native"  # the second for ARM compilers that do not know the first
+_NATIVE = "-march=native", "-mcpu=native"  # some compilers for ARM know the second only
 _DEFINED = ("-Wl,-z,defs",) if sys.platform.startswith("linux") else ()
 _LIBMVEC = ("-DLIBMVEC", "-Wl,--no-as-needed", "-lmvec")
 
@@ -46,22 +47,20 @@ _PROBE = """
 V probe(V a) { return v_sin(a) + v_pow(a, a) + v_sqrt(a); }
 int answer(void) { return 42; }
 """
-_ANSWER = 42
 
 INSTALL = "Install gcc or clang, or run `pip install 'symmb[compiler]'`, or set CC."
 SLOW = "Without a C compiler runs take about 100 times as long."
 """CVODES takes 6 ms for a run of the double pendulum, and compiled lanes take 0.04 ms."""
 
 _PROBE_SECONDS = 20.0
-"""Time limit for the version of a compiler, and for the test of a compiler [s], which takes half a second on an idle
-machine."""
-_BUILD_SECONDS, _SECONDS_PER_MEGABYTE = 120.0, 120.0
-"""Time limits for a model and for a long model [s]: fifty times the time of gcc, because other programs may use most of
-the processor. tests/benchmarks/scaling.py"""
+"""Time limit for the version and for the test of a compiler [s]. The test takes half a second on an idle machine."""
+_BUILD_SECONDS = 120.0
+"""Time limit for a model, and for each further megabyte of its source [s]: fifty times the time of gcc, because other
+programs may use most of the processor. tests/benchmarks/scaling.py"""
 
 
 class NoCompilerError(SymmbError):
-    """There is no C compiler that works."""
+    """No C compiler works."""
 
 
 class _BuildError(SymmbError):
@@ -82,78 +81,80 @@ def has_compiler() -> bool:
 
 
 def require_compiler(user: str) -> None:
-    """Raise NoCompilerError, with the name of what needs a C compiler, if there is none."""
+    """Raise NoCompilerError if there is no C compiler. `user` names what needs one."""
     if not has_compiler():
         raise NoCompilerError(f"{user} needs a C compiler, and none was found. {compiler_advice()}")
 
 
 def compiler_advice() -> str:
     """The compilers that do not work, the reasons, and how to install a compiler."""
-    return " ".join(
-        [*(f"{shlex.join(command)} is not used: {reason}" for command, reason in _UNUSABLE.items()), INSTALL]
-    )
+    unusable = (f"{shlex.join(command)} is not used: {reason}" for command, reason in _UNUSABLE.items())
+    return " ".join([*unusable, INSTALL])
 
 
 def with_compiler(work: Callable[[], R], otherwise: Callable[[], R]) -> R:
-    """What needs a compiler, or what happens without one."""
+    """The result of `work`, which needs a compiler, or the result of `otherwise` if no compiler works."""
     if has_compiler():
-        with suppress(NoCompilerError):  # none builds this
+        with suppress(NoCompilerError):  # a compiler may pass its test and still fail to build this source
             return work()
     return otherwise()
 
 
 def load(source: str, *names: str) -> ctypes.CDLL:
-    """The library of a C source, from the cache or built now. A compiler that fails gives way to the next.
+    """The library of a C source, from the cache or built now.
 
     Parameters
     ----------
     source : str
-    *names                 of what the library must have: a compiler may leave it out
+    *names                 of functions and variables that the library must contain: a compiler may leave them out
 
     Raises
     ------
     NoCompilerError        if there is no C compiler, or none builds the source
     UnsafeFolderError      if others can write to the folder for temporary files
     """
-    while True:
-        compiler = _compiler()
-        try:
-            return _loaded(source, compiler, *names)
-        except _BuildError as error:
-            _give_up(compiler.command, str(error))
-            _compiler.cache_clear()
+    return _with_next_compiler(lambda compiler: _loaded(source, compiler, *names))
 
 
 def portable_library(files: Mapping[str, str], sources: Sequence[str]) -> bytes:
-    """A library of C files for every processor of this family, whose symbols are hidden unless they are exported.
+    """A library of C files for every processor of this family. Its symbols are hidden unless they are exported.
 
     Parameters
     ----------
     files                  name -> text
-    sources                names of those that are compiled
+    sources                names of the files that are compiled
 
     Raises
     ------
     NoCompilerError        if there is no C compiler, or none builds the sources
     """
+
+    def built(compiler: _Compiler) -> bytes:
+        with temporary_folder() as folder:
+            for name, text in files.items():
+                (folder / name).write_text(text, encoding="utf-8")
+            library_path = folder / "library.so"
+            command = [*compiler.command, *(str(folder / name) for name in sources), "-o", str(library_path)]
+            size = sum(map(len, files.values()))
+            _compile([*command, *_flags(), "-fvisibility=hidden", "-lm"], library_path, folder, _build_seconds(size))
+            return library_path.read_bytes()
+
+    return _with_next_compiler(built)
+
+
+def _with_next_compiler(build: Callable[["_Compiler"], R]) -> R:
+    """What a compiler builds. A compiler that fails is not used again, and the next one is tried."""
     while True:
         compiler = _compiler()
         try:
-            with temporary_folder() as folder:
-                for name, text in files.items():
-                    (folder / name).write_text(text, encoding="utf-8")
-                library_path = folder / "library.so"
-                command = [*compiler.command, *(str(folder / name) for name in sources), "-o", str(library_path)]
-                seconds = _BUILD_SECONDS + _SECONDS_PER_MEGABYTE * sum(map(len, files.values())) / 1e6
-                _compile([*command, *_flags(), "-fvisibility=hidden", "-lm"], library_path, folder, seconds)
-                return library_path.read_bytes()
+            return build(compiler)
         except _BuildError as error:
             _give_up(compiler.command, str(error))
             _compiler.cache_clear()
 
 
 def _give_up(compiler: tuple[str, ...], reason: str) -> None:
-    """Continue without a compiler from now on, and issue a warning."""
+    """Do not use a compiler from now on, and issue a warning."""
     _UNUSABLE[_real(compiler)] = reason
     warnings.warn(f"{' '.join(compiler)} is not used: {reason}", SymmbWarning, stacklevel=2)
 
@@ -169,13 +170,13 @@ def _loaded(source: str, compiler: "_Compiler", *names: str) -> ctypes.CDLL:
             cache.check_folder(folder, "TMPDIR")
             library_path = _built(source, folder, compiler)
             cache.keep(key, library_path.read_bytes())
-            # The cache first, then the temporary folder: either may forbid the execution of programs.
+            # Either folder may forbid the execution of programs. A library in the cache serves other processes too.
             library = _opened(cache.find(key), *names) or _opened(library_path, *names)
     except OSError as error:
         raise _BuildError(f"temporary files cannot be written ({error}). Set TMPDIR to another folder.") from error
     if library is None:
         raise _BuildError(
-            "its libraries lack functions, or cannot be loaded. Set TMPDIR to a folder that may hold programs."
+            "its libraries lack functions or cannot be loaded. Set TMPDIR to a folder that is not mounted noexec."
         )
     return library
 
@@ -210,17 +211,21 @@ def _has_its_segments(content: bytes) -> bool:
 def _built(source: str, folder: Path, compiler: "_Compiler") -> Path:
     text, library_path = folder / "model.c", folder / "model.so"
     text.write_text(source, encoding="utf-8")
-    seconds = _BUILD_SECONDS + _SECONDS_PER_MEGABYTE * len(source) / 1e6
     parts = int(found[1]) if (found := re.search(r"^#define N_PARTS (\d+)$", source, re.MULTILINE)) else 1
     command = [*compiler.command, str(text), "-o", str(library_path), *compiler.flags, "-lm"]
     if parts > 1:
         command = ["/bin/sh", "-c", _in_parts(text, library_path, compiler, parts)]
-    _compile(command, library_path, folder, seconds)
+    _compile(command, library_path, folder, _build_seconds(len(source)))
     return library_path
 
 
+def _build_seconds(size: int) -> float:
+    return _BUILD_SECONDS * (1.0 + size / 1e6)
+
+
 def _in_parts(text: Path, library_path: Path, compiler: "_Compiler", parts: int) -> str:
-    """A shell script that compiles the parts of a model in parallel, one per core, and links them."""
+    """A shell script that compiles the parts of a model in parallel, one on each core, and links them."""
+    # A shell, because its processes end with the process group of run_program at an interrupt or a time limit.
     objects = [str(text.with_suffix(f".{k}.o")) for k in range(parts)]
     compile_each = [
         shlex.join([*compiler.command, "-c", f"-DPART={k}", str(text), "-o", name, *compiler.flags])
@@ -235,24 +240,24 @@ def _in_parts(text: Path, library_path: Path, compiler: "_Compiler", parts: int)
 
 
 def _compile(command: list[str], library_path: Path, folder: Path, seconds: float) -> None:
-    """Run a compiler, which must write a library.
-
-    Raises
-    ------
-    _BuildError            if it does not, or takes longer
-    """
-    try:
-        status, text = run_program(command, seconds, folder)
-    except subprocess.TimeoutExpired:
-        raise _TimeoutError(f"it takes longer than {seconds:.0f} s.") from None
-    except OSError as error:
-        raise _BuildError(f"it cannot be started ({error.strerror}).") from None
+    """Run a compiler, and raise _BuildError if it writes no library or takes longer than `seconds`."""
+    status, text = _ran(command, seconds, folder)
     if status:
         raise _BuildError(f"it cannot build a model: {_first_error(text)}.")
     head = library_path.read_bytes()[:18] if library_path.is_file() else b""
-    is_shared = head[:4] == b"\x7fELF" and head[16:].strip(b"\0") == b"\3"  # no object file, no text
+    is_shared = head[:4] == b"\x7fELF" and head[16:].strip(b"\0") == b"\3"  # a flag such as -c gives an object file
     if not head or (sys.platform.startswith("linux") and not is_shared):
         raise _BuildError("it reports success, but writes no library.")
+
+
+def _ran(command: Sequence[str], seconds: float, folder: Path | None = None, purpose: str = "") -> tuple[int, str]:
+    """The exit status and the output of a compiler. _BuildError if it does not end in time, or cannot be started."""
+    try:
+        return run_program(command, seconds, folder)
+    except subprocess.TimeoutExpired:
+        raise _TimeoutError(f"it takes longer than {seconds:.0f} s{purpose}.") from None
+    except OSError as error:
+        raise _BuildError(f"it cannot be started ({error.strerror}).") from None
 
 
 def _first_error(text: str) -> str:
@@ -269,7 +274,7 @@ class _Compiler:
 
     @property
     def command(self) -> tuple[str, ...]:
-        """The begin of a command that runs the compiler: the path, and arguments that come before all others."""
+        """The first words of a command that runs the compiler: its path, and arguments before all others."""
         return self.path, *self.arguments
 
 
@@ -279,12 +284,7 @@ _UNUSABLE: dict[tuple[str, ...], str] = {}
 
 @functools.cache
 def _compiler() -> _Compiler:
-    """The compiler and its flags, with the vector functions of the C library if they exist.
-
-    Raises
-    ------
-    NoCompilerError        if none is found that builds the engine
-    """
+    """The first compiler that works, and its flags. NoCompilerError if no compiler builds the engine."""
     for command in _candidates():
         if os.name == "posix" and _real(command) not in _UNUSABLE:
             try:
@@ -302,10 +302,10 @@ def _flags() -> tuple[str, ...]:
 
 
 def _candidates() -> Iterator[tuple[str, ...]]:
-    """Commands of installed compilers. The command of CC is first, and may have arguments. ziglang is last."""
+    """Commands of installed compilers: first that of CC, which may have arguments, and last ziglang."""
     given = os.environ.get("CC") or ""
     if given.strip() and not (shutil.which(given) or shutil.which(given.split()[0])):
-        warnings.warn(f"CC is {given!r}, and there is no such program. It is not used.", SymmbWarning, stacklevel=2)
+        warnings.warn(f"CC is {given!r}, and there is no such program. CC is ignored.", SymmbWarning, stacklevel=2)
     for command in ([given], given.split(), ["cc"], ["gcc"], ["clang"]):
         if command and (path := shutil.which(command[0])):
             yield path, *command[1:]
@@ -320,15 +320,16 @@ def _real(command: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _probed(command: tuple[str, ...], own: tuple[str, ...] | None = None) -> _Compiler:
-    """A compiler with the flags that it knows, and with its own ones; default: `_flags()`, which has those of the user.
+    """A compiler with all flags that it knows. By default, `own` flags are `_flags()`, with those of the user.
 
     Raises
     ------
     _BuildError            if it builds nothing that works
-    DeclarationError       if it does without the user's flags
+    DeclarationError       if it works only without the user's flags
     """
     version, refused = _version(command), ""
     own = _flags() if own is None else own
+    # The vector functions of the C library first: without them exp, log and pow are computed lane by lane.
     for native, extra in itertools.product(_NATIVE, (_LIBMVEC, ())):
         flags = (*own, native, *extra)
         try:
@@ -345,12 +346,7 @@ def _probed(command: tuple[str, ...], own: tuple[str, ...] | None = None) -> _Co
 
 
 def _probe(compiler: tuple[str, ...], version: str, flags: tuple[str, ...]) -> None:
-    """Build a library that uses the lanes, without undefined symbols, and call it. Store a success in the cache.
-
-    Raises
-    ------
-    _BuildError            if this fails
-    """
+    """Build a library that uses the lanes, and call it; _BuildError if this fails. Success is noted in the cache."""
     key = _key(_PROBE, c_source("lanes"), *compiler, version, *flags)
     if cache.is_noted(key):
         return
@@ -360,11 +356,13 @@ def _probe(compiler: tuple[str, ...], version: str, flags: tuple[str, ...]) -> N
             text.write_text(_PROBE, encoding="utf-8")
             command = [*compiler, str(text), "-o", str(library_path), f"-I{C_FOLDER}", *flags, "-lm", *_DEFINED]
             _compile(command, library_path, folder, _PROBE_SECONDS)
-            library = _opened(library_path)  # None in a folder that may not hold programs: the cache may
-            if library is not None and library.answer() != _ANSWER:
-                raise _BuildError("its libraries do not work.")
+            # Undefined symbols are errors of the linker (_DEFINED). A library that cannot be loaded from a folder
+            # mounted noexec may therefore still be good, and can be loaded from the cache.
+            library = _opened(library_path)
+            if library is not None and library.answer() != 42:
+                raise _BuildError("the functions of its libraries return wrong values.")
     except (OSError, AttributeError) as error:
-        raise _BuildError(f"a test fails ({error}).") from error
+        raise _BuildError(f"its test fails ({error}).") from error
     cache.note(key)
 
 
@@ -375,18 +373,8 @@ def _key(*described: str) -> str:
 
 
 def _version(compiler: tuple[str, ...]) -> str:
-    """The version of the compiler, and its real path.
-
-    Raises
-    ------
-    _BuildError            if it cannot be started, or does not answer
-    """
-    try:
-        _, said = run_program([*compiler, "--version"], _PROBE_SECONDS)
-    except subprocess.TimeoutExpired:
-        raise _BuildError(f"it takes longer than {_PROBE_SECONDS:.0f} s to print its version.") from None
-    except OSError as error:
-        raise _BuildError(f"it cannot be started ({error.strerror}).") from None
+    """The version of the compiler, and its real path. _BuildError if it does not answer."""
+    _, said = _ran([*compiler, "--version"], _PROBE_SECONDS, purpose=" to print its version")
     return f"{said}{os.path.realpath(compiler[0])}"
 
 

@@ -2,8 +2,8 @@
 
 A library is one file, `<key>-<SHA-256 of its bytes>.so`, which is moved into place when it is complete. Its bytes are
 compared with its name before it is loaded, because an incomplete library may crash the process. Sources of large
-models, `.c`, are kept in the same way, because their generation takes seconds. Where all files take more than
-`LARGEST`, those that were not used for the longest time are removed.
+models, `.c`, are stored in the same way, because their generation takes seconds. If all files together are larger than
+`LARGEST`, the files that were not used for the longest time are removed.
 """
 
 import hashlib
@@ -20,13 +20,11 @@ _OWN = re.compile(r"[0-9a-f]{32}(-[0-9a-f]{64}\.(so|c)|-\w+\.part|\.note)")
 """Names of files of the cache. The folder may contain other files."""
 LARGEST = 2**30
 """Size of the cache above which files are removed [bytes]: about 10,000 models of 100 kB."""
-_KEPT = 0.9
-"""Fraction of this size that remains, so that files are not removed for each new model."""
 _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
 class UnsafeFolderError(SymmbError):
-    """Other users can write to a folder of libraries."""
+    """Other users can write to a folder of libraries, and could let the process load their code."""
 
 
 def folder() -> Path:
@@ -34,17 +32,19 @@ def folder() -> Path:
 
     Raises
     ------
-    UnsafeFolderError      if others can write to it, or replace it by way of the folders above it
-    SymmbError             if no place for one is known
+    UnsafeFolderError      if others can write to it, or can replace it or a folder above it
+    SymmbError             if there is no home folder
     OSError                if it cannot be created
     """
     if os.name != "posix":
-        raise SymmbError("Models are compiled, and kept, on Linux and macOS only.")
+        raise SymmbError("Compiled models are stored on Linux and macOS only.")
     cache_home = os.environ.get("XDG_CACHE_HOME", "")
     try:
         root = Path(cache_home) if os.path.isabs(cache_home) else Path.home() / ".cache"
     except RuntimeError:
-        raise SymmbError("Built models are not kept: no home folder found. Set HOME or XDG_CACHE_HOME.") from None
+        raise SymmbError(
+            "Compiled models cannot be stored: no home folder found. Set HOME or XDG_CACHE_HOME."
+        ) from None
     root.mkdir(parents=True, mode=0o700, exist_ok=True)
     (root / "symmb").mkdir(mode=0o700, exist_ok=True)
     path = (root / "symmb").resolve()
@@ -53,26 +53,24 @@ def folder() -> Path:
 
 
 def check_folder(path: Path, variable: str) -> None:
-    """Check that nobody else can put files into a folder (absolute, without links).
+    """Raise UnsafeFolderError if others can put files into a folder, an absolute path without links.
 
-    It must belong to the user, and only the user may write to it. The folders above must belong to the user or to root,
-    and others must not write to them, unless they are sticky like /tmp, where others cannot rename the user's files.
-
-    Raises
-    ------
-    UnsafeFolderError
+    The folder must belong to the user, and only the user may write to it. The folders above must belong to the user or
+    to root, and others must not write to them, unless they are sticky like /tmp, where others cannot rename the user's
+    files.
     """
     for place in (path, *path.parents):
         status = place.stat()
         owners, exempt = ((os.getuid(),), 0) if place == path else ((os.getuid(), 0), stat.S_ISVTX)
         if status.st_uid not in owners:
             raise UnsafeFolderError(
-                f"{path} is not used for built models: {place} belongs to another user. Set {variable} elsewhere."
+                f"{path} is not used for compiled models: {place} belongs to another user. "
+                f"Set {variable} to another folder."
             )
         if status.st_mode & _WRITABLE_BY_OTHERS and not status.st_mode & exempt:
             raise UnsafeFolderError(
-                f"{path} is not used for built models: others can write to {place}. "
-                f"Delete what you do not know in it and close it (chmod go-w), or set {variable} elsewhere."
+                f"{path} is not used for compiled models: others can write to {place}. Delete unknown files in it and "
+                f"remove their permission (chmod go-w), or set {variable} to another folder."
             )
 
 
@@ -81,7 +79,7 @@ def find(key: str, suffix: str = ".so") -> Path | None:
     with suppress(OSError, SymmbError):
         for path in folder().glob(f"{key}-*{suffix}"):
             if _is_whole(path):
-                os.utime(path)  # it is used: others are older
+                os.utime(path)  # files that are not used get older than this one, and are removed first
                 return path
             path.unlink()
     return None
@@ -103,18 +101,18 @@ def keep(key: str, content: bytes, suffix: str = ".so") -> None:
 
 
 def _trim() -> None:
-    """Remove the files that were used last, the oldest first, if all are too large."""
+    """Remove the files that were not used for the longest time, if all files together are too large."""
     found = sorted(((path, path.lstat()) for path in contents()), key=lambda each: each[1].st_mtime, reverse=True)
     size = 0
     if sum(status.st_size for _, status in found) > LARGEST:
         for path, status in found:
             size += status.st_size
-            if size > _KEPT * LARGEST:
+            if size > 0.9 * LARGEST:  # with the limit itself, files would be removed for each new model
                 path.unlink(missing_ok=True)
 
 
 def is_noted(key: str) -> bool:
-    """Whether the cache contains a note of this key: the answer yes to a question that takes long."""
+    """Whether the cache contains a note of this key. A note is the answer yes to a test that takes long."""
     with suppress(OSError, SymmbError):
         return (folder() / f"{key}.note").is_file()
     return False
@@ -132,7 +130,9 @@ def contents() -> tuple[Path, ...]:
 
 
 def _is_whole(path: Path) -> bool:
-    """Whether a file is the user's, others cannot write to it, it is not a link, and its contents fit its name."""
+    """Whether a file is the user's own, others cannot write to it, it is not a link, and its contents fit its name."""
+    # Everything is asked of the open file: a path could lead to another file between a check and the reading. Without
+    # O_NONBLOCK, a pipe that another user puts there would let the process wait for ever.
     try:
         handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
     except OSError:

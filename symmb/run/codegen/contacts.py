@@ -1,4 +1,4 @@
-"""Contacts of samples: their data for c/impacts.h, and the record of what happens at them."""
+"""Contacts of samples: their data for c/impacts.h, and the record of their events."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,31 +13,31 @@ from symmb.run.codegen.c_source import c_number
 
 MOST_IMPULSES = int(c_number("impacts", "MOST_IMPULSES"))
 EVENT = ("sample", "contact", "what", "time", "before", "after", "work", "ordered", *("impulse",) * MOST_IMPULSES)
-"""What the numbers of an event are: rates of the gap, or of the margin of a joint's condition, before and after, work,
-whether the order of impacts matters, and the impulse along the gap, or of each row of the joint."""
+"""Names of the numbers of an event: the rate of the gap, or of the margin of a joint's condition, before and after the
+event, the work, whether the order of impacts matters, and the impulse along the gap, or of each row of the joint."""
 IMPACT, CLOSES, OPENS, BLAMED = range(4)
-"""What events are. Contacts are blamed for a failure."""
+"""Kinds of events. A contact is BLAMED if it causes a failure."""
 CROWD = int(c_number("impacts", "CROWD"))
 
 
 @dataclass(frozen=True)
 class Contacts:
-    """Contacts of a model, and joints that open and close. Gaps and margins of conditions are the last switches.
+    """Contacts of a model, and joints that open and close. Their gaps and margins of conditions are the last switches.
 
     Attributes
     ----------
     names : n str              of the contacts, and of the joints for each of their events
     closed : int               numbers of the states that are 1 for closed contacts
-    n_q, n_v : int             numbers of coordinates and velocities, with which a state begins
+    n_q, n_v : int             numbers of coordinates and velocities, the first entries of a state
     with_work : bool           whether the last state is the work along the motion
     length, energy : float     sizes of the motion
     displacements : n_v float  sizes of displacements along v
-    joints : lists of int      of the events of joints that open and close, by their names in c/impacts.h
+    joints : lists of int      data of the events of joints that open and close, by their names in c/impacts.h
     n_rows : int               number of rows of all joints
-    start : Function           (x, p, t, span) -> x at the start of a run of some span [s], which tells of conditions
-                               that hold there; faults (m,), 1 where there is one; and a number (m,) for each text
-    fault_texts : m pairs      of a text about a sample that has a fault and, if its number follows, of what is behind
-                               that; in the order in which faults count
+    start : Function           (x, p, t, span) -> x at the start of a run of some span [s], with the conditions that
+                               hold there; faults (m,), 1 for each fault of the sample; and a number (m,) for each text
+    fault_texts : m pairs      the text of a fault, and the text behind its number, empty if no number follows; the
+                               first fault of a sample is reported
     """
 
     names: tuple[str, ...]
@@ -54,13 +54,13 @@ class Contacts:
     fault_texts: tuple[tuple[str, str], ...] = field(repr=False)
 
     def impulses_of(self, number: int, what: int) -> int:
-        """How many impulses an event of this number and kind has."""
+        """Number of impulses of an event of kind `what`, of the contact or joint with this number."""
         if number < len(self.closed):
             return int(what == IMPACT)
         return self.joints["count_row"][number - len(self.closed)] if what == CLOSES else 0
 
     def started(self, times: Array, x0: Array, p: Array) -> tuple[Array, dict[int, str]]:
-        """States at the start of a run over the times, nan for samples that cannot start, and texts about these."""
+        """States at the start of a run, nan for samples that cannot start, and the faults of these samples."""
         n, n_p = self.start.numel_in(0), self.start.numel_in(1)
         horizon = times[0], times[-1] - times[0]
         at = x0[:, :n], p[:, :n_p], *(np.full((len(p), 1), time) for time in horizon)

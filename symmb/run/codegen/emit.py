@@ -1,7 +1,7 @@
-"""Vectorised C of a graph of values: a statement for each value, which is a vector with a lane for each sample."""
+"""Vectorised C of a graph of values. Each value is one statement, and a vector with one lane for each sample."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,18 +9,17 @@ import casadi as ca
 
 from symmb._errors import DeclarationError
 from symmb.declare.symbolic import operation_name
-from symmb.run.codegen.graph import BOX, CONSTANT, INPUT, SEARCH, Graph, Places
+from symmb.run.codegen.graph import BOX, CONSTANT, INPUT, SEARCH, Graph
 
 LARGE_MODEL = 5000
-"""Values of a model above which sines and cosines are calls of a function: otherwise compilers take minutes. A call in
-the midst of a function waits for its result; a loop before it computes those of many angles side by side.
+"""Number of values of a model above which sines and cosines are calls of a function: inline, compilers take minutes.
 tests/benchmarks/scaling.py"""
 
 _CHUNK = 400
-"""Statements in one C function: compilers take more than linear time for long ones. tests/benchmarks/scaling.py"""
+"""Statements in one C function: compilers take more than linear time for long functions. tests/benchmarks/scaling.py"""
 
 _PART = 50
-"""Pieces of functions that a compiler takes together: the parts of a large model are compiled side by side."""
+"""Pieces of functions that a compiler builds together: the parts of a large model are compiled in parallel."""
 
 _FORMS = {
     ca.OP_ASSIGN: "{0}",
@@ -55,16 +54,27 @@ _CALLS = {
 _CALLS[ca.OP_CONSTPOW] = "v_pow"
 _POWERS = {-2.0: "1.0 / ({0} * {0})", -1.0: "1.0 / {0}", 3.0: "{0} * {0} * {0}", 4.0: "({0} * {0}) * ({0} * {0})"}
 _MASKS = {ca.OP_AND, ca.OP_OR, ca.OP_FMIN, ca.OP_FMAX}
-"""Operations that combine masks: a plain number is not a mask."""
+"""Operations that combine masks. In C a comparison of plain numbers is an int, which is not a mask of lanes."""
 _TURNED = {ca.OP_SIN: ca.OP_COS, ca.OP_COS: ca.OP_SIN}
 """Sine and cosine of an angle together cost little more than one of them."""
 
 
 @dataclass(frozen=True)
 class _Schedule:
-    """The statements of a function in pieces, places of the values that pieces pass on, sines with their cosines.
+    """The statements of a function in pieces.
 
-    The first pieces compute angles; a loop behind them computes their sines and cosines.
+    The first pieces compute angles, and a loop behind them computes sines and cosines of all angles. Within a function
+    a call would wait for its result, while a loop computes many angles side by side.
+
+    Attributes
+    ----------
+    pieces : statements of each piece, which are nodes of the graph
+    n_first : number of pieces before the loop
+    angles : nodes whose sines and cosines the loop computes
+    carried : node -> place of a value that a piece passes to later pieces
+    twins : node of a sine -> node of its cosine, and back
+    outputs : nodes that the function writes to `out`
+    parameters_only : whether the function is `prepare`, which has no x and t
     """
 
     pieces: list[list[int]]
@@ -72,6 +82,13 @@ class _Schedule:
     angles: list[int]
     carried: dict[int, int]
     twins: dict[int, int]
+    outputs: list[int]
+    parameters_only: bool
+
+    @property
+    def out(self) -> str:
+        """Name of the results in C."""
+        return "c" if self.parameters_only else "out"
 
     @cached_property
     def piece(self) -> dict[int, int]:
@@ -82,64 +99,58 @@ class _Schedule:
 class Emitter:
     """Generates the functions of a graph with inputs x (0), p (1), t (2) and box (3). `place` gives places of x in C.
 
-    Functions of a box get it in the place of x.
-
-    `prepare` computes values that depend on parameters alone once in a run, and stores them in c. All other functions
-    start from x, c and t.
+    Functions of a box receive it instead of x. `prepare` computes values that depend on parameters alone once in a run,
+    and stores them in c. All other functions start from x, c and t.
     """
 
     def __init__(self, graph: Graph, place: Sequence[int]) -> None:
         self._graph, self._place = graph, place
         self._parameter_values: dict[int, int] = {}  # node -> place in c
-        self._functions: list[str] = []
         self._pieces: list[str] = []
-        self.n_carried = 0  # most values that the pieces of a function pass to each other
-
-    def function(self, name: str, outputs: Iterable[int]) -> None:
-        """A C function `name(x, c, t, out)` that writes the given nodes to out."""
-        self._functions.append(self._source(name, list(outputs), parameters_only=False))
-
-    def used(self, outputs: Iterable[int]) -> list[int]:
-        """Places of the states x on which the given nodes depend."""
-        return sorted(self._place[i] for i in self.inputs(outputs, 0))
+        self.n_carried = 0  # largest number of values that the pieces of a function pass to each other
 
     def inputs(self, outputs: Iterable[int], source: int) -> list[int]:
         """Numbers of the nonzeros of an input on which the given nodes depend."""
-        nodes = self._graph.nodes
-        inputs = [nodes[k] for k in self._graph.needed(outputs) if nodes[k].operation == INPUT]
-        return sorted(node.index for node in inputs if node.source == source)
+        needed = (self._graph.nodes[k] for k in self._graph.needed(outputs))
+        return sorted(node.index for node in needed if node.operation == INPUT and node.source == source)
 
-    def source(self) -> tuple[list[str], str, int]:
-        """The pieces of all functions, in parts, the functions, `prepare(p, c)` among them, and the size of c."""
-        self._functions.append(self._source("prepare", list(self._parameter_values), parameters_only=True))
+    def source(self, outputs: Mapping[str, list[int]]) -> tuple[list[str], str, int]:
+        """The pieces of all functions in parts, the functions with `prepare(p, c)`, and the size of c.
+
+        `outputs` are the nodes that C functions `name(x, c, t, out)` write to out.
+        """
+        functions = [self._source(name, nodes, parameters_only=False) for name, nodes in outputs.items()]
+        # `prepare` is last, because the other functions decide which values of parameters are needed.
+        functions.append(self._source("prepare", list(self._parameter_values), parameters_only=True))
         parts = ["\n".join(self._pieces[at : at + _PART]) for at in range(0, len(self._pieces), _PART)]
         heads = [f"{piece.partition(' {')[0]};" for piece in self._pieces]
-        return parts, "\n".join([*heads, *self._functions]), len(self._parameter_values)
+        return parts, "\n".join([*heads, *functions]), len(self._parameter_values)
 
     def _hoisted(self, k: int) -> bool:
         node = self._graph.nodes[k]
         return node.operation != CONSTANT and node.depends == frozenset([1])
 
     def _source(self, name: str, outputs: list[int], parameters_only: bool) -> str:
-        """One C function; its pieces of at most _CHUNK statements pass values to each other through w."""
+        """One C function. Its pieces of at most _CHUNK statements pass values to each other through w."""
         schedule = self._schedule(outputs, parameters_only)
         self.n_carried = max(self.n_carried, 1 + max(schedule.carried.values(), default=-1))
         inputs = "p" if parameters_only else "x, c, t"
         arguments = "const V *restrict p" if parameters_only else "const V *restrict x, const V *restrict c, V t"
-        out = "c" if parameters_only else "out"
+        out = schedule.out
         names = ("p", "w", "c") if parameters_only else ("x", "c", "t", "w", "out")
         unused = f"{', '.join(f'(void){name}' for name in names)};"
+        calls = []
         for piece in range(len(schedule.pieces)):
-            lines = self._piece(schedule, piece, outputs, out, parameters_only)
+            lines = self._piece(schedule, piece)
             head = f"PIECE void {name}_{piece}({arguments}, V *restrict w, V *restrict {out})"
             self._pieces.append("\n".join([f"{head} {{", f"  {unused}", *lines, "}"]))
-        calls = [f"  {name}_{piece}({inputs}, c + N_C, {out});" for piece in range(len(schedule.pieces))]
+            calls.append(f"  {name}_{piece}({inputs}, c + N_C, {out});")
         if schedule.angles:
             calls.insert(schedule.n_first, f"  sines({len(schedule.angles)}, c + N_C);")
         head = "const V *restrict p, V *c" if parameters_only else "const V *restrict x, V *c, V t, V *restrict out"
         return "\n".join([f"PRIVATE void {name}({head}) {{", *calls, "}"])
 
-    def _schedule(self, outputs: list[int], parameters_only: bool) -> "_Schedule":
+    def _schedule(self, outputs: list[int], parameters_only: bool) -> _Schedule:
         nodes = self._graph.nodes
         order, twins = self._statements(outputs, parameters_only)
         angles = self._angles(order) if len(nodes) > LARGE_MODEL else []
@@ -149,20 +160,22 @@ class Emitter:
         needed = self._graph.needed(angles)
         first = _chunks(k for k in order if k in needed) if angles else []
         pieces = first + _chunks(k for k in order if k not in needed and k not in sines)
-        return _Schedule(pieces, len(first), angles, sines | self._carried(pieces, 2 * len(angles)), twins)
+        carried = sines | self._carried(pieces, 2 * len(angles))
+        return _Schedule(pieces, len(first), angles, carried, twins, outputs, parameters_only)
 
     def _statements(self, outputs: list[int], parameters_only: bool) -> tuple[list[int], dict[int, int]]:
-        """The values that a function computes in order, and sines with their cosines, which follow each other."""
+        """The values that a function computes, in order, and the twins. A sine and its cosine follow each other."""
         nodes = self._graph.nodes
         given = (lambda k: False) if parameters_only else self._hoisted
         computed = [k for k in self._graph.needed(outputs, given) if nodes[k].operation not in (CONSTANT, INPUT)]
-        order = sorted(k for k in computed if parameters_only or not self._hoisted(k))
+        order = [k for k in computed if parameters_only or not self._hoisted(k)]
         turns = {(nodes[k].operation, nodes[k].arguments): k for k in order if nodes[k].operation in _TURNED}
         twins = {k: turns[_TURNED[code], a] for (code, a), k in turns.items() if (_TURNED[code], a) in turns}
+        # The later twin moves up to the other: both have the same argument, so that nothing comes before its operands.
         return sorted(order, key=lambda k: (min(k, twins.get(k, k)), k)), twins
 
     def _angles(self, order: Sequence[int]) -> list[int]:
-        """Arguments of sines and cosines that depend on none of these."""
+        """Arguments of sines and cosines, except those that depend on other sines or cosines."""
         nodes, behind = self._graph.nodes, set[int]()
         angles: dict[int, None] = {}
         for k in order:
@@ -174,37 +187,34 @@ class Emitter:
         return list(angles)
 
     def _carried(self, pieces: Sequence[Sequence[int]], count: int) -> dict[int, int]:
-        """Places, from `count` on, of values that later pieces use; one is free again after the piece of last use."""
+        """Places, from `count` on, of values that later pieces use."""
+        # As registers are allocated: a place is free again behind the piece of last use, so that w stays in the cache.
         piece = {k: i for i, ks in enumerate(pieces) for k in ks}
         last_use = dict(piece)
         for k, i in piece.items():
             last_use.update((a, max(last_use[a], i)) for a in self._graph.nodes[k].arguments if a in last_use)
-        places, carried = Places(count), dict[int, int]()
+        carried, free = dict[int, int](), list[int]()
         released: dict[int, list[int]] = {}
         for i, ks in enumerate(pieces):
-            places.release(released.pop(i - 1, []))
+            free += released.pop(i - 1, [])
             for k in ks:
                 if last_use[k] > i:
-                    carried[k] = places.take()
+                    if not free:
+                        free, count = [count], count + 1
+                    carried[k] = free.pop()
                     released.setdefault(last_use[k], []).append(carried[k])
         return carried
 
-    def _piece(
-        self, schedule: "_Schedule", piece: int, outputs: list[int], out: str, parameters_only: bool
-    ) -> list[str]:
-        """The statements of a piece: values, those for later pieces, and results."""
-        results = [(k, f"{out}[{i}]") for i, k in enumerate(outputs)]
+    def _piece(self, schedule: _Schedule, piece: int) -> list[str]:
+        """The statements of a piece: values, copies for later pieces, and results."""
+        results = [(k, f"{schedule.out}[{i}]") for i, k in enumerate(schedule.outputs)]
         angles = [(k, f"w[{2 * i}]") for i, k in enumerate(schedule.angles)]
         places: dict[int, list[str]] = {}
         for k, place in [*results, *(angles if piece < schedule.n_first else ())]:
             places.setdefault(k, []).append(place)
-
-        def text(a: int) -> str:
-            return self._operand(a, schedule, piece, parameters_only)
-
         lines = []
         for k in schedule.pieces[piece]:
-            operands = [text(a) for a in self._graph.nodes[k].arguments]
+            operands = [self._operand(a, schedule, piece) for a in self._graph.nodes[k].arguments]
             twin = schedule.twins.get(k)
             if twin is None or schedule.piece[twin] != piece:
                 lines.append(f"  const V v{k} = {self._expression(k, operands)};")
@@ -215,18 +225,19 @@ class Emitter:
             if k in schedule.carried:
                 lines.append(f"  w[{schedule.carried[k]}] = v{k};")
             lines += [f"  {place} = v{k};" for place in places.get(k, ())]
+        # Results that no piece computes, such as constants, inputs and sines of the loop, are written at the end.
         at_end = {schedule.n_first - 1: angles, len(schedule.pieces) - 1: results}.get(piece, [])
-        lines += [f"  {place} = each({text(k)});" for k, place in at_end if k not in schedule.piece]
-        return lines
+        at_end = [(k, place) for k, place in at_end if k not in schedule.piece]
+        return lines + [f"  {place} = each({self._operand(k, schedule, piece)});" for k, place in at_end]
 
-    def _operand(self, a: int, schedule: "_Schedule", piece: int, parameters_only: bool) -> str:
+    def _operand(self, a: int, schedule: _Schedule, piece: int) -> str:
         """The C of a value in a statement of a piece."""
         node = self._graph.nodes[a]
         if node.operation == CONSTANT:
             return _literal(node.constant)
-        if parameters_only and node.operation == INPUT:
+        if schedule.parameters_only and node.operation == INPUT:
             return f"p[{node.index}]"
-        if self._hoisted(a) and not parameters_only:
+        if self._hoisted(a) and not schedule.parameters_only:
             return f"c[{self._parameter_values.setdefault(a, len(self._parameter_values))}]"
         if node.operation == INPUT:
             if node.source == BOX:
@@ -249,7 +260,7 @@ class Emitter:
         if node.operation in _CALLS:
             return f"{_CALLS[node.operation]}({', '.join(each)})"
         if node.operation not in _FORMS:
-            raise DeclarationError(f"The compiled engine does not know {operation_name(node.operation)}.")
+            raise DeclarationError(f"The compiled engine does not support {operation_name(node.operation)}.")
         plain = all(constants) or (any(constants) and node.operation in _MASKS)
         return _FORMS[node.operation].format(*(each if plain else arguments))
 

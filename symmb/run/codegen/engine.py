@@ -1,4 +1,4 @@
-"""Ensembles in compiled lanes: steps of W samples in parallel, in blocks on several threads."""
+"""Ensembles in compiled lanes: blocks of samples that share their steps, on several threads."""
 
 import ctypes
 from collections.abc import Callable, Mapping
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from symmb._types import Array
 from symmb.declare.symbolic import called
 from symmb.run.codegen.build import load
+from symmb.run.codegen.c_source import c_fields
 from symmb.run.codegen.contacts import BLAMED, CROWD, EVENT, Contacts
 from symmb.run.codegen.failures import REASONS, FailureCode
 from symmb.run.codegen.model_source import Scheme, source_of
@@ -22,9 +23,9 @@ from symmb.run.schemes import MOST_STEPS
 class Tolerances:
     """Step control by relative and absolute tolerances, with a longest step [s], 0 for no limit.
 
-    The absolute tolerance of a state is `atol` times its `sizes` (n_x,), 1 if left out. With explicit steps it follows
-    the state: it is `growth` times the largest value so far, or the one that a slope leads to in the time `ahead` up to
-    the size, and at least the share `least` of that.
+    The absolute tolerance of a state is `atol` times its size in `sizes` (n_x,), by default 1. With explicit steps it
+    follows the state: it begins with the fraction `least` of this value. It is at least `growth` times the largest
+    value so far, and, up to `atol` times the size, `growth` times the value to which a slope leads in the time `ahead`.
     """
 
     rtol: float
@@ -49,12 +50,12 @@ class FixedStep:
 
 @dataclass(frozen=True, eq=False)
 class StepEnds:
-    """Where steps end besides: at switches of the state, and at switches of time.
+    """Ends of steps at switches of the state, and at switches of time.
 
     Attributes
     ----------
     hysteresis : m numbers         by which each switch of the state must be passed, above its rounding
-    stops : x0, p -> (N, k)        where steps of N samples end in order, infinite behind the last one [s], or None
+    stops : x0, p -> (N, k)        times in order at which steps of N samples end, infinite behind the last one [s]
     """
 
     hysteresis: tuple[float, ...] = ()
@@ -63,16 +64,16 @@ class StepEnds:
 
 @dataclass(frozen=True, eq=False)
 class Lanes:
-    """What an `Engine` runs.
+    """The equations and the method of an `Engine`.
 
     Attributes
     ----------
     f : from `model_function` or `scheme_function`; with a start the engine computes the states at the start
     control : Tolerances or FixedStep
-    scheme : Scheme, optional           without one, steps are those of the pair of Dormand and Prince with tolerances,
-                                        and of the classical Runge-Kutta method with a fixed step
+    scheme : Scheme, optional           an implicit scheme; by default the pair of Dormand and Prince with tolerances,
+                                        or the classical Runge-Kutta method with a fixed step
     ends : StepEnds                     switches, for the pair of Dormand and Prince
-    contacts : Contacts, optional       for the same: samples then have steps of their own
+    contacts : Contacts, optional       for the pair of Dormand and Prince; samples then have steps of their own
     knots : places of tables of time, for single runs; see `TimeSwitches.linear`
     """
 
@@ -85,50 +86,46 @@ class Lanes:
 
 
 _EVENTS = 50
-"""Events of a sample for which there is room at first: with more, the runs are made again."""
+"""Events of a sample for which there is room at first. If a sample has more, the runs are made again."""
 MOST_PASSES = 1000
-"""Passes of switches of a sample that are noted: with more, other solvers end their steps at the first ones only."""
+"""Passes of switches of a sample that are noted. If there are more, other solvers end their steps at the first ones
+only."""
 
 
 _DATA: dict[str, Array] = {}
-"""What libraries read, which stay open: pieces by their names, which tell their values."""
+"""Pieces by their names, which identify their values. Libraries stay open and read these arrays until Python ends."""
 
 
 class _Study(ctypes.Structure):
     """Study of c/block.h."""
 
-    _fields_ = [
-        *((name, ctypes.c_void_p) for name in ("x0", "p", "times")),
-        ("n", ctypes.c_long),
-        ("n_t", ctypes.c_long),
-        ("rtol", ctypes.c_double),
-        ("growth", ctypes.c_double),
-        ("ahead", ctypes.c_double),
-        ("least", ctypes.c_double),
-        ("atol", ctypes.c_void_p),
-        ("longest", ctypes.c_double),
-        ("newton", ctypes.c_double),
-        ("most_steps", ctypes.c_long),
-        ("next_block", ctypes.c_long),
-        *((name, ctypes.c_void_p) for name in ("t_failed", "failure", "x_failed", "Y")),
-        ("stops", ctypes.c_void_p),
-        ("n_stops", ctypes.c_long),
-        ("passes", ctypes.c_void_p),
-        ("most_passes", ctypes.c_long),
-        *((name, ctypes.c_long) for name in ("steps", "iterations", "most")),
-        ("events", ctypes.c_void_p),
-        *((name, ctypes.c_long) for name in ("n_events", "most_events")),
-    ]
+    _fields_ = c_fields(
+        (ctypes.c_void_p, "x0 p times"),
+        (ctypes.c_long, "n n_t"),
+        (ctypes.c_double, "rtol growth ahead"),
+        (ctypes.c_double, "least"),
+        (ctypes.c_void_p, "atol"),
+        (ctypes.c_double, "longest newton"),
+        (ctypes.c_long, "most_steps next_block"),
+        (ctypes.c_void_p, "t_failed failure x_failed Y stops"),
+        (ctypes.c_long, "n_stops"),
+        (ctypes.c_void_p, "passes"),
+        (ctypes.c_long, "most_passes steps iterations most"),
+        (ctypes.c_void_p, "events"),
+        (ctypes.c_long, "n_events most_events"),
+    )
+    arrays: Mapping[str, np.ndarray | None]
+    """The arrays to which the pointers point, so that they live as long as the study."""
 
 
 @dataclass(frozen=True)
 class FailedSamples:
     """Failed samples: t_failed (N,) [s], nan for others, and the failure (N,), an index of `REASONS`.
 
-    The first columns of x_failed (N, ...) are the states where the last steps of failed samples began. `passes` are the
-    first times (N, MOST_PASSES) at which samples pass switches of the state [s], nan behind the last one; None without.
-    `events` (k, 8) are those of contacts, sample after sample and in order of time, see `EVENT`. `faults` are texts
-    about samples that cannot start.
+    The first columns of x_failed (N, ...) are the states at the begin of the last steps of failed samples. `passes` are
+    the first times (N, MOST_PASSES) at which samples pass switches of the state [s], nan behind the last one, or None.
+    `events` (k, 14) are the events of contacts, sample after sample and in order of time, see `EVENT`. `faults` are the
+    reasons why samples cannot start, by their numbers.
     """
 
     t_failed: Array
@@ -146,7 +143,7 @@ class FailedSamples:
         return [self.faults.get(i) or REASONS[code].format(self._blamed(i, code)) for i, code in codes]
 
     def _blamed(self, sample: int, code: int) -> str:
-        """Names of the contacts that let a sample fail."""
+        """Names of the contacts that cause the failure of a sample."""
         if code < FailureCode.IMMOVABLE:
             return ""
         own = self.events[self.events[:, 0] == sample]
@@ -156,8 +153,8 @@ class FailedSamples:
 
 @dataclass(frozen=True)
 class Counts:
-    """Counts of the last call: steps of all blocks, iterations of Newton's method, the most in a step, and choices of
-    independent coordinates.
+    """Counts of the last call: steps of all blocks, iterations of Newton's method, the most iterations in a step, and
+    choices of independent coordinates.
     """
 
     steps: int = 0
@@ -205,33 +202,49 @@ class Engine:
         self._open()
 
     def at(self, times: Array) -> "Engine":
-        """The same engine with other output times (n_t,), which begin and end as its own."""
-        copy = object.__new__(type(self))
+        """The same engine with other output times (n_t,) between the same first and last time."""
+        copy = object.__new__(type(self))  # not copy.copy, whose __setstate__ would open the library again
         vars(copy).update(vars(self))
         copy.times = np.ascontiguousarray(times, dtype=float)
         return copy
 
     def values(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, FailedSamples]:
-        """Outputs of N samples, x0 (N, n_x), p (N, n_p); x0 is (N, 0) if the engine computes the start.
+        """Outputs (N, n_t, n_y) of N samples, nan from the time on at which a sample failed, and the failed samples.
 
-        Returns
-        -------
-        (N, n_t, n_y) array        nan from the time on at which a sample stopped
-        FailedSamples
+        The samples are x0 (N, n_x), or (N, 0) if the engine computes the start, and p (N, n_p).
         """
         Y = np.full((len(p), len(self.times), self.n_y), np.nan)
         return Y, self._run(x0, p, Y, [None] * threads)
 
     def extremes(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, Array, FailedSamples]:
-        """Smallest and largest outputs (n_t, n_y) of the samples that did not fail, and those that did."""
+        """Smallest and largest outputs (n_t, n_y) of the samples that did not fail, and the failed samples."""
         extremes = np.full((threads, 2, len(self.times), self.n_y), np.inf)
         extremes[:, 1] = -np.inf
         failed_samples = self._run(x0, p, None, list(extremes))
         lower, upper = extremes[:, 0].min(axis=0), extremes[:, 1].max(axis=0)
-        return lower + 0.0, upper + 0.0, failed_samples  # -0 and 0 are equal, and their order depends on the threads
+        # -0 and 0 are equal, and which of them is found first depends on the threads. The sum makes both 0.
+        return lower + 0.0, upper + 0.0, failed_samples
+
+    def _study(self, n: int, n_stops: int, most_events: int, arrays: Mapping[str, np.ndarray | None]) -> _Study:
+        """The study of n samples with these arrays."""
+        control = self.control if isinstance(self.control, Tolerances) else Tolerances(0.0, 0.0, self.control.longest)
+        arrays = {**arrays, "times": self.times, "atol": control.absolute(self.n_x)}
+        study = _Study(
+            n=n,
+            n_t=len(self.times),
+            newton=self.newton,
+            most_steps=self.most_steps,
+            n_stops=n_stops,
+            most_passes=MOST_PASSES,
+            most_events=most_events,
+            **{name: getattr(control, name) for name in ("rtol", "growth", "ahead", "least", "longest")},
+            **{name: array.ctypes.data for name, array in arrays.items() if array is not None},
+        )
+        study.arrays = arrays
+        return study
 
     def _run(self, x0: Array, p: Array, Y: Array | None, extremes: list[Array | None]) -> FailedSamples:
-        """Run blocks of W samples, fixed by sample index, on threads. Values go to Y or to extremes of a thread."""
+        """Run the blocks on threads. Values go to Y, or to the extremes of each thread."""
         N, faults, given = len(p), {}, x0
         if self.contacts is not None:
             x0, faults = self.contacts.started(self.times, x0, p)
@@ -243,38 +256,9 @@ class Engine:
         events = np.empty((N * self._room, len(EVENT)))
         failed_samples = FailedSamples(np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.empty((N, self.n_x)), passes)
         stops = None if self.ends.stops is None else np.ascontiguousarray(self.ends.stops(x0, p))
-        control = self.control
-        tolerances, atol = (0.0, 0.0, 0.0, 1.0), np.zeros(self.n_x)
-        if isinstance(control, Tolerances):
-            tolerances = control.rtol, control.growth, control.ahead, control.least
-            atol = control.absolute(self.n_x)
-        study = _Study(
-            x0.ctypes.data,
-            p.ctypes.data,
-            self.times.ctypes.data,
-            N,
-            len(self.times),
-            *tolerances,
-            atol.ctypes.data,
-            control.longest,
-            self.newton,
-            self.most_steps,
-            0,
-            failed_samples.t_failed.ctypes.data,
-            failed_samples.failure.ctypes.data,
-            failed_samples.x_failed.ctypes.data,
-            _address(Y),
-            _address(stops),
-            0 if stops is None else stops.shape[1],
-            _address(passes),
-            MOST_PASSES,
-            0,
-            0,
-            0,
-            events.ctypes.data,
-            0,
-            len(events),
-        )
+        arrays = {"x0": x0, "p": p, "Y": Y, "stops": stops, "events": events}
+        arrays |= {name: getattr(failed_samples, name) for name in ("t_failed", "failure", "x_failed", "passes")}
+        study = self._study(N, 0 if stops is None else stops.shape[1], len(events), arrays)
 
         def work(part: Array | None) -> bool:
             lower, upper = (None, None) if part is None else (a.ctypes.data for a in part)
@@ -282,7 +266,7 @@ class Engine:
 
         if not all(side_by_side(work, extremes[: max(1, -(-N // self.width))])):
             raise MemoryError("not enough memory for the compiled engine")
-        if study.n_events > len(events):
+        if study.n_events > len(events):  # the runs are the same again, so that this room is enough
             self._room = study.n_events // N + 1
             return self._run(given, p, Y, extremes)
         self.counts = Counts(study.steps, study.iterations, study.most)
@@ -291,7 +275,3 @@ class Engine:
         events = events[: study.n_events]
         events = events[np.argsort(events[:, 0], kind="stable")]
         return replace(failed_samples, events=events, contacts=self.contacts.names, faults=faults)
-
-
-def _address(a: Array | None) -> int | None:
-    return None if a is None else a.ctypes.data

@@ -7,11 +7,11 @@ import casadi as ca
 
 from symmb.declare.symbolic import Entry, Pieces, interpret
 
-CONSTANT, INPUT, SEARCH, ENTRY = -1, -2, -3, -4
-"""Operations of a Node beside CasADi's, whose numbers are not negative: a SEARCH finds the row of pieces, an ENTRY is
-the number in column `index` of that row."""
+CONSTANT, INPUT, SEARCH, ENTRY = range(-1, -5, -1)
+"""Operations of a Node besides those of CasADi, whose numbers are not negative. A SEARCH finds the row of pieces, and
+an ENTRY is the number in column `index` of this row."""
 BOX = 3
-"""Number of the input that stands in the place of x for functions of a box of states, see `ranges_along`."""
+"""Number of the input that functions of a box of states have instead of x, see `ranges_along`."""
 
 
 @dataclass(frozen=True)
@@ -45,11 +45,9 @@ class Graph:
         return self._add(("input", number, index), Node(INPUT, source=number, index=index, depends=frozenset([number])))
 
     def operation(self, code: int | Entry, arguments: tuple[int, ...]) -> int:
-        """The node of an operation on nodes, or of an entry of pieces; the existing one if there is one.
-
-        Divisions become products with reciprocals: denominators occur several times, those of parameters are computed
-        before the run, and a vector division takes as long as twenty products.
-        """
+        """The node of an operation on nodes, or of an entry of pieces. The same operation is the same node."""
+        # A vector division takes as long as twenty products. As a product with a reciprocal, denominators that occur
+        # several times are inverted once, and those of parameters before the run.
         if code == ca.OP_DIV:
             code, arguments = ca.OP_MUL, (arguments[0], self.operation(ca.OP_INV, arguments[1:]))
         if code in (ca.OP_ADD, ca.OP_MUL):
@@ -65,7 +63,7 @@ class Graph:
         return self._add((code, *arguments), Node(code, arguments, depends=depends))
 
     def needed(self, outputs: Iterable[int], is_given: Callable[[int], bool] = lambda k: False) -> set[int]:
-        """Nodes and all nodes on which they depend, without those on which only given ones do."""
+        """Nodes and all nodes on which they depend. Nodes on which only given nodes depend are left out."""
         needed: set[int] = set()
         pending = list(outputs)
         while pending:
@@ -85,25 +83,6 @@ class Graph:
             self._known[key] = len(self.nodes)
             self.nodes.append(node)
         return self._known[key]
-
-
-class Places:
-    """Numbers of places for values, which are used again as soon as they are free."""
-
-    def __init__(self, count: int = 0) -> None:
-        self.count = count  # of all places so far
-        self._free: list[int] = []
-
-    def take(self) -> int:
-        """A free place."""
-        if self._free:
-            return self._free.pop()
-        self.count += 1
-        return self.count - 1
-
-    def release(self, places: Iterable[int]) -> None:
-        """Places whose values are no longer needed."""
-        self._free += places
 
 
 def graph_of(f: ca.Function) -> Graph:

@@ -17,7 +17,8 @@ from symmb.run.codegen.failures import FailureCode
 from symmb.run.codegen.graph import BOX, INPUT, Graph, graph_of
 
 CACHED_STATES = 32
-"""States whose slopes fit into a first-level cache of 32 kB: 16 slopes of 8 lanes. tests/benchmarks/ensemble.py"""
+"""Number of states whose slopes fit into a first-level cache of 32 kB: 16 slopes of 8 lanes.
+tests/benchmarks/ensemble.py"""
 
 
 @dataclass(frozen=True)
@@ -26,9 +27,9 @@ class Scheme:
 
     Attributes
     ----------
-    n_w, n_z : int         numbers in the history and of unknowns
+    n_w, n_z : int         sizes of the history and of the unknowns
     order : int
-    growth : float         largest ratio of a step to the one before
+    growth : float         largest ratio of a step to the previous step
     newton : float         largest change of unknowns, over their sizes, at which Newton's method ends
     """
 
@@ -58,10 +59,10 @@ def model_function(
     ----------
     x, p, t : SX symbols                state (n_x,), parameters (n_p,), time [s]
     rates, outputs, projected : SX      x' (n_x,), outputs (n_y,), and x on the constraints or None
-    start : unknowns u, Newton's step of them, and x (n_x,) at the start as a function of them; without it the caller
-        gives the states at the start
+    start : unknowns u, their step of Newton's method, and x (n_x,) at the start as a function of them; without a start
+        the caller gives the states at the start
     switches : SX                       switches of the state and their rates (2 m,); their sides are the last of p
-    ranged : SX                         switches (m,) of which bounds are taken, if not all of them
+    ranged : SX                         expressions (m,) whose bounds replace those of the switches, if given
     times : SX                          values at time 0 and slopes of linear switches of time, for single runs
     contacts : mapping                  the functions of c/impacts.h
     """
@@ -103,7 +104,7 @@ def scheme_function(
     parts = {"history": history, "guess": guess, "correct": correct, "follow": follow, "outputs": outputs}
     if projected is not None:
         parts["project"] = whole(projected)
-    if start is not None:  # nothing has been written yet to the rest of x
+    if start is not None:  # the step length and the unknowns are not known yet: they begin as 0
         start = (*start[:2], ca.vertcat(start[2], ca.SX(x.numel() - start[2].numel(), 1)))
     return _function(parts, x, p, t, ca.SX(0, 1), start)
 
@@ -111,7 +112,8 @@ def scheme_function(
 def _function(
     parts: dict[str, ca.SX], x: ca.SX, p: ca.SX, t: ca.SX, box: ca.SX, start: tuple[ca.SX, ca.SX, ca.SX] | None
 ) -> ca.Function:
-    """(x, p, t, box) -> parts, with newton and start of a start, whose unknowns stand in the place of the box."""
+    """(x, p, t, box) -> parts, with newton and start if a start is given."""
+    # All functions have the same inputs. No function has a box and unknowns, so that both stand at the same place.
     if start is not None:
         u, *of_u = start
         box = ca.vertcat(box, ca.SX.sym("u", max(0, u.numel() - box.numel())))
@@ -128,28 +130,23 @@ def source_of(
     contacts: Contacts | None = None,
     one_run: bool = False,
 ) -> str:
-    """The C of an ensemble of f. That of a large model is kept in the cache, because its generation takes seconds.
+    """The C of an ensemble of f. The source of a large model is cached, because its generation takes seconds.
 
     Parameters
     ----------
     f : ca.Function            from `model_function` or `scheme_function`
-    fixed : bool               whether steps are fixed, of an explicit method
-    scheme : Scheme or None    of a `scheme_function`
+    fixed : bool               whether an explicit method has fixed steps
+    scheme : Scheme or None    the scheme of a `scheme_function`
     hysteresis : (m,)          by which each switch must be passed: a number above its rounding
-    contacts : Contacts        whose gaps and margins are the last switches
-    one_run : bool             for single runs of one lane, which c/one_run.h makes, with the data of pieces
+    contacts : Contacts        contacts whose gaps and margins are the last switches
+    one_run : bool             whether the source is for single runs of one lane by c/one_run.h, with the data of pieces
     """
 
-    def write() -> str:
-        if scheme:
-            return _scheme_source(f, scheme, one_run)
-        return _explicit_source(f, fixed, hysteresis, contacts, one_run)
-
+    write = functools.partial(_ensemble_source, f, fixed, scheme, hysteresis, contacts, one_run)
     if f.n_instructions() < LARGE_MODEL:
         return write()
-    key = hashlib.sha256(
-        "\0".join([f.serialize(), repr((fixed, scheme, hysteresis, contacts, one_run)), _generator()]).encode()
-    ).hexdigest()[:32]
+    described = [f.serialize(), repr((fixed, scheme, hysteresis, contacts, one_run)), _generator()]
+    key = hashlib.sha256("\0".join(described).encode()).hexdigest()[:32]
     path = cache.find(key, ".c")
     if path is not None:
         return path.read_text(encoding="utf-8")
@@ -165,33 +162,26 @@ def _generator() -> str:
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
-def _explicit_source(
-    f: ca.Function, fixed: bool, hysteresis: Sequence[float], contacts: Contacts | None, one_run: bool
-) -> str:
-    graph = graph_of(f)
-    nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
+def _explicit_steps(
+    graph: Graph, nodes: dict[str, list[int]], fixed: bool, hysteresis: Sequence[float]
+) -> tuple[list[int], dict[str, float], list[str]]:
+    """Places of the states, sizes, and the C of the steps of an explicit method. Nodes become those of its order."""
     order, n_own = _state_order(graph, nodes["rates"])
     place = [order.index(i) for i in range(len(order))]
     nodes["rates"] = [nodes["rates"][i] for i in order[:n_own]]
     for name in nodes.keys() & {"project", "start", "held"}:
         nodes[name] = [nodes[name][i] for i in order]
-    if hysteresis:  # most evaluations need no rates
+    if hysteresis:  # two functions, because most evaluations of switches need no rates
         both, m = nodes["switches"], len(hysteresis)
         nodes |= {"switches": both[:m], "changes": both[m:]}
     stages = tableau.CLASSICAL_STAGES if fixed else tableau.PAIR_STAGES
-    sizes = {"N_OWN": n_own, "N_K": stages * n_own}
-    if fixed:
-        steps = [tableau.classical(), c_source("fixed_step")]
-    else:
-        steps = [tableau.pair(), c_source("embedded_pair")]
-    return _ensemble_source(graph, nodes, place, f.numel_in(1), sizes, steps, hysteresis, contacts, one_run)
+    steps = [tableau.classical(), c_source("fixed_step")] if fixed else [tableau.pair(), c_source("embedded_pair")]
+    return place, {"N_OWN": n_own, "N_K": stages * n_own}, steps
 
 
-def _scheme_source(f: ca.Function, scheme: Scheme, one_run: bool) -> str:
-    graph = graph_of(f)
-    nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
+def _scheme_sizes(nodes: Mapping[str, list[int]], scheme: Scheme) -> dict[str, float]:
     n_w, n_z = scheme.n_w, scheme.n_z
-    sizes = {
+    return {
         "N_OWN": 0,
         "N_W": n_w,
         "N_Z": n_z,
@@ -201,80 +191,77 @@ def _scheme_source(f: ca.Function, scheme: Scheme, one_run: bool) -> str:
         "ORDER": scheme.order,
         "GROWTH": scheme.growth,
     }
-    steps = [c_source("implicit_step")]
-    places = list(range(f.numel_in(0)))
-    return _ensemble_source(graph, nodes, places, f.numel_in(1), sizes, steps, one_run=one_run)
 
 
 def _ensemble_source(
-    graph: Graph,
-    nodes: Mapping[str, list[int]],
-    place: list[int],
-    n_p: int,
-    sizes: Mapping[str, float],
-    steps: Sequence[str],
-    hysteresis: Sequence[float] = (),
-    contacts: Contacts | None = None,
-    one_run: bool = False,
+    f: ca.Function,
+    fixed: bool,
+    scheme: Scheme | None,
+    hysteresis: Sequence[float],
+    contacts: Contacts | None,
+    one_run: bool,
 ) -> str:
     """The C of an ensemble: the functions of a model, each of some nodes of the graph, and the files for its steps."""
+    graph = graph_of(f)
+    nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
+    if scheme:
+        place, own_sizes, steps = list(range(f.numel_in(0))), _scheme_sizes(nodes, scheme), [c_source("implicit_step")]
+    else:
+        place, own_sizes, steps = _explicit_steps(graph, nodes, fixed, hysteresis)
     emitter = Emitter(graph, place)
-    for name, values in nodes.items():
-        emitter.function(name, values)
-    parts, functions, n_c = emitter.source()
-    explicit = "rates" in nodes
-    used = emitter.used(nodes["outputs"]) if explicit else []
-    if hysteresis or (one_run and explicit):
-        used = list(range(len(place)))  # steps may end anywhere
-    ranged = sorted({i % len(place) for i in emitter.inputs(nodes.get("bounds", ()), BOX) if i < 4 * len(place)})
+    parts, functions, n_c = emitter.source(nodes)
+    lists = _state_lists(emitter, nodes, place, bool(hysteresis) or one_run)
     sizes = {
         "N_PARTS": len(parts),
         "N_X": len(place),
-        "N_P": n_p,
+        "N_P": f.numel_in(1),
         "N_C": n_c,
         "N_CARRIED": emitter.n_carried,
         "N_Y": len(nodes["outputs"]),
-        "N_USED": len(used),
+        "N_USED": len(lists["used"]),
         "PROJECTED": int("project" in nodes),
         "N_S": len(hysteresis),
         "N_G": 0,
         "N_I": 0,
         "N_E": 0,
-        "N_RANGED": len(ranged),
+        "N_RANGED": len(lists["ranged"]),
         "STARTED": int("start" in nodes),
         "N_U": len(nodes.get("newton", ())),
         "LARGE": int(len(graph.nodes) > LARGE_MODEL),
-        **sizes,
+        **own_sizes,
         **({"WIDTH": 1} if one_run else {}),
     }
-    lists: dict[str, Sequence[int]] = {"place": place, "used": used, "ranged": ranged}
     numbers = {"hysteresis": hysteresis}
     if contacts is not None:
         sizes |= _sizes_of(contacts)
         lists |= {"contact_state": contacts.closed, **contacts.joints}
         numbers["displacement"] = contacts.displacements
-    return "\n".join(
-        [
-            *(f"#define {name} {value}" for name, value in sizes.items()),
-            f"enum {{ {', '.join(FailureCode.__members__)} }};",
-            c_source("lanes"),
-            *(_constants("int", name, map(str, v or [0])) for name, v in lists.items()),
-            *(f"extern const double *{name};" for name in graph.pieces),
-            *(_constants("double", name, map(repr, v or [0.0])) for name, v in numbers.items()),
-            *(f"{_only_in(k)}\n{part}\n#endif" for k, part in enumerate(parts)),
-            _only_in(0),
-            *(_pieces(name, pieces if one_run else None) for name, pieces in graph.pieces.items()),
-            functions,
-            c_source("block", "projection", "switches", "impacts"),
-            *steps,
-            c_source(*(["begin"] if one_run else ["begin", "ensemble"])),
-            "#endif",
-        ]
-    )
+    lines = [f"#define {name} {value}" for name, value in sizes.items()]
+    lines += [f"enum {{ {', '.join(FailureCode.__members__)} }};", c_source("lanes")]
+    lines += [_constants("int", name, map(str, v or [0])) for name, v in lists.items()]
+    lines += [f"extern const double *{name};" for name in graph.pieces]
+    lines += [_constants("double", name, map(repr, v or [0.0])) for name, v in numbers.items()]
+    lines += [f"{_only_in(k)}\n{part}\n#endif" for k, part in enumerate(parts)]
+    # The steps are compiled with the first part only: the parts of a large model are objects of one library.
+    lines += [_only_in(0), *(_pieces(name, pieces if one_run else None) for name, pieces in graph.pieces.items())]
+    lines += [functions, c_source("block", "projection", "switches", "impacts"), *steps, c_source("begin")]
+    return "\n".join([*lines, *([] if one_run else [c_source("ensemble")]), "#endif"])
+
+
+def _state_lists(
+    emitter: Emitter, nodes: Mapping[str, list[int]], place: list[int], ends_anywhere: bool
+) -> dict[str, Sequence[int]]:
+    """Places of states: of all states, of those that are interpolated, and of those on which bounds depend."""
+    explicit, n_x = "rates" in nodes, len(place)
+    # Outputs need few states. Where steps end is known for all of them, or not at all.
+    of_outputs = range(n_x) if ends_anywhere else sorted(place[i] for i in emitter.inputs(nodes["outputs"], 0))
+    used = list(of_outputs) if explicit else []
+    box = emitter.inputs(nodes.get("bounds", ()), BOX)
+    return {"place": place, "used": used, "ranged": sorted({i % n_x for i in box if i < 4 * n_x})}
 
 
 def _sizes_of(contacts: Contacts) -> dict[str, float]:
-    """What c/impacts.h asks of contacts: numbers of gaps, states and rows, and the scales of their impulses."""
+    """Sizes for c/impacts.h: numbers of gaps, states and rows, and the scales of impulses."""
     return {
         "N_G": len(contacts.names),
         "N_Q": contacts.n_q,
@@ -296,22 +283,20 @@ def _constants(kind: str, name: str, texts: Iterable[str]) -> str:
 
 
 def _pieces(name: str, pieces: Pieces | None) -> str:
-    """The definition of pieces, with their data or without."""
+    """The definition of pieces in C, with their data if pieces are given."""
     if pieces is None:
         return f"const double *{name}; /* set when the library is opened */"
     return f"const double *{name} = (const double[]){{{', '.join(map(repr, pieces.data.ravel().tolist()))}}};"
 
 
 def _only_in(part: int) -> str:
-    """The line before what only a part of a model contains, if it is compiled in parts."""
+    """The line before the C of one part, if a model is compiled in parts."""
     return f"#if !defined(PART) || PART == {part}"
 
 
 def _state_order(graph: Graph, rates: list[int]) -> tuple[list[int], int]:
-    """States in the order of `tableau`, and the number of those with slopes of their own, all in a small model.
-
-    Fewer slopes mean longer sums. This is faster only if the slopes do not fit into the first-level cache.
-    """
+    """States in the order of `tableau`, and the number of states with slopes of their own."""
+    # Fewer slopes need longer sums, which is faster only if the slopes do not fit into the first-level cache.
     if len(rates) <= CACHED_STATES:
         return list(range(len(rates))), len(rates)
     integral: dict[int, int] = {}

@@ -1,4 +1,4 @@
-"""The C source of single runs of a scene, which needs neither symmb nor CasADi. c/scene.h tells what it can do."""
+"""The C source of single runs of a scene, which needs neither symmb nor CasADi. c/scene.h lists its functions."""
 
 import re
 from collections.abc import Sequence
@@ -16,19 +16,19 @@ from symmb.run.schemes import MOST_STEPS
 
 @dataclass(frozen=True, eq=False)
 class SceneSource:
-    """What a C program knows about a scene.
+    """The data of a scene for a C program.
 
     Attributes
     ----------
     lanes : Lanes              compiled with its start, and for runs without Python
-    n_x : int                  states, with which those of the lanes begin
-    nominal : (n_p,) array     parameters, with inputs behind them
+    n_x : int                  number of states of the scene, which are the first states of the lanes
+    nominal : (n_p,) array     nominal parameters, and inputs behind them
     n_inputs : int
-    names : tuple of str       of these, and of the outputs
-    times : (n_t,) array       of the scene [s]
-    has_rates : bool           whether the states may be integrated elsewhere
+    names : tuple of str       names of parameters, inputs and outputs
+    times : (n_t,) array       times of the scene [s]
+    has_rates : bool           whether other programs may integrate the states
     stops : (k,) array         times at which steps end [s]
-    token : str                of this scene alone
+    token : str                a text that identifies this scene
     """
 
     lanes: Lanes
@@ -49,7 +49,7 @@ class SceneSource:
 
 def scene_source(scene: SceneSource) -> dict[str, str]:
     """The files scene.h and scene.c, by their names."""
-    lanes, control = scene.lanes, scene.lanes.control
+    lanes = scene.lanes
     sizes = {
         "N_P": len(scene.nominal),
         "N_INPUTS": scene.n_inputs,
@@ -63,13 +63,12 @@ def scene_source(scene: SceneSource) -> dict[str, str]:
     header = (C_FOLDER / "scene.h").read_text(encoding="utf-8")
     for name, value in sizes.items():
         header = re.sub(rf"^(#define SCENE_{name}) \S+", lambda line, v=value: f"{line[1]} {v}", header, flags=re.M)
-    n_x = lanes.f.numel_in("x")
-    controlled = isinstance(control, Tolerances)
+    control = lanes.control if isinstance(lanes.control, Tolerances) else Tolerances(0.0, 0.0, lanes.control.longest)
     numbers = {
-        "RTOL": control.rtol if controlled else 0.0,
-        "ATOL_GROWTH": control.growth if controlled else 0.0,
-        "ATOL_AHEAD": control.ahead if controlled else 0.0,
-        "ATOL_LEAST": control.least if controlled else 1.0,
+        "RTOL": control.rtol,
+        "ATOL_GROWTH": control.growth,
+        "ATOL_AHEAD": control.ahead,
+        "ATOL_LEAST": control.least,
         "LONGEST": control.longest,
         "NEWTON_CHANGE": lanes.scheme.newton if lanes.scheme else 0.0,
         "STEPS_AT_MOST": MOST_STEPS,
@@ -79,8 +78,10 @@ def scene_source(scene: SceneSource) -> dict[str, str]:
     knots, n_knots = np.concatenate([np.empty(0), *lanes.knots]), [len(places) for places in lanes.knots]
     n_knots = [0] * (int(numbers["N_TIMES"]) - len(n_knots)) + n_knots
     numbers["STOPS_AT_MOST"] = len(scene.stops) + len(knots) + n_knots.count(0)
-    atol = control.absolute(n_x) if controlled else np.zeros(n_x)
-    faults = ["the start could not be solved for", *(reason.format("of the scene") for reason in REASONS)]
+    atol = control.absolute(lanes.f.numel_in("x"))
+    # A program does not know the names of contacts.
+    reasons = (reason.replace("Impact {}", "an impact").replace("of {}", "of the scene") for reason in REASONS)
+    faults = ["the start could not be solved for", *(reason.replace(" {}", "") for reason in reasons)]
     source = [
         source_of(lanes.f, False, lanes.scheme, lanes.ends.hysteresis, lanes.contacts, one_run=True),
         '#include "scene.h"',
@@ -96,16 +97,13 @@ def scene_source(scene: SceneSource) -> dict[str, str]:
 
 
 def _list(values: Sequence[float] | Sequence[str] | Array) -> str:
-    """Numbers or texts as a list in C, which has no empty ones."""
+    """Numbers or texts as a list in C. An empty list becomes a single 0, because C has no empty lists."""
     texts = [quoted(value) if isinstance(value, str) else repr(float(value)) for value in values]
     return f"{{{', '.join(texts or ['0.0'])}}}"
 
 
 def quoted(text: str) -> str:
     """A text as a C string."""
-    escaped = "".join(c if c.isascii() and c.isprintable() and c not in '"\\\\?' else _octal(c) for c in text)
-    return f'"{escaped}"'
-
-
-def _octal(character: str) -> str:
-    return "".join(f"\\{byte:03o}" for byte in character.encode())
+    # Octal escapes end after three digits. Hexadecimal ones would go on into the text; ?? begins a trigraph.
+    plain = {*range(32, 127)} - {*b'"\\?'}
+    return '"' + "".join(chr(byte) if byte in plain else f"\\{byte:03o}" for byte in text.encode()) + '"'

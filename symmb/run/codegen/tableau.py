@@ -1,9 +1,9 @@
 """C of the sums over slopes in a step, from the tableau of the method.
 
-Slopes k are stored for the first N_OWN states v. The last N_X - N_OWN states x are the integrals of the first of these,
-x' = v, mostly positions. The slope of x in stage s is the v of that stage, v + h sum_j a_sj k_j, so that x is summed
-from the slopes of v with the weights A A, as Nystrom did for second-order equations (Hairer, Norsett, Wanner 1993,
-section II.14): half the slopes are computed, stored and loaded.
+Slopes k are stored for the first N_OWN states v. The last N_X - N_OWN states x are the integrals of the first states v,
+x' = v, and are mostly positions. The slope of x in stage s is the v of this stage, v + h sum_j a_sj k_j. So x is summed
+from the slopes of v with the weights A A, as in Nystrom's methods for second-order equations (Hairer, Norsett, Wanner
+1993, section II.14). Half the slopes are computed, stored and loaded.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,8 +13,6 @@ from symmb.run.schemes import ROUNDED_STEP, STEP_CONTROL, dop853, runge_kutta
 Weights = Mapping[int, float]
 
 CLASSICAL_STAGES = len(runge_kutta.A)
-PAIR_STAGES = 14
-"""Slopes 12 and 13 replace 1 and 2, which are no longer needed; 14 and 15 take two more places."""
 
 
 def classical() -> str:
@@ -90,12 +88,12 @@ def _each_part(lines: Iterable[str]) -> list[str]:
     return ["  EACH_PART(b) {", "    V *k = a->k;", *(f"    {line}" for line in lines), "  }"]
 
 
-def _advance(to: str, weights: Weights, share: float, A: Sequence[Weights]) -> list[str]:
-    """States after a share of the step."""
+def _advance(to: str, weights: Weights, fraction: float, A: Sequence[Weights]) -> list[str]:
+    """Statements that write the states after a fraction of the step to `to`."""
     return [
         "for (int m = 0; m < N_X - N_OWN; ++m) {",
         f"  const V once = {_sum(weights)}, twice = {_sum(_through(weights, A))};",
-        f"  a->{to}[N_OWN + m] = a->x[N_OWN + m] + {share!r} * h * a->x[m] + h * h * twice;",
+        f"  a->{to}[N_OWN + m] = a->x[N_OWN + m] + {fraction!r} * h * a->x[m] + h * h * twice;",
         f"  a->{to}[m] = a->x[m] + h * once;",
         "}",
         f"for (int m = N_X - N_OWN; m < N_OWN; ++m) a->{to}[m] = a->x[m] + h * ({_sum(weights)});",
@@ -103,7 +101,7 @@ def _advance(to: str, weights: Weights, share: float, A: Sequence[Weights]) -> l
 
 
 def _through(weights: Weights, A: Sequence[Weights]) -> Weights:
-    """Weights of the slopes in a weighted sum of stages."""
+    """Weights of the slopes in a weighted sum of the velocities of stages."""
     total: dict[int, float] = {}
     for stage, weight in weights.items():
         for j, a in A[stage].items():
@@ -112,7 +110,7 @@ def _through(weights: Weights, A: Sequence[Weights]) -> Weights:
 
 
 def _sum(weights: Weights) -> str:
-    """Two sums, because each addition waits for the one before."""
+    """A weighted sum of slopes in C, as two sums, because each addition waits for the previous one."""
     terms = [f"{value!r} * k[{_place(j)} * N_OWN + m]" for j, value in weights.items()]
     if len(terms) < 5:
         return " + ".join(terms) or "zero()"
@@ -121,5 +119,9 @@ def _sum(weights: Weights) -> str:
 
 
 def _place(stage: int) -> int:
-    """Place of a slope in k."""
+    """Place of a slope in k. Slopes 12 and 13 replace 1 and 2, which are no longer needed; 14 and 15 follow 11."""
     return {12: 1, 13: 2, 14: 12, 15: 13}.get(stage, stage)
+
+
+PAIR_STAGES = len({_place(stage) for stage in range(len(dop853.A))})
+"""Number of places in k for the slopes of the pair."""

@@ -15,10 +15,8 @@ R = TypeVar("R")
 
 
 def cores() -> int:
-    """Processors that this process may run on, at most as many as threads can be started, which a user may limit.
-
-    CasADi would end Python at a thread that cannot be started.
-    """
+    """Number of processors for this process, limited to the number of threads that the system lets it start."""
+    # The limit is tried, because CasADi ends Python if a thread cannot be started.
     count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     end, threads = Event(), list[Thread]()
     try:
@@ -35,7 +33,7 @@ def cores() -> int:
 
 
 def side_by_side(work: Callable[[A], R], arguments: Sequence[A]) -> list[R]:
-    """Results for all arguments. The first is computed in this thread, as are those for which no thread can start."""
+    """Results for all arguments. This thread computes the first one, and those for which no thread can be started."""
     first, *others = arguments
     if not others:
         return [work(first)]
@@ -46,7 +44,7 @@ def side_by_side(work: Callable[[A], R], arguments: Sequence[A]) -> list[R]:
 
 
 def _started(pool: ThreadPoolExecutor, work: Callable[[A], R], arguments: Sequence[A]) -> list["Future[R]"]:
-    """Work on threads, for as many arguments as threads can be started."""
+    """Work on threads, one for each of the first arguments, until no thread can be started."""
     running: list[Future[R]] = []
     with suppress(RuntimeError):
         for argument in arguments:
@@ -57,14 +55,13 @@ def _started(pool: ThreadPoolExecutor, work: Callable[[A], R], arguments: Sequen
 def on_threads(work: Callable[[ctypes.c_long], object], n: int, seconds: float) -> None:
     """Call `work` once on each of several threads, with a common counter of n small pieces of work.
 
-    An interrupt moves the counter to the end, so that threads take no more pieces. Work that takes a moment, as its
-    seconds in one thread tell, is done in this thread.
+    Short work, with its expected seconds in one thread, is done in this thread.
     """
     counter = ctypes.c_long(0)
-    if seconds <= _MOMENT:
+    if seconds <= 0.1:  # an interrupt, which Python handles between calls of C only, may wait as long as this
         work(counter)
         return
-    count = max(1, min(cores(), n // _FEWEST))
+    count = max(1, min(cores(), n // 128))  # fewer pieces take less time than the start of a thread
     with ThreadPoolExecutor(count) as pool:
         try:
             running = _started(pool, work, [counter] * count)
@@ -73,12 +70,8 @@ def on_threads(work: Callable[[ctypes.c_long], object], n: int, seconds: float) 
             if not running:
                 work(counter)
         except BaseException:
-            counter.value = _STOPPED
+            counter.value = _STOPPED  # threads take no more pieces, so that the pool can be left at once
             raise
 
 
-_FEWEST = 128
-"""Pieces of work for each additional thread: fewer take less time than the start of a thread."""
-_MOMENT = 0.1
-"""Seconds for which an interrupt may wait."""
 _STOPPED = int(c_number("polynomial_ranges", "STOPPED"))

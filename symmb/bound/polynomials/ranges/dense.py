@@ -8,51 +8,45 @@ import numpy as np
 from symmb._limits import windows
 from symmb._types import Array
 from symmb.bound.polynomials.legendre import MultiIndices
-from symmb.run.codegen import c_number, c_source, load, on_threads
+from symmb.run.codegen import c_fields, c_number, c_source, load, on_threads
 
-MOST_PARAMETERS = 3
-"""Parameters up to which the grid is small enough: its size grows with their power. DIRECTIONS of the C."""
-HIGHEST_DEGREE = int(c_number("dense_search", "ORDERS")) - 1
-_SAMPLES_PER_DEGREE = 4
-"""Samples for each degree: enough to start from the deepest of several valleys, unless others are nearly as deep."""
-_FEWEST_SAMPLES = 12
-"""Least number of intervals between samples: low degrees cost nothing."""
+MOST_PARAMETERS = int(c_number("dense_search", "DIRECTIONS"))
+HIGHEST_DEGREE = int(c_number("dense_search", "HIGHEST_DEGREE"))
+SAMPLES_PER_DEGREE = 4
+"""Samples for each degree along a parameter: enough to find the deepest of several valleys, unless others are nearly as
+deep."""
 _WAVY_DEGREE = 8
 """Degree above which the valleys along a parameter may all be alike. This parameter gets twice as many samples, and
 Newton's method starts in each of `_PIECES` pieces. tests/polynomials/test_ranges.py"""
-_SECONDS_PER_COEFFICIENT = 2e-7
-"""Time that a coefficient takes, at most: that of one parameter at the highest degree."""
 _PIECES = int(c_number("dense_search", "PIECES"))
 
 
 class _Grid(ctypes.Structure):
     """Grid of c/dense_search.h."""
 
-    _fields_ = [
-        ("n", ctypes.c_long * MOST_PARAMETERS),
-        ("K", ctypes.c_long * MOST_PARAMETERS),
-        ("x", ctypes.c_void_p * MOST_PARAMETERS),
-        ("values", ctypes.c_void_p * MOST_PARAMETERS),
-        ("single", ctypes.c_void_p * MOST_PARAMETERS),
-        ("factors", ctypes.c_void_p),
-        ("rows", ctypes.c_void_p),
-        ("pieces", ctypes.c_long),
-        ("reach", ctypes.c_double),
-    ]
+    _fields_ = c_fields(
+        (ctypes.c_long * MOST_PARAMETERS, "n K"),
+        (ctypes.c_void_p * MOST_PARAMETERS, "x values single"),
+        (ctypes.c_void_p, "factors rows"),
+        (ctypes.c_long, "pieces"),
+        (ctypes.c_double, "reach"),
+    )
 
 
 def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Array, Array]:
     """Attained minima and maxima (m,), and their points (m, d), of polynomials on a full tensor of degrees.
 
-    `alpha` (n_b, d) are all multi-indices up to some degrees, in any order, and `coefficients` (n_b, m) Legendre's.
+    `alpha` (n_b, d) are all multi-indices up to some degrees, in any order. `coefficients` (n_b, m) are those of
+    Legendre polynomials.
     """
     d, m = alpha.shape[1], coefficients.shape[1]
     degrees = alpha.max(axis=0)
+    # The highest degree is last: sums along the last parameter are the innermost loop of the C.
     order = np.argsort(degrees, kind="stable")
     rows = np.ascontiguousarray(np.lexsort(alpha[:, order[::-1]].T), dtype=np.int32)
     wavy = degrees.max() > _WAVY_DEGREE
-    per_degree = [_SAMPLES_PER_DEGREE] * (d - 1) + [2 * _SAMPLES_PER_DEGREE if wavy else _SAMPLES_PER_DEGREE]
-    tables = [_samples(1, _SAMPLES_PER_DEGREE)] * (MOST_PARAMETERS - d)
+    per_degree = [SAMPLES_PER_DEGREE] * (d - 1) + [2 * SAMPLES_PER_DEGREE if wavy else SAMPLES_PER_DEGREE]
+    tables = [_samples(1, SAMPLES_PER_DEGREE)] * (MOST_PARAMETERS - d)
     tables += [_samples(int(degrees[k]) + 1, s) for k, s in zip(order, per_degree, strict=True)]
     grid = _Grid(pieces=_PIECES if wavy else 1, reach=_reach(per_degree))
     for k, (x, values, single) in enumerate(tables):
@@ -60,7 +54,7 @@ def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Arr
         grid.x[k], grid.values[k], grid.single[k] = x.ctypes.data, values.ctypes.data, single.ctypes.data
     grid.factors, grid.rows = _FACTORS.ctypes.data, rows.ctypes.data
     extremes, places = np.empty((2, m)), np.empty((2, m, d))
-    for window in windows(m, 8):  # as many numbers for each polynomial beside its coefficients
+    for window in windows(m, 8):  # 8 numbers for each polynomial beside its coefficients
         extremes[:, window], points = _searched(grid, coefficients[:, window])
         places[:, window, order] = points[:, MOST_PARAMETERS - d :].swapaxes(1, 2)
     return extremes[0], extremes[1], places[0], places[1]
@@ -77,25 +71,23 @@ def _searched(grid: _Grid, coefficients: Array) -> tuple[Array, Array]:
         if not library.dense(ctypes.byref(grid), ctypes.byref(next_polynomial), ctypes.c_long(m), *pointers):
             raise MemoryError("not enough memory to search ranges")
 
-    on_threads(work, m, _SECONDS_PER_COEFFICIENT * C.size)
+    on_threads(work, m, 2e-7 * C.size)  # at most, [s]: the time of one parameter at the highest degree
     return extremes, points
 
 
 def _reach(per_degree: list[int]) -> float:
-    """Share of the range by which an extreme may go beyond the nearest sample.
-
-    A polynomial of degrees n_i is one of angles, x_i = cos(theta_i), whose second derivative along v is at most
-    (sum n_i |v_i|)^2 times its size (Bernstein). The range is at most 1 / prod cos(h_i) times that of samples that are
-    2 h_i / n_i apart (Ehlich and Zeller 1964).
-    """
+    """Fraction of the range by which an extreme may go beyond the nearest sample."""
+    # With x_i = cos(theta_i), a polynomial of degrees n_i is trigonometric in the angles. Its second derivative along v
+    # is at most (sum n_i |v_i|)^2 times its size (Bernstein). The range is at most 1 / prod cos(h_i) times the range of
+    # samples at distances of 2 h_i / n_i (Ehlich and Zeller 1964).
     h = np.pi / 2 / np.array(per_degree)
     return float(h.sum() ** 2 / 4 / np.cos(h).prod())
 
 
 @cache
 def _samples(n: int, per_degree: int) -> tuple[Array, Array, np.ndarray]:
-    """Samples of one parameter and the n Legendre polynomials there, also in single precision."""
-    intervals = max(per_degree * (n - 1), _FEWEST_SAMPLES)
+    """Samples of one parameter, and the n Legendre polynomials there in double and in single precision."""
+    intervals = max(per_degree * (n - 1), 12)  # more samples of low degrees cost nothing
     x: Array = np.cos(np.pi * np.arange(intervals + 1) / intervals) if n > 1 else np.zeros(1)
     values = np.ascontiguousarray(np.polynomial.legendre.legvander(x, n - 1), dtype=float)
     return x, values, values.astype(np.float32)

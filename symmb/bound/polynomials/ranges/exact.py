@@ -7,22 +7,17 @@ import numpy as np
 from symmb._limits import windows
 from symmb._options import require_between, require_whole
 from symmb._types import Array
-from symmb.bound.polynomials.chebyshev import LowerSet
 from symmb.bound.polynomials.legendre import MultiIndices
-from symmb.bound.polynomials.ranges.bernstein import Bernstein
 from symmb.bound.polynomials.ranges.branch_and_bound import compiled_ranges
-from symmb.bound.polynomials.ranges.inclusion import ChebyshevInclusion, Range
+from symmb.bound.polynomials.ranges.inclusion import Bernstein, ChebyshevInclusion, Range
 from symmb.bound.polynomials.ranges.line_search import searched_extremes
-from symmb.bound.polynomials.ranges.terms import terms_of
 from symmb.run.codegen import with_compiler
 
 RANGE_ERROR = 1e-5
-"""Accuracy of a range over its width, by branch and bound."""
+"""Error of a range by branch and bound, over the width of the range."""
 RANGE_WORK = 200_000
-"""Most coefficients in all boxes of a search by branch and bound. Ranges over many parameters remain unproved anyway,
-and the best values found are used."""
-_MOST_COEFFICIENTS = 2**14
-"""Most Bernstein coefficients of a polynomial that is bounded without a C compiler."""
+"""Largest number of coefficients in all boxes of a search by branch and bound. Ranges over many parameters remain
+unproved anyway, and the best values found are used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +26,7 @@ class Extremes:
 
     Attributes
     ----------
-    lower, upper : (m,) never narrower than the range, but for rounding
+    lower, upper : (m,) bounds, never narrower than the range except for rounding
     at_lower, at_upper : (m, d) points of [-1, 1]^d with values within tolerance and gap of the bounds
     below, above : (m,) distance of lower and upper from the values at their points if the budget was used up; 0 if
         they are within tolerance
@@ -56,9 +51,9 @@ class Exact:
 
     Parameters
     ----------
-    tolerance : largest excess of either bound over the true extreme, as a share of the polynomial's range; for a
+    tolerance : largest excess of either bound over the true extreme, as a fraction of the polynomial's range; for a
         constant 1e-13 of the coefficients. The bounds are never narrower than the range, except for rounding.
-    budget : most boxes for each extreme of a polynomial; then its tolerance is relaxed as far as necessary
+    budget : largest number of boxes for each extreme of a polynomial; then its tolerance is relaxed as far as necessary
 
     Raises
     ------
@@ -102,11 +97,11 @@ class Exact:
         return extremes.lower, extremes.upper
 
     def search(self, alpha: MultiIndices, coefficients: Array) -> Extremes:
-        """Bounds with points that nearly attain them."""
+        """Bounds of polynomials with Legendre coefficients (n_b, m), and points that nearly attain them."""
         return with_compiler(lambda: self._searched(alpha, coefficients, True), lambda: _enclosed(alpha, coefficients))
 
     def attained(self, alpha: MultiIndices, coefficients: Array) -> Extremes:
-        """Values at the best points found: without a proof the search ends when the budget is used up."""
+        """Values at the best points found. Without a proof the search ends when the budget is used up."""
 
         def compiled() -> tuple[Array, Array, Array, Array]:
             found = self._searched(alpha, coefficients, False)
@@ -116,17 +111,19 @@ class Exact:
         return Extremes(lower, upper, at_lower, at_upper, np.zeros_like(lower), np.zeros_like(upper))
 
     def _searched(self, alpha: MultiIndices, coefficients: Array, proves: bool) -> Extremes:
-        terms, found = terms_of(LowerSet.of(alpha)), []
-        for window in windows(max(coefficients.shape[1], 1), len(alpha)):
-            found.append(compiled_ranges(terms, coefficients[:, window], self.tolerance, self.budget, proves))
+        found = [
+            compiled_ranges(alpha, coefficients[:, window], self.tolerance, self.budget, proves)
+            for window in windows(max(coefficients.shape[1], 1), len(alpha))
+        ]
         return Extremes(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
 
 def _enclosed(alpha: MultiIndices, coefficients: Array) -> Extremes:
-    """Attained extremes, and bounds of another method around them."""
+    """Bounds without a C compiler, by other methods, and points found by a search along the parameters."""
     least, most, at_lower, at_upper = searched_extremes(alpha, coefficients)
     size = float(np.prod(alpha.max(axis=0, initial=0) + 1.0))
-    fitting = [boxes for boxes in (2, 1) if size * boxes ** alpha.shape[1] <= _MOST_COEFFICIENTS]
+    # As many boxes as 2^14 Bernstein coefficients allow, because NumPy computes all of them for each polynomial.
+    fitting = [boxes for boxes in (2, 1) if size * boxes ** alpha.shape[1] <= 2**14]
     method: Range = Bernstein(fitting[0]) if fitting else ChebyshevInclusion()
     lower, upper = method.bounds(alpha, coefficients)
     lower, upper = np.minimum(lower, least), np.maximum(upper, most)

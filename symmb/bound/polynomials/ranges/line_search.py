@@ -7,13 +7,7 @@ from symmb._limits import windows
 from symmb._magnitudes import SAME
 from symmb._types import Array
 from symmb.bound.polynomials.legendre import MultiIndices
-
-_SAMPLES_PER_DEGREE = 4
-"""Samples along a parameter for each degree: enough to start from the deepest of several valleys."""
-_OTHER_STARTS = 3
-"""Number of searches from random points: they find most valleys that the other searches miss."""
-_SWEEPS = 30
-"""Most searches along each parameter."""
+from symmb.bound.polynomials.ranges.dense import SAMPLES_PER_DEGREE
 
 
 def searched_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Array, Array]:
@@ -24,13 +18,15 @@ def searched_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, 
 
 
 def _minima(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array]:
-    """The best minima of searches from the middle, from the corner to which the slopes there lead, and from others."""
+    """The best minima (m,) of several searches, and their points (m, d)."""
+    # The starts are the middle, the corner to which the slopes in the middle lead, and the opposite corner. Three
+    # random points find most valleys that these miss.
     m, d = coefficients.shape[1], alpha.shape[1]
     slopes = np.zeros((m, d))
     for k in range(d):
         slopes[:, k] = coefficients[(alpha.sum(axis=1) == 1) & (alpha[:, k] == 1)].sum(axis=0)
     corner = np.where(slopes > 0, -1.0, 1.0)
-    others = np.broadcast_to(np.random.default_rng(0).uniform(-1, 1, (_OTHER_STARTS, 1, d)), (_OTHER_STARTS, m, d))
+    others = np.broadcast_to(np.random.default_rng(0).uniform(-1, 1, (3, 1, d)), (3, m, d))
     values, points = np.full(m, np.nan), np.zeros((m, d))
     for window in windows(m, 4 * len(alpha)):
         for start in (np.zeros((m, d)), corner, -corner, *others):
@@ -41,11 +37,12 @@ def _minima(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array]:
     return values, points
 
 
-def _descended(alpha: MultiIndices, coefficients: Array, x: Array) -> tuple[Array, Array]:
+def _descended(alpha: MultiIndices, coefficients: Array, x: Array, most_sweeps: int = 30) -> tuple[Array, Array]:
+    """Values (m,) and points (m, d) of searches from points x along each parameter in turn, while they gain."""
     x, d = x.copy(), alpha.shape[1]
     factors = [legendre.legvander(x[:, k], int(alpha[:, k].max()))[:, alpha[:, k]].T for k in range(d)]
     value, floor = np.full(x.shape[0], np.inf), SAME * np.abs(coefficients).max(axis=0, initial=0.0)
-    for _ in range(_SWEEPS):
+    for _ in range(most_sweeps):
         before = value
         for k in range(d):
             terms = coefficients * np.prod([factors[j] for j in range(d) if j != k], axis=0)
@@ -61,7 +58,7 @@ def _descended(alpha: MultiIndices, coefficients: Array, x: Array) -> tuple[Arra
 def _least(c: Array) -> tuple[Array, Array]:
     """Points and values (m,) of the minima of polynomials with Legendre coefficients (n, m) of one parameter."""
     n, every = len(c), np.arange(c.shape[1])
-    samples = np.cos(np.pi * np.arange(_SAMPLES_PER_DEGREE * n + 1) / (_SAMPLES_PER_DEGREE * n))
+    samples = np.cos(np.pi * np.arange(SAMPLES_PER_DEGREE * n + 1) / (SAMPLES_PER_DEGREE * n))
     values: Array = np.asarray(legendre.legval(samples, c), dtype=float)
     best = values.argmin(axis=1)
     x, value = samples[best], values[every, best]

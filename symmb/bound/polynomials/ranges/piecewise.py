@@ -1,4 +1,4 @@
-"""Polynomials that stand for responses, each on a part of the box, and their ranges over parts and faces of it."""
+"""Piecewise polynomials that approximate responses over the box, and their ranges over parts and faces of the box."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -16,6 +16,7 @@ from symmb.run.codegen import with_compiler
 
 def attained_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Array, Array]:
     """Minima and maxima (m,), and their points (m, d), of polynomials with Legendre coefficients (n_b, m)."""
+    # Samples in lanes are the fastest search for few parameters and full tensors. Branch and bound takes all others.
     d, degrees = alpha.shape[1], alpha.max(axis=0, initial=0)
     if d == 0:
         point = np.zeros((coefficients.shape[1], 0))
@@ -32,14 +33,14 @@ def attained_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, 
 
 @dataclass(frozen=True, eq=False)
 class Piecewise:
-    """Polynomials in the place of responses over the box [-1, 1]^d.
+    """Polynomials that approximate responses over the box [-1, 1]^d.
 
     Attributes
     ----------
     centres, halves : (k, d)       centres and half widths of the parts
-    expansions : k Expansions      in coordinates of the parts, on sets of degrees with all smaller ones
-    error : (n_t, n_y)             how far they are expected to be off at any point
-    exact : bool                   whether bounds are their range; else these may be wider
+    expansions : k Expansions      in coordinates of the parts, on sets of degrees that contain all smaller degrees
+    error : (n_t, n_y)             expected error of the polynomials at any point
+    exact : bool                   whether bounds are the range of the polynomials, or may be wider
     """
 
     centres: Array
@@ -59,7 +60,7 @@ class Piecewise:
         return replace(self, expansions=tuple(map(change, self.expansions)), error=error)
 
     def part(self, rows: slice | Indices | Sequence[int], outputs: Sequence[int]) -> "Piecewise":
-        """The polynomials of some outputs alone, at some times."""
+        """The polynomials of some outputs at some times."""
 
         def of(values: Array) -> Array:
             return values[..., rows, :][..., outputs]
@@ -88,8 +89,8 @@ class Piecewise:
         return lows.min(axis=0), highs.max(axis=0), np.take_along_axis(places, best[None, ..., None], axis=0)[0]
 
     def acting(self, floor: Array) -> Mask:
-        """Parameters (d,) that may change a response by more than its floor (n_y,). Those without terms may, and all of
-        an output that is not known."""
+        """Parameters (d,) that may change a response by more than its floor (n_y,). Parameters without terms are
+        included, and all parameters if the error of an output is infinite."""
         acts, has_terms = np.zeros((2, self.centres.shape[1]), dtype=bool)
         for own in self.expansions:
             for i, degrees in enumerate(own.alpha.T):
@@ -99,18 +100,20 @@ class Piecewise:
         return acts | ~has_terms | bool(np.isinf(self.error).any())
 
     def _parts(self, lower: Array, upper: Array) -> Iterator[tuple[int, Array, Array]]:
-        """Numbers of the parts that meet a box, with the ends of what they share."""
+        """The numbers of the parts that intersect a box, and the ends of the intersections."""
         for k, (centre, half) in enumerate(zip(self.centres, self.halves, strict=True)):
             low, high = np.maximum(lower, centre - half), np.minimum(upper, centre + half)
             if (np.where(lower < upper, low < high, low <= high)).all():
                 yield k, low, high
 
     def _part_range(self, k: int, lower: Array, upper: Array) -> tuple[Array, Array, Array]:
-        """Range over a box inside of part k: that of its polynomial in coordinates of the box."""
+        """Minima, maxima and their points over a box inside of part k."""
         own, centre, half = self.expansions[k], (lower + upper) / 2, (upper - lower) / 2
         shape, free = own.coefficients.shape[1:], half > 0
         alpha, c = own.alpha, own.coefficients.reshape(len(own.alpha), -1)
         moves = (centre - self.centres[k]) / self.halves[k], half / self.halves[k]
+        # The polynomial in coordinates of the box. The last parameter comes first, because a fixed one is removed and
+        # would change the numbers of those behind it.
         for i, (move, scale) in reversed([*enumerate(zip(*moves, strict=True))]):
             if (move, scale) != (0.0, 1.0):
                 alpha, c = _in_other_coordinates(alpha, c, i, move, scale)
@@ -121,7 +124,7 @@ class Piecewise:
         return low.reshape(shape), high.reshape(shape), places
 
     def ranges(self, points: Array, free: Mask) -> tuple[Array, Array]:
-        """Minima and maxima (N, n_t, n_y) over the free parameters (d,), where others are those of points (N, d)."""
+        """Minima and maxima (N, n_t, n_y) over the free parameters (d,). Others have the values of points (N, d)."""
         low, high = np.full((2, len(points), *self.error.shape), [[[[np.inf]]], [[[-np.inf]]]])
         for centre, half, own in zip(self.centres, self.halves, self.expansions, strict=True):
             x = (points[:, ~free] - centre[~free]) / half[~free]
@@ -141,9 +144,9 @@ class Piecewise:
 
 
 def joined(parts: Sequence[Piecewise | None], n_t: int) -> Piecewise | None:
-    """One polynomial on the whole box for all outputs, from those of single outputs. A figure has n_t equal times.
+    """One polynomial on the whole box for all outputs, from the polynomials of single outputs, or None without any.
 
-    The error of outputs that have none is infinite. If none has any, there is none.
+    The error of outputs without a polynomial is infinite. A scalar output has the same values at all n_t times.
     """
     known = {k: part.expansions[0] for k, part in enumerate(parts) if part}
     if not known:
@@ -160,7 +163,7 @@ def joined(parts: Sequence[Piecewise | None], n_t: int) -> Piecewise | None:
 
 
 def last_terms(own: Expansion) -> Array:
-    """Sizes (n_t, n_y) of the terms of the highest degree in any parameter: further terms are hardly larger."""
+    """Sizes (n_t, n_y) of the terms of the highest degree in any parameter. Missing terms are hardly larger."""
     highest = own.alpha.max(axis=0, initial=0)
     is_last = ((own.alpha == highest) & (highest > 0)).any(axis=1)
     return np.abs(own.coefficients[is_last]).sum(axis=0)
@@ -169,10 +172,8 @@ def last_terms(own: Expansion) -> Array:
 def _in_other_coordinates(
     alpha: MultiIndices, coefficients: Array, i: int, centre: float, half: float
 ) -> tuple[MultiIndices, Array]:
-    """Multi-indices (n_b, d) and coefficients (n_b, m) where parameter i is centre + half x; without it if half is 0.
-
-    Columns of the matrix are the Legendre coefficients of P_k(centre + half x), which have degree k at most.
-    """
+    """Multi-indices (n_b, d) and coefficients (n_b, m) with centre + half x as parameter i; without it if half is 0."""
+    # Columns of the matrix are the Legendre coefficients of P_k(centre + half x), which has degree k at most.
     degree = int(alpha[:, i].max())
     x, P = np.polynomial.legendre.leggauss(degree + 1)[0], np.polynomial.legendre.legvander
     matrix = np.linalg.solve(P(x, degree), P(centre + half * x, degree))

@@ -1,18 +1,18 @@
-/* The begin of a block: its samples at the first time, with their parameters and their states, and their first outputs.
+/* The begin of a block: its samples at the first time, with their parameters, their states and their first outputs.
 
-   A step file in front gives run(): embedded_pair.h, fixed_step.h or implicit_step.h. */
+   The file of steps in front of this file gives run(): embedded_pair.h, fixed_step.h or implicit_step.h. */
 #ifndef BEGIN_H
 #define BEGIN_H
 
 #include "embedded_pair.h"
 
 #if STARTED
-#define START_CONVERGED 1e-9 /* over the size: Newton is quadratic, so a step below it leaves an error at rounding level */
+#define START_CONVERGED 1e-9 /* step over the size of the unknowns: convergence is quadratic, so that the error is rounding */
 #define START_ITERATIONS 30
 #define START_SIZE 1e-3 /* least size of the unknowns */
 
-/* The state at the first time, by Newton's method from u = 0, in each lane until its own step is small. NaN where it does
-   not converge. */
+/* The state at the first time, by Newton's method from u = 0, in each lane until its own step is small. It is NaN in lanes
+   that do not converge. */
 static void assemble(Part *a, V t) {
   V *u = a->scratch, *du = a->scratch + SIZE(N_U);
   memset(u, 0, SIZE(N_U) * sizeof(V));
@@ -32,7 +32,7 @@ static void assemble(Part *a, V t) {
 }
 #endif
 
-/* States of a block at the first time, of its samples that did not fail. Lanes without a sample repeat one of them, so
+/* States of a block at the first time, of its samples that did not fail. Lanes without a sample repeat other samples, so
    that they do not change the common step. Returns 0 if a state is not finite; its sample then fails. */
 static int place_samples(Block *b, Study *s) {
   int finite = 1;
@@ -58,7 +58,8 @@ static int place_samples(Block *b, Study *s) {
   return finite;
 }
 
-/* Starts the samples of a block that did not fail. Returns 0 if there are none. */
+/* Starts the samples of a block that did not fail. Returns 0 if there are none. A block that lost samples begins again without
+   them, see block.h: its passes are forgotten, and samples move up into the free lanes. */
 PRIVATE int begin(Block *b, Study *s) {
   b->t = s->times[0];
   b->next = 1;

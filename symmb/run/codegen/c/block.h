@@ -1,4 +1,8 @@
-/* A block of WIDTH samples that share their steps: its data, and what it stores. Samples that fail leave the block.
+/* A block of WIDTH samples that share their steps: its data, and what it stores.
+
+   Vector instructions pay only if all lanes do the same, so that the worst lane decides the length of a step. A sample that
+   fails has shortened the steps of the others before. Therefore its block runs again from the first time without it, so that
+   the results of the others do not depend on it.
 
    The model in front of this file, such as model.h, gives the sizes and functions named there. */
 #ifndef BLOCK_H
@@ -9,7 +13,7 @@
 #include "lanes.h"
 #include "model.h"
 
-enum { CHUNK = N_X > 512 ? 1 : N_X > 64 ? 4 : 16 }; /* times at once; the block should fit into a cache */
+enum { CHUNK = N_X > 512 ? 1 : N_X > 64 ? 4 : 16 }; /* output times at once; the states at these times fit into a cache */
 #define SIZE(n) ((n) > 0 ? (n) : 1)
 
 /* A study: n samples, rows of p (n, N_P) and, unless STARTED, x0 (n, N_X), at n_t times. */
@@ -17,17 +21,17 @@ typedef struct {
   const double *x0, *p, *times;
   long n, n_t;
   double rtol, growth; /* of steps with control; absolute tolerance over the largest value of a state */
-  double ahead, least; /* time over which slopes tell the sizes to come; least tolerances over atol */
+  double ahead, least; /* time [s] over which slopes predict the sizes of the states; least tolerances over atol */
   const double *atol;  /* (N_X,) absolute tolerances by the sizes of the states */
   double longest;    /* step, or 0 */
   double newton;     /* largest change of unknowns, over their sizes, at which Newton's method ends */
   long most_steps;
   long next_block;  /* number of the block that the next free thread takes */
-  double *t_failed; /* (n,) NaN while a sample has not */
-  char *failure;    /* (n,) of what */
-  double *x_failed; /* (n, N_X) the state where its last step began */
+  double *t_failed; /* (n,) time at which a sample failed [s], NaN while it has not */
+  char *failure;    /* (n,) why it failed */
+  double *x_failed; /* (n, N_X) the state at the begin of its last step */
   double *Y;        /* (n, n_t, N_Y) values, or NULL */
-  const double *stops; /* (n, n_stops) switches of time in order, infinite behind the last one, or NULL */
+  const double *stops; /* (n, n_stops) switches of time in order [s], infinite behind the last one, or NULL */
   long n_stops;
   double *passes; /* (n, most_passes) times at which switches of the state are passed [s], NaN behind the last, or NULL */
   long most_passes;
@@ -42,9 +46,9 @@ typedef struct {
   V c[SIZE(N_C) + SIZE(N_CARRIED)];                /* values of parameters alone, then room for the model's functions */
   V x_at[CHUNK * SIZE(N_X)], y[CHUNK * SIZE(N_Y)]; /* states and outputs at some times */
   V atol[SIZE(N_X)];                               /* by the largest value of each state so far */
-  V p[SIZE(N_P)], scratch[2 * (N_X > N_U ? SIZE(N_X) : N_U)]; /* parameters; errors of a step, or unknowns of the start */
+  V p[SIZE(N_P)], scratch[2 * (N_X > N_U ? SIZE(N_X) : N_U)]; /* parameters; errors of a step, or unknowns at the start */
 #if N_S > 0
-  V u[N_S], du[N_S], u_new[N_S], u_low[N_S], u_at[N_S]; /* switches on their sides, and their rates, see switches.h */
+  V u[N_S], du[N_S], u_new[N_S], u_low[N_S], u_at[N_S]; /* switches times their sides, and their rates, see switches.h */
   V raised[N_S], when, which;
   V box[4 * N_X + 3], x_low[SIZE(N_RANGED)], dx_low[SIZE(N_RANGED)], x_end[SIZE(N_RANGED)], dx_end[SIZE(N_RANGED)]; /* of a
                                                                 part of a step, see switches.h */
@@ -55,43 +59,44 @@ typedef struct {
 typedef struct {
   Part part[PARTS];
   double t, t_new, h, h_next;
-  double before; /* logarithm of the error of the step before */
-  double soon;   /* longest step from t on: a contact may close after it */
+  double before; /* logarithm of the error of the previous step */
+  double soon;   /* longest step from t on, because a contact may close soon after it */
   long number, next, live, sample[WIDTH];
   long stop[WIDTH];           /* the next switch of time of each sample, and the first of them */
   double stop_time, from, to; /* rates are evaluated between these times */
   long steps, iterations, most;
   int under_way, meets, contact; /* whether a step is taken but not finished, and has events at its end; see impacts.h */
-  double pass;                   /* the share of the step at which it passes a switch, 2 without one */
-  int shortened;                 /* whether the step is a shorter one, to a switch */
-  double wanted, first;          /* of implicit steps: the next length, and that where they begin anew */
-  int fresh;                     /* whether they do */
+  double pass;                   /* the fraction of the step at which it passes a switch, 2 if it passes none */
+  int shortened;                 /* whether the step was shortened, so that it ends just behind a switch */
+  double wanted, first;          /* of implicit steps: the next length, and the first length of a run or behind a stop */
+  int fresh;                     /* of implicit steps: whether the history begins with the next step */
   double *lower, *upper; /* extremes of the block, (n_t, N_Y) */
 #if N_G > 0
   V gap[SIZE(3 * N_I)], force[SIZE(4 * N_I)], law[SIZE(2 * N_I * (N_V + 1))]; /* values of the functions of contacts, see
                                                                               impacts.h */
   V margin[SIZE(2 * N_E)], closing[SIZE(N_PLACE)], jumped[N_V + N_ROWS + 1];  /* and of joints */
-  double crowd_start;     /* events follow each other at once from there */
-  long n_events, n_crowd; /* in all, and since then */
+  double crowd_start;     /* time from which events follow each other at once [s] */
+  long n_events, n_crowd; /* events of the run, and since crowd_start */
 #endif
 } Block;
 
 #define EACH_PART(b) for (Part *a = (b)->part; a < (b)->part + PARTS; ++a)
 
-/* The slope of state i from x and the slopes that are kept. */
+/* The slope of state i, from x and the stored slopes k. Slopes of positions are velocities, which x already contains. */
 PRIVATE inline V slope(const V *x, const V *k, int i) { return N_OWN == N_X || i < N_OWN ? k[i] : x[i - N_OWN]; }
 
-/* Time t of a stage, on the right side of switches of time. */
+/* The time t of a stage, moved between the switches of time around the step. A stage at the end of a step lies at a switch,
+   and by rounding behind it. There the rates have the other branch, and the step would see a jump. */
 PRIVATE double between_stops(const Block *b, double t) { return t < b->from ? b->from : t > b->to ? b->to : t; }
 
 /* Marks the sample of a lane as failed. */
 PRIVATE void fail_sample(const Block *b, Study *s, long lane, double t, char why) {
+  /* Lanes from `live` on repeat samples. They fail with these, because they have the same numbers. */
   const long i = b->sample[lane % b->live];
   s->t_failed[i] = t;
   s->failure[i] = why;
   for (int j = 0; j < N_X; ++j) s->x_failed[i * N_X + j] = b->part[lane / W].x[place[j]][lane % W];
 }
-
 
 /* Notes that the sample of a lane passes a switch at time t. */
 PRIVATE void note_pass(const Block *b, const Study *s, long lane, double t) {
@@ -103,17 +108,21 @@ PRIVATE void note_pass(const Block *b, const Study *s, long lane, double t) {
     }
 }
 
-/* The largest lane, or NaN if one is NaN. */
+/* The largest lane of numbers that are not negative, or NaN if one is NaN. */
 PRIVATE double largest_lane(V a) {
+  /* No comparison with NaN is true, so that a NaN in m stays. A maximum that loses it would accept a step in which a lane
+     has left the domain of a function. */
   double m = 0.0;
   for (int l = 0; l < W; ++l) m = a[l] > m || a[l] != a[l] ? a[l] : m;
   return m;
 }
 
-/* Smallest and largest lanes of each of n vectors in every part. The last vectors of a tree overlap those before. */
+/* Smallest and largest lanes of each of n vectors in every part. */
 PRIVATE void extremes(const Block *b, long n, double *lower, double *upper) {
   long i = 0;
 #ifdef TREE
+  /* Lane by lane, W vectors need W (W - 1) comparisons; a tree of shuffles needs W - 1 vector minima. The last W vectors
+     overlap those before. This is harmless, because the same extremes are computed again. */
   for (; n >= W && i < n; i += W) {
     if (i > n - W) i = n - W;
     const V *least = b->part->y + i, *most = least;
@@ -146,7 +155,9 @@ PRIVATE void extremes(const Block *b, long n, double *lower, double *upper) {
 
 /* Stores the outputs at n times from number `first` on. Returns 0 if a lane is not finite; its sample then fails. */
 PRIVATE int store_outputs(Block *b, Study *s, long first, long n) {
-  V even = zero(), odd = zero(); /* two, since each addition waits for the one before */
+  /* A number times 0 is NaN if it is not finite, and else 0. One sum thus tests all outputs without a branch, and the search
+     for the sample is made only if the test fails. There are two sums because each addition waits for the previous one. */
+  V even = zero(), odd = zero();
   EACH_PART(b) {
     long i = n * N_Y % 2;
     if (i) even += a->y[0] * 0.0;
@@ -162,6 +173,8 @@ PRIVATE int store_outputs(Block *b, Study *s, long first, long n) {
         fail_sample(b, s, l, s->times[first + i / SIZE(N_Y)], OUTPUT);
         break;
       }
+  /* Values are stored in spite of a failure: a failed sample has its values up to that time, and the others are overwritten
+     when the block runs again. Extremes of a block count only when it has run to its end, see ensemble.h. */
   for (long l = 0; l < b->live && s->Y; ++l) {
     double *to = s->Y + (b->sample[l] * s->n_t + first) * N_Y;
     for (long i = 0; i < n * N_Y; ++i) to[i] = b->part[l / W].y[i][l % W];

@@ -1,8 +1,13 @@
 /* Steps of an embedded explicit pair, as long as the tolerances allow, with dense output in between.
 
+   Hairer, Norsett and Wanner (1993), Solving Ordinary Differential Equations I, section II.5 and code DOP853. Three things
+   differ from this code. All samples of a block share a step, so that each norm is that of the worst lane. Steps end at
+   switches, so that every step integrates smooth equations. A step stays under way until its outputs have been stored,
+   because projections and events change the state at its end, and the interpolant belongs to the state before.
+
    The generated tableau gives stages(b), for k before the end of the step and x_new; errors(a, h, e5, e3), the estimates
    of orders 5 and 3; interpolant(b), for F of the states that outputs need, and the state x_at of its last stage, at the
-   share LAST_STAGE of the step; and END, the place in k of the slope at the end of the step; and the constants of the step
+   fraction LAST_STAGE of the step; END, the place in k of the slope at the end of the step; and the constants of the step
    control. */
 #ifndef EMBEDDED_PAIR_H
 #define EMBEDDED_PAIR_H
@@ -12,19 +17,24 @@
 
 enum { REJECTED, ACCEPTED, FAILED };
 
-/* The absolute tolerances where the motion begins. */
+/* The absolute tolerances at the begin of the motion. A state may stay far below the size that its scene lets expect, and
+   with the tolerance of this size it would have few correct digits. So all states begin with the fraction `least` of it. */
 PRIVATE void begin_tolerances(Block *b, const Study *s) {
   EACH_PART(b)
     for (int i = 0; i < N_X; ++i) a->atol[place[i]] = each(s->least * s->atol[i]);
 }
 
-/* The absolute tolerances follow the largest values of the states. */
+/* The absolute tolerances follow the largest values of the states. They never fall: errors made at large values stay in a
+   state that passes 0, and tolerances that fall with it would require digits that are lost already. */
 PRIVATE void follow_sizes(Block *b, const Study *s) {
   EACH_PART(b)
     for (int i = 0; i < N_X; ++i) a->atol[i] = v_larger(a->atol[i], s->growth * v_fabs(a->x[i]));
 }
 
-/* The norm of Hairer's DOP853 in each lane; lanes that are not finite show as NaN. */
+/* The norm of DOP853 in each lane; lanes that are not finite give NaN.
+
+   The estimate e5 alone is O(h^6), and e3 is O(h^4). In short steps e5^2 / sqrt(e5^2 + 0.01 e3^2) is O(h^8), as the error of a
+   method of order 8 should be. In steps so long that e3 < 10 e5, the orders mean nothing, and the norm is nearly e5. */
 PRIVATE V error_norm(Part *a, double h, const Study *s) {
   V *e5 = a->scratch, *e3 = a->scratch + SIZE(N_X), sum5 = zero(), sum3 = zero();
   errors(a, h, e5, e3);
@@ -36,6 +46,7 @@ PRIVATE V error_norm(Part *a, double h, const Study *s) {
     sum3 += e3[i] * e3[i];
   }
   V denominator = sum5 + 0.01 * sum3;
+  /* Without any error the norm would be 0 / 0. The comparison is false for NaN too, which is then returned as it is. */
   return choose(denominator > 0.0, fabs(h) * sum5 / v_sqrt(denominator * (double)N_X), denominator);
 }
 
@@ -44,6 +55,8 @@ PRIVATE double larger(double a, double b) { return a > b || a != a ? a : b; }
 
 /* The length of the first step after Hairer, Norsett and Wanner, section II.4. */
 PRIVATE double first_step(Block *b, const Study *s) {
+  /* An Euler step h0 changes the states by 1 % of their sizes. The change of the slopes over it estimates the second
+     derivative. With h1, the larger of both derivatives times h1^8 is 1 % of the tolerances. */
   const double span = s->times[s->n_t - 1] - b->t;
   double n0 = 0.0, n1 = 0.0, n2 = 0.0;
   EACH_PART(b) {
@@ -53,6 +66,7 @@ PRIVATE double first_step(Block *b, const Study *s) {
       d0 += a->x[i] * scale * a->x[i] * scale;
       d1 += d * d;
     }
+    /* Norms of the worst lane, not of all lanes together: a block of equal samples then takes the steps of one sample. */
     n0 = larger(sqrt(largest_lane(d0) / N_X), n0);
     n1 = larger(sqrt(largest_lane(d1) / N_X), n1);
   }
@@ -70,19 +84,21 @@ PRIVATE double first_step(Block *b, const Study *s) {
   }
   const double most = larger(n1, n2);
   double h1 = most <= 1e-15 ? larger(1e-6, h0 * 1e-3) : pow(0.01 / most, 1.0 / 8.0);
+  /* Both derivatives may be 0 by chance, as at rest, and h1 then tells nothing: h0 limits it. */
   double h = 100.0 * h0 < h1 ? 100.0 * h0 : h1;
   return h < span ? h : span;
 }
 
-/* State used[u] at the share z of the step, by the interpolant. */
+/* State used[u] at the fraction z of the step, by the interpolant of DOP853 (section II.6). */
 PRIVATE V interpolated(const Part *a, int u, double z) {
   const V *f = a->F + 7 * u;
   const double r = 1.0 - z;
   return a->x[used[u]] + z * (f[0] + r * (f[1] + z * (f[2] + r * (f[3] + z * (f[4] + r * (f[5] + z * f[6]))))));
 }
 
-/* What the interpolant misses over what it may miss, in the worst lane. The errors of a step do not show those of its
-   interpolant: where equations are stiff, its stages may be far off in a step that is accepted. */
+/* The error of the interpolant over its largest allowed value, in the worst lane. The errors of a step do not show those of
+   its interpolant: where equations are stiff, its stages may be far off in a step that is accepted. The state of the last
+   extra stage and the interpolant at this stage are two estimates of the same state, which costs no evaluation. */
 PRIVATE double interpolation_error(Block *b, const Study *s) {
   double most = 0.0;
   EACH_PART(b) {
@@ -98,8 +114,10 @@ PRIVATE double interpolation_error(Block *b, const Study *s) {
   return sqrt(most / SIZE(N_USED)) / MOST_MISSED;
 }
 
-/* The first n outputs at the times of the step up to one; 0 if one is not finite. */
+/* Stores the outputs at the times of the step up to `until`, of the first n_t times. Returns 0 if an output is not finite. */
 PRIVATE int sample_outputs(Block *b, Study *s, double until, long n_t) {
+  /* Many times at once: the coefficients of a state are loaded once for all of them, and the loop over times has no
+     dependence between its passes. */
   while (b->next < n_t && s->times[b->next] <= until) {
     double share[CHUNK];
     long n = 0;
@@ -123,8 +141,10 @@ PRIVATE int sample_outputs(Block *b, Study *s, double until, long n_t) {
   return 1;
 }
 
-/* A shorter step for an error. */
+/* Shortens a step with a given error. */
 PRIVATE void shorten(Block *b, double error) {
+  /* An infinite error or NaN has no size that tells a length. The memory becomes the least error, which multiplies the next
+     length by ERROR_LEAST^MEMORY, about 0.7: steps behind a rejection grow with caution. */
   const double factor = error < 1e300 ? SAFETY * exp(-EXPONENT * log(error)) : 0.1;
   b->h *= factor > SHRINK_LEAST ? factor : SHRINK_LEAST;
   b->before = log(ERROR_LEAST);
@@ -140,7 +160,8 @@ PRIVATE int accept_step(Block *b, Study *s, double shortest) {
   }
   const double size = log(e), least = log(ERROR_LEAST);
   /* The comparisons are written so that a NaN counts as an error that is too large: a lane that left the domain of a
-     function asks for a shorter step, and only at the shortest one does its sample fail. */
+     function requires a shorter step, and only at the shortest one does its sample fail. The length t_new - t of a shortest
+     step is rounded and may exceed `shortest` by a little. Too many steps are the fault of no single lane: all fail. */
   const int too_many = ++b->steps == s->most_steps;
   if (too_many || (!(e <= 1.0) && b->h <= shortest * 1.0000001)) {
     for (int l = 0; l < WIDTH; ++l)
@@ -151,20 +172,23 @@ PRIVATE int accept_step(Block *b, Study *s, double shortest) {
     shorten(b, e);
     return REJECTED;
   }
-  /* Gustafsson's control: the error of the step before damps the changes of the length. All lanes share one length, that
-     of the worst lane, so that a block takes the same steps whatever thread runs it. */
+  /* Gustafsson's control: the error of the previous step damps the changes of the length. A block keeps its state in itself
+     alone and its samples are fixed by their numbers, so that it takes the same steps whatever thread runs it. */
   const double factor = SAFETY * exp((-EXPONENT + 0.2 * MEMORY) * size + MEMORY * b->before);
   b->h_next = b->h * (factor > CHANGE_MOST ? CHANGE_MOST : factor < CHANGE_LEAST ? CHANGE_LEAST : factor);
   b->before = size > least ? size : least;
   return ACCEPTED;
 }
 
-/* The slope and the first step where the motion begins, and behind each switch. */
+/* The slope and the first step at the begin of the motion, and behind each switch. */
 PRIVATE void restart(Block *b, const Study *s) {
   b->before = log(ERROR_LEAST);
   EACH_PART(b) {
+    /* The last slope of the step before is of the other branch: the pair loses its "first same as last" here. */
     rates(a->x, a->c, each(between_stops(b, b->t)), a->k);
-    for (int i = 0; i < N_X; ++i) { /* a slope counts up to the state's own size: in a pulse it leads nowhere near */
+    /* A state at rest gets its tolerance from where its slope leads. This counts only up to the state's own size, because the
+       large slope in a short pulse does not last. */
+    for (int i = 0; i < N_X; ++i) {
       const int j = place[i];
       const V to_come = s->growth * s->ahead * v_fabs(slope(a->x, a->k, j));
       a->atol[j] = v_larger(a->atol[j], v_smaller(to_come, each(s->atol[i])));
@@ -173,7 +197,8 @@ PRIVATE void restart(Block *b, const Study *s) {
   b->h = first_step(b, s);
 }
 
-/* Whether a step that passes a switch at its share z is taken again, by a shorter one. */
+/* Whether a step that passes a switch at its fraction z is taken again, by a shorter one. Steps near the shortest one are not:
+   their length is hardly more than the rounding of times. */
 PRIVATE int is_early(const Block *b, double z, double shortest) { return z < LATE && z * b->h > 10.0 * shortest; }
 
 /* Begins the run at the first time. Returns 0 if samples failed. */
@@ -202,33 +227,39 @@ PRIVATE int take_step(Block *b, Study *s) {
     const double last = b->stop_time < end ? b->stop_time : end;
     b->t_new = b->t + b->h;
     if (b->t_new >= last) b->t_new = last;
-    /* The length of a step that is short beside its time is that between rounded times. Otherwise its stages would end
-       beside the place where the next step begins. */
+    /* The sum t + h is rounded. For a step that is short compared with its time, the length between the rounded times is the
+       true one. Otherwise its stages would end beside the place where the next step begins. */
     if (b->t_new == last || b->h < ROUNDED_STEP * fabs(b->t)) b->h = b->t_new - b->t;
     stages(b);
     const int verdict = accept_step(b, s, shortest);
     if (verdict == FAILED) return 0;
     if (verdict == REJECTED) continue;
+    /* Only now: a rejected step needs no slope at its end. An accepted one uses it twice, as first slope of the next step and
+       in the interpolant. */
     EACH_PART(b) rates(a->x_new, a->c, each(between_stops(b, b->t_new)), a->k + END * N_OWN);
     /* The interpolant costs three stages. It is made only where outputs lie in the step, or a switch may be passed. */
     const int searched = may_pass(b, END), interpolates = searched || s->times[b->next] <= b->t_new;
     if (interpolates) interpolant(b);
     const double missed = interpolates ? interpolation_error(b, s) : 0.0;
+    /* At the shortest step the interpolant is accepted as it is. The errors of the step decide whether samples fail. */
     if (!(missed <= 1.0) && b->h > shortest * 1.0000001) {
       shorten(b, missed);
       continue;
     }
-    /* A pass early in a long step lies where the interpolant is least exact, and its branches behind the pass are those of
-       no motion. So its place is found roughly, a step is taken that ends just behind it, and the pass is found there. */
+    /* Behind a pass the stages continue the old branch, which no motion follows there. A long step through it has an
+       interpolant that is least exact in its middle, and the state at an early pass would have this error. So an early pass
+       is found roughly, and a step is taken that ends just behind it. The pass is then found again, near the end of this
+       step, where interpolants are as exact as steps. The rough search looks at the ends of the step only. It is skipped in
+       a shortened step, whose pass must be the first one. */
     const double rough = searched && !b->shortened ? rough_pass(b) : 2.0;
     b->pass = !searched ? 2.0 : is_early(b, rough, shortest) ? rough : first_pass(b);
     b->shortened = is_early(b, b->pass, shortest);
-    if (b->shortened) { /* interpolants are as exact as steps near their ends only */
+    if (b->shortened) { /* BEYOND: the pass must lie within the shorter step, although this interpolant is off there */
       b->h *= b->pass * BEYOND;
       continue;
     }
     if (b->pass <= 1.0) b->t_new = b->t + b->pass * b->h;
-    const int jumps = N_E > 0 && b->t_new >= b->stop_time; /* a law of time, and margins of joints by that */
+    const int jumps = N_E > 0 && b->t_new >= b->stop_time; /* laws of time may jump there, and with them margins of joints */
     b->contact = contact_at(b, b->pass);
     b->meets = N_G > 0 && (b->contact >= 0 || jumps || b->t_new >= end);
     return b->under_way = 1;
@@ -240,12 +271,13 @@ PRIVATE int finish_step(Block *b, Study *s) {
   const double z = b->pass;
   const int contact = b->contact;
   b->under_way = 0;
-  /* First the sides of what was passed, then the projection, which may move the state over a switch again: what the sides
-     are at its place is told by raise_switches and settle. Events of contacts come last, since their jumps of velocities
-     have to start from a state that fulfils its constraints. */
+  /* First the sides of what was passed, then the projection, which may move the state over a switch again: raise_switches
+     and settle decide the sides at its place. Events of contacts come last, because their jumps of velocities must start
+     from a state that fulfils its constraints. */
   if (z <= 1.0 && !change_sides(b, s, z)) return 0;
   EACH_PART(b) {
-    /* The slope before the projection serves the next step: it is as far off as the error of this one. */
+    /* The slope before the projection is used in the next step. It differs from the slope behind the projection by the error of
+       this step only, and a new evaluation would cost as much as a stage. */
     memcpy(a->k, a->k + END * N_OWN, N_OWN * sizeof(V));
     move_onto_constraints(a, a->x_new, b->t_new, a->x);
   }
@@ -256,8 +288,9 @@ PRIVATE int finish_step(Block *b, Study *s) {
   if (z <= 1.0) raise_switches(b);
   if (at_stop) settle(b);
   if (b->meets && !(meet_contacts(b, s, contact) && observe_due(b, s))) return 0;
-  /* Behind a switch the slopes before it tell nothing of the next step's length. Behind an event of a contact the length
-     stays: the motion between impacts is as smooth as before, and bounces would cost a new start each. */
+  /* Behind a switch the slopes before it tell nothing about the length of the next step. Behind an event of a contact the
+     length stays: the motion between impacts is as smooth as before, and each bounce would cost a new start. Only the slope
+     at the end is evaluated again, because the velocities have jumped. */
   if (at_stop || (z <= 1.0 && contact < 0)) restart(b, s);
   else if (contact < 0) keep_switches(b);
   else EACH_PART(b) rates(a->x, a->c, each(between_stops(b, b->t)), a->k);
@@ -269,6 +302,8 @@ PRIVATE int finish_step(Block *b, Study *s) {
 PRIVATE int run_until(Block *b, Study *s, long n) {
   for (;;) {
     if (b->under_way) {
+      /* The output at the time of an event is that behind the event, which meet_contacts and observe_due compute. The
+         interpolant gives the outputs before that time only. */
       if (!sample_outputs(b, s, b->meets ? nextafter(b->t_new, -INFINITY) : b->t_new, n)) return 0;
       if (b->next >= n) return 1;
       if (!finish_step(b, s)) return 0;
@@ -278,13 +313,15 @@ PRIVATE int run_until(Block *b, Study *s, long n) {
   }
 }
 
-/* State i of a part at time t, up to which the block has its outputs. The outputs need all states. */
+/* State i of a part at time t, up to which the block has its outputs. In a single run the outputs need all states, so that
+   state i has the coefficients number i. */
 PRIVATE V state_of(const Block *b, const Part *a, int i, double t) {
   return b->under_way ? interpolated(a, i, (t - b->t) / b->h) : a->x[i];
 }
 
 /* Goes on from that time with other parameters. Returns 0 if samples failed. */
 PRIVATE int go_on_with(Block *b, Study *s, double t) {
+  /* The step under way leads beyond t with the old parameters. It is given up, and the motion goes on from its interpolant. */
   EACH_PART(b) {
     for (int i = 0; i < N_X; ++i) a->x_new[i] = state_of(b, a, i, t);
     memcpy(a->x, a->x_new, sizeof a->x);
@@ -293,6 +330,7 @@ PRIVATE int go_on_with(Block *b, Study *s, double t) {
   b->t = t;
   b->under_way = b->shortened = 0;
   b->soon = INFINITY;
+  /* Parameters move the switches of time too: the search for the next one begins with the first. */
   memset(b->stop, 0, sizeof b->stop);
   find_stop(b, s);
   follow_sizes(b, s);

@@ -11,12 +11,12 @@
 
 #include "scene.h"
 
-/* Functions of FMI have all parameters that FMI gives them. */
+/* Functions of FMI must have all parameters of the standard, used or not. */
 #pragma GCC diagnostic ignored "-Wunused-parameter"
 #define PRIVATE static __attribute__((unused)) /* a function that one of the versions may do without */
 #define EXPORT __attribute__((visibility("default")))
 
-#define NO_INSTANCE "the token is another one, the FMU has no model exchange, or the memory does not suffice"
+#define NO_INSTANCE "the token does not match, the FMU has no model exchange, or there is not enough memory"
 
 typedef enum { FMI_OK, FMI_WARNING, FMI_DISCARD, FMI_ERROR, FMI_FATAL } Status;
 /* Sets of phases are sums. A run of co-simulation is STEPPING; one of model exchange is at an EVENT or CONTINUOUS. */
@@ -49,20 +49,20 @@ PRIVATE Status fault(Instance *i, const char *call, const char *text) {
 
 /* Whether a call may come now. */
 PRIVATE Status allow(Instance *i, const char *call, int phases) {
-  return i && i->phase & phases ? FMI_OK : fault(i, call, "it may not be called now");
+  return i && i->phase & phases ? FMI_OK : fault(i, call, "this function is not allowed in this state");
 }
 
-/* From one phase to another. */
+/* Changes the phase, if the instance is in one of the phases `from`. */
 PRIVATE Status go(Instance *i, const char *call, int from, Phase to) {
   if (allow(i, call, from) != FMI_OK) return FMI_ERROR;
   i->phase = to;
   return FMI_OK;
 }
 
-/* A call for something that the FMU does not have. */
-PRIVATE Status refuse(Instance *i, const char *call) { return fault(i, call, "this FMU does not have it"); }
+/* Reports a function that the FMU does not support. */
+PRIVATE Status refuse(Instance *i, const char *call) { return fault(i, call, "this FMU does not support this function"); }
 
-/* The run has ended by a fault. */
+/* Reports the fault by which the run has ended. */
 PRIVATE Status fail(Instance *i, const char *call) {
   char text[300];
   snprintf(text, sizeof text, "t = %g s: %s", i->t, scene_fault(i->scene));
@@ -98,10 +98,10 @@ PRIVATE Instance *instance_of(const char *token, int exchange) {
   return i;
 }
 
-/* The times of a run, which begins at the first time of the scene: starts hold there. */
+/* Sets the times of a run. It begins at the first time of the scene, because consistent starts are computed there. */
 PRIVATE Status set_up(Instance *i, const char *call, int has_tolerance, double tolerance, double begin, int has_end, double end) {
   if (allow(i, call, IDLE) != FMI_OK) return FMI_ERROR;
-  if (begin != scene_times[0]) return fault(i, call, "a run starts at the start time of the default experiment only");
+  if (begin != scene_times[0]) return fault(i, call, "the start time must be that of the default experiment");
   i->end = has_end ? end : scene_times[SCENE_N_T - 1];
   i->tolerance = has_tolerance ? tolerance : 0.0;
   return FMI_OK;
@@ -114,7 +114,7 @@ PRIVATE Status enter(Instance *i, const char *call) {
   return FMI_OK;
 }
 
-/* Lets the run have the parameters and inputs that were set. */
+/* Passes on the parameters and inputs that were set to the run. */
 PRIVATE Status update(Instance *i, const char *call) {
   if (i->phase == FAILED) return fault(i, call, "the run has failed");
   if (!i->changed || i->phase == IDLE) return FMI_OK;
@@ -137,8 +137,8 @@ PRIVATE Status leave(Instance *i, const char *call) {
 
 PRIVATE Status step(Instance *i, const char *call, double t, double length) {
   if (allow(i, call, STEPPING) != FMI_OK) return FMI_ERROR;
-  if (!(isfinite(t) && fabs(t - i->t) <= 1e-9 * (fabs(t) + length))) return fault(i, call, "a step begins where the one before ended");
-  if (!(length >= 0.0 && length < INFINITY)) return fault(i, call, "the length of a step is no number from 0 on");
+  if (!(isfinite(t) && fabs(t - i->t) <= 1e-9 * (fabs(t) + length))) return fault(i, call, "a step must begin at the end of the previous step");
+  if (!(length >= 0.0 && length < INFINITY)) return fault(i, call, "the length of a step must be a finite number of at least 0");
   if (update(i, call) != FMI_OK) return FMI_ERROR;
   i->t = t + length;
   return scene_step(i->scene, i->t) ? FMI_OK : fail(i, call);
@@ -192,7 +192,7 @@ PRIVATE Status set(Instance *i, const char *call, const unsigned *reference, siz
 PRIVATE Status set_time(Instance *i, const char *call, double t) {
   double x[SCENE_N_X + 1];
   if (allow(i, call, EVENT | CONTINUOUS) != FMI_OK || update(i, call) != FMI_OK) return FMI_ERROR;
-  if (!isfinite(t)) return fault(i, call, "the time is no finite number");
+  if (!isfinite(t)) return fault(i, call, "the time is not a finite number");
   scene_states(i->scene, x);
   scene_move(i->scene, i->t = t, x);
   return FMI_OK;
@@ -200,7 +200,7 @@ PRIVATE Status set_time(Instance *i, const char *call, double t) {
 
 PRIVATE Status set_states(Instance *i, const char *call, const double *x, size_t n) {
   if (allow(i, call, EVENT | CONTINUOUS) != FMI_OK || update(i, call) != FMI_OK) return FMI_ERROR;
-  if (n != SCENE_N_X) return fault(i, call, "the FMU has another number of states");
+  if (n != SCENE_N_X) return fault(i, call, "the FMU has a different number of states");
   scene_move(i->scene, i->t, x);
   return FMI_OK;
 }
@@ -210,7 +210,7 @@ PRIVATE Status get_part(Instance *i, const char *call, unsigned first, unsigned 
   unsigned references[N_VALUES];
   if (allow(i, call, ANY) != FMI_OK) return FMI_ERROR;
   if (!i->exchange) return refuse(i, call);
-  if (n != end - first) return fault(i, call, "the FMU has another number of these values");
+  if (n != end - first) return fault(i, call, "the FMU has a different number of these values");
   for (unsigned k = 0; k < n; ++k) references[k] = first + k;
   return get(i, call, references, n, values);
 }
@@ -231,7 +231,7 @@ PRIVATE Status settle_switches(Instance *i, const char *call, double *next) { re
 #endif
 
 PRIVATE Status get_nominals(Instance *i, const char *call, double *nominals, size_t n) {
-  if (n != SCENE_N_X) return fault(i, call, "the FMU has another number of states");
+  if (n != SCENE_N_X) return fault(i, call, "the FMU has a different number of states");
   for (size_t k = 0; k < n; ++k) nominals[k] = 1.0;
   return allow(i, call, ANY);
 }

@@ -1,16 +1,23 @@
 /* Impacts, and contacts that close and open. Velocities jump by B P, where P are impulses along the gaps of contacts.
 
+   Events are located one by one (Acary and Brogliato 2008, chapter 8), which needs three decisions that no equation of
+   motion makes. Of several impacts at one instant, in_turn decides the order. Of several slow contacts, close_contacts decides
+   which stay closed: the complementarity of gaps and forces. And a sequence of impacts whose intervals shrink to nothing (Zeno)
+   must end in a closed contact: rates below `rest`, at which a gap would rise by no more than its rounding, count as 0.
+
    A joint that opens or closes has a state, flag_state, that is 1 while the joint's rows are among the others; other_state
    are such states of other events of the same joint. It changes at the instant at which the margin of a condition falls
    below 0. holding_state is 1 from then on, until the margin rises above 0. When rows enter, velocities jump, and place_state
-   keeps where the joint closes.
+   stores where the joint closes.
 
-   A block is one sample here, since velocities of each jump at times of its own. The model gives gaps(x, c, t, out), with
-   their rates and the sizes of the coordinates in them behind them; forces(x, c, t, out): forces in closed contacts, accelerations of gaps, sizes of the terms of
-   these and effective inertias; impulses(x, c, t, out): W (N_I, N_V) and B (N_V, N_I) by columns, rates of gaps at rest and
-   restitutions; held(x, c, t, out), the state moved into its closed contacts; margins(x, c, t, out), with their rates behind
-   them; places(x, c, t, out), the values of place_state that events set; and jump(x, c, t, out): velocities after the jump, impulses of the
-   N_ROWS rows and their work. contact_state tells the states that are 1 for closed contacts. LENGTH and ENERGY are sizes of the motion, displacement those of displacements (N_V). */
+   A block is one sample here, because the velocities of each sample jump at times of its own. The model gives
+   gaps(x, c, t, out), with their rates and the sizes of the coordinates in them behind them; forces(x, c, t, out): forces in
+   closed contacts, accelerations of gaps, sizes of the terms of these and effective inertias; impulses(x, c, t, out):
+   W (N_I, N_V) and B (N_V, N_I) by columns, rates of gaps at rest and restitutions; held(x, c, t, out), the state moved into
+   its closed contacts; margins(x, c, t, out), with their rates behind them; places(x, c, t, out), the values of place_state
+   that events set; and jump(x, c, t, out): velocities after the jump, impulses of the N_ROWS rows and their work.
+   contact_state lists the states that are 1 for closed contacts. LENGTH and ENERGY are sizes of the motion, displacement those
+   of displacements (N_V). */
 #ifndef IMPACTS_H
 #define IMPACTS_H
 
@@ -22,29 +29,32 @@ enum { IMPACT, CLOSES, OPENS, BLAMED }; /* what events are; contacts are blamed 
 #define MOST_IMPACTS (1 + 1000 * N_I * N_I) /* at one instant: those of a row that lose all energy die away in 100 N_I^2 */
 #define MOST_NOTED 50       /* impacts at one instant that are noted one by one: more are one event of each contact */
 #define SAME_JUMP 1e-6    /* difference of jumps of velocity, over their size, above which the order of impacts matters */
-#define CROWD_SPAN 1e-12  /* share of the run's time: more than CROWD events within it are an endless sequence */
+#define CROWD_SPAN 1e-12  /* fraction of the run's time: more than CROWD events within it are an endless sequence */
 #define CROWD 1000
 #define MOST_EVENTS 50000   /* of a run: more mean a motion that bounces faster and faster */
-#define CONTACT_STEP 1e-13  /* share of the run's time: shorter steps after an event are lost in rounding */
+#define CONTACT_STEP 1e-13  /* fraction of the run's time: shorter steps after an event are lost in rounding */
 #define MOST_IMPULSES 6     /* rows of a joint */
 #define ROUNDS 3            /* of joints and impacts at one instant */
 #define EVENT (8 + MOST_IMPULSES)
 
 /* Contacts at one instant. */
 typedef struct {
-  double rate[SIZE(N_I)], rest[SIZE(N_I)]; /* rates of gaps, and those that count as rest: a rebound rises no higher than rounding */
-  double D[SIZE(N_I)][SIZE(N_I)], impulse[SIZE(N_I)], work[SIZE(N_I)];
+  double rate[SIZE(N_I)], rest[SIZE(N_I)]; /* rates of gaps, and the largest rates that count as rest */
+  double D[SIZE(N_I)][SIZE(N_I)], impulse[SIZE(N_I)], work[SIZE(N_I)]; /* D = W B: rates of gaps by impulses (Delassus) */
   int touching[SIZE(N_I)], movable[SIZE(N_I)];
 } Instant;
 
-PRIVATE void note_event(const Block *b, Study *s, int what, int k, double from, double to, double work, int ordered, const V *L, int n) {
+/* Notes event `what` of contact or joint k, with its n impulses L. Events without room are counted, so that the run can be made
+   again with enough room. */
+PRIVATE void note_event(
+    const Block *b, Study *s, int what, int k, double from, double to, double work, int ordered, const V *L, int n) {
   const long i = __atomic_fetch_add(&s->n_events, 1, __ATOMIC_RELAXED);
   double event[EVENT] = {b->sample[0], k, what, b->t, from, to, work, ordered};
   for (int j = 0; j < n && j < MOST_IMPULSES; ++j) event[8 + j] = L[j][0];
   if (i < s->most_events) memcpy(s->events + EVENT * i, event, sizeof event);
 }
 
-/* The sample fails by the contacts that are marked. Returns 0. */
+/* The sample fails, and the marked contacts are noted as the reason. Returns 0. */
 PRIVATE int blame(Block *b, Study *s, const int *marked, char why) {
   for (int k = 0; k < N_I; ++k)
     if (marked[k]) note_event(b, s, BLAMED, k, 0.0, 0.0, 0.0, 0, NULL, 0);
@@ -57,16 +67,17 @@ PRIVATE int hits(const Instant *c, int k) { return c->touching[k] && c->rate[k] 
 /* Orders of impacts at one instant. */
 enum { FIRST_TO_LAST, LAST_TO_FIRST, STRONGEST };
 
-/* Impacts in rounds, until no gap that is 0 closes: those that close at the begin of a round come one after the other, from
-   the first to the last or from the last to the first, so that impacts spread through a row of bodies as waves do; or the
-   one with the most energy alone. They are noted if a study is given. Returns their number and one, or 0 if they do not
-   end. */
+/* Impacts in rounds, until no touching contact closes. All contacts that close at the begin of a round are struck one after
+   the other, from the first to the last or from the last to the first; or only the contact with the most energy is struck.
+   The impacts are noted if a study is given. Returns one more than their number, or 0 if they do not end.
+
+   Newton's law of one impact is applied in turn, not to all contacts at once: at once, a ball that hits a row of equal balls
+   would move all of them, while a wave runs through real rows and moves the last one only. */
 PRIVATE int in_turn(Instant *c, const Block *b, int order, Study *s, int ordered) {
   int number = 0, before = -1;
   memset(c->impulse, 0, sizeof c->impulse);
   memset(c->work, 0, sizeof c->work);
-  /* Impulses of a round change the rates of other gaps. Those that begin to close by them are struck in the next round: a
-     ball that hits a row of equal ones moves the last one, as a wave does. */
+  /* Impulses of a round change the rates of other gaps. Contacts that begin to close by them are struck in the next round. */
   while (number > before && number < MOST_IMPACTS) {
     int closing[SIZE(N_I)];
     double energy[SIZE(N_I)], most = 0.0;
@@ -79,13 +90,15 @@ PRIVATE int in_turn(Instant *c, const Block *b, int order, Study *s, int ordered
     for (int k = 0; k < N_I; ++k) closing[k] = closing[k] && (order != STRONGEST || energy[k] == most);
     for (int n = 0; n < N_I; ++n) {
       const int k = order == LAST_TO_FIRST ? N_I - 1 - n : n;
-      if (!closing[k] || !hits(c, k)) continue;
-      const double from = c->rate[k], to = -b->law[2 * N_I * N_V + N_I + k][0] * from, P = (to - from) / c->D[k][k];
+      if (!closing[k] || !hits(c, k)) continue; /* an impulse of this round may have opened it already */
+      const double from = c->rate[k], to = -b->law[2 * N_I * N_V + N_I + k][0] * from;
+      const double P = (to - from) / c->D[k][k];
+      /* An impulse does its work at the mean rate, less the rate of a surface that is moved by a law of time. */
       const double work = P * ((from + to) / 2 - b->law[2 * N_I * N_V + k][0]);
       const V L = each(P);
       if (s) note_event(b, s, IMPACT, k, from, to, work, ordered, &L, 1);
       for (int i = 0; i < N_I; ++i) c->rate[i] += c->D[i][k] * P;
-      c->rate[k] = to;
+      c->rate[k] = to; /* without the rounding of the sum: restitution 0 leaves exactly 0 */
       c->impulse[k] += P;
       c->work[k] += work;
       ++number;
@@ -101,7 +114,8 @@ PRIVATE double jump_of(const Block *b, int i, const double *P) {
   return jump;
 }
 
-/* Whether impacts would end otherwise than in `all` by another order. */
+/* Whether impacts in another order would change the velocities otherwise than in `all`. The laws of rigid bodies do not tell
+   the order. If the result depends on it, the events say so, and a warning can follow. */
 PRIVATE int order_matters(const Instant *c, const Instant *all, const Block *b) {
   double size = 0.0, change = 0.0;
   for (int order = LAST_TO_FIRST; order <= STRONGEST; ++order) {
@@ -119,6 +133,8 @@ PRIVATE int order_matters(const Instant *c, const Instant *all, const Block *b) 
 PRIVATE int apply_impulses(Instant *c, Block *b, Study *s) {
   Part *a = b->part;
   int immovable[SIZE(N_I)], any = 0;
+  /* An impulse cannot change a gap that the constraints determine. Its effective inertia 1 / D[k][k] is infinite but for
+     rounding: 1e12 times the largest inertia of the scene or more. */
   impulses(a->x, a->c, each(b->t), b->law);
   for (int k = 0; k < N_I; ++k) {
     double size = 0.0;
@@ -129,6 +145,7 @@ PRIVATE int apply_impulses(Instant *c, Block *b, Study *s) {
     for (int j = 0; j < N_V; ++j) size += pow(b->law[k + N_I * j][0] * displacement[j], 2.0);
     c->movable[k] = c->D[k][k] * ENERGY > SMALL * size;
   }
+  /* A trial without notes comes first: each event says whether the order matters, which is known behind all of them only. */
   Instant all = *c;
   const int number = in_turn(&all, b, FIRST_TO_LAST, NULL, 0), is_few = number <= MOST_NOTED;
   const int ordered = number > 2 && order_matters(c, &all, b);
@@ -150,9 +167,11 @@ PRIVATE int close_contacts(Block *b, const int *slow, const int *released) {
   Part *a = b->part;
   int closed[SIZE(N_I)], any_closed = 0;
   for (int k = 0; k < N_I; ++k) closed[k] = slow[k] && !released[k];
-  /* The force in a contact depends on which others are closed. The strongest pull opens first, and a contact closes only
-     when none pulls, until all forces push and no open gap closes. A set that returns would go round for ever, so that the
-     number of changes is limited. */
+  /* A linear complementarity problem, solved by single changes of the set of closed contacts, as pivoting methods do: the force
+     in a contact depends on which others are closed. The strongest pull opens first, and a contact closes only when none
+     pulls, until all forces push and no open gap closes. Pulls are compared as accelerations over the size of their terms,
+     because contacts of a light and of a heavy body have forces of different sizes. A set that returns would go round for
+     ever, so that the number of changes is limited. */
   for (int n = 0; n < 3 * N_I + 3; ++n) {
     double pull[SIZE(N_I)], most = 0.0;
     int changed = 0;
@@ -160,7 +179,7 @@ PRIVATE int close_contacts(Block *b, const int *slow, const int *released) {
     forces(a->x, a->c, each(b->t), b->force);
     for (int k = 0; k < N_I; ++k) {
       const double force = b->force[k][0], size = b->force[2 * N_I + k][0];
-      if (force * 0.0 != 0.0) return 0;
+      if (force * 0.0 != 0.0) return 0; /* the contacts depend on each other: their forces are not determined */
       pull[k] = closed[k] ? force / b->force[3 * N_I + k][0] / (size > 0.0 ? size : 1.0) : 0.0;
       most = fmin(most, pull[k]);
     }
@@ -174,6 +193,8 @@ PRIVATE int close_contacts(Block *b, const int *slow, const int *released) {
   }
   for (int k = 0; k < N_I; ++k) any_closed |= is_closed(a, k);
   if (any_closed) {
+    /* A contact closes with a gap and a rate that are small, but not 0. Constraints on accelerations alone would keep the rate,
+       and the gap would drift as long as the contact stays closed. */
     held(a->x, a->c, each(b->t), a->x_new);
     memcpy(a->x, a->x_new, sizeof a->x);
   }
@@ -182,6 +203,8 @@ PRIVATE int close_contacts(Block *b, const int *slow, const int *released) {
 
 /* Whether events follow each other without end. */
 PRIVATE int is_endless(Block *b, double span) {
+  /* Two limits: a joint that closes and opens at once never leaves its instant, while a ball between two walls that approach
+     each other bounces faster and faster, each time a little later. */
   const int moved = b->t - b->crowd_start > CROWD_SPAN * span;
   if (moved) b->crowd_start = b->t;
   b->n_crowd = moved ? 0 : b->n_crowd + 1;
@@ -208,25 +231,24 @@ PRIVATE void move_joint(Block *b, int k) {
     if (place_owner[i] == k) a->x[place[place_state[i]]] = b->closing[i];
 }
 
-/* Whether the clutch of event k begins to slip before that of event i: one that is struck, one that has just stuck, or that
-   with the larger excess of torque. */
+/* Whether the clutch of event k begins to slip before the clutch of event i: a clutch that is struck is first, then a clutch
+   that has just stuck, then the clutch with the larger excess of torque. */
 PRIVATE int is_sooner(const Block *b, const int *fresh, int k, int i) {
   if (slips[k] != slips[i]) return slips[k] > slips[i];
   return fresh[k] > fresh[i] || (fresh[k] == fresh[i] && b->margin[k][0] < b->margin[i][0]);
 }
 
-/* Opens and closes joints whose conditions begin to hold, first that of event `passed`, and then what holds by that. A
-   condition that holds before its event is armed must first cease to; one of a reaction does not hold while the joint is
-   open and has none. Of several clutches one begins to slip at a time, by
-   which others may hold. Clutches that stick before any impulse of this instant have a slip that is an error of the step
-   only. It is projected away: otherwise they would stick again when they go on in the other direction. Returns 0 if the
-   sample fails. */
+/* Opens and closes joints whose conditions begin to hold: first the joint of event `passed`, and then joints whose conditions
+   hold by that. A condition that holds before its event is armed must first cease to hold. A condition on a reaction does not
+   hold while the joint is open and has none. Of several clutches one begins to slip at a time, because the others may hold
+   then. Clutches that stick before any impulse of this instant have a slip that is an error of the step only. It is projected
+   away: otherwise the clutches would stick again when they begin to slip the other way. Returns 0 if the sample fails. */
 PRIVATE int move_joints(Block *b, Study *s, int passed, int is_first) {
   Part *a = b->part;
   const V t = each(between_stops(b, b->t));
   int fresh[N_E]; /* clutches that have stuck at this instant */
   memset(fresh, 0, sizeof fresh);
-  /* What one joint does changes the margins of others at the same instant: they are looked at again until none acts. */
+  /* What one joint does changes the margins of others at the same instant: all are evaluated again until none acts. */
   for (int n = 0; n <= 4 * N_E; ++n, passed = -1, is_first = 0) {
     int acts[N_E], any = 0, closes = 0, sticks = 0, first = -1;
     double rate[N_E], work = 0.0;
@@ -235,6 +257,8 @@ PRIVATE int move_joints(Block *b, Study *s, int passed, int is_first) {
     for (int k = 0; k < N_E; ++k) {
       const double off = hysteresis[N_S - N_E + k], margin = b->margin[k][0];
       const int held = flag(a, holding_state, k) > 0.5, armed = is_armed(a, k);
+      /* The margin of the event that the search has found is 0 but for rounding, and its sign says nothing: this event changes
+         by being found. Others have their hysteresis, in which the rate decides. */
       const int falls = margin < -off || (armed && margin <= off && b->margin[N_E + k][0] < 0.0);
       const int holds = k == passed ? !held : held ? margin <= off && (armed || !opens[k] || !by_force[k]) : falls;
       a->x[place[holding_state[k]]] = each(holds);
@@ -246,6 +270,7 @@ PRIVATE int move_joints(Block *b, Study *s, int passed, int is_first) {
     }
     if (!any) return 1;
     for (int k = 0; k < N_E; ++k) {
+      /* A clutch that must wait loses its note too, so that it acts in a later round if its torque is still too large. */
       if (slips[k] && k != first) acts[k] = (a->x[place[holding_state[k]]] = zero(), 0);
       for (int i = 0; i < N_E && acts[k]; ++i) {
         const int stuck = slips[i] && !opens[k] && flag_state[i] == flag_state[k];
@@ -259,6 +284,8 @@ PRIVATE int move_joints(Block *b, Study *s, int passed, int is_first) {
       memcpy(a->x, a->x_new, sizeof a->x);
     }
     memset(b->jumped, 0, sizeof b->jumped);
+    /* Joints that close at one instant share one jump: in turn, each would destroy what the one before has achieved. Margins
+       are computed again for the rates behind the jump, which the events report. */
     if (closes) {
       jump(a->x, a->c, t, b->jumped);
       for (int i = 0; i < N_V; ++i) a->x[place[N_Q + i]] = b->jumped[i];
@@ -271,18 +298,21 @@ PRIVATE int move_joints(Block *b, Study *s, int passed, int is_first) {
       const double after = b->margin[N_E + k][0];
       if (opens[k]) note_event(b, s, OPENS, N_I + k, rate[k], after, 0.0, 0, NULL, 0);
       else note_event(b, s, CLOSES, N_I + k, rate[k], after, work, 0, b->jumped + N_V + first_row[k], count_row[k]);
-      work = opens[k] ? work : 0.0;
+      work = opens[k] ? work : 0.0; /* the work of the common jump is noted once, with the first joint */
     }
   }
   fail_sample(b, s, 0, b->t, ENDLESS);
   return 0;
 }
 #else
-PRIVATE int move_joints(Block *b, Study *s, int passed, int is_first) { (void)b, (void)s, (void)passed, (void)is_first; return 1; }
+PRIVATE int move_joints(Block *b, Study *s, int passed, int is_first) {
+  (void)b, (void)s, (void)passed, (void)is_first;
+  return 1;
+}
 #endif
 
-/* Continues after an event, at which a contact closes or a joint's condition changes, or contact number contact - N_G opens;
-   -1 where none is known. Returns 0 if the sample fails. */
+/* Continues after an event: contact number `contact` closes, or contact number contact - N_G opens, or the condition of a joint
+   changes; it is -1 if no event is known. Returns 0 if the sample fails. */
 PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
   Part *a = b->part;
   const double span = s->times[s->n_t - 1] - s->times[0];
@@ -294,8 +324,8 @@ PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
     if (!move_joints(b, s, n == 0 && contact < N_G ? contact - N_I : -1, n == 0)) return 0;
     gaps(a->x, a->c, each(b->t), b->gap);
     forces(a->x, a->c, each(b->t), b->force);
-    /* A contact takes part if it was closed, if its gap is within rounding of 0, or if the search found its pass: then the gap
-       may be off by more, that is, by what a step changes in the rounding of its time. */
+    /* A contact takes part if it was closed, if its gap is within rounding of 0, or if the search found its pass: the time of
+       the pass is rounded, and within this rounding a fast gap may change by more than its own rounding. */
     for (int k = 0; k < N_I; ++k) {
       const double slack = SMALL * b->force[2 * N_I + k][0] * b->force[3 * N_I + k][0];
       rounding[k] = ROUNDED * (LENGTH + b->gap[2 * N_I + k][0]);
@@ -305,14 +335,15 @@ PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
       c.rate[k] = b->gap[N_I + k][0];
       if (c.touching[k]) fastest = fmax(fastest, fabs(c.rate[k]));
     }
-    /* A rate so small that the gap would rise by rounding only, before its acceleration turns it back, is none: without this
-       a ball that comes to rest would bounce for ever. */
+    /* With the rate v and the acceleration a, a gap rises by v^2 / (2 a). A rate at which this is within rounding counts as
+       rest. Otherwise a ball that comes to rest would bounce for ever. */
     for (int k = 0; k < N_I; ++k) c.rest[k] = fmax(sqrt(2.0 * rounding[k] * b->force[2 * N_I + k][0]), SMALL * fastest);
     if (!apply_impulses(&c, b, s)) return 0;
     hit = 0;
     for (int k = 0; k < N_I; ++k) hit |= N_E > 0 && c.impulse[k] != 0.0;
   }
-  for (int k = 0; k < N_I; ++k) slow[k] = c.touching[k] && c.movable[k] && fabs(c.rate[k]) <= c.rest[k]; /* what joints hold needs no force of a contact */
+  /* A gap that joints hold needs no force of a contact, and none could be determined. */
+  for (int k = 0; k < N_I; ++k) slow[k] = c.touching[k] && c.movable[k] && fabs(c.rate[k]) <= c.rest[k];
   const int closes = close_contacts(b, slow, released);
   for (int k = 0; k < N_I; ++k) now[k] = is_closed(a, k);
   if (!closes) return blame(b, s, now, DEPENDENT);
@@ -326,17 +357,19 @@ PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
     if (now[k] || !c.touching[k]) continue;
     if (c.rate[k] > c.rest[k] && acceleration < 0.0) flight = fmin(flight, -2.0 * c.rate[k] / acceleration);
     if (!slow[k]) continue;
-    a->raised[i] += rounding[k]; /* it leaves so slowly that rounding may turn it back */
+    /* It leaves so slowly that rounding may turn it back. Without this, the next step would end at once. */
+    a->raised[i] += rounding[k];
     a->u[i] += rounding[k];
   }
-  /* A flight that is half as long again as that of a parabola ends behind the next contact. */
+  /* The flight on a parabola lasts 2 v / a. A step half as long again ends behind the next contact, with one maximum of the gap
+     in it, so that the sign at its end shows the pass at once. */
   b->soon = fmax(1.5 * flight, CONTACT_STEP * span);
   if (!is_endless(b, span)) return 1;
   fail_sample(b, s, 0, b->t, ENDLESS);
   return 0;
 }
 
-/* Events at the first time, and the outputs after them. Returns 0 if the sample fails. */
+/* Events at the first time, and the outputs behind them. Returns 0 if the sample fails. */
 PRIVATE int begin_contacts(Block *b, Study *s) {
   b->crowd_start = b->t;
   b->n_events = b->n_crowd = 0;
@@ -345,7 +378,7 @@ PRIVATE int begin_contacts(Block *b, Study *s) {
   return 1;
 }
 
-/* Outputs at the times that are reached, after the event there. Returns 0 if one is not finite. */
+/* Outputs at the times that are reached, behind the event there. Returns 0 if an output is not finite. */
 PRIVATE int observe_due(Block *b, Study *s) {
   while (b->next < s->n_t && s->times[b->next] <= b->t) {
     EACH_PART(b) outputs(a->x, a->c, each(b->t), a->y);

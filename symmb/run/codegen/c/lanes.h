@@ -1,5 +1,6 @@
-/* Vectors of W doubles, as wide as the processor's, one lane for each of W samples that run side by side. WIDTH samples
-   share their steps, the same number on every processor, so that results do not depend on it: they fill PARTS vectors. */
+/* Vectors of W doubles, as wide as those of the processor, with one lane for each of W samples that run side by side. WIDTH
+   samples share their steps and fill PARTS vectors. WIDTH is the same on every processor, so that results do not depend on the
+   processor. */
 #ifndef LANES_H
 #define LANES_H
 
@@ -25,7 +26,7 @@ typedef long long M __attribute__((vector_size(8 * W), aligned(8 * W)));
 #define NOINLINE __attribute__((noinline))
 #define PRIVATE static __attribute__((unused)) /* a function of this file that a model may do without */
 
-/* A function of a model, whose parts are compiled on their own where PART is the number of one of them. */
+/* A function of a model. If the parts of a model are compiled one by one, PART is the number of the part. */
 #ifdef PART
 #define PIECE __attribute__((noinline, visibility("hidden")))
 #else
@@ -34,7 +35,7 @@ typedef long long M __attribute__((vector_size(8 * W), aligned(8 * W)));
 
 PRIVATE inline V zero(void) { return (V){0}; }
 PRIVATE inline V blend(M mask, V a, V b) { return (V)(((M)a & mask) | ((M)b & ~mask)); }
-#define each(a) ((a) - zero()) /* a number in each lane; unlike by adding 0, -0 stays, and compilers see that lanes do */
+#define each(a) ((a) - zero()) /* a number in each lane. A sum with 0 would make -0 to 0, and compilers could not drop it */
 #define choose(mask, a, b) blend((M)(mask), each(a), each(b))
 #define truth(mask) blend((M)(mask), each(1.0), zero())
 PRIVATE inline int none(M mask) {
@@ -42,7 +43,7 @@ PRIVATE inline int none(M mask) {
   for (int l = 0; l < W; ++l) any |= mask[l];
   return !any;
 }
-/* The first `count` of W numbers, all of them if it is larger; others are 0, or stay. */
+/* The first `count` of W numbers, or all of them. Other lanes are 0, and other places of an array stay as they are. */
 PRIVATE inline V some_of(const double *from, long count) {
   V a = zero();
   if (count >= W) memcpy(&a, from, sizeof a); else memcpy(&a, from, count * sizeof *from);
@@ -53,7 +54,7 @@ PRIVATE inline void to_some(double *to, V a, long count) {
 }
 PRIVATE inline V v_fabs(V a) { return (V)((M)a & 0x7fffffffffffffffLL); }
 
-/* Elementary functions: the vector ones of the C library where it has them, lane by lane where not. */
+/* Elementary functions: the vector functions of the C library if it has them, else lane by lane. */
 #define BY_LANE_1(name, f) PRIVATE inline V name(V a) { for (int l = 0; l < W; ++l) a[l] = f(a[l]); return a; }
 #define BY_LANE_2(name, f) PRIVATE inline V name(V a, V b) { for (int l = 0; l < W; ++l) a[l] = f(a[l], b[l]); return a; }
 #if defined(LIBMVEC) && W == 8
@@ -98,7 +99,7 @@ BY_LANE_1(v_ceil, ceil)
 PRIVATE inline V v_smaller(V a, V b) { return choose(a < b, a, b); }
 PRIVATE inline V v_larger(V a, V b) { return choose(a > b, a, b); }
 #endif
-/* As fmin and fmax: a number beside NaN is the result. */
+/* As fmin and fmax: if one argument is NaN, the result is the other. */
 PRIVATE inline V v_fmin(V a, V b) { return choose(b != b, a, v_smaller(a, b)); }
 PRIVATE inline V v_fmax(V a, V b) { return choose(b != b, a, v_larger(a, b)); }
 
@@ -193,7 +194,8 @@ TREE_OF(tree_larger, v_larger)
 #endif
 #endif
 
-/* The rows of pieces (symbolic/pieces.py) in which numbers lie, of n rows: groups, and behind them their begins. */
+/* The rows of pieces (symbolic/pieces.py) that contain numbers `at`. The n rows have their groups in the first column, and their
+   begins in the second. */
 PRIVATE NOINLINE V v_search(const double *rows, long n, V group, V at) {
   for (int l = 0; l < W; ++l) {
     long low = -1, high = n; /* rows up to low are not behind (group, at), those from high on are */

@@ -6,8 +6,7 @@
 
 #include "scene.h"
 
-/* Sets the parameter of an argument "name=value". Returns 0 if there is none of this name, or no finite
-   number. */
+/* Sets the parameter of an argument "name=value". Returns 0 if there is no parameter of this name, or no finite number. */
 static int set_parameter(double *parameters, const char *argument) {
   const char *equals = strchr(argument, '=');
   for (int i = 0; i < SCENE_N_P && equals; ++i)
@@ -19,7 +18,7 @@ static int set_parameter(double *parameters, const char *argument) {
   return 0;
 }
 
-/* A name in quotes, those within it doubled. */
+/* Prints a name in quotes. Quotes within the name are doubled. */
 static void print_name(const char *name) {
   printf(",\"");
   for (; *name; ++name) printf(*name == '"' ? "\"\"" : "%c", *name);
@@ -37,7 +36,7 @@ int main(int count, char **arguments) {
   if (!scene) return fprintf(stderr, "There is not enough memory.\n"), 1;
   for (int i = 1; i < count; ++i)
     if (!set_parameter(scene_parameters(scene), arguments[i])) {
-      fprintf(stderr, "%s sets no parameter. Write name=number, with a finite number.\n", arguments[i]);
+      fprintf(stderr, "%s does not set a parameter. Write name=number, with a finite number.\n", arguments[i]);
       scene_free(scene);
       return 2;
     }

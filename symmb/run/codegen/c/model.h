@@ -1,7 +1,8 @@
-/* An example of what the generator writes in front of the other files: a harmonic oscillator with the parameter omega.
+/* An example of the model that the generator writes in front of the other files: a harmonic oscillator.
 
-   x' = v, v' = -omega^2 x, output x. Each file of this folder can be compiled with it alone. The functions get a part's
-   values c, which prepare() computes from the parameters; what follows the N_C values of c is room for their own use. */
+   x' = v, v' = -omega^2 x, with the parameter omega and the output x. Each file of this folder can be compiled with this model
+   alone. The functions get the values c of a part, which prepare() computes from the parameters. Behind the N_C values of c
+   there is room for the functions. */
 #ifndef MODEL_H
 #define MODEL_H
 

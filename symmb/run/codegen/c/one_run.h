@@ -1,4 +1,4 @@
-/* One run of one sample: the functions of scene.h. A block of one lane goes from one time that is asked for to the next. */
+/* One run of one sample: the functions of scene.h. A block of one lane goes from one requested time to the next. */
 #ifndef ONE_RUN_H
 #define ONE_RUN_H
 
@@ -48,7 +48,7 @@ static int compare_times(const void *a, const void *b) {
 }
 #endif
 
-/* Times at which steps end, in order; those that differ by rounding are one. */
+/* The times at which steps end, in order. Times that differ by rounding become equal: no step fits between them. */
 static void find_stops(Scene *scene) {
   memcpy(scene->stops, stops, N_STOPS * sizeof(double));
 #if N_TIMES > 0
@@ -92,7 +92,7 @@ int scene_step(Scene *scene, double t) {
   Block *b = &scene->block;
   if (!(t > scene->t)) return 1;
   if (N_STOPS > 0 && t > scene_times[SCENE_N_T - 1] + 1e-9 * (t - scene_times[0])) {
-    scene->fault = "sampled values end with the times of the scene";
+    scene->fault = "sampled values are known until the last time of the scene only";
     return 0;
   }
   scene->times[1] = t;

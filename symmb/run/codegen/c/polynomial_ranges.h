@@ -1,10 +1,15 @@
 /* Ranges of polynomials in Chebyshev form on [-1, 1]^d by branch and bound, one after the other, depth first.
 
-   On a box with coordinates z in [-1, 1]^d the terms of degree one and two are minimised as they are in two parameters.
-   In more they are bounded below by a sum of parabolas, one for each free parameter: a product m z_i z_j by the plane
-   through its edges at a corner e, m (e_j z_i + e_i z_j - e_i e_j), where it is positive there and both parameters tend
-   to that corner, else by -|m| (z_i^2 + z_j^2) / 2. All others are bounded by |T| <= 1. Where a derivative cannot
-   vanish, the box is left, or its parameter is fixed at the end of its range. */
+   Ratschek and Rokne (1988), New Computer Methods for Global Optimization. On a box with coordinates z in [-1, 1]^d the terms
+   of degree one and two are minimised exactly if there are two parameters. With more parameters they are bounded below by a
+   sum of parabolas, one for each free parameter. A product m z_i z_j is bounded by the plane through its edges at a corner e,
+   m (e_j z_i + e_i z_j - e_i e_j), if it is positive there and both parameters tend to that corner, else by
+   -|m| (z_i^2 + z_j^2) / 2. All other terms are bounded by |T| <= 1. If a derivative cannot vanish, the box is left, or
+   its parameter is fixed at the end of its range.
+
+   Terms of degree three fall with the cube of the size of a box, and near an extreme so do the errors of these bounds: few
+   halvings are enough. Bounds by |T| <= 1 alone have errors of the size of the quadratic terms, by which values near a smooth
+   extreme differ. They would leave a cluster of boxes around it, whatever their size. */
 #ifndef POLYNOMIAL_RANGES_H
 #define POLYNOMIAL_RANGES_H
 
@@ -12,12 +17,12 @@
 #include <string.h>
 
 #define W 8 /* doubles in a vector */
-enum { PATIENCE = 10, FEW = 32, STARTS = 10, PART = 16 }; /* boxes before a descent pays; terms not worth leaving
-   out; further descents; polynomials that a thread takes at once */
-#define LEFT_OUT 0.05 /* share of the tolerance for terms left out, which count twice, and for bounds */
-#define PRUNED 0.9
+enum { PATIENCE = 10, FEW = 32, STARTS = 10, PART = 16 }; /* boxes before a descent pays; number of terms up to which none is
+   left out; further descents; polynomials that a thread takes at once */
+#define LEFT_OUT 0.05 /* fraction of the tolerance for terms left out. They count twice, in a bound and in a value */
+#define PRUNED 0.9    /* fraction of the tolerance for bounds: 0.9 + 2 * 0.05 is 1 */
 #define STOPPED 1073741824 /* more than there are polynomials */
-#define RELAXED 1e-3 /* tolerance after the budget has run out once: up to it, finer ones hardly take more boxes */
+#define RELAXED 1e-3 /* tolerance after the budget is used up for the first time: smaller ones hardly take more boxes */
 typedef double V __attribute__((vector_size(8 * W), aligned(8)));
 typedef long long M __attribute__((vector_size(8 * W), aligned(8)));
 
@@ -35,7 +40,7 @@ typedef struct {
 
 typedef struct {
   const Basis *basis;
-  double tolerance;        /* largest excess, as a share of the range */
+  double tolerance;        /* largest excess of a bound, over the range */
   long budget, depth, proves; /* without proof, the best values found are the range where the budget runs out */
   double *stack;           /* (depth, padded + 2 d + 2) of boxes: coefficients, centre, half widths, which are 0 where
                               fixed, how many coefficients are left, and the sum of those left out */
@@ -51,12 +56,13 @@ typedef struct {
   double best, bound, *at; /* the least value known and where, and what it cannot fall below */
 } Extreme;
 
-/* A single search of many parameters may take some seconds. */
+/* Whether the search is given up. A single search of many parameters may take seconds, and an interrupt cannot wait so long. */
 static int is_stopped(const Search *s) { return __atomic_load_n(s->next, __ATOMIC_RELAXED) >= STOPPED; }
 
 static double total(V a) { return ((a[0] + a[4]) + (a[1] + a[5])) + ((a[2] + a[6]) + (a[3] + a[7])); }
 
-/* Sums (n_sums) of the magnitudes of coefficients with each column of weights. */
+/* Sums (n_sums) of the magnitudes of coefficients, weighted by each column of weights. The bounds of all derivatives and of the
+   terms of high degree are one product of a matrix with a vector, so that coefficients are read once. */
 static void weighted(const Basis *b, const double *c, long n, double *sums) {
   for (long k = 0; k < b->n_sums; k += W) {
     const double *w = b->weights + k;
@@ -116,7 +122,8 @@ static double paraboloid(const double *g, const double *h, double m, double *z) 
   return best;
 }
 
-/* Leave out coefficients of high degree as far as allowed, and return how many there are, padded. */
+/* Leave out coefficients of high degree as far as allowed, and return how many remain, padded. A term of degree j falls by
+   2^-j in each halving, so that small boxes need the low degrees only. */
 static long trim(const Basis *b, double *c, double *left, double allowed) {
   long n = (long)left[0];
   if (b->n <= FEW) return b->padded;
@@ -126,7 +133,7 @@ static long trim(const Basis *b, double *c, double *left, double allowed) {
   return n;
 }
 
-/* Put a parameter to the end of its range. */
+/* Fix a parameter at the end of its range, where T_j is 1 or (-1)^j. */
 static void fix(const Basis *b, double *c, long k, double end, long n) {
   for (long f = b->first[k]; f < b->first[k + 1]; ++f) {
     const int *at = b->fibres + f * (b->order + 1);
@@ -140,7 +147,8 @@ static void fix(const Basis *b, double *c, long k, double end, long n) {
   }
 }
 
-/* Coefficients on the half that lies towards end, in ``near``, and on the other, in place. */
+/* Coefficients on the half that lies towards `end`, in `near`, and on the other half, in place. The halves are mirror images of
+   each other, so that even and odd degrees give both for the work of one of them. */
 static void halve(const Search *s, double *c, double *near, long k, double end, long n) {
   const Basis *b = s->basis;
   const long size = b->order + 1;
@@ -171,6 +179,7 @@ static double lower_bound(const Search *s, double *box, long *widest, double all
   double *restrict g = s->local, *restrict h = g + d, *restrict ends = h + d, *restrict near = ends + d;
   double *restrict slope = s->slope, *restrict z = s->z;
   long n = 0;
+  /* A fixed parameter has no more terms that bend the others, and these may become monotone by that. */
   for (int again = 1; again;) {
     again = 0;
     n = trim(b, c, left, allowed);
@@ -178,6 +187,8 @@ static double lower_bound(const Search *s, double *box, long *widest, double all
     for (long k = 0; k < d; ++k) g[k] = c[b->linear[k]], ends[k] = g[k] > 0.0 ? -1.0 : 1.0;
     for (long k = 0; k < d; ++k) {
       if (half[k] == 0.0 || fabs(g[k]) < slope[k]) continue;
+      /* The polynomial falls through this face. If another box lies behind the face, the polynomial falls further there, and
+         this box has no minimum. Terms that were left out must not change this; |T_j'| is at most j^2. */
       const double face = centre[k] + ends[k] * half[k];
       if (fabs(face) < 1.0 && fabs(g[k]) > slope[k] + b->order * b->order * left[1]) return INFINITY;
       fix(b, c, k, ends[k], n);
@@ -186,6 +197,8 @@ static double lower_bound(const Search *s, double *box, long *widest, double all
       again = 1;
     }
   }
+  /* T_2 = 2 z^2 - 1 gives the squares. The parameter with the largest variation of its derivative is halved next: it is the
+     reason why the box is neither monotone nor well bounded. */
   double bound = c[0] - left[1] - slope[d], most = -1.0;
   for (long k = 0; k < d; ++k) {
     h[k] = 2.0 * c[b->square[k]];
@@ -230,7 +243,8 @@ static double series(const double *g, long n, double x, double *first, double *s
   return y;
 }
 
-/* Where a series is least on [-1, 1], and how far below its value at x: the best of samples, then Newton's steps. */
+/* The point x where a series is least on [-1, 1], and the difference to its value at the given x: the best of samples, then
+   Newton's steps. */
 static double least(const Basis *b, const double *g, double *x) {
   const long n = b->order + 1;
   double first, second, to = *x, y;
@@ -251,7 +265,8 @@ static double least(const Basis *b, const double *g, double *x) {
   return now - best;
 }
 
-/* Descend from s->x along one parameter after the other while that gains. */
+/* Descend from s->x along one parameter after the other, as long as this gains. Each line search is global, so that it leaves
+   valleys in which a descent along the gradient would end. */
 static void descend(const Search *s, const double *c, Extreme *e, double enough) {
   const Basis *b = s->basis;
   const long size = b->order + 1;
@@ -282,8 +297,8 @@ static void descend(const Search *s, const double *c, Extreme *e, double enough)
   }
 }
 
-/* Descend from the best point with some parameters put to the other end, again and again: of many parameters most extremes
-   lie at corners, and no search by boxes sees them all. */
+/* Descend from the best point with a quarter of the parameters put to the other end, again and again: of many parameters most
+   extremes lie at corners, and no search by boxes sees all of these. */
 static void explore(const Search *s, const double *c, Extreme *e, double enough) {
   unsigned long long random = 88172645463325252ULL; /* Marsaglia's xorshift (2003) */
   for (int start = 0; start < STARTS; ++start) {
@@ -295,7 +310,8 @@ static void explore(const Search *s, const double *c, Extreme *e, double enough)
   }
 }
 
-/* Whether the least value lies within ``share`` of the range, up to top, and ``floor`` below the best one known. */
+/* Searches the least value to an error of `share` times the range up to `top`, and of `floor` by rounding. Returns 0 if the
+   budget is used up. */
 static int search(const Search *s, const double *c, Extreme *e, double top, double share, double floor) {
   const Basis *b = s->basis;
   const long own = 2 * b->d + 2, stride = b->padded + own;
@@ -305,9 +321,13 @@ static int search(const Search *s, const double *c, Extreme *e, double top, doub
   s->stack[stride - 2] = (double)b->n;
   s->stack[stride - 1] = 0.0;
   e->bound = INFINITY;
+  /* Depth first: the stack holds at most one box for each halving, while the list of a best-first search would grow without
+     limit. Its disadvantage, boxes that a better value would have pruned, is small because good values come first: from
+     corners, from the points of bounds, and from descents. */
   while (used && !is_stopped(s)) {
     double *box = s->stack + --used * stride, *centre = box + b->padded, *half = centre + b->d;
     if (++count > s->budget || used + 2 > s->depth) return 0;
+    /* The tolerance is relative to the range between the best values known. It grows with each better value. */
     double slack = share * (top - e->best) + floor;
     const double bound = lower_bound(s, box, &widest, LEFT_OUT * slack);
     if (bound < e->best - PRUNED * slack) {
@@ -316,7 +336,7 @@ static int search(const Search *s, const double *c, Extreme *e, double top, doub
       if (y < e->best) {
         e->best = y;
         for (long k = 0; k < b->d; ++k) e->at[k] = centre[k] + half[k] * s->z[k];
-        if (count > PATIENCE) {
+        if (count > PATIENCE) { /* easy searches end before a descent, which costs as much as many boxes, pays */
           memcpy(s->x, e->at, b->d * sizeof *s->x);
           descend(s, c, e, 0.1 * slack);
         }
@@ -324,6 +344,7 @@ static int search(const Search *s, const double *c, Extreme *e, double top, doub
       }
       if (bound < e->best - PRUNED * slack) {
         double *near = box + stride;
+        /* The half that contains the point of the bound is put on top and is searched next: it has the better values. */
         const double end = s->z[widest] > 0.0 ? 1.0 : -1.0;
         halve(s, box, near, widest, end, n);
         half[widest] *= 0.5;
@@ -340,8 +361,8 @@ static int search(const Search *s, const double *c, Extreme *e, double top, doub
   return 1;
 }
 
-/* Bounds of a polynomial, points where they are nearly taken, and how far beyond the values there a bound lies where the
-   budget ran out, else 0. The coefficients are lost. */
+/* Bounds of a polynomial, and points where they are nearly taken. `gaps` are the distances of the bounds from the values at
+   these points if the budget was used up, else 0. The coefficients are overwritten. */
 static void range(const Search *s, double *c, double *found, double *const *at, double *gaps) {
   const Basis *b = s->basis;
   double floor = 0.0;
@@ -368,9 +389,12 @@ static void range(const Search *s, double *c, double *found, double *const *at, 
     gaps[0] = gaps[1] = 0.0;
     return;
   }
+  /* The maximum is the minimum of the negative polynomial. */
   for (int side = 0; side < 2; ++side) {
     Extreme *e = two + side, *other = two + 1 - side;
     double loose = 1.0;
+    /* An unfinished search proves nothing, because boxes on its stack have no bounds yet. It is made again with a larger
+       tolerance, of RELAXED at least, because smaller ones would use up the budget again. */
     while (!search(s, c, e, -other->best, loose * s->tolerance, loose * floor)) {
       if (loose == 1.0) explore(s, c, e, RELAXED * (-other->best - e->best));
       if (!s->proves) {

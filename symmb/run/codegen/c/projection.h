@@ -1,4 +1,4 @@
-/* The projection of a state onto the constraints, by the model's project(), for scenes that ask for it. */
+/* The projection of a state onto the constraints, by the model's project(), for scenes that have one. */
 #ifndef PROJECTION_H
 #define PROJECTION_H
 
@@ -14,10 +14,10 @@ PRIVATE void move_onto_constraints(Part *a, const V *x, double t, V *out) {
 #endif
 }
 
-#define REACHED 1e-9 /* over the largest state: Newton is quadratic, so a change below it leaves an error at rounding level */
+#define REACHED 1e-9 /* change over the largest state: the projection converges quadratically, so that the error is rounding */
 enum { PROJECTIONS_AT_MOST = PROJECTED ? 20 : 0 };
 
-/* Moves the block onto the constraints at time t from far off: parameters have changed. Returns 0 if a sample failed. */
+/* Moves the block onto the constraints at time t after a change of parameters, which may be far. Returns 0 if one fails. */
 PRIVATE int reach_constraints(Block *b, Study *s, double t) {
   int reached = 1;
   EACH_PART(b) {

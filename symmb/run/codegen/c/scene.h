@@ -1,7 +1,7 @@
-/* One run of a scene, of which a program chooses the parameters and the times. An example of what the generator writes:
+/* One run of a scene. A program chooses its parameters and times. This is an example of the header that the generator writes,
    for the oscillator of model.h.
 
-   Functions that return int return 0 if the run fails; scene_fault then tells why. */
+   Functions that return int return 0 if the run fails. scene_fault then returns the reason. */
 #ifndef SCENE_H
 #define SCENE_H
 
@@ -22,7 +22,7 @@ extern const char *const scene_names[SCENE_N_P + SCENE_N_Y + 1]; /* of parameter
 Scene *scene_new(void); /* NULL without memory; its parameters are the nominal ones */
 void scene_free(Scene *scene);
 
-/* Parameters, which may be changed before scene_start; during a run, scene_change goes on with them from the time reached. */
+/* Parameters, which may be changed before scene_start. During a run, scene_change goes on with changed ones. */
 double *scene_parameters(Scene *scene);
 int scene_start(Scene *scene, double end, double tolerance); /* at scene_times[0]; a tolerance of 0 is that of the scene */
 int scene_step(Scene *scene, double t);
@@ -31,8 +31,8 @@ void scene_states(const Scene *scene, double *x);
 const double *scene_outputs(const Scene *scene);
 const char *scene_fault(const Scene *scene);
 
-/* Where states have rates: other states, times and parameters, and their rates, outputs and switches. Branches stay as they
-   are until scene_settle. */
+/* If SCENE_HAS_RATES: sets other states, times and parameters, and returns their rates, outputs and switches. Branches stay as
+   they are until scene_settle. */
 void scene_move(Scene *scene, double t, const double *x);
 void scene_renew(Scene *scene);
 void scene_rates(Scene *scene, double *rates);

@@ -1,23 +1,31 @@
-/* Switches: where equations have kinks or jumps. No step passes over one.
+/* Switches: where equations have kinks or jumps. No step passes over a switch, because across it the error of a method of
+   order 8 falls with the first or second power of the step only, and the control would reject step after step.
 
    Switches of time have known places, where steps end. Within a step the equations keep their branches on one side of each
    switch of the state, so that all stages are smooth. u is a switch times its side. The switch is passed where u falls
-   below 0. The step then ends there, and the side changes. u is raised by a hysteresis above rounding from then on until a
-   step begins beyond it. switches(x, c, t, u) gives the N_S switches, and changes(x, c, t, u) their rates. Sides, 1 or -1,
-   are the last of the parameters.
+   below 0. The step then ends there, and the side changes. From then on u is raised by a hysteresis above rounding, until a
+   step begins beyond it: without it, rounding would pass the switch again at once. switches(x, c, t, u) gives the N_S
+   switches, and changes(x, c, t, u) their rates. Sides, 1 or -1, are the last of the parameters.
+
+   A pass must not be missed if a switch falls below 0 and rises again within a step. The search therefore has three stages,
+   each more expensive than the one before: signs at the ends of the step with ranges over a box around it (may_pass), a root
+   between the ends (rough_pass), and ranges over parts of the step that are halved until nothing is open (first_pass).
 
    The last N_G switches are gaps of N_I open contacts, and 1 of closed ones, and margins of conditions at which joints open
-   and close. They keep their side. One that begins below 0 by rounding is raised to 0. A closed contact opens where the force in it falls to 0: switch N_S + k is that of contact k. */
+   and close. They keep their side. A gap or margin that begins below 0 by rounding is raised to 0. A closed contact opens
+   when its force falls to 0: number N_S + k is the force in contact k. */
 #ifndef SWITCHES_H
 #define SWITCHES_H
 
 #include "projection.h"
 
-#define STOP_MARGIN 4.5e-16 /* share of a time by which switches of time may be off by rounding */
+#define STOP_MARGIN 4.5e-16 /* fraction of a time by which switches of time may be off by rounding */
 
 /* Finds the next switch of time of a sample in the block. Returns whether there is one at t. Rates are evaluated behind the
-   switch before and before the next one, whatever their rounding. */
+   previous switch and before the next one, whatever their rounding. */
 PRIVATE int find_stop(Block *b, const Study *s) {
+  /* The margin is relative to the time. Near time 0 it would vanish, although switches there have rounding errors of the terms
+     from which they are computed: a thousandth of the horizon stands for the size of these terms. */
   const double least = 1e-3 * (s->times[s->n_t - 1] - s->times[0]);
   int at_stop = 0;
   b->stop_time = INFINITY;
@@ -31,52 +39,57 @@ PRIVATE int find_stop(Block *b, const Study *s) {
   return at_stop;
 }
 
-#define LATE 0.99    /* share of a step before which a switch is passed again, by a shorter step */
-#define BEYOND 1.002 /* length of the shorter step over that to the switch */
-#define ROUGH 4e-3   /* share of that length by which it may be too long: the shorter step then ends behind LATE */
+#define LATE 0.99    /* a pass before this fraction of a step is early: the step is taken again, by a shorter one */
+#define BEYOND 1.002 /* length of the shorter step over the length to the pass */
+#define ROUGH 4e-3   /* error of a rough pass: 1 / (1.002 * 1.004) > 0.99, so that a shorter step has a late pass */
 
 #if N_S > 0
-#define AT_ONCE 2.220446049250313e-16 /* share of a step, 2^-52: its begin */
-#define LEAST_PART 9.094947017729282e-13 /* share of a step, 2^-40: shorter parts are judged by their ends */
-#define MOST_PARTS 256      /* of a step, in which ranges do not exclude a pass: the step then ends before the next one */
-#define LONG_PART 0.015625  /* share of a step, 2^-6: that of the first parts at least */
+#define AT_ONCE 2.220446049250313e-16 /* fraction of a step, 2^-52, that stands for its begin */
+#define LEAST_PART 9.094947017729282e-13 /* fraction of a step, 2^-40: shorter parts are judged by their ends */
+#define MOST_PARTS 256      /* parts of a step that are examined if ranges do not exclude a pass: the step then ends before the
+                               next one */
+#define LONG_PART 0.015625  /* fraction of a step, 2^-6: the least length of parts behind MOST_PARTS */
 #define SETTLINGS 8         /* passes over switches that depend on the sides of others */
 #define MOST_ROOT_STEPS 150 /* every third is a bisection, of which 52 are enough */
-#define SCREEN 0.25         /* share of the distance between chord and cubic of a step, by which its state may be off the
-                               cubic: four times what it is for a sine whose phase changes by 2 in a step */
-#define SLIGHT 1e-3         /* hystereses that count as 0 within a step: that of a narrow pulse is larger than its height */
-#define SLOPE_OFF 3.0792    /* 16 sqrt(3) / 9: a slope is off the cubic's by this many times the largest distance */
-#define ROUNDED 1.7763568394002505e-15 /* share of lengths, 2^-49, below which a gap is 0: eight roundings */
+#define SCREEN 0.25         /* largest distance of a state from the cubic of its step, over that between cubic and chord: four
+                               times the value of a sine whose phase changes by 2 in a step */
+#define SLIGHT 1e-3         /* fraction of a hysteresis that counts as 0 within a step: the hysteresis itself may be larger than
+                               the height of a narrow pulse */
+#define SLOPE_OFF 3.0792    /* 16 sqrt(3) / 9, the largest slope of 16 z^2 (1 - z)^2, which is at most 1: that of the distance
+                               between a function and the cubic with its values and slopes at both ends */
+#define ROUNDED 1.7763568394002505e-15 /* fraction of lengths, 2^-49, below which a gap is 0: eight roundings */
 #ifndef LENGTH
 #define LENGTH 0.0 /* without contacts */
 #endif
 #define REVERSAL 10.0       /* hystereses that a motion must come back in a tenth of a step to count as sticking */
-#define SMALL 1e-12         /* share of the terms of a sum below which the sum is zero but for rounding */
-#define FORCE_PARTS 4       /* parts of a step in which a force that opens a contact or a joint is looked at, at both ends and
-                               in the middle: its range is that of a linear system, too wide to tell more */
-#define FORCE_LEAST 6.103515625e-05 /* share of a step, 2^-14: shorter parts are judged by their ends */
+#define SMALL 1e-12         /* fraction of the terms of a sum below which the sum is rounding */
+#define FORCE_PARTS 4       /* parts of a step in which a force that opens a contact or a joint is evaluated, at both ends and
+                               in the middle: a force solves a linear system, whose ranges are too wide to tell more */
+#define FORCE_LEAST 6.103515625e-05 /* fraction of a step, 2^-14: shorter parts are judged by their ends */
 
 PRIVATE V *sides(Part *a) { return a->p + N_P - N_S; }
 
-/* The switches u on their sides at x. */
+/* The switches u at x, times their sides, and raised. */
 PRIVATE void on_sides(Part *a, const V *x, V t, V *u) {
   switches(x, a->c, t, u);
   for (int k = 0; k < N_S; ++k) u[k] = u[k] * sides(a)[k] + a->raised[k];
 }
 
-/* The rates du of the switches on their sides at x. */
+/* The rates du of the switches at x, times their sides. */
 PRIVATE void rates_on_sides(Part *a, const V *x, V t, V *du) {
   changes(x, a->c, t, du);
   for (int k = 0; k < N_S; ++k) du[k] *= sides(a)[k];
 }
 
-/* The sides at the start of a step. Where a switch is 0 its rate decides. */
+/* Chooses the sides at the start of a step. */
 PRIVATE void settle(Block *b) {
   EACH_PART(b) {
     M changed = (M)zero() == 0;
-    /* A switch within hysteresis of 0 has no side of its own: the motion goes to the side that its rate leads to. Where
-       the rate is 0 as well it stays. Gaps and margins keep their sides: contacts change them by events. */
-    for (int n = 0; n < SETTLINGS && !none(changed); ++n) { /* switches may depend on the sides of others */
+    /* A switch within hysteresis of 0 has no side of its own: the motion goes to the side that its rate leads to. If the
+       rate is 0 too, the side stays. Gaps and margins keep their sides, because events of contacts decide about them.
+       A switch may depend on the sides of others, so that one pass over all of them is not enough. Two switches may also
+       turn each other for ever, so that the number of passes is limited. */
+    for (int n = 0; n < SETTLINGS && !none(changed); ++n) {
       switches(a->x, a->c, each(between_stops(b, b->t)), a->u);
       changes(a->x, a->c, each(between_stops(b, b->t)), a->du);
       changed = (M)zero();
@@ -86,11 +99,11 @@ PRIVATE void settle(Block *b) {
         changed |= (M)(side != sides(a)[k]);
         sides(a)[k] = side;
       }
-      prepare(a->p, a->c);
+      prepare(a->p, a->c); /* sides are parameters, and c holds values that depend on them */
     }
     for (int k = 0; k < N_S; ++k) a->raised[k] = each(hysteresis[k]);
     on_sides(a, a->x, each(between_stops(b, b->t)), a->u);
-    /* A gap that begins below 0 by rounding would count as passed in each step. It is lifted to 0. */
+    /* A gap that begins below 0 by rounding would count as passed in each step. Therefore it is raised to 0. */
     for (int k = N_S - N_G; k < N_S; ++k) {
       const V lift = v_larger(-a->u[k], zero());
       a->raised[k] += lift;
@@ -103,20 +116,26 @@ PRIVATE void settle(Block *b) {
 /* Whether contact k is closed. */
 PRIVATE int is_closed(const Part *a, int k) { return a->x[place[contact_state[k]]][0] > 0.5; }
 
-/* The force in closed contact k at x, raised by its rounding: a pull above it opens the contact. */
+/* The force in closed contact k at x, raised by its rounding: only a pull above its rounding opens the contact. */
 PRIVATE V contact_force(const Part *a, Block *b, int k, const V *x, V t) {
   forces(x, (V *)a->c, t, b->force);
   return b->force[k] + SMALL * b->force[2 * N_I + k] * b->force[3 * N_I + k];
 }
 #else
 PRIVATE int is_closed(const Part *a, int k) { (void)a, (void)k; return 0; }
-PRIVATE V contact_force(const Part *a, Block *b, int k, const V *x, V t) { (void)a, (void)b, (void)k, (void)x, (void)t; return zero(); }
+PRIVATE V contact_force(const Part *a, Block *b, int k, const V *x, V t) {
+  (void)a, (void)b, (void)k, (void)x, (void)t;
+  return zero();
+}
 #endif
 
-/* The box of a part of a step, of a share of it: the cubic through states and slopes at its ends, x and dx over the step,
-   and by how much the state may be off the cubic. A cubic's distance from its chord is z (1 - z) times a number between
-   those at the ends. */
+/* The box of a state and its slope in a part of a step, a `share` of it: x and dx at its ends, slopes over the whole step,
+   and the largest distance `off` of the state from the cubic with these values and slopes. */
 PRIVATE void bound_state(Part *a, int row, double share, V x, V dx, V x_end, V dx_end, V off) {
+  /* With the change d of the state in the part, the cubic is x + z d + z (1 - z) ((1 - z) (first - d) + z (d - last)). Its
+     distance from the chord is z (1 - z), at most 1 / 4, times a number between first - d and d - last. Its slope is
+     (1 - z) first + z last + z (1 - z) (6 d - 3 first - 3 last), at most `bend` outside of the slopes at the ends. These
+     bounds are a little wide, but need no roots, unlike the extremes of the cubic. */
   const V d = x_end - x, first = share * dx, last = share * dx_end, bend = 0.75 * (2.0 * d - first - last);
   const V from = 0.25 * (first - d), to = 0.25 * (d - last);
   const V slope_off = SLOPE_OFF * off;
@@ -139,8 +158,9 @@ PRIVATE int is_by_force(int k) {
 #endif
 }
 
-/* Where ranges of switches and of their rates over the box leave a pass open that the values u and u_end at the ends of the
-   part do not tell: a switch that is not monotone, and may fall below 0 by more than rounding and rise again. */
+/* Lanes in which a part of a step may hide a pass that the values u and u_end at its ends do not show: a switch that is not
+   monotone, and may fall below 0 by more than rounding and rise again. Ranges of the switches and of their rates over the box
+   decide. Where they are too wide, they cost a search, but hide no pass. */
 PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, const V *u_end) {
   V *time = a->box + 4 * N_X, range[4 * N_S];
   M open = (M)zero();
@@ -153,26 +173,29 @@ PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, c
     const M up = (M)(sides(a)[k] > 0.0);
     const V least = blend(up, range[k], -range[N_S + k]) + a->raised[k];
     const double slight = is_gap(k) ? ROUNDED * LENGTH : SLIGHT * hysteresis[k];
-    const V rounding = each(share < 1.0 ? slight : 0.0); /* a whole step near a switch is looked at in halves */
+    /* Ranges of a switch that stays at 0 always leave something open by rounding, however short the part. Parts therefore
+       allow for it; a whole step does not, because its halves cost little and exclude more. */
+    const V rounding = each(share < 1.0 ? slight : 0.0);
     const V fall = blend(up, range[2 * N_S + k], -range[3 * N_S + k]), rise = blend(up, range[3 * N_S + k], -range[2 * N_S + k]);
     /* Between two values with rates in [fall, rise] a switch stays above the crossing of two straight lines: one that falls
        as fast as it may from the begin, and one that rises as fast as it may to the end. */
     const V from = u[k] + rounding, to = u_end[k] + rounding;
     const M between = (M)(from >= 0.0) & (M)(from * rise - to * fall > -fall * rise);
+    /* A switch that ends below 0 has a known pass, but if it is not monotone there may be an earlier one. */
     const M above = (M)(u_end[k] >= 0.0) & ((M)(least > -rounding) | between);
     open |= ~(above | (M)(fall >= 0.0) | (M)(rise <= 0.0));
   }
   return open;
 }
 
-/* Whether a switch may have been passed in a step, told by the cubics through the ends of states. `last` is the place of the
-   slope at the end in k. */
+/* Whether a switch may have been passed in a step. `last` is the place in k of the slope at the end. */
 PRIVATE int may_pass(Block *b, int last) {
   M any = (M)zero();
+  /* Forces have no useful ranges: steps with a closed contact, or a joint that opens by its force, are always searched. */
   for (int k = 0; k < N_I; ++k) any |= is_closed(b->part, k) - (M)zero();
   for (int k = 0; k < N_S; ++k) any |= is_by_force(k) - (M)zero();
   EACH_PART(b) {
-    /* What raised a switch falls away as soon as the switch alone is above it. */
+    /* A switch is no longer raised as soon as it is above the hysteresis by itself: the next fall below 0 is not rounding. */
     for (int k = 0; k < N_S; ++k) {
       const V u = a->u[k] - a->raised[k];
       const M beyond = (M)(u > a->raised[k]);
@@ -183,7 +206,8 @@ PRIVATE int may_pass(Block *b, int last) {
     for (int k = 0; k < N_S; ++k) any |= (M)(a->u[k] < 0.0) | (M)(a->u_new[k] < 0.0);
   }
   /* Signs at the ends miss a switch that is passed twice in between. Ranges over a box around the step exclude that for most
-     steps, at the cost of one evaluation: a search is made only where they do not. */
+     steps, at the cost of one evaluation: a search is made only where they do not. The interpolant, which costs three
+     evaluations, does not exist yet. The cubic through the ends is used instead, with SCREEN for its distance from the state. */
   if (!none(any)) return 1;
   EACH_PART(b) {
     for (int j = 0; j < N_RANGED; ++j) {
@@ -197,6 +221,7 @@ PRIVATE int may_pass(Block *b, int last) {
   return 0;
 }
 
+/* The states x at fractions z of the step, which differ from lane to lane. */
 PRIVATE void state_at(const Part *a, V z, V *x) {
   const V r = 1.0 - z;
   for (int i = 0; i < N_X; ++i) {
@@ -205,8 +230,10 @@ PRIVATE void state_at(const Part *a, V z, V *x) {
   }
 }
 
-/* The slope over the step of state i at its share z. */
+/* The derivative of state i with respect to the fraction z of the step. */
 PRIVATE V change_at(const Part *a, int i, double z) {
+  /* The product rule along the nested form of the interpolant: y and dy are the value and the slope of what is inside, and
+     the factors are z and 1 - z in turn. */
   const V *f = a->F + 7 * i;
   const double r = 1.0 - z;
   V y = f[6], dy = zero();
@@ -217,7 +244,7 @@ PRIVATE V change_at(const Part *a, int i, double z) {
   return z * dy + y;
 }
 
-/* Number k of the switches at shares z of the step. */
+/* Switch k, or the force in contact k - N_S, at fractions z of the step. */
 PRIVATE V switch_at(Part *a, Block *b, int k, V z) {
   state_at(a, z, a->x_at);
   if (k >= N_S) return contact_force(a, b, k - N_S, a->x_at, b->t + z * b->h);
@@ -225,14 +252,16 @@ PRIVATE V switch_at(Part *a, Block *b, int k, V z) {
   return a->u_at[k];
 }
 
-/* Where number k changes its sign between shares low and high of the step, in marked lanes: the end behind it, which is
-   off by a share of it at most. */
+/* The sign change of switch or force k between fractions low and high of the step, in marked lanes: the upper end of an
+   interval around it, with the relative length `off` at most. The upper end, so that the state there is behind the pass. */
 PRIVATE V sign_change(Part *a, Block *b, int k, M marked, V low, V high, V at_low, V at_high, double off) {
-  V kept_low = at_low, kept_high = at_high; /* by the rule of Anderson and Bjoerck, which shrinks the end that stays */
+  /* Values at the ends, where the end that stays is reduced by the rule of Anderson and Bjoerck (1973). Otherwise regula falsi
+     keeps one end of a convex function for ever and converges linearly. */
+  V kept_low = at_low, kept_high = at_high;
   for (int n = 0; n < MOST_ROOT_STEPS; ++n) {
     const M open = marked & (M)(high - low > off * high + 4.4e-16);
     if (none(open)) break;
-    /* Regula falsi alone may creep along a switch with a corner, bisection alone takes 52 steps: every third is one. */
+    /* Even so it may creep along a switch with a corner, and bisection alone takes 52 steps: every third step is one. */
     V z = low + (high - low) * (n % 3 == 2 ? each(0.5) : kept_low / (kept_low - kept_high));
     z = choose((z > low) & (z < high), z, low + 0.5 * (high - low));
     const V at = switch_at(a, b, k, z);
@@ -248,8 +277,10 @@ PRIVATE V sign_change(Part *a, Block *b, int k, M marked, V low, V high, V at_lo
   return high;
 }
 
-/* About the first share of a step at which a switch is below 0 that is so at the end; 2 without one. */
+/* The first fraction of a step, to an error of ROUGH, at which a switch falls below 0 that is below 0 at the end; 2 without
+   one. */
 PRIVATE double rough_pass(Block *b) {
+  /* An earlier pass of a switch that returns is missed here. It is found in the shorter step, or in this one by first_pass. */
   double first = 2.0;
   EACH_PART(b)
     for (int k = 0; k < N_S; ++k) {
@@ -261,12 +292,15 @@ PRIVATE double rough_pass(Block *b) {
   return first;
 }
 
-/* The box of a part of a step between shares low and high, at whose end the state is x_at. */
+/* The box of a part of a step between fractions low and high, at whose end the state is x_at. */
 PRIVATE void bound_part(Part *a, double low, double high) {
   const double share = high - low, square = share * share;
   for (int j = 0; j < N_RANGED; ++j) {
     const int i = place[ranged[j]];
-    const V *f = a->F + 7 * i; /* the fourth derivative over 384, by which a quintic and more are off their cubic */
+    const V *f = a->F + 7 * i;
+    /* A function is off the cubic through its ends by at most its fourth derivative over 384, times the fourth power of the
+       length. In z, the terms z^2 r^2, z^3 r^2, z^3 r^3 and z^4 r^3 of f[3] to f[6] with r = 1 - z have fourth derivatives of
+       at most 24, 72, 72 and 96. The fourth power makes boxes of short parts nearly exact: few halvings are enough. */
     const V off = 0.0625 * v_fabs(f[3]) + 0.1875 * (v_fabs(f[4]) + v_fabs(f[5])) + 0.25 * v_fabs(f[6]);
     a->x_end[j] = a->x_at[i];
     a->dx_end[j] = change_at(a, i, high);
@@ -274,13 +308,14 @@ PRIVATE void bound_part(Part *a, double low, double high) {
   }
 }
 
-/* Whether a parabola through three values from 0 on, with twice its bend, falls below 0 between them. */
+/* Whether a parabola through three values that are not negative, with twice its bend, falls below 0 between them. Three values
+   do not determine a force. Twice the bend is a margin for its higher derivatives. */
 PRIVATE int may_fall(double from, double middle, double to) {
   const double bend = 4.0 * (from + to - 2.0 * middle), slope = to - from - bend;
   return bend > 0.0 && slope < 0.0 && slope + 2.0 * bend > 0.0 && from < slope * slope / (4.0 * bend);
 }
 
-/* The first share of the step, before the given one, at which force k falls below 0, or the given one. Parts are halved
+/* The first fraction of the step, before the given one, at which force k falls below 0, or the given one. Parts are halved
    until no parabola falls below 0 between values that do not. */
 PRIVATE double first_fall(Part *a, Block *b, int k, double first) {
   double low = 0.0, share = 1.0 / FORCE_PARTS;
@@ -305,7 +340,7 @@ PRIVATE double first_fall(Part *a, Block *b, int k, double first) {
   return first;
 }
 
-/* The first share of the step, before the given one, at which a force opens a closed contact or a joint, or the given
+/* The first fraction of the step, before the given one, at which a force opens a closed contact or a joint, or the given
    one. */
 PRIVATE double first_release(Block *b, double first) {
   Part *a = b->part;
@@ -320,15 +355,17 @@ PRIVATE double first_release(Block *b, double first) {
   return first;
 }
 
-/* The first switch that each lane passes: the share of the step, and the switch. One that jumped below 0 at the begin of
-   the step is passed there, and so is a gap that is 0 and closes: its change may be lost in rounding. Parts of the step are halved until ranges along the interpolant leave nothing open but what
-   their ends tell. Returns the least share; if it is that of no lane, nothing is known behind it, and 2 without a pass. */
+/* Finds the first switch that each lane passes, in `which`, and the fraction of the step, in `when`. Parts of the step are
+   halved until ranges along the interpolant exclude all passes that the signs at their ends do not show. Returns the least
+   fraction, 2 without a pass. If no lane passes a switch at this fraction, nothing is known about the step behind it. */
 PRIVATE double first_pass(Block *b) {
   double first = 2.0, low = 0.0, share = 1.0;
   int parts = 0;
   EACH_PART(b) {
     a->when = each(2.0);
     if (N_I) rates_on_sides(a, a->x, each(between_stops(b, b->t)), a->du);
+    /* A switch that has jumped below 0 at the begin of the step is passed there. So is a gap that is 0 and closes: its change
+       in the first part may be lost in rounding, and no sign would show it. */
     for (int k = 0; k < N_S; ++k) {
       const M closes = is_gap(k) ? (M)(a->u[k] == 0.0) & (M)(a->du[k] < 0.0) : (M)zero();
       const M jumped = ((M)(a->u[k] < 0.0) | closes) & (M)(a->when > 1.0);
@@ -343,8 +380,9 @@ PRIVATE double first_pass(Block *b) {
       a->dx_low[j] = change_at(a, i, 0.0);
     }
   }
-  /* Parts from the begin of the step on. One in which a pass may hide is halved, and those behind it are longer again. All
-     lanes share the parts, and the search ends with the part in which a lane passes first: the step leads no further. */
+  /* Parts from the begin of the step on. A part in which a pass may hide is halved, and the parts behind it are longer again.
+     They begin at multiples of their length, so that their ends are exact and the last part ends at 1. All lanes share the
+     parts, and the search ends with the part in which a lane passes first, because the step leads no further. */
   while (low < 1.0 && first > 1.0) {
     const double high = low + share;
     M open = (M)zero();
@@ -354,7 +392,7 @@ PRIVATE double first_pass(Block *b) {
       bound_part(a, low, high);
       open |= is_open(a, each(b->t + low * b->h), each(b->t + high * b->h), share, b->h, a->u_low, a->u_new);
     }
-    /* Where ranges never exclude a pass, as with a switch that stays near 0, the step ends after the parts that are judged:
+    /* Where ranges never exclude a pass, as with a switch that stays near 0, the step ends behind the parts that are known:
        a shorter step is better than a search without an end. */
     if (++parts > MOST_PARTS && low >= LONG_PART) return first_release(b, low);
     if (!none(open) && share > (parts > MOST_PARTS ? LONG_PART : LEAST_PART)) {
@@ -366,6 +404,7 @@ PRIVATE double first_pass(Block *b) {
         const V end = a->u_new[k];
         const M passes = (M)(end < 0.0);
         if (none(passes)) continue;
+        /* The root needs two signs: the value at `low` counts as 0 at least. */
         const V when = sign_change(a, b, k, passes, each(low), each(high), v_larger(a->u_low[k], zero()), end, 0.0);
         const M sooner = passes & (M)(when < a->when);
         a->when = blend(sooner, when, a->when);
@@ -382,19 +421,21 @@ PRIVATE double first_pass(Block *b) {
   return first_release(b, first);
 }
 
-/* The contact that closes, or N_G more than that which opens, at the share z where the step ends; -1 without one. */
+/* The number of the contact that closes at the fraction z where the step ends, or N_G plus the number of the contact that
+   opens there; -1 without one. */
 PRIVATE int contact_at(const Block *b, double z) {
   const Part *a = b->part;
   return N_G > 0 && z <= 1.0 && a->when[0] <= z ? (int)fmax(a->which[0] - (N_S - N_G), -1.0) : -1;
 }
 
-/* Moves x_new to the share z of the step, at t_new, and changes the sides of the switches that are passed there. Returns 0
+/* Moves x_new to the fraction z of the step, at t_new, and changes the sides of the switches that are passed there. Returns 0
    if samples stick: a switch that turns a motion back from both sides is passed for ever. */
 PRIVATE int change_sides(Block *b, Study *s, double z) {
   int moves = 1;
   EACH_PART(b) {
-    /* Behind the pass the rates are those of the other side. If they lead back, and did so before, no side holds the
-       motion: it slides along the switch, and steps would end there for ever. */
+    /* Behind the pass the rates are those of the other side. If both sides lead to the switch, the motion slides along it
+       (Filippov), which neither branch describes, and steps would end there for ever. The test needs a return by REVERSAL
+       hystereses within a tenth of a step: slower returns are rounding or a motion that touches the switch. */
     const V t = each(between_stops(b, b->t_new));
     V before[SIZE(N_S)];
     M passed[SIZE(N_S)];
@@ -424,8 +465,8 @@ PRIVATE int change_sides(Block *b, Study *s, double z) {
   return moves;
 }
 
-/* Raises the switches that are 0 behind a pass. The projection moves the state, and another switch may begin to act: it
-   is passed if it falls only. */
+/* Raises the switches that are 0 behind a pass. The projection has moved the state and may have brought other switches to 0.
+   They count as passed only if they also fall. */
 PRIVATE void raise_switches(Block *b) {
   EACH_PART(b) {
     V before[SIZE(N_S)];
@@ -444,7 +485,7 @@ PRIVATE void raise_switches(Block *b) {
   }
 }
 
-/* The switches at the end of a step are those at the beginning of the next one. */
+/* Takes the switches at the end of a step as those at the begin of the next step, which saves an evaluation. */
 PRIVATE void keep_switches(Block *b) {
   EACH_PART(b) memcpy(a->u, a->u_new, sizeof a->u);
 }

@@ -1,4 +1,4 @@
-/* An example of what the generator writes for a Runge-Kutta method: Heun's method with Euler's for the error. */
+/* An example of the tableau that the generator writes: Heun's method, with Euler's method for the error estimate. */
 #ifndef TABLEAU_H
 #define TABLEAU_H
 
@@ -7,15 +7,15 @@
 #define END 2            /* place in k of the slope at the end of the step */
 #define SAFETY 0.9       /* of the step that the error allows */
 #define EXPONENT 0.5     /* of the error */
-#define MEMORY 0.08      /* weight of the error before */
+#define MEMORY 0.08      /* weight of the error of the previous step */
 #define SHRINK_LEAST 0.2 /* least factor of a step that is rejected */
 #define CHANGE_LEAST 0.3
 #define CHANGE_MOST 5.0  /* bounds of the factor of a step that is accepted */
 #define ERROR_LEAST 1e-4 /* smaller errors count as this in the memory */
-#define SHORTEST 1e-14   /* share of the horizon */
+#define SHORTEST 1e-14   /* fraction of the horizon */
 #define MOST_MISSED 300.0 /* tolerances by which an interpolant may miss the state of its last stage */
-#define LAST_STAGE 1.0   /* its share of the step */
-#define ROUNDED_STEP 1e-6 /* share of the time below which the rounding of its end changes the length of a step */
+#define LAST_STAGE 1.0   /* its fraction of the step */
+#define ROUNDED_STEP 1e-6 /* step over its time, below which the rounding of its end changes its length */
 
 /* Slopes before the end of the step, and x_new. */
 PRIVATE void stages(Block *b) {
