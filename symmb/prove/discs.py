@@ -64,8 +64,8 @@ class Disc:
 
 _NO_SLOPES, _NO_SWING = np.zeros(1), np.zeros(())
 """Slopes of a constant, and the sum of their moduli."""
-_LEAST_SQUARE, _LARGEST_INVERTED = 1e-300, 1e150
-"""A summand that covers squares that underflow, and the largest number whose squared inverse does not underflow."""
+_LEAST_SQUARE = 1e-300
+"""A summand that covers squares that underflow. Squares above it do not underflow."""
 
 
 def disc(centres: Array | float, radii: Array | float = 0.0) -> Disc:
@@ -170,7 +170,7 @@ def _inverse(a: Disc) -> Disc:
     """1 / (c + w) = 1 / c - w / c^2 + w^2 / (c^2 (c + w)), if |w| < |c|."""
     size, value = np.abs(a.centre), 1.0 / a.centre
     share, gap = a.swing / size, _gap(size, a.swing)
-    is_known = (gap > 0.0) & (size < _LARGEST_INVERTED)
+    is_known = (gap > 0.0) & (size < _LEAST_SQUARE**-0.5)  # 1 / c^2 does not underflow
     rest = np.where(is_known, share * share / gap * (1.0 + COMPLEX), np.inf)
     return _if(is_regular(a), _function(a, value, -value * value, rest, 1.0 / size))
 
@@ -238,12 +238,9 @@ def _tanh(a: Disc) -> Disc:
     """tanh in a half plane or a strip without poles, with the slope 1 / cosh^2, |cosh z|^2 = sinh^2 x + cos^2 y."""
     x = np.maximum(_gap(np.abs(np.real(a.centre)), a.swing), 0.0)
     y = above(np.abs(np.imag(a.centre)) + a.swing)
-    least = np.sinh(x) ** 2 + np.where(y < _TANH_STRIP, np.cos(y) ** 2, 0.0)
-    return _by_slope(np.tanh(a.centre), a, above(1.0 / least), is_regular(a) or bool(np.all(y < _TANH_STRIP)))
-
-
-_TANH_STRIP = 1.57
-"""Half the width of a strip in which tanh is analytic: below pi / 2, so that the cosine has small relative errors."""
+    in_strip = y < 1.57  # below pi / 2, so that the cosine has small relative errors
+    least = np.sinh(x) ** 2 + np.where(in_strip, np.cos(y) ** 2, 0.0)
+    return _by_slope(np.tanh(a.centre), a, above(1.0 / least), is_regular(a) or bool(np.all(in_strip)))
 
 
 def _in_unit_disc(a: Disc) -> bool:

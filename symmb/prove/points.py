@@ -130,7 +130,7 @@ def _is_constant(a: Point) -> bool:
 def _power(a: Point, b: Point) -> Point:
     if _is_constant(b):
         return _constant_power(a, point(b[2]))
-    return _EXP(_multiply(b, _LOG(a)))
+    return _OF[ca.OP_EXP](_multiply(b, _OF[ca.OP_LOG](a)))
 
 
 def _arctan2(y: Point, x: Point) -> Point:
@@ -169,15 +169,30 @@ def _entry(entry: Entry, group: Point, at: Point) -> Point:
     return point(value)
 
 
-_SQRT = _function(np.sqrt, lambda low, high: 0.5 / math.sqrt(low))
-_LOG = _function(np.log, lambda low, high: 1.0 / math.sqrt(low) ** 2)
-_EXP = _function(np.exp, lambda low, high: math.exp(high))
-_SIN = _function(np.sin, lambda low, high: 1.0)
-_COS = _function(np.cos, lambda low, high: 1.0)
-_SINH = _function(np.sinh, lambda low, high: math.cosh(_largest(low, high)))
-_COSH = _function(np.cosh, lambda low, high: math.cosh(_largest(low, high)))
+_FUNCTIONS: dict[int, tuple[Callable[..., Array], Callable[[float, float], float]]] = {
+    ca.OP_SQRT: (np.sqrt, lambda low, high: 0.5 / math.sqrt(low)),
+    ca.OP_SIN: (np.sin, lambda low, high: 1.0),
+    ca.OP_COS: (np.cos, lambda low, high: 1.0),
+    ca.OP_EXP: (np.exp, lambda low, high: math.exp(high)),
+    # the root is an error below 0, where 1 / low would be a wrong bound
+    ca.OP_LOG: (np.log, lambda low, high: 1.0 / math.sqrt(low) ** 2),
+    ca.OP_SINH: (np.sinh, lambda low, high: math.cosh(_largest(low, high))),
+    ca.OP_COSH: (np.cosh, lambda low, high: math.cosh(_largest(low, high))),
+    ca.OP_TANH: (np.tanh, lambda low, high: 1.0),
+    ca.OP_ASIN: (np.arcsin, _steepest_sine),
+    ca.OP_ACOS: (np.arccos, _steepest_sine),
+    ca.OP_ATAN: (np.arctan, lambda low, high: 1.0 / (1.0 + _least(low, high) ** 2)),
+    ca.OP_ASINH: (np.arcsinh, lambda low, high: 1.0 / math.hypot(1.0, _least(low, high))),
+    ca.OP_ACOSH: (np.arccosh, lambda low, high: 1.0 / math.sqrt(low - 1.0) / math.sqrt(low + 1.0)),
+    ca.OP_ATANH: (np.arctanh, lambda low, high: _steepest_sine(low, high) ** 2),
+    ca.OP_LOG1P: (np.log1p, lambda low, high: 1.0 / math.sqrt(1.0 + low) ** 2),
+    ca.OP_EXPM1: (np.expm1, lambda low, high: math.exp(high)),
+    ca.OP_ERF: (erf, lambda low, high: 1.1284 * math.exp(-(_least(low, high) ** 2))),  # 2 / sqrt(pi)
+}
+"""Elementary functions, and bounds of the moduli of their derivatives on intervals."""
+_OF = {code: _function(f, slope) for code, (f, slope) in _FUNCTIONS.items()}
 
-OPERATIONS: dict[int, Callable[..., Point]] = {
+OPERATIONS: dict[int, Callable[..., Point]] = _OF | {
     ca.OP_ASSIGN: lambda a: a,
     ca.OP_ADD: _add,
     ca.OP_SUB: _subtract,
@@ -187,28 +202,11 @@ OPERATIONS: dict[int, Callable[..., Point]] = {
     ca.OP_SQ: _square,
     ca.OP_TWICE: lambda a: (2.0 * a[0], 2.0 * a[1], 2.0 * a[2], 2.0 * a[3]),
     ca.OP_INV: _inverse,
-    ca.OP_SQRT: _SQRT,
-    ca.OP_SIN: _SIN,
-    ca.OP_COS: _COS,
-    ca.OP_TAN: lambda a: _divide(_SIN(a), _COS(a)),
-    ca.OP_EXP: _EXP,
-    ca.OP_LOG: _LOG,
-    ca.OP_SINH: _SINH,
-    ca.OP_COSH: _COSH,
-    ca.OP_TANH: _function(np.tanh, lambda low, high: 1.0),
-    ca.OP_ASIN: _function(np.arcsin, _steepest_sine),
-    ca.OP_ACOS: _function(np.arccos, _steepest_sine),
-    ca.OP_ATAN: _function(np.arctan, lambda low, high: 1.0 / (1.0 + _least(low, high) ** 2)),
-    ca.OP_ASINH: _function(np.arcsinh, lambda low, high: 1.0 / math.hypot(1.0, _least(low, high))),
-    ca.OP_ACOSH: _function(np.arccosh, lambda low, high: 1.0 / math.sqrt(low - 1.0) / math.sqrt(low + 1.0)),
-    ca.OP_ATANH: _function(np.arctanh, lambda low, high: _steepest_sine(low, high) ** 2),
-    ca.OP_LOG1P: _function(np.log1p, lambda low, high: 1.0 / math.sqrt(1.0 + low) ** 2),
-    ca.OP_EXPM1: _function(np.expm1, lambda low, high: math.exp(high)),
-    ca.OP_ERF: _function(erf, lambda low, high: 1.1284 * math.exp(-(_least(low, high) ** 2))),
+    ca.OP_TAN: lambda a: _divide(_OF[ca.OP_SIN](a), _OF[ca.OP_COS](a)),
     ca.OP_POW: _power,
     ca.OP_CONSTPOW: _power,
     ca.OP_ATAN2: _arctan2,
-    ca.OP_HYPOT: lambda a, b: _SQRT(_add(_square(a), _square(b))),
+    ca.OP_HYPOT: lambda a, b: _OF[ca.OP_SQRT](_add(_square(a), _square(b))),
     ca.OP_FABS: lambda a: a if _sign(a)[0] > 0 else _negative(a),
     ca.OP_SIGN: _sign,
     ca.OP_FMIN: lambda a, b: b if _sign(_subtract(a, b))[0] > 0 else a,
@@ -231,7 +229,7 @@ def plain(values: Array | float) -> Array | float:
     return values
 
 
-PLAIN: dict[int, Callable[..., Array | float]] = {
+PLAIN: dict[int, Callable[..., Array | float]] = {code: f for code, (f, _) in _FUNCTIONS.items()} | {
     ca.OP_ASSIGN: plain,
     ca.OP_ADD: np.add,
     ca.OP_SUB: np.subtract,
@@ -241,24 +239,7 @@ PLAIN: dict[int, Callable[..., Array | float]] = {
     ca.OP_SQ: np.square,
     ca.OP_TWICE: lambda a: a + a,
     ca.OP_INV: lambda a: 1.0 / a,
-    ca.OP_SQRT: np.sqrt,
-    ca.OP_SIN: np.sin,
-    ca.OP_COS: np.cos,
     ca.OP_TAN: np.tan,
-    ca.OP_EXP: np.exp,
-    ca.OP_LOG: np.log,
-    ca.OP_SINH: np.sinh,
-    ca.OP_COSH: np.cosh,
-    ca.OP_TANH: np.tanh,
-    ca.OP_ASIN: np.arcsin,
-    ca.OP_ACOS: np.arccos,
-    ca.OP_ATAN: np.arctan,
-    ca.OP_ASINH: np.arcsinh,
-    ca.OP_ACOSH: np.arccosh,
-    ca.OP_ATANH: np.arctanh,
-    ca.OP_LOG1P: np.log1p,
-    ca.OP_EXPM1: np.expm1,
-    ca.OP_ERF: erf,
     ca.OP_POW: np.power,
     ca.OP_CONSTPOW: np.power,
     ca.OP_ATAN2: np.arctan2,

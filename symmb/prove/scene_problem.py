@@ -20,7 +20,7 @@ from symmb.prove.modes import LinearStart, with_limits, with_modes
 from symmb.prove.phases import Phase, label
 from symmb.prove.problem import Change, Problem, StartEquations
 from symmb.prove.reactions import RANDOM_POINTS
-from symmb.prove.rounding import U, fine_grain_of
+from symmb.prove.rounding import U, grain_of
 from symmb.prove.tape import Tape
 from symmb.run.events import kinks
 from symmb.run.formulations import Formulation, program_of
@@ -101,7 +101,7 @@ def _sampled(dae: DAE, equations: Equations, times: Array) -> Change | None:
     assert sampling is not None
     instants, begin = sampling.instants(times), float(times[0])
     instants = instants[np.diff(instants, prepend=-np.inf) > SAME * min(sampling.periods)]
-    grain = fine_grain_of(float(times[-1] - begin))
+    grain = grain_of(float(times[-1] - begin), bits=50)
     late = grain + 4 * U * float(np.abs(times).max())
 
     def following(k: int) -> Change | None:
