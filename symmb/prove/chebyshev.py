@@ -12,8 +12,9 @@ import numpy as np
 from symmb._types import Array
 from symmb.prove.rounding import U, above, of_sum
 
-FEW = 2
-"""Most parameters with a tensor basis. Polynomials of more parameters have a total degree."""
+TENSOR_PARAMETERS = 2
+"""Most parameters with a tensor basis, whose size is a power of their number. Polynomials of more parameters have a
+total degree."""
 ENTRY = 8 * U
 """Error of an entry of the matrices. It is the cosine of an angle up to pi / 2 with the relative error 3 U."""
 
@@ -77,9 +78,15 @@ def along(matrices: Sequence[Array | None], c: Array) -> Array:
     return c
 
 
+def at_nodes(c: Array, counts: Sequence[int]) -> Array:
+    """Values (..., m0, ..., md) of polynomials (..., n0, ..., nd) at nodes, without bounds of the errors."""
+    lengths = c.shape[c.ndim - len(counts) :]
+    return along([values_at_nodes(m, n) for m, n in zip(counts, lengths, strict=True)], c)
+
+
 def graded(c: Array, d: int) -> Array:
-    """Coefficients (..., N + 1, ...) of d parameters. With more than FEW, those of a total degree above N become 0."""
-    if d <= FEW:
+    """Coefficients (..., N + 1, ...) of d parameters. Without a tensor basis, total degrees above N become 0."""
+    if d <= TENSOR_PARAMETERS:
         return c
     lengths = c.shape[c.ndim - d :]
     total = sum(np.arange(m).reshape([-1 if i == j else 1 for j in range(d)]) for i, m in enumerate(lengths))
@@ -106,7 +113,7 @@ def values(c: Array, counts: Sequence[int]) -> tuple[Array, Array]:
     zero = (..., *(0,) * d)
     rest = c.copy()
     rest[zero] = 0.0
-    found = along([values_at_nodes(m, n) for m, n in zip(counts, lengths, strict=True)], rest)
+    found = at_nodes(rest, counts)
     error = sums(rest, d) * rounding_of(lengths)
     found = found + c[zero][(..., *(None,) * d)]
     return found, above(error + U * largest(found, d))

@@ -82,8 +82,7 @@ def well_conditioned(front: Front, scales: Array, worst: float = _WORST_CONDITIO
     """
     n, lengths = len(front.B), front.B.shape[2:]
     counts = [m + 1 for m in lengths]
-    at = ch.along([ch.values_at_nodes(m, k) for m, k in zip(counts, lengths, strict=True)], front.B)
-    at = np.moveaxis(at, (0, 1), (-2, -1)) / scales[:, None]
+    at = np.moveaxis(ch.at_nodes(front.B, counts), (0, 1), (-2, -1)) / scales[:, None]
     columns = np.linalg.norm(at, axis=-2, keepdims=True)
     if float(np.linalg.cond(at / np.where(columns > 0, columns, 1.0)).max()) < worst:
         return front

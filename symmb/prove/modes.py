@@ -50,7 +50,7 @@ class LinearStart:
     def jacobian(self) -> ca.Function:
         """(x, p, t) -> Jacobian (n_x, n_x) of the rates, scaled by the sizes of the states [1/s]."""
         rates = self.equations.rates
-        x, p, t = (ca.SX.sym(name, rates.numel_in(i)) for i, name in enumerate("xpt"))
+        x, p, t = rates.sx_in()
         scaled = ca.diag(1 / self.sizes) @ ca.jacobian(rates(x, p, t), x) @ ca.diag(self.sizes)
         return common("jacobian", [x, p, t], [ca.densify(scaled)])
 
@@ -157,7 +157,7 @@ def with_limits(linear: LinearStart, number: int, width: float, values: Array, p
 
 def _continued(residual: ca.Function, nominal: Array, p: Array, t: float, samples: Array) -> Array:
     """Approximate solutions u (N, n) of the residual at samples (N, n_p), continued from the nominal solution."""
-    arguments = [ca.SX.sym(name, residual.numel_in(i)) for i, name in enumerate("upt")]
+    arguments = residual.sx_in()
     rows = residual(*arguments)
     both = common("newton", arguments, [rows, ca.densify(ca.jacobian(rows, arguments[0]))])
     u = np.tile(nominal, (len(samples), 1))

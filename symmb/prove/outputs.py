@@ -42,7 +42,7 @@ def output_bounds(
     """
     problem, n_t = step.problem, len(times)
     n_y = problem.outputs.numel_out(0)
-    if problem.n and problem.d > ch.FEW:
+    if problem.n and problem.d > ch.TENSOR_PARAMETERS:
         e = above(step.B_largest @ w)
         with np.errstate(all="ignore"):
             lower, upper, remainder, slopes = _model_bounds(step, e, times, sharp)

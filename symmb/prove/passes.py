@@ -79,16 +79,14 @@ def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: 
     """
     assert problem.valid is not None and problem.phase is not None
     lengths = x.shape[2:]
-    counts = [n + 2 if problem.d <= ch.FEW else n for n in lengths]
+    counts = [n + 2 if problem.d <= ch.TENSOR_PARAMETERS else n for n in lengths]
     p = [np.broadcast_to(a, counts).ravel() for a in parameters_at(problem, [ch.nodes(m) for m in counts], 0)]
-    tape, nodes = Tape(with_slopes(problem, problem.valid, problem.rates)), int(np.prod(counts))
+    tape, nodes = Tape(with_slopes(problem.valid, problem.rates)), int(np.prod(counts))
     found = np.full((problem.valid.numel_out(0), nodes), np.inf)
     states, begin = np.zeros((problem.n, nodes)), t0
     # all parameters must pass within 16 steps
     for number in range(16):
-        own = ch.along([ch.values_at_nodes(m, n) for m, n in zip(counts, lengths, strict=True)], x)
-        own = own.reshape(*x.shape[:2], nodes)
-        _look(tape, own, p, begin, h, found, states)
+        _look(tape, ch.at_nodes(x, counts).reshape(*x.shape[:2], nodes), p, begin, h, found, states)
         if number == 0 and np.isinf(found).all():
             return None
         if np.isfinite(found.min(axis=0)).all():
@@ -160,13 +158,12 @@ def reach_of(problem: Problem, tau: Array) -> float:
     return float(largest_on(rho, moved[None])[0]) if problem.d else 0.0
 
 
-def with_slopes(problem: Problem, g: ca.Function, rates: ca.Function) -> ca.Function:
+def with_slopes(g: ca.Function, rates: ca.Function) -> ca.Function:
     """(x, p, t) -> g, and the time derivative of g along the rates."""
-    assert problem.phase is not None
-    x, p, t = arguments = problem.phase.symbols
+    x, p, t = arguments = rates.sx_in()
     value = ca.densify(g(x, p, t))
     along = ca.jtimes(value, ca.vertcat(x, t), ca.vertcat(rates(x, p, t), 1))
-    return common("slopes", [*arguments], [value, ca.densify(along)])
+    return common("slopes", arguments, [value, ca.densify(along)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,8 +190,8 @@ def window(problem: Problem, ahead: Crossing) -> Window:
     """The equations near a pass. ProofError if one of the switches depends on another switch that is passed with it."""
     phase, which = problem.phase, list(ahead.which)
     assert phase is not None and problem.valid is not None and ahead.place is not None
-    x, p, t = arguments = phase.symbols
-    surface = common("surface", [*arguments], [problem.valid(x, p, t)[which]])
+    x, p, t = arguments = problem.rates.sx_in()
+    surface = common("surface", arguments, [problem.valid(x, p, t)[which]])
     others = np.setdiff1d(np.arange(len(phase.sides)), which).tolist()
     found, changed = [], np.zeros(len(phase.sides), dtype=bool)
     for signs in product((1.0, -1.0), repeat=len(which)):
@@ -207,12 +204,12 @@ def window(problem: Problem, ahead: Crossing) -> Window:
             place = _moved(rates, place, _TIME_BEHIND_A_PASS * ahead.first)
         conditions = phase.conditions(sides, *place)
         toward = ca.vertcat(
-            with_slopes(problem, conditions, rates)(x, p, t)[1][which] if max(signs) < 0 else ca.SX(0, 1),
-            -with_slopes(problem, surface, rates)(x, p, t)[1],
+            with_slopes(conditions, rates)(x, p, t)[1][which] if max(signs) < 0 else ca.SX(0, 1),
+            -with_slopes(surface, rates)(x, p, t)[1],
         )
         values = ca.vertsplit(conditions(x, p, t))
         valid = ca.vertcat(*(values[k] for k in others), toward)
-        found.append((sides, rates, common("valid", [*arguments], [ca.densify(valid)])))
+        found.append((sides, rates, common("valid", arguments, [ca.densify(valid)])))
         require_known("the equations", *found[-1][1:])
         changed |= sides != phase.sides
     sides = ca.SX.sym("sides", len(changed))
@@ -253,7 +250,7 @@ def departure(problem: Problem, front: Front, own: Sequence[int], h: float) -> D
     """
     phase = problem.phase
     assert phase is not None and problem.valid is not None and problem.valid_tape is not None
-    x, p, t = arguments = phase.symbols
+    x, p, t = arguments = problem.rates.sx_in()
     reach = above((ch.sums(front.B, problem.d) + front.B_error) @ front.w + front.x_error)
     begin = still(problem, front.t, front.x, _LEAST_POSITIVE)
     which = np.flatnonzero(reaches(on_motion(begin, problem.valid_tape, reach, (1, 1))) <= LARGEST_ZERO).tolist()
@@ -266,7 +263,7 @@ def departure(problem: Problem, front: Front, own: Sequence[int], h: float) -> D
         sides = phase.sides.copy()
         sides[which] *= signs
         both.append(problem.on_sides(phase.settled(*place, sides, tuple(which)), *behind))
-        rates = with_slopes(problem, both[-1].valid, both[-1].rates)
+        rates = with_slopes(both[-1].valid, both[-1].rates)
         if (rates(*place)[1].full().ravel()[which] > 0).all():
             left.append((both[-1], rates))
     if len(left) != 1:
@@ -274,7 +271,7 @@ def departure(problem: Problem, front: Front, own: Sequence[int], h: float) -> D
     [(after, rates)] = left
     values, slopes = rates(x, p, t)
     conditions = [(slopes if k in which else values)[k] for k in range(len(phase.sides))]
-    valid = common("valid", [*arguments], [ca.densify(ca.vertcat(*conditions))])
+    valid = common("valid", arguments, [ca.densify(ca.vertcat(*conditions))])
     require_known("the equations", *(f for own in both for f in (own.rates, own.outputs)), valid)
     return Departure(replace(after, phase=None, valid=valid), after, tuple(both))
 

@@ -45,21 +45,15 @@ class Phase:
         Tables are fixed to their pieces at this place, so that the Function is smooth beyond their knots. The
         conditions of the phase show whether these are the right pieces.
         """
-        arguments = self.symbols
-        found = common(f.name(), [*arguments], [ca.densify(f(*arguments, sides))])
+        arguments = self.rates.sx_in()[:3]
+        found = common(f.name(), arguments, [ca.densify(f(*arguments, sides))])
         return _frozen(found, *place) if called(found) else found
-
-    @property
-    def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """New symbols x, p and t."""
-        x, p, t = (ca.SX.sym(name, self.rates.numel_in(i)) for i, name in enumerate("xpt"))
-        return x, p, t
 
     def conditions(self, sides: Array, *place: Array | float) -> ca.Function:
         """(x, p, t) -> (m,) values. All are positive as long as the equations on these sides are those of the scene."""
-        arguments = self.symbols
-        values = sides * self.on(self.switches, sides, *place)(*arguments)
-        return common("conditions", [*arguments], [ca.densify(values)])
+        switches = self.on(self.switches, sides, *place)
+        arguments = switches.sx_in()
+        return common("conditions", arguments, [ca.densify(sides * switches(*arguments))])
 
     def settled(self, x: Array, p: Array, t: float, sides: Array, fixed: tuple[int, ...] = ()) -> Array:
         """Sides (m,) at one place. Those of the switches `fixed` are given. A switch may depend on earlier sides."""

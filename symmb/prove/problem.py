@@ -123,7 +123,7 @@ class Problem:
     def tape_of_outputs(self, which: tuple[int, ...]) -> Tape:
         """(x, p, t) -> the outputs with the numbers `which`."""
         if which not in self._tapes:
-            arguments = [ca.SX.sym(f"a{i}", self.outputs.numel_in(i)) for i in range(3)]
+            arguments = self.outputs.sx_in()
             y = ca.densify(self.outputs(*arguments))[list(which)]
             self._tapes[which] = Tape(common("some", arguments, [y]))
         return self._tapes[which]
@@ -184,7 +184,7 @@ class StartEquations:
 
 def with_jacobian(f: ca.Function) -> Tape:
     """The tape of f(x, p, t) and of its Jacobian by x."""
-    arguments = [ca.SX.sym(f"a{i}", f.numel_in(i)) for i in range(f.n_in())]
+    arguments = f.sx_in()
     value = ca.densify(f(*arguments))
     jacobian = ca.densify(ca.jacobian(value, arguments[0]))
     return Tape(common("with_jacobian", arguments, [value, ca.vec(jacobian)]))

@@ -74,7 +74,7 @@ def _of_equations(
     rates = _later(rates, times[0])
     if equations.following is not None:
         other = equations.following()
-        x, p, t = (ca.SX.sym(name, equations.whole.numel_in(i)) for i, name in enumerate("xpt"))
+        x, p, t = equations.whole.sx_in()
         states = common("states", [x, p, t], [equations.whole(x, p, t)[other.kept.tolist()]])
         later = cache(lambda: _of_equations(method, simulator, box, form, other))
 
@@ -108,7 +108,7 @@ def _sampled(dae: DAE, equations: Equations, times: Array) -> Change | None:
         """The change at an instant by its number."""
         if k == len(instants):
             return None
-        x, p, t = (ca.SX.sym(name, equations.whole.numel_in(i)) for i, name in enumerate("xpt"))
+        x, p, t = equations.whole.sx_in()
         q, v, s, *_ = dae.arguments(equations.whole(x, p, t), p, t)
         for T, (value, count), law in zip(sampling.periods, sampling.states, sampling.laws, strict=True):
             number = round((instants[k] - sampling.begin) / T)
@@ -232,7 +232,7 @@ def _with_remainders(method: object, outputs: ca.Function) -> tuple[ca.Function,
     """The outputs, and the unsupported operations of each. An output with unsupported operations is nan."""
     if not Tape(outputs).unknown(OPERATIONS):
         return outputs, ("",) * outputs.numel_out(0)
-    x, p, t = (ca.SX.sym(name, outputs.numel_in(i)) for i, name in enumerate("xpt"))
+    x, p, t = outputs.sx_in()
     values = ca.vertsplit(outputs(x, p, t))
     alone = (common("output", [x, p, t], [value]) for value in values)
     refused = tuple(", ".join(Tape(f).unknown(OPERATIONS)) for f in alone)
@@ -246,7 +246,7 @@ def _later(f: ca.Function, begin: float) -> ca.Function:
     """The Function (x, p, t) -> f(x, p, begin + t)."""
     if not begin:
         return f
-    x, p, t = (ca.SX.sym(name, f.numel_in(i)) for i, name in enumerate("xpt"))
+    x, p, t = f.sx_in()
     return common(f.name(), [x, p, t], [f(x, p, t + begin)])
 
 
@@ -338,7 +338,8 @@ def _phase(dae: DAE, rates: ca.Function, outputs: ca.Function, times: Array, kep
     found = kinks(dae, times)
     if found is None:
         return None
-    x, p, t, none = (*(ca.SX.sym(name, rates.numel_in(i)) for i, name in enumerate("xpt")), ca.SX.sym("none"))
+    x, p, t = rates.sx_in()
+    none = ca.SX.sym("none")
     both = common("both", [x, p, t, none], [rates(x, p, t), outputs(x, p, t)])
     branch = branches(both, [*((symbol, On.STATE) for symbol in (x, p, t)), (none, On.TIME)])
     own, needed = np.empty(0, dtype=np.intp), branch.outputs[0]
@@ -365,7 +366,7 @@ def _phase(dae: DAE, rates: ca.Function, outputs: ca.Function, times: Array, kep
 
 def _outputs(simulator: DAESimulator, form: Formulation, equations: Equations) -> ca.Function:
     """(x, p, t) -> y. Without its scene, a copy from a pickle uses the multipliers and accelerations of runs."""
-    x, p, t = (ca.SX.sym(name, equations.whole.numel_in(i)) for i, name in enumerate("xpt"))
+    x, p, t = equations.whole.sx_in()
     whole, symbols = equations.whole(x, p, t), form.declared.sx_in()
     depends = any(ca.which_depends(form.declared(*symbols), ca.vertcat(*symbols[3:]), 1, True) or [])
     if depends and simulator.scene is None:

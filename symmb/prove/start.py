@@ -68,7 +68,7 @@ def polynomials(step: TimeStep, which: Indices, lengths: tuple[int, ...], sharp:
     ProofError if they cannot be shown to be smooth.
     """
     some, begin = tuple(which.tolist()), np.array([step.t0])
-    if len(lengths) > ch.FEW:
+    if len(lengths) > ch.TENSOR_PARAMETERS:
         c, rest = _modelled(step, step.problem.tape_of_outputs(some), max(lengths) - 1)
     else:
         rho, most = _largest(step, step.problem.output_tape)
@@ -151,7 +151,7 @@ def _modelled(step: TimeStep, tape: Tape, order: int) -> tuple[Array, Array]:
 def bounds_of(tape: Tape, step: TimeStep, e: Array) -> list[Array]:
     """Bounds of the outputs of a tape, over the box and for all states within e (n,) of the motion."""
     d = step.problem.d
-    if d > ch.FEW:
+    if d > ch.TENSOR_PARAMETERS:
         return [np.array([reach(a) for a in part]) for part in on_step(step, tape, e)]
     found: list[Array] = []
     for count in _counts(d):
@@ -180,7 +180,7 @@ def _distance(step: TimeStep) -> Array:
     if not n:
         return np.zeros(0)
     d, same = problem.d, replace(step, problem=replace(problem, outputs=problem.rates))
-    if d > ch.FEW:
+    if d > ch.TENSOR_PARAMETERS:
         c, rest = _modelled(step, problem.rate_tape, step.degrees[1])
     else:
         rho, most = _largest(step, problem.rate_tape)

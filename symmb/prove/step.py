@@ -52,7 +52,7 @@ def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
         defect, growth = defects
         # exact defects need no ellipses, but the room of the states does
         rho = [1.5] * len(step.degrees)
-    elif step.problem.d > ch.FEW:
+    elif step.problem.d > ch.TENSOR_PARAMETERS:
         defect, growth, rho = defects_of_models(step, w0, control)
     else:
         chosen = adapted(step, control)
@@ -104,7 +104,7 @@ _PATCHES_OF_CONDITIONS = (8, 1), (40, 1), (40, 8)
 
 def on_motion(step: TimeStep, tape: Tape, e: Array, patches: tuple[int, int]) -> list[discs.Disc]:
     """Discs of the first outputs of a tape, for all parameters and states within e (n,) of the motion of a step."""
-    if step.problem.d > ch.FEW:
+    if step.problem.d > ch.TENSOR_PARAMETERS:
         return [a.disc for a in on_step(step, tape, e)[0]]
     real = step.on_patches(patches_on(step, [1.0] * len(step.degrees), patches), e)
     return tape.run(discs.OPERATIONS, discs.disc, real)[0]
@@ -157,7 +157,7 @@ class _Curvature:
     def _changes(self, radius: Array) -> Array:
         """Largest radii (n, n) of the discs of the Jacobian on all patches, for states within `radius` (n,)."""
         tape, n = self._step.problem.jacobian_tape, self._step.problem.n
-        if self._step.problem.d > ch.FEW:
+        if self._step.problem.d > ch.TENSOR_PARAMETERS:
             entries = on_step(self._step, tape, radius)[1]
         else:
             entries = tape.run(discs.OPERATIONS, discs.disc, self._step.on_patches(self._patches, radius))[1]
