@@ -33,17 +33,13 @@ class Choice:
         if which == 1:
             return replace(self, spread=(a, b * factor))
         if which == 2:
-            return replace(self, patches=(max(_bounded(k * factor + 2 * (turn % 2)), _FEWEST_PATCHES), m))
+            return replace(self, patches=(_bounded(max(4.0, k * factor + 2 * (turn % 2))), m))
         return replace(self, patches=(k, _bounded(m * factor + 2 * (turn % 2))))
 
 
 def _bounded(count: float) -> int:
-    """The nearest allowed number of patches."""
-    return 1 if count < _FEWEST_PATCHES - 1 else min(max(round(count), _FEWEST_PATCHES), _MOST_PATCHES)
-
-
-_FEWEST_PATCHES, _MOST_PATCHES = 4, 40
-"""Fewest and most patches of a variable that has more than one patch. Two or three are not better than one."""
+    """The nearest allowed number of patches: 1, or 4 to 40. Two or three patches are not better than one."""
+    return 1 if count < 3 else min(max(round(count), 4), 40)
 
 
 @dataclass
@@ -87,20 +83,22 @@ def ellipses(step: TimeStep, spread: tuple[float, float]) -> list[float]:
         c[:, 0] = 0.0
         own, most = c.sum(axis=1), spread[0 if axis == 1 else 1]
         rho.append(
-            _largest_below(
-                lambda r, c=c, own=own, most=most: (largest_on([r], c) - own).max(initial=0.0) <= most, _WIDEST
-            )
+            _largest_below(lambda r, c=c, own=own, most=most: (largest_on([r], c) - own).max(initial=0.0) <= most)
         )
     own, allowed = rows.sum(axis=tuple(range(1, rows.ndim))), sum(spread)
+    # together the ellipses move the states farther than each alone, so that all of them shrink by a common exponent
     share = _largest_below(
-        lambda r: (largest_on([max(s ** (r - 1.0), _THINNEST) for s in rho], rows) - own).max(initial=0.0) <= allowed,
+        lambda r: (largest_on([max(s ** (r - 1.0), THINNEST) for s in rho], rows) - own).max(initial=0.0) <= allowed,
         2.0,
     )
-    return [max(r ** (share - 1.0), _THINNEST) for r in rho]
+    return [max(r ** (share - 1.0), THINNEST) for r in rho]
 
 
-def _largest_below(holds: Callable[[float], bool], top: float) -> float:
-    """Approximately the largest number between 1 and `top` for which a condition holds."""
+def _largest_below(holds: Callable[[float], bool], top: float = 1000.0) -> float:
+    """Approximately the largest number between 1 and `top` for which a condition holds.
+
+    On an ellipse with the parameter 1000, an interpolation in six nodes has an error of 1e-18.
+    """
     low, high = 1.0, top
     if holds(top):
         return top
@@ -110,8 +108,8 @@ def _largest_below(holds: Callable[[float], bool], top: float) -> float:
     return low
 
 
-_THINNEST, _WIDEST = 1.02, 1000.0
-"""Smallest and largest parameter of an ellipse. With 1000, an interpolation in six nodes has an error of 1e-18."""
+THINNEST = 1.02
+"""Smallest parameter of an ellipse. A thinner one needs a thousand nodes, because aliasing decreases as rho^-nodes."""
 
 
 def reaches(found: list[discs.Disc]) -> Array:
@@ -143,9 +141,9 @@ def adapted(step: TimeStep, control: Control) -> Tried:
     cannot be shown to be analytic on any ellipses.
     """
     best = _first(step, control)
-    for trial in range(_MOST_CHOICES):
-        # more choices are compared only if very many nodes are needed
-        if trial >= _CHOICES_PER_STEP and best.nodes <= 1e5:
+    # two other choices are compared in a step, and up to 16 if very many nodes are needed
+    for trial in range(16):
+        if trial >= 2 and best.nodes <= 1e5:
             break
         control.turn += 1
         other = _tried(step, best.choice.turned(control.turn), control.wanted)
@@ -175,7 +173,7 @@ def _tried(step: TimeStep, choice: Choice, wanted: float) -> Tried:
     n = step.problem.n
     rho = ellipses(step, choice.spread)
     count = choice.patches[0] * float(choice.patches[1]) ** step.problem.d
-    if count > TOO_MANY:
+    if count > MOST_PATCHES:
         return Tried(choice, rho, np.empty(0), np.empty(0), np.inf, np.inf)
     patches = patches_on(step, rho, choice.patches)
     rates, slopes = (
@@ -190,12 +188,8 @@ def _tried(step: TimeStep, choice: Choice, wanted: float) -> Tried:
     return Tried(choice, rho, rates, slopes.reshape(n, n).T, nodes + 20.0 * count, nodes)
 
 
-_CHOICES_PER_STEP, _MOST_CHOICES = 2, 16
-"""Other choices that are compared in a step, and the most if many nodes are needed."""
-MOST_NODES = 300
-"""Most nodes of a variable. Values at more nodes take seconds."""
-TOO_MANY = 3e4
-"""Patches that take seconds. If a proof needs more, it ends, or the step becomes shorter."""
+MOST_PATCHES = 3e4
+"""Most patches of all variables: more take seconds. If a proof needs more, it ends, or the step becomes shorter."""
 
 
 def nodes_needed(rho: list[float], ratio: float) -> float:
@@ -204,8 +198,8 @@ def nodes_needed(rho: list[float], ratio: float) -> float:
 
 
 def node_counts(rho: list[float], ratio: float) -> tuple[int, ...]:
-    """Nodes of each variable that reduce the aliasing to about `ratio` times the bound, at most MOST_NODES."""
-    return tuple(int(min(MOST_NODES, max(2, math.ceil(m)))) for m in _wanted(rho, ratio))
+    """Nodes of each variable that reduce the aliasing to about `ratio` times the bound. 300 nodes take seconds."""
+    return tuple(int(min(300, max(2, math.ceil(m)))) for m in _wanted(rho, ratio))
 
 
 def _wanted(rho: list[float], ratio: float) -> list[float]:

@@ -9,7 +9,7 @@ from symmb.prove import chebyshev as ch
 from symmb.prove import discs, points
 from symmb.prove.curves import TimeStep, parameter_points
 from symmb.prove.degrees import degrees_of_outputs
-from symmb.prove.ellipses import TOO_MANY, Choice, Control, ellipses, node_counts, nodes_needed, patches_on, reaches
+from symmb.prove.ellipses import MOST_PATCHES, Choice, Control, ellipses, node_counts, nodes_needed, patches_on, reaches
 from symmb.prove.errors import ProofError
 from symmb.prove.ranges import cut, ranges
 from symmb.prove.rounding import U, above, of_sum
@@ -52,7 +52,7 @@ def output_bounds(
         e, smooth = above(step.B_largest @ w), np.zeros(n_y, dtype=bool)
         is_refused = np.array([*map(bool, problem.refused or [""] * n_y)], dtype=bool)
         # quotients of positive sums, such as reactions, may need many patches
-        for patches in (count for count in (1, 8, 24, 64) if count ** (1 + problem.d) <= TOO_MANY):
+        for patches in (count for count in (1, 8, 24, 64) if count ** (1 + problem.d) <= MOST_PATCHES):
             rho, most, nodes = _ellipses(step, control.choice, patches)
             real = patches_on(step, [1.0] * len(rho), (max(patches, Choice().patches[0]), patches))
             slopes = problem.sensitivity_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from symmb._magnitudes import LAST_DIGITS
+from symmb._magnitudes import LAST_DIGITS, SAME
 from symmb._types import Array, Indices
 from symmb.prove import chebyshev as ch
 from symmb.prove import discs, points
 from symmb.prove.curves import TimeStep
-from symmb.prove.ellipses import TOO_MANY, ellipses, reaches
+from symmb.prove.ellipses import MOST_PATCHES, ellipses, patches_on, reaches
 from symmb.prove.errors import ProofError
 from symmb.prove.flow import Curve, fit, integrated, parameters_at
 from symmb.prove.front import Front
@@ -23,16 +23,8 @@ from symmb.prove.several_parameters import equations_at_nodes, on_step, run
 from symmb.prove.tape import Tape
 from symmb.prove.taylor_models import DEGREES_BEYOND_POLYNOMIALS, basis_of, reach
 
-_START_PATCHES = (1, 8, 32, 128)
-"""Numbers of patches of each variable that are tried. Pivots of starting equations nearly cancel, and there is only one
-start."""
-_PARTS_WITH_INVERSE, _MOST_PARTS_WITH_INVERSE = (1, 8, 32), 1024
-"""Numbers of parts of each variable, each with its own inverse, that are tried; and most parts: they take seconds."""
-
 NO_START = "there are parameters for which the scene cannot be started"
 """The message if no part of a box can be proved."""
-_STILL_STEP = 1e-9
-"""Length of a step without motion [s]."""
 _NO_FRAME = Curve(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)))
 """The frame of a step without motion."""
 
@@ -57,8 +49,8 @@ def first_front(problem: Problem, order: int) -> Front:
     return Front(0.0, x, B, np.zeros(n), error, np.zeros((n, n)))
 
 
-def still(problem: Problem, t: float, x: Array, h: float = _STILL_STEP) -> TimeStep:
-    """A short step from time t with constant states (n, N + 1, ...)."""
+def still(problem: Problem, t: float, x: Array, h: float = SAME) -> TimeStep:
+    """A short step of length h [s] from time t with constant states (n, N + 1, ...)."""
     return TimeStep(problem, t, h, integrated(x, np.zeros((len(x), 1, *x.shape[1:])), h), _NO_FRAME, _NO_FRAME.c)
 
 
@@ -117,17 +109,14 @@ def _solutions(problem: Problem, p: list[Array | float], counts: list[int]) -> A
     return u.T.reshape(u.shape[1], *counts)
 
 
-def _patches(step: TimeStep, rho: list[float], count: int = 1) -> Patches:
-    """One patch of time, and `count` patches of each parameter."""
-    return Patches(rho, [1, *[count] * (len(rho) - 1)], step.degrees)
-
-
 def _largest(step: TimeStep, tape: Tape) -> tuple[list[float], Array]:
     """Ellipses of the parameters, and bounds of the outputs of a tape on them. ProofError if there are no bounds."""
     for count in _counts(step.problem.d):
         for spread in (0.5, 0.1, 0.02):
             rho = [1.0, *ellipses(step, (spread, spread))[1:]]
-            most = reaches(tape.run(discs.OPERATIONS, discs.disc, step.on_patches(_patches(step, rho, count)))[0])
+            most = reaches(
+                tape.run(discs.OPERATIONS, discs.disc, step.on_patches(patches_on(step, rho, (1, count))))[0]
+            )
             if np.isfinite(most).all():
                 return rho[1:], most
     raise ProofError("the starting values cannot be shown to be smooth over the box")
@@ -155,7 +144,7 @@ def bounds_of(tape: Tape, step: TimeStep, e: Array) -> list[Array]:
         return [np.array([reach(a) for a in part]) for part in on_step(step, tape, e)]
     found: list[Array] = []
     for count in _counts(d):
-        real = step.on_patches(_patches(step, [1.0] * (d + 1), count), e)
+        real = step.on_patches(patches_on(step, [1.0] * (d + 1), (1, count)), e)
         found = [reaches(part) for part in tape.run(discs.OPERATIONS, discs.disc, real)]
         if all(np.isfinite(part).all() for part in found):
             break
@@ -163,8 +152,11 @@ def bounds_of(tape: Tape, step: TimeStep, e: Array) -> list[Array]:
 
 
 def _counts(d: int) -> Iterator[int]:
-    """Numbers of patches that are tried for each of d variables."""
-    return (count for count in _START_PATCHES if count**d <= TOO_MANY)
+    """Numbers of patches that are tried for each of d variables.
+
+    They are larger than those of steps: pivots of starting equations nearly cancel, and there is only one start.
+    """
+    return (count for count in (1, 8, 32, 128) if count**d <= MOST_PATCHES)
 
 
 def _distance(step: TimeStep) -> Array:
@@ -186,8 +178,9 @@ def _distance(step: TimeStep) -> Array:
         rho, most = _largest(step, problem.rate_tape)
         c, rest = interpolation(same, np.zeros(1), tuple(range(n)), rho, most, np.zeros(n))
     off = above(ch.sums(c[:, 0], d) + rest[:, 0])
-    for count in (count for count in _PARTS_WITH_INVERSE if count**d <= _MOST_PARTS_WITH_INVERSE):
-        e = _contracted(step, off, _patches(step, [1.0] * (d + 1), count))
+    # one inverse may not contract over the whole box; about a thousand parts with their own inverses take seconds
+    for count in (count for count in (1, 8, 32) if count**d <= 1024):
+        e = _contracted(step, off, patches_on(step, [1.0] * (d + 1), (1, count)))
         if e is not None:
             return e
     raise ProofError(problem.start.unproved)

@@ -23,10 +23,9 @@ from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove import discs
 from symmb.prove.curves import TimeStep
-from symmb.prove.defects import defect_of_frame, defect_of_motion, exact_defects
-from symmb.prove.ellipses import TOO_MANY, Control, adapted, patches_on
+from symmb.prove.defects import defect_of_frame, defect_of_motion, defects_of_models, exact_defects, largest_defects
+from symmb.prove.ellipses import MOST_PATCHES, Control, adapted, patches_on
 from symmb.prove.errors import ProofError
-from symmb.prove.model_defects import defects_of_models
 from symmb.prove.patches import largest_on
 from symmb.prove.rounding import U, above
 from symmb.prove.several_parameters import on_step
@@ -57,10 +56,9 @@ def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
     else:
         chosen = adapted(step, control)
         rho, patches = chosen.rho, chosen.choice.patches
-        n = step.problem.n
-        C_on = largest_on(rho, step.C.reshape(n * n, *step.C.shape[2:])).reshape(n, n)
-        defect = defect_of_motion(step, rho, C_on, chosen.rates, w0, control)
-        growth = defect_of_frame(step, rho, C_on, chosen.slopes, w0 + step.h * defect)
+        most, most_of_frame = largest_defects(step, rho, chosen.rates, chosen.slopes)
+        defect = defect_of_motion(step, rho, most, w0, control)
+        growth = defect_of_frame(step, rho, most_of_frame, w0 + step.h * defect)
     change = _Curvature(step, rho, patches)
     W = above(1.001 * w0 + 1.1 * step.h * step.solved(defect))
     for _ in range(MOST_CANDIDATES):
@@ -89,7 +87,7 @@ def unshown(step: TimeStep, e: Array) -> int | None:
     if tape is None:
         return None
     for patches in _PATCHES_OF_CONDITIONS:
-        if patches[0] * patches[1] ** step.problem.d > TOO_MANY:
+        if patches[0] * patches[1] ** step.problem.d > MOST_PATCHES:
             break
         shown = [discs.is_positive(a) for a in on_motion(step, tape, e, patches)]
         if all(shown):
