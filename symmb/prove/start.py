@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from symmb._magnitudes import LAST_DIGITS, SAME
+from symmb._magnitudes import LAST_DIGITS, SLIGHT
 from symmb._types import Array, Indices
 from symmb.prove import chebyshev as ch
 from symmb.prove import discs, points
@@ -14,7 +14,7 @@ from symmb.prove.ellipses import MOST_PATCHES, ellipses, patches_on, reaches
 from symmb.prove.errors import ProofError
 from symmb.prove.flow import Curve, fit, integrated, parameters_at
 from symmb.prove.front import Front
-from symmb.prove.outputs import SHARP, interpolation
+from symmb.prove.outputs import interpolation
 from symmb.prove.patches import Patches
 from symmb.prove.problem import Problem
 from symmb.prove.ranges import cut
@@ -49,12 +49,12 @@ def first_front(problem: Problem, order: int) -> Front:
     return Front(0.0, x, B, np.zeros(n), error, np.zeros((n, n)))
 
 
-def still(problem: Problem, t: float, x: Array, h: float = SAME) -> TimeStep:
+def still(problem: Problem, t: float, x: Array, h: float = 1e-9) -> TimeStep:
     """A short step of length h [s] from time t with constant states (n, N + 1, ...)."""
     return TimeStep(problem, t, h, integrated(x, np.zeros((len(x), 1, *x.shape[1:])), h), _NO_FRAME, _NO_FRAME.c)
 
 
-def polynomials(step: TimeStep, which: Indices, lengths: tuple[int, ...], sharp: float = SHARP) -> tuple[Array, Array]:
+def polynomials(step: TimeStep, which: Indices, lengths: tuple[int, ...], sharp: float = SLIGHT) -> tuple[Array, Array]:
     """Coefficients (m, *lengths) of some outputs at the start of a step, and bounds (m,) of their errors.
 
     ProofError if they cannot be shown to be smooth.
