@@ -13,7 +13,7 @@ from symmb.prove.ellipses import Choice, Control
 from symmb.prove.errors import ProofError
 from symmb.prove.flow import frame, motion
 from symmb.prove.front import Front, leaving, well_conditioned
-from symmb.prove.outputs import output_bounds
+from symmb.prove.outputs import OutputBounds, output_bounds
 from symmb.prove.pass_outputs import Part, bounds_about_pass
 from symmb.prove.passes import Crossing, Scaled, crossing, departure, off, window
 from symmb.prove.problem import Change, Problem
@@ -54,9 +54,7 @@ class Course:
 
     Attributes
     ----------
-    lower, upper : (n_t, n_y) bounds, infinite if they are not known
-    remainder : (n_t, n_y) part of the bounds that is not the range of a polynomial
-    terms : (n_y,) largest sizes of the terms of the outputs
+    bounds : bounds of the outputs, infinite if they are not known
     until : time after the first one up to which the motion is proved [s]
     why : reason for the end of the proof; empty if it can continue
     end : the last place; None before the start
@@ -65,10 +63,7 @@ class Course:
     steps : proved steps with bounds (n,) of |w|; None if they are not needed
     """
 
-    lower: Array
-    upper: Array
-    remainder: Array
-    terms: Array
+    bounds: OutputBounds
     until: float = 0.0
     why: str = ""
     end: Place | None = None
@@ -79,34 +74,24 @@ class Course:
     @classmethod
     def empty(cls, problem: Problem) -> "Course":
         """A course before the start."""
-        shape = len(problem.times), problem.outputs.numel_out(0)
-        return cls(np.full(shape, -np.inf), np.full(shape, np.inf), np.full(shape, np.inf), np.zeros(shape[1]))
+        return cls(OutputBounds.unknown(len(problem.times), problem.outputs.numel_out(0)))
 
     @property
     def is_done(self) -> bool:
         """Whether the proof has reached all output times."""
-        return self.stored == len(self.lower)
+        return self.stored == len(self.bounds.lower)
 
-    def store(self, behind: int, lower: Array, upper: Array, remainder: Array, terms: Array) -> None:
+    def store(self, behind: int, bounds: OutputBounds) -> None:
         """Store bounds of the outputs for the output times from `stored` to `behind` (excluded)."""
-        part = slice(self.stored, behind)
-        self.lower[part], self.upper[part], self.remainder[part] = lower, upper, remainder
-        self.terms, self.stored = np.maximum(self.terms, terms), behind
-
-    def join(self, lower: Array, upper: Array, remainder: Array, terms: Array) -> None:
-        """Widen the bounds at the first time."""
-        self.lower[0], self.upper[0] = np.minimum(self.lower[0], lower[0]), np.maximum(self.upper[0], upper[0])
-        self.remainder[0], self.terms = np.maximum(self.remainder[0], remainder[0]), np.maximum(self.terms, terms)
+        self.bounds.put(slice(self.stored, behind), bounds)
+        self.stored = behind
 
     def back_to(self, place: Place, times: Array) -> "Course":
         """The course up to a place, so that it continues from there. `times` (n_t,) are the output times."""
         stored = min(self.stored, int(np.searchsorted(times, place.front.t, side="right")))
-        later = (np.arange(len(times)) >= stored)[:, None]
-        lower, upper, remainder = (
-            np.where(later, none, known)
-            for none, known in ((-np.inf, self.lower), (np.inf, self.upper), (np.inf, self.remainder))
-        )
-        return Course(lower, upper, remainder, self.terms, place.front.t, "", place, place, stored)
+        bounds = OutputBounds.unknown(len(times), len(self.bounds.terms))
+        bounds.put(slice(stored), self.bounds.at(slice(stored)))
+        return Course(bounds, place.front.t, "", place, place, stored)
 
 
 def march(
@@ -208,9 +193,10 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
     until = front.t if late is None else front.t - 4 * late
     behind = int(np.searchsorted(times, until, side="right"))
     if behind > course.stored:
-        course.store(behind, *output_bounds(step, proof.W, times[course.stored : behind], control))
+        course.store(behind, output_bounds(step, proof.W, times[course.stored : behind], control))
     for other in others:  # an output on a switch may have the value of either side
-        course.join(*output_bounds(replace(step, problem=other), proof.W, times[:1], control))
+        own = output_bounds(replace(step, problem=other), proof.W, times[:1], control)
+        course.bounds.put(slice(1), course.bounds.at(slice(1)).joined(own))
     if left < usual:
         control.h = usual
     return _changed(Place(front, control, problem), grain, course.is_done), step.h
@@ -253,7 +239,7 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
     scaled, h = Scaled(problem, begin, ahead.tau), min(1.0, control.h / ahead.last)
     to = scaled.problem(about.old, about.surface)
     there, at_pass = _followed(to, replace(front, t=0.0), replace(control, h=h))
-    g = np.maximum(np.abs(there.lower), np.abs(there.upper))[-1]
+    g = np.maximum(np.abs(there.bounds.lower), np.abs(there.bounds.upper))[-1]
     late, lost = off(to, scaled, at_pass.front, about, ahead.first, g)
     if not above(late) < ahead.first:
         raise ProofError("the pass may be at this time itself")
@@ -268,7 +254,7 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
         passes = ahead.tau.copy()
         passes[(0,) * passes.ndim] += begin
         part = Part(old.steps, new.steps, passes, late + grain)  # the last term covers rounding
-        course.store(behind, *bounds_about_pass(part, problem.times[course.stored : behind], control))
+        course.store(behind, bounds_about_pass(part, problem.times[course.stored : behind], control))
     phase = replace(problem.phase, sides=about.sides)
     after = replace(last.problem, times=problem.times, phase=phase, change=problem.change)
     return Place(last.front, replace(last.control, h=control.h), _settled(after, last.front))

@@ -46,8 +46,12 @@ class OutputBounds(NamedTuple):
         """Bounds of the empty set."""
         return cls(*(np.full((n_t, n_y), value) for value in (np.inf, -np.inf, 0.0)), np.zeros(n_y))
 
-    def at(self, times: slice | Mask, other: "OutputBounds") -> None:
-        """Put other bounds at some of the times."""
+    def at(self, times: slice | Mask) -> "OutputBounds":
+        """The bounds at some of the times."""
+        return OutputBounds(self.lower[times], self.upper[times], self.remainder[times], self.terms)
+
+    def put(self, times: slice | Mask, other: "OutputBounds") -> None:
+        """Replace the bounds at some of the times."""
         for own, values in zip(self[:3], other[:3], strict=True):
             own[times] = values
         np.maximum(self.terms, other.terms, out=self.terms)
