@@ -132,9 +132,10 @@ def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Ar
     return np.stack([np.broadcast_to(value, x.shape[1:]) for value in found])
 
 
-def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int) -> tuple[Curve, Array]:
+def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int = 11) -> tuple[Curve, Array]:
     """The frame B with B' = A B from B0 (n, n, NB + 1, ...), row by row, and about its inverse C (n, n, terms, ...).
 
+    It has fewer terms in time than the motion: its defect only makes the remainder grow by a small part.
     The motion has the coefficients x (n, K + 1, N + 1, ...).
     """
     n, lengths = problem.n, B0.shape[2:]

@@ -12,9 +12,6 @@ from symmb.prove.errors import ProofError
 from symmb.prove.flow import Curve, fit
 from symmb.prove.rounding import U, above, of_sum
 
-_WORST_CONDITION = 30.0
-"""Condition number of the frame, with columns of length 1, from which the frame is made orthogonal."""
-
 
 @dataclass(frozen=True)
 class Front:
@@ -70,8 +67,8 @@ def _end(curve: Curve, d: int) -> tuple[Array, Array]:
     return value, above(curve.error + of_sum(len(rest[0]) + 2) * ch.sums(rest, d + 1) + U * ch.sums(value, d))
 
 
-def well_conditioned(front: Front, scales: Array, worst: float = _WORST_CONDITION) -> Front:
-    """The front in an orthogonal frame, if its frame has the condition number `worst` or more.
+def well_conditioned(front: Front, scales: Array, worst: float = 30.0) -> Front:
+    """The front in an orthogonal frame, if its frame, with columns of length 1, has the condition `worst` or more.
 
     The columns of the frame at nodes of the parameters are made orthogonal, the longest first. The new frame is the
     polynomial through these columns, or the diagonal frame of the scales if the polynomial is not accurate enough.

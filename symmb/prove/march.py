@@ -22,21 +22,12 @@ from symmb.prove.start import first_front, still
 from symmb.prove.step import Proof, is_regular, on_motion, prove, unshown
 from symmb.prove.transitions import drifted, mapped, require_known
 
-TIME_TERMS, FRAME_TERMS = 20, 11
-"""Terms of the motion and of the frame in time."""
-_SHORTEST_OF_AIM = 2.0**-4
-"""Shortest step that is tried, relative to the aimed length."""
+_TIME_TERMS = 20
+"""Terms of the motion in time: the last ones are rounding after a step of the length that `_shortened` chooses."""
 _SHORTER_STEP = 0.3
 """Factor of a step that is too long for the motion."""
-_LOST_REMAINDER, _CRAWLING_STEP = 1e-2, 2.0**-6
-"""Remainder relative to the width of the states, and step relative to the longest one. A proof that exceeds the first
-with steps below the second ends soon anyway."""
-_SHORTEST_AT_CHANGE = 8
-"""Shortest step that ends at a change of states, in units of times."""
-_BEFORE_PASS_OF_STEP, _BEFORE_PASS_OF_SPREAD = 2.0**-6, 0.25
-"""Time before the first pass of a switch, as fractions of a usual step and of the spread of passes over the box."""
-_NEARER_BEGIN, _NEAREST_PASS = 2.0**-6, 2.0**6
-"""Fraction of the time to a pass that remains if a step ends closer to it, and the shortest such time [units]."""
+_UNITS_BEFORE_CHANGE = 8
+"""Units of times of the shortest step that ends at a change of states. A change within this time is made at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +121,8 @@ def march(
             course.checkpoint = place
         if share > largest:
             return
-        if share > _LOST_REMAINDER and place.control.h < _CRAWLING_STEP * longest:
+        # such a proof ends soon anyway, after many steps without progress
+        if share > 1e-2 and place.control.h < longest / 64:
             course.why = _why(place, "the deviations from the polynomials grow too fast")
             return
 
@@ -146,18 +138,15 @@ def _why(place: Place, reason: str) -> str:
         h, x, p = place.control.h, front.x.reshape(problem.n, -1)[:, 0], problem.middle
         ahead = x + h * problem.rates(x, p, front.t).full().ravel()
         now, then = (problem.regular(*at).full().ravel() for at in ((x, p, front.t), (ahead, p, front.t + h)))
-        is_near = (now - then) * np.sign(now) * _STEPS_AHEAD > np.abs(now)
+        # steps become short before a singular position, so that it may still be 40 steps away
+        is_near = (now - then) * np.sign(now) * 40 > np.abs(now)
         reason = f"{reason}; {problem.why_singular}" if is_near.any() else reason
     if phase is not None and problem.valid_tape is not None and not phase.names_any(reason):
         sides = on_motion(still(problem, front.t, front.x), problem.valid_tape, np.zeros(problem.n), (1, 1))
-        near = [k for k, a in enumerate(sides) if not (np.real(a.centre) > _SPREADS_AHEAD * a.swing).all()]
+        # before a kink with infinite slopes, a proof ends some spreads of the box away
+        near = [k for k, a in enumerate(sides) if not (np.real(a.centre) > 3.0 * a.swing).all()]
         reason = f"{reason}; {phase.steep(near[0])}" if near else reason
     return reason
-
-
-_STEPS_AHEAD, _SPREADS_AHEAD = 40, 3.0
-"""Distances to a singular position, in steps, and to a switch, in spreads of the box, below which each is named.
-Steps become short before a singular position. Before a kink with infinite slopes a proof ends some spreads away."""
 
 
 def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, float]:
@@ -215,9 +204,10 @@ def _nearer(place: Place, ahead: Crossing, grain: float, why: str) -> tuple[Time
     ProofError if there is no such step.
     """
     problem, phase = place.problem, place.problem.phase
-    if ahead.first > _NEAREST_PASS * grain:
+    nearer = ahead.nearer(grain)
+    if nearer > 0:
         try:
-            control = replace(place.control, h=(1.0 - _NEARER_BEGIN) * ahead.first)
+            control = replace(place.control, h=nearer)
             return _step(replace(problem, phase=None), place.front, grain, control)
         except ProofError:
             pass
@@ -290,7 +280,7 @@ def _settled(problem: Problem, front: Front) -> Problem:
 def _left(problem: Problem, t: float, grain: float) -> float:
     """Time until a step must end [s]; infinite without a change of states."""
     change = problem.change
-    if change is None or (change.late is None and change.time <= t + _SHORTEST_AT_CHANGE * grain):
+    if change is None or (change.late is None and change.time <= t + _UNITS_BEFORE_CHANGE * grain):
         return np.inf
     return change.time - t
 
@@ -305,7 +295,7 @@ def _changed(place: Place, grain: float, is_done: bool) -> Place:
     """The place after the change of states, or the same place if the change is later."""
     problem, front = place.problem, place.front
     change, late = problem.change, _late(problem, front.t)
-    soon = front.t + _SHORTEST_AT_CHANGE * grain
+    soon = front.t + _UNITS_BEFORE_CHANGE * grain
     is_ahead = change is None or (late is None and (change.late is not None or change.time > soon))
     if is_done or change is None or is_ahead:
         return place
@@ -336,11 +326,11 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
     """A proved step of the aimed length, or a shorter step that can be proved with the present control."""
     h = aim = usual = control.h
     reason, change, is_cut = "", problem.change, False
-    while h >= _SHORTEST_OF_AIM * aim and h > 4 * grain:
+    while h >= aim / 16 and h > 4 * grain:
         if change is None or change.late is None or h != change.time - front.t:
             h = float(np.floor(h / grain)) * grain
         try:
-            x = motion(problem, front.x, front.t, h, TIME_TERMS)
+            x = motion(problem, front.x, front.t, h, _TIME_TERMS)
         except ProofError as error:
             reason, aim = str(error), _SHORTER_STEP * h
             h = aim
@@ -349,7 +339,7 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
         sizes = np.maximum(problem.scales, ch.sums(x.c, problem.d + 1))
         tail = float((last / sizes).max(initial=0.0))
         # the last coefficients of the motion decide: this length would reduce them to the rounding of the states
-        h_resolved = h * float(np.clip((FACTORS / max(tail, 1e-30)) ** (1.0 / TIME_TERMS), _SHORTER_STEP, 1.5))
+        h_resolved = h * float(np.clip((FACTORS / max(tail, 1e-30)) ** (1.0 / _TIME_TERMS), _SHORTER_STEP, 1.5))
         if tail > ROUNDING:
             aim = h = h_resolved
             continue
@@ -359,7 +349,7 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
             is_cut = True
             continue
         try:
-            B, C = frame(problem, x.c, front.B, front.t, h, FRAME_TERMS)
+            B, C = frame(problem, x.c, front.B, front.t, h)
             step = TimeStep(problem, front.t, h, x, B, C)
             _require_valid(step, np.zeros(problem.n))
             w = above(front.w + step.inverse_times(front.x_error + front.B_error @ front.w))
@@ -376,12 +366,14 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
 
 def _before_pass(problem: Problem, x: Array, t: float, h: float, usual: float, grain: float) -> float:
     """The longest step [s] with the motion x that ends before a pass of a switch. _AheadError if a pass is near."""
-    ahead = None if problem.phase is None else crossing(problem, x, t, h, TIME_TERMS, _SHORTEST_AT_CHANGE * grain)
+    ahead = None if problem.phase is None else crossing(problem, x, t, h, _TIME_TERMS, _UNITS_BEFORE_CHANGE * grain)
     if ahead is None:
         return np.inf
-    if ahead.why and ahead.first > _NEAREST_PASS * grain:
-        return float(np.floor((1.0 - _NEARER_BEGIN) * ahead.first / grain)) * grain
-    begin = _BEFORE_PASS_OF_STEP * usual + _BEFORE_PASS_OF_SPREAD * (ahead.last - ahead.first)
+    nearer = ahead.nearer(grain)
+    if ahead.why and nearer > 0:
+        return nearer
+    # the time to the pass must exceed the error of the time of the pass, which grows with the spread
+    begin = usual / 64 + 0.25 * (ahead.last - ahead.first)
     if ahead.first <= 2.0 * begin:
         raise _AheadError(ahead)
     return float(np.floor((ahead.first - begin) / grain)) * grain

@@ -16,6 +16,7 @@ from itertools import combinations, product
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import SMALL
 from symmb._types import Array, Indices
 from symmb.declare.symbolic import common
 from symmb.prove import chebyshev as ch
@@ -34,18 +35,8 @@ from symmb.prove.step import MOST_CANDIDATES, on_motion
 from symmb.prove.tape import Tape
 from symmb.prove.transitions import require_known
 
-_LOOKS_PER_STEP = 33
-"""Times of a step at which the sides of switches are examined."""
-_NEWTON_ITERATIONS = 8
-"""Iterations of Newton's method for the time of a pass."""
 _MOST_SWITCHES_AT_ONCE = 4
 """Most switches that are passed at once. Each one doubles the number of equations between the first and last pass."""
-_TIME_BEHIND_A_PASS = 1e-3
-"""Time after a pass at which pieces of tables are selected, relative to the time from the start to the pass."""
-_PATCHES_OF_A_PASS = 64
-"""Approximate number of patches of the parameters on which a pass is proved."""
-_LEAST_POSITIVE = 1e-280
-"""A positive number that is smaller than all relevant times and distances."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +58,10 @@ class Crossing:
     last: float
     place: tuple[Array, Array, float] | None = None
     why: str = ""
+
+    def nearer(self, grain: float) -> float:
+        """Length of a step that ends closer to the pass [s]; 0 if the pass is within 64 units of times."""
+        return float(np.floor(63 / 64 * self.first / grain)) * grain if self.first > 64 * grain else 0.0
 
 
 def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: float) -> Crossing | None:
@@ -118,8 +113,9 @@ def _look(tape: Tape, c: Array, p: list[Array], begin: float, h: float, found: A
         found = tape.run(PLAIN, plain, [list(x), [own[which] for own in p], [time]])
         return x, [[np.broadcast_to(a, s.shape) for a in part] for part in found]
 
-    s = -np.cos(np.linspace(0.0, np.pi, _LOOKS_PER_STEP))
-    values = at(np.broadcast_to(s[:, None], (_LOOKS_PER_STEP, c.shape[2])))[1][0]
+    # A pass and its return between two of 33 times are not seen. The conditions of the step are then not proved.
+    s = -np.cos(np.linspace(0.0, np.pi, 33))
+    values = at(np.broadcast_to(s[:, None], (len(s), c.shape[2])))[1][0]
     for k, value in enumerate(values):
         beyond = ~(value > 0)
         own = np.flatnonzero(beyond.any(axis=0) & np.isinf(found[k]))
@@ -130,7 +126,7 @@ def _look(tape: Tape, c: Array, p: list[Array], begin: float, h: float, found: A
         a, b = value[before, own], value[after, own]
         with np.errstate(all="ignore"):
             place = s[before] + np.where(a > b, a / (a - b), 0.0) * (s[after] - s[before])
-            for _ in range(_NEWTON_ITERATIONS):
+            for _ in range(8):  # Newton's method, from the secant
                 _, (g, slope) = at(place, own)
                 place = np.clip(np.nan_to_num(place - 2.0 / h * g[k] / slope[k]), s[before], s[after])
         time = begin + 0.5 * h * (1.0 + place)
@@ -201,7 +197,7 @@ def window(problem: Problem, ahead: Crossing) -> Window:
             sides = phase.settled(*ahead.place, sides, ahead.which)
         rates, place = phase.on(phase.rates, sides, *ahead.place), ahead.place
         if max(signs) < 0:  # after all passes: the table may have another piece a moment later
-            place = _moved(rates, place, _TIME_BEHIND_A_PASS * ahead.first)
+            place = _moved(rates, place, SMALL * ahead.first)
         conditions = phase.conditions(sides, *place)
         toward = ca.vertcat(
             with_slopes(conditions, rates)(x, p, t)[1][which] if max(signs) < 0 else ca.SX(0, 1),
@@ -252,12 +248,12 @@ def departure(problem: Problem, front: Front, own: Sequence[int], h: float) -> D
     assert phase is not None and problem.valid is not None and problem.valid_tape is not None
     x, p, t = arguments = problem.rates.sx_in()
     reach = above((ch.sums(front.B, problem.d) + front.B_error) @ front.w + front.x_error)
-    begin = still(problem, front.t, front.x, _LEAST_POSITIVE)
+    begin = still(problem, front.t, front.x, 0.0)
     which = np.flatnonzero(reaches(on_motion(begin, problem.valid_tape, reach, (1, 1))) <= LARGEST_ZERO).tolist()
     if not set(own) <= set(which) or len(which) > _MOST_SWITCHES_AT_ONCE:
         raise ProofError("the motion may begin on it")
     place = front.x[(slice(None), *(0,) * problem.d)], problem.middle, front.t
-    behind = _moved(problem.rates, place, _TIME_BEHIND_A_PASS * h)
+    behind = _moved(problem.rates, place, SMALL * h)  # pieces of tables are those of a moment later
     both, left = [], []
     for signs in product((1.0, -1.0), repeat=len(which)):
         sides = phase.sides.copy()
@@ -331,7 +327,7 @@ def off(problem: Problem, scaled: Scaled, front: Front, about: Window, first: fl
     reach = above((ch.sums(front.B, problem.d) + front.B_error) @ front.w + front.x_error)
     late, room = 0.0, np.zeros(problem.n)
     for _ in range(MOST_CANDIDATES):
-        late, room = 2.0 * late + _LEAST_POSITIVE, 2.0 * room + _LEAST_POSITIVE
+        late, room = 2.0 * late + 1e-280, 2.0 * room + 1e-280  # above underflow, so that exact passes are proved
         share = 2.0 * late / first + 1e-14
         around = still(problem, 1.0 - share, front.x, 2.0 * share)
         slowest, fastest, speed, apart, is_shown = _about_pass(around, above(reach + room), tapes, len(g))
@@ -356,7 +352,7 @@ def _about_pass(
     states, the differences (n,) of rates between sides, and whether all conditions are proved.
     """
     d = max(step.problem.d, 1)
-    count = next(m for m in (32, 8, 4, 2, 1) if m**d <= _PATCHES_OF_A_PASS or m == 1)
+    count = next(m for m in (32, 8, 4, 2, 1) if m**d <= 64 or m == 1)  # about 64 patches at most
     each = [[on_motion(step, tape, e, (1, count)) for tape in pair] for pair in tapes]
     toward = [conditions[len(conditions) - own :] for _, conditions in each]
     subtract = discs.OPERATIONS[ca.OP_SUB]

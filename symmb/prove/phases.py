@@ -12,9 +12,6 @@ import numpy as np
 from symmb._types import Array
 from symmb.declare.symbolic import Entry, Pieces, applied, called, common, interpret
 
-_LETTERS_OF_A_SWITCH = 60
-"""Most letters of a switch in a message."""
-
 
 @dataclass(frozen=True, eq=False)
 class Phase:
@@ -83,9 +80,9 @@ class Phase:
 
 
 def label(switch: ca.SX) -> str:
-    """The text of a switch in messages."""
+    """The text of a switch in messages, with at most 60 letters."""
     text = str(switch)
-    return text if len(text) <= _LETTERS_OF_A_SWITCH else f"{text[:_LETTERS_OF_A_SWITCH]}..."
+    return text if len(text) <= 60 else f"{text[:60]}..."
 
 
 def _frozen(f: ca.Function, *place: Array | float) -> ca.Function:

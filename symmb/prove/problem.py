@@ -79,8 +79,8 @@ class Problem:
 
     @property
     def why_singular(self) -> str:
-        """The message that rows of loops may not determine velocities, with the joints that close the loops."""
-        names = ", ".join(repr(name) for name in self.closing[:_NAMED]) + ", ..." * (len(self.closing) > _NAMED)
+        """The message that rows of loops may not determine velocities, with up to four joints that close the loops."""
+        names = ", ".join(map(repr, self.closing[:4])) + ", ..." * (len(self.closing) > 4)
         return f"{SINGULAR} of {names}" if names else SINGULAR
 
     @cached_property
@@ -139,8 +139,6 @@ class Problem:
 
 
 SINGULAR = "a loop may reach a singular position, such as a dead centre"
-_NAMED = 4
-"""Most joints that a message names."""
 
 
 @dataclass(frozen=True, eq=False)

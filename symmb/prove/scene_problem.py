@@ -157,7 +157,8 @@ def _critical_problem(method: object, simulator: CriticalSimulator, box: Box) ->
         ) from None
     middle, inner = intervals[0], _points_of(*intervals[:2])
     corners = middle + intervals[1] * np.sign(inner - middle)
-    samples = np.unique(np.vstack([inner[:_INNER_SAMPLES], corners[:_CORNER_SAMPLES]]), axis=0)
+    # few samples suffice: another limit that comes first usually does so at a corner
+    samples = np.unique(np.vstack([inner[:4], corners[:8]]), axis=0)
     followed = values + (high - low) * batch(start.states, start.solve(samples), samples)[0]
     for k in range(len(values)):
         _require_fixed(method, linear, simulator, np.insert(samples, simulator.number, followed[:, k], axis=1))
@@ -180,10 +181,6 @@ def _require_first(method: object, simulator: CriticalSimulator, samples: Array,
             f"{method!r}: at {where}, stability changes at values that do not continue the nominal critical values. "
             "Use smaller intervals, or PolynomialChaos()."
         )
-
-
-_INNER_SAMPLES, _CORNER_SAMPLES = 4, 8
-"""Inner points and corners of the box at which critical values are compared."""
 
 
 def _linear_start(method: object, simulator: ModalSimulator | CriticalSimulator, box: Box) -> LinearStart:
@@ -214,12 +211,10 @@ def _still_problem(
     _require_remainders(method, ", ".join(Tape(start.residual).unknown(OPERATIONS)))
     arguments = [x, ca.SX.sym("p", len(intervals[0])), ca.SX.sym("t")]
     rates = ca.Function("rates", arguments, [ca.SX.zeros(x.numel())])
-    return Problem(rates, common("outputs", arguments, [outputs]), *intervals, np.zeros(1),
-                   _MOTION_OF_MODE_SHARES * np.ones(x.numel()), start, refused=("",) * outputs.numel())  # fmt: skip
-
-
-_MOTION_OF_MODE_SHARES = 0.1
-"""Motion on ellipses of the scaled eigenvalues, which have the size 1: frequencies are roots, and not smooth at 0."""
+    # on ellipses, scaled eigenvalues of the size 1 move by 0.1: frequencies are roots, and not smooth at 0
+    sizes = 0.1 * np.ones(x.numel())
+    return Problem(rates, common("outputs", arguments, [outputs]), *intervals, np.zeros(1), sizes, start,
+                   refused=("",) * outputs.numel())  # fmt: skip
 
 
 def _require_remainders(method: object, unknown: str) -> None:

@@ -86,7 +86,8 @@ def unshown(step: TimeStep, e: Array) -> int | None:
     tape, first = step.problem.valid_tape, None
     if tape is None:
         return None
-    for patches in _PATCHES_OF_CONDITIONS:
+    # numbers of patches of time and of each parameter
+    for patches in (8, 1), (40, 1), (40, 8):
         if patches[0] * patches[1] ** step.problem.d > MOST_PATCHES:
             break
         shown = [discs.is_positive(a) for a in on_motion(step, tape, e, patches)]
@@ -94,10 +95,6 @@ def unshown(step: TimeStep, e: Array) -> int | None:
             return None
         first = shown.index(False)
     return first
-
-
-_PATCHES_OF_CONDITIONS = (8, 1), (40, 1), (40, 8)
-"""Numbers of patches of time and of each parameter that are tried for conditions."""
 
 
 def on_motion(step: TimeStep, tape: Tape, e: Array, patches: tuple[int, int]) -> list[discs.Disc]:
@@ -124,7 +121,7 @@ class _Curvature:
     def __init__(self, step: TimeStep, rho: list[float], patches: tuple[int, int]) -> None:
         self._step = step
         d = len(rho) - 1
-        least = max(count for count in _JACOBIAN_PATCHES if count**d <= _ABOUT_MOST_PATCHES)
+        least = max(count for count in (1, 4, 40) if count**d <= 64)  # of each parameter, and of all
         counts = patches[0], max(patches[1], least)
         self._patches = patches_on(step, [1.0] * len(rho), counts)  # not made for several parameters
         own = ch.sums(step.x.c, step.x.c.ndim - 1)
@@ -160,7 +157,3 @@ class _Curvature:
         else:
             entries = tape.run(discs.OPERATIONS, discs.disc, self._step.on_patches(self._patches, radius))[1]
         return np.array([float(np.where(np.isnan(a.radius), np.inf, a.radius).max()) for a in entries]).reshape(n, n).T
-
-
-_JACOBIAN_PATCHES, _ABOUT_MOST_PATCHES = (1, 4, 40), 64
-"""Numbers of patches of each parameter for the change of the Jacobian, and the most patches of all parameters."""

@@ -104,7 +104,8 @@ class Pairs:
         self.largest, self._terms, self._parts = int((ends - starts).max()), len(starts), []
         first = 0
         while first < len(starts):
-            last = max(int(np.searchsorted(ends, starts[first] + _PAIRS_IN_CACHE)), first + 1)
+            # the products of about 2000 pairs stay in the cache
+            last = max(int(np.searchsorted(ends, starts[first] + 2000)), first + 1)
             part = slice(starts[first], ends[last - 1])
             self._parts.append((slice(first, last), i[part], j[part], starts[first:last] - starts[first]))
             first = last
@@ -116,10 +117,6 @@ class Pairs:
             products = a.take(i, axis=0) * b.take(j, axis=0)
             np.add.reduceat(products, starts, axis=0, out=found[terms])
         return found
-
-
-_PAIRS_IN_CACHE = 2000
-"""Pairs of monomials that are multiplied at once: their products stay in the cache."""
 
 
 @cache
@@ -301,17 +298,13 @@ def _expansion(a: Model) -> tuple[Array, Array, Array | None]:
 
     A ratio is nan from 1 on. `about` is the argument of `_composed`. The constant terms are the centres if all values
     are close to them. A square that comes close to 0, as in sqrt(w^2 + small^2), is close only to the middle of its
-    range.
+    range. Up to the ratio 1/2 a series converges well: with degree 8 the remainder is 1 / 2^9.
     """
     own, around = above(a.swing / np.abs(a.c[0])) * (1.0 + COMPLEX), a.around
-    if (own < _CONVERGENT_DISTANCE).all() or a.degree == 0:
+    if (own < 0.5).all() or a.degree == 0:
         return a.c[0], np.where(own < 1.0, own, np.nan), None
     q = above(around.radius / np.abs(around.centre)) * (1.0 + COMPLEX)
     return around.centre, np.where(q < 1.0, q, np.nan), around.centre
-
-
-_CONVERGENT_DISTANCE = 0.5
-"""Ratio of distance to modulus up to which a series converges well: with degree 8 the remainder is 1 / 2^9."""
 
 
 def _inverse(a: Model) -> Model:
@@ -391,10 +384,10 @@ def _exp(a: Model) -> Model:
 
 
 def _power(a: Model, b: Model) -> Model:
-    """a^b. Integer powers are products, and other powers are computed by discs."""
+    """a^b. Integer powers up to 16 are products, and other powers are computed by discs."""
     exponent = float(np.real(b.c[0]).flat[0])
     is_constant = b.c.size == 1 and float(b.radius.max()) <= above(0.0)
-    if not is_constant or exponent != int(exponent) or not 0 < abs(exponent) <= _LARGEST_POWER:
+    if not is_constant or exponent != int(exponent) or not 0 < abs(exponent) <= 16:
         return _of_discs(ca.OP_POW)(a, b)
     found, base, left = None, a, abs(int(exponent))
     while left:
@@ -404,10 +397,6 @@ def _power(a: Model, b: Model) -> Model:
         base = _multiply(base, base) if left else base
     assert found is not None
     return found if exponent > 0 else found.inverse
-
-
-_LARGEST_POWER = 16
-"""Largest exponent of a power that is computed by products."""
 
 
 def _of_discs(code: int) -> Callable[..., Model]:
