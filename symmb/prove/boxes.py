@@ -8,16 +8,14 @@ import numpy as np
 
 from symmb._magnitudes import ROUNDING, SAME, SLIGHT, SMALL
 from symmb._types import Array, Mask
-from symmb.prove.curves import TimeStep
 from symmb.prove.ellipses import Choice, Control
 from symmb.prove.errors import ProofError
-from symmb.prove.flow import integrated
 from symmb.prove.front import half, slowest
 from symmb.prove.march import Course, Place, march
 from symmb.prove.outputs import OutputBounds, output_bounds
 from symmb.prove.problem import Problem
 from symmb.prove.rounding import LARGEST_ZERO
-from symmb.prove.start import nominal_front
+from symmb.prove.start import nominal_front, still
 
 _EARLY_REMAINDER = 1e-7
 """Remainder relative to the width of the states in the whole box, from which parts are halved early.
@@ -51,20 +49,15 @@ class _Part:
         """
         end, at = self.course.end, self.course.checkpoint
         variable = slowest(nominal_front(self.problem, order) if end is None else end.front.x)
-        if at is None or not at.front.t:
-            parts = [self.problem.over(variable, side) for side in (-1, 1)]
-            return [_Part(part, Course.empty(part), 0.5 * self.share) for part in parts]
-        return [
-            _Part(
-                self.problem.over(variable, side),
-                self.course.back_to(
-                    Place(half(at.front, variable, side), at.control, at.problem.over(variable, side)),
-                    self.problem.times,
-                ),
-                0.5 * self.share,
-            )
-            for side in (-1, 1)
-        ]
+        parts = []
+        for side in (-1, 1):
+            part = self.problem.over(variable, side)
+            course = Course.empty(part)
+            if at is not None and at.front.t:
+                place = Place(half(at.front, variable, side), at.control, at.problem.over(variable, side))
+                course = self.course.back_to(place, part.times)
+            parts.append(_Part(part, course, 0.5 * self.share))
+        return parts
 
 
 @dataclass(frozen=True)
@@ -159,10 +152,8 @@ def _followed(problem: Problem, order: int, boxes: int, progress: Callable[[floa
 
 def _of_expressions(problem: Problem, order: int) -> Course:
     """The course of a problem without states. At each time, it has the best bounds from several ellipses."""
-    end, terms = float(problem.times[-1]), (order + 1,) * problem.d
-    course = Course.empty(problem)
-    none = integrated(np.zeros((0, *terms)), np.zeros((0, 1, *terms)), end or 1.0)
-    whole = TimeStep(problem, 0.0, end or 1.0, none, none, none.c[None])
+    end, course = float(problem.times[-1]), Course.empty(problem)
+    whole = still(problem, 0.0, np.zeros((0, *(order + 1,) * problem.d)), end or 1.0)
     # motion of the parameters on the ellipses, relative to their middles
     for spread in (0.3, 1.0, 3.0, 10.0, 30.0, 100.0):
         control = Control(Choice((spread, spread)), end)

@@ -141,7 +141,7 @@ def _why(place: Place, reason: str) -> str:
         # steps become short before a singular position, so that it may still be 40 steps away
         is_near = (now - then) * np.sign(now) * 40 > np.abs(now)
         reason = f"{reason}; {problem.why_singular}" if is_near.any() else reason
-    if phase is not None and problem.valid_tape is not None and not phase.names_any(reason):
+    if phase is not None and problem.valid_tape is not None and not any(f"'{own}'" in reason for own in phase.labels):
         sides = on_motion(still(problem, front.t, front.x), problem.valid_tape, np.zeros(problem.n), (1, 1))
         # before a kink with infinite slopes, a proof ends some spreads of the box away
         near = [k for k, a in enumerate(sides) if not (np.real(a.centre) > 3.0 * a.swing).all()]
@@ -161,12 +161,11 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
         if front.t == 0.0 and found.ahead.first <= grain:
             assert problem.phase is not None
             try:
-                start = departure(problem, front, found.ahead.which, usual)
+                first, problem, others = departure(problem, front, found.ahead.which, usual)
             except ProofError as error:
                 raise ProofError(problem.phase.sentence(found.ahead.which[0], front.t, str(error))) from error
             control.h = min(usual, left)
-            step, proof = _step(start.first, front, grain, control)
-            problem, others = start.after, start.both
+            step, proof = _step(first, front, grain, control)
         else:
             try:
                 passed = _passed(course, replace(place, control=control), found.ahead, grain)

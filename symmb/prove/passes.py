@@ -223,26 +223,14 @@ def window(problem: Problem, ahead: Crossing) -> Window:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Departure:
-    """A motion that starts on switches and leaves them at once.
+def departure(
+    problem: Problem, front: Front, own: Sequence[int], h: float
+) -> tuple[Problem, Problem, tuple[Problem, ...]]:
+    """The problems of a motion that starts on the switches `own`, and perhaps on others, and leaves them at once.
 
-    Attributes
-    ----------
-    first : the problem in the first step. It is valid as long as the rates of the switches are positive on their sides
-    after : the problem after the first step
-    both : the problems on all combinations of sides of the switches
-    """
-
-    first: Problem
-    after: Problem
-    both: tuple[Problem, ...]
-
-
-def departure(problem: Problem, front: Front, own: Sequence[int], h: float) -> Departure:
-    """The problems of a motion that starts on the switches `own`, and perhaps on others. A step of about h follows.
-
-    ProofError if the switches are not 0 for all parameters of the box, or the motion may leave them in two directions.
+    The first problem holds in the first step of about h: as long as the rates of the switches are positive on their
+    sides. The second one follows. The others are those on all combinations of sides. ProofError if the switches are not
+    0 for all parameters of the box, or the motion may leave them in two directions.
     """
     phase = problem.phase
     assert phase is not None and problem.valid is not None and problem.valid_tape is not None
@@ -269,7 +257,7 @@ def departure(problem: Problem, front: Front, own: Sequence[int], h: float) -> D
     conditions = [(slopes if k in which else values)[k] for k in range(len(phase.sides))]
     valid = common("valid", arguments, [ca.densify(ca.vertcat(*conditions))])
     require_known("the equations", *(f for own in both for f in (own.rates, own.outputs)), valid)
-    return Departure(replace(after, phase=None, valid=valid), after, tuple(both))
+    return replace(after, phase=None, valid=valid), after, tuple(both)
 
 
 def _moved(rates: ca.Function, place: tuple[Array, Array, float], h: float) -> tuple[Array, Array, float]:

@@ -61,10 +61,6 @@ class Phase:
             sides[others] = np.where(values[others] >= 0, 1.0, -1.0)
         return sides
 
-    def names_any(self, text: str) -> bool:
-        """Whether a text names one of the switches."""
-        return any(f"'{own}'" in text for own in self.labels)
-
     def steep(self, which: int) -> str:
         """The message that derivatives may be infinite at a switch."""
         return (

@@ -157,7 +157,7 @@ def _critical_problem(method: object, simulator: CriticalSimulator, box: Box) ->
         ) from None
     middle, inner = intervals[0], _points_of(*intervals[:2])
     corners = middle + intervals[1] * np.sign(inner - middle)
-    # few samples suffice: another limit that comes first usually does so at a corner
+    # four inner points and up to eight corners of the box
     samples = np.unique(np.vstack([inner[:4], corners[:8]]), axis=0)
     followed = values + (high - low) * batch(start.states, start.solve(samples), samples)[0]
     for k in range(len(values)):

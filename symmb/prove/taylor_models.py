@@ -349,31 +349,24 @@ def _entire(a: Model, turn: list[Array], size: Array) -> Model:
     return _composed(a, own, above(relative * size * grown) * (1.0 + 1e-9), above(rest))
 
 
-def _circular(first: int) -> Callable[[Model], Model]:
-    """The sine (first = 0) or the cosine (first = 1)."""
+def _circular(f: Callable, slope: Callable, is_hyperbolic: bool = False) -> Callable[[Model], Model]:
+    """sin, cos, sinh or cosh, from the function and its derivative. The second derivatives are -f or f."""
 
     def operation(a: Model) -> Model:
-        s, c = np.sin(a.c[0]), np.cos(a.c[0])
-        turn = [s, c, -s, -c]
-        return _entire(a, turn[first:] + turn[:first], np.abs(s) + np.abs(c))
+        value, own = f(a.c[0]), slope(a.c[0])
+        turn = [value, own] if is_hyperbolic else [value, own, -value, -own]
+        return _entire(a, turn, (np.abs(value) + np.abs(own)) * (1.0 + np.abs(a.c[0]) if is_hyperbolic else 1.0))
 
     return operation
 
 
-def _hyperbolic(first: int) -> Callable[[Model], Model]:
-    """The hyperbolic sine (first = 0) or cosine (first = 1)."""
-
-    def operation(a: Model) -> Model:
-        s, c = np.sinh(a.c[0]), np.cosh(a.c[0])
-        size = (np.abs(s) + np.abs(c)) * (1.0 + np.abs(a.c[0]))
-        return _entire(a, [s, c] if first == 0 else [c, s], size)
-
-    return operation
+_SIN, _COS = _circular(np.sin, np.cos), _circular(np.cos, lambda z: -np.sin(z))
+_SINH, _COSH = _circular(np.sinh, np.cosh, True), _circular(np.cosh, np.sinh, True)
 
 
 def _tanh(a: Model) -> Model:
     """tanh as sinh / cosh, or by discs if their radius is smaller."""
-    found = _multiply(_hyperbolic(0)(a), _hyperbolic(1)(a).inverse)
+    found = _multiply(_SINH(a), _COSH(a).inverse)
     by_discs = _of_discs(ca.OP_TANH)(a)
     return found if (found.radius < by_discs.radius).all() else by_discs
 
@@ -429,12 +422,12 @@ _OWN: dict[int, Callable[..., Model]] = {
     ca.OP_TWICE: lambda a: _scaled(a, 2.0),
     ca.OP_INV: lambda a: a.inverse,
     ca.OP_SQRT: _sqrt,
-    ca.OP_SIN: _circular(0),
-    ca.OP_COS: _circular(1),
-    ca.OP_TAN: lambda a: _multiply(_circular(0)(a), _circular(1)(a).inverse),
+    ca.OP_SIN: _SIN,
+    ca.OP_COS: _COS,
+    ca.OP_TAN: lambda a: _multiply(_SIN(a), _COS(a).inverse),
     ca.OP_EXP: _exp,
-    ca.OP_SINH: _hyperbolic(0),
-    ca.OP_COSH: _hyperbolic(1),
+    ca.OP_SINH: _SINH,
+    ca.OP_COSH: _COSH,
     ca.OP_TANH: _tanh,
     ca.OP_EXPM1: lambda a: _sum(_exp(a), a.basis.constant(1.0), -1.0),
     ca.OP_HYPOT: lambda a, b: _sqrt(_sum(_multiply(a, a), _multiply(b, b), 1.0)),

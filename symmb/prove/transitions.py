@@ -6,7 +6,6 @@ import casadi as ca
 import numpy as np
 
 from symmb._magnitudes import FACTORS, SAME
-from symmb._types import Array, Indices
 from symmb.declare.symbolic import common
 from symmb.prove import chebyshev as ch
 from symmb.prove import discs
@@ -67,13 +66,10 @@ def mapped(problem: Problem, front: Front, f: ca.Function) -> Front:
     linear, quadratic = bounds_of(Tape(errors), moved, more)
     if not (np.isfinite(linear).all() and np.isfinite(quadratic).all()):
         raise ProofError(_ROUGH)
-    return replace(
-        front,
-        x=_with(front.x, which, x_new),
-        B=_with(front.B, which, B_new.reshape(m, n, *of_frame)),
-        x_error=_with(front.x_error, which, above(x_lost + linear + 0.5 * quadratic)),
-        B_error=_with(front.B_error, which, B_lost.reshape(m, n)),
-    )
+    x, B, x_error, B_error = (own.copy() for own in (front.x, front.B, front.x_error, front.B_error))
+    x[which], x_error[which] = x_new, above(x_lost + linear + 0.5 * quadratic)
+    B[which], B_error[which] = B_new.reshape(m, n, *of_frame), B_lost.reshape(m, n)
+    return replace(front, x=x, B=B, x_error=x_error, B_error=B_error)
 
 
 def require_known(where: str, *functions: ca.Function) -> None:
@@ -91,10 +87,3 @@ def drifted(problem: Problem, front: Front, late: float) -> Front:
     if not (moved < room).all():
         raise ProofError("the motion changes too fast at an instant")
     return replace(front, x_error=above(front.x_error + moved))
-
-
-def _with(array: Array, which: Indices, rows: Array) -> Array:
-    """The array with new rows at the places `which`."""
-    found = array.copy()
-    found[which] = rows
-    return found
