@@ -1,7 +1,6 @@
 """Bounds of the defects of the motion and of its frame over a step: on grids of nodes, or by Taylor models."""
 
 import math
-from dataclasses import dataclass
 from functools import reduce
 
 import casadi as ca
@@ -13,7 +12,7 @@ from symmb.prove import chebyshev as ch
 from symmb.prove import points
 from symmb.prove.curves import TimeStep
 from symmb.prove.degrees import degrees_of_equations, highest
-from symmb.prove.ellipses import THINNEST, Control, node_counts, nodes_needed
+from symmb.prove.ellipses import THINNEST, Control, Tried, node_counts, nodes_of_defect
 from symmb.prove.errors import ProofError, not_smooth
 from symmb.prove.patches import largest_on
 from symmb.prove.rounding import U, above, of_sum
@@ -166,43 +165,29 @@ def _stack(found: list[points.Point], counts: tuple[int, ...]) -> tuple[Array, A
     return np.stack([np.broadcast_to(a[0], counts) for a in found]), np.array([a[1] for a in found])
 
 
-@dataclass(frozen=True)
-class _Ellipse:
-    """An ellipse of time, bounds of the rates (n,) and of their Jacobian (n, n) on it, and the nodes that it needs."""
-
-    rho: float
-    rates: Array
-    slopes: Array
-    nodes: float
-
-
-def _tried(step: TimeStep, rho: float, wanted: float) -> _Ellipse:
-    """The ellipse with the parameter rho. The number of nodes is infinite if the equations have no bound there."""
-    n = step.problem.n
+def _tried(step: TimeStep, of_time: float, wanted: float) -> Tried:
+    """The ellipse of time with the parameter `of_time`, for real parameters of the box."""
+    n, rho = step.problem.n, [of_time, *[1.0] * step.problem.d]
     rates, slopes = (np.array([reach(a) for a in found])
-                     for found in on_step(step, step.problem.jacobian_tape, rho=rho))  # fmt: skip
-    nodes = np.inf
-    if np.isfinite(rates).all() and np.isfinite(slopes).all():
-        on = largest_on([rho, *[1.0] * step.problem.d], step.x.rate)
-        nodes = nodes_needed([rho], wanted / float((rates + on).max()))
-    return _Ellipse(rho, rates, slopes.reshape(n, n).T, nodes)
+                     for found in on_step(step, step.problem.jacobian_tape, rho=of_time))  # fmt: skip
+    return Tried(rho, rates, slopes.reshape(n, n).T, nodes_of_defect(step, rho, rates, slopes, wanted))
 
 
-def _adapted(step: TimeStep, control: Control) -> _Ellipse:
+def _adapted(step: TimeStep, control: Control) -> Tried:
     """The ellipse of the last step, a smaller one, or a neighbour with fewer nodes. ProofError if no ellipse works."""
     best = _tried(step, control.rho, control.wanted)
-    while not np.isfinite(best.nodes) and best.rho > THINNEST:
-        best = _tried(step, 1.0 + 0.5 * (best.rho - 1.0), control.wanted)
+    while not np.isfinite(best.nodes) and best.rho[0] > THINNEST:
+        best = _tried(step, 1.0 + 0.5 * (best.rho[0] - 1.0), control.wanted)
     if not np.isfinite(best.nodes):
-        inputs = inputs_on_step(step, 0.0, best.rho)
+        inputs = inputs_on_step(step, 0.0, best.rho[0])
         constant = inputs[2][0].basis.constant
         lost = step.problem.jacobian_tape.first(OPERATIONS, constant, inputs, lambda a: not np.isfinite(reach(a)))
         raise not_smooth(lost)
     # a slightly wider and a slightly thinner ellipse are compared in turn: one comparison a step follows slow changes
     control.turn += 1
-    other = _tried(step, 1.0 + (1.2 if control.turn % 2 else 1.0 / 1.2) * (best.rho - 1.0), control.wanted)
+    other = _tried(step, 1.0 + (1.2 if control.turn % 2 else 1.0 / 1.2) * (best.rho[0] - 1.0), control.wanted)
     best = min(best, other, key=lambda found: found.nodes)
-    control.rho = best.rho
+    control.rho = best.rho[0]
     return best
 
 
@@ -213,16 +198,16 @@ def defects_of_models(step: TimeStep, w: Array, control: Control) -> tuple[Array
     not be analytic.
     """
     chosen = _adapted(step, control)
-    of_time, rho = [chosen.rho], [chosen.rho, *[1.0] * step.problem.d]
+    rho = chosen.rho
     most, most_of_frame = largest_defects(step, rho, chosen.rates, chosen.slopes)
     # aliasing may be a tenth of the last defect, because the present one is not known yet
     wanted = np.maximum(0.1 * control.wanted, SMALL * w / step.h)
-    (count,) = node_counts(of_time, float((wanted / most).min()))
+    (count,) = node_counts(rho, float((wanted / most).min()))
     own = _modelled_defect(step, count)
-    defect = above(own + ch.aliasing(of_time, [count]) * most)
+    defect = above(own + ch.aliasing(rho[:1], [count]) * most)
     control.wanted = float(own.max())
-    (count,) = node_counts(of_time, _ratio_in_frame(step, most_of_frame, above(w + step.h * defect)))
-    return defect, above(_modelled_frame(step, count) + ch.aliasing(of_time, [count]) * most_of_frame), rho
+    (count,) = node_counts(rho, _ratio_in_frame(step, most_of_frame, above(w + step.h * defect)))
+    return defect, above(_modelled_frame(step, count) + ch.aliasing(rho[:1], [count]) * most_of_frame), rho
 
 
 _subtract, _multiply, _add = OPERATIONS[ca.OP_SUB], OPERATIONS[ca.OP_MUL], OPERATIONS[ca.OP_ADD]

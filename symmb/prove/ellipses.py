@@ -124,14 +124,17 @@ def patches_on(step: TimeStep, rho: list[float], patches: tuple[int, int]) -> Pa
 
 @dataclass(frozen=True)
 class Tried:
-    """Ellipses, bounds of f (n,) and of its Jacobian (n, n) on the ellipses, and the cost of their use."""
+    """Ellipses, bounds of f (n,) and of its Jacobian (n, n) on them, the nodes that they need, and their cost.
 
-    choice: Choice
+    Nodes and cost are infinite if the equations have no bounds there.
+    """
+
     rho: list[float]
     rates: Array
     slopes: Array
-    cost: float
-    nodes: float
+    nodes: float = np.inf
+    cost: float = np.inf
+    choice: Choice = Choice()
 
 
 def adapted(step: TimeStep, control: Control) -> Tried:
@@ -169,23 +172,26 @@ def _first(step: TimeStep, control: Control) -> Tried:
 
 
 def _tried(step: TimeStep, choice: Choice, wanted: float) -> Tried:
-    """The ellipses of a choice. The cost is infinite if the equations are not bounded there."""
-    n = step.problem.n
-    rho = ellipses(step, choice.spread)
+    """The ellipses of a choice."""
+    n, rho = step.problem.n, ellipses(step, choice.spread)
     count = choice.patches[0] * float(choice.patches[1]) ** step.problem.d
     if count > MOST_PATCHES:
-        return Tried(choice, rho, np.empty(0), np.empty(0), np.inf, np.inf)
+        return Tried(rho, np.empty(0), np.empty(0), choice=choice)
     patches = patches_on(step, rho, choice.patches)
     rates, slopes = (
         reaches(found)
         for found in step.problem.jacobian_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(patches))
     )
-    if not (np.isfinite(rates).all() and np.isfinite(slopes).all()):
-        return Tried(choice, rho, rates, slopes, np.inf, np.inf)
-    most = float((rates + largest_on(rho, step.x.rate)).max())
-    nodes = nodes_needed(rho, wanted / most)
+    nodes = nodes_of_defect(step, rho, rates, slopes, wanted)
     # a patch takes 20 times as long as a node: numbers are complex, and the Jacobian is computed too
-    return Tried(choice, rho, rates, slopes.reshape(n, n).T, nodes + 20.0 * count, nodes)
+    return Tried(rho, rates, slopes.reshape(n, n).T, nodes, nodes + 20.0 * count, choice)
+
+
+def nodes_of_defect(step: TimeStep, rho: list[float], rates: Array, slopes: Array, wanted: float) -> float:
+    """Nodes that reduce the aliasing of the defect to `wanted`; infinite if the bounds on the ellipses are."""
+    if not (np.isfinite(rates).all() and np.isfinite(slopes).all()):
+        return np.inf
+    return nodes_needed(rho, wanted / float((rates + largest_on(rho, step.x.rate)).max()))
 
 
 MOST_PATCHES = 3e4
@@ -203,6 +209,10 @@ def node_counts(rho: list[float], ratio: float) -> tuple[int, ...]:
 
 
 def _wanted(rho: list[float], ratio: float) -> list[float]:
-    """Nodes of each variable as real numbers. Source: the bound of `chebyshev.aliasing`, solved for the nodes."""
+    """Nodes of each variable as real numbers; without variables with rho = 1, which are not interpolated.
+
+    Source: the bound of `chebyshev.aliasing`, solved for the nodes.
+    """
+    rho = [r for r in rho if r > 1.0]
     product = math.prod(1.0 + 2.0 / (r - 1.0) for r in rho)
     return [math.log(4.0 * len(rho) * product / (1.0 - 1.0 / r) / max(ratio, 1e-290)) / math.log(r) for r in rho]

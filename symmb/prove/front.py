@@ -34,15 +34,23 @@ class Front:
     x_error: Array
     B_error: Array
 
+    @property
+    def middle(self) -> Array:
+        """States (n,) in the middle of the box, as the constant terms of the polynomials."""
+        return self.x.reshape(len(self.x), -1)[:, 0]
+
+    @property
+    def reach(self) -> Array:
+        """Bounds (n,) of the distance of the states from the polynomials."""
+        return above((ch.sums(self.B, self.x.ndim - 1) + self.B_error) @ self.w + self.x_error)
+
     def share(self) -> float:
         """Largest ratio of the remainder of a state to its motion with the parameters.
 
         The motion of a state counts as at least a small part of the largest motion.
         """
-        d = self.x.ndim - 1
-        e = (ch.sums(self.B, d) + self.B_error) @ self.w + self.x_error
-        moved = ch.sums(self.x, d) - np.abs(self.x[(slice(None), *(0,) * d)])
-        return float((e / np.maximum(moved, SMALL * moved.max(initial=1e-300))).max(initial=0.0))
+        moved = ch.sums(self.x, self.x.ndim - 1) - np.abs(self.middle)
+        return float((self.reach / np.maximum(moved, SMALL * moved.max(initial=1e-300))).max(initial=0.0))
 
 
 def slowest(x: Array) -> int:

@@ -135,7 +135,7 @@ def _why(place: Place, reason: str) -> str:
     """
     problem, front, phase = place.problem, place.front, place.problem.phase
     if problem.regular is not None and problem.closing and problem.why_singular not in reason:
-        h, x, p = place.control.h, front.x.reshape(problem.n, -1)[:, 0], problem.middle
+        h, x, p = place.control.h, front.middle, problem.middle
         ahead = x + h * problem.rates(x, p, front.t).full().ravel()
         now, then = (problem.regular(*at).full().ravel() for at in ((x, p, front.t), (ahead, p, front.t + h)))
         # steps become short before a singular position, so that it may still be 40 steps away
@@ -266,10 +266,9 @@ def _followed(problem: Problem, front: Front, control: Control) -> tuple[Course,
 
 def _settled(problem: Problem, front: Front) -> Problem:
     """The problem on the sides that its switches have at a front."""
-    phase, d = problem.phase, problem.d
+    phase, place = problem.phase, (front.middle, problem.middle, front.t)
     if phase is None:
         return problem
-    place = front.x[(slice(None), *(0,) * d)], problem.middle, front.t
     problem = problem.on_sides(phase.settled(*place, phase.sides), *place)
     assert problem.valid is not None
     require_known("the equations", problem.rates, problem.valid)

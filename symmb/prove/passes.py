@@ -235,12 +235,11 @@ def departure(
     phase = problem.phase
     assert phase is not None and problem.valid is not None and problem.valid_tape is not None
     x, p, t = arguments = problem.rates.sx_in()
-    reach = above((ch.sums(front.B, problem.d) + front.B_error) @ front.w + front.x_error)
     begin = still(problem, front.t, front.x, 0.0)
-    which = np.flatnonzero(reaches(on_motion(begin, problem.valid_tape, reach, (1, 1))) <= LARGEST_ZERO).tolist()
+    which = np.flatnonzero(reaches(on_motion(begin, problem.valid_tape, front.reach, (1, 1))) <= LARGEST_ZERO).tolist()
     if not set(own) <= set(which) or len(which) > _MOST_SWITCHES_AT_ONCE:
         raise ProofError("the motion may begin on it")
-    place = front.x[(slice(None), *(0,) * problem.d)], problem.middle, front.t
+    place = front.middle, problem.middle, front.t
     behind = _moved(problem.rates, place, SMALL * h)  # pieces of tables are those of a moment later
     both, left = [], []
     for signs in product((1.0, -1.0), repeat=len(which)):
@@ -312,13 +311,12 @@ def off(problem: Problem, scaled: Scaled, front: Front, about: Window, first: fl
     `first` a lower bound of the polynomial [s]. ProofError if the pass is not transversal on all sides.
     """
     tapes = [tuple(Tape(scaled.of(f)) for f in pair) for pair in about.between]
-    reach = above((ch.sums(front.B, problem.d) + front.B_error) @ front.w + front.x_error)
     late, room = 0.0, np.zeros(problem.n)
     for _ in range(MOST_CANDIDATES):
         late, room = 2.0 * late + 1e-280, 2.0 * room + 1e-280  # above underflow, so that exact passes are proved
         share = 2.0 * late / first + 1e-14
         around = still(problem, 1.0 - share, front.x, 2.0 * share)
-        slowest, fastest, speed, apart, is_shown = _about_pass(around, above(reach + room), tapes, len(g))
+        slowest, fastest, speed, apart, is_shown = _about_pass(around, above(front.reach + room), tapes, len(g))
         new_late = above(float((g / slowest).max()))
         if len(g) > 1:  # after an early pass of one switch, the others may be approached more slowly
             new_late = above(new_late * (2.0 + float((fastest / slowest).max())))

@@ -81,9 +81,8 @@ def require_known(where: str, *functions: ca.Function) -> None:
 def drifted(problem: Problem, front: Front, late: float) -> Front:
     """The front with all states within a time `late` before and after [s]. ProofError if the rates are too large."""
     room = SAME * problem.scales  # states hardly move between an instant and its rounded time
-    reach = above(ch.sums(front.B, problem.d) + front.B_error) @ front.w + front.x_error + room
     around = still(problem, front.t - 2 * late, front.x, 4 * late)
-    moved = above(late * bounds_of(problem.rate_tape, around, above(reach))[0])
+    moved = above(late * bounds_of(problem.rate_tape, around, above(front.reach + room))[0])
     if not (moved < room).all():
         raise ProofError("the motion changes too fast at an instant")
     return replace(front, x_error=above(front.x_error + moved))
