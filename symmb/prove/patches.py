@@ -39,10 +39,7 @@ class Patches:
             _factors(r, count, max(n, 1), r == 1.0 or i == halved)
             for i, (r, count, n) in enumerate(zip(rho, counts, degrees, strict=True))
         ]
-        self.centres = [of.centres for of in factors]
-        self._slopes = [of.slopes for of in factors]
-        self._sizes = [of.sizes for of in factors]
-        self._swings = [of.swings for of in factors]
+        self.centres, self._slopes, self._sizes, self._swings, _ = map(list, zip(*factors, strict=True))
         self._reaches = [above(of.sizes + of.swings + of.rests) for of in factors]
 
     def discs(self, c: Array) -> list[Disc]:

@@ -17,8 +17,7 @@ from symmb.equations.model import DAE, Box
 from symmb.prove.discs import OPERATIONS
 from symmb.prove.independent_velocities import Equations, equations_of, start_states
 from symmb.prove.modes import LinearStart, with_limits, with_modes
-from symmb.prove.phases import Phase, label
-from symmb.prove.problem import Change, Problem, StartEquations
+from symmb.prove.problem import Change, Phase, Problem, StartEquations, label
 from symmb.prove.reactions import RANDOM_POINTS
 from symmb.prove.rounding import U, grain_of
 from symmb.prove.tape import Tape
