@@ -39,12 +39,14 @@ class OutputBounds(NamedTuple):
     @classmethod
     def unknown(cls, n_t: int, n_y: int) -> "OutputBounds":
         """Infinite bounds."""
-        return cls(*(np.full((n_t, n_y), value) for value in (-np.inf, np.inf, np.inf)), np.zeros(n_y))
+        infinite = np.full((n_t, n_y), np.inf)
+        return cls(-infinite, infinite, infinite.copy(), np.zeros(n_y))
 
     @classmethod
     def nothing(cls, n_t: int, n_y: int) -> "OutputBounds":
         """Bounds of the empty set."""
-        return cls(*(np.full((n_t, n_y), value) for value in (np.inf, -np.inf, 0.0)), np.zeros(n_y))
+        infinite = np.full((n_t, n_y), np.inf)
+        return cls(infinite, -infinite, np.zeros((n_t, n_y)), np.zeros(n_y))
 
     def at(self, times: slice | Mask) -> "OutputBounds":
         """The bounds at some of the times."""

@@ -6,6 +6,7 @@ the error. The computed values are between lowest and highest.
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -229,7 +230,7 @@ def plain(values: Array | float) -> Array | float:
     return values
 
 
-PLAIN: dict[int, Callable[..., Array | float]] = {code: f for code, (f, _) in _FUNCTIONS.items()} | {
+PLAIN: dict[int, Callable[..., Any]] = {code: f for code, (f, _) in _FUNCTIONS.items()} | {
     ca.OP_ASSIGN: plain,
     ca.OP_ADD: np.add,
     ca.OP_SUB: np.subtract,
