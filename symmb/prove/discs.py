@@ -30,6 +30,7 @@ from scipy.special import erf
 from symmb._types import Array, Mask
 from symmb.declare.symbolic import Entry
 from symmb.prove.rounding import COMPLEX, above
+from symmb.prove.tape import operations_by_sides
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +159,7 @@ def is_positive(a: Disc) -> bool:
 
 def is_regular(a: Disc) -> bool:
     """Whether all discs are on one side of 0."""
-    return bool(np.all(_right(a)) or np.all(_right(_negative(a))))
+    return np.isfinite(_side(a))
 
 
 def _gap(far: Array, near: Array) -> Array:
@@ -318,42 +319,13 @@ def _by_i(a: Disc, factor: float) -> Disc:
     return Disc(1j * factor * a.centre, _times(1j * factor, a.slopes), abs(factor) * a.radius)
 
 
-def _sign(a: Disc) -> Disc:
-    side = 1.0 if np.all(_right(a)) else -1.0
-    return _if(is_regular(a), disc(side))
+def _side(a: Disc) -> float:
+    """1 or -1 if all discs are in the right or in the left half plane, else nan."""
+    return 1.0 if np.all(_right(a)) else -1.0 if np.all(_right(_negative(a))) else np.nan
 
 
-def _choose(a: Disc, b: Disc, larger: bool) -> Disc:
-    side = _sign(_subtract(a, b))
-    if not np.all(np.isfinite(side.radius)):
-        return _if(False, _add(a, b))
-    return a if bool(np.real(side.centre) > 0) == larger else b
-
-
-def _truth(of: Callable[[float], float]) -> Callable[[Disc, Disc], Disc]:
-    """A comparison of a and b, from the sign of a - b."""
-
-    def operation(a: Disc, b: Disc) -> Disc:
-        side = _sign(_subtract(a, b))
-        return _if(np.isfinite(side.radius), disc(of(float(np.real(side.centre).flat[0]))))
-
-    return operation
-
-
-def _holds(condition: Disc) -> float:
-    """1 if a condition is not 0, 0 if it is 0, and nan if neither is known."""
-    if np.all(condition.centre == 0.0) and np.all(condition.swing <= above(0.0)):
-        return 0.0
-    return 1.0 if is_regular(condition) else np.nan
-
-
-def _decided(truth: float) -> Disc:
-    return _if(truth == truth, disc(truth))
-
-
-def _if_else_zero(condition: Disc, a: Disc) -> Disc:
-    truth = _holds(condition)
-    return _if(truth == truth, a if truth else disc(0.0))
+def _is_zero(a: Disc) -> bool:
+    return bool(np.all(a.centre == 0.0) and np.all(a.swing <= above(0.0)))
 
 
 def _entry(entry: Entry, group: Disc, at: Disc) -> Disc:
@@ -396,18 +368,6 @@ OPERATIONS: dict[int, Callable[..., Disc]] = {
     ca.OP_CONSTPOW: _power,
     ca.OP_ATAN2: _arctan2,
     ca.OP_HYPOT: lambda a, b: _sqrt(_add(_square(a), _square(b))),
-    ca.OP_FABS: lambda a: _if(is_regular(a), a if np.all(_right(a)) else _negative(a)),
-    ca.OP_SIGN: _sign,
-    ca.OP_FMIN: lambda a, b: _choose(a, b, larger=False),
-    ca.OP_FMAX: lambda a, b: _choose(a, b, larger=True),
-    ca.OP_LT: _truth(lambda side: float(side < 0)),
-    ca.OP_LE: _truth(lambda side: float(side < 0)),
-    ca.OP_EQ: _truth(lambda side: 0.0),
-    ca.OP_NE: _truth(lambda side: 1.0),
-    ca.OP_NOT: lambda a: _decided(1.0 - _holds(a)),
-    ca.OP_AND: lambda a, b: _decided(_holds(a) * _holds(b)),
-    ca.OP_OR: lambda a, b: _decided(float(np.maximum(_holds(a), _holds(b)))),
-    ca.OP_IF_ELSE_ZERO: _if_else_zero,
     ca.OP_CALL: _entry,
-}
+} | operations_by_sides(_subtract, _negative, _side, _is_zero, lambda value: _if(value == value, disc(value)))
 """CasADi's operations on discs."""

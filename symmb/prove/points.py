@@ -16,6 +16,7 @@ from symmb._types import Array
 from symmb.declare.symbolic import Entry
 from symmb.prove.errors import ProofError
 from symmb.prove.rounding import FUNCTION, U, above
+from symmb.prove.tape import operations_by_sides
 
 Point = tuple[Array | float, float, float, float]
 
@@ -145,18 +146,10 @@ def _arctan2(y: Point, x: Point) -> Point:
     return _rounded(np.arctan2(y[0], x[0]), above(1.001 * (x[1] + y[1])) / least, FUNCTION)
 
 
-def _sign(a: Point) -> Point:
+def _side(a: Point) -> float:
+    """1 if all values are above 0, and -1 if all are below 0."""
     _distance_from_zero(a)
-    return point(1.0 if a[2] > 0 else -1.0)
-
-
-def _less(a: Point, b: Point) -> Point:
-    return point(0.0 if _sign(_subtract(a, b))[0] > 0 else 1.0)
-
-
-def _holds(condition: Point) -> bool:
-    """Whether a condition is true: any number except 0."""
-    return not (_is_constant(condition) and condition[2] == 0.0) and bool(_sign(condition)[0])
+    return 1.0 if a[2] > 0 else -1.0
 
 
 def _entry(entry: Entry, group: Point, at: Point) -> Point:
@@ -165,7 +158,7 @@ def _entry(entry: Entry, group: Point, at: Point) -> Point:
         raise ProofError("the argument of a table may lie in two pieces of the table")
     value, before, after = entry.between(group[2], at[2])
     for knot, side in ((before, 1.0), (after, -1.0)):
-        if math.isfinite(knot) and _sign(_subtract(at, point(knot)))[0] != side:
+        if math.isfinite(knot) and _side(_subtract(at, point(knot))) != side:
             raise ProofError("the argument of a table may lie in two pieces of the table")
     return point(value)
 
@@ -193,35 +186,27 @@ _FUNCTIONS: dict[int, tuple[Callable[..., Array], Callable[[float, float], float
 """Elementary functions, and bounds of the moduli of their derivatives on intervals."""
 _OF = {code: _function(f, slope) for code, (f, slope) in _FUNCTIONS.items()}
 
-OPERATIONS: dict[int, Callable[..., Point]] = _OF | {
-    ca.OP_ASSIGN: lambda a: a,
-    ca.OP_ADD: _add,
-    ca.OP_SUB: _subtract,
-    ca.OP_MUL: _multiply,
-    ca.OP_DIV: _divide,
-    ca.OP_NEG: _negative,
-    ca.OP_SQ: _square,
-    ca.OP_TWICE: lambda a: (2.0 * a[0], 2.0 * a[1], 2.0 * a[2], 2.0 * a[3]),
-    ca.OP_INV: _inverse,
-    ca.OP_TAN: lambda a: _divide(_OF[ca.OP_SIN](a), _OF[ca.OP_COS](a)),
-    ca.OP_POW: _power,
-    ca.OP_CONSTPOW: _power,
-    ca.OP_ATAN2: _arctan2,
-    ca.OP_HYPOT: lambda a, b: _OF[ca.OP_SQRT](_add(_square(a), _square(b))),
-    ca.OP_FABS: lambda a: a if _sign(a)[0] > 0 else _negative(a),
-    ca.OP_SIGN: _sign,
-    ca.OP_FMIN: lambda a, b: b if _sign(_subtract(a, b))[0] > 0 else a,
-    ca.OP_FMAX: lambda a, b: a if _sign(_subtract(a, b))[0] > 0 else b,
-    ca.OP_LT: _less,
-    ca.OP_LE: _less,
-    ca.OP_EQ: lambda a, b: point(0.0 * float(_sign(_subtract(a, b))[0])),
-    ca.OP_NE: lambda a, b: point(abs(float(_sign(_subtract(a, b))[0]))),
-    ca.OP_NOT: lambda a: point(float(not _holds(a))),
-    ca.OP_AND: lambda a, b: point(float(_holds(a) and _holds(b))),
-    ca.OP_OR: lambda a, b: point(float(_holds(a) or _holds(b))),
-    ca.OP_IF_ELSE_ZERO: lambda condition, a: a if _holds(condition) else point(0.0),
-    ca.OP_CALL: _entry,
-}
+OPERATIONS: dict[int, Callable[..., Point]] = (
+    _OF
+    | {
+        ca.OP_ASSIGN: lambda a: a,
+        ca.OP_ADD: _add,
+        ca.OP_SUB: _subtract,
+        ca.OP_MUL: _multiply,
+        ca.OP_DIV: _divide,
+        ca.OP_NEG: _negative,
+        ca.OP_SQ: _square,
+        ca.OP_TWICE: lambda a: (2.0 * a[0], 2.0 * a[1], 2.0 * a[2], 2.0 * a[3]),
+        ca.OP_INV: _inverse,
+        ca.OP_TAN: lambda a: _divide(_OF[ca.OP_SIN](a), _OF[ca.OP_COS](a)),
+        ca.OP_POW: _power,
+        ca.OP_CONSTPOW: _power,
+        ca.OP_ATAN2: _arctan2,
+        ca.OP_HYPOT: lambda a, b: _OF[ca.OP_SQRT](_add(_square(a), _square(b))),
+        ca.OP_CALL: _entry,
+    }
+    | operations_by_sides(_subtract, _negative, _side, lambda a: _is_constant(a) and a[2] == 0.0, point)
+)
 """CasADi's operations on numbers with error bounds. A comparison is 0 or 1. It needs the same result at all points."""
 
 
