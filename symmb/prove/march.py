@@ -18,9 +18,8 @@ from symmb.prove.pass_outputs import Part, bounds_about_pass
 from symmb.prove.passes import Crossing, Scaled, crossing, departure, off, window
 from symmb.prove.problem import Change, Problem
 from symmb.prove.rounding import above, grain_of
-from symmb.prove.start import first_front, still
+from symmb.prove.start import drifted, first_front, mapped, require_known, still
 from symmb.prove.step import Proof, is_regular, on_motion, prove, unshown
-from symmb.prove.transitions import drifted, mapped, require_known
 
 _TIME_TERMS = 20
 """Terms of the motion in time: the last ones are rounding after a step of the length that `_shortened` chooses."""

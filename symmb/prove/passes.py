@@ -30,10 +30,9 @@ from symmb.prove.patches import largest_on
 from symmb.prove.points import PLAIN, plain
 from symmb.prove.problem import Problem
 from symmb.prove.rounding import LARGEST_ZERO, U, above
-from symmb.prove.start import still
+from symmb.prove.start import require_known, still
 from symmb.prove.step import MOST_CANDIDATES, on_motion
 from symmb.prove.tape import Tape
-from symmb.prove.transitions import require_known
 
 _MOST_SWITCHES_AT_ONCE = 4
 """Most switches that are passed at once. Each one doubles the number of equations between the first and last pass."""
