@@ -135,6 +135,7 @@ def bound_of_samples(samples: Array, errors: Array, variables: int) -> Array:
     """
     counts = samples.shape[samples.ndim - variables :]
     lebesgue = above(math.prod(2.0 / math.pi * math.log(m) + 1.0 for m in counts))
+    # The sum of the coefficients is sharper for smooth values, and Lebesgue's bound for the noise of rounding.
     peak = largest(samples, variables)
     c = along([coefficients_from_nodes(m) for m in counts], samples)
     lost = above(2.0**variables * math.prod(counts) * rounding_of(counts, 2 * ENTRY))

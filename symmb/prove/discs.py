@@ -81,7 +81,7 @@ def wider(a: Disc, radius: float) -> Disc:
 
 def reach(a: Disc) -> Array:
     """Largest modulus in each disc; infinite if it is not known."""
-    total = above(np.abs(a.centre) + a.swing)
+    total = above(np.abs(a.centre) + a.swing)  # nan is the difference of two overflows
     return np.where(np.isnan(total), np.inf, total)
 
 
@@ -138,6 +138,7 @@ def _negative(a: Disc) -> Disc:
 
 def _multiply(a: Disc, b: Disc) -> Disc:
     slopes = _plus(_times(a.centre, b.slopes), _times(b.centre, a.slopes))
+    # all terms of the product except the linear ones: radii with whole numbers, and both motions with each other
     radius = a.size * b.radius + b.size * a.radius + a.swing * b.swing
     return _rounded(a.centre * b.centre, slopes, radius, a.size * (b.size + b.slope) + b.size * a.slope)
 
@@ -148,6 +149,7 @@ def _square(a: Disc) -> Disc:
 
 def _right(a: Disc) -> Mask:
     """Whether discs are in the open right half plane, in spite of rounding."""
+    # places in a patch are real, so that only the real parts of slopes move the discs to the left
     across = 0.0 if a.slopes is _NO_SLOPES else np.abs(a.slopes.real).sum(axis=-1)
     return above(across + a.radius) * (1.0 + COMPLEX) < a.centre.real
 
@@ -217,6 +219,7 @@ def _circular(f: Callable, slope: Callable) -> Callable[[Disc], Disc]:
     def operation(a: Disc) -> Disc:
         value, own, swing = f(a.centre), slope(a.centre), a.swing
         size, steepness = np.abs(value), np.abs(own)
+        # |C(w) - 1| <= cosh|w| - 1, written without cancellation for small discs
         rest = size * 2.0 * np.sinh(0.5 * swing) ** 2 + steepness * swing**3 / 6.0 * np.cosh(swing)
         spread = (size + steepness) * (1.0 + np.abs(a.centre))
         return _function(a, value, own, rest, spread, spread)

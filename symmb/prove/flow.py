@@ -103,6 +103,7 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
         new = begin[:, None] + np.tensordot(f, step, (1, 1)).transpose(0, -1, *range(1, f.ndim - 1))
         difference, moved = np.abs(new - x).max(axis=others), np.maximum(size, np.abs(new).max(axis=others))
         change = float((difference / size).max(initial=0.0))
+        # the first iteration may grow much, because its states are constant in time;
         # a state that grows more after the first iteration diverges: the step is too long
         x, most = new, 1e3 * moved if most is None else most
         if not np.isfinite(change):

@@ -91,6 +91,7 @@ def well_conditioned(front: Front, scales: Array, worst: float = 30.0) -> Front:
     columns = np.linalg.norm(at, axis=-2, keepdims=True)
     if float(np.linalg.cond(at / np.where(columns > 0, columns, 1.0)).max()) < worst:
         return front
+    # Lohner: the first column keeps its direction, so that the box about a long thin remainder hardly grows
     order = np.argsort(-columns.reshape(-1, n).mean(axis=0) * front.w)
     Q, R = np.linalg.qr(at[..., order])
     Q = Q * np.where(np.diagonal(R, axis1=-2, axis2=-1) < 0, -1.0, 1.0)[..., None, :]

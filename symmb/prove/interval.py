@@ -79,6 +79,7 @@ def _multiply(a: Interval, b: Interval) -> Interval:
     products = [x * y for x in a for y in b]
     products = [np.where(np.isnan(product), 0.0, product) for product in products]  # 0 times infinity
     lower, upper = _outward(*_hull(*products))
+    # outward rounding must not make a product of positive numbers negative: its root would have no value
     not_negative = ((a.lower >= 0) & (b.lower >= 0)) | ((a.upper <= 0) & (b.upper <= 0))
     not_positive = ((a.lower >= 0) & (b.upper <= 0)) | ((a.upper <= 0) & (b.lower >= 0))
     return Interval(
@@ -111,6 +112,7 @@ def _integer_power(a: Interval, n: int) -> Interval:
 
 def _power(a: Interval, b: Interval) -> Interval:
     exponent = b.lower.flat[0]
+    # an integer power also has values for negative bases, where the logarithm has none
     if (b.lower == exponent).all() and (b.upper == exponent).all() and exponent == np.round(exponent):
         return _integer_power(a, int(exponent))
     return _exponential(_multiply(b, _logarithm(a)))
@@ -146,6 +148,7 @@ def _arccos(a: Interval) -> Interval:
 
 def _reaches(a: Interval, point: float, period: float) -> Mask:
     """Whether point + k period may be in the interval for some integer k, with rounding."""
+    # the multiples of the period are rounded, so that a peak just outside of the interval counts as inside
     slack = 4 * np.spacing(np.maximum(np.abs(a.lower), np.abs(a.upper)) + period)
     first = point + period * np.ceil((a.lower - slack - point) / period)
     return (first <= a.upper + slack) | ~np.isfinite(first)

@@ -222,6 +222,7 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
     end = begin + float(np.ceil((ahead.last + ahead.first) / grain)) * grain
     if problem.change is not None and problem.change.late is not None and problem.change.time <= end:
         raise ProofError("a sampled value may change during the pass")
+    # The old and the new motion overlap until all of the box has passed, because outputs in between need both.
     old, _ = _followed(replace(about.old, times=np.array([end])), front, control)
 
     scaled, h = Scaled(problem, begin, ahead.tau), min(1.0, control.h / ahead.last)
@@ -231,6 +232,7 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
     late, lost = off(to, scaled, at_pass.front, about, ahead.first, g)
     if not above(late) < ahead.first:
         raise ProofError("the pass may be at this time itself")
+    # Back from the passes to one time: from there on, all parameters have the same time again.
     back = scaled.problem(about.new, about.surface, is_back=True)
     new_begin = replace(at_pass.front, t=0.0, x_error=above(at_pass.front.x_error + lost))
     _, at_begin = _followed(back, new_begin, replace(control, h=h))
@@ -298,6 +300,7 @@ def _changed(place: Place, grain: float, is_done: bool) -> Place:
         return place
     if late is not None:
         front = drifted(problem, front, late)
+    # the instant is known up to an error: the states before and after it contain those at nearby times
     front, problem = mapped(problem, front, change.states), change.following(front.t, problem)
     problem = _settled(problem, front)
     return replace(place, front=front if late is None else drifted(problem, front, late), problem=problem)

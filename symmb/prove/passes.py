@@ -313,13 +313,14 @@ def off(problem: Problem, scaled: Scaled, front: Front, about: Window, first: fl
     late, room = 0.0, np.zeros(problem.n)
     for _ in range(MOST_CANDIDATES):
         late, room = 2.0 * late + 1e-280, 2.0 * room + 1e-280  # above underflow, so that exact passes are proved
+        # scaled time is 1 at the pass of the polynomial; the summand covers the rounding of scaled times
         share = 2.0 * late / first + 1e-14
         around = still(problem, 1.0 - share, front.x, 2.0 * share)
         slowest, fastest, speed, apart, is_shown = _about_pass(around, above(front.reach + room), tapes, len(g))
         new_late = above(float((g / slowest).max()))
         if len(g) > 1:  # after an early pass of one switch, the others may be approached more slowly
             new_late = above(new_late * (2.0 + float((fastest / slowest).max())))
-        new_room = above(4.0 * new_late * speed)
+        new_room = above(4.0 * new_late * speed)  # the window about the pass has this length
         if not (np.isfinite(new_room).all() and is_shown):
             break
         if new_late < late and (new_room < room).all():

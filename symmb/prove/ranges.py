@@ -41,6 +41,7 @@ def ranges(c: Array, tolerance: float) -> tuple[Array, Array]:
     width = corners.max(axis=1) - corners.min(axis=1)
     tolerances = tolerance * width + errors
     upper, lower = _maxima(b, tolerances), -_maxima(-b, tolerances)
+    # each halving rounds the coefficients, which are convex combinations of those before: errors add up
     halving = _MOST_HALVINGS * sum(n + 2 for n in lengths) * U * np.abs(b).reshape(len(b), -1).max(axis=1)
     return lower - above(errors + halving), upper + above(errors + halving)
 

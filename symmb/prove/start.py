@@ -207,6 +207,7 @@ def _contracted(step: TimeStep, off: Array, parts: Patches) -> Array | None:
         Y = np.linalg.inv(jacobians(np.zeros(n))[0])
     except np.linalg.LinAlgError:
         return None
+    # Each part has its own inverse, but all of them the same e: the polynomials and their error are of the whole box.
     g = above(np.abs(Y) @ off)
     e = above(2.0 * g.max(axis=0))
     for _ in range(8):

@@ -60,6 +60,7 @@ def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
         defect = defect_of_motion(step, rho, most, w0, control)
         growth = defect_of_frame(step, rho, most_of_frame, w0 + step.h * defect)
     change = _Curvature(step, rho, patches)
+    # a little more than the remainder without growth: |w| must stay strictly inside of W
     W = above(1.001 * w0 + 1.1 * step.h * step.solved(defect))
     for _ in range(MOST_CANDIDATES):
         e = above(step.B_largest @ W)
@@ -68,6 +69,7 @@ def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
         if not np.isfinite(end).all():
             break
         if stays(end, W):
+            # the equations were used in all of W, so that they must also be those of the loops there
             if not is_regular(step, e, patches):
                 raise ProofError(step.problem.why_singular)
             return Proof(W, end)

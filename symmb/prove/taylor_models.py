@@ -239,6 +239,8 @@ def _multiply(a: Model, b: Model, most: int | None = None) -> Model:
     else:
         pairs = basis.pairs(a.degree, b.degree, most)
         c, group = pairs.product(a.c, b.c), pairs.largest
+    # Constant terms have one rounding error, and sums of the other products many. The constant terms are often larger
+    # by orders of magnitude, so that a common bound would be too wide.
     small = a.norms[0] * b.moved + a.moved * b.norm
     rounded = _relative(c) * (a.norms[0] * b.norms[0] + (group + 1.0) * small)
     radius = a.norm * b.radius + a.radius * (b.norm + b.radius) + _lost(a, b, most) + rounded
@@ -272,6 +274,8 @@ def _composed(a: Model, derivatives: list[Array], rounded: Array, rest: Array, a
     w = Model(np.concatenate([off[None], a.c[1:]]), above(a.radius + _relative(a.c) * np.abs(off)), basis)
     lost = above(np.zeros(1))  # by underflow
     found = Model(derivatives[n][None], lost, basis)
+    # Horner's scheme. w has no constant term if the series is about the constant term of a: terms of `found` beyond the
+    # degree n - k would exceed the degree n after the k products that are left, and need not be computed.
     for k in range(n - 1, -1, -1):
         found = _multiply(found, w, n - k if about is None else n)
         found = _sum(found, Model(derivatives[k][None], lost, basis), 1.0)
