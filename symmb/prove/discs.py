@@ -138,7 +138,7 @@ def _negative(a: Disc) -> Disc:
 
 def _multiply(a: Disc, b: Disc) -> Disc:
     slopes = _plus(_times(a.centre, b.slopes), _times(b.centre, a.slopes))
-    # all terms of the product except the linear ones: radii with whole numbers, and both motions with each other
+    # all terms of the product that are not linear in the place: centres times radii, and both motions
     radius = a.size * b.radius + b.size * a.radius + a.swing * b.swing
     return _rounded(a.centre * b.centre, slopes, radius, a.size * (b.size + b.slope) + b.size * a.slope)
 

@@ -180,8 +180,8 @@ def _partitions(form: Formulation, times: Array) -> list[Partition]:
         sets = sorted({tuple(sorted(qr(A, mode="r", pivoting=True)[-1][:n_r].tolist())) for A in scaled})
     signs, sizes = (np.stack(part) for part in zip(*(np.linalg.slogdet(scaled[:, :, list(s)]) for s in sets),
                                                    strict=True))  # fmt: skip
-    # det(S' M S) is the determinant of the saddle point matrix over that of the dependent columns of G squared. The
-    # former is the same for all sets, so that none of the many matrices S is computed.
+    # det(S' M S) is, up to its sign, the determinant of the saddle point matrix over that of the dependent columns of G
+    # squared. The former is the same for all sets, so that none of the many matrices S is computed.
     logs = whole - 2 * sizes
 
     def changes(first: int) -> Array:

@@ -320,7 +320,7 @@ def off(problem: Problem, scaled: Scaled, front: Front, about: Window, first: fl
         new_late = above(float((g / slowest).max()))
         if len(g) > 1:  # after an early pass of one switch, the others may be approached more slowly
             new_late = above(new_late * (2.0 + float((fastest / slowest).max())))
-        new_room = above(4.0 * new_late * speed)  # the window about the pass has this length
+        new_room = above(4.0 * new_late * speed)
         if not (np.isfinite(new_room).all() and is_shown):
             break
         if new_late < late and (new_room < room).all():
