@@ -1,6 +1,6 @@
 """A time step: the polynomials of the motion and of its frame, and their values with error bounds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -86,7 +86,7 @@ class TimeStep:
         """
         problem, rounded = self.problem, self.x.error_on(patches.rho)
         more = rounded if radius is None else rounded + radius
-        x = [discs.wider(own, m) for own, m in zip(patches.discs(self.x.c), more, strict=True)]
+        x = [replace(own, radius=above(own.radius + m)) for own, m in zip(patches.discs(self.x.c), more, strict=True)]
         errors = np.broadcast_to(problem.errors, problem.middle.shape)
         p = [
             discs.disc(float(m)) if j < 0 else patches.linear(m, r, 1 + j, error)
@@ -126,7 +126,7 @@ class TimeStep:
 
 def parameter_points(problem: Problem, counts: tuple[int, ...], leading: int) -> list[points.Point]:
     """Parameters at nodes, with error bounds. Arrays have `leading` axes before the axes of the parameters."""
-    values = parameters_at(problem, [ch.nodes(m) for m in counts], leading)
+    values = parameters_at(problem, counts, leading)
     errors = 4.0 * U * (np.abs(problem.middle) + problem.radius) + problem.radius * ch.ENTRY + problem.errors
     return [
         points.point(value, float(error) if isinstance(value, np.ndarray) else 0.0)

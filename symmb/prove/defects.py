@@ -251,7 +251,7 @@ def _bound(a: Model, count: int) -> float:
 
     Each coefficient of the Chebyshev polynomials of the parameters is interpolated separately.
     """
-    c = np.broadcast_to(a.basis.to_chebyshev @ a.coefficients(), (a.basis.counts[-1], count))
+    c = a.in_chebyshev(count)
     lebesgue = above(2.0 / np.pi * np.log(count) + 1.0)
     rounded = of_sum(len(c) + 2) * a.norm
     radius = float(above(np.broadcast_to(a.radius + rounded, count)).max())

@@ -74,11 +74,6 @@ def disc(centres: Array | float, radii: Array | float = 0.0) -> Disc:
     return Disc(np.asarray(centres), _NO_SLOPES, above(np.asarray(radii, dtype=float)))
 
 
-def wider(a: Disc, radius: float) -> Disc:
-    """The discs, with radii larger by `radius`."""
-    return Disc(a.centre, a.slopes, above(a.radius + radius))
-
-
 def reach(a: Disc) -> Array:
     """Largest modulus in each disc; infinite if it is not known."""
     total = above(np.abs(a.centre) + a.swing)  # nan is the difference of two overflows

@@ -20,16 +20,16 @@ _STATES_IN_CACHE = 2**14
 """States that are evaluated at once, so that they stay in the processor's cache."""
 
 
-def parameters_at(problem: Problem, variables: Sequence[Array], leading: int = 1) -> list[Array | float]:
-    """Parameters at values (m_i,) of each variable. Arrays have `leading` axes before those of the variables."""
-    d = len(variables)
+def parameters_at(problem: Problem, counts: Sequence[int], leading: int = 1) -> list[Array | float]:
+    """Parameters at nodes of each variable. Arrays have `leading` axes before those of the variables."""
+    d = len(counts)
     found: list[Array | float] = []
     for middle, radius, j in zip(problem.middle, problem.radius, problem.variables, strict=True):
         if j < 0:
             found.append(float(middle))
         else:
             shape = [-1 if i == leading + j else 1 for i in range(leading + d)]
-            found.append(middle + radius * variables[j].reshape(shape))
+            found.append(middle + radius * ch.nodes(counts[j]).reshape(shape))
     return found
 
 
@@ -86,7 +86,7 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
     counts = [n + 2 if few else n for n in lengths]
     begin = ch.at_nodes(x0, counts)
     s = ch.nodes(terms)
-    p = parameters_at(problem, [ch.nodes(m) for m in counts])
+    p = parameters_at(problem, counts)
     t = (t0 + 0.5 * h * (1.0 + s)).reshape(-1, *(1,) * len(counts))
     step = _integration(terms, h)
     x = np.repeat(begin[:, None], terms, axis=1)
@@ -141,7 +141,7 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
     """
     n, lengths = problem.n, B0.shape[2:]
     counts = [size + 1 for size in lengths]
-    p = parameters_at(problem, [ch.nodes(m) for m in counts])
+    p = parameters_at(problem, counts)
     s = ch.nodes(terms)
     t = (t0 + 0.5 * h * (1.0 + s)).reshape(-1, *(1,) * len(counts))
     states = ch.at_nodes(x, (terms, *counts))

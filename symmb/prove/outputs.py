@@ -228,7 +228,7 @@ def _range_of_model(a: Model, beside: float, n_t: int, sharp: float) -> tuple[Ar
     coefficients at one time.
     """
     basis, d = a.basis, a.basis.variables
-    c = np.broadcast_to(basis.to_chebyshev @ a.coefficients(), (basis.counts[-1], n_t))
+    c = a.in_chebyshev(n_t)
     sums = np.add.reduceat(np.abs(c), [0, *basis.counts[:-1]], axis=0)
     tails = np.cumsum(sums[::-1], axis=0)[::-1]
     degree = basis.degree

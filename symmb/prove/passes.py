@@ -74,7 +74,7 @@ def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: 
     assert problem.valid is not None and problem.phase is not None
     lengths = x.shape[2:]
     counts = [n + 2 if problem.d <= ch.TENSOR_PARAMETERS else n for n in lengths]
-    p = [np.broadcast_to(a, counts).ravel() for a in parameters_at(problem, [ch.nodes(m) for m in counts], 0)]
+    p = [np.broadcast_to(a, counts).ravel() for a in parameters_at(problem, counts, 0)]
     tape, nodes = Tape(with_slopes(problem.valid, problem.rates)), int(np.prod(counts))
     found = np.full((problem.valid.numel_out(0), nodes), np.inf)
     states, begin = np.zeros((problem.n, nodes)), t0

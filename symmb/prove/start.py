@@ -63,27 +63,32 @@ def polynomials(step: TimeStep, which: Indices, lengths: tuple[int, ...], sharp:
 
     ProofError if they cannot be shown to be smooth.
     """
-    some, begin = tuple(which.tolist()), np.array([step.t0])
-    if len(lengths) > ch.TENSOR_PARAMETERS:
-        c, rest = _modelled(step, step.problem.tape_of_outputs(some), max(lengths) - 1)
-    else:
-        rho, most = _largest(step, step.problem.output_tape)
-        c, rest = interpolation(step, begin, some, rho, most[which], np.zeros(len(which)), sharp)
-    c, part = c[:, 0], (slice(None), *(slice(0, terms) for terms in lengths))
+    c, rest = _approximated(step, which, max(lengths, default=1) - 1, sharp)
+    part = (slice(None), *(slice(0, terms) for terms in lengths))
     kept, others = ch.graded(c[part], len(lengths)), c.copy()
     others[part] -= kept
     # coefficients this small change no digit of the state
     short, gone = cut(kept, 1e-17 * ch.sums(kept, len(lengths)))
     whole = np.zeros((len(which), *lengths))
     whole[(slice(None), *(slice(0, m) for m in short.shape[1:]))] = short
-    return whole, above(rest[:, 0] + ch.sums(others, len(lengths)) + gone)
+    return whole, above(rest + ch.sums(others, len(lengths)) + gone)
+
+
+def _approximated(step: TimeStep, which: Indices, order: int, sharp: float = SLIGHT) -> tuple[Array, Array]:
+    """Coefficients (m, n1, ...) of some outputs at the start of a step, and bounds (m,) of their errors."""
+    some = tuple(which.tolist())
+    if step.problem.d > ch.TENSOR_PARAMETERS:
+        c, rest = _modelled(step, step.problem.tape_of_outputs(some), order)
+    else:
+        rho, most = _largest(step, step.problem.output_tape)
+        c, rest = interpolation(step, np.array([step.t0]), some, rho, most[which], np.zeros(len(some)), sharp)
+    return c[:, 0], rest[:, 0]
 
 
 def nominal_front(problem: Problem, order: int) -> Array:
     """Approximate coefficients (n, order + 1, ...) of the states at the first time, without a proof."""
     counts = [order + 3] * problem.d
-    p = parameters_at(problem, [ch.nodes(m) for m in counts], leading=0)
-    u = _solutions(problem, p, counts)
+    u, p = _solutions(problem, counts)
     with np.errstate(all="ignore"):
         tape = Tape(problem.start.states)
         found = tape.run(points.PLAIN, points.plain, [list(u), p, [0.0]])[0]
@@ -99,18 +104,21 @@ def _unknowns(problem: Problem, order: int) -> Array:
     counts = [order + 3] * d
     if not n_u:
         return np.zeros((0, *(order + 1,) * d))
-    p = parameters_at(problem, [ch.nodes(m) for m in counts], leading=0)
-    c = fit(_solutions(problem, p, counts), [order + 1] * d)
+    c = fit(_solutions(problem, counts)[0], [order + 1] * d)
     return np.where(np.abs(c) < LAST_DIGITS, 0.0, c)
 
 
-def _solutions(problem: Problem, p: list[Array | float], counts: list[int]) -> Array:
-    """Approximate solutions u (n_u, *counts) of the starting equations at nodes. ProofError if one is missing."""
+def _solutions(problem: Problem, counts: list[int]) -> tuple[Array, list[Array | float]]:
+    """Approximate solutions u (n_u, *counts) of the starting equations at nodes, and the parameters there.
+
+    ProofError if a solution is missing.
+    """
+    p = parameters_at(problem, counts, leading=0)
     P = np.stack([np.broadcast_to(value, counts).ravel() for value in p], axis=1)
     u = problem.start.solve(P)
     if not np.isfinite(u).all():
         raise ProofError(NO_START)
-    return u.T.reshape(u.shape[1], *counts)
+    return u.T.reshape(u.shape[1], *counts), p
 
 
 def _largest(step: TimeStep, tape: Tape) -> tuple[list[float], Array]:
@@ -135,7 +143,7 @@ def _modelled(step: TimeStep, tape: Tape, order: int) -> tuple[Array, Array]:
     kept = basis.counts[order]
     c, rest = np.zeros((len(found), 1, *(order + 1,) * d)), np.zeros((len(found), 1))
     for k, a in enumerate(found):
-        own = basis.to_chebyshev @ a.coefficients()[:, 0]
+        own = a.in_chebyshev(1)[:, 0]
         c[(k, 0, *basis.exponents[:kept].T)] = own[:kept]
         rest[k] = above(a.radius + np.abs(own[kept:]).sum() + of_sum(len(own) + 2) * a.norm).max()
     return c, np.where(np.isnan(rest), np.inf, rest)
@@ -175,13 +183,9 @@ def _distance(step: TimeStep) -> Array:
     problem, n = step.problem, step.problem.n
     if not n:
         return np.zeros(0)
-    d, same = problem.d, replace(step, problem=replace(problem, outputs=problem.rates))
-    if d > ch.TENSOR_PARAMETERS:
-        c, rest = _modelled(step, problem.rate_tape, step.degrees[1])
-    else:
-        rho, most = _largest(step, problem.rate_tape)
-        c, rest = interpolation(same, np.zeros(1), tuple(range(n)), rho, most, np.zeros(n))
-    off = above(ch.sums(c[:, 0], d) + rest[:, 0])
+    d, residuals = problem.d, replace(step, problem=replace(problem, outputs=problem.rates))
+    c, rest = _approximated(residuals, np.arange(n), max(step.degrees[1:], default=0))
+    off = above(ch.sums(c, d) + rest)
     # one inverse may not contract over the whole box; about a thousand parts with their own inverses take seconds
     for count in (count for count in (1, 8, 32) if count**d <= 1024):
         e = _contracted(step, off, patches_on(step, [1.0] * (d + 1), (1, count)))

@@ -191,9 +191,10 @@ class Model:
             return Disc(centre, discs.disc(0.0).slopes, radius)
         return Disc(self.c[0], self.c[1 : 1 + v].T, above(self.radius + self.norms[2:].sum(axis=0)))
 
-    def coefficients(self) -> Array:
-        """(T, P) coefficients of all monomials of the basis."""
-        return _padded(self.c, self.basis.counts[-1])
+    def in_chebyshev(self, places: int) -> Array:
+        """(T, places) coefficients of the Chebyshev products that correspond to all monomials of the basis."""
+        c = self.basis.to_chebyshev @ _padded(self.c, self.basis.counts[-1])
+        return np.broadcast_to(c, (len(c), places))
 
 
 def reach(a: Model) -> float:
@@ -287,16 +288,6 @@ def _if(holds: Any, a: Model) -> Model:
     return a if np.all(holds) else Model(np.ones_like(a.c[:1]), np.full(np.shape(a.radius), np.inf), a.basis)
 
 
-def is_regular(a: Model) -> bool:
-    """Whether all values are on one side of 0."""
-    return discs.is_regular(a.around)
-
-
-def is_positive(a: Model) -> bool:
-    """Whether all values are in the open right half plane."""
-    return discs.is_positive(a.around)
-
-
 def _expansion(a: Model) -> tuple[Array, Array, Array | None]:
     """Centres (P,) of a series with a singularity at 0, ratios q (P,) of distance to modulus, and `about`.
 
@@ -320,7 +311,7 @@ def _inverse(a: Model) -> Model:
     for _ in range(n):
         own.append(-own[-1] * value)
     rest = size * q ** (n + 1) / _gap(q)
-    return _if(is_regular(a), _composed(a, own, relative * size / _gap(q), above(rest), about))
+    return _if(discs.is_regular(a.around), _composed(a, own, relative * size / _gap(q), above(rest), about))
 
 
 def _gap(q: Array) -> Array:
@@ -340,7 +331,7 @@ def _sqrt(a: Model) -> Model:
     factor *= abs(0.5 - n) / (n + 1)
     rest = size * abs(factor) * q ** (n + 1) / _gap(q)
     relative = (4.0 * n + 8.0) * _relative(root)
-    return _if(is_positive(a), _composed(a, own, relative * size / _gap(q), above(rest), about))
+    return _if(discs.is_positive(a.around), _composed(a, own, relative * size / _gap(q), above(rest), about))
 
 
 def _entire(a: Model, turn: list[Array], size: Array) -> Model:
