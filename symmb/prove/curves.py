@@ -13,6 +13,7 @@ from symmb.prove.flow import Curve, parameters_at
 from symmb.prove.patches import Patches
 from symmb.prove.problem import Problem
 from symmb.prove.rounding import U, above, of_sum
+from symmb.prove.tape import Tape
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,12 +79,25 @@ class TimeStep:
             room = 1.0 / (A / np.abs(np.array(rates, dtype=float))[:, None]).max(axis=0, initial=0.0)
         return np.maximum(problem.scales, np.where(np.isfinite(room), room, 0.0))
 
-    def on_patches(self, patches: Patches, radius: Array | None = None) -> list[list[discs.Disc]]:
-        """Discs of the states, parameters and time on patches. The discs of the states are larger by `radius` (n,).
+    def discs_of(
+        self, tape: Tape, counts: tuple[int, int], radius: Array | None = None, rho: list[float] | None = None
+    ) -> list[list[discs.Disc]]:
+        """Discs of the outputs of a tape on patches, for all states within `radius` (n,) of the motion."""
+        return tape.run(discs.OPERATIONS, discs.disc, self.on_patches(counts, radius, rho))
+
+    def on_patches(
+        self, counts: tuple[int, int], radius: Array | None = None, rho: list[float] | None = None
+    ) -> list[list[discs.Disc]]:
+        """Discs of the states, parameters and time on patches of the box, or of the polyellipse rho.
+
+        There are counts[0] patches of time, and counts[1] of each parameter. The discs of the states are larger by
+        `radius` (n,).
 
         The discs contain the exact motion. It differs from the computed polynomials by a polynomial that is small on
         [-1, 1] and grows with the ellipses. Errors of parameters are constants.
         """
+        degrees = self.degrees
+        patches = Patches(rho or [1.0] * len(degrees), [counts[0], *[counts[1]] * (len(degrees) - 1)], degrees)
         problem, rounded = self.problem, self.x.error_on(patches.rho)
         more = rounded if radius is None else rounded + radius
         x = [replace(own, radius=above(own.radius + m)) for own, m in zip(patches.discs(self.x.c), more, strict=True)]

@@ -13,7 +13,7 @@ from symmb._types import Array, Mask
 from symmb.prove import discs
 from symmb.prove.curves import TimeStep
 from symmb.prove.errors import not_smooth
-from symmb.prove.patches import Patches, largest_on
+from symmb.prove.patches import largest_on
 
 
 @dataclass(frozen=True)
@@ -117,11 +117,6 @@ def reaches(found: list[discs.Disc]) -> Array:
     return np.array([float(discs.reach(a).max()) for a in found])
 
 
-def patches_on(step: TimeStep, rho: list[float], patches: tuple[int, int]) -> Patches:
-    """Patches of polyellipses. `patches` are the numbers of patches of time and of each parameter."""
-    return Patches(rho, [patches[0], *[patches[1]] * (len(rho) - 1)], step.degrees)
-
-
 @dataclass(frozen=True)
 class Tried:
     """Ellipses, bounds of f (n,) and of its Jacobian (n, n) on them, the nodes that they need, and their cost.
@@ -166,7 +161,7 @@ def _first(step: TimeStep, control: Control) -> Tried:
             if np.isfinite(found.cost):
                 return found
         choice = replace(choice, spread=(0.5 * choice.spread[0], 0.5 * choice.spread[1]))
-    inputs = step.on_patches(patches_on(step, ellipses(step, choice.spread), (choice.patches[0], 1)))
+    inputs = step.on_patches((choice.patches[0], 1), rho=ellipses(step, choice.spread))
     tape = step.problem.jacobian_tape
     raise not_smooth(tape.first(discs.OPERATIONS, discs.disc, inputs, lambda a: not np.isfinite(discs.reach(a)).all()))
 
@@ -177,11 +172,7 @@ def _tried(step: TimeStep, choice: Choice, wanted: float) -> Tried:
     count = choice.patches[0] * float(choice.patches[1]) ** step.problem.d
     if count > MOST_PATCHES:
         return Tried(rho, np.empty(0), np.empty(0), choice=choice)
-    patches = patches_on(step, rho, choice.patches)
-    rates, slopes = (
-        reaches(found)
-        for found in step.problem.jacobian_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(patches))
-    )
+    rates, slopes = map(reaches, step.discs_of(step.problem.jacobian_tape, choice.patches, rho=rho))
     nodes = nodes_of_defect(step, rho, rates, slopes, wanted)
     # a patch takes 20 times as long as a node: numbers are complex, and the Jacobian is computed too
     return Tried(rho, rates, slopes.reshape(n, n).T, nodes, nodes + 20.0 * count, choice)

@@ -8,10 +8,10 @@ import numpy as np
 from symmb._magnitudes import SLIGHT
 from symmb._types import Array, Mask
 from symmb.prove import chebyshev as ch
-from symmb.prove import discs, points
+from symmb.prove import points
 from symmb.prove.curves import TimeStep, parameter_points
 from symmb.prove.degrees import degrees_of_outputs
-from symmb.prove.ellipses import MOST_PATCHES, Choice, Control, ellipses, node_counts, nodes_needed, patches_on, reaches
+from symmb.prove.ellipses import MOST_PATCHES, Choice, Control, ellipses, node_counts, nodes_needed, reaches
 from symmb.prove.errors import ProofError
 from symmb.prove.ranges import cut, ranges
 from symmb.prove.rounding import U, above, of_sum
@@ -87,9 +87,8 @@ def _grid_bounds(step: TimeStep, e: Array, times: Array, control: Control, sharp
     # quotients of positive sums, such as reactions, may need many patches
     for patches in (count for count in (1, 8, 24, 64) if count ** (1 + problem.d) <= MOST_PATCHES):
         rho, most, nodes = _ellipses(step, control.choice, patches)
-        real = patches_on(step, [1.0] * len(rho), (max(patches, Choice().patches[0]), patches))
-        slopes = problem.sensitivity_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]
-        slopes = reaches(slopes).reshape(problem.n, n_y).T
+        counts = max(patches, Choice().patches[0]), patches
+        slopes = reaches(step.discs_of(problem.sensitivity_tape, counts, e)[1]).reshape(problem.n, n_y).T
         of_states = above(slopes @ e)
         smooth = np.isfinite(most) & np.isfinite(of_states)
         # an output that was rough in the last step is tried with one patch only
@@ -116,8 +115,8 @@ def _ellipses(step: TimeStep, choice: Choice, patches: int) -> tuple[list[float]
     # spreads relative to that of the ellipses on which the rates are bounded
     for factor in (1.0, 0.3, 3.0, 10.0):
         rho = [1.0, *ellipses(step, (choice.spread[0], factor * choice.spread[1]))[1:]]
-        on = patches_on(step, rho, (patches, max(patches, choice.patches[1])))
-        most = reaches(step.problem.output_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(on))[0])
+        counts = patches, max(patches, choice.patches[1])
+        most = reaches(step.discs_of(step.problem.output_tape, counts, rho=rho)[0])
         smooth = most[np.isfinite(most)]
         nodes = nodes_needed(rho[1:], SLIGHT / float(smooth.max(initial=1.0)))
         found.append((len(smooth), -nodes, rho, most))

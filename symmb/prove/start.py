@@ -12,12 +12,11 @@ from symmb.declare.symbolic import common
 from symmb.prove import chebyshev as ch
 from symmb.prove import discs, points
 from symmb.prove.curves import TimeStep
-from symmb.prove.ellipses import MOST_PATCHES, ellipses, patches_on, reaches
+from symmb.prove.ellipses import MOST_PATCHES, ellipses, reaches
 from symmb.prove.errors import ProofError
 from symmb.prove.flow import Curve, fit, integrated, parameters_at
 from symmb.prove.front import Front
 from symmb.prove.outputs import interpolation
-from symmb.prove.patches import Patches
 from symmb.prove.problem import Problem
 from symmb.prove.ranges import cut
 from symmb.prove.rounding import above, of_sum
@@ -126,9 +125,7 @@ def _largest(step: TimeStep, tape: Tape) -> tuple[list[float], Array]:
     for count in _counts(step.problem.d):
         for spread in (0.5, 0.1, 0.02):
             rho = [1.0, *ellipses(step, (spread, spread))[1:]]
-            most = reaches(
-                tape.run(discs.OPERATIONS, discs.disc, step.on_patches(patches_on(step, rho, (1, count))))[0]
-            )
+            most = reaches(step.discs_of(tape, (1, count), rho=rho)[0])
             if np.isfinite(most).all():
                 return rho[1:], most
     raise ProofError("the starting values cannot be shown to be smooth over the box")
@@ -156,8 +153,7 @@ def bounds_of(tape: Tape, step: TimeStep, e: Array) -> list[Array]:
         return [np.array([reach(a) for a in part]) for part in on_step(step, tape, e)]
     found: list[Array] = []
     for count in _counts(d):
-        real = step.on_patches(patches_on(step, [1.0] * (d + 1), (1, count)), e)
-        found = [reaches(part) for part in tape.run(discs.OPERATIONS, discs.disc, real)]
+        found = [reaches(part) for part in step.discs_of(tape, (1, count), e)]
         if all(np.isfinite(part).all() for part in found):
             break
     return found
@@ -188,19 +184,22 @@ def _distance(step: TimeStep) -> Array:
     off = above(ch.sums(c, d) + rest)
     # one inverse may not contract over the whole box; about a thousand parts with their own inverses take seconds
     for count in (count for count in (1, 8, 32) if count**d <= 1024):
-        e = _contracted(step, off, patches_on(step, [1.0] * (d + 1), (1, count)))
+        e = _contracted(step, off, count)
         if e is not None:
             return e
     raise ProofError(problem.start.unproved)
 
 
-def _contracted(step: TimeStep, off: Array, parts: Patches) -> Array | None:
-    """Bounds (n_u,) of the distance of a solution if the residual is at most `off` (n_u,); None if not proved."""
+def _contracted(step: TimeStep, off: Array, count: int) -> Array | None:
+    """Bounds (n_u,) of the distance of a solution if the residual is at most `off` (n_u,); None if not proved.
+
+    Each variable has `count` parts.
+    """
     n = step.problem.n
 
     def jacobians(e: Array) -> tuple[Array, Array]:
         """Middles and radii (k, n, n) of the Jacobian on the parts, for unknowns within e (n,)."""
-        slopes = step.problem.jacobian_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(parts, e))[1]
+        slopes = step.discs_of(step.problem.jacobian_tape, (1, count), e)[1]
         shape = np.broadcast_shapes(*(np.shape(a.centre) for a in slopes))
         J = np.stack([np.broadcast_to(np.real(a.centre), shape).ravel() for a in slopes], axis=-1)
         R = np.stack([np.broadcast_to(a.swing, shape).ravel() for a in slopes], axis=-1)

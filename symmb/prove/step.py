@@ -24,7 +24,7 @@ from symmb.prove import chebyshev as ch
 from symmb.prove import discs
 from symmb.prove.curves import TimeStep
 from symmb.prove.defects import defect_of_frame, defect_of_motion, defects_of_models, exact_defects, largest_defects
-from symmb.prove.ellipses import MOST_PATCHES, Control, adapted, patches_on
+from symmb.prove.ellipses import MOST_PATCHES, Control, adapted
 from symmb.prove.errors import ProofError
 from symmb.prove.patches import largest_on
 from symmb.prove.rounding import U, above
@@ -103,8 +103,7 @@ def on_motion(step: TimeStep, tape: Tape, e: Array, patches: tuple[int, int]) ->
     """Discs of the first outputs of a tape, for all parameters and states within e (n,) of the motion of a step."""
     if step.problem.d > ch.TENSOR_PARAMETERS:
         return [a.disc for a in on_step(step, tape, e)[0]]
-    real = step.on_patches(patches_on(step, [1.0] * len(step.degrees), patches), e)
-    return tape.run(discs.OPERATIONS, discs.disc, real)[0]
+    return step.discs_of(tape, patches, e)[0]
 
 
 def stays(end: Array, W: Array) -> bool:
@@ -121,11 +120,8 @@ class _Curvature:
     """
 
     def __init__(self, step: TimeStep, rho: list[float], patches: tuple[int, int]) -> None:
-        self._step = step
-        d = len(rho) - 1
-        least = max(count for count in (1, 4, 40) if count**d <= 64)  # of each parameter, and of all
-        counts = patches[0], max(patches[1], least)
-        self._patches = patches_on(step, [1.0] * len(rho), counts)  # not made for several parameters
+        least = max(count for count in (1, 4, 40) if count ** (len(rho) - 1) <= 64)  # of each parameter, and of all
+        self._step, self._patches = step, (patches[0], max(patches[1], least))
         own = ch.sums(step.x.c, step.x.c.ndim - 1)
         self._room = np.maximum(largest_on(rho, step.x.c) - own, 1e-9 * step.problem.scales)
         self._radius, self._change = np.zeros(0), np.zeros(0)
@@ -157,5 +153,5 @@ class _Curvature:
         if self._step.problem.d > ch.TENSOR_PARAMETERS:
             entries = on_step(self._step, tape, radius)[1]
         else:
-            entries = tape.run(discs.OPERATIONS, discs.disc, self._step.on_patches(self._patches, radius))[1]
+            entries = self._step.discs_of(tape, self._patches, radius)[1]
         return np.array([float(np.where(np.isnan(a.radius), np.inf, a.radius).max()) for a in entries]).reshape(n, n).T
