@@ -1,5 +1,6 @@
 """A time step: the polynomials of the motion and of its frame, and their values with error bounds."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -121,21 +122,24 @@ class TimeStep:
         """Bounds (n,) of |B^-1 z| for all |z| <= y (n,)."""
         return self.solved(above(self.C_largest @ y))
 
-    def solved(self, v: Array) -> Array:
-        """Bounds (n,) of |B^-1 y| for all y with |C y| <= v (n,). B^-1 is the Neumann series (sum of (I - C B)^k) C."""
-        E, eta = self.inverse_defect
-        return above(v + E @ np.full(len(v), v.max() / (1.0 - eta)))
-
     @cached_property
-    def inverse_defect(self) -> tuple[Array, float]:
-        """Bounds (n, n) of I - C B, and the largest sum of a row. ProofError if the sum is not below 1/2."""
+    def solved(self) -> Callable[[Array], Array]:
+        """`solution_bound` of the frame."""
         n = self.problem.n
-        B = self.B.c.reshape(n, n, *self.B.c.shape[1:])
-        E = ch.product_bound(self.C, B, self.B.error.reshape(n, n), np.eye(n))
-        eta = above(float(E.sum(axis=1).max()))
-        if not eta < 0.5:
-            raise ProofError("the deviations from the polynomials grow too differently over the box")
-        return E, eta
+        return solution_bound(self.C, self.B.c.reshape(n, n, *self.B.c.shape[1:]), self.B.error.reshape(n, n))
+
+
+def solution_bound(C: Array, B: Array, B_error: Array) -> Callable[[Array], Array]:
+    """Bounds (n,) of |B^-1 y| for all y with |C y| <= v, as a function of v (n,).
+
+    B^-1 is the Neumann series (sum of (I - C B)^k) C. ProofError if a row of |I - C B| may have a sum of 1/2 or more.
+    """
+    n = len(C)
+    E = ch.product_bound(C, B, B_error, np.eye(n))
+    eta = above(float(E.sum(axis=1).max()))
+    if not eta < 0.5:
+        raise ProofError("the deviations from the polynomials grow too differently over the box")
+    return lambda v: above(v + E @ np.full(n, v.max() / (1.0 - eta)))
 
 
 def parameter_points(problem: Problem, counts: tuple[int, ...], leading: int) -> list[points.Point]:

@@ -7,7 +7,7 @@ import numpy as np
 from symmb._magnitudes import SMALL
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
-from symmb.prove.curves import TimeStep
+from symmb.prove.curves import TimeStep, solution_bound
 from symmb.prove.errors import ProofError
 from symmb.prove.flow import Curve, fit
 from symmb.prove.rounding import U, above, of_sum
@@ -109,15 +109,11 @@ def well_conditioned(front: Front, scales: Array, worst: float = 30.0) -> Front:
 
 def _in_frame(front: Front, B: Array, C: Array) -> Front:
     """The front in another frame B (n, n, ...). C is approximately the inverse of B."""
-    n, none = len(B), np.zeros(B.shape[:2])
-    E = ch.product_bound(C, B, none, np.eye(n))
-    eta = above(float(E.sum(axis=1).max()))
-    if not eta < 0.5:
-        raise ProofError("the deviations from the polynomials grow too differently over the box")
+    none = np.zeros(B.shape[:2])
+    bound = solution_bound(C, B, none)
     w = above(ch.product_bound(C, front.B, none, none) @ front.w)
     w = above(w + ch.sums(C, C.ndim - 2) @ above(front.x_error + front.B_error @ front.w))
-    w = above(w + E @ np.full(n, w.max() / (1.0 - eta)))
-    return replace(front, B=B, w=w, x_error=np.zeros(n), B_error=none)
+    return replace(front, B=B, w=bound(w), x_error=np.zeros(len(B)), B_error=none)
 
 
 def half(front: Front, variable: int, side: int) -> Front:

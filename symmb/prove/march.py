@@ -19,7 +19,7 @@ from symmb.prove.passes import Crossing, Scaled, crossing, departure, off, windo
 from symmb.prove.problem import Change, Problem
 from symmb.prove.rounding import above, grain_of
 from symmb.prove.start import drifted, first_front, mapped, require_known, still
-from symmb.prove.step import Proof, is_regular, on_motion, prove, unshown
+from symmb.prove.step import Proof, is_regular, on_motion, prove, require_valid
 
 _TIME_TERMS = 20
 """Terms of the motion in time: the last ones are rounding after a step of the length that `_shortened` chooses."""
@@ -351,10 +351,10 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
         try:
             B, C = frame(problem, x.c, front.B, front.t, h)
             step = TimeStep(problem, front.t, h, x, B, C)
-            _require_valid(step, np.zeros(problem.n))
+            require_valid(step, np.zeros(problem.n))
             w = above(front.w + step.inverse_times(front.x_error + front.B_error @ front.w))
             proof = prove(step, w, control)
-            _require_valid(step, above(step.B_largest @ proof.W))
+            require_valid(step, above(step.B_largest @ proof.W))
             control.h = max(h_resolved, usual) if is_cut else h_resolved
             return step, proof
         except ProofError as error:
@@ -377,15 +377,3 @@ def _before_pass(problem: Problem, x: Array, t: float, h: float, usual: float, g
     if ahead.first <= 2.0 * begin:
         raise _AheadError(ahead)
     return float(np.floor((ahead.first - begin) / grain)) * grain
-
-
-def _require_valid(step: TimeStep, e: Array) -> None:
-    """ProofError unless the equations are proved to be those of the scene within e (n,) of the motion of a step."""
-    which = unshown(step, e)
-    if which is not None:
-        phase = step.problem.phase
-        raise ProofError(
-            "another switch may be passed at the same time, or the switch is not passed in one direction"
-            if phase is None
-            else phase.sentence(which, step.t0, "the motion may touch it, or only a part of the box may pass it")
-        )

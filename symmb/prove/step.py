@@ -83,20 +83,21 @@ def is_regular(step: TimeStep, e: Array, patches: tuple[int, int]) -> bool:
     return tape is None or all(map(discs.is_regular, on_motion(step, tape, e, patches)))
 
 
-def unshown(step: TimeStep, e: Array) -> int | None:
-    """The first condition that is not proved for all states within e (n,) of the motion of a step; None if all are."""
-    tape, first = step.problem.valid_tape, None
-    if tape is None:
-        return None
+def require_valid(step: TimeStep, e: Array) -> None:
+    """ProofError unless the equations are proved to be those of the scene within e (n,) of the motion of a step."""
+    tape, phase, shown = step.problem.valid_tape, step.problem.phase, [False]
     # numbers of patches of time and of each parameter
     for patches in (8, 1), (40, 1), (40, 8):
-        if patches[0] * patches[1] ** step.problem.d > MOST_PATCHES:
-            break
-        shown = [discs.is_positive(a) for a in on_motion(step, tape, e, patches)]
-        if all(shown):
-            return None
-        first = shown.index(False)
-    return first
+        if tape is None or all(shown):
+            return
+        if patches[0] * patches[1] ** step.problem.d <= MOST_PATCHES:
+            shown = [discs.is_positive(a) for a in on_motion(step, tape, e, patches)]
+    if all(shown):
+        return
+    if phase is None:
+        raise ProofError("another switch may be passed at the same time, or the switch is not passed in one direction")
+    reason = "the motion may touch it, or only a part of the box may pass it"
+    raise ProofError(phase.sentence(shown.index(False), step.t0, reason))
 
 
 def on_motion(step: TimeStep, tape: Tape, e: Array, patches: tuple[int, int]) -> list[discs.Disc]:
