@@ -15,7 +15,7 @@ from symmb.prove.rounding import U, above, of_sum
 TENSOR_PARAMETERS = 2
 """Most parameters with a tensor basis, whose size is a power of their number. Polynomials of more parameters have a
 total degree."""
-ENTRY = 8 * U
+ENTRY_ERROR = 8 * U
 """Error of an entry of the matrices. It is the cosine of an angle up to pi / 2 with the relative error 3 U."""
 
 
@@ -98,7 +98,7 @@ def sums(c: Array, variables: int) -> Array:
     return above(np.abs(c).sum(axis=tuple(range(c.ndim - variables, c.ndim))))
 
 
-def rounding_of(lengths: Sequence[int], entry: float = ENTRY) -> float:
+def rounding_of(lengths: Sequence[int], entry: float = ENTRY_ERROR) -> float:
     """Error of `along`, relative to the sum of moduli. Matrix entries are at most 1, with errors up to `entry`."""
     return above(math.prod(1.0 + above(entry + of_sum(n + 2)) for n in lengths) - 1.0 + U)
 
@@ -138,7 +138,7 @@ def bound_of_samples(samples: Array, errors: Array, variables: int) -> Array:
     # The sum of the coefficients is sharper for smooth values, and Lebesgue's bound for the noise of rounding.
     peak = largest(samples, variables)
     c = along([coefficients_from_nodes(m) for m in counts], samples)
-    lost = above(2.0**variables * math.prod(counts) * rounding_of(counts, 2 * ENTRY))
+    lost = above(2.0**variables * math.prod(counts) * rounding_of(counts, 2 * ENTRY_ERROR))
     return above(np.minimum(sums(c, variables) + lost * peak, lebesgue * peak) + lebesgue * errors)
 
 

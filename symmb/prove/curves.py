@@ -115,7 +115,7 @@ class TimeStep:
         errors = above(errors + self.x.error)
         states = [points.point(values, float(error)) for values, error in zip(x, errors, strict=True)]
         t = (self.t0 + 0.5 * self.h * (1.0 + ch.nodes(counts[0]))).reshape(-1, *(1,) * (len(counts) - 1))
-        time = points.point(t, 4.0 * U * (abs(self.t0) + self.h) + self.h * ch.ENTRY)
+        time = points.point(t, 4.0 * U * (abs(self.t0) + self.h) + self.h * ch.ENTRY_ERROR)
         return [states, parameter_points(self.problem, counts[1:], 1), [time]]
 
     def inverse_times(self, y: Array) -> Array:
@@ -145,7 +145,7 @@ def solution_bound(C: Array, B: Array, B_error: Array) -> Callable[[Array], Arra
 def parameter_points(problem: Problem, counts: tuple[int, ...], leading: int) -> list[points.Point]:
     """Parameters at nodes, with error bounds. Arrays have `leading` axes before the axes of the parameters."""
     values = parameters_at(problem, counts, leading)
-    errors = 4.0 * U * (np.abs(problem.middle) + problem.radius) + problem.radius * ch.ENTRY + problem.errors
+    errors = 4.0 * U * (np.abs(problem.middle) + problem.radius) + problem.radius * ch.ENTRY_ERROR + problem.errors
     return [
         points.point(value, float(error) if isinstance(value, np.ndarray) else 0.0)
         for value, error in zip(values, errors, strict=True)

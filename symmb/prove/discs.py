@@ -29,7 +29,7 @@ from scipy.special import erf
 
 from symmb._types import Array, Mask
 from symmb.declare.symbolic import Entry
-from symmb.prove.rounding import COMPLEX, above
+from symmb.prove.rounding import COMPLEX_ERROR, above
 from symmb.prove.tape import operations_by_sides
 
 
@@ -100,7 +100,7 @@ def _plus(a: Any, b: Any) -> Any:
 
 def _rounded(centre: Any, slopes: Any, radius: Array, size: Array) -> Disc:
     """The disc with a radius that covers the rounding of its parts. `size` is the sum of their moduli."""
-    return Disc(centre, slopes, above(radius + COMPLEX * size))
+    return Disc(centre, slopes, above(radius + COMPLEX_ERROR * size))
 
 
 def _function(a: Disc, value: Any, slope: Any, rest: Array, size: Array, slope_size: Array | None = None) -> Disc:
@@ -110,7 +110,7 @@ def _function(a: Disc, value: Any, slope: Any, rest: Array, size: Array, slope_s
     """
     steepness = _size(slope)
     rounded = size + (steepness if slope_size is None else slope_size) * a.slope
-    return _rounded(value, _times(slope, a.slopes), steepness * a.radius + rest * (1.0 + COMPLEX), rounded)
+    return _rounded(value, _times(slope, a.slopes), steepness * a.radius + rest * (1.0 + COMPLEX_ERROR), rounded)
 
 
 def _if(holds: Any, a: Disc) -> Disc:
@@ -146,7 +146,7 @@ def _right(a: Disc) -> Mask:
     """Whether discs are in the open right half plane, in spite of rounding."""
     # places in a patch are real, so that only the real parts of slopes move the discs to the left
     across = 0.0 if a.slopes is _NO_SLOPES else np.abs(a.slopes.real).sum(axis=-1)
-    return above(across + a.radius) * (1.0 + COMPLEX) < a.centre.real
+    return above(across + a.radius) * (1.0 + COMPLEX_ERROR) < a.centre.real
 
 
 def is_positive(a: Disc) -> bool:
@@ -161,7 +161,7 @@ def is_regular(a: Disc) -> bool:
 
 def _gap(far: Array, near: Array) -> Array:
     """A lower bound of far - near, if it is positive."""
-    return (far * (1.0 - COMPLEX) - near * (1.0 + COMPLEX)) * (1.0 - COMPLEX)
+    return (far * (1.0 - COMPLEX_ERROR) - near * (1.0 + COMPLEX_ERROR)) * (1.0 - COMPLEX_ERROR)
 
 
 def _inverse(a: Disc) -> Disc:
@@ -169,7 +169,7 @@ def _inverse(a: Disc) -> Disc:
     size, value = np.abs(a.centre), 1.0 / a.centre
     share, gap = a.swing / size, _gap(size, a.swing)
     is_known = (gap > 0.0) & (size < _LEAST_SQUARE**-0.5)  # 1 / c^2 does not underflow
-    rest = np.where(is_known, share * share / gap * (1.0 + COMPLEX), np.inf)
+    rest = np.where(is_known, share * share / gap * (1.0 + COMPLEX_ERROR), np.inf)
     return _if(is_regular(a), _function(a, value, -value * value, rest, 1.0 / size))
 
 
@@ -179,7 +179,7 @@ def _divide(a: Disc, b: Disc) -> Disc:
 
 def _share(a: Disc) -> Array:
     """Ratio of the largest distance to the modulus of the centre, at most 1."""
-    return np.minimum(above(a.swing / np.abs(a.centre)) * (1.0 + COMPLEX), 1.0)
+    return np.minimum(above(a.swing / np.abs(a.centre)) * (1.0 + COMPLEX_ERROR), 1.0)
 
 
 def _sqrt(a: Disc) -> Disc:
@@ -230,7 +230,7 @@ def _by_slope(value: Array, a: Disc, steepest: Array, analytic: bool | Mask) -> 
     """A function of discs, which are convex. Its derivative has at most the modulus `steepest` in each disc."""
     usable = analytic and bool(np.all(np.isfinite(steepest) & (steepest >= 0)))
     size = np.abs(value) + steepest * np.abs(a.centre)
-    return _if(usable, _rounded(value, _NO_SLOPES, a.swing * steepest * (1.0 + COMPLEX), size))
+    return _if(usable, _rounded(value, _NO_SLOPES, a.swing * steepest * (1.0 + COMPLEX_ERROR), size))
 
 
 def _tanh(a: Disc) -> Disc:
@@ -255,7 +255,7 @@ def _arc(f: Callable, sign: float, root: Callable, is_analytic: Callable[[Disc],
 
     def operation(a: Disc) -> Disc:
         z, swing = a.centre, a.swing
-        rest = above(2.0 * np.abs(z) * swing + swing**2 + COMPLEX * (1.0 + np.abs(z) ** 2))
+        rest = above(2.0 * np.abs(z) * swing + swing**2 + COMPLEX_ERROR * (1.0 + np.abs(z) ** 2))
         least = _gap(np.abs(1.0 + sign * z * z), rest)
         return _by_slope(f(z), a, 1.0 / root(least), is_analytic(a))
 

@@ -133,7 +133,7 @@ def restricted(c: Array, leading: int, variable: int, side: int) -> tuple[Array,
     k = np.arange(n)
     z = 0.5 * (ch.nodes(n) + side)
     matrix = ch.coefficients_from_nodes(n) @ np.cos(np.outer(np.arccos(z), k))
-    entries = above(k * k * (ch.ENTRY + 8 * U) + 16 * U * (k + 1) + 2 * ch.ENTRY + 2 * of_sum(n + 2))
+    entries = above(k * k * (ch.ENTRY_ERROR + 8 * U) + 16 * U * (k + 1) + 2 * ch.ENTRY_ERROR + 2 * of_sum(n + 2))
     weights = (2.0 * n * entries).reshape([-1 if i == axis else 1 for i in range(c.ndim)])
     lost = above((np.abs(c) * weights).sum(axis=tuple(range(leading, c.ndim))))
     return np.moveaxis(np.tensordot(matrix, c, (1, axis)), 0, axis), lost

@@ -17,9 +17,9 @@ from symmb._errors import PropagationError
 from symmb._types import Array, Mask
 from symmb.declare.symbolic import Entry, operation_name
 from symmb.equations.model import Box
-from symmb.prove.rounding import FUNCTION, U
+from symmb.prove.rounding import FUNCTION_ERROR, U
 
-FUNCTION_ULPS = int(FUNCTION / (2 * U))
+FUNCTION_ULPS = int(FUNCTION_ERROR / (2 * U))
 """Units in the last place by which values of elementary functions are widened."""
 
 

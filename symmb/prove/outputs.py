@@ -181,7 +181,7 @@ def interpolation(
             break
         counts = finer
     c[(..., *(0,) * d)] += mean
-    lost = 2.0**d * np.prod(counts, dtype=float) * ch.rounding_of(counts, 2 * ch.ENTRY) * ch.largest(moved, d)
+    lost = 2.0**d * np.prod(counts, dtype=float) * ch.rounding_of(counts, 2 * ch.ENTRY_ERROR) * ch.largest(moved, d)
     lebesgue = np.prod([2.0 / np.pi * np.log(m) + 1.0 for m in counts])
     peak = ch.largest(values, d)
     return c, above(lost + lebesgue * (errors[:, None] + 2 * U * peak) + 2 * U * peak + alias[:, None])

@@ -13,9 +13,9 @@ import numpy as np
 from symmb._types import Array
 from symmb.prove.chebyshev import along
 from symmb.prove.discs import Disc
-from symmb.prove.rounding import OF_MODULI, above
+from symmb.prove.rounding import ERROR_OF_MODULI, above
 
-_OF_DISTANCES = 4e-15
+_ERROR_OF_DISTANCES = 4e-15
 """Relative error that covers the rounding of sums of a middle and distances from the middle."""
 
 
@@ -53,7 +53,7 @@ class Patches:
         linear = [_applied(with_one(self._swings, self._sizes, j), modulus) for j in variables]
         reaches, sizes = _applied(self._reaches, modulus), _applied(self._sizes, modulus)
         # what remains of the moduli on the patches after the centres and the linear motion
-        radii = above(reaches * (1.0 + OF_MODULI) - sizes - sum(linear)).reshape(len(c), 1)
+        radii = above(reaches * (1.0 + ERROR_OF_MODULI) - sizes - sum(linear)).reshape(len(c), 1)
         parts = zip(_applied(self.centres, c), np.stack(np.broadcast_arrays(*slopes), axis=1), radii, strict=True)
         return [Disc(centre, np.moveaxis(own, 0, -1), radius) for centre, own, radius in parts]
 
@@ -65,8 +65,8 @@ class Patches:
         slopes[variable] = radius * self._slopes[variable][:, 1]
         centres = middle + radius * self.centres[variable][:, 1].reshape(shape)
         reach, swing, size = (of[variable][1] for of in (self._reaches, self._swings, self._sizes))
-        rest = radius * (reach * (1.0 + OF_MODULI) - size - swing) + OF_MODULI * radius * reach
-        rest = rest + _OF_DISTANCES * abs(middle) + error
+        rest = radius * (reach * (1.0 + ERROR_OF_MODULI) - size - swing) + ERROR_OF_MODULI * radius * reach
+        rest = rest + _ERROR_OF_DISTANCES * abs(middle) + error
         return Disc(centres, np.moveaxis(slopes.reshape(count, *shape), 0, -1), above(np.array([rest])))
 
 

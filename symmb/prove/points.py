@@ -15,7 +15,7 @@ from scipy.special import erf
 from symmb._types import Array
 from symmb.declare.symbolic import Entry
 from symmb.prove.errors import ProofError
-from symmb.prove.rounding import FUNCTION, U, above
+from symmb.prove.rounding import FUNCTION_ERROR, U, above
 from symmb.prove.tape import operations_by_sides
 
 Point = tuple[Array | float, float, float, float]
@@ -91,7 +91,7 @@ def _function(f: Callable[..., Array], slope: Callable[[float, float], float]) -
             raise ProofError(
                 f"an argument of {f.__name__} may be outside its domain, or its value may be too large"
             ) from None
-        return _rounded(f(a[0]), above(steepest * 1.001) * a[1], FUNCTION)
+        return _rounded(f(a[0]), above(steepest * 1.001) * a[1], FUNCTION_ERROR)
 
     return operation
 
@@ -119,7 +119,7 @@ def _constant_power(a: Point, exponent: Point) -> Point:
         raise ProofError("the base of a power may be 0")
     steepest = most if n == int(n) or n > 1 else _distance_from_zero(a)
     try:
-        return _rounded(a[0] ** n, above(abs(n) * 1.001 * steepest**n) * (a[1] / steepest), FUNCTION)
+        return _rounded(a[0] ** n, above(abs(n) * 1.001 * steepest**n) * (a[1] / steepest), FUNCTION_ERROR)
     except OverflowError:
         raise ProofError("a power is too large") from None
 
@@ -143,7 +143,7 @@ def _arctan2(y: Point, x: Point) -> Point:
         least = _distance_from_zero(y)
     else:
         raise ProofError("the argument of atan2 may cross the negative half axis")
-    return _rounded(np.arctan2(y[0], x[0]), above(1.001 * (x[1] + y[1])) / least, FUNCTION)
+    return _rounded(np.arctan2(y[0], x[0]), above(1.001 * (x[1] + y[1])) / least, FUNCTION_ERROR)
 
 
 def _side(a: Point) -> float:

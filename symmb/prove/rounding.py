@@ -11,14 +11,14 @@ T = TypeVar("T", float, np.ndarray)
 
 U = 2.0**-53
 """Largest relative error of a sum, a product, a quotient or a square root."""
-FUNCTION = 16 * U
+FUNCTION_ERROR = 16 * U
 """Relative error of an elementary function: eight units in the last place, four times those of C libraries.
 tests/bounds/test_interval.py"""
-COMPLEX = 32 * U
+COMPLEX_ERROR = 32 * U
 """Error of an operation on complex numbers, relative to the modulus of the result."""
 LARGEST_ZERO = 1e-250
 """Bounds up to this size belong to an exact 0: they cover only underflow."""
-OF_MODULI = 1e-9
+ERROR_OF_MODULI = 1e-9
 """Relative part of a sum of moduli that covers the rounding of the terms, the centres and the radii."""
 
 

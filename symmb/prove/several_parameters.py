@@ -15,7 +15,7 @@ from symmb.prove import chebyshev as ch
 from symmb.prove import taylor_models as tm
 from symmb.prove.curves import TimeStep
 from symmb.prove.patches import cosh_powers
-from symmb.prove.rounding import OF_MODULI, U, above, of_sum
+from symmb.prove.rounding import ERROR_OF_MODULI, U, above, of_sum
 from symmb.prove.tape import Tape
 from symmb.prove.taylor_models import Basis, Model, basis_of
 
@@ -78,7 +78,7 @@ def equations_at_nodes(step: TimeStep, count: int, basis: Basis) -> list[list[Mo
     """Taylor models of the states, the parameters and the time at nodes of time."""
     x = at_nodes(step.x.c, step.x.error, count, basis)
     t = step.t0 + 0.5 * step.h * (1.0 + ch.nodes(count))
-    error = 4.0 * U * (abs(step.t0) + step.h) + step.h * ch.ENTRY
+    error = 4.0 * U * (abs(step.t0) + step.h) + step.h * ch.ENTRY_ERROR
     return [x, parameter_models(step, basis), [Model(t[None], np.full(1, error), basis)]]
 
 
@@ -117,7 +117,7 @@ class TimePatches:
             exponents = np.column_stack([np.full(count, m), of_parameters.exponents[:count]])
             found[:, basis.places(exponents)] = np.einsum("pk,qkt->qtp", factor[:, :size], own[..., :count])
             radius = radius + modulus[..., count:].sum(axis=2) @ most[:size]
-        radius = above(radius + OF_MODULI * (modulus.sum(axis=2) @ sizes))
+        radius = above(radius + ERROR_OF_MODULI * (modulus.sum(axis=2) @ sizes))
         return [Model(values, np.full(1, r), basis) for values, r in zip(found, radius, strict=True)]
 
 

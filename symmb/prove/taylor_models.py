@@ -24,11 +24,11 @@ import numpy as np
 from symmb._types import Array, Indices
 from symmb.prove import discs
 from symmb.prove.discs import Disc
-from symmb.prove.rounding import COMPLEX, FUNCTION, U, above
+from symmb.prove.rounding import COMPLEX_ERROR, FUNCTION_ERROR, U, above
 
 DEGREES_BEYOND_POLYNOMIALS = 3
 """Degrees of Taylor models of defects, and of a start, beyond the degree of the polynomials whose errors they bound."""
-_REAL_OPERATION = 4 * U
+_REAL_ERROR = 4 * U
 """Relative error of an operation on real numbers."""
 
 
@@ -214,7 +214,7 @@ def _padded(c: Array, terms: int) -> Array:
 
 def _relative(c: Array) -> float:
     """Relative error of an operation on coefficients."""
-    return COMPLEX if np.iscomplexobj(c) else _REAL_OPERATION
+    return COMPLEX_ERROR if np.iscomplexobj(c) else _REAL_ERROR
 
 
 def _sum(a: Model, b: Model, sign: float) -> Model:
@@ -295,10 +295,10 @@ def _expansion(a: Model) -> tuple[Array, Array, Array | None]:
     are close to them. A square that comes close to 0, as in sqrt(w^2 + small^2), is close only to the middle of its
     range. Up to the ratio 1/2 a series converges well: with degree 8 the remainder is 1 / 2^9.
     """
-    own, around = above(a.swing / np.abs(a.c[0])) * (1.0 + COMPLEX), a.around
+    own, around = above(a.swing / np.abs(a.c[0])) * (1.0 + COMPLEX_ERROR), a.around
     if (own < 0.5).all() or a.degree == 0:
         return a.c[0], np.where(own < 1.0, own, np.nan), None
-    q = above(around.radius / np.abs(around.centre)) * (1.0 + COMPLEX)
+    q = above(around.radius / np.abs(around.centre)) * (1.0 + COMPLEX_ERROR)
     return around.centre, np.where(q < 1.0, q, np.nan), around.centre
 
 
@@ -316,7 +316,7 @@ def _inverse(a: Model) -> Model:
 
 def _gap(q: Array) -> Array:
     """A lower bound of 1 - q."""
-    return (1.0 - q) * (1.0 - COMPLEX) - COMPLEX * q
+    return (1.0 - q) * (1.0 - COMPLEX_ERROR) - COMPLEX_ERROR * q
 
 
 def _sqrt(a: Model) -> Model:
@@ -339,8 +339,8 @@ def _entire(a: Model, turn: list[Array], size: Array) -> Model:
     n, q = a.basis.degree, a.swing
     own = [turn[k % len(turn)] / math.factorial(k) for k in range(n + 1)]
     grown = np.exp(q)
-    relative = COMPLEX * (1.0 + np.abs(a.c[0])) if np.iscomplexobj(a.c) else np.full(1, FUNCTION + 2 * U)
-    rest = size * q ** (n + 1) / math.factorial(n + 1) * grown * (1.0 + 4.0 * FUNCTION)
+    relative = COMPLEX_ERROR * (1.0 + np.abs(a.c[0])) if np.iscomplexobj(a.c) else np.full(1, FUNCTION_ERROR + 2 * U)
+    rest = size * q ** (n + 1) / math.factorial(n + 1) * grown * (1.0 + 4.0 * FUNCTION_ERROR)
     return _composed(a, own, above(relative * size * grown) * (1.0 + 1e-9), above(rest))
 
 
