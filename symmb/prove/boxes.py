@@ -2,22 +2,20 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 
 import numpy as np
 
 from symmb._magnitudes import ROUNDING, SAME, SLIGHT, SMALL
 from symmb._types import Array, Mask
-from symmb.prove.curves import TimeStep
 from symmb.prove.ellipses import Choice, Control
 from symmb.prove.errors import ProofError
-from symmb.prove.flow import integrated
 from symmb.prove.front import half, slowest
 from symmb.prove.march import Course, Place, march
-from symmb.prove.outputs import output_bounds
+from symmb.prove.outputs import OutputBounds, output_bounds
 from symmb.prove.problem import Problem
 from symmb.prove.rounding import LARGEST_ZERO
-from symmb.prove.start import nominal_front
+from symmb.prove.start import nominal_front, still
 
 _EARLY_REMAINDER = 1e-7
 """Remainder relative to the width of the states in the whole box, from which parts are halved early.
@@ -26,10 +24,6 @@ Half of the parts are used early: a remainder of a large part does not become sm
 take many times longer. With all parts used early, the double pendulum, 5 %, order 8, was proved for 5 s with 1e-5, for
 9 s with 1e-7, and for 3 s with 1e-8.
 """
-_LEAST_GROWTH = 2.0
-"""Least growth of a remainder between two halvings: a halving does not reduce the earlier remainder."""
-_VISIBLE_OF_MOTION = 0.1
-"""Least remainder that causes a warning, relative to the motion of an output with the parameters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +38,8 @@ class _Part:
     def small(self) -> float:
         """Remainder relative to the width of the states up to which places are checkpoints."""
         begin = self.course.checkpoint
-        return max(_EARLY_REMAINDER / self.share, 0.0 if begin is None else _LEAST_GROWTH * begin.front.share())
+        # a halving does not reduce the earlier remainder, so that it must double before the next one
+        return max(_EARLY_REMAINDER / self.share, 0.0 if begin is None else 2.0 * begin.front.share())
 
     def halves(self, order: int) -> "list[_Part]":
         """Both halves, in the variable with the slowest decay of coefficients at the end.
@@ -54,20 +49,15 @@ class _Part:
         """
         end, at = self.course.end, self.course.checkpoint
         variable = slowest(nominal_front(self.problem, order) if end is None else end.front.x)
-        if at is None or not at.front.t:
-            parts = [self.problem.over(variable, side) for side in (-1, 1)]
-            return [_Part(part, Course.empty(part), 0.5 * self.share) for part in parts]
-        return [
-            _Part(
-                self.problem.over(variable, side),
-                self.course.back_to(
-                    Place(half(at.front, variable, side), at.control, at.problem.over(variable, side)),
-                    self.problem.times,
-                ),
-                0.5 * self.share,
-            )
-            for side in (-1, 1)
-        ]
+        parts = []
+        for side in (-1, 1):
+            part = self.problem.over(variable, side)
+            course = Course.empty(part)
+            if at is not None and at.front.t:
+                place = Place(half(at.front, variable, side), at.control, at.problem.over(variable, side))
+                course = self.course.back_to(place, part.times)
+            parts.append(_Part(part, course, 0.5 * self.share))
+        return parts
 
 
 @dataclass(frozen=True)
@@ -94,17 +84,17 @@ class Enclosure:
 
     @property
     def is_loose(self) -> Mask:
-        """Whether bounds (n_t, n_y) are mostly remainder.
+        """Whether bounds (n_t, n_y) are mostly remainder: more than half of the width.
 
-        Remainders do not count if they are small relative to the output, or to its largest motion with the parameters:
-        at first the parameters have no effect, and the whole width is remainder. Small remainders of terms that cancel
-        do not count either.
+        Remainders do not count if they are small relative to the output, or below a tenth of its largest motion with
+        the parameters: at first the parameters have no effect, and the whole width is remainder. Small remainders of
+        terms that cancel do not count either.
         """
         finite = np.isfinite(self.upper)
         width, remainder = np.where(finite, self.upper - self.lower, np.inf), np.where(finite, self.remainder, 0.0)
         moved = np.where(finite, width - 2.0 * remainder, 0.0).max(axis=0)
         size = np.where(finite, np.maximum(np.abs(self.lower), np.abs(self.upper)), 0.0)
-        visible = np.maximum(SLIGHT * np.maximum.accumulate(size, axis=0), _VISIBLE_OF_MOTION * moved)
+        visible = np.maximum(SLIGHT * np.maximum.accumulate(size, axis=0), 0.1 * moved)
         visible = np.maximum(visible, SAME * self.terms + LARGEST_ZERO)
         return np.asarray(finite & (remainder > 0.25 * width) & (2.0 * remainder > visible))
 
@@ -126,15 +116,8 @@ def enclose(
     else:
         courses = [_of_expressions(problem, order)]
     last = min(courses, key=lambda course: course.until if course.why else np.inf)
-    return Enclosure(
-        np.min([course.lower for course in courses], axis=0),
-        np.max([course.upper for course in courses], axis=0),
-        np.max([course.remainder for course in courses], axis=0),
-        np.max([course.terms for course in courses], axis=0),
-        min(course.until for course in courses),
-        last.why,
-        len(courses),
-    )
+    bounds = reduce(OutputBounds.joined, (course.bounds for course in courses))
+    return Enclosure(*bounds, min(course.until for course in courses), last.why, len(courses))
 
 
 def _followed(problem: Problem, order: int, boxes: int, progress: Callable[[float], None]) -> list[_Part]:
@@ -169,18 +152,17 @@ def _followed(problem: Problem, order: int, boxes: int, progress: Callable[[floa
 
 def _of_expressions(problem: Problem, order: int) -> Course:
     """The course of a problem without states. At each time, it has the best bounds from several ellipses."""
-    end, terms = float(problem.times[-1]), (order + 1,) * problem.d
-    course = Course.empty(problem)
-    none = integrated(np.zeros((0, *terms)), np.zeros((0, 1, *terms)), end or 1.0)
-    whole = TimeStep(problem, 0.0, end or 1.0, none, none, none.c[None])
+    end, course = float(problem.times[-1]), Course.empty(problem)
+    whole = still(problem, 0.0, np.zeros((0, *(order + 1,) * problem.d)), end or 1.0)
     # motion of the parameters on the ellipses, relative to their middles
     for spread in (0.3, 1.0, 3.0, 10.0, 30.0, 100.0):
         control = Control(Choice((spread, spread)), end)
         # without states there are few bounds, so that their ranges may be sharp to rounding
         lower, upper, rest, _ = output_bounds(whole, np.zeros(0), problem.times, control, ROUNDING)
-        course.lower, course.upper = np.maximum(course.lower, lower), np.minimum(course.upper, upper)
-        course.remainder = np.minimum(course.remainder, rest)
+        best = course.bounds
+        course.bounds = best._replace(lower=np.maximum(best.lower, lower), upper=np.minimum(best.upper, upper),
+                                      remainder=np.minimum(best.remainder, rest))  # fmt: skip
     course.until = end
-    if not np.isfinite(course.upper).any():
+    if not np.isfinite(course.bounds.upper).any():
         course.why = "no output can be shown to be smooth over the box"
     return course

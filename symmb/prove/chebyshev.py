@@ -12,9 +12,10 @@ import numpy as np
 from symmb._types import Array
 from symmb.prove.rounding import U, above, of_sum
 
-FEW = 2
-"""Most parameters with a tensor basis. Polynomials of more parameters have a total degree."""
-ENTRY = 8 * U
+TENSOR_PARAMETERS = 2
+"""Most parameters with a tensor basis, whose size is a power of their number. Polynomials of more parameters have a
+total degree."""
+ENTRY_ERROR = 8 * U
 """Error of an entry of the matrices. It is the cosine of an angle up to pi / 2 with the relative error 3 U."""
 
 
@@ -77,9 +78,15 @@ def along(matrices: Sequence[Array | None], c: Array) -> Array:
     return c
 
 
+def at_nodes(c: Array, counts: Sequence[int]) -> Array:
+    """Values (..., m0, ..., md) of polynomials (..., n0, ..., nd) at nodes, without bounds of the errors."""
+    lengths = c.shape[c.ndim - len(counts) :]
+    return along([values_at_nodes(m, n) for m, n in zip(counts, lengths, strict=True)], c)
+
+
 def graded(c: Array, d: int) -> Array:
-    """Coefficients (..., N + 1, ...) of d parameters. With more than FEW, those of a total degree above N become 0."""
-    if d <= FEW:
+    """Coefficients (..., N + 1, ...) of d parameters. Without a tensor basis, total degrees above N become 0."""
+    if d <= TENSOR_PARAMETERS:
         return c
     lengths = c.shape[c.ndim - d :]
     total = sum(np.arange(m).reshape([-1 if i == j else 1 for j in range(d)]) for i, m in enumerate(lengths))
@@ -91,7 +98,7 @@ def sums(c: Array, variables: int) -> Array:
     return above(np.abs(c).sum(axis=tuple(range(c.ndim - variables, c.ndim))))
 
 
-def rounding_of(lengths: Sequence[int], entry: float = ENTRY) -> float:
+def rounding_of(lengths: Sequence[int], entry: float = ENTRY_ERROR) -> float:
     """Error of `along`, relative to the sum of moduli. Matrix entries are at most 1, with errors up to `entry`."""
     return above(math.prod(1.0 + above(entry + of_sum(n + 2)) for n in lengths) - 1.0 + U)
 
@@ -106,7 +113,7 @@ def values(c: Array, counts: Sequence[int]) -> tuple[Array, Array]:
     zero = (..., *(0,) * d)
     rest = c.copy()
     rest[zero] = 0.0
-    found = along([values_at_nodes(m, n) for m, n in zip(counts, lengths, strict=True)], rest)
+    found = at_nodes(rest, counts)
     error = sums(rest, d) * rounding_of(lengths)
     found = found + c[zero][(..., *(None,) * d)]
     return found, above(error + U * largest(found, d))
@@ -128,9 +135,10 @@ def bound_of_samples(samples: Array, errors: Array, variables: int) -> Array:
     """
     counts = samples.shape[samples.ndim - variables :]
     lebesgue = above(math.prod(2.0 / math.pi * math.log(m) + 1.0 for m in counts))
+    # The sum of the coefficients is sharper for smooth values, and Lebesgue's bound for the noise of rounding.
     peak = largest(samples, variables)
     c = along([coefficients_from_nodes(m) for m in counts], samples)
-    lost = above(2.0**variables * math.prod(counts) * rounding_of(counts, 2 * ENTRY))
+    lost = above(2.0**variables * math.prod(counts) * rounding_of(counts, 2 * ENTRY_ERROR))
     return above(np.minimum(sums(c, variables) + lost * peak, lebesgue * peak) + lebesgue * errors)
 
 

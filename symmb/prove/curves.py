@@ -1,6 +1,7 @@
 """A time step: the polynomials of the motion and of its frame, and their values with error bounds."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +14,7 @@ from symmb.prove.flow import Curve, parameters_at
 from symmb.prove.patches import Patches
 from symmb.prove.problem import Problem
 from symmb.prove.rounding import U, above, of_sum
+from symmb.prove.tape import Tape
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,15 +80,28 @@ class TimeStep:
             room = 1.0 / (A / np.abs(np.array(rates, dtype=float))[:, None]).max(axis=0, initial=0.0)
         return np.maximum(problem.scales, np.where(np.isfinite(room), room, 0.0))
 
-    def on_patches(self, patches: Patches, radius: Array | None = None) -> list[list[discs.Disc]]:
-        """Discs of the states, parameters and time on patches. The discs of the states are larger by `radius` (n,).
+    def discs_of(
+        self, tape: Tape, counts: tuple[int, int], radius: Array | None = None, rho: list[float] | None = None
+    ) -> list[list[discs.Disc]]:
+        """Discs of the outputs of a tape on patches, for all states within `radius` (n,) of the motion."""
+        return tape.run(discs.OPERATIONS, discs.disc, self.on_patches(counts, radius, rho))
+
+    def on_patches(
+        self, counts: tuple[int, int], radius: Array | None = None, rho: list[float] | None = None
+    ) -> list[list[discs.Disc]]:
+        """Discs of the states, parameters and time on patches of the box, or of the polyellipse rho.
+
+        There are counts[0] patches of time, and counts[1] of each parameter. The discs of the states are larger by
+        `radius` (n,).
 
         The discs contain the exact motion. It differs from the computed polynomials by a polynomial that is small on
         [-1, 1] and grows with the ellipses. Errors of parameters are constants.
         """
+        degrees = self.degrees
+        patches = Patches(rho or [1.0] * len(degrees), [counts[0], *[counts[1]] * (len(degrees) - 1)], degrees)
         problem, rounded = self.problem, self.x.error_on(patches.rho)
         more = rounded if radius is None else rounded + radius
-        x = [discs.wider(own, m) for own, m in zip(patches.discs(self.x.c), more, strict=True)]
+        x = [replace(own, radius=above(own.radius + m)) for own, m in zip(patches.discs(self.x.c), more, strict=True)]
         errors = np.broadcast_to(problem.errors, problem.middle.shape)
         p = [
             discs.disc(float(m)) if j < 0 else patches.linear(m, r, 1 + j, error)
@@ -100,34 +115,37 @@ class TimeStep:
         errors = above(errors + self.x.error)
         states = [points.point(values, float(error)) for values, error in zip(x, errors, strict=True)]
         t = (self.t0 + 0.5 * self.h * (1.0 + ch.nodes(counts[0]))).reshape(-1, *(1,) * (len(counts) - 1))
-        time = points.point(t, 4.0 * U * (abs(self.t0) + self.h) + self.h * ch.ENTRY)
+        time = points.point(t, 4.0 * U * (abs(self.t0) + self.h) + self.h * ch.ENTRY_ERROR)
         return [states, parameter_points(self.problem, counts[1:], 1), [time]]
 
     def inverse_times(self, y: Array) -> Array:
         """Bounds (n,) of |B^-1 z| for all |z| <= y (n,)."""
         return self.solved(above(self.C_largest @ y))
 
-    def solved(self, v: Array) -> Array:
-        """Bounds (n,) of |B^-1 y| for all y with |C y| <= v (n,). B^-1 is the Neumann series (sum of (I - C B)^k) C."""
-        E, eta = self.inverse_defect
-        return above(v + E @ np.full(len(v), v.max() / (1.0 - eta)))
-
     @cached_property
-    def inverse_defect(self) -> tuple[Array, float]:
-        """Bounds (n, n) of I - C B, and the largest sum of a row. ProofError if the sum is not below 1/2."""
+    def solved(self) -> Callable[[Array], Array]:
+        """`solution_bound` of the frame."""
         n = self.problem.n
-        B = self.B.c.reshape(n, n, *self.B.c.shape[1:])
-        E = ch.product_bound(self.C, B, self.B.error.reshape(n, n), np.eye(n))
-        eta = above(float(E.sum(axis=1).max()))
-        if not eta < 0.5:
-            raise ProofError("the deviations from the polynomials grow too differently over the box")
-        return E, eta
+        return solution_bound(self.C, self.B.c.reshape(n, n, *self.B.c.shape[1:]), self.B.error.reshape(n, n))
+
+
+def solution_bound(C: Array, B: Array, B_error: Array) -> Callable[[Array], Array]:
+    """Bounds (n,) of |B^-1 y| for all y with |C y| <= v, as a function of v (n,).
+
+    B^-1 is the Neumann series (sum of (I - C B)^k) C. ProofError if a row of |I - C B| may have a sum of 1/2 or more.
+    """
+    n = len(C)
+    E = ch.product_bound(C, B, B_error, np.eye(n))
+    eta = above(float(E.sum(axis=1).max()))
+    if not eta < 0.5:
+        raise ProofError("the deviations from the polynomials grow too differently over the box")
+    return lambda v: above(v + E @ np.full(n, v.max() / (1.0 - eta)))
 
 
 def parameter_points(problem: Problem, counts: tuple[int, ...], leading: int) -> list[points.Point]:
     """Parameters at nodes, with error bounds. Arrays have `leading` axes before the axes of the parameters."""
-    values = parameters_at(problem, [ch.nodes(m) for m in counts], leading)
-    errors = 4.0 * U * (np.abs(problem.middle) + problem.radius) + problem.radius * ch.ENTRY + problem.errors
+    values = parameters_at(problem, counts, leading)
+    errors = 4.0 * U * (np.abs(problem.middle) + problem.radius) + problem.radius * ch.ENTRY_ERROR + problem.errors
     return [
         points.point(value, float(error) if isinstance(value, np.ndarray) else 0.0)
         for value, error in zip(values, errors, strict=True)

@@ -1,34 +1,27 @@
-"""Bounds of the defects of the motion and of its frame over a step."""
+"""Bounds of the defects of the motion and of its frame over a step: on grids of nodes, or by Taylor models."""
 
 import math
+from functools import reduce
 
+import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import SMALL
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove import points
 from symmb.prove.curves import TimeStep
 from symmb.prove.degrees import degrees_of_equations, highest
-from symmb.prove.ellipses import Control, node_counts
-from symmb.prove.errors import ProofError
+from symmb.prove.ellipses import THINNEST, Control, Tried, node_counts, nodes_of_defect
+from symmb.prove.errors import ProofError, not_smooth
 from symmb.prove.patches import largest_on
 from symmb.prove.rounding import U, above, of_sum
+from symmb.prove.several_parameters import at_nodes, equations_at_nodes, inputs_on_step, on_step, run
+from symmb.prove.taylor_models import DEGREES_BEYOND_POLYNOMIALS, OPERATIONS, Basis, Model, basis_of, reach
 
-_MOST_NODES_OF_GRID, _MOST_FRAME_VALUES = 3e5, 5e7
-"""Most nodes of a grid, and most values of a frame at all nodes: they take seconds and 2 GB with intermediate results.
-A step with 1e9 values took a minute (six bodies in space between short springs)."""
 _ALIASED_SHARE = 0.2
 """Fraction of the bound of a defect that may be due to aliasing."""
-ALIASED_GROWTH = 1e-3
-"""Relative growth of the remainder in a step that may be due to aliasing."""
-LEAST_REMAINDER = 1e-2
-"""Remainders below this fraction of the largest one count as this fraction."""
-_MUCH_ALIASING = 30.0
-"""Ratio of the aliasing to its aim above which a step is too long."""
-
-_MOST_EXACT_NUMBERS, _MOST_EXACT_NODES = 2e6, 8e6
-"""Most numbers in an array of values for an exact interpolation (16 MB), and most nodes: the bounds of rounding errors
-hold for sums of this many terms."""
+_TOO_ROUGH = "polynomials of this order follow the motion too badly, as where a short pulse begins at rest"
 
 
 def exact_defects(step: TimeStep) -> tuple[Array, Array] | None:
@@ -52,39 +45,59 @@ def exact_defects(step: TimeStep) -> tuple[Array, Array] | None:
 
 
 def _grid(degrees: Array, numbers: int) -> tuple[int, ...] | None:
-    """Nodes for the exact interpolation of `numbers` polynomials of given degrees; None if there are too many nodes."""
-    nodes = np.prod(degrees + 1.0)
-    if not (nodes <= _MOST_EXACT_NODES and numbers * nodes <= _MOST_EXACT_NUMBERS):
+    """Nodes for the exact interpolation of `numbers` polynomials of given degrees; None if values need above 16 MB."""
+    # a larger grid would also exceed the number of terms whose rounding `above` covers
+    if not numbers * np.prod(degrees + 1.0) <= 2e6:
         return None
     return tuple(int(degree) + 1 for degree in degrees)
 
 
 def _is_large(counts: tuple[int, ...], step: TimeStep) -> bool:
-    """Whether the values at a grid of these nodes take too long for a step."""
-    nodes = math.prod(counts)
-    return nodes > _MOST_NODES_OF_GRID or nodes * step.problem.n**2 > _MOST_FRAME_VALUES
+    """Whether the values at a grid take too long for a step: seconds, and 2 GB with intermediate results.
 
-
-def defect_of_motion(
-    step: TimeStep, rho: list[float], C_on: Array, most_rate: Array, w: Array, control: Control
-) -> Array:
-    """Bounds (n,) of |C d| with d = u' - f(u). ProofError if no grid is fine enough.
-
-    On the ellipses rho, C is at most C_on (n, n), and f(u) at most most_rate (n,). Aliasing may be a small fraction of
-    the remainder w (n,).
+    A step with 1e9 values of the frame took a minute (six bodies in space between short springs).
     """
-    k = len(rho)
-    most = above(C_on @ (most_rate + largest_on(rho, step.x.rate)))
-    small = ALIASED_GROWTH * w / step.h
+    nodes = math.prod(counts)
+    return nodes > 3e5 or nodes * step.problem.n**2 > 5e7
+
+
+def largest_defects(step: TimeStep, rho: list[float], rates: Array, slopes: Array) -> tuple[Array, Array]:
+    """Bounds of C d (n,) and of C (A B - B') (n, n) on ellipses, where the rates are at most `rates`, and A `slopes`.
+
+    These bounds are much larger than the defects on the box. They only limit the aliasing.
+    """
+    n = step.problem.n
+    C_on, B_on, rate_on = (largest_on(rho, c.reshape(n * n, *c.shape[c.ndim - len(rho) :])).reshape(n, n)
+                           for c in (step.C, step.B.c, step.B.rate))  # fmt: skip
+    of_frame = slopes @ (B_on + step.B.error_on(rho).reshape(n, n)) + rate_on
+    return above(C_on @ (rates + largest_on(rho, step.x.rate))), above(C_on @ of_frame)
+
+
+def _comparable(w: Array) -> Array:
+    """Remainders (n,), at least 1 % of the largest. Smaller ones need no better bounds: each step mixes all of them."""
+    return np.maximum(w, 1e-2 * w.max())
+
+
+def _ratio_in_frame(step: TimeStep, most: Array, w: Array) -> float:
+    """Ratio of the aliasing to its bound `most` (n, n) at which it increases the remainders w (n,) by a small part."""
+    w = _comparable(w)
+    return SMALL * float((w / (step.h * (most @ w))).min())
+
+
+def defect_of_motion(step: TimeStep, rho: list[float], most: Array, w: Array, control: Control) -> Array:
+    """Bounds (n,) of |C d| with d = u' - f(u), which is at most `most` (n,) on the ellipses rho.
+
+    Aliasing may be a small fraction of the remainder w (n,). ProofError if no grid is fine enough.
+    """
+    small = SMALL * w / step.h
     # aliasing of this part of the rates is negligible if finer grids are too large
-    harmless = np.maximum(small, 1e-10 * (step.C_largest @ ch.sums(step.x.rate, k)))
-    harmless = np.maximum(harmless, LEAST_REMAINDER * harmless.max())
+    harmless = _comparable(np.maximum(small, 1e-10 * (step.C_largest @ ch.sums(step.x.rate, len(rho)))))
     wanted = np.maximum(_ALIASED_SHARE * control.wanted, small)
     counts = node_counts(rho, 0.3 * float((wanted / most).min()))
     if _is_large(counts, step):
         counts = node_counts(rho, 0.3 * float((harmless / most).min()))
     if _is_large(counts, step):
-        raise ProofError("polynomials of this order follow the motion too badly, as where a short pulse begins at rest")
+        raise ProofError(_TOO_ROUGH)
     sampled, alias = _sampled_defect(step, counts), above(ch.aliasing(rho, counts) * most)
     for _ in range(2):  # finer grids, until the aliasing is small
         wanted = np.maximum(_ALIASED_SHARE * sampled, small)
@@ -94,15 +107,16 @@ def defect_of_motion(
             break
         counts = finer
         sampled, alias = _sampled_defect(step, counts), above(ch.aliasing(rho, counts) * most)
-    if (alias > _MUCH_ALIASING * np.maximum(wanted, harmless)).any():
-        raise ProofError("polynomials of this order follow the motion too badly, as where a short pulse begins at rest")
+    # a proof with much more aliasing than wanted is valid, but a shorter step has a far smaller remainder
+    if (alias > 30.0 * np.maximum(wanted, harmless)).any():
+        raise ProofError(_TOO_ROUGH)
     control.wanted = float(sampled.max())
     return above(sampled + alias)
 
 
 def _sampled_defect(step: TimeStep, counts: tuple[int, ...], in_frame: bool = True) -> Array:
     """Bounds (n,) of the interpolation of C d, or of d, at nodes."""
-    n, k = step.problem.n, len(counts)
+    k = len(counts)
     found = step.problem.rate_tape.run(points.OPERATIONS, points.point, step.at_nodes(counts))[0]
     f, f_errors = _stack(found, counts)
     rate, rate_errors = ch.values(step.x.rate, counts)
@@ -110,21 +124,22 @@ def _sampled_defect(step: TimeStep, counts: tuple[int, ...], in_frame: bool = Tr
     d_errors = above(rate_errors + f_errors + U * ch.largest(d, k))
     if not in_frame:
         return ch.bound_of_samples(d, d_errors, k)
+    return _in_frame(step, d, d_errors, counts)
+
+
+def _in_frame(step: TimeStep, d: Array, d_errors: Array, counts: tuple[int, ...]) -> Array:
+    """Bounds of the interpolation of C d for values d (n, *counts) or (n, n, *counts) at nodes, with errors."""
+    k = len(counts)
     C, C_errors = ch.values(step.C, counts)
-    d_most, C_most = ch.largest(d, k), ch.largest(C, k)
-    g = np.einsum("ij...,j...->i...", C, d)
-    errors = above((C_most + C_errors) @ d_errors + C_errors @ d_most + of_sum(n + 2) * (C_most @ d_most))
-    return ch.bound_of_samples(g, errors, k)
+    d_most, C_most, column = ch.largest(d, k), ch.largest(C, k), "k" * (d_errors.ndim - 1)
+    g = np.einsum(f"ij...,j{column}...->i{column}...", C, d)
+    errors = (C_most + C_errors) @ d_errors + C_errors @ d_most + of_sum(len(C) + 2) * (C_most @ d_most)
+    return ch.bound_of_samples(g, above(errors), k)
 
 
-def defect_of_frame(step: TimeStep, rho: list[float], C_on: Array, most_slope: Array, w: Array) -> Array:
-    """Bounds (n, n) of |C (A B - B')|. A is at most most_slope (n, n) on the ellipses."""
-    n = step.problem.n
-    B_on, rate_on = (largest_on(rho, c).reshape(n, n) for c in (step.B.c, step.B.rate))
-    most = above(C_on @ (most_slope @ (B_on + step.B.error_on(rho).reshape(n, n)) + rate_on))
-    w = np.maximum(w, LEAST_REMAINDER * w.max())
-    ratio = ALIASED_GROWTH * float((w / (step.h * (most @ w))).min())
-    counts = node_counts(rho, ratio)
+def defect_of_frame(step: TimeStep, rho: list[float], most: Array, w: Array) -> Array:
+    """Bounds (n, n) of |C (A B - B')|, which is at most `most` (n, n) on the ellipses rho."""
+    counts = node_counts(rho, _ratio_in_frame(step, most, w))
     if _is_large(counts, step):
         raise ProofError("the deviations from the polynomials grow too differently over the box")
     return above(_sampled_frame(step, counts) + ch.aliasing(rho, counts) * most)
@@ -135,20 +150,110 @@ def _sampled_frame(step: TimeStep, counts: tuple[int, ...]) -> Array:
     n, k = step.problem.n, len(counts)
     found = step.problem.jacobian_tape.run(points.OPERATIONS, points.point, step.at_nodes(counts))[1]
     A, A_errors = (a.reshape(n, n, *a.shape[1:]).swapaxes(0, 1) for a in _stack(found, counts))
-    C, C_errors = ch.values(step.C, counts)
     B, B_errors = (a.reshape(n, n, *a.shape[1:]) for a in ch.values(step.B.c, counts))
     B_errors = above(B_errors + step.B.error.reshape(n, n))
     rate, rate_errors = (a.reshape(n, n, *a.shape[1:]) for a in ch.values(step.B.rate, counts))
-    A_most, B_most, C_most = (ch.largest(a, k) for a in (A, B, C))
+    A_most, B_most = (ch.largest(a, k) for a in (A, B))
     d = np.einsum("ij...,jk...->ik...", A, B) - rate
-    d_most = ch.largest(d, k)
     d_errors = above(A_most @ B_errors + A_errors @ (B_most + B_errors) + of_sum(n + 2) * (A_most @ B_most)
-                     + rate_errors + U * d_most)  # fmt: skip
-    g = np.einsum("ij...,jk...->ik...", C, d)
-    errors = above((C_most + C_errors) @ d_errors + C_errors @ d_most + of_sum(n + 2) * (C_most @ d_most))
-    return ch.bound_of_samples(g, errors, k)
+                     + rate_errors + U * ch.largest(d, k))  # fmt: skip
+    return _in_frame(step, d, d_errors, counts)
 
 
 def _stack(found: list[points.Point], counts: tuple[int, ...]) -> tuple[Array, Array]:
     """Values (m, *counts) and errors (m,)."""
     return np.stack([np.broadcast_to(a[0], counts) for a in found]), np.array([a[1] for a in found])
+
+
+def _tried(step: TimeStep, of_time: float, wanted: float) -> Tried:
+    """The ellipse of time with the parameter `of_time`, for real parameters of the box."""
+    n, rho = step.problem.n, [of_time, *[1.0] * step.problem.d]
+    rates, slopes = (np.array([reach(a) for a in found])
+                     for found in on_step(step, step.problem.jacobian_tape, rho=of_time))  # fmt: skip
+    return Tried(rho, rates, slopes.reshape(n, n).T, nodes_of_defect(step, rho, rates, slopes, wanted))
+
+
+def _adapted(step: TimeStep, control: Control) -> Tried:
+    """The ellipse of the last step, a smaller one, or a neighbour with fewer nodes. ProofError if no ellipse works."""
+    best = _tried(step, control.rho, control.wanted)
+    while not np.isfinite(best.nodes) and best.rho[0] > THINNEST:
+        best = _tried(step, 1.0 + 0.5 * (best.rho[0] - 1.0), control.wanted)
+    if not np.isfinite(best.nodes):
+        inputs = inputs_on_step(step, 0.0, best.rho[0])
+        constant = inputs[2][0].basis.constant
+        lost = step.problem.jacobian_tape.first(OPERATIONS, constant, inputs, lambda a: not np.isfinite(reach(a)))
+        raise not_smooth(lost)
+    # a slightly wider and a slightly thinner ellipse are compared in turn: one comparison a step follows slow changes
+    control.turn += 1
+    other = _tried(step, 1.0 + (1.2 if control.turn % 2 else 1.0 / 1.2) * (best.rho[0] - 1.0), control.wanted)
+    best = min(best, other, key=lambda found: found.nodes)
+    control.rho = best.rho[0]
+    return best
+
+
+def defects_of_models(step: TimeStep, w: Array, control: Control) -> tuple[Array, Array, list[float]]:
+    """Bounds of |C d| (n,) and of |C (A B - B')| (n, n), and the ellipses on which the equations are bounded.
+
+    For several parameters. Aliasing may be a small fraction of the remainder w (n,). ProofError if the equations may
+    not be analytic.
+    """
+    chosen = _adapted(step, control)
+    rho = chosen.rho
+    most, most_of_frame = largest_defects(step, rho, chosen.rates, chosen.slopes)
+    # aliasing may be a tenth of the last defect, because the present one is not known yet
+    wanted = np.maximum(0.1 * control.wanted, SMALL * w / step.h)
+    (count,) = node_counts(rho, float((wanted / most).min()))
+    own = _modelled_defect(step, count)
+    defect = above(own + ch.aliasing(rho[:1], [count]) * most)
+    control.wanted = float(own.max())
+    (count,) = node_counts(rho, _ratio_in_frame(step, most_of_frame, above(w + step.h * defect)))
+    return defect, above(_modelled_frame(step, count) + ch.aliasing(rho[:1], [count]) * most_of_frame), rho
+
+
+_subtract, _multiply, _add = OPERATIONS[ca.OP_SUB], OPERATIONS[ca.OP_MUL], OPERATIONS[ca.OP_ADD]
+
+
+def _product(A: list[list[Model]], B: list[list[Model]]) -> list[list[Model]]:
+    """The product of two matrices of Taylor models."""
+    return [[reduce(_add, map(_multiply, row, column)) for column in zip(*B, strict=True)] for row in A]
+
+
+def _matrix(c: Array, error: Array, count: int, basis: Basis) -> list[list[Model]]:
+    """Taylor models of n n polynomials of time and the parameters at nodes of time, in rows of n."""
+    n = math.isqrt(len(error))
+    entries = at_nodes(c.reshape(n * n, *c.shape[c.ndim - basis.variables - 1 :]), error, count, basis)
+    return [entries[i : i + n] for i in range(0, n * n, n)]
+
+
+def _modelled_defect(step: TimeStep, count: int) -> Array:
+    """Bounds (n,) of the interpolation of C d in time."""
+    n, basis = step.problem.n, basis_of(step.problem.d, step.x.c.shape[2] - 1 + DEGREES_BEYOND_POLYNOMIALS)
+    (f,) = run(step.problem.rate_tape, equations_at_nodes(step, count, basis))
+    rate = at_nodes(step.x.rate, np.zeros(n), count, basis)
+    d = [[_subtract(a, b)] for a, b in zip(rate, f, strict=True)]
+    return np.array([_bound(row[0], count) for row in _product(_matrix(step.C, np.zeros(n * n), count, basis), d)])
+
+
+def _modelled_frame(step: TimeStep, count: int) -> Array:
+    """Bounds (n, n) of the interpolation of C (A B - B') in time."""
+    # Taylor models of the defect of a frame have one degree more than the frame
+    n, basis = step.problem.n, basis_of(step.problem.d, step.B.c.shape[2])
+    entries = run(step.problem.jacobian_tape, equations_at_nodes(step, count, basis))[1]
+    A, none = [entries[i::n] for i in range(n)], np.zeros(n * n)  # column-major
+    B, C, rate = (_matrix(c, error, count, basis)
+                  for c, error in ((step.B.c, step.B.error), (step.C, none), (step.B.rate, none)))  # fmt: skip
+    d = [[_subtract(a, b) for a, b in zip(*rows, strict=True)] for rows in zip(_product(A, B), rate, strict=True)]
+    return np.array([[_bound(a, count) for a in row] for row in _product(C, d)])
+
+
+def _bound(a: Model, count: int) -> float:
+    """A bound of the interpolation in time at `count` nodes, for all parameters.
+
+    Each coefficient of the Chebyshev polynomials of the parameters is interpolated separately.
+    """
+    c = a.in_chebyshev(count)
+    lebesgue = above(2.0 / np.pi * np.log(count) + 1.0)
+    rounded = of_sum(len(c) + 2) * a.norm
+    radius = float(above(np.broadcast_to(a.radius + rounded, count)).max())
+    most = float(ch.bound_of_samples(c, np.zeros(len(c)), 1).sum() + lebesgue * radius)
+    return above(most) if most == most else np.inf

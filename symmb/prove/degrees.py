@@ -7,6 +7,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.prove.curves import TimeStep
+from symmb.prove.tape import Tape
 
 Degree = tuple[Array, float | None]
 """Highest degrees in time and in the parameters, infinite if a number is not a polynomial; and the value of a constant
@@ -19,27 +20,26 @@ def degrees_of_equations(step: TimeStep) -> tuple[Array, Array]:
     A state counts as a constant 0 only if the computed coefficients of both the state and its rate are 0.
     """
     none = np.zeros(step.x.c.ndim - 1)
-    outputs = step.problem.jacobian_tape.run(_OPERATIONS, lambda value: (none, value), _arguments(step))
-    rates, slopes = (np.max([none, *(degree for degree, _ in part)], axis=0) for part in outputs)
+    rates, slopes = (np.max([none, *part], axis=0) for part in _run(step, step.problem.jacobian_tape))
     return rates, slopes
 
 
 def degrees_of_outputs(step: TimeStep) -> Array:
     """Highest degrees (n_y, d) in the parameters of the outputs along the motion."""
-    none = np.zeros(step.x.c.ndim - 1)
-    (outputs,) = step.problem.output_tape.run(_OPERATIONS, lambda value: (none, value), _arguments(step))
-    return np.array([degree[1:] for degree, _ in outputs])
+    (outputs,) = _run(step, step.problem.output_tape)
+    return np.array([degree[1:] for degree in outputs])
 
 
-def _arguments(step: TimeStep) -> list[list[Degree]]:
-    """Degrees of the states, the parameters and the time."""
+def _run(step: TimeStep, tape: Tape) -> list[list[Array]]:
+    """Degrees (1 + d,) of the outputs of a tape along the motion."""
     none = np.zeros(step.x.c.ndim - 1)
     x: list[Degree] = [
         (none + step.degrees if c.any() or rate.any() else none, None)
         for c, rate in zip(step.x.c, step.x.rate, strict=True)
     ]
     p: list[Degree] = [(none + (np.arange(len(none)) == 1 + j) * (j >= 0), None) for j in step.problem.variables]
-    return [x, p, [(none + (np.arange(len(none)) == 0), None)]]
+    inputs = [x, p, [(none + (np.arange(len(none)) == 0), None)]]
+    return [[degree for degree, _ in part] for part in tape.run(_OPERATIONS, lambda value: (none, value), inputs)]
 
 
 def highest(c: Array) -> Array:

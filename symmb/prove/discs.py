@@ -29,7 +29,8 @@ from scipy.special import erf
 
 from symmb._types import Array, Mask
 from symmb.declare.symbolic import Entry
-from symmb.prove.rounding import COMPLEX, above
+from symmb.prove.rounding import COMPLEX_ERROR, above
+from symmb.prove.tape import operations_by_sides
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +65,8 @@ class Disc:
 
 _NO_SLOPES, _NO_SWING = np.zeros(1), np.zeros(())
 """Slopes of a constant, and the sum of their moduli."""
-_LEAST_SQUARE, _LARGEST_INVERTED = 1e-300, 1e150
-"""A summand that covers squares that underflow, and the largest number whose squared inverse does not underflow."""
+_LEAST_SQUARE = 1e-300
+"""A summand that covers squares that underflow. Squares above it do not underflow."""
 
 
 def disc(centres: Array | float, radii: Array | float = 0.0) -> Disc:
@@ -73,14 +74,9 @@ def disc(centres: Array | float, radii: Array | float = 0.0) -> Disc:
     return Disc(np.asarray(centres), _NO_SLOPES, above(np.asarray(radii, dtype=float)))
 
 
-def wider(a: Disc, radius: float) -> Disc:
-    """The discs, with radii larger by `radius`."""
-    return Disc(a.centre, a.slopes, above(a.radius + radius))
-
-
 def reach(a: Disc) -> Array:
     """Largest modulus in each disc; infinite if it is not known."""
-    total = above(np.abs(a.centre) + a.swing)
+    total = above(np.abs(a.centre) + a.swing)  # nan is the difference of two overflows
     return np.where(np.isnan(total), np.inf, total)
 
 
@@ -104,7 +100,7 @@ def _plus(a: Any, b: Any) -> Any:
 
 def _rounded(centre: Any, slopes: Any, radius: Array, size: Array) -> Disc:
     """The disc with a radius that covers the rounding of its parts. `size` is the sum of their moduli."""
-    return Disc(centre, slopes, above(radius + COMPLEX * size))
+    return Disc(centre, slopes, above(radius + COMPLEX_ERROR * size))
 
 
 def _function(a: Disc, value: Any, slope: Any, rest: Array, size: Array, slope_size: Array | None = None) -> Disc:
@@ -114,7 +110,7 @@ def _function(a: Disc, value: Any, slope: Any, rest: Array, size: Array, slope_s
     """
     steepness = _size(slope)
     rounded = size + (steepness if slope_size is None else slope_size) * a.slope
-    return _rounded(value, _times(slope, a.slopes), steepness * a.radius + rest * (1.0 + COMPLEX), rounded)
+    return _rounded(value, _times(slope, a.slopes), steepness * a.radius + rest * (1.0 + COMPLEX_ERROR), rounded)
 
 
 def _if(holds: Any, a: Disc) -> Disc:
@@ -137,6 +133,7 @@ def _negative(a: Disc) -> Disc:
 
 def _multiply(a: Disc, b: Disc) -> Disc:
     slopes = _plus(_times(a.centre, b.slopes), _times(b.centre, a.slopes))
+    # all terms of the product that are not linear in the place: centres times radii, and both motions
     radius = a.size * b.radius + b.size * a.radius + a.swing * b.swing
     return _rounded(a.centre * b.centre, slopes, radius, a.size * (b.size + b.slope) + b.size * a.slope)
 
@@ -147,8 +144,9 @@ def _square(a: Disc) -> Disc:
 
 def _right(a: Disc) -> Mask:
     """Whether discs are in the open right half plane, in spite of rounding."""
+    # places in a patch are real, so that only the real parts of slopes move the discs to the left
     across = 0.0 if a.slopes is _NO_SLOPES else np.abs(a.slopes.real).sum(axis=-1)
-    return above(across + a.radius) * (1.0 + COMPLEX) < a.centre.real
+    return above(across + a.radius) * (1.0 + COMPLEX_ERROR) < a.centre.real
 
 
 def is_positive(a: Disc) -> bool:
@@ -158,20 +156,20 @@ def is_positive(a: Disc) -> bool:
 
 def is_regular(a: Disc) -> bool:
     """Whether all discs are on one side of 0."""
-    return bool(np.all(_right(a)) or np.all(_right(_negative(a))))
+    return np.isfinite(_side(a))
 
 
 def _gap(far: Array, near: Array) -> Array:
     """A lower bound of far - near, if it is positive."""
-    return (far * (1.0 - COMPLEX) - near * (1.0 + COMPLEX)) * (1.0 - COMPLEX)
+    return (far * (1.0 - COMPLEX_ERROR) - near * (1.0 + COMPLEX_ERROR)) * (1.0 - COMPLEX_ERROR)
 
 
 def _inverse(a: Disc) -> Disc:
     """1 / (c + w) = 1 / c - w / c^2 + w^2 / (c^2 (c + w)), if |w| < |c|."""
     size, value = np.abs(a.centre), 1.0 / a.centre
     share, gap = a.swing / size, _gap(size, a.swing)
-    is_known = (gap > 0.0) & (size < _LARGEST_INVERTED)
-    rest = np.where(is_known, share * share / gap * (1.0 + COMPLEX), np.inf)
+    is_known = (gap > 0.0) & (size < _LEAST_SQUARE**-0.5)  # 1 / c^2 does not underflow
+    rest = np.where(is_known, share * share / gap * (1.0 + COMPLEX_ERROR), np.inf)
     return _if(is_regular(a), _function(a, value, -value * value, rest, 1.0 / size))
 
 
@@ -181,7 +179,7 @@ def _divide(a: Disc, b: Disc) -> Disc:
 
 def _share(a: Disc) -> Array:
     """Ratio of the largest distance to the modulus of the centre, at most 1."""
-    return np.minimum(above(a.swing / np.abs(a.centre)) * (1.0 + COMPLEX), 1.0)
+    return np.minimum(above(a.swing / np.abs(a.centre)) * (1.0 + COMPLEX_ERROR), 1.0)
 
 
 def _sqrt(a: Disc) -> Disc:
@@ -216,6 +214,7 @@ def _circular(f: Callable, slope: Callable) -> Callable[[Disc], Disc]:
     def operation(a: Disc) -> Disc:
         value, own, swing = f(a.centre), slope(a.centre), a.swing
         size, steepness = np.abs(value), np.abs(own)
+        # |C(w) - 1| <= cosh|w| - 1, written without cancellation for small discs
         rest = size * 2.0 * np.sinh(0.5 * swing) ** 2 + steepness * swing**3 / 6.0 * np.cosh(swing)
         spread = (size + steepness) * (1.0 + np.abs(a.centre))
         return _function(a, value, own, rest, spread, spread)
@@ -231,19 +230,16 @@ def _by_slope(value: Array, a: Disc, steepest: Array, analytic: bool | Mask) -> 
     """A function of discs, which are convex. Its derivative has at most the modulus `steepest` in each disc."""
     usable = analytic and bool(np.all(np.isfinite(steepest) & (steepest >= 0)))
     size = np.abs(value) + steepest * np.abs(a.centre)
-    return _if(usable, _rounded(value, _NO_SLOPES, a.swing * steepest * (1.0 + COMPLEX), size))
+    return _if(usable, _rounded(value, _NO_SLOPES, a.swing * steepest * (1.0 + COMPLEX_ERROR), size))
 
 
 def _tanh(a: Disc) -> Disc:
     """tanh in a half plane or a strip without poles, with the slope 1 / cosh^2, |cosh z|^2 = sinh^2 x + cos^2 y."""
     x = np.maximum(_gap(np.abs(np.real(a.centre)), a.swing), 0.0)
     y = above(np.abs(np.imag(a.centre)) + a.swing)
-    least = np.sinh(x) ** 2 + np.where(y < _TANH_STRIP, np.cos(y) ** 2, 0.0)
-    return _by_slope(np.tanh(a.centre), a, above(1.0 / least), is_regular(a) or bool(np.all(y < _TANH_STRIP)))
-
-
-_TANH_STRIP = 1.57
-"""Half the width of a strip in which tanh is analytic: below pi / 2, so that the cosine has small relative errors."""
+    in_strip = y < 1.57  # below pi / 2, so that the cosine has small relative errors
+    least = np.sinh(x) ** 2 + np.where(in_strip, np.cos(y) ** 2, 0.0)
+    return _by_slope(np.tanh(a.centre), a, above(1.0 / least), is_regular(a) or bool(np.all(in_strip)))
 
 
 def _in_unit_disc(a: Disc) -> bool:
@@ -259,7 +255,7 @@ def _arc(f: Callable, sign: float, root: Callable, is_analytic: Callable[[Disc],
 
     def operation(a: Disc) -> Disc:
         z, swing = a.centre, a.swing
-        rest = above(2.0 * np.abs(z) * swing + swing**2 + COMPLEX * (1.0 + np.abs(z) ** 2))
+        rest = above(2.0 * np.abs(z) * swing + swing**2 + COMPLEX_ERROR * (1.0 + np.abs(z) ** 2))
         least = _gap(np.abs(1.0 + sign * z * z), rest)
         return _by_slope(f(z), a, 1.0 / root(least), is_analytic(a))
 
@@ -321,42 +317,13 @@ def _by_i(a: Disc, factor: float) -> Disc:
     return Disc(1j * factor * a.centre, _times(1j * factor, a.slopes), abs(factor) * a.radius)
 
 
-def _sign(a: Disc) -> Disc:
-    side = 1.0 if np.all(_right(a)) else -1.0
-    return _if(is_regular(a), disc(side))
+def _side(a: Disc) -> float:
+    """1 or -1 if all discs are in the right or in the left half plane, else nan."""
+    return 1.0 if np.all(_right(a)) else -1.0 if np.all(_right(_negative(a))) else np.nan
 
 
-def _choose(a: Disc, b: Disc, larger: bool) -> Disc:
-    side = _sign(_subtract(a, b))
-    if not np.all(np.isfinite(side.radius)):
-        return _if(False, _add(a, b))
-    return a if bool(np.real(side.centre) > 0) == larger else b
-
-
-def _truth(of: Callable[[float], float]) -> Callable[[Disc, Disc], Disc]:
-    """A comparison of a and b, from the sign of a - b."""
-
-    def operation(a: Disc, b: Disc) -> Disc:
-        side = _sign(_subtract(a, b))
-        return _if(np.isfinite(side.radius), disc(of(float(np.real(side.centre).flat[0]))))
-
-    return operation
-
-
-def _holds(condition: Disc) -> float:
-    """1 if a condition is not 0, 0 if it is 0, and nan if neither is known."""
-    if np.all(condition.centre == 0.0) and np.all(condition.swing <= above(0.0)):
-        return 0.0
-    return 1.0 if is_regular(condition) else np.nan
-
-
-def _decided(truth: float) -> Disc:
-    return _if(truth == truth, disc(truth))
-
-
-def _if_else_zero(condition: Disc, a: Disc) -> Disc:
-    truth = _holds(condition)
-    return _if(truth == truth, a if truth else disc(0.0))
+def _is_zero(a: Disc) -> bool:
+    return bool(np.all(a.centre == 0.0) and np.all(a.swing <= above(0.0)))
 
 
 def _entry(entry: Entry, group: Disc, at: Disc) -> Disc:
@@ -399,18 +366,6 @@ OPERATIONS: dict[int, Callable[..., Disc]] = {
     ca.OP_CONSTPOW: _power,
     ca.OP_ATAN2: _arctan2,
     ca.OP_HYPOT: lambda a, b: _sqrt(_add(_square(a), _square(b))),
-    ca.OP_FABS: lambda a: _if(is_regular(a), a if np.all(_right(a)) else _negative(a)),
-    ca.OP_SIGN: _sign,
-    ca.OP_FMIN: lambda a, b: _choose(a, b, larger=False),
-    ca.OP_FMAX: lambda a, b: _choose(a, b, larger=True),
-    ca.OP_LT: _truth(lambda side: float(side < 0)),
-    ca.OP_LE: _truth(lambda side: float(side < 0)),
-    ca.OP_EQ: _truth(lambda side: 0.0),
-    ca.OP_NE: _truth(lambda side: 1.0),
-    ca.OP_NOT: lambda a: _decided(1.0 - _holds(a)),
-    ca.OP_AND: lambda a, b: _decided(_holds(a) * _holds(b)),
-    ca.OP_OR: lambda a, b: _decided(float(np.maximum(_holds(a), _holds(b)))),
-    ca.OP_IF_ELSE_ZERO: _if_else_zero,
     ca.OP_CALL: _entry,
-}
+} | operations_by_sides(_subtract, _negative, _side, _is_zero, lambda value: _if(value == value, disc(value)))
 """CasADi's operations on discs."""

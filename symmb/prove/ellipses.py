@@ -13,7 +13,7 @@ from symmb._types import Array, Mask
 from symmb.prove import discs
 from symmb.prove.curves import TimeStep
 from symmb.prove.errors import not_smooth
-from symmb.prove.patches import Patches, largest_on
+from symmb.prove.patches import largest_on
 
 
 @dataclass(frozen=True)
@@ -33,17 +33,13 @@ class Choice:
         if which == 1:
             return replace(self, spread=(a, b * factor))
         if which == 2:
-            return replace(self, patches=(max(_bounded(k * factor + 2 * (turn % 2)), _FEWEST_PATCHES), m))
+            return replace(self, patches=(_bounded(max(4.0, k * factor + 2 * (turn % 2))), m))
         return replace(self, patches=(k, _bounded(m * factor + 2 * (turn % 2))))
 
 
 def _bounded(count: float) -> int:
-    """The nearest allowed number of patches."""
-    return 1 if count < _FEWEST_PATCHES - 1 else min(max(round(count), _FEWEST_PATCHES), _MOST_PATCHES)
-
-
-_FEWEST_PATCHES, _MOST_PATCHES = 4, 40
-"""Fewest and most patches of a variable that has more than one patch. Two or three are not better than one."""
+    """The nearest allowed number of patches: 1, or 4 to 40. Two or three patches are not better than one."""
+    return 1 if count < 3 else min(max(round(count), 4), 40)
 
 
 @dataclass
@@ -87,20 +83,22 @@ def ellipses(step: TimeStep, spread: tuple[float, float]) -> list[float]:
         c[:, 0] = 0.0
         own, most = c.sum(axis=1), spread[0 if axis == 1 else 1]
         rho.append(
-            _largest_below(
-                lambda r, c=c, own=own, most=most: (largest_on([r], c) - own).max(initial=0.0) <= most, _WIDEST
-            )
+            _largest_below(lambda r, c=c, own=own, most=most: (largest_on([r], c) - own).max(initial=0.0) <= most)
         )
     own, allowed = rows.sum(axis=tuple(range(1, rows.ndim))), sum(spread)
+    # together the ellipses move the states farther than each alone, so that all of them shrink by a common exponent
     share = _largest_below(
-        lambda r: (largest_on([max(s ** (r - 1.0), _THINNEST) for s in rho], rows) - own).max(initial=0.0) <= allowed,
+        lambda r: (largest_on([max(s ** (r - 1.0), THINNEST) for s in rho], rows) - own).max(initial=0.0) <= allowed,
         2.0,
     )
-    return [max(r ** (share - 1.0), _THINNEST) for r in rho]
+    return [max(r ** (share - 1.0), THINNEST) for r in rho]
 
 
-def _largest_below(holds: Callable[[float], bool], top: float) -> float:
-    """Approximately the largest number between 1 and `top` for which a condition holds."""
+def _largest_below(holds: Callable[[float], bool], top: float = 1000.0) -> float:
+    """Approximately the largest number between 1 and `top` for which a condition holds.
+
+    On an ellipse with the parameter 1000, an interpolation in six nodes has an error of 1e-18.
+    """
     low, high = 1.0, top
     if holds(top):
         return top
@@ -110,8 +108,8 @@ def _largest_below(holds: Callable[[float], bool], top: float) -> float:
     return low
 
 
-_THINNEST, _WIDEST = 1.02, 1000.0
-"""Smallest and largest parameter of an ellipse. With 1000, an interpolation in six nodes has an error of 1e-18."""
+THINNEST = 1.02
+"""Smallest parameter of an ellipse. A thinner one needs a thousand nodes, because aliasing decreases as rho^-nodes."""
 
 
 def reaches(found: list[discs.Disc]) -> Array:
@@ -119,21 +117,19 @@ def reaches(found: list[discs.Disc]) -> Array:
     return np.array([float(discs.reach(a).max()) for a in found])
 
 
-def patches_on(step: TimeStep, rho: list[float], patches: tuple[int, int]) -> Patches:
-    """Patches of polyellipses. `patches` are the numbers of patches of time and of each parameter."""
-    return Patches(rho, [patches[0], *[patches[1]] * (len(rho) - 1)], step.degrees)
-
-
 @dataclass(frozen=True)
 class Tried:
-    """Ellipses, bounds of f (n,) and of its Jacobian (n, n) on the ellipses, and the cost of their use."""
+    """Ellipses, bounds of f (n,) and of its Jacobian (n, n) on them, the nodes that they need, and their cost.
 
-    choice: Choice
+    Nodes and cost are infinite if the equations have no bounds there.
+    """
+
     rho: list[float]
     rates: Array
     slopes: Array
-    cost: float
-    nodes: float
+    nodes: float = np.inf
+    cost: float = np.inf
+    choice: Choice = Choice()
 
 
 def adapted(step: TimeStep, control: Control) -> Tried:
@@ -143,9 +139,9 @@ def adapted(step: TimeStep, control: Control) -> Tried:
     cannot be shown to be analytic on any ellipses.
     """
     best = _first(step, control)
-    for trial in range(_MOST_CHOICES):
-        # more choices are compared only if very many nodes are needed
-        if trial >= _CHOICES_PER_STEP and best.nodes <= 1e5:
+    # two other choices are compared in a step, and up to 16 if very many nodes are needed
+    for trial in range(16):
+        if trial >= 2 and best.nodes <= 1e5:
             break
         control.turn += 1
         other = _tried(step, best.choice.turned(control.turn), control.wanted)
@@ -165,37 +161,32 @@ def _first(step: TimeStep, control: Control) -> Tried:
             if np.isfinite(found.cost):
                 return found
         choice = replace(choice, spread=(0.5 * choice.spread[0], 0.5 * choice.spread[1]))
-    inputs = step.on_patches(patches_on(step, ellipses(step, choice.spread), (choice.patches[0], 1)))
+    inputs = step.on_patches((choice.patches[0], 1), rho=ellipses(step, choice.spread))
     tape = step.problem.jacobian_tape
     raise not_smooth(tape.first(discs.OPERATIONS, discs.disc, inputs, lambda a: not np.isfinite(discs.reach(a)).all()))
 
 
 def _tried(step: TimeStep, choice: Choice, wanted: float) -> Tried:
-    """The ellipses of a choice. The cost is infinite if the equations are not bounded there."""
-    n = step.problem.n
-    rho = ellipses(step, choice.spread)
+    """The ellipses of a choice."""
+    n, rho = step.problem.n, ellipses(step, choice.spread)
     count = choice.patches[0] * float(choice.patches[1]) ** step.problem.d
-    if count > TOO_MANY:
-        return Tried(choice, rho, np.empty(0), np.empty(0), np.inf, np.inf)
-    patches = patches_on(step, rho, choice.patches)
-    rates, slopes = (
-        reaches(found)
-        for found in step.problem.jacobian_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(patches))
-    )
-    if not (np.isfinite(rates).all() and np.isfinite(slopes).all()):
-        return Tried(choice, rho, rates, slopes, np.inf, np.inf)
-    most = float((rates + largest_on(rho, step.x.rate)).max())
-    nodes = nodes_needed(rho, wanted / most)
+    if count > MOST_PATCHES:
+        return Tried(rho, np.empty(0), np.empty(0), choice=choice)
+    rates, slopes = map(reaches, step.discs_of(step.problem.jacobian_tape, choice.patches, rho=rho))
+    nodes = nodes_of_defect(step, rho, rates, slopes, wanted)
     # a patch takes 20 times as long as a node: numbers are complex, and the Jacobian is computed too
-    return Tried(choice, rho, rates, slopes.reshape(n, n).T, nodes + 20.0 * count, nodes)
+    return Tried(rho, rates, slopes.reshape(n, n).T, nodes, nodes + 20.0 * count, choice)
 
 
-_CHOICES_PER_STEP, _MOST_CHOICES = 2, 16
-"""Other choices that are compared in a step, and the most if many nodes are needed."""
-MOST_NODES = 300
-"""Most nodes of a variable. Values at more nodes take seconds."""
-TOO_MANY = 3e4
-"""Patches that take seconds. If a proof needs more, it ends, or the step becomes shorter."""
+def nodes_of_defect(step: TimeStep, rho: list[float], rates: Array, slopes: Array, wanted: float) -> float:
+    """Nodes that reduce the aliasing of the defect to `wanted`; infinite if the bounds on the ellipses are."""
+    if not (np.isfinite(rates).all() and np.isfinite(slopes).all()):
+        return np.inf
+    return nodes_needed(rho, wanted / float((rates + largest_on(rho, step.x.rate)).max()))
+
+
+MOST_PATCHES = 3e4
+"""Most patches of all variables: more take seconds. If a proof needs more, it ends, or the step becomes shorter."""
 
 
 def nodes_needed(rho: list[float], ratio: float) -> float:
@@ -204,11 +195,15 @@ def nodes_needed(rho: list[float], ratio: float) -> float:
 
 
 def node_counts(rho: list[float], ratio: float) -> tuple[int, ...]:
-    """Nodes of each variable that reduce the aliasing to about `ratio` times the bound, at most MOST_NODES."""
-    return tuple(int(min(MOST_NODES, max(2, math.ceil(m)))) for m in _wanted(rho, ratio))
+    """Nodes of each variable that reduce the aliasing to about `ratio` times the bound. 300 nodes take seconds."""
+    return tuple(int(min(300, max(2, math.ceil(m)))) for m in _wanted(rho, ratio))
 
 
 def _wanted(rho: list[float], ratio: float) -> list[float]:
-    """Nodes of each variable as real numbers. Source: the bound of `chebyshev.aliasing`, solved for the nodes."""
+    """Nodes of each variable as real numbers; without variables with rho = 1, which are not interpolated.
+
+    Source: the bound of `chebyshev.aliasing`, solved for the nodes.
+    """
+    rho = [r for r in rho if r > 1.0]
     product = math.prod(1.0 + 2.0 / (r - 1.0) for r in rho)
     return [math.log(4.0 * len(rho) * product / (1.0 - 1.0 / r) / max(ratio, 1e-290)) / math.log(r) for r in rho]

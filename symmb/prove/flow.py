@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from symmb._magnitudes import ROUNDING
+from symmb._magnitudes import LAST_DIGITS, ROUNDING
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove.errors import ProofError
@@ -18,25 +18,18 @@ _MOST_PICARD_ITERATIONS = 60
 """Most Picard iterations. Each at least halves the error, or the step is too long."""
 _STATES_IN_CACHE = 2**14
 """States that are evaluated at once, so that they stay in the processor's cache."""
-_FIRST_TERMS = 3
-"""Terms of each of several parameters in the first iterations."""
-_SETTLED_CHANGE = 2e-15
-"""Change relative to the size of a state at which the iteration ends: the change is then rounding."""
-
-_ROUNDING_OF_RATES, _ROUNDING_OF_FRAME = 4e-16, 1e-11
-"""Coefficients of rates and frames, relative to the largest one, that are rounding. They would grow on ellipses."""
 
 
-def parameters_at(problem: Problem, variables: Sequence[Array], leading: int = 1) -> list[Array | float]:
-    """Parameters at values (m_i,) of each variable. Arrays have `leading` axes before those of the variables."""
-    d = len(variables)
+def parameters_at(problem: Problem, counts: Sequence[int], leading: int = 1) -> list[Array | float]:
+    """Parameters at nodes of each variable. Arrays have `leading` axes before those of the variables."""
+    d = len(counts)
     found: list[Array | float] = []
     for middle, radius, j in zip(problem.middle, problem.radius, problem.variables, strict=True):
         if j < 0:
             found.append(float(middle))
         else:
             shape = [-1 if i == leading + j else 1 for i in range(leading + d)]
-            found.append(middle + radius * variables[j].reshape(shape))
+            found.append(middle + radius * ch.nodes(counts[j]).reshape(shape))
     return found
 
 
@@ -88,22 +81,20 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
     It is computed by Picard iteration at all Chebyshev nodes of time and of the parameters at once.
     """
     lengths = x0.shape[1:]
-    few = problem.d <= ch.FEW
+    few = problem.d <= ch.TENSOR_PARAMETERS
     # two more nodes than terms: the aliasing of removed terms is then small
     counts = [n + 2 if few else n for n in lengths]
-    begin = ch.along([ch.values_at_nodes(m, n) for m, n in zip(counts, lengths, strict=True)], x0)
+    begin = ch.at_nodes(x0, counts)
     s = ch.nodes(terms)
-    p = parameters_at(problem, [ch.nodes(m) for m in counts])
+    p = parameters_at(problem, counts)
     t = (t0 + 0.5 * h * (1.0 + s)).reshape(-1, *(1,) * len(counts))
-    step = 0.5 * h * (ch.values_at_nodes(terms, terms + 1) @ ch.integral(terms) @ ch.coefficients_from_nodes(terms))
+    step = _integration(terms, h)
     x = np.repeat(begin[:, None], terms, axis=1)
-    if not few and max(lengths) > _FIRST_TERMS:
-        part = (slice(None), *(slice(0, _FIRST_TERMS),) * problem.d)
-        c = motion(problem, x0[part], t0, h, terms).c  # a motion with few terms is a good first iterate
+    if not few and max(lengths) > 3:  # a motion with three terms of each parameter is a good first iterate
+        part = (slice(None), *(slice(0, 3),) * problem.d)
+        c = motion(problem, x0[part], t0, h, terms).c
         c[:, 0] -= x0[part]
-        x = x + ch.along(
-            [ch.values_at_nodes(m, size) for m, size in zip((terms, *counts), c.shape[1:], strict=True)], c
-        )
+        x = x + ch.at_nodes(c, (terms, *counts))
     others = tuple(range(1, x.ndim))
     size = np.maximum(problem.scales, np.abs(x).max(axis=others))
     last, most = np.inf, None
@@ -112,19 +103,25 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
         new = begin[:, None] + np.tensordot(f, step, (1, 1)).transpose(0, -1, *range(1, f.ndim - 1))
         difference, moved = np.abs(new - x).max(axis=others), np.maximum(size, np.abs(new).max(axis=others))
         change = float((difference / size).max(initial=0.0))
+        # the first iteration may grow much, because its states are constant in time;
         # a state that grows more after the first iteration diverges: the step is too long
         x, most = new, 1e3 * moved if most is None else most
         if not np.isfinite(change):
             raise ProofError("the motion is not a number, or changes too fast for the shortest step")
         if (moved > most).any():
             raise ProofError("the motion changes too fast for the shortest step")
-        if change <= _SETTLED_CHANGE or (change > 0.5 * last and (difference < ROUNDING * moved).all()):
+        if change <= 2.0 * LAST_DIGITS or (change > 0.5 * last and (difference < ROUNDING * moved).all()):
             break
         last = change
     else:
         raise ProofError("the motion changes too fast for the shortest step")
     f = ch.graded(fit(rates_at(problem, x, p, t), (terms, *lengths)), problem.d)
-    return integrated(x0, _without_noise(f, _ROUNDING_OF_RATES), h)
+    return integrated(x0, _without_noise(f, 4e-16), h)
+
+
+def _integration(terms: int, h: float) -> Array:
+    """(terms, terms) matrix from values at nodes of a step h [s] to the integrals from its start to the nodes."""
+    return 0.5 * h * (ch.values_at_nodes(terms, terms + 1) @ ch.integral(terms) @ ch.coefficients_from_nodes(terms))
 
 
 def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Array:
@@ -136,24 +133,23 @@ def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Ar
     return np.stack([np.broadcast_to(value, x.shape[1:]) for value in found])
 
 
-def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int) -> tuple[Curve, Array]:
+def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int = 11) -> tuple[Curve, Array]:
     """The frame B with B' = A B from B0 (n, n, NB + 1, ...), row by row, and about its inverse C (n, n, terms, ...).
 
+    It has fewer terms in time than the motion: its defect only makes the remainder grow by a small part.
     The motion has the coefficients x (n, K + 1, N + 1, ...).
     """
     n, lengths = problem.n, B0.shape[2:]
     counts = [size + 1 for size in lengths]
-    p = parameters_at(problem, [ch.nodes(m) for m in counts])
+    p = parameters_at(problem, counts)
     s = ch.nodes(terms)
     t = (t0 + 0.5 * h * (1.0 + s)).reshape(-1, *(1,) * len(counts))
-    at = [ch.values_at_nodes(m, size) for m, size in zip((terms, *counts), x.shape[1:], strict=True)]
-    states = ch.along(at, x)
+    states = ch.at_nodes(x, (terms, *counts))
     found = problem.jacobian_tape.run(PLAIN, plain, [list(states), p, [t]])[1]
     A = np.stack([np.broadcast_to(value, states.shape[1:]) for value in found], axis=-1)
     A = A.reshape(*states.shape[1:], n, n).swapaxes(-1, -2)  # column-major
-    begin = ch.along([ch.values_at_nodes(m, size) for m, size in zip(counts, lengths, strict=True)], B0)
-    begin = np.moveaxis(begin, (0, 1), (-2, -1))
-    step = 0.5 * h * (ch.values_at_nodes(terms, terms + 1) @ ch.integral(terms) @ ch.coefficients_from_nodes(terms))
+    begin = np.moveaxis(ch.at_nodes(B0, counts), (0, 1), (-2, -1))
+    step = _integration(terms, h)
     B = np.repeat(begin[None], terms, axis=0)
     last = np.inf
     for _ in range(_MOST_PICARD_ITERATIONS):
@@ -171,11 +167,15 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
         inverse = np.moveaxis(np.asarray(np.linalg.inv(B), dtype=float), (-2, -1), (0, 1))
     except np.linalg.LinAlgError:
         raise ProofError("the deviations from the polynomials grow too differently in a step") from None
-    rate = _without_noise(rate.reshape(n * n, terms, *lengths), _ROUNDING_OF_FRAME)
-    C = _without_noise(ch.graded(fit(inverse, (terms, *lengths)), problem.d).reshape(rate.shape), _ROUNDING_OF_FRAME)
+    rate = _without_noise(rate.reshape(n * n, terms, *lengths), 1e-11)
+    C = _without_noise(ch.graded(fit(inverse, (terms, *lengths)), problem.d).reshape(rate.shape), 1e-11)
     return integrated(B0.reshape(n * n, *lengths), rate, h), C.reshape(n, n, *rate.shape[1:])
 
 
 def _without_noise(c: Array, share: float) -> Array:
-    """Polynomials (m, n0, ...). Coefficients below `share` times the largest one become 0."""
+    """Polynomials (m, n0, ...). Coefficients below `share` times the largest one are rounding, and become 0.
+
+    They would grow on ellipses and spoil bounds there. The removal costs no proof: the polynomials are approximate
+    anyway, and their defects are bounded afterwards.
+    """
     return np.where(np.abs(c) < share * np.abs(c).max(axis=tuple(range(1, c.ndim)), keepdims=True), 0.0, c)

@@ -7,13 +7,10 @@ import numpy as np
 from symmb._magnitudes import SMALL
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
-from symmb.prove.curves import TimeStep
+from symmb.prove.curves import TimeStep, solution_bound
 from symmb.prove.errors import ProofError
 from symmb.prove.flow import Curve, fit
 from symmb.prove.rounding import U, above, of_sum
-
-_WORST_CONDITION = 30.0
-"""Condition number of the frame, with columns of length 1, from which the frame is made orthogonal."""
 
 
 @dataclass(frozen=True)
@@ -37,15 +34,23 @@ class Front:
     x_error: Array
     B_error: Array
 
+    @property
+    def middle(self) -> Array:
+        """States (n,) in the middle of the box, as the constant terms of the polynomials."""
+        return self.x.reshape(len(self.x), -1)[:, 0]
+
+    @property
+    def reach(self) -> Array:
+        """Bounds (n,) of the distance of the states from the polynomials."""
+        return above((ch.sums(self.B, self.x.ndim - 1) + self.B_error) @ self.w + self.x_error)
+
     def share(self) -> float:
         """Largest ratio of the remainder of a state to its motion with the parameters.
 
         The motion of a state counts as at least a small part of the largest motion.
         """
-        d = self.x.ndim - 1
-        e = (ch.sums(self.B, d) + self.B_error) @ self.w + self.x_error
-        moved = ch.sums(self.x, d) - np.abs(self.x[(slice(None), *(0,) * d)])
-        return float((e / np.maximum(moved, SMALL * moved.max(initial=1e-300))).max(initial=0.0))
+        moved = ch.sums(self.x, self.x.ndim - 1) - np.abs(self.middle)
+        return float((self.reach / np.maximum(moved, SMALL * moved.max(initial=1e-300))).max(initial=0.0))
 
 
 def slowest(x: Array) -> int:
@@ -70,8 +75,8 @@ def _end(curve: Curve, d: int) -> tuple[Array, Array]:
     return value, above(curve.error + of_sum(len(rest[0]) + 2) * ch.sums(rest, d + 1) + U * ch.sums(value, d))
 
 
-def well_conditioned(front: Front, scales: Array, worst: float = _WORST_CONDITION) -> Front:
-    """The front in an orthogonal frame, if its frame has the condition number `worst` or more.
+def well_conditioned(front: Front, scales: Array, worst: float = 30.0) -> Front:
+    """The front in an orthogonal frame, if its frame, with columns of length 1, has the condition `worst` or more.
 
     The columns of the frame at nodes of the parameters are made orthogonal, the longest first. The new frame is the
     polynomial through these columns, or the diagonal frame of the scales if the polynomial is not accurate enough.
@@ -82,11 +87,11 @@ def well_conditioned(front: Front, scales: Array, worst: float = _WORST_CONDITIO
     """
     n, lengths = len(front.B), front.B.shape[2:]
     counts = [m + 1 for m in lengths]
-    at = ch.along([ch.values_at_nodes(m, k) for m, k in zip(counts, lengths, strict=True)], front.B)
-    at = np.moveaxis(at, (0, 1), (-2, -1)) / scales[:, None]
+    at = np.moveaxis(ch.at_nodes(front.B, counts), (0, 1), (-2, -1)) / scales[:, None]
     columns = np.linalg.norm(at, axis=-2, keepdims=True)
     if float(np.linalg.cond(at / np.where(columns > 0, columns, 1.0)).max()) < worst:
         return front
+    # Lohner: the first column keeps its direction, so that the box about a long thin remainder hardly grows
     order = np.argsort(-columns.reshape(-1, n).mean(axis=0) * front.w)
     Q, R = np.linalg.qr(at[..., order])
     Q = Q * np.where(np.diagonal(R, axis1=-2, axis2=-1) < 0, -1.0, 1.0)[..., None, :]
@@ -104,15 +109,11 @@ def well_conditioned(front: Front, scales: Array, worst: float = _WORST_CONDITIO
 
 def _in_frame(front: Front, B: Array, C: Array) -> Front:
     """The front in another frame B (n, n, ...). C is approximately the inverse of B."""
-    n, none = len(B), np.zeros(B.shape[:2])
-    E = ch.product_bound(C, B, none, np.eye(n))
-    eta = above(float(E.sum(axis=1).max()))
-    if not eta < 0.5:
-        raise ProofError("the deviations from the polynomials grow too differently over the box")
+    none = np.zeros(B.shape[:2])
+    bound = solution_bound(C, B, none)
     w = above(ch.product_bound(C, front.B, none, none) @ front.w)
     w = above(w + ch.sums(C, C.ndim - 2) @ above(front.x_error + front.B_error @ front.w))
-    w = above(w + E @ np.full(n, w.max() / (1.0 - eta)))
-    return replace(front, B=B, w=w, x_error=np.zeros(n), B_error=none)
+    return replace(front, B=B, w=bound(w), x_error=np.zeros(len(B)), B_error=none)
 
 
 def half(front: Front, variable: int, side: int) -> Front:
@@ -132,7 +133,7 @@ def restricted(c: Array, leading: int, variable: int, side: int) -> tuple[Array,
     k = np.arange(n)
     z = 0.5 * (ch.nodes(n) + side)
     matrix = ch.coefficients_from_nodes(n) @ np.cos(np.outer(np.arccos(z), k))
-    entries = above(k * k * (ch.ENTRY + 8 * U) + 16 * U * (k + 1) + 2 * ch.ENTRY + 2 * of_sum(n + 2))
+    entries = above(k * k * (ch.ENTRY_ERROR + 8 * U) + 16 * U * (k + 1) + 2 * ch.ENTRY_ERROR + 2 * of_sum(n + 2))
     weights = (2.0 * n * entries).reshape([-1 if i == axis else 1 for i in range(c.ndim)])
     lost = above((np.abs(c) * weights).sum(axis=tuple(range(leading, c.ndim))))
     return np.moveaxis(np.tensordot(matrix, c, (1, axis)), 0, axis), lost

@@ -32,8 +32,6 @@ from symmb.run.formulations import Formulation
 
 _MOST_SETS_COMPARED = 500
 """Most sets of velocities that are all compared. Of more sets, only those that are best at some time are compared."""
-_FEWEST_TIMES, _TIMES_PER_STEP = 100, 8
-"""Least number of times of the nominal run at which sets are compared, and times for each of its steps."""
 _LARGE_LOG_CHANGE = np.log(10.0)
 """Change of the logarithm of a determinant from which another set may be better."""
 
@@ -182,6 +180,8 @@ def _partitions(form: Formulation, times: Array) -> list[Partition]:
         sets = sorted({tuple(sorted(qr(A, mode="r", pivoting=True)[-1][:n_r].tolist())) for A in scaled})
     signs, sizes = (np.stack(part) for part in zip(*(np.linalg.slogdet(scaled[:, :, list(s)]) for s in sets),
                                                    strict=True))  # fmt: skip
+    # det(S' M S) is, up to its sign, the determinant of the saddle point matrix over that of the dependent columns of G
+    # squared. The former is the same for all sets, so that none of the many matrices S is computed.
     logs = whole - 2 * sizes
 
     def changes(first: int) -> Array:
@@ -211,8 +211,11 @@ def _partitions(form: Formulation, times: Array) -> list[Partition]:
         first = last - 1
 
 
-def _along_a_run(form: Formulation, times: Array, rtol: float = 1e-6) -> tuple[Array, Array, Array]:
-    """Jacobians (m, n_r, n_v), mass matrices (m, n_v, n_v) and times (m,) of a nominal run, up to its end."""
+def _along_a_run(form: Formulation, times: Array) -> tuple[Array, Array, Array]:
+    """Jacobians (m, n_r, n_v), mass matrices (m, n_v, n_v) and times (m,) of a nominal run, up to its end.
+
+    There are eight times for each step of the run, and at least 100.
+    """
     from scipy.integrate import solve_ivp
 
     dae, at = form.dae, form.start.nominal()
@@ -229,11 +232,11 @@ def _along_a_run(form: Formulation, times: Array, rtol: float = 1e-6) -> tuple[A
             (times[0], times[-1]),
             x0,
             method="DOP853",
-            rtol=rtol,
-            atol=rtol * dae.state_sizes,
+            rtol=SLIGHT,
+            atol=SLIGHT * dae.state_sizes,
             dense_output=True,
         )
-        at = np.linspace(times[0], run.t[-1], max(_FEWEST_TIMES, _TIMES_PER_STEP * len(run.t)))
+        at = np.linspace(times[0], run.t[-1], max(100, 8 * len(run.t)))
         states = run.sol(at).T
     found = [f(state, p, time) for state, time in zip(states, at, strict=True)]
     G, M = (np.stack([matrices[i].full() for matrices in found]) for i in (0, 1))

@@ -11,15 +11,16 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
+from scipy.special import erf
 
 from symmb._errors import PropagationError
 from symmb._types import Array, Mask
 from symmb.declare.symbolic import Entry, operation_name
 from symmb.equations.model import Box
+from symmb.prove.rounding import FUNCTION_ERROR, U
 
-FUNCTION_ULPS = 8
-"""Units in the last place by which values of elementary functions are widened: four times the error of C libraries.
-tests/bounds/test_interval.py"""
+FUNCTION_ULPS = int(FUNCTION_ERROR / (2 * U))
+"""Units in the last place by which values of elementary functions are widened."""
 
 
 class Interval(NamedTuple):
@@ -78,6 +79,7 @@ def _multiply(a: Interval, b: Interval) -> Interval:
     products = [x * y for x in a for y in b]
     products = [np.where(np.isnan(product), 0.0, product) for product in products]  # 0 times infinity
     lower, upper = _outward(*_hull(*products))
+    # outward rounding must not make a product of positive numbers negative: its root would have no value
     not_negative = ((a.lower >= 0) & (b.lower >= 0)) | ((a.upper <= 0) & (b.upper <= 0))
     not_positive = ((a.lower >= 0) & (b.upper <= 0)) | ((a.upper <= 0) & (b.lower >= 0))
     return Interval(
@@ -98,10 +100,6 @@ def _magnitude(a: Interval) -> Interval:
     return Interval(np.where((a.lower <= 0) & (a.upper >= 0), 0.0, low), high)
 
 
-def _square(a: Interval) -> Interval:
-    return _integer_power(a, 2)
-
-
 def _integer_power(a: Interval, n: int) -> Interval:
     if n < 0:
         return _inverse(_integer_power(a, -n))
@@ -114,6 +112,7 @@ def _integer_power(a: Interval, n: int) -> Interval:
 
 def _power(a: Interval, b: Interval) -> Interval:
     exponent = b.lower.flat[0]
+    # an integer power also has values for negative bases, where the logarithm has none
     if (b.lower == exponent).all() and (b.upper == exponent).all() and exponent == np.round(exponent):
         return _integer_power(a, int(exponent))
     return _exponential(_multiply(b, _logarithm(a)))
@@ -147,14 +146,9 @@ def _arccos(a: Interval) -> Interval:
     return _outward(lower + np.pi / 2, upper + np.pi / 2, 2)
 
 
-def _erf(values: Array) -> Array:
-    from scipy.special import erf
-
-    return erf(values)
-
-
 def _reaches(a: Interval, point: float, period: float) -> Mask:
     """Whether point + k period may be in the interval for some integer k, with rounding."""
+    # the multiples of the period are rounded, so that a peak just outside of the interval counts as inside
     slack = 4 * np.spacing(np.maximum(np.abs(a.lower), np.abs(a.upper)) + period)
     first = point + period * np.ceil((a.lower - slack - point) / period)
     return (first <= a.upper + slack) | ~np.isfinite(first)
@@ -177,12 +171,6 @@ def _tangent(a: Interval) -> Interval:
     lower, upper = _outward(np.tan(a.lower), np.tan(a.upper), FUNCTION_ULPS)
     pole = _reaches(a, np.pi / 2, np.pi)
     return Interval(np.where(pole, -np.inf, lower), np.where(pole, np.inf, upper))
-
-
-def _cosh(a: Interval) -> Interval:
-    low, high = _magnitude(a)
-    lower, upper = _outward(np.cosh(low), np.cosh(high), FUNCTION_ULPS)
-    return Interval(np.maximum(lower, 1.0), upper)
 
 
 def _atan2(y: Interval, x: Interval) -> Interval:
@@ -262,6 +250,7 @@ def _maximum(a: Interval, b: Interval) -> Interval:
 _exponential = _increasing(np.exp, values=(0.0, np.inf))
 _arcsin = _increasing(np.arcsin, domain=(-1.0, 1.0))
 _logarithm = _increasing(np.log, domain=(0.0, np.inf))
+_rising_cosh = _increasing(np.cosh, domain=(0.0, np.inf), values=(1.0, np.inf))
 _root = _increasing(np.sqrt, domain=(0.0, np.inf), values=(0.0, np.inf), ulps=1)
 
 EXTENSIONS: dict[int, Callable[..., Interval]] = {
@@ -272,7 +261,7 @@ EXTENSIONS: dict[int, Callable[..., Interval]] = {
     ca.OP_DIV: lambda a, b: _multiply(a, _inverse(b)),
     ca.OP_NEG: _negative,
     ca.OP_INV: _inverse,
-    ca.OP_SQ: _square,
+    ca.OP_SQ: lambda a: _integer_power(a, 2),
     ca.OP_TWICE: lambda a: Interval(2.0 * a.lower, 2.0 * a.upper),
     ca.OP_POW: _power,
     ca.OP_CONSTPOW: _power,
@@ -289,13 +278,13 @@ EXTENSIONS: dict[int, Callable[..., Interval]] = {
     ca.OP_ATAN: _increasing(np.arctan),
     ca.OP_ATAN2: _atan2,
     ca.OP_SINH: _increasing(np.sinh),
-    ca.OP_COSH: _cosh,
+    ca.OP_COSH: lambda a: _rising_cosh(_magnitude(a)),
     ca.OP_TANH: _increasing(np.tanh, values=(-1.0, 1.0)),
     ca.OP_ASINH: _increasing(np.arcsinh),
     ca.OP_ACOSH: _increasing(np.arccosh, domain=(1.0, np.inf), values=(0.0, np.inf)),
     ca.OP_ATANH: _increasing(np.arctanh, domain=(-1.0, 1.0)),
-    ca.OP_ERF: _increasing(_erf, values=(-1.0, 1.0)),
-    ca.OP_HYPOT: lambda a, b: _root(_add(_square(a), _square(b))),
+    ca.OP_ERF: _increasing(erf, values=(-1.0, 1.0)),
+    ca.OP_HYPOT: lambda a, b: _root(_add(_integer_power(a, 2), _integer_power(b, 2))),
     ca.OP_FABS: _magnitude,
     ca.OP_SIGN: _increasing(np.sign, ulps=0),
     ca.OP_FLOOR: _increasing(np.floor, ulps=0),

@@ -13,30 +13,20 @@ from symmb.prove.ellipses import Choice, Control
 from symmb.prove.errors import ProofError
 from symmb.prove.flow import frame, motion
 from symmb.prove.front import Front, leaving, well_conditioned
-from symmb.prove.outputs import output_bounds
+from symmb.prove.outputs import OutputBounds, output_bounds
 from symmb.prove.pass_outputs import Part, bounds_about_pass
 from symmb.prove.passes import Crossing, Scaled, crossing, departure, off, window
 from symmb.prove.problem import Change, Problem
 from symmb.prove.rounding import above, grain_of
-from symmb.prove.start import first_front, still
-from symmb.prove.step import Proof, is_regular, on_motion, prove, unshown
-from symmb.prove.transitions import drifted, mapped, require_known
+from symmb.prove.start import drifted, first_front, mapped, require_known, still
+from symmb.prove.step import Proof, is_regular, on_motion, prove, require_valid
 
-TIME_TERMS, FRAME_TERMS = 20, 11
-"""Terms of the motion and of the frame in time."""
-_SHORTEST_OF_AIM = 2.0**-4
-"""Shortest step that is tried, relative to the aimed length."""
+_TIME_TERMS = 20
+"""Terms of the motion in time: the last ones are rounding after a step of the length that `_shortened` chooses."""
 _SHORTER_STEP = 0.3
 """Factor of a step that is too long for the motion."""
-_LOST_REMAINDER, _CRAWLING_STEP = 1e-2, 2.0**-6
-"""Remainder relative to the width of the states, and step relative to the longest one. A proof that exceeds the first
-with steps below the second ends soon anyway."""
-_SHORTEST_AT_CHANGE = 8
-"""Shortest step that ends at a change of states, in units of times."""
-_BEFORE_PASS_OF_STEP, _BEFORE_PASS_OF_SPREAD = 2.0**-6, 0.25
-"""Time before the first pass of a switch, as fractions of a usual step and of the spread of passes over the box."""
-_NEARER_BEGIN, _NEAREST_PASS = 2.0**-6, 2.0**6
-"""Fraction of the time to a pass that remains if a step ends closer to it, and the shortest such time [units]."""
+_UNITS_BEFORE_CHANGE = 8
+"""Units of times of the shortest step that ends at a change of states. A change within this time is made at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +44,7 @@ class Course:
 
     Attributes
     ----------
-    lower, upper : (n_t, n_y) bounds, infinite if they are not known
-    remainder : (n_t, n_y) part of the bounds that is not the range of a polynomial
-    terms : (n_y,) largest sizes of the terms of the outputs
+    bounds : bounds of the outputs, infinite if they are not known
     until : time after the first one up to which the motion is proved [s]
     why : reason for the end of the proof; empty if it can continue
     end : the last place; None before the start
@@ -65,10 +53,7 @@ class Course:
     steps : proved steps with bounds (n,) of |w|; None if they are not needed
     """
 
-    lower: Array
-    upper: Array
-    remainder: Array
-    terms: Array
+    bounds: OutputBounds
     until: float = 0.0
     why: str = ""
     end: Place | None = None
@@ -79,34 +64,24 @@ class Course:
     @classmethod
     def empty(cls, problem: Problem) -> "Course":
         """A course before the start."""
-        shape = len(problem.times), problem.outputs.numel_out(0)
-        return cls(np.full(shape, -np.inf), np.full(shape, np.inf), np.full(shape, np.inf), np.zeros(shape[1]))
+        return cls(OutputBounds.unknown(len(problem.times), problem.outputs.numel_out(0)))
 
     @property
     def is_done(self) -> bool:
         """Whether the proof has reached all output times."""
-        return self.stored == len(self.lower)
+        return self.stored == len(self.bounds.lower)
 
-    def store(self, behind: int, lower: Array, upper: Array, remainder: Array, terms: Array) -> None:
+    def store(self, behind: int, bounds: OutputBounds) -> None:
         """Store bounds of the outputs for the output times from `stored` to `behind` (excluded)."""
-        part = slice(self.stored, behind)
-        self.lower[part], self.upper[part], self.remainder[part] = lower, upper, remainder
-        self.terms, self.stored = np.maximum(self.terms, terms), behind
-
-    def join(self, lower: Array, upper: Array, remainder: Array, terms: Array) -> None:
-        """Widen the bounds at the first time."""
-        self.lower[0], self.upper[0] = np.minimum(self.lower[0], lower[0]), np.maximum(self.upper[0], upper[0])
-        self.remainder[0], self.terms = np.maximum(self.remainder[0], remainder[0]), np.maximum(self.terms, terms)
+        self.bounds.put(slice(self.stored, behind), bounds)
+        self.stored = behind
 
     def back_to(self, place: Place, times: Array) -> "Course":
         """The course up to a place, so that it continues from there. `times` (n_t,) are the output times."""
         stored = min(self.stored, int(np.searchsorted(times, place.front.t, side="right")))
-        later = (np.arange(len(times)) >= stored)[:, None]
-        lower, upper, remainder = (
-            np.where(later, none, known)
-            for none, known in ((-np.inf, self.lower), (np.inf, self.upper), (np.inf, self.remainder))
-        )
-        return Course(lower, upper, remainder, self.terms, place.front.t, "", place, place, stored)
+        bounds = OutputBounds.unknown(len(times), len(self.bounds.terms))
+        bounds.put(slice(stored), self.bounds.at(slice(stored)))
+        return Course(bounds, place.front.t, "", place, place, stored)
 
 
 def march(
@@ -145,7 +120,8 @@ def march(
             course.checkpoint = place
         if share > largest:
             return
-        if share > _LOST_REMAINDER and place.control.h < _CRAWLING_STEP * longest:
+        # such a proof ends soon anyway, after many steps without progress
+        if share > 1e-2 and place.control.h < longest / 64:
             course.why = _why(place, "the deviations from the polynomials grow too fast")
             return
 
@@ -158,21 +134,18 @@ def _why(place: Place, reason: str) -> str:
     """
     problem, front, phase = place.problem, place.front, place.problem.phase
     if problem.regular is not None and problem.closing and problem.why_singular not in reason:
-        h, x, p = place.control.h, front.x.reshape(problem.n, -1)[:, 0], problem.middle
+        h, x, p = place.control.h, front.middle, problem.middle
         ahead = x + h * problem.rates(x, p, front.t).full().ravel()
         now, then = (problem.regular(*at).full().ravel() for at in ((x, p, front.t), (ahead, p, front.t + h)))
-        is_near = (now - then) * np.sign(now) * _STEPS_AHEAD > np.abs(now)
+        # steps become short before a singular position, so that it may still be 40 steps away
+        is_near = (now - then) * np.sign(now) * 40 > np.abs(now)
         reason = f"{reason}; {problem.why_singular}" if is_near.any() else reason
-    if phase is not None and problem.valid_tape is not None and not phase.names_any(reason):
+    if phase is not None and problem.valid_tape is not None and not any(f"'{own}'" in reason for own in phase.labels):
         sides = on_motion(still(problem, front.t, front.x), problem.valid_tape, np.zeros(problem.n), (1, 1))
-        near = [k for k, a in enumerate(sides) if not (np.real(a.centre) > _SPREADS_AHEAD * a.swing).all()]
+        # before a kink with infinite slopes, a proof ends some spreads of the box away
+        near = [k for k, a in enumerate(sides) if not (np.real(a.centre) > 3.0 * a.swing).all()]
         reason = f"{reason}; {phase.steep(near[0])}" if near else reason
     return reason
-
-
-_STEPS_AHEAD, _SPREADS_AHEAD = 40, 3.0
-"""Distances to a singular position, in steps, and to a switch, in spreads of the box, below which each is named.
-Steps become short before a singular position. Before a kink with infinite slopes a proof ends some spreads away."""
 
 
 def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, float]:
@@ -187,12 +160,11 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
         if front.t == 0.0 and found.ahead.first <= grain:
             assert problem.phase is not None
             try:
-                start = departure(problem, front, found.ahead.which, usual)
+                first, problem, others = departure(problem, front, found.ahead.which, usual)
             except ProofError as error:
                 raise ProofError(problem.phase.sentence(found.ahead.which[0], front.t, str(error))) from error
             control.h = min(usual, left)
-            step, proof = _step(start.first, front, grain, control)
-            problem, others = start.after, start.both
+            step, proof = _step(first, front, grain, control)
         else:
             try:
                 passed = _passed(course, replace(place, control=control), found.ahead, grain)
@@ -208,9 +180,10 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
     until = front.t if late is None else front.t - 4 * late
     behind = int(np.searchsorted(times, until, side="right"))
     if behind > course.stored:
-        course.store(behind, *output_bounds(step, proof.W, times[course.stored : behind], control))
+        course.store(behind, output_bounds(step, proof.W, times[course.stored : behind], control))
     for other in others:  # an output on a switch may have the value of either side
-        course.join(*output_bounds(replace(step, problem=other), proof.W, times[:1], control))
+        own = output_bounds(replace(step, problem=other), proof.W, times[:1], control)
+        course.bounds.put(slice(1), course.bounds.at(slice(1)).joined(own))
     if left < usual:
         control.h = usual
     return _changed(Place(front, control, problem), grain, course.is_done), step.h
@@ -229,9 +202,10 @@ def _nearer(place: Place, ahead: Crossing, grain: float, why: str) -> tuple[Time
     ProofError if there is no such step.
     """
     problem, phase = place.problem, place.problem.phase
-    if ahead.first > _NEAREST_PASS * grain:
+    nearer = ahead.nearer(grain)
+    if nearer > 0:
         try:
-            control = replace(place.control, h=(1.0 - _NEARER_BEGIN) * ahead.first)
+            control = replace(place.control, h=nearer)
             return _step(replace(problem, phase=None), place.front, grain, control)
         except ProofError:
             pass
@@ -248,15 +222,17 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
     end = begin + float(np.ceil((ahead.last + ahead.first) / grain)) * grain
     if problem.change is not None and problem.change.late is not None and problem.change.time <= end:
         raise ProofError("a sampled value may change during the pass")
+    # The old and the new motion overlap until all of the box has passed, because outputs in between need both.
     old, _ = _followed(replace(about.old, times=np.array([end])), front, control)
 
     scaled, h = Scaled(problem, begin, ahead.tau), min(1.0, control.h / ahead.last)
     to = scaled.problem(about.old, about.surface)
     there, at_pass = _followed(to, replace(front, t=0.0), replace(control, h=h))
-    g = np.maximum(np.abs(there.lower), np.abs(there.upper))[-1]
+    g = np.maximum(np.abs(there.bounds.lower), np.abs(there.bounds.upper))[-1]
     late, lost = off(to, scaled, at_pass.front, about, ahead.first, g)
     if not above(late) < ahead.first:
         raise ProofError("the pass may be at this time itself")
+    # Back from the passes to one time: from there on, all parameters have the same time again.
     back = scaled.problem(about.new, about.surface, is_back=True)
     new_begin = replace(at_pass.front, t=0.0, x_error=above(at_pass.front.x_error + lost))
     _, at_begin = _followed(back, new_begin, replace(control, h=h))
@@ -268,7 +244,7 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
         passes = ahead.tau.copy()
         passes[(0,) * passes.ndim] += begin
         part = Part(old.steps, new.steps, passes, late + grain)  # the last term covers rounding
-        course.store(behind, *bounds_about_pass(part, problem.times[course.stored : behind], control))
+        course.store(behind, bounds_about_pass(part, problem.times[course.stored : behind], control))
     phase = replace(problem.phase, sides=about.sides)
     after = replace(last.problem, times=problem.times, phase=phase, change=problem.change)
     return Place(last.front, replace(last.control, h=control.h), _settled(after, last.front))
@@ -291,10 +267,9 @@ def _followed(problem: Problem, front: Front, control: Control) -> tuple[Course,
 
 def _settled(problem: Problem, front: Front) -> Problem:
     """The problem on the sides that its switches have at a front."""
-    phase, d = problem.phase, problem.d
+    phase, place = problem.phase, (front.middle, problem.middle, front.t)
     if phase is None:
         return problem
-    place = front.x[(slice(None), *(0,) * d)], problem.middle, front.t
     problem = problem.on_sides(phase.settled(*place, phase.sides), *place)
     assert problem.valid is not None
     require_known("the equations", problem.rates, problem.valid)
@@ -304,7 +279,7 @@ def _settled(problem: Problem, front: Front) -> Problem:
 def _left(problem: Problem, t: float, grain: float) -> float:
     """Time until a step must end [s]; infinite without a change of states."""
     change = problem.change
-    if change is None or (change.late is None and change.time <= t + _SHORTEST_AT_CHANGE * grain):
+    if change is None or (change.late is None and change.time <= t + _UNITS_BEFORE_CHANGE * grain):
         return np.inf
     return change.time - t
 
@@ -319,12 +294,13 @@ def _changed(place: Place, grain: float, is_done: bool) -> Place:
     """The place after the change of states, or the same place if the change is later."""
     problem, front = place.problem, place.front
     change, late = problem.change, _late(problem, front.t)
-    soon = front.t + _SHORTEST_AT_CHANGE * grain
+    soon = front.t + _UNITS_BEFORE_CHANGE * grain
     is_ahead = change is None or (late is None and (change.late is not None or change.time > soon))
     if is_done or change is None or is_ahead:
         return place
     if late is not None:
         front = drifted(problem, front, late)
+    # the instant is known up to an error: the states before and after it contain those at nearby times
     front, problem = mapped(problem, front, change.states), change.following(front.t, problem)
     problem = _settled(problem, front)
     return replace(place, front=front if late is None else drifted(problem, front, late), problem=problem)
@@ -350,11 +326,11 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
     """A proved step of the aimed length, or a shorter step that can be proved with the present control."""
     h = aim = usual = control.h
     reason, change, is_cut = "", problem.change, False
-    while h >= _SHORTEST_OF_AIM * aim and h > 4 * grain:
+    while h >= aim / 16 and h > 4 * grain:
         if change is None or change.late is None or h != change.time - front.t:
             h = float(np.floor(h / grain)) * grain
         try:
-            x = motion(problem, front.x, front.t, h, TIME_TERMS)
+            x = motion(problem, front.x, front.t, h, _TIME_TERMS)
         except ProofError as error:
             reason, aim = str(error), _SHORTER_STEP * h
             h = aim
@@ -363,7 +339,7 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
         sizes = np.maximum(problem.scales, ch.sums(x.c, problem.d + 1))
         tail = float((last / sizes).max(initial=0.0))
         # the last coefficients of the motion decide: this length would reduce them to the rounding of the states
-        h_resolved = h * float(np.clip((FACTORS / max(tail, 1e-30)) ** (1.0 / TIME_TERMS), _SHORTER_STEP, 1.5))
+        h_resolved = h * float(np.clip((FACTORS / max(tail, 1e-30)) ** (1.0 / _TIME_TERMS), _SHORTER_STEP, 1.5))
         if tail > ROUNDING:
             aim = h = h_resolved
             continue
@@ -373,12 +349,12 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
             is_cut = True
             continue
         try:
-            B, C = frame(problem, x.c, front.B, front.t, h, FRAME_TERMS)
+            B, C = frame(problem, x.c, front.B, front.t, h)
             step = TimeStep(problem, front.t, h, x, B, C)
-            _require_valid(step, np.zeros(problem.n))
+            require_valid(step, np.zeros(problem.n))
             w = above(front.w + step.inverse_times(front.x_error + front.B_error @ front.w))
             proof = prove(step, w, control)
-            _require_valid(step, above(step.B_largest @ proof.W))
+            require_valid(step, above(step.B_largest @ proof.W))
             control.h = max(h_resolved, usual) if is_cut else h_resolved
             return step, proof
         except ProofError as error:
@@ -390,24 +366,14 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
 
 def _before_pass(problem: Problem, x: Array, t: float, h: float, usual: float, grain: float) -> float:
     """The longest step [s] with the motion x that ends before a pass of a switch. _AheadError if a pass is near."""
-    ahead = None if problem.phase is None else crossing(problem, x, t, h, TIME_TERMS, _SHORTEST_AT_CHANGE * grain)
+    ahead = None if problem.phase is None else crossing(problem, x, t, h, _TIME_TERMS, _UNITS_BEFORE_CHANGE * grain)
     if ahead is None:
         return np.inf
-    if ahead.why and ahead.first > _NEAREST_PASS * grain:
-        return float(np.floor((1.0 - _NEARER_BEGIN) * ahead.first / grain)) * grain
-    begin = _BEFORE_PASS_OF_STEP * usual + _BEFORE_PASS_OF_SPREAD * (ahead.last - ahead.first)
+    nearer = ahead.nearer(grain)
+    if ahead.why and nearer > 0:
+        return nearer
+    # the time to the pass must exceed the error of the time of the pass, which grows with the spread
+    begin = usual / 64 + 0.25 * (ahead.last - ahead.first)
     if ahead.first <= 2.0 * begin:
         raise _AheadError(ahead)
     return float(np.floor((ahead.first - begin) / grain)) * grain
-
-
-def _require_valid(step: TimeStep, e: Array) -> None:
-    """ProofError unless the equations are proved to be those of the scene within e (n,) of the motion of a step."""
-    which = unshown(step, e)
-    if which is not None:
-        phase = step.problem.phase
-        raise ProofError(
-            "another switch may be passed at the same time, or the switch is not passed in one direction"
-            if phase is None
-            else phase.sentence(which, step.t0, "the motion may touch it, or only a part of the box may pass it")
-        )

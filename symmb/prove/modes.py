@@ -50,7 +50,7 @@ class LinearStart:
     def jacobian(self) -> ca.Function:
         """(x, p, t) -> Jacobian (n_x, n_x) of the rates, scaled by the sizes of the states [1/s]."""
         rates = self.equations.rates
-        x, p, t = (ca.SX.sym(name, rates.numel_in(i)) for i, name in enumerate("xpt"))
+        x, p, t = rates.sx_in()
         scaled = ca.diag(1 / self.sizes) @ ca.jacobian(rates(x, p, t), x) @ ca.diag(self.sizes)
         return common("jacobian", [x, p, t], [ca.densify(scaled)])
 
@@ -156,23 +156,22 @@ def with_limits(linear: LinearStart, number: int, width: float, values: Array, p
 
 
 def _continued(residual: ca.Function, nominal: Array, p: Array, t: float, samples: Array) -> Array:
-    """Approximate solutions u (N, n) of the residual at samples (N, n_p), continued from the nominal solution."""
-    arguments = [ca.SX.sym(name, residual.numel_in(i)) for i, name in enumerate("upt")]
+    """Approximate solutions u (N, n) of the residual at samples (N, n_p), continued from the nominal solution.
+
+    The way from the nominal parameters to a sample has eight parts, so that Newton's method stays on the same mode.
+    """
+    arguments = residual.sx_in()
     rows = residual(*arguments)
     both = common("newton", arguments, [rows, ca.densify(ca.jacobian(rows, arguments[0]))])
     u = np.tile(nominal, (len(samples), 1))
-    for share in np.linspace(0, 1, _PARTS_OF_A_WAY + 1)[1:]:
-        for _ in range(_NEWTON_ITERATIONS):
+    for share in np.linspace(0, 1, 9)[1:]:
+        for _ in range(4):  # iterations of Newton's method
             r, J = batch(both, u, p + share * (samples - p), np.full((len(u), 1), t))
             try:
                 u = u - np.linalg.solve(J, r[..., None])[..., 0]
             except np.linalg.LinAlgError:  # the proof of the start then fails
                 return u
     return u
-
-
-_PARTS_OF_A_WAY, _NEWTON_ITERATIONS = 8, 4
-"""Parts of the continuation from the nominal parameters to a sample, and Newton iterations for each part."""
 
 
 def _critical_shape(A: Array) -> tuple[Array, float, bool]:

@@ -1,83 +1,112 @@
 """Bounds of the outputs at times of a step."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from symmb._types import Array
+from symmb._magnitudes import SLIGHT
+from symmb._types import Array, Mask
 from symmb.prove import chebyshev as ch
-from symmb.prove import discs, points
+from symmb.prove import points
 from symmb.prove.curves import TimeStep, parameter_points
 from symmb.prove.degrees import degrees_of_outputs
-from symmb.prove.ellipses import TOO_MANY, Choice, Control, ellipses, node_counts, nodes_needed, patches_on, reaches
+from symmb.prove.ellipses import MOST_PATCHES, Choice, Control, ellipses, node_counts, nodes_needed, reaches
 from symmb.prove.errors import ProofError
 from symmb.prove.ranges import cut, ranges
 from symmb.prove.rounding import U, above, of_sum
 from symmb.prove.several_parameters import monomials, on_step, parameter_models, run
 from symmb.prove.taylor_models import Model, basis_of, reach
 
-_PATCHES_IF_ROUGH_BEFORE = 1
-"""Most patches for outputs that could not be shown to be smooth in the previous step."""
 EXTRA_NODES = 4
 """Nodes of each parameter at first, in addition to the terms of the motion."""
 _MOST_NODES_OF_ALL_TIMES = 3e6
 """Most nodes of the grids of all times. Their values take seconds."""
-SHARP = 1e-6
-"""Largest excess of bounds, relative to the width, from the search for ranges."""
-_DEGREES_BEYOND_MOTION = 2
-"""Degrees of Taylor models of outputs beyond those of the motion, for several parameters."""
-_MOST_COEFFICIENTS = 1e5
-"""Most coefficients of the polynomial of an output at one time."""
 
 
-def output_bounds(
-    step: TimeStep, w: Array, times: Array, control: Control, sharp: float = SHARP
-) -> tuple[Array, Array, Array, Array]:
-    """Lower and upper bounds of the outputs at times (n_t,) of a step for |w| <= w (n,), remainders and term sizes.
+class OutputBounds(NamedTuple):
+    """Lower and upper bounds of the outputs, remainders (n_t, n_y), and sizes (n_y,) of the terms of the outputs.
 
-    The first three arrays have the shape (n_t, n_y). The sizes (n_y,) are those of the states times the sensitivities,
-    and 0 if they are not known. The outputs y(u(xi, t), p, t) are interpolated in xi. Their ranges are widened by the
-    aliasing, the rounding, and the largest sensitivity dy/dx times the largest B w. Outputs that cannot be shown to be
-    smooth have infinite bounds. `control.rough` marks these outputs.
+    A remainder is the part of the bounds that is not the range of a polynomial. The sizes are those of the states times
+    the sensitivities, and 0 if they are not known.
     """
-    problem, n_t = step.problem, len(times)
-    n_y = problem.outputs.numel_out(0)
-    if problem.n and problem.d > ch.FEW:
-        e = above(step.B_largest @ w)
-        with np.errstate(all="ignore"):
-            lower, upper, remainder, slopes = _model_bounds(step, e, times, sharp)
-        terms = slopes @ ch.sums(step.x.c, step.x.c.ndim - 1)
-        return lower, upper, remainder, np.where(np.isfinite(terms), terms, 0.0)
-    with np.errstate(all="ignore"):
-        e, smooth = above(step.B_largest @ w), np.zeros(n_y, dtype=bool)
-        is_refused = np.array([*map(bool, problem.refused or [""] * n_y)], dtype=bool)
-        # quotients of positive sums, such as reactions, may need many patches
-        for patches in (count for count in (1, 8, 24, 64) if count ** (1 + problem.d) <= TOO_MANY):
-            rho, most, nodes = _ellipses(step, control.choice, patches)
-            real = patches_on(step, [1.0] * len(rho), (max(patches, Choice().patches[0]), patches))
-            slopes = problem.sensitivity_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(real, e))[1]
-            slopes = reaches(slopes).reshape(problem.n, n_y).T
-            of_states, terms = above(slopes @ e), slopes @ ch.sums(step.x.c, step.x.c.ndim - 1)
-            smooth = np.isfinite(most) & np.isfinite(of_states)
-            is_hopeless = control.rough if patches > _PATCHES_IF_ROUGH_BEFORE else False
-            # more patches are tried only if 50 nodes of each parameter are not enough
-            if (smooth | is_refused | is_hopeless).all() and nodes <= 50**problem.d:
-                break
-        control.rough = ~smooth
-        good = np.flatnonzero(smooth)
-        lower, upper, remainder = np.full((3, n_t, n_y), np.inf)
-        pending = [good] if len(good) else []
-        while pending:
-            part = pending.pop()
-            try:
-                low, high, rest = _good_bounds(
-                    step, times, tuple(part.tolist()), rho[1:], most[part], of_states[part], sharp
-                )
-            except ProofError:  # a single output may be the cause
-                pending += np.split(part, len(part)) if len(part) > 1 else []
-            else:
-                lower[:, part], upper[:, part], remainder[:, part] = -low, high, rest
-        return -lower, upper, remainder, np.where(np.isfinite(terms), terms, 0.0)
+
+    lower: Array
+    upper: Array
+    remainder: Array
+    terms: Array
+
+    @classmethod
+    def unknown(cls, n_t: int, n_y: int) -> "OutputBounds":
+        """Infinite bounds."""
+        infinite = np.full((n_t, n_y), np.inf)
+        return cls(-infinite, infinite, infinite.copy(), np.zeros(n_y))
+
+    @classmethod
+    def nothing(cls, n_t: int, n_y: int) -> "OutputBounds":
+        """Bounds of the empty set."""
+        infinite = np.full((n_t, n_y), np.inf)
+        return cls(infinite, -infinite, np.zeros((n_t, n_y)), np.zeros(n_y))
+
+    def at(self, times: slice | Mask) -> "OutputBounds":
+        """The bounds at some of the times."""
+        return OutputBounds(self.lower[times], self.upper[times], self.remainder[times], self.terms)
+
+    def put(self, times: slice | Mask, other: "OutputBounds") -> None:
+        """Replace the bounds at some of the times."""
+        for own, values in zip(self[:3], other[:3], strict=True):
+            own[times] = values
+        np.maximum(self.terms, other.terms, out=self.terms)
+
+    def joined(self, other: "OutputBounds") -> "OutputBounds":
+        """Bounds of the union of both sets."""
+        return OutputBounds(
+            np.minimum(self.lower, other.lower), *(np.maximum(a, b) for a, b in zip(self[1:], other[1:], strict=True))
+        )
+
+
+@np.errstate(all="ignore")  # bounds that are not finite are sorted out later
+def output_bounds(step: TimeStep, w: Array, times: Array, control: Control, sharp: float = SLIGHT) -> OutputBounds:
+    """Bounds of the outputs at times (n_t,) of a step for |w| <= w (n,).
+
+    The outputs y(u(xi, t), p, t) are interpolated in xi. Their ranges are widened by the aliasing, the rounding, and
+    the largest sensitivity dy/dx times the largest B w. Outputs that cannot be shown to be smooth have infinite bounds.
+    `control.rough` marks these outputs. `sharp` is the excess of the bounds relative to their width.
+    """
+    problem, e, sizes = step.problem, above(step.B_largest @ w), ch.sums(step.x.c, step.x.c.ndim - 1)
+    found = OutputBounds.unknown(len(times), problem.outputs.numel_out(0))
+    bounds = _model_bounds if problem.n and problem.d > ch.TENSOR_PARAMETERS else _grid_bounds
+    terms = bounds(step, e, times, control, sharp, found) @ sizes
+    return found._replace(terms=np.where(np.isfinite(terms), terms, 0.0))
+
+
+def _grid_bounds(step: TimeStep, e: Array, times: Array, control: Control, sharp: float, found: OutputBounds) -> Array:
+    """Write bounds to `found` for states within e (n,) of the motion, and return the sensitivities (n_y, n)."""
+    problem, n_y = step.problem, len(found.terms)
+    smooth, is_refused = np.zeros(n_y, dtype=bool), np.array([*map(bool, problem.refused or [""] * n_y)], dtype=bool)
+    # quotients of positive sums, such as reactions, may need many patches
+    for patches in (count for count in (1, 8, 24, 64) if count ** (1 + problem.d) <= MOST_PATCHES):
+        rho, most, nodes = _ellipses(step, control.choice, patches)
+        counts = max(patches, Choice().patches[0]), patches
+        slopes = reaches(step.discs_of(problem.sensitivity_tape, counts, e)[1]).reshape(problem.n, n_y).T
+        of_states = above(slopes @ e)
+        smooth = np.isfinite(most) & np.isfinite(of_states)
+        # an output that was rough in the last step is tried with one patch only
+        is_hopeless = control.rough if patches > 1 else False
+        # more patches are tried only if 50 nodes of each parameter are not enough
+        if (smooth | is_refused | is_hopeless).all() and nodes <= 50**problem.d:
+            break
+    control.rough = ~smooth
+    pending = [np.flatnonzero(smooth)] if smooth.any() else []
+    while pending:
+        part = pending.pop()
+        try:
+            bounds = _good_bounds(step, times, tuple(part.tolist()), rho[1:], most[part], of_states[part], sharp)
+        except ProofError:  # a single output may be the cause
+            pending += np.split(part, len(part)) if len(part) > 1 else []
+        else:
+            found.lower[:, part], found.upper[:, part], found.remainder[:, part] = bounds
+    return slopes
 
 
 def _ellipses(step: TimeStep, choice: Choice, patches: int) -> tuple[list[float], Array, float]:
@@ -86,10 +115,10 @@ def _ellipses(step: TimeStep, choice: Choice, patches: int) -> tuple[list[float]
     # spreads relative to that of the ellipses on which the rates are bounded
     for factor in (1.0, 0.3, 3.0, 10.0):
         rho = [1.0, *ellipses(step, (choice.spread[0], factor * choice.spread[1]))[1:]]
-        on = patches_on(step, rho, (patches, max(patches, choice.patches[1])))
-        most = reaches(step.problem.output_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(on))[0])
+        counts = patches, max(patches, choice.patches[1])
+        most = reaches(step.discs_of(step.problem.output_tape, counts, rho=rho)[0])
         smooth = most[np.isfinite(most)]
-        nodes = nodes_needed(rho[1:], SHARP / float(smooth.max(initial=1.0)))
+        nodes = nodes_needed(rho[1:], SLIGHT / float(smooth.max(initial=1.0)))
         found.append((len(smooth), -nodes, rho, most))
     _, nodes, rho, most = max(found, key=lambda choice: choice[:2])
     return rho, most, -nodes
@@ -117,7 +146,7 @@ def interpolation(
     rho: list[float],
     most: Array,
     blurred: Array,
-    sharp: float = SHARP,
+    sharp: float = SLIGHT,
     degrees: Array | float = np.inf,
 ) -> tuple[Array, Array]:
     """Coefficients (m, n_t, n1, ...) of outputs in the parameters, and bounds (m, n_t) of the errors.
@@ -152,7 +181,7 @@ def interpolation(
             break
         counts = finer
     c[(..., *(0,) * d)] += mean
-    lost = 2.0**d * np.prod(counts, dtype=float) * ch.rounding_of(counts, 2 * ch.ENTRY) * ch.largest(moved, d)
+    lost = 2.0**d * np.prod(counts, dtype=float) * ch.rounding_of(counts, 2 * ch.ENTRY_ERROR) * ch.largest(moved, d)
     lebesgue = np.prod([2.0 / np.pi * np.log(m) + 1.0 for m in counts])
     peak = ch.largest(values, d)
     return c, above(lost + lebesgue * (errors[:, None] + 2 * U * peak) + 2 * U * peak + alias[:, None])
@@ -172,39 +201,37 @@ def _values(step: TimeStep, times: Array, counts: tuple[int, ...], which: tuple[
     return np.stack([np.broadcast_to(a[0], shape) for a in found]), np.array([a[1] for a in found])
 
 
-def _model_bounds(step: TimeStep, e: Array, times: Array, sharp: float) -> tuple[Array, Array, Array, Array]:
-    """Lower and upper bounds of the outputs and remainders (n_t, n_y), and sensitivities (n_y, n).
-
-    All states are within e (n,) of the motion.
-    """
-    problem, n_t = step.problem, len(times)
-    n_y = problem.outputs.numel_out(0)
-    slopes = np.array([reach(a) for a in on_step(step, problem.sensitivity_tape, e)[1]]).reshape(problem.n, n_y).T
+def _model_bounds(step: TimeStep, e: Array, times: Array, control: Control, sharp: float, found: OutputBounds) -> Array:
+    """The same as `_grid_bounds`, for several parameters."""
+    problem = step.problem
+    slopes = np.array([reach(a) for a in on_step(step, problem.sensitivity_tape, e)[1]])
+    slopes = slopes.reshape(problem.n, len(found.terms)).T
     of_states = above(slopes @ e)
-    basis = basis_of(problem.d, step.x.c.shape[2] - 1 + _DEGREES_BEYOND_MOTION)
+    # two degrees beyond those of the motion keep most terms of products of states
+    basis = basis_of(problem.d, step.x.c.shape[2] + 1)
     at, errors = step.at(times)
     c, lost = monomials(at, basis)
     x = [Model(own.T, above(error + gone), basis) for own, error, gone in zip(c, errors, lost, strict=True)]
     t = Model(times[None], np.full(1, U * np.abs(times).max()), basis)
-    lower, upper, remainder = np.full((3, n_t, n_y), np.inf)
-    for k, found in enumerate(run(problem.output_tape, [x, parameter_models(step, basis), [t]])[0]):
-        if np.isfinite(reach(found)) and np.isfinite(of_states[k]):
-            low, high, rest = _range_of_model(found, of_states[k], n_t, sharp)
-            lower[:, k], upper[:, k], remainder[:, k] = -low, high, rest
-    return -lower, upper, remainder, slopes
+    for k, y in enumerate(run(problem.output_tape, [x, parameter_models(step, basis), [t]])[0]):
+        if np.isfinite(reach(y)) and np.isfinite(of_states[k]):
+            bounds = _range_of_model(y, of_states[k], len(times), sharp)
+            found.lower[:, k], found.upper[:, k], found.remainder[:, k] = bounds
+    return slopes
 
 
 def _range_of_model(a: Model, beside: float, n_t: int, sharp: float) -> tuple[Array, Array, Array]:
     """Bounds and remainders (n_t,) of an output.
 
-    The highest degrees are removed if they are small relative to the width, or have too many coefficients.
+    The highest degrees are removed if they are small relative to the width, or if a tensor has more than 1e5
+    coefficients at one time.
     """
     basis, d = a.basis, a.basis.variables
-    c = np.broadcast_to(basis.to_chebyshev @ a.coefficients(), (basis.counts[-1], n_t))
+    c = a.in_chebyshev(n_t)
     sums = np.add.reduceat(np.abs(c), [0, *basis.counts[:-1]], axis=0)
     tails = np.cumsum(sums[::-1], axis=0)[::-1]
     degree = basis.degree
-    while degree > 1 and ((tails[degree] <= 0.1 * sharp * tails[1]).all() or (degree + 1.0) ** d > _MOST_COEFFICIENTS):
+    while degree > 1 and ((tails[degree] <= 0.1 * sharp * tails[1]).all() or (degree + 1.0) ** d > 1e5):
         degree -= 1
     kept = basis.counts[degree]
     gone = tails[degree + 1] if degree < basis.degree else np.zeros(n_t)

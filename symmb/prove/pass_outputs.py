@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 
 import numpy as np
 
@@ -11,17 +11,12 @@ from symmb.prove import chebyshev as ch
 from symmb.prove.curves import TimeStep
 from symmb.prove.ellipses import Control
 from symmb.prove.front import restricted
-from symmb.prove.outputs import output_bounds
+from symmb.prove.outputs import OutputBounds, output_bounds
 from symmb.prove.passes import reach_of
 from symmb.prove.rounding import above
 
-_MOST_PARTS, _SHORTEST_PASS = 40, 2e-3
-"""Most parts of the box, and the shortest duration of the pass of a part, relative to that of the whole box."""
-
 Steps = Sequence[tuple[TimeStep, Array]]
 """Consecutive proved steps, and bounds (n,) of |w| in each step."""
-Found = list[Array]
-"""Lower bounds, upper bounds and remainders (n_t, n_y), and sizes of terms (n_y,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,44 +69,38 @@ def _half(step: TimeStep, variable: int, side: int) -> TimeStep:
     return replace(step, x=x, problem=step.problem.over(variable, side))
 
 
-def bounds_about_pass(whole: Part, times: Array, control: Control) -> Found:
+def bounds_about_pass(whole: Part, times: Array, control: Control) -> OutputBounds:
     """Bounds at times (n_t,): of the old motion before the pass, of the new motion after it, and of both during it.
 
-    Parts of the box that may pass at one of the times are halved.
+    Parts of the box that may pass at one of the times are halved: up to 40 parts, or until a pass takes 0.2 % of the
+    time of the whole pass. Each part joins only the bounds of its own possible motions.
     """
     found, is_between = _joined(whole, times, control), whole.has(times)
     if not (is_between.any() and whole.times.ndim):
         return found
     parts, between = [whole], times[is_between]
-    while len(parts) < _MOST_PARTS:
+    while len(parts) < 40:
         largest = max(parts, key=lambda part: part.length if part.has(between).any() else 0.0)
-        if largest.length <= max(_SHORTEST_PASS * whole.length, 4.0 * largest.error):
+        if largest.length <= max(2e-3 * whole.length, 4.0 * largest.error):
             break
         parts.remove(largest)
         parts += largest.halves()
-    each = [_joined(part, between, control) for part in parts]
-    for k, joined in enumerate((np.min, np.max, np.max)):
-        found[k][is_between] = joined([bounds[k] for bounds in each], axis=0)
+    found.put(is_between, reduce(OutputBounds.joined, (_joined(part, between, control) for part in parts)))
     return found
 
 
-def _joined(part: Part, times: Array, control: Control) -> Found:
+def _joined(part: Part, times: Array, control: Control) -> OutputBounds:
     """Bounds of a part of the box at times (n_t,), of all motions that are possible at each time."""
     first, last = part.span
     old = _outputs(part.old, times, times <= last, control)
-    new = _outputs(part.new, times, times >= first, control)
-    return [joined(a, b) for joined, a, b in zip((np.minimum, *(np.maximum,) * 3), old, new, strict=True)]
+    return old.joined(_outputs(part.new, times, times >= first, control))
 
 
-def _outputs(steps: Steps, times: Array, wanted: Mask, control: Control) -> Found:
+def _outputs(steps: Steps, times: Array, wanted: Mask, control: Control) -> OutputBounds:
     """Bounds at the wanted times, and those of the empty set at other times."""
-    n_y = steps[0][0].problem.outputs.numel_out(0)
-    found = [np.full((len(times), n_y), value) for value in (np.inf, -np.inf, 0.0)] + [np.zeros(n_y)]
+    found = OutputBounds.nothing(len(times), steps[0][0].problem.outputs.numel_out(0))
     for k, (step, w) in enumerate(steps):
         here = wanted & (times <= step.t0 + step.h) & ((times > step.t0) | (k == 0))
         if here.any():
-            *bounds, terms = output_bounds(step, w, times[here], replace(control))
-            for own, values in zip(found, bounds, strict=False):
-                own[here] = values
-            found[-1] = np.maximum(found[-1], terms)
+            found.put(here, output_bounds(step, w, times[here], replace(control)))
     return found

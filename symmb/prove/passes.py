@@ -16,6 +16,7 @@ from itertools import combinations, product
 import casadi as ca
 import numpy as np
 
+from symmb._magnitudes import SMALL
 from symmb._types import Array, Indices
 from symmb.declare.symbolic import common
 from symmb.prove import chebyshev as ch
@@ -29,23 +30,12 @@ from symmb.prove.patches import largest_on
 from symmb.prove.points import PLAIN, plain
 from symmb.prove.problem import Problem
 from symmb.prove.rounding import LARGEST_ZERO, U, above
-from symmb.prove.start import still
+from symmb.prove.start import require_known, still
 from symmb.prove.step import MOST_CANDIDATES, on_motion
 from symmb.prove.tape import Tape
-from symmb.prove.transitions import require_known
 
-_LOOKS_PER_STEP = 33
-"""Times of a step at which the sides of switches are examined."""
-_NEWTON_ITERATIONS = 8
-"""Iterations of Newton's method for the time of a pass."""
 _MOST_SWITCHES_AT_ONCE = 4
 """Most switches that are passed at once. Each one doubles the number of equations between the first and last pass."""
-_TIME_BEHIND_A_PASS = 1e-3
-"""Time after a pass at which pieces of tables are selected, relative to the time from the start to the pass."""
-_PATCHES_OF_A_PASS = 64
-"""Approximate number of patches of the parameters on which a pass is proved."""
-_LEAST_POSITIVE = 1e-280
-"""A positive number that is smaller than all relevant times and distances."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +58,10 @@ class Crossing:
     place: tuple[Array, Array, float] | None = None
     why: str = ""
 
+    def nearer(self, grain: float) -> float:
+        """Length of a step that ends closer to the pass [s]; 0 if the pass is within 64 units of times."""
+        return float(np.floor(63 / 64 * self.first / grain)) * grain if self.first > 64 * grain else 0.0
+
 
 def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: float) -> Crossing | None:
     """The next pass, if a motion (n, K + 1, N + 1, ...) leaves the sides of its phase during a step h; else None.
@@ -79,16 +73,14 @@ def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: 
     """
     assert problem.valid is not None and problem.phase is not None
     lengths = x.shape[2:]
-    counts = [n + 2 if problem.d <= ch.FEW else n for n in lengths]
-    p = [np.broadcast_to(a, counts).ravel() for a in parameters_at(problem, [ch.nodes(m) for m in counts], 0)]
-    tape, nodes = Tape(with_slopes(problem, problem.valid, problem.rates)), int(np.prod(counts))
+    counts = [n + 2 if problem.d <= ch.TENSOR_PARAMETERS else n for n in lengths]
+    p = [np.broadcast_to(a, counts).ravel() for a in parameters_at(problem, counts, 0)]
+    tape, nodes = Tape(with_slopes(problem.valid, problem.rates)), int(np.prod(counts))
     found = np.full((problem.valid.numel_out(0), nodes), np.inf)
     states, begin = np.zeros((problem.n, nodes)), t0
     # all parameters must pass within 16 steps
     for number in range(16):
-        own = ch.along([ch.values_at_nodes(m, n) for m, n in zip(counts, lengths, strict=True)], x)
-        own = own.reshape(*x.shape[:2], nodes)
-        _look(tape, own, p, begin, h, found, states)
+        _look(tape, ch.at_nodes(x, counts).reshape(*x.shape[:2], nodes), p, begin, h, found, states)
         if number == 0 and np.isinf(found).all():
             return None
         if np.isfinite(found.min(axis=0)).all():
@@ -120,8 +112,9 @@ def _look(tape: Tape, c: Array, p: list[Array], begin: float, h: float, found: A
         found = tape.run(PLAIN, plain, [list(x), [own[which] for own in p], [time]])
         return x, [[np.broadcast_to(a, s.shape) for a in part] for part in found]
 
-    s = -np.cos(np.linspace(0.0, np.pi, _LOOKS_PER_STEP))
-    values = at(np.broadcast_to(s[:, None], (_LOOKS_PER_STEP, c.shape[2])))[1][0]
+    # A pass and its return between two of 33 times are not seen. The conditions of the step are then not proved.
+    s = -np.cos(np.linspace(0.0, np.pi, 33))
+    values = at(np.broadcast_to(s[:, None], (len(s), c.shape[2])))[1][0]
     for k, value in enumerate(values):
         beyond = ~(value > 0)
         own = np.flatnonzero(beyond.any(axis=0) & np.isinf(found[k]))
@@ -132,7 +125,7 @@ def _look(tape: Tape, c: Array, p: list[Array], begin: float, h: float, found: A
         a, b = value[before, own], value[after, own]
         with np.errstate(all="ignore"):
             place = s[before] + np.where(a > b, a / (a - b), 0.0) * (s[after] - s[before])
-            for _ in range(_NEWTON_ITERATIONS):
+            for _ in range(8):  # Newton's method, from the secant
                 _, (g, slope) = at(place, own)
                 place = np.clip(np.nan_to_num(place - 2.0 / h * g[k] / slope[k]), s[before], s[after])
         time = begin + 0.5 * h * (1.0 + place)
@@ -160,13 +153,12 @@ def reach_of(problem: Problem, tau: Array) -> float:
     return float(largest_on(rho, moved[None])[0]) if problem.d else 0.0
 
 
-def with_slopes(problem: Problem, g: ca.Function, rates: ca.Function) -> ca.Function:
+def with_slopes(g: ca.Function, rates: ca.Function) -> ca.Function:
     """(x, p, t) -> g, and the time derivative of g along the rates."""
-    assert problem.phase is not None
-    x, p, t = arguments = problem.phase.symbols
+    x, p, t = arguments = rates.sx_in()
     value = ca.densify(g(x, p, t))
     along = ca.jtimes(value, ca.vertcat(x, t), ca.vertcat(rates(x, p, t), 1))
-    return common("slopes", [*arguments], [value, ca.densify(along)])
+    return common("slopes", arguments, [value, ca.densify(along)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,8 +185,8 @@ def window(problem: Problem, ahead: Crossing) -> Window:
     """The equations near a pass. ProofError if one of the switches depends on another switch that is passed with it."""
     phase, which = problem.phase, list(ahead.which)
     assert phase is not None and problem.valid is not None and ahead.place is not None
-    x, p, t = arguments = phase.symbols
-    surface = common("surface", [*arguments], [problem.valid(x, p, t)[which]])
+    x, p, t = arguments = problem.rates.sx_in()
+    surface = common("surface", arguments, [problem.valid(x, p, t)[which]])
     others = np.setdiff1d(np.arange(len(phase.sides)), which).tolist()
     found, changed = [], np.zeros(len(phase.sides), dtype=bool)
     for signs in product((1.0, -1.0), repeat=len(which)):
@@ -204,15 +196,15 @@ def window(problem: Problem, ahead: Crossing) -> Window:
             sides = phase.settled(*ahead.place, sides, ahead.which)
         rates, place = phase.on(phase.rates, sides, *ahead.place), ahead.place
         if max(signs) < 0:  # after all passes: the table may have another piece a moment later
-            place = _moved(rates, place, _TIME_BEHIND_A_PASS * ahead.first)
+            place = _moved(rates, place, SMALL * ahead.first)
         conditions = phase.conditions(sides, *place)
         toward = ca.vertcat(
-            with_slopes(problem, conditions, rates)(x, p, t)[1][which] if max(signs) < 0 else ca.SX(0, 1),
-            -with_slopes(problem, surface, rates)(x, p, t)[1],
+            with_slopes(conditions, rates)(x, p, t)[1][which] if max(signs) < 0 else ca.SX(0, 1),
+            -with_slopes(surface, rates)(x, p, t)[1],
         )
         values = ca.vertsplit(conditions(x, p, t))
         valid = ca.vertcat(*(values[k] for k in others), toward)
-        found.append((sides, rates, common("valid", [*arguments], [ca.densify(valid)])))
+        found.append((sides, rates, common("valid", arguments, [ca.densify(valid)])))
         require_known("the equations", *found[-1][1:])
         changed |= sides != phase.sides
     sides = ca.SX.sym("sides", len(changed))
@@ -230,43 +222,30 @@ def window(problem: Problem, ahead: Crossing) -> Window:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Departure:
-    """A motion that starts on switches and leaves them at once.
+def departure(
+    problem: Problem, front: Front, own: Sequence[int], h: float
+) -> tuple[Problem, Problem, tuple[Problem, ...]]:
+    """The problems of a motion that starts on the switches `own`, and perhaps on others, and leaves them at once.
 
-    Attributes
-    ----------
-    first : the problem in the first step. It is valid as long as the rates of the switches are positive on their sides
-    after : the problem after the first step
-    both : the problems on all combinations of sides of the switches
-    """
-
-    first: Problem
-    after: Problem
-    both: tuple[Problem, ...]
-
-
-def departure(problem: Problem, front: Front, own: Sequence[int], h: float) -> Departure:
-    """The problems of a motion that starts on the switches `own`, and perhaps on others. A step of about h follows.
-
-    ProofError if the switches are not 0 for all parameters of the box, or the motion may leave them in two directions.
+    The first problem holds in the first step of about h: as long as the rates of the switches are positive on their
+    sides. The second one follows. The others are those on all combinations of sides. ProofError if the switches are not
+    0 for all parameters of the box, or the motion may leave them in two directions.
     """
     phase = problem.phase
     assert phase is not None and problem.valid is not None and problem.valid_tape is not None
-    x, p, t = arguments = phase.symbols
-    reach = above((ch.sums(front.B, problem.d) + front.B_error) @ front.w + front.x_error)
-    begin = still(problem, front.t, front.x, _LEAST_POSITIVE)
-    which = np.flatnonzero(reaches(on_motion(begin, problem.valid_tape, reach, (1, 1))) <= LARGEST_ZERO).tolist()
+    x, p, t = arguments = problem.rates.sx_in()
+    begin = still(problem, front.t, front.x, 0.0)
+    which = np.flatnonzero(reaches(on_motion(begin, problem.valid_tape, front.reach, (1, 1))) <= LARGEST_ZERO).tolist()
     if not set(own) <= set(which) or len(which) > _MOST_SWITCHES_AT_ONCE:
         raise ProofError("the motion may begin on it")
-    place = front.x[(slice(None), *(0,) * problem.d)], problem.middle, front.t
-    behind = _moved(problem.rates, place, _TIME_BEHIND_A_PASS * h)
+    place = front.middle, problem.middle, front.t
+    behind = _moved(problem.rates, place, SMALL * h)  # pieces of tables are those of a moment later
     both, left = [], []
     for signs in product((1.0, -1.0), repeat=len(which)):
         sides = phase.sides.copy()
         sides[which] *= signs
         both.append(problem.on_sides(phase.settled(*place, sides, tuple(which)), *behind))
-        rates = with_slopes(problem, both[-1].valid, both[-1].rates)
+        rates = with_slopes(both[-1].valid, both[-1].rates)
         if (rates(*place)[1].full().ravel()[which] > 0).all():
             left.append((both[-1], rates))
     if len(left) != 1:
@@ -274,9 +253,9 @@ def departure(problem: Problem, front: Front, own: Sequence[int], h: float) -> D
     [(after, rates)] = left
     values, slopes = rates(x, p, t)
     conditions = [(slopes if k in which else values)[k] for k in range(len(phase.sides))]
-    valid = common("valid", [*arguments], [ca.densify(ca.vertcat(*conditions))])
+    valid = common("valid", arguments, [ca.densify(ca.vertcat(*conditions))])
     require_known("the equations", *(f for own in both for f in (own.rates, own.outputs)), valid)
-    return Departure(replace(after, phase=None, valid=valid), after, tuple(both))
+    return replace(after, phase=None, valid=valid), after, tuple(both)
 
 
 def _moved(rates: ca.Function, place: tuple[Array, Array, float], h: float) -> tuple[Array, Array, float]:
@@ -331,13 +310,13 @@ def off(problem: Problem, scaled: Scaled, front: Front, about: Window, first: fl
     `first` a lower bound of the polynomial [s]. ProofError if the pass is not transversal on all sides.
     """
     tapes = [tuple(Tape(scaled.of(f)) for f in pair) for pair in about.between]
-    reach = above((ch.sums(front.B, problem.d) + front.B_error) @ front.w + front.x_error)
     late, room = 0.0, np.zeros(problem.n)
     for _ in range(MOST_CANDIDATES):
-        late, room = 2.0 * late + _LEAST_POSITIVE, 2.0 * room + _LEAST_POSITIVE
+        late, room = 2.0 * late + 1e-280, 2.0 * room + 1e-280  # above underflow, so that exact passes are proved
+        # scaled time is 1 at the pass of the polynomial; the summand covers the rounding of scaled times
         share = 2.0 * late / first + 1e-14
         around = still(problem, 1.0 - share, front.x, 2.0 * share)
-        slowest, fastest, speed, apart, is_shown = _about_pass(around, above(reach + room), tapes, len(g))
+        slowest, fastest, speed, apart, is_shown = _about_pass(around, above(front.reach + room), tapes, len(g))
         new_late = above(float((g / slowest).max()))
         if len(g) > 1:  # after an early pass of one switch, the others may be approached more slowly
             new_late = above(new_late * (2.0 + float((fastest / slowest).max())))
@@ -359,7 +338,7 @@ def _about_pass(
     states, the differences (n,) of rates between sides, and whether all conditions are proved.
     """
     d = max(step.problem.d, 1)
-    count = next(m for m in (32, 8, 4, 2, 1) if m**d <= _PATCHES_OF_A_PASS or m == 1)
+    count = next(m for m in (32, 8, 4, 2, 1) if m**d <= 64 or m == 1)  # about 64 patches at most
     each = [[on_motion(step, tape, e, (1, count)) for tape in pair] for pair in tapes]
     toward = [conditions[len(conditions) - own :] for _, conditions in each]
     subtract = discs.OPERATIONS[ca.OP_SUB]

@@ -13,9 +13,9 @@ import numpy as np
 from symmb._types import Array
 from symmb.prove.chebyshev import along
 from symmb.prove.discs import Disc
-from symmb.prove.rounding import OF_MODULI, above
+from symmb.prove.rounding import ERROR_OF_MODULI, above
 
-_OF_DISTANCES = 4e-15
+_ERROR_OF_DISTANCES = 4e-15
 """Relative error that covers the rounding of sums of a middle and distances from the middle."""
 
 
@@ -39,10 +39,7 @@ class Patches:
             _factors(r, count, max(n, 1), r == 1.0 or i == halved)
             for i, (r, count, n) in enumerate(zip(rho, counts, degrees, strict=True))
         ]
-        self.centres = [of.centres for of in factors]
-        self._slopes = [of.slopes for of in factors]
-        self._sizes = [of.sizes for of in factors]
-        self._swings = [of.swings for of in factors]
+        self.centres, self._slopes, self._sizes, self._swings, _ = map(list, zip(*factors, strict=True))
         self._reaches = [above(of.sizes + of.swings + of.rests) for of in factors]
 
     def discs(self, c: Array) -> list[Disc]:
@@ -55,7 +52,8 @@ class Patches:
         slopes = [_applied(with_one(self._slopes, self.centres, j), c) for j in variables]
         linear = [_applied(with_one(self._swings, self._sizes, j), modulus) for j in variables]
         reaches, sizes = _applied(self._reaches, modulus), _applied(self._sizes, modulus)
-        radii = above(reaches * (1.0 + OF_MODULI) - sizes - sum(linear)).reshape(len(c), 1)
+        # what remains of the moduli on the patches after the centres and the linear motion
+        radii = above(reaches * (1.0 + ERROR_OF_MODULI) - sizes - sum(linear)).reshape(len(c), 1)
         parts = zip(_applied(self.centres, c), np.stack(np.broadcast_arrays(*slopes), axis=1), radii, strict=True)
         return [Disc(centre, np.moveaxis(own, 0, -1), radius) for centre, own, radius in parts]
 
@@ -67,8 +65,8 @@ class Patches:
         slopes[variable] = radius * self._slopes[variable][:, 1]
         centres = middle + radius * self.centres[variable][:, 1].reshape(shape)
         reach, swing, size = (of[variable][1] for of in (self._reaches, self._swings, self._sizes))
-        rest = radius * (reach * (1.0 + OF_MODULI) - size - swing) + OF_MODULI * radius * reach
-        rest = rest + _OF_DISTANCES * abs(middle) + error
+        rest = radius * (reach * (1.0 + ERROR_OF_MODULI) - size - swing) + ERROR_OF_MODULI * radius * reach
+        rest = rest + _ERROR_OF_DISTANCES * abs(middle) + error
         return Disc(centres, np.moveaxis(slopes.reshape(count, *shape), 0, -1), above(np.array([rest])))
 
 

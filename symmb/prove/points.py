@@ -6,6 +6,7 @@ the error. The computed values are between lowest and highest.
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -14,7 +15,8 @@ from scipy.special import erf
 from symmb._types import Array
 from symmb.declare.symbolic import Entry
 from symmb.prove.errors import ProofError
-from symmb.prove.rounding import FUNCTION, U, above
+from symmb.prove.rounding import FUNCTION_ERROR, U, above
+from symmb.prove.tape import operations_by_sides
 
 Point = tuple[Array | float, float, float, float]
 
@@ -89,7 +91,7 @@ def _function(f: Callable[..., Array], slope: Callable[[float, float], float]) -
             raise ProofError(
                 f"an argument of {f.__name__} may be outside its domain, or its value may be too large"
             ) from None
-        return _rounded(f(a[0]), above(steepest * 1.001) * a[1], FUNCTION)
+        return _rounded(f(a[0]), above(steepest * 1.001) * a[1], FUNCTION_ERROR)
 
     return operation
 
@@ -117,7 +119,7 @@ def _constant_power(a: Point, exponent: Point) -> Point:
         raise ProofError("the base of a power may be 0")
     steepest = most if n == int(n) or n > 1 else _distance_from_zero(a)
     try:
-        return _rounded(a[0] ** n, above(abs(n) * 1.001 * steepest**n) * (a[1] / steepest), FUNCTION)
+        return _rounded(a[0] ** n, above(abs(n) * 1.001 * steepest**n) * (a[1] / steepest), FUNCTION_ERROR)
     except OverflowError:
         raise ProofError("a power is too large") from None
 
@@ -130,7 +132,7 @@ def _is_constant(a: Point) -> bool:
 def _power(a: Point, b: Point) -> Point:
     if _is_constant(b):
         return _constant_power(a, point(b[2]))
-    return _EXP(_multiply(b, _LOG(a)))
+    return _OF[ca.OP_EXP](_multiply(b, _OF[ca.OP_LOG](a)))
 
 
 def _arctan2(y: Point, x: Point) -> Point:
@@ -141,21 +143,13 @@ def _arctan2(y: Point, x: Point) -> Point:
         least = _distance_from_zero(y)
     else:
         raise ProofError("the argument of atan2 may cross the negative half axis")
-    return _rounded(np.arctan2(y[0], x[0]), above(1.001 * (x[1] + y[1])) / least, FUNCTION)
+    return _rounded(np.arctan2(y[0], x[0]), above(1.001 * (x[1] + y[1])) / least, FUNCTION_ERROR)
 
 
-def _sign(a: Point) -> Point:
+def _side(a: Point) -> float:
+    """1 if all values are above 0, and -1 if all are below 0."""
     _distance_from_zero(a)
-    return point(1.0 if a[2] > 0 else -1.0)
-
-
-def _less(a: Point, b: Point) -> Point:
-    return point(0.0 if _sign(_subtract(a, b))[0] > 0 else 1.0)
-
-
-def _holds(condition: Point) -> bool:
-    """Whether a condition is true: any number except 0."""
-    return not (_is_constant(condition) and condition[2] == 0.0) and bool(_sign(condition)[0])
+    return 1.0 if a[2] > 0 else -1.0
 
 
 def _entry(entry: Entry, group: Point, at: Point) -> Point:
@@ -164,65 +158,55 @@ def _entry(entry: Entry, group: Point, at: Point) -> Point:
         raise ProofError("the argument of a table may lie in two pieces of the table")
     value, before, after = entry.between(group[2], at[2])
     for knot, side in ((before, 1.0), (after, -1.0)):
-        if math.isfinite(knot) and _sign(_subtract(at, point(knot)))[0] != side:
+        if math.isfinite(knot) and _side(_subtract(at, point(knot))) != side:
             raise ProofError("the argument of a table may lie in two pieces of the table")
     return point(value)
 
 
-_SQRT = _function(np.sqrt, lambda low, high: 0.5 / math.sqrt(low))
-_LOG = _function(np.log, lambda low, high: 1.0 / math.sqrt(low) ** 2)
-_EXP = _function(np.exp, lambda low, high: math.exp(high))
-_SIN = _function(np.sin, lambda low, high: 1.0)
-_COS = _function(np.cos, lambda low, high: 1.0)
-_SINH = _function(np.sinh, lambda low, high: math.cosh(_largest(low, high)))
-_COSH = _function(np.cosh, lambda low, high: math.cosh(_largest(low, high)))
-
-OPERATIONS: dict[int, Callable[..., Point]] = {
-    ca.OP_ASSIGN: lambda a: a,
-    ca.OP_ADD: _add,
-    ca.OP_SUB: _subtract,
-    ca.OP_MUL: _multiply,
-    ca.OP_DIV: _divide,
-    ca.OP_NEG: _negative,
-    ca.OP_SQ: _square,
-    ca.OP_TWICE: lambda a: (2.0 * a[0], 2.0 * a[1], 2.0 * a[2], 2.0 * a[3]),
-    ca.OP_INV: _inverse,
-    ca.OP_SQRT: _SQRT,
-    ca.OP_SIN: _SIN,
-    ca.OP_COS: _COS,
-    ca.OP_TAN: lambda a: _divide(_SIN(a), _COS(a)),
-    ca.OP_EXP: _EXP,
-    ca.OP_LOG: _LOG,
-    ca.OP_SINH: _SINH,
-    ca.OP_COSH: _COSH,
-    ca.OP_TANH: _function(np.tanh, lambda low, high: 1.0),
-    ca.OP_ASIN: _function(np.arcsin, _steepest_sine),
-    ca.OP_ACOS: _function(np.arccos, _steepest_sine),
-    ca.OP_ATAN: _function(np.arctan, lambda low, high: 1.0 / (1.0 + _least(low, high) ** 2)),
-    ca.OP_ASINH: _function(np.arcsinh, lambda low, high: 1.0 / math.hypot(1.0, _least(low, high))),
-    ca.OP_ACOSH: _function(np.arccosh, lambda low, high: 1.0 / math.sqrt(low - 1.0) / math.sqrt(low + 1.0)),
-    ca.OP_ATANH: _function(np.arctanh, lambda low, high: _steepest_sine(low, high) ** 2),
-    ca.OP_LOG1P: _function(np.log1p, lambda low, high: 1.0 / math.sqrt(1.0 + low) ** 2),
-    ca.OP_EXPM1: _function(np.expm1, lambda low, high: math.exp(high)),
-    ca.OP_ERF: _function(erf, lambda low, high: 1.1284 * math.exp(-(_least(low, high) ** 2))),
-    ca.OP_POW: _power,
-    ca.OP_CONSTPOW: _power,
-    ca.OP_ATAN2: _arctan2,
-    ca.OP_HYPOT: lambda a, b: _SQRT(_add(_square(a), _square(b))),
-    ca.OP_FABS: lambda a: a if _sign(a)[0] > 0 else _negative(a),
-    ca.OP_SIGN: _sign,
-    ca.OP_FMIN: lambda a, b: b if _sign(_subtract(a, b))[0] > 0 else a,
-    ca.OP_FMAX: lambda a, b: a if _sign(_subtract(a, b))[0] > 0 else b,
-    ca.OP_LT: _less,
-    ca.OP_LE: _less,
-    ca.OP_EQ: lambda a, b: point(0.0 * float(_sign(_subtract(a, b))[0])),
-    ca.OP_NE: lambda a, b: point(abs(float(_sign(_subtract(a, b))[0]))),
-    ca.OP_NOT: lambda a: point(float(not _holds(a))),
-    ca.OP_AND: lambda a, b: point(float(_holds(a) and _holds(b))),
-    ca.OP_OR: lambda a, b: point(float(_holds(a) or _holds(b))),
-    ca.OP_IF_ELSE_ZERO: lambda condition, a: a if _holds(condition) else point(0.0),
-    ca.OP_CALL: _entry,
+_FUNCTIONS: dict[int, tuple[Callable[..., Array], Callable[[float, float], float]]] = {
+    ca.OP_SQRT: (np.sqrt, lambda low, high: 0.5 / math.sqrt(low)),
+    ca.OP_SIN: (np.sin, lambda low, high: 1.0),
+    ca.OP_COS: (np.cos, lambda low, high: 1.0),
+    ca.OP_EXP: (np.exp, lambda low, high: math.exp(high)),
+    # the root is an error below 0, where 1 / low would be a wrong bound
+    ca.OP_LOG: (np.log, lambda low, high: 1.0 / math.sqrt(low) ** 2),
+    ca.OP_SINH: (np.sinh, lambda low, high: math.cosh(_largest(low, high))),
+    ca.OP_COSH: (np.cosh, lambda low, high: math.cosh(_largest(low, high))),
+    ca.OP_TANH: (np.tanh, lambda low, high: 1.0),
+    ca.OP_ASIN: (np.arcsin, _steepest_sine),
+    ca.OP_ACOS: (np.arccos, _steepest_sine),
+    ca.OP_ATAN: (np.arctan, lambda low, high: 1.0 / (1.0 + _least(low, high) ** 2)),
+    ca.OP_ASINH: (np.arcsinh, lambda low, high: 1.0 / math.hypot(1.0, _least(low, high))),
+    ca.OP_ACOSH: (np.arccosh, lambda low, high: 1.0 / math.sqrt(low - 1.0) / math.sqrt(low + 1.0)),
+    ca.OP_ATANH: (np.arctanh, lambda low, high: _steepest_sine(low, high) ** 2),
+    ca.OP_LOG1P: (np.log1p, lambda low, high: 1.0 / math.sqrt(1.0 + low) ** 2),
+    ca.OP_EXPM1: (np.expm1, lambda low, high: math.exp(high)),
+    ca.OP_ERF: (erf, lambda low, high: 1.1284 * math.exp(-(_least(low, high) ** 2))),  # 2 / sqrt(pi)
 }
+"""Elementary functions, and bounds of the moduli of their derivatives on intervals."""
+_OF = {code: _function(f, slope) for code, (f, slope) in _FUNCTIONS.items()}
+
+OPERATIONS: dict[int, Callable[..., Point]] = (
+    _OF
+    | {
+        ca.OP_ASSIGN: lambda a: a,
+        ca.OP_ADD: _add,
+        ca.OP_SUB: _subtract,
+        ca.OP_MUL: _multiply,
+        ca.OP_DIV: _divide,
+        ca.OP_NEG: _negative,
+        ca.OP_SQ: _square,
+        ca.OP_TWICE: lambda a: (2.0 * a[0], 2.0 * a[1], 2.0 * a[2], 2.0 * a[3]),
+        ca.OP_INV: _inverse,
+        ca.OP_TAN: lambda a: _divide(_OF[ca.OP_SIN](a), _OF[ca.OP_COS](a)),
+        ca.OP_POW: _power,
+        ca.OP_CONSTPOW: _power,
+        ca.OP_ATAN2: _arctan2,
+        ca.OP_HYPOT: lambda a, b: _OF[ca.OP_SQRT](_add(_square(a), _square(b))),
+        ca.OP_CALL: _entry,
+    }
+    | operations_by_sides(_subtract, _negative, _side, lambda a: _is_constant(a) and a[2] == 0.0, point)
+)
 """CasADi's operations on numbers with error bounds. A comparison is 0 or 1. It needs the same result at all points."""
 
 
@@ -231,7 +215,7 @@ def plain(values: Array | float) -> Array | float:
     return values
 
 
-PLAIN: dict[int, Callable[..., Array | float]] = {
+PLAIN: dict[int, Callable[..., Any]] = {code: f for code, (f, _) in _FUNCTIONS.items()} | {
     ca.OP_ASSIGN: plain,
     ca.OP_ADD: np.add,
     ca.OP_SUB: np.subtract,
@@ -241,24 +225,7 @@ PLAIN: dict[int, Callable[..., Array | float]] = {
     ca.OP_SQ: np.square,
     ca.OP_TWICE: lambda a: a + a,
     ca.OP_INV: lambda a: 1.0 / a,
-    ca.OP_SQRT: np.sqrt,
-    ca.OP_SIN: np.sin,
-    ca.OP_COS: np.cos,
     ca.OP_TAN: np.tan,
-    ca.OP_EXP: np.exp,
-    ca.OP_LOG: np.log,
-    ca.OP_SINH: np.sinh,
-    ca.OP_COSH: np.cosh,
-    ca.OP_TANH: np.tanh,
-    ca.OP_ASIN: np.arcsin,
-    ca.OP_ACOS: np.arccos,
-    ca.OP_ATAN: np.arctan,
-    ca.OP_ASINH: np.arcsinh,
-    ca.OP_ACOSH: np.arccosh,
-    ca.OP_ATANH: np.arctanh,
-    ca.OP_LOG1P: np.log1p,
-    ca.OP_EXPM1: np.expm1,
-    ca.OP_ERF: erf,
     ca.OP_POW: np.power,
     ca.OP_CONSTPOW: np.power,
     ca.OP_ATAN2: np.arctan2,

@@ -11,12 +11,12 @@ from symmb._types import Array
 from symmb.prove.chebyshev import along
 from symmb.prove.rounding import U, above
 
-_CELLS_TOGETHER = 2**20
+_MOST_COEFFICIENTS_AT_ONCE = 2**20
 """Most coefficients of cells in memory (8 MB). The search of a polynomial ends above it: if the maximum is on a curve
 or a surface, the number of cells doubles until the cells are as small as the tolerance.
 """
 _MOST_HALVINGS = 80
-"""Most halvings of a cell."""
+"""Most halvings of a cell. The sides of a cell of two parameters are then 2^-40 of those of the box."""
 
 
 def ranges(c: Array, tolerance: float) -> tuple[Array, Array]:
@@ -41,6 +41,7 @@ def ranges(c: Array, tolerance: float) -> tuple[Array, Array]:
     width = corners.max(axis=1) - corners.min(axis=1)
     tolerances = tolerance * width + errors
     upper, lower = _maxima(b, tolerances), -_maxima(-b, tolerances)
+    # each halving rounds the coefficients, which are convex combinations of those before: errors add up
     halving = _MOST_HALVINGS * sum(n + 2 for n in lengths) * U * np.abs(b).reshape(len(b), -1).max(axis=1)
     return lower - above(errors + halving), upper + above(errors + halving)
 
@@ -49,7 +50,7 @@ def _maxima(b: Array, tolerances: Array) -> Array:
     """Upper bounds (m,) of polynomials with Bernstein coefficients (m, n1, ..., nd)."""
     best = _corners(b).max(axis=1)
     top = best.copy()
-    most = max(_CELLS_TOGETHER // math.prod(b.shape[1:]), 2)
+    most = max(_MOST_COEFFICIENTS_AT_ONCE // math.prod(b.shape[1:]), 2)
     pending = [(np.arange(len(b)), b, 0)]
     while pending:
         owner, cells, depth = pending.pop()

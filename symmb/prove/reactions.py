@@ -83,6 +83,7 @@ def solved_function(
     a = ca.densify(bodies.drift + bodies.J @ vdot)
     own = [c.row_names.index(name) for name in form.dae.row_names]
     carried = () if form.bodies is None else form.bodies.carried
+    # the last body of a tree has only its own joint, whose multipliers then act on the body before
     parts = [part for joint, body in reversed(carried) for part in _parts(G, c.rows[joint], c.slices[body][1])]
     directions = [G[rows, columns] for rows, columns in parts]
     solvers = [ExplicitSolver(S) for S in _with_whole_numbers(form, at, [P @ P.T for P in directions])]

@@ -17,10 +17,9 @@ from symmb.equations.model import DAE, Box
 from symmb.prove.discs import OPERATIONS
 from symmb.prove.independent_velocities import Equations, equations_of, start_states
 from symmb.prove.modes import LinearStart, with_limits, with_modes
-from symmb.prove.phases import Phase, label
-from symmb.prove.problem import Change, Problem, StartEquations
+from symmb.prove.problem import Change, Phase, Problem, StartEquations, label
 from symmb.prove.reactions import RANDOM_POINTS
-from symmb.prove.rounding import U, fine_grain_of
+from symmb.prove.rounding import U, grain_of
 from symmb.prove.tape import Tape
 from symmb.run.events import kinks
 from symmb.run.formulations import Formulation, program_of
@@ -74,7 +73,7 @@ def _of_equations(
     rates = _later(rates, times[0])
     if equations.following is not None:
         other = equations.following()
-        x, p, t = (ca.SX.sym(name, equations.whole.numel_in(i)) for i, name in enumerate("xpt"))
+        x, p, t = equations.whole.sx_in()
         states = common("states", [x, p, t], [equations.whole(x, p, t)[other.kept.tolist()]])
         later = cache(lambda: _of_equations(method, simulator, box, form, other))
 
@@ -101,14 +100,14 @@ def _sampled(dae: DAE, equations: Equations, times: Array) -> Change | None:
     assert sampling is not None
     instants, begin = sampling.instants(times), float(times[0])
     instants = instants[np.diff(instants, prepend=-np.inf) > SAME * min(sampling.periods)]
-    grain = fine_grain_of(float(times[-1] - begin))
+    grain = grain_of(float(times[-1] - begin), bits=50)
     late = grain + 4 * U * float(np.abs(times).max())
 
     def following(k: int) -> Change | None:
         """The change at an instant by its number."""
         if k == len(instants):
             return None
-        x, p, t = (ca.SX.sym(name, equations.whole.numel_in(i)) for i, name in enumerate("xpt"))
+        x, p, t = equations.whole.sx_in()
         q, v, s, *_ = dae.arguments(equations.whole(x, p, t), p, t)
         for T, (value, count), law in zip(sampling.periods, sampling.states, sampling.laws, strict=True):
             number = round((instants[k] - sampling.begin) / T)
@@ -157,7 +156,8 @@ def _critical_problem(method: object, simulator: CriticalSimulator, box: Box) ->
         ) from None
     middle, inner = intervals[0], _points_of(*intervals[:2])
     corners = middle + intervals[1] * np.sign(inner - middle)
-    samples = np.unique(np.vstack([inner[:_INNER_SAMPLES], corners[:_CORNER_SAMPLES]]), axis=0)
+    # four inner points and up to eight corners of the box
+    samples = np.unique(np.vstack([inner[:4], corners[:8]]), axis=0)
     followed = values + (high - low) * batch(start.states, start.solve(samples), samples)[0]
     for k in range(len(values)):
         _require_fixed(method, linear, simulator, np.insert(samples, simulator.number, followed[:, k], axis=1))
@@ -180,10 +180,6 @@ def _require_first(method: object, simulator: CriticalSimulator, samples: Array,
             f"{method!r}: at {where}, stability changes at values that do not continue the nominal critical values. "
             "Use smaller intervals, or PolynomialChaos()."
         )
-
-
-_INNER_SAMPLES, _CORNER_SAMPLES = 4, 8
-"""Inner points and corners of the box at which critical values are compared."""
 
 
 def _linear_start(method: object, simulator: ModalSimulator | CriticalSimulator, box: Box) -> LinearStart:
@@ -214,12 +210,10 @@ def _still_problem(
     _require_remainders(method, ", ".join(Tape(start.residual).unknown(OPERATIONS)))
     arguments = [x, ca.SX.sym("p", len(intervals[0])), ca.SX.sym("t")]
     rates = ca.Function("rates", arguments, [ca.SX.zeros(x.numel())])
-    return Problem(rates, common("outputs", arguments, [outputs]), *intervals, np.zeros(1),
-                   _MOTION_OF_MODE_SHARES * np.ones(x.numel()), start, refused=("",) * outputs.numel())  # fmt: skip
-
-
-_MOTION_OF_MODE_SHARES = 0.1
-"""Motion on ellipses of the scaled eigenvalues, which have the size 1: frequencies are roots, and not smooth at 0."""
+    # on ellipses, scaled eigenvalues of the size 1 move by 0.1: frequencies are roots, and not smooth at 0
+    sizes = 0.1 * np.ones(x.numel())
+    return Problem(rates, common("outputs", arguments, [outputs]), *intervals, np.zeros(1), sizes, start,
+                   refused=("",) * outputs.numel())  # fmt: skip
 
 
 def _require_remainders(method: object, unknown: str) -> None:
@@ -232,7 +226,7 @@ def _with_remainders(method: object, outputs: ca.Function) -> tuple[ca.Function,
     """The outputs, and the unsupported operations of each. An output with unsupported operations is nan."""
     if not Tape(outputs).unknown(OPERATIONS):
         return outputs, ("",) * outputs.numel_out(0)
-    x, p, t = (ca.SX.sym(name, outputs.numel_in(i)) for i, name in enumerate("xpt"))
+    x, p, t = outputs.sx_in()
     values = ca.vertsplit(outputs(x, p, t))
     alone = (common("output", [x, p, t], [value]) for value in values)
     refused = tuple(", ".join(Tape(f).unknown(OPERATIONS)) for f in alone)
@@ -246,7 +240,7 @@ def _later(f: ca.Function, begin: float) -> ca.Function:
     """The Function (x, p, t) -> f(x, p, begin + t)."""
     if not begin:
         return f
-    x, p, t = (ca.SX.sym(name, f.numel_in(i)) for i, name in enumerate("xpt"))
+    x, p, t = f.sx_in()
     return common(f.name(), [x, p, t], [f(x, p, t + begin)])
 
 
@@ -338,7 +332,8 @@ def _phase(dae: DAE, rates: ca.Function, outputs: ca.Function, times: Array, kep
     found = kinks(dae, times)
     if found is None:
         return None
-    x, p, t, none = (*(ca.SX.sym(name, rates.numel_in(i)) for i, name in enumerate("xpt")), ca.SX.sym("none"))
+    x, p, t = rates.sx_in()
+    none = ca.SX.sym("none")
     both = common("both", [x, p, t, none], [rates(x, p, t), outputs(x, p, t)])
     branch = branches(both, [*((symbol, On.STATE) for symbol in (x, p, t)), (none, On.TIME)])
     own, needed = np.empty(0, dtype=np.intp), branch.outputs[0]
@@ -365,7 +360,7 @@ def _phase(dae: DAE, rates: ca.Function, outputs: ca.Function, times: Array, kep
 
 def _outputs(simulator: DAESimulator, form: Formulation, equations: Equations) -> ca.Function:
     """(x, p, t) -> y. Without its scene, a copy from a pickle uses the multipliers and accelerations of runs."""
-    x, p, t = (ca.SX.sym(name, equations.whole.numel_in(i)) for i, name in enumerate("xpt"))
+    x, p, t = equations.whole.sx_in()
     whole, symbols = equations.whole(x, p, t), form.declared.sx_in()
     depends = any(ca.which_depends(form.declared(*symbols), ca.vertcat(*symbols[3:]), 1, True) or [])
     if depends and simulator.scene is None:

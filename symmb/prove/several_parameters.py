@@ -8,13 +8,14 @@ for all parameters of the box, bounds the error of this interpolation.
 import math
 
 import numpy as np
+from numpy.polynomial.chebyshev import cheb2poly
 
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove import taylor_models as tm
 from symmb.prove.curves import TimeStep
 from symmb.prove.patches import cosh_powers
-from symmb.prove.rounding import OF_MODULI, U, above, of_sum
+from symmb.prove.rounding import ERROR_OF_MODULI, U, above, of_sum
 from symmb.prove.tape import Tape
 from symmb.prove.taylor_models import Basis, Model, basis_of
 
@@ -22,12 +23,8 @@ from symmb.prove.taylor_models import Basis, Model, basis_of
 def _to_monomials(n: int) -> Array:
     """(n, n) matrix from coefficients of T_0, ..., T_(n - 1) to those of powers. Its entries are integers."""
     matrix = np.zeros((n, n))
-    matrix[0, 0] = 1.0
-    if n > 1:
-        matrix[1, 1] = 1.0
-    for k in range(2, n):
-        matrix[1:, k] = 2.0 * matrix[:-1, k - 1]
-        matrix[:, k] -= matrix[:, k - 2]
+    for k in range(n):
+        matrix[: k + 1, k] = cheb2poly(np.eye(k + 1)[k])
     return matrix
 
 
@@ -81,7 +78,7 @@ def equations_at_nodes(step: TimeStep, count: int, basis: Basis) -> list[list[Mo
     """Taylor models of the states, the parameters and the time at nodes of time."""
     x = at_nodes(step.x.c, step.x.error, count, basis)
     t = step.t0 + 0.5 * step.h * (1.0 + ch.nodes(count))
-    error = 4.0 * U * (abs(step.t0) + step.h) + step.h * ch.ENTRY
+    error = 4.0 * U * (abs(step.t0) + step.h) + step.h * ch.ENTRY_ERROR
     return [x, parameter_models(step, basis), [Model(t[None], np.full(1, error), basis)]]
 
 
@@ -120,7 +117,7 @@ class TimePatches:
             exponents = np.column_stack([np.full(count, m), of_parameters.exponents[:count]])
             found[:, basis.places(exponents)] = np.einsum("pk,qkt->qtp", factor[:, :size], own[..., :count])
             radius = radius + modulus[..., count:].sum(axis=2) @ most[:size]
-        radius = above(radius + OF_MODULI * (modulus.sum(axis=2) @ sizes))
+        radius = above(radius + ERROR_OF_MODULI * (modulus.sum(axis=2) @ sizes))
         return [Model(values, np.full(1, r), basis) for values, r in zip(found, radius, strict=True)]
 
 
@@ -136,14 +133,10 @@ def on_step(step: TimeStep, tape: Tape, radius: Array | float = 0.0, rho: float 
 
 def inputs_on_step(step: TimeStep, radius: Array | float, rho: float) -> list[list[Model]]:
     """Taylor models of the states within a radius (n,), the parameters and the time on an ellipse of time."""
-    basis = basis_of(step.problem.d + 1, _DEGREE_ON_PATCHES)
-    patches, d = TimePatches(rho, _TIME_PATCHES, step.degrees[0], basis), step.problem.d
+    basis, d = basis_of(step.problem.d + 1, 2), step.problem.d  # models of degree 2 on 16 patches
+    patches = TimePatches(rho, 16, step.degrees[0], basis)
     x = patches.models(step.x.c, step.x.error_on([rho, *[1.0] * d]) + radius)
     c = np.zeros((1, 2, *(1,) * d))
     c[0, 0], c[0, 1] = step.t0 + 0.5 * step.h, 0.5 * step.h
     t = patches.models(c, np.full(1, 2.0 * U * (abs(step.t0) + step.h)))
     return [x, parameter_models(step, basis), t]
-
-
-_DEGREE_ON_PATCHES, _TIME_PATCHES = 2, 16
-"""Degree of Taylor models on patches, and number of the patches."""

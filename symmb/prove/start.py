@@ -1,21 +1,22 @@
-"""The states at the first time as a front: the starting equations are solved, and the solution is proved."""
+"""The states at one time as a front: proved solutions of the starting equations, and states after a change."""
 
 from collections.abc import Iterator
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 
-from symmb._magnitudes import LAST_DIGITS
+from symmb._magnitudes import FACTORS, LAST_DIGITS, SAME, SLIGHT
 from symmb._types import Array, Indices
+from symmb.declare.symbolic import common
 from symmb.prove import chebyshev as ch
 from symmb.prove import discs, points
 from symmb.prove.curves import TimeStep
-from symmb.prove.ellipses import TOO_MANY, ellipses, reaches
+from symmb.prove.ellipses import MOST_PATCHES, ellipses, reaches
 from symmb.prove.errors import ProofError
 from symmb.prove.flow import Curve, fit, integrated, parameters_at
 from symmb.prove.front import Front
-from symmb.prove.outputs import SHARP, interpolation
-from symmb.prove.patches import Patches
+from symmb.prove.outputs import interpolation
 from symmb.prove.problem import Problem
 from symmb.prove.ranges import cut
 from symmb.prove.rounding import above, of_sum
@@ -23,16 +24,10 @@ from symmb.prove.several_parameters import equations_at_nodes, on_step, run
 from symmb.prove.tape import Tape
 from symmb.prove.taylor_models import DEGREES_BEYOND_POLYNOMIALS, basis_of, reach
 
-_START_PATCHES = (1, 8, 32, 128)
-"""Numbers of patches of each variable that are tried. Pivots of starting equations nearly cancel, and there is only one
-start."""
-_PARTS_WITH_INVERSE, _MOST_PARTS_WITH_INVERSE = (1, 8, 32), 1024
-"""Numbers of parts of each variable, each with its own inverse, that are tried; and most parts: they take seconds."""
-
 NO_START = "there are parameters for which the scene cannot be started"
 """The message if no part of a box can be proved."""
-_STILL_STEP = 1e-9
-"""Length of a step without motion [s]."""
+_ROUGH = "sampled values, or other velocities of a loop, cannot be shown to be smooth over the box"
+"""The message if the states after a change cannot be proved."""
 _NO_FRAME = Curve(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)))
 """The frame of a step without motion."""
 
@@ -57,37 +52,42 @@ def first_front(problem: Problem, order: int) -> Front:
     return Front(0.0, x, B, np.zeros(n), error, np.zeros((n, n)))
 
 
-def still(problem: Problem, t: float, x: Array, h: float = _STILL_STEP) -> TimeStep:
-    """A short step from time t with constant states (n, N + 1, ...)."""
+def still(problem: Problem, t: float, x: Array, h: float = 1e-9) -> TimeStep:
+    """A short step of length h [s] from time t with constant states (n, N + 1, ...)."""
     return TimeStep(problem, t, h, integrated(x, np.zeros((len(x), 1, *x.shape[1:])), h), _NO_FRAME, _NO_FRAME.c)
 
 
-def polynomials(step: TimeStep, which: Indices, lengths: tuple[int, ...], sharp: float = SHARP) -> tuple[Array, Array]:
+def polynomials(step: TimeStep, which: Indices, lengths: tuple[int, ...], sharp: float = SLIGHT) -> tuple[Array, Array]:
     """Coefficients (m, *lengths) of some outputs at the start of a step, and bounds (m,) of their errors.
 
     ProofError if they cannot be shown to be smooth.
     """
-    some, begin = tuple(which.tolist()), np.array([step.t0])
-    if len(lengths) > ch.FEW:
-        c, rest = _modelled(step, step.problem.tape_of_outputs(some), max(lengths) - 1)
-    else:
-        rho, most = _largest(step, step.problem.output_tape)
-        c, rest = interpolation(step, begin, some, rho, most[which], np.zeros(len(which)), sharp)
-    c, part = c[:, 0], (slice(None), *(slice(0, terms) for terms in lengths))
+    c, rest = _approximated(step, which, max(lengths, default=1) - 1, sharp)
+    part = (slice(None), *(slice(0, terms) for terms in lengths))
     kept, others = ch.graded(c[part], len(lengths)), c.copy()
     others[part] -= kept
     # coefficients this small change no digit of the state
     short, gone = cut(kept, 1e-17 * ch.sums(kept, len(lengths)))
     whole = np.zeros((len(which), *lengths))
     whole[(slice(None), *(slice(0, m) for m in short.shape[1:]))] = short
-    return whole, above(rest[:, 0] + ch.sums(others, len(lengths)) + gone)
+    return whole, above(rest + ch.sums(others, len(lengths)) + gone)
+
+
+def _approximated(step: TimeStep, which: Indices, order: int, sharp: float = SLIGHT) -> tuple[Array, Array]:
+    """Coefficients (m, n1, ...) of some outputs at the start of a step, and bounds (m,) of their errors."""
+    some = tuple(which.tolist())
+    if step.problem.d > ch.TENSOR_PARAMETERS:
+        c, rest = _modelled(step, step.problem.tape_of_outputs(some), order)
+    else:
+        rho, most = _largest(step, step.problem.output_tape)
+        c, rest = interpolation(step, np.array([step.t0]), some, rho, most[which], np.zeros(len(some)), sharp)
+    return c[:, 0], rest[:, 0]
 
 
 def nominal_front(problem: Problem, order: int) -> Array:
     """Approximate coefficients (n, order + 1, ...) of the states at the first time, without a proof."""
     counts = [order + 3] * problem.d
-    p = parameters_at(problem, [ch.nodes(m) for m in counts], leading=0)
-    u = _solutions(problem, p, counts)
+    u, p = _solutions(problem, counts)
     with np.errstate(all="ignore"):
         tape = Tape(problem.start.states)
         found = tape.run(points.PLAIN, points.plain, [list(u), p, [0.0]])[0]
@@ -103,23 +103,21 @@ def _unknowns(problem: Problem, order: int) -> Array:
     counts = [order + 3] * d
     if not n_u:
         return np.zeros((0, *(order + 1,) * d))
-    p = parameters_at(problem, [ch.nodes(m) for m in counts], leading=0)
-    c = fit(_solutions(problem, p, counts), [order + 1] * d)
+    c = fit(_solutions(problem, counts)[0], [order + 1] * d)
     return np.where(np.abs(c) < LAST_DIGITS, 0.0, c)
 
 
-def _solutions(problem: Problem, p: list[Array | float], counts: list[int]) -> Array:
-    """Approximate solutions u (n_u, *counts) of the starting equations at nodes. ProofError if one is missing."""
+def _solutions(problem: Problem, counts: list[int]) -> tuple[Array, list[Array | float]]:
+    """Approximate solutions u (n_u, *counts) of the starting equations at nodes, and the parameters there.
+
+    ProofError if a solution is missing.
+    """
+    p = parameters_at(problem, counts, leading=0)
     P = np.stack([np.broadcast_to(value, counts).ravel() for value in p], axis=1)
     u = problem.start.solve(P)
     if not np.isfinite(u).all():
         raise ProofError(NO_START)
-    return u.T.reshape(u.shape[1], *counts)
-
-
-def _patches(step: TimeStep, rho: list[float], count: int = 1) -> Patches:
-    """One patch of time, and `count` patches of each parameter."""
-    return Patches(rho, [1, *[count] * (len(rho) - 1)], step.degrees)
+    return u.T.reshape(u.shape[1], *counts), p
 
 
 def _largest(step: TimeStep, tape: Tape) -> tuple[list[float], Array]:
@@ -127,7 +125,7 @@ def _largest(step: TimeStep, tape: Tape) -> tuple[list[float], Array]:
     for count in _counts(step.problem.d):
         for spread in (0.5, 0.1, 0.02):
             rho = [1.0, *ellipses(step, (spread, spread))[1:]]
-            most = reaches(tape.run(discs.OPERATIONS, discs.disc, step.on_patches(_patches(step, rho, count)))[0])
+            most = reaches(step.discs_of(tape, (1, count), rho=rho)[0])
             if np.isfinite(most).all():
                 return rho[1:], most
     raise ProofError("the starting values cannot be shown to be smooth over the box")
@@ -142,7 +140,7 @@ def _modelled(step: TimeStep, tape: Tape, order: int) -> tuple[Array, Array]:
     kept = basis.counts[order]
     c, rest = np.zeros((len(found), 1, *(order + 1,) * d)), np.zeros((len(found), 1))
     for k, a in enumerate(found):
-        own = basis.to_chebyshev @ a.coefficients()[:, 0]
+        own = a.in_chebyshev(1)[:, 0]
         c[(k, 0, *basis.exponents[:kept].T)] = own[:kept]
         rest[k] = above(a.radius + np.abs(own[kept:]).sum() + of_sum(len(own) + 2) * a.norm).max()
     return c, np.where(np.isnan(rest), np.inf, rest)
@@ -151,20 +149,22 @@ def _modelled(step: TimeStep, tape: Tape, order: int) -> tuple[Array, Array]:
 def bounds_of(tape: Tape, step: TimeStep, e: Array) -> list[Array]:
     """Bounds of the outputs of a tape, over the box and for all states within e (n,) of the motion."""
     d = step.problem.d
-    if d > ch.FEW:
+    if d > ch.TENSOR_PARAMETERS:
         return [np.array([reach(a) for a in part]) for part in on_step(step, tape, e)]
     found: list[Array] = []
     for count in _counts(d):
-        real = step.on_patches(_patches(step, [1.0] * (d + 1), count), e)
-        found = [reaches(part) for part in tape.run(discs.OPERATIONS, discs.disc, real)]
+        found = [reaches(part) for part in step.discs_of(tape, (1, count), e)]
         if all(np.isfinite(part).all() for part in found):
             break
     return found
 
 
 def _counts(d: int) -> Iterator[int]:
-    """Numbers of patches that are tried for each of d variables."""
-    return (count for count in _START_PATCHES if count**d <= TOO_MANY)
+    """Numbers of patches that are tried for each of d variables.
+
+    They are larger than those of steps: pivots of starting equations nearly cancel, and there is only one start.
+    """
+    return (count for count in (1, 8, 32, 128) if count**d <= MOST_PATCHES)
 
 
 def _distance(step: TimeStep) -> Array:
@@ -179,27 +179,27 @@ def _distance(step: TimeStep) -> Array:
     problem, n = step.problem, step.problem.n
     if not n:
         return np.zeros(0)
-    d, same = problem.d, replace(step, problem=replace(problem, outputs=problem.rates))
-    if d > ch.FEW:
-        c, rest = _modelled(step, problem.rate_tape, step.degrees[1])
-    else:
-        rho, most = _largest(step, problem.rate_tape)
-        c, rest = interpolation(same, np.zeros(1), tuple(range(n)), rho, most, np.zeros(n))
-    off = above(ch.sums(c[:, 0], d) + rest[:, 0])
-    for count in (count for count in _PARTS_WITH_INVERSE if count**d <= _MOST_PARTS_WITH_INVERSE):
-        e = _contracted(step, off, _patches(step, [1.0] * (d + 1), count))
+    d, residuals = problem.d, replace(step, problem=replace(problem, outputs=problem.rates))
+    c, rest = _approximated(residuals, np.arange(n), max(step.degrees[1:], default=0))
+    off = above(ch.sums(c, d) + rest)
+    # one inverse may not contract over the whole box; about a thousand parts with their own inverses take seconds
+    for count in (count for count in (1, 8, 32) if count**d <= 1024):
+        e = _contracted(step, off, count)
         if e is not None:
             return e
     raise ProofError(problem.start.unproved)
 
 
-def _contracted(step: TimeStep, off: Array, parts: Patches) -> Array | None:
-    """Bounds (n_u,) of the distance of a solution if the residual is at most `off` (n_u,); None if not proved."""
+def _contracted(step: TimeStep, off: Array, count: int) -> Array | None:
+    """Bounds (n_u,) of the distance of a solution if the residual is at most `off` (n_u,); None if not proved.
+
+    Each variable has `count` parts.
+    """
     n = step.problem.n
 
     def jacobians(e: Array) -> tuple[Array, Array]:
         """Middles and radii (k, n, n) of the Jacobian on the parts, for unknowns within e (n,)."""
-        slopes = step.problem.jacobian_tape.run(discs.OPERATIONS, discs.disc, step.on_patches(parts, e))[1]
+        slopes = step.discs_of(step.problem.jacobian_tape, (1, count), e)[1]
         shape = np.broadcast_shapes(*(np.shape(a.centre) for a in slopes))
         J = np.stack([np.broadcast_to(np.real(a.centre), shape).ravel() for a in slopes], axis=-1)
         R = np.stack([np.broadcast_to(a.swing, shape).ravel() for a in slopes], axis=-1)
@@ -210,6 +210,7 @@ def _contracted(step: TimeStep, off: Array, parts: Patches) -> Array | None:
         Y = np.linalg.inv(jacobians(np.zeros(n))[0])
     except np.linalg.LinAlgError:
         return None
+    # Each part has its own inverse, but all of them the same e: the polynomials and their error are of the whole box.
     g = above(np.abs(Y) @ off)
     e = above(2.0 * g.max(axis=0))
     for _ in range(8):
@@ -221,3 +222,72 @@ def _contracted(step: TimeStep, off: Array, parts: Patches) -> Array | None:
             return new
         e = above(1.5 * new)
     return None
+
+
+@np.errstate(all="ignore")  # what is not finite proves nothing
+def mapped(problem: Problem, front: Front, f: ca.Function) -> Front:
+    """The front of the states f(x, p, t).
+
+    With the Jacobian G of f at x and its second derivative H along e = B w at a point between x and x + e,
+    f(x + e) = f(x) + G B w + H / 2. The new polynomials are interpolations of f(x) and of G B.
+
+    Raises
+    ------
+    ProofError         if f cannot be shown to be smooth there
+    """
+    n, d = problem.n, problem.d
+    lengths, of_frame = front.x.shape[1:], front.B.shape[2:]
+    x, columns, e, off = (ca.SX.sym(name, size) for name, size in zip("xbew", (n, n * n, n, n), strict=True))
+    p, t = ca.SX.sym("p", len(problem.middle)), ca.SX.sym("t")
+    values = ca.vertsplit(f(x, p, t))
+    which = np.array([k for k, value in enumerate(values) if not ca.is_equal(value, x[k])], dtype=np.intp)
+    m, new = len(which), ca.vertcat(*(values[k] for k in which))
+    along = ca.jtimes(new, x, ca.reshape(columns, n, n).T)
+    y = ca.vertcat(x, columns)
+    both = common("mapped", [y, p, t], [ca.densify(ca.vertcat(new, ca.vec(along.T)))])
+    same = common("same", [y, p, t], [ca.SX.zeros(n + n * n)])
+    states = np.zeros((n + n * n, *np.maximum(lengths, of_frame)))
+    states[(slice(n), *map(slice, lengths))] = front.x
+    states[(slice(n, None), *map(slice, of_frame))] = front.B.reshape(n * n, *of_frame)
+    scales = np.concatenate([problem.scales, np.maximum(ch.sums(states[n:], d), 1e-300)])
+    require_known("the laws of sampled values", both)
+    step = still(replace(problem, rates=same, outputs=both, scales=scales), front.t, states)
+    try:
+        x_new, x_lost = polynomials(step, np.arange(m), lengths, FACTORS)
+        B_new, B_lost = polynomials(step, np.arange(m, m + m * n), of_frame)
+    except ProofError:
+        raise ProofError(_ROUGH) from None
+
+    y = ca.vertcat(x, e, off)
+    of_errors = ca.jtimes(new, x, off), ca.jtimes(ca.jtimes(new, x, e), x, e)
+    errors = common("errors", [y, p, t], [ca.densify(part) for part in of_errors])
+    require_known("the laws of sampled values", errors)
+    beside = above(front.x_error + front.B_error @ front.w)
+    reach = above(ch.sums(front.B, d) @ front.w + beside)
+    centres = np.zeros((3 * n, *lengths))
+    centres[:n] = front.x
+    more = np.concatenate([reach, reach, beside])
+    moved = still(replace(problem, scales=np.ones(3 * n)), front.t, centres)
+    linear, quadratic = bounds_of(Tape(errors), moved, more)
+    if not (np.isfinite(linear).all() and np.isfinite(quadratic).all()):
+        raise ProofError(_ROUGH)
+    x, B, x_error, B_error = (own.copy() for own in (front.x, front.B, front.x_error, front.B_error))
+    x[which], x_error[which] = x_new, above(x_lost + linear + 0.5 * quadratic)
+    B[which], B_error[which] = B_new.reshape(m, n, *of_frame), B_lost.reshape(m, n)
+    return replace(front, x=x, B=B, x_error=x_error, B_error=B_error)
+
+
+def require_known(where: str, *functions: ca.Function) -> None:
+    """ProofError if functions have operations without an extension to discs."""
+    if unknown := ", ".join(name for f in functions for name in Tape(f).unknown(discs.OPERATIONS)):
+        raise ProofError(f"{where} contain {unknown}, and proofs do not support this operation")
+
+
+def drifted(problem: Problem, front: Front, late: float) -> Front:
+    """The front with all states within a time `late` before and after [s]. ProofError if the rates are too large."""
+    room = SAME * problem.scales  # states hardly move between an instant and its rounded time
+    around = still(problem, front.t - 2 * late, front.x, 4 * late)
+    moved = above(late * bounds_of(problem.rate_tape, around, above(front.reach + room))[0])
+    if not (moved < room).all():
+        raise ProofError("the motion changes too fast at an instant")
+    return replace(front, x_error=above(front.x_error + moved))

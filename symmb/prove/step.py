@@ -23,10 +23,9 @@ from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove import discs
 from symmb.prove.curves import TimeStep
-from symmb.prove.defects import defect_of_frame, defect_of_motion, exact_defects
-from symmb.prove.ellipses import TOO_MANY, Control, adapted, patches_on
+from symmb.prove.defects import defect_of_frame, defect_of_motion, defects_of_models, exact_defects, largest_defects
+from symmb.prove.ellipses import MOST_PATCHES, Control, adapted
 from symmb.prove.errors import ProofError
-from symmb.prove.model_defects import defects_of_models
 from symmb.prove.patches import largest_on
 from symmb.prove.rounding import U, above
 from symmb.prove.several_parameters import on_step
@@ -52,16 +51,16 @@ def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
         defect, growth = defects
         # exact defects need no ellipses, but the room of the states does
         rho = [1.5] * len(step.degrees)
-    elif step.problem.d > ch.FEW:
+    elif step.problem.d > ch.TENSOR_PARAMETERS:
         defect, growth, rho = defects_of_models(step, w0, control)
     else:
         chosen = adapted(step, control)
         rho, patches = chosen.rho, chosen.choice.patches
-        n = step.problem.n
-        C_on = largest_on(rho, step.C.reshape(n * n, *step.C.shape[2:])).reshape(n, n)
-        defect = defect_of_motion(step, rho, C_on, chosen.rates, w0, control)
-        growth = defect_of_frame(step, rho, C_on, chosen.slopes, w0 + step.h * defect)
+        most, most_of_frame = largest_defects(step, rho, chosen.rates, chosen.slopes)
+        defect = defect_of_motion(step, rho, most, w0, control)
+        growth = defect_of_frame(step, rho, most_of_frame, w0 + step.h * defect)
     change = _Curvature(step, rho, patches)
+    # a little more than the remainder without growth: |w| must stay strictly inside of W
     W = above(1.001 * w0 + 1.1 * step.h * step.solved(defect))
     for _ in range(MOST_CANDIDATES):
         e = above(step.B_largest @ W)
@@ -70,6 +69,7 @@ def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
         if not np.isfinite(end).all():
             break
         if stays(end, W):
+            # the equations were used in all of W, so that they must also be those of the loops there
             if not is_regular(step, e, patches):
                 raise ProofError(step.problem.why_singular)
             return Proof(W, end)
@@ -83,31 +83,28 @@ def is_regular(step: TimeStep, e: Array, patches: tuple[int, int]) -> bool:
     return tape is None or all(map(discs.is_regular, on_motion(step, tape, e, patches)))
 
 
-def unshown(step: TimeStep, e: Array) -> int | None:
-    """The first condition that is not proved for all states within e (n,) of the motion of a step; None if all are."""
-    tape, first = step.problem.valid_tape, None
-    if tape is None:
-        return None
-    for patches in _PATCHES_OF_CONDITIONS:
-        if patches[0] * patches[1] ** step.problem.d > TOO_MANY:
-            break
-        shown = [discs.is_positive(a) for a in on_motion(step, tape, e, patches)]
-        if all(shown):
-            return None
-        first = shown.index(False)
-    return first
-
-
-_PATCHES_OF_CONDITIONS = (8, 1), (40, 1), (40, 8)
-"""Numbers of patches of time and of each parameter that are tried for conditions."""
+def require_valid(step: TimeStep, e: Array) -> None:
+    """ProofError unless the equations are proved to be those of the scene within e (n,) of the motion of a step."""
+    tape, phase, shown = step.problem.valid_tape, step.problem.phase, [False]
+    # numbers of patches of time and of each parameter
+    for patches in (8, 1), (40, 1), (40, 8):
+        if tape is None or all(shown):
+            return
+        if patches[0] * patches[1] ** step.problem.d <= MOST_PATCHES:
+            shown = [discs.is_positive(a) for a in on_motion(step, tape, e, patches)]
+    if all(shown):
+        return
+    if phase is None:
+        raise ProofError("another switch may be passed at the same time, or the switch is not passed in one direction")
+    reason = "the motion may touch it, or only a part of the box may pass it"
+    raise ProofError(phase.sentence(shown.index(False), step.t0, reason))
 
 
 def on_motion(step: TimeStep, tape: Tape, e: Array, patches: tuple[int, int]) -> list[discs.Disc]:
     """Discs of the first outputs of a tape, for all parameters and states within e (n,) of the motion of a step."""
-    if step.problem.d > ch.FEW:
+    if step.problem.d > ch.TENSOR_PARAMETERS:
         return [a.disc for a in on_step(step, tape, e)[0]]
-    real = step.on_patches(patches_on(step, [1.0] * len(step.degrees), patches), e)
-    return tape.run(discs.OPERATIONS, discs.disc, real)[0]
+    return step.discs_of(tape, patches, e)[0]
 
 
 def stays(end: Array, W: Array) -> bool:
@@ -124,11 +121,8 @@ class _Curvature:
     """
 
     def __init__(self, step: TimeStep, rho: list[float], patches: tuple[int, int]) -> None:
-        self._step = step
-        d = len(rho) - 1
-        least = max(count for count in _JACOBIAN_PATCHES if count**d <= _ABOUT_MOST_PATCHES)
-        counts = patches[0], max(patches[1], least)
-        self._patches = patches_on(step, [1.0] * len(rho), counts)  # not made for several parameters
+        least = max(count for count in (1, 4, 40) if count ** (len(rho) - 1) <= 64)  # of each parameter, and of all
+        self._step, self._patches = step, (patches[0], max(patches[1], least))
         own = ch.sums(step.x.c, step.x.c.ndim - 1)
         self._room = np.maximum(largest_on(rho, step.x.c) - own, 1e-9 * step.problem.scales)
         self._radius, self._change = np.zeros(0), np.zeros(0)
@@ -157,12 +151,8 @@ class _Curvature:
     def _changes(self, radius: Array) -> Array:
         """Largest radii (n, n) of the discs of the Jacobian on all patches, for states within `radius` (n,)."""
         tape, n = self._step.problem.jacobian_tape, self._step.problem.n
-        if self._step.problem.d > ch.FEW:
+        if self._step.problem.d > ch.TENSOR_PARAMETERS:
             entries = on_step(self._step, tape, radius)[1]
         else:
-            entries = tape.run(discs.OPERATIONS, discs.disc, self._step.on_patches(self._patches, radius))[1]
+            entries = self._step.discs_of(tape, self._patches, radius)[1]
         return np.array([float(np.where(np.isnan(a.radius), np.inf, a.radius).max()) for a in entries]).reshape(n, n).T
-
-
-_JACOBIAN_PATCHES, _ABOUT_MOST_PATCHES = (1, 4, 40), 64
-"""Numbers of patches of each parameter for the change of the Jacobian, and the most patches of all parameters."""

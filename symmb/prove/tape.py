@@ -85,3 +85,44 @@ class Tape:
             else:
                 outputs[out][a] = work[b]
         return outputs
+
+
+def operations_by_sides(
+    subtract: Callable[..., Any],
+    negative: Callable[[Any], Any],
+    side: Callable[[Any], float],
+    is_zero: Callable[[Any], bool],
+    number: Callable[[float], Any],
+) -> dict[int, Callable[..., Any]]:
+    """CasADi's operations that depend only on the sides of 0 on which numbers are.
+
+    Parameters
+    ----------
+    side : 1 or -1, or nan if a number may be on both sides
+    is_zero : whether a number is exactly 0
+    number : the number with a value. nan is any number
+    """
+
+    def chosen(where: float, positive: Any, other: Any) -> Any:
+        return number(where) if where != where else positive if where > 0 else other
+
+    def of_difference(value: Callable[[float], float]) -> Callable[..., Any]:
+        return lambda a, b: number(value(side(subtract(a, b))))
+
+    def holds(condition: Any) -> float:
+        return 0.0 if is_zero(condition) else abs(side(condition))
+
+    return {
+        ca.OP_FABS: lambda a: chosen(side(a), a, negative(a)),
+        ca.OP_SIGN: lambda a: number(side(a)),
+        ca.OP_FMIN: lambda a, b: chosen(side(subtract(a, b)), b, a),
+        ca.OP_FMAX: lambda a, b: chosen(side(subtract(a, b)), a, b),
+        ca.OP_LT: of_difference(lambda s: 0.5 - 0.5 * s),
+        ca.OP_LE: of_difference(lambda s: 0.5 - 0.5 * s),
+        ca.OP_EQ: of_difference(lambda s: 0.0 * abs(s)),
+        ca.OP_NE: of_difference(abs),
+        ca.OP_NOT: lambda a: number(1.0 - holds(a)),
+        ca.OP_AND: lambda a, b: number(holds(a) * holds(b)),
+        ca.OP_OR: lambda a, b: number(1.0 - (1.0 - holds(a)) * (1.0 - holds(b))),
+        ca.OP_IF_ELSE_ZERO: lambda condition, a: chosen(2.0 * holds(condition) - 1.0, a, number(0.0)),
+    }

@@ -24,11 +24,11 @@ import numpy as np
 from symmb._types import Array, Indices
 from symmb.prove import discs
 from symmb.prove.discs import Disc
-from symmb.prove.rounding import COMPLEX, FUNCTION, U, above
+from symmb.prove.rounding import COMPLEX_ERROR, FUNCTION_ERROR, U, above
 
 DEGREES_BEYOND_POLYNOMIALS = 3
 """Degrees of Taylor models of defects, and of a start, beyond the degree of the polynomials whose errors they bound."""
-_REAL_OPERATION = 4 * U
+_REAL_ERROR = 4 * U
 """Relative error of an operation on real numbers."""
 
 
@@ -104,7 +104,8 @@ class Pairs:
         self.largest, self._terms, self._parts = int((ends - starts).max()), len(starts), []
         first = 0
         while first < len(starts):
-            last = max(int(np.searchsorted(ends, starts[first] + _PAIRS_IN_CACHE)), first + 1)
+            # the products of about 2000 pairs stay in the cache
+            last = max(int(np.searchsorted(ends, starts[first] + 2000)), first + 1)
             part = slice(starts[first], ends[last - 1])
             self._parts.append((slice(first, last), i[part], j[part], starts[first:last] - starts[first]))
             first = last
@@ -116,10 +117,6 @@ class Pairs:
             products = a.take(i, axis=0) * b.take(j, axis=0)
             np.add.reduceat(products, starts, axis=0, out=found[terms])
         return found
-
-
-_PAIRS_IN_CACHE = 2000
-"""Pairs of monomials that are multiplied at once: their products stay in the cache."""
 
 
 @cache
@@ -194,9 +191,10 @@ class Model:
             return Disc(centre, discs.disc(0.0).slopes, radius)
         return Disc(self.c[0], self.c[1 : 1 + v].T, above(self.radius + self.norms[2:].sum(axis=0)))
 
-    def coefficients(self) -> Array:
-        """(T, P) coefficients of all monomials of the basis."""
-        return _padded(self.c, self.basis.counts[-1])
+    def in_chebyshev(self, places: int) -> Array:
+        """(T, places) coefficients of the Chebyshev products that correspond to all monomials of the basis."""
+        c = self.basis.to_chebyshev @ _padded(self.c, self.basis.counts[-1])
+        return np.broadcast_to(c, (len(c), places))
 
 
 def reach(a: Model) -> float:
@@ -216,7 +214,7 @@ def _padded(c: Array, terms: int) -> Array:
 
 def _relative(c: Array) -> float:
     """Relative error of an operation on coefficients."""
-    return COMPLEX if np.iscomplexobj(c) else _REAL_OPERATION
+    return COMPLEX_ERROR if np.iscomplexobj(c) else _REAL_ERROR
 
 
 def _sum(a: Model, b: Model, sign: float) -> Model:
@@ -242,6 +240,8 @@ def _multiply(a: Model, b: Model, most: int | None = None) -> Model:
     else:
         pairs = basis.pairs(a.degree, b.degree, most)
         c, group = pairs.product(a.c, b.c), pairs.largest
+    # Constant terms have one rounding error, and sums of the other products many. The constant terms are often larger
+    # by orders of magnitude, so that a common bound would be too wide.
     small = a.norms[0] * b.moved + a.moved * b.norm
     rounded = _relative(c) * (a.norms[0] * b.norms[0] + (group + 1.0) * small)
     radius = a.norm * b.radius + a.radius * (b.norm + b.radius) + _lost(a, b, most) + rounded
@@ -275,6 +275,8 @@ def _composed(a: Model, derivatives: list[Array], rounded: Array, rest: Array, a
     w = Model(np.concatenate([off[None], a.c[1:]]), above(a.radius + _relative(a.c) * np.abs(off)), basis)
     lost = above(np.zeros(1))  # by underflow
     found = Model(derivatives[n][None], lost, basis)
+    # Horner's scheme. w has no constant term if the series is about the constant term of a: terms of `found` beyond the
+    # degree n - k would exceed the degree n after the k products that are left, and need not be computed.
     for k in range(n - 1, -1, -1):
         found = _multiply(found, w, n - k if about is None else n)
         found = _sum(found, Model(derivatives[k][None], lost, basis), 1.0)
@@ -286,32 +288,18 @@ def _if(holds: Any, a: Model) -> Model:
     return a if np.all(holds) else Model(np.ones_like(a.c[:1]), np.full(np.shape(a.radius), np.inf), a.basis)
 
 
-def is_regular(a: Model) -> bool:
-    """Whether all values are on one side of 0."""
-    return discs.is_regular(a.around)
-
-
-def is_positive(a: Model) -> bool:
-    """Whether all values are in the open right half plane."""
-    return discs.is_positive(a.around)
-
-
 def _expansion(a: Model) -> tuple[Array, Array, Array | None]:
     """Centres (P,) of a series with a singularity at 0, ratios q (P,) of distance to modulus, and `about`.
 
     A ratio is nan from 1 on. `about` is the argument of `_composed`. The constant terms are the centres if all values
     are close to them. A square that comes close to 0, as in sqrt(w^2 + small^2), is close only to the middle of its
-    range.
+    range. Up to the ratio 1/2 a series converges well: with degree 8 the remainder is 1 / 2^9.
     """
-    own, around = above(a.swing / np.abs(a.c[0])) * (1.0 + COMPLEX), a.around
-    if (own < _CONVERGENT_DISTANCE).all() or a.degree == 0:
+    own, around = above(a.swing / np.abs(a.c[0])) * (1.0 + COMPLEX_ERROR), a.around
+    if (own < 0.5).all() or a.degree == 0:
         return a.c[0], np.where(own < 1.0, own, np.nan), None
-    q = above(around.radius / np.abs(around.centre)) * (1.0 + COMPLEX)
+    q = above(around.radius / np.abs(around.centre)) * (1.0 + COMPLEX_ERROR)
     return around.centre, np.where(q < 1.0, q, np.nan), around.centre
-
-
-_CONVERGENT_DISTANCE = 0.5
-"""Ratio of distance to modulus up to which a series converges well: with degree 8 the remainder is 1 / 2^9."""
 
 
 def _inverse(a: Model) -> Model:
@@ -323,12 +311,12 @@ def _inverse(a: Model) -> Model:
     for _ in range(n):
         own.append(-own[-1] * value)
     rest = size * q ** (n + 1) / _gap(q)
-    return _if(is_regular(a), _composed(a, own, relative * size / _gap(q), above(rest), about))
+    return _if(discs.is_regular(a.around), _composed(a, own, relative * size / _gap(q), above(rest), about))
 
 
 def _gap(q: Array) -> Array:
     """A lower bound of 1 - q."""
-    return (1.0 - q) * (1.0 - COMPLEX) - COMPLEX * q
+    return (1.0 - q) * (1.0 - COMPLEX_ERROR) - COMPLEX_ERROR * q
 
 
 def _sqrt(a: Model) -> Model:
@@ -343,7 +331,7 @@ def _sqrt(a: Model) -> Model:
     factor *= abs(0.5 - n) / (n + 1)
     rest = size * abs(factor) * q ** (n + 1) / _gap(q)
     relative = (4.0 * n + 8.0) * _relative(root)
-    return _if(is_positive(a), _composed(a, own, relative * size / _gap(q), above(rest), about))
+    return _if(discs.is_positive(a.around), _composed(a, own, relative * size / _gap(q), above(rest), about))
 
 
 def _entire(a: Model, turn: list[Array], size: Array) -> Model:
@@ -351,36 +339,29 @@ def _entire(a: Model, turn: list[Array], size: Array) -> Model:
     n, q = a.basis.degree, a.swing
     own = [turn[k % len(turn)] / math.factorial(k) for k in range(n + 1)]
     grown = np.exp(q)
-    relative = COMPLEX * (1.0 + np.abs(a.c[0])) if np.iscomplexobj(a.c) else np.full(1, FUNCTION + 2 * U)
-    rest = size * q ** (n + 1) / math.factorial(n + 1) * grown * (1.0 + 4.0 * FUNCTION)
+    relative = COMPLEX_ERROR * (1.0 + np.abs(a.c[0])) if np.iscomplexobj(a.c) else np.full(1, FUNCTION_ERROR + 2 * U)
+    rest = size * q ** (n + 1) / math.factorial(n + 1) * grown * (1.0 + 4.0 * FUNCTION_ERROR)
     return _composed(a, own, above(relative * size * grown) * (1.0 + 1e-9), above(rest))
 
 
-def _circular(first: int) -> Callable[[Model], Model]:
-    """The sine (first = 0) or the cosine (first = 1)."""
+def _circular(f: Callable, slope: Callable, is_hyperbolic: bool = False) -> Callable[[Model], Model]:
+    """sin, cos, sinh or cosh, from the function and its derivative. The second derivatives are -f or f."""
 
     def operation(a: Model) -> Model:
-        s, c = np.sin(a.c[0]), np.cos(a.c[0])
-        turn = [s, c, -s, -c]
-        return _entire(a, turn[first:] + turn[:first], np.abs(s) + np.abs(c))
+        value, own = f(a.c[0]), slope(a.c[0])
+        turn = [value, own] if is_hyperbolic else [value, own, -value, -own]
+        return _entire(a, turn, (np.abs(value) + np.abs(own)) * (1.0 + np.abs(a.c[0]) if is_hyperbolic else 1.0))
 
     return operation
 
 
-def _hyperbolic(first: int) -> Callable[[Model], Model]:
-    """The hyperbolic sine (first = 0) or cosine (first = 1)."""
-
-    def operation(a: Model) -> Model:
-        s, c = np.sinh(a.c[0]), np.cosh(a.c[0])
-        size = (np.abs(s) + np.abs(c)) * (1.0 + np.abs(a.c[0]))
-        return _entire(a, [s, c] if first == 0 else [c, s], size)
-
-    return operation
+_SIN, _COS = _circular(np.sin, np.cos), _circular(np.cos, lambda z: -np.sin(z))
+_SINH, _COSH = _circular(np.sinh, np.cosh, True), _circular(np.cosh, np.sinh, True)
 
 
 def _tanh(a: Model) -> Model:
     """tanh as sinh / cosh, or by discs if their radius is smaller."""
-    found = _multiply(_hyperbolic(0)(a), _hyperbolic(1)(a).inverse)
+    found = _multiply(_SINH(a), _COSH(a).inverse)
     by_discs = _of_discs(ca.OP_TANH)(a)
     return found if (found.radius < by_discs.radius).all() else by_discs
 
@@ -391,10 +372,10 @@ def _exp(a: Model) -> Model:
 
 
 def _power(a: Model, b: Model) -> Model:
-    """a^b. Integer powers are products, and other powers are computed by discs."""
+    """a^b. Integer powers up to 16 are products, and other powers are computed by discs."""
     exponent = float(np.real(b.c[0]).flat[0])
     is_constant = b.c.size == 1 and float(b.radius.max()) <= above(0.0)
-    if not is_constant or exponent != int(exponent) or not 0 < abs(exponent) <= _LARGEST_POWER:
+    if not is_constant or exponent != int(exponent) or not 0 < abs(exponent) <= 16:
         return _of_discs(ca.OP_POW)(a, b)
     found, base, left = None, a, abs(int(exponent))
     while left:
@@ -404,10 +385,6 @@ def _power(a: Model, b: Model) -> Model:
         base = _multiply(base, base) if left else base
     assert found is not None
     return found if exponent > 0 else found.inverse
-
-
-_LARGEST_POWER = 16
-"""Largest exponent of a power that is computed by products."""
 
 
 def _of_discs(code: int) -> Callable[..., Model]:
@@ -440,12 +417,12 @@ _OWN: dict[int, Callable[..., Model]] = {
     ca.OP_TWICE: lambda a: _scaled(a, 2.0),
     ca.OP_INV: lambda a: a.inverse,
     ca.OP_SQRT: _sqrt,
-    ca.OP_SIN: _circular(0),
-    ca.OP_COS: _circular(1),
-    ca.OP_TAN: lambda a: _multiply(_circular(0)(a), _circular(1)(a).inverse),
+    ca.OP_SIN: _SIN,
+    ca.OP_COS: _COS,
+    ca.OP_TAN: lambda a: _multiply(_SIN(a), _COS(a).inverse),
     ca.OP_EXP: _exp,
-    ca.OP_SINH: _hyperbolic(0),
-    ca.OP_COSH: _hyperbolic(1),
+    ca.OP_SINH: _SINH,
+    ca.OP_COSH: _COSH,
     ca.OP_TANH: _tanh,
     ca.OP_EXPM1: lambda a: _sum(_exp(a), a.basis.constant(1.0), -1.0),
     ca.OP_HYPOT: lambda a, b: _sqrt(_sum(_multiply(a, a), _multiply(b, b), 1.0)),

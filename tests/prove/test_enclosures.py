@@ -135,7 +135,7 @@ def test_a_choice_that_was_good_for_earlier_steps_is_not_the_end():
     course, narrow = Course.empty(problem), Control(Choice((1e-9, 1e-9), (40, 40)), 0.02)
     course.end = Place(first_front(problem, 4), narrow, problem)
     march(problem, 4, course, 0.0, np.inf, lambda t: None)
-    assert course.is_done and check(problem, course).outside <= INSIDE
+    assert course.is_done and check(problem, course.bounds).outside <= INSIDE
 
 
 @pytest.mark.parametrize(

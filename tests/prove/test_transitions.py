@@ -6,7 +6,7 @@ from enclosure_samples import ode
 from numpy.polynomial.chebyshev import chebval
 
 from symmb.prove.front import Front
-from symmb.prove.transitions import drifted, mapped
+from symmb.prove.start import drifted, mapped
 
 
 def test_states_of_a_front_are_mapped_into_the_new_one():

@@ -388,10 +388,8 @@ def _row_slices(owners: Sequence[str]) -> dict[str, slice]:
 def is_linear(name: str) -> bool:
     """Whether a coordinate or velocity with this name is a translation or belongs to a mode."""
     part = name.rpartition(".")[2]
-    return part in _LINEAR or part.startswith("eta")
-
-
-_LINEAR = ("x", "y", "z", "vx", "vy", "vz", "displacement", "displacement_rate")
+    translations = ("x", "y", "z", "vx", "vy", "vz", "displacement", "displacement_rate")
+    return part in translations or part.startswith("eta")
 
 
 def _units(constraints: Sequence[Constraint], own: Sequence[Coordinates], *rows: ca.SX) -> ca.SX:
