@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
+from symmb._magnitudes import ROUNDING, SAME
 from symmb._names import ByName
 from symmb._types import Array, Mask
 from symmb._units import told_units, units_of_parameters
@@ -16,7 +17,7 @@ from symmb.bound.bounds.envelope import Envelope
 from symmb.bound.bounds.laws import Correlation, given_once
 from symmb.bound.bounds.probabilities import Probability, Quantiles, probability_of, quantiles_of, samples_of
 from symmb.bound.bounds.responses import GOOD, Responses
-from symmb.bound.bounds.time_windows import ROUNDING, ROUNDING_SCALE, is_doubtful
+from symmb.bound.bounds.time_windows import is_doubtful
 from symmb.bound.bounds.worst_case import SIDES, AttainingRuns, Place, Worst, WorstCase, row_of
 from symmb.bound.polynomials import Moments, moments
 from symmb.bound.polynomials.ranges import Piecewise
@@ -169,7 +170,7 @@ class Answers(Envelope):
         """
         acts = box.radius > 0
         if self.surrogate is not None:
-            rounding = ROUNDING_SCALE * np.abs([self.lower, self.upper]).max(axis=(0, 1), initial=0.0)
+            rounding = ROUNDING * np.abs([self.lower, self.upper]).max(axis=(0, 1), initial=0.0)
             floor = np.maximum(rounding, 0.0 if self.noise is None else self.noise)
             acts &= self.surrogate.part(slice(None), columns).acting(floor[[*columns]])
         return tuple(name for name, is_acting in zip(box.names, acts, strict=True) if is_acting)
@@ -288,7 +289,7 @@ class Answers(Envelope):
         own = self.t, self.names, self.units, self.box, np.clip(point, -1.0, 1.0)
         runs = 0 if adaptive is self else adaptive.evaluations
         scale = np.abs([self.lower, self.upper]).max(axis=(0, 1), initial=0.0)
-        floor = ROUNDING * scale if adaptive.noise is None else adaptive.noise
+        floor = SAME * scale if adaptive.noise is None else adaptive.noise
         ranges = adaptive.lower, adaptive.upper, estimate, floor, surrogate, is_good, self.study
         return Responses(*own, *ranges, adaptive.method, runs, tuple(remarks))
 

@@ -7,11 +7,12 @@ surrogate must agree.
 
 import numpy as np
 
+from symmb._magnitudes import SAME
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.bound.bounds.method import parameter_samples
 from symmb.bound.bounds.reductions import failure_records, gathered, which_failed
 from symmb.bound.bounds.result import Bounds
-from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING, rms
+from symmb.bound.bounds.time_windows import DOUBTFUL, rms
 from symmb.bound.nodes import corners
 from symmb.bound.polynomials.ranges import Piecewise
 from symmb.connect import Simulator, noise_from_runs
@@ -25,8 +26,8 @@ _MOST_CORNERS, _POINTS_INSIDE = 64, 64
 """Most corners of the box at which something is looked for, and points inside for the range of a surrogate."""
 _OFF_CENTRE = 0.2, 0.4
 """How far the middle of the star is from the centre of the box."""
-_OUTPUTS_NAMED = 3
-"""Doubtful outputs that a sentence names."""
+MOST_NUMBERS = 2**25
+"""Most numbers of check runs, and most coefficients that a method stores for them: 256 MB."""
 
 
 def check_doubts(
@@ -41,10 +42,9 @@ def check_doubts(
     if bounds.kind == "enclosure" or bounds.estimate is not None or share == np.inf:
         return (), 0
     varied = np.flatnonzero(box.radius > 0)
-    # Check runs that are always allowed: centre, faces and extremes of four parameters. More are at most as many as
-    # the method made.
-    # Most numbers that check runs may fill: 256 MB.
-    most = min(max(13, bounds.evaluations), 2**25 // max(bounds.lower.size, 1))
+    # The allowed runs suffice for centre, faces and extremes of four parameters. More are at most as many as the method
+    # made.
+    most = min(max(13, bounds.evaluations), MOST_NUMBERS // max(bounds.lower.size, 1))
     if not varied.size or most < 3:
         return (), 0
     checks = _Checks(simulator, box, bounds, share, executor)
@@ -69,7 +69,7 @@ class _Checks:
         self._bounds = bounds
         largest = np.abs([bounds.lower, bounds.upper]).max(axis=(0, 1))
         self.scale = np.where(largest > 0, largest, 1.0)
-        self._floor = np.full(len(largest), ROUNDING) if noise is None else noise / self.scale
+        self._floor = np.full(len(largest), SAME) if noise is None else noise / self.scale
         self.n, self._outside, self._missed = 0, np.zeros((2, *bounds.lower.shape)), np.zeros((2, *bounds.lower.shape))
         self._failed, self._share, self._n_outside, self._n_missed = "", share, 0, 0
 
@@ -124,17 +124,17 @@ class _Checks:
         size = np.sqrt(np.square(error / self.scale).mean(axis=(0, 1)))
         return size, rms(width)
 
-    def _where(self, error: Array) -> str:
+    def _where(self, error: Array, most: int = 3) -> str:
         """Errors (2, n_t, n_y) in words: the outputs with large errors, and the time from which errors are large."""
         names, t = self._bounds.names, self._bounds.t
         size, width = self._sizes(error)
-        share = size / np.maximum(width, self._floor + ROUNDING)
+        share = size / np.maximum(width, self._floor + SAME)
         large = sorted(np.flatnonzero(size), key=lambda k: -share[k])
         shares = [
             f"{names[k]} by {share[k]:.2g} of the width" if width[k] > 0 else f"{names[k]}, which has no width"
-            for k in large[:_OUTPUTS_NAMED]
+            for k in large[:most]
         ]
-        more = [f"{len(large) - _OUTPUTS_NAMED} more outputs"] if len(large) > _OUTPUTS_NAMED else []
+        more = [f"{len(large) - most} more outputs"] if len(large) > most else []
         first = np.argmax((error / self.scale > share * width / 2 + self._floor).any(axis=(0, 2)))
         since = f", from t = {t[first] + 0.0:g} s on" if len(t) > 1 else ""
         return ", ".join([*shares, *more]) + since

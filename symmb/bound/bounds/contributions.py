@@ -9,12 +9,13 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._labelled import Labelled, Named, Result, over_outputs, texts
+from symmb._magnitudes import SAME
 from symmb._table import aligned, at_time, time_text
 from symmb._types import Array, Mask
 from symmb._units import told_names
 from symmb.bound.bounds.regression import fitted
 from symmb.bound.bounds.responses import Responses
-from symmb.bound.bounds.time_windows import ROUNDING, rms
+from symmb.bound.bounds.time_windows import rms
 from symmb.bound.bounds.worst_case import row_of
 from symmb.bound.nodes import Sobol
 from symmb.bound.polynomials import moments
@@ -249,7 +250,7 @@ def _widths(responses: Responses, is_alone: bool) -> tuple[Array, Array, Mask]:
         widths[i] = np.maximum(high - low, 0.0)
         missing[i] = ~responses.is_good
         if is_alone and responses.runs is not None:
-            wrong = rms(np.where(2 * error[i] > ROUNDING * largest, 2 * error[i], 0.0))
+            wrong = rms(np.where(2 * error[i] > SAME * largest, 2 * error[i], 0.0))
             hides = wrong > np.maximum(_POOR_LINE * rms(widths[i]), _SMALL_OF_WIDTH * whole)
             missing[i] |= hides & (wrong <= _POOR_LINE * whole)  # a larger one is noise
     return widths, error, missing

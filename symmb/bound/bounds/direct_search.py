@@ -41,20 +41,10 @@ def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough:
     most : number of evaluations after which no poll starts
     enough : value above which the search ends. It also ends if such a value is not expected
     """
-    d, rng, known = starts.shape[1], np.random.default_rng(0), dict[bytes, float]()
-
-    def values(points: Array) -> Array:
-        """Values (...) at points (..., d)."""
-        flat = np.ascontiguousarray(points.reshape(-1, d) + 0.0)
-        keys = [row.tobytes() for row in flat]
-        new = {key: row for key, row in zip(keys, flat, strict=True) if key not in known}
-        if new:
-            known.update(zip(new, f(np.stack([*new.values()])).tolist(), strict=True))
-        return np.array([known[key] for key in keys]).reshape(points.shape[:-1])
-
+    d, rng, values = starts.shape[1], np.random.default_rng(0), _Values(f)
     x, fx = _best(starts, values(starts), STARTS)
     # Gain, relative to the range of values at the starts, above which a step is repeated. Less requires more runs.
-    sufficient = 1e-4 * float(np.ptp([value for value in known.values() if value > -np.inf] or [0.0]))
+    sufficient = 1e-4 * float(np.ptp([value for value in values.known.values() if value > -np.inf] or [0.0]))
     error = np.inf
     for i, step in enumerate(STEPS):
         if i >= LEAST_STEPS and fx[0] + error < enough:
@@ -63,7 +53,7 @@ def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough:
         x, fx = x[:number], fx[:number]
         late, is_axial = fx[0], True
         while True:
-            if len(known) >= most or not -np.inf < fx[0] <= enough:
+            if len(values.known) >= most or not -np.inf < fx[0] <= enough:
                 return Found(x[0], float(fx[0]), np.inf)
             basis = np.eye(d) if is_axial else np.linalg.qr(rng.normal(size=(d, d)))[0]
             points = _poll(values, x, fx, step, basis)
@@ -77,6 +67,22 @@ def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough:
         # Factor on the gain of the last step. The product is the expected distance from the largest value.
         error = 2.0 * float(fx[0] - late)
     return Found(x[0], float(fx[0]), error)
+
+
+class _Values:
+    """Values of a function. Each point is evaluated once, because polls of later steps meet earlier points again."""
+
+    def __init__(self, f: Callable[[Array], Array]) -> None:
+        self._f, self.known = f, dict[bytes, float]()
+
+    def __call__(self, points: Array) -> Array:
+        """Values (...) at points (..., d)."""
+        flat = np.ascontiguousarray(points.reshape(-1, points.shape[-1]) + 0.0)  # 0 and -0 are one point
+        keys = [row.tobytes() for row in flat]
+        new = {key: row for key, row in zip(keys, flat, strict=True) if key not in self.known}
+        if new:
+            self.known.update(zip(new, self._f(np.stack([*new.values()])).tolist(), strict=True))
+        return np.array([self.known[key] for key in keys]).reshape(points.shape[:-1])
 
 
 def _poll(values: Callable[[Array], Array], x: Array, fx: Array, step: float, basis: Array) -> Array:

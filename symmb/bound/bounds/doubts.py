@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from symmb._doubt import Doubt
+from symmb._magnitudes import ROUNDING, SAME
 from symmb._names import counted
 from symmb._types import Array, Executor
 from symmb._units import with_units
@@ -13,7 +14,6 @@ from symmb.bound.bounds.check_runs import check_doubts, some_corners
 from symmb.bound.bounds.method import Method, parameter_samples
 from symmb.bound.bounds.reductions import gathered
 from symmb.bound.bounds.result import Bounds
-from symmb.bound.bounds.time_windows import ROUNDING, ROUNDING_SCALE
 from symmb.bound.nodes import Sobol, corners
 from symmb.connect import Noisy, SecondLook, Simulator
 from symmb.equations.model import Box, unused_parameters
@@ -81,7 +81,7 @@ def _without_effect(simulator: Simulator, box: Box, bounds: Bounds) -> list[str]
     surrogate, varies = bounds.surrogate, box.radius > 0
     if surrogate is None or isinstance(simulator, SceneSimulator):
         return []
-    floor = ROUNDING_SCALE * np.abs([bounds.lower, bounds.upper]).max(axis=(0, 1), initial=0.0)
+    floor = ROUNDING * np.abs([bounds.lower, bounds.upper]).max(axis=(0, 1), initial=0.0)
     # Effect in polynomials, relative to the width, up to which a parameter may have no effect: polynomials smooth.
     small = np.maximum(floor, 1e-4 * (bounds.upper - bounds.lower).max(axis=0))
     idle = np.flatnonzero(~surrogate.acting(small) & varies)
@@ -188,7 +188,7 @@ def _noise_doubts(simulator: Simulator, bounds: Bounds) -> tuple[str, ...]:
     if isinstance(simulator, SceneSimulator) or not isinstance(simulator, Noisy) or simulator.noise is None:
         return ()
     lower, upper = bounds.inner or (bounds.lower, bounds.upper)
-    varies = (upper - lower > ROUNDING * np.maximum(np.abs(lower), np.abs(upper))).any(axis=0)
+    varies = (upper - lower > SAME * np.maximum(np.abs(lower), np.abs(upper))).any(axis=0)
     below = (upper <= lower + simulator.noise).all(axis=0) & varies
     names = [bounds.names[k] for k in np.flatnonzero(below)]
     text = f"The noise of the runs is larger than the width of {', '.join(names)}. The true width is not known."

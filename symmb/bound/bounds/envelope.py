@@ -7,20 +7,18 @@ from typing import Any, Self
 import numpy as np
 
 from symmb._errors import WithWarnings
+from symmb._magnitudes import SAME
 from symmb._options import require_name, require_positive
 from symmb._types import Array
 from symmb.bound.bounds.failures import Failure
 from symmb.bound.bounds.responses import Runs
 from symmb.bound.bounds.result_file import INNER, Kind, box_of, kind_of
-from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING, is_doubtful, is_doubtful_in_window
+from symmb.bound.bounds.time_windows import DOUBTFUL, is_doubtful, is_doubtful_in_window
 from symmb.bound.bounds.worst_case import AttainingRuns, WorstCase
 from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import Piecewise
 from symmb.equations.model import Box
 from symmb.results.files import NAMES, NOT_KEPT, TIMES, Record, entry
-
-_NAMED_WINDOWS = 3
-"""Most windows of time that a sentence names for an output."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -131,7 +129,9 @@ class Envelope(WithWarnings):
             for first, behind in zip(np.flatnonzero(edge > 0), np.flatnonzero(edge < 0), strict=True)
         )
 
-    def _doubtful_part(self, name: str, since: float, windows: Sequence[tuple[str, float, float]]) -> str:
+    def _doubtful_part(
+        self, name: str, since: float, windows: Sequence[tuple[str, float, float]], most: int = 3
+    ) -> str:
         """Times of a large error of an output, in words: windows of time, or from a time on."""
         if len(self.t) == 1:
             return ""
@@ -140,8 +140,8 @@ class Envelope(WithWarnings):
             assert self.estimate is not None
             first = self.t[(self.estimate[:, self._column(name)] > 0).argmax()]  # at a known start there is no error
             return f" from {max(since, float(first)):g} s"
-        texts = [f"from {begin:g} to {end:g} s" for begin, end in own[:_NAMED_WINDOWS]]
-        return " " + " and ".join([*texts, *(["later"] if len(own) > _NAMED_WINDOWS else [])])
+        texts = [f"from {begin:g} to {end:g} s" for begin, end in own[:most]]
+        return " " + " and ".join([*texts, *(["later"] if len(own) > most else [])])
 
     def _scaled(self, estimate: Array) -> tuple[Array, Array, Array]:
         """Estimated error and width, each (n_t, n_y), and the noise or rounding (n_y,), scaled by powers of two.
@@ -151,7 +151,7 @@ class Envelope(WithWarnings):
         scale = np.abs([self.lower, self.upper]).max(axis=(0, 1), initial=0.0)
         power = np.frexp(scale)[1]
         lower, upper = np.ldexp([self.lower, self.upper], -power)
-        floor = ROUNDING * scale if self.noise is None else self.noise
+        floor = SAME * scale if self.noise is None else self.noise
         return np.ldexp(estimate, -power), upper - lower, np.ldexp(floor, -power)
 
     def __getitem__(self, name: str) -> tuple[Any, Any]:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._magnitudes import SLIGHT
 from symmb._names import did_you_mean, normal_keys
 from symmb._options import numbers_of, shown
 from symmb._types import Array, Indices
@@ -120,7 +121,7 @@ def _masses(owner: str, name: str, law: Any, box: Box) -> tuple[float, float]:
         raise DeclarationError(f"{owner}: ppf of the distribution of {name!r} must give a number for each number.")
     # Probability of the box below which a distribution is outside of the box, because its quantiles there have few
     # digits.
-    if not above - below >= 1e-6:
+    if not above - below >= SLIGHT:
         raise DeclarationError(
             f"{owner}: the distribution of {name!r} has a probability of {above - below:.1g} in its interval from "
             f"{low:g} to {high:g}."

@@ -23,7 +23,7 @@ _LEAST_PROBABILITY = 1e-10
 _CLUSTERS, _COVARIANCE_FACTOR, _SHARE_OF_LAWS = 8, 1.6, 0.05
 """Number of normal distributions from which samples are drawn, factor on their covariances, because the true tails are
 heavier, and fraction of samples from the distributions of the parameters."""
-_SETS_OF_SAMPLES, _SAMPLES_OF_A_SET = 8, 2048
+SETS_OF_SAMPLES, _SAMPLES_OF_A_SET = 8, 2048
 """Number of independent sets of samples, and number of samples of a set."""
 _POOL_OF_RUNS = 4096
 """Number of samples from which the places of runs are chosen."""
@@ -31,6 +31,8 @@ _RUNS_OF_A_ROUND = 48
 """Number of runs of a round, at samples whose predicted sign is most likely wrong. They correct the probability."""
 _RUNS_OVER_FAILURES = 0.25
 """Fraction of these runs that is spread over all failures."""
+EXPECTED_IF_NONE = 3.0
+"""Expected number of wrong samples if none is observed, at a confidence of 95 %."""
 _STANDARD_ERRORS = 3.0
 """Number of standard errors that is reported as the error."""
 
@@ -94,8 +96,7 @@ def rare_event(points_of: Normal, margins: Normal, known: tuple[Array, Array], a
         Y = margins(samples[pool][chosen])
         fails, each = Y.max(axis=1) > 0, share[chosen] / density[chosen]
         wrong = (fails.astype(float) - (s[chosen] > 0)) * each
-        # Expected number of wrong samples if none is observed, at a confidence of 95 %.
-        unseen = 3.0 / _RUNS_OF_A_ROUND * float((share * doubt).sum())
+        unseen = EXPECTED_IF_NONE / _RUNS_OF_A_ROUND * float((share * doubt).sum())
         of_wrong = max(_STANDARD_ERRORS * float(wrong.std(ddof=1)) / np.sqrt(_RUNS_OF_A_ROUND), unseen)
         rounds.append((of_process + float(wrong.mean()), scatter + of_wrong))
         failures.append((each[fails], Y[fails] > 0))
@@ -118,7 +119,7 @@ def _mean_of_last(rounds: list[tuple[float, float]]) -> tuple[float, float, int]
 
 def _directions(n_l: int) -> Array:
     """Standard normal numbers (N, n_l) in all directions, far from the centre. They find regions with rare failures."""
-    normal = ndtri((Sobol().points(_FAR_RUNS, n_l + 1, seed=_SETS_OF_SAMPLES) + 1) / 2)
+    normal = ndtri((Sobol().points(_FAR_RUNS, n_l + 1, seed=SETS_OF_SAMPLES) + 1) / 2)
     radius = _NEAREST + (_FARTHEST - _NEAREST) * ndtr(normal[:, :1])
     return radius * normal[:, 1:] / np.linalg.norm(normal[:, 1:], axis=1, keepdims=True)
 
@@ -216,7 +217,7 @@ def _sampled(
         z = np.concatenate([z, moved[0]])
     centres, roots = _clusters(z, rng)
     shares = np.append(_SHARE_OF_LAWS, np.full(len(centres) - 1, (1 - _SHARE_OF_LAWS) / (len(centres) - 1)))
-    sets = [Sobol().points(_SAMPLES_OF_A_SET, n_l + 1, seed) for seed in range(_SETS_OF_SAMPLES)]
+    sets = [Sobol().points(_SAMPLES_OF_A_SET, n_l + 1, seed) for seed in range(SETS_OF_SAMPLES)]
     uniform = (np.concatenate(sets) + 1) / 2
     which = np.searchsorted(np.cumsum(shares)[:-1], uniform[:, 0], side="right")
     normal = ndtri(np.clip(uniform[:, 1:], 1e-15, 1 - 1e-15))
@@ -226,9 +227,9 @@ def _sampled(
         inner = np.square(np.linalg.solve(root, (samples - centre).T)).sum(axis=0)
         density += share * np.exp(0.5 * (squares - inner)) / np.prod(np.diag(root))
     weights = 1 / density
-    means = np.concatenate([process.mean(points_of(part)) for part in np.array_split(samples, _SETS_OF_SAMPLES)])
-    sets = (weights * (means > 0)).reshape(_SETS_OF_SAMPLES, -1).mean(axis=1)
-    return samples, weights, float(sets.mean()), float(_STANDARD_ERRORS * sets.std(ddof=1) / np.sqrt(_SETS_OF_SAMPLES))
+    means = np.concatenate([process.mean(points_of(part)) for part in np.array_split(samples, SETS_OF_SAMPLES)])
+    sets = (weights * (means > 0)).reshape(SETS_OF_SAMPLES, -1).mean(axis=1)
+    return samples, weights, float(sets.mean()), float(_STANDARD_ERRORS * sets.std(ddof=1) / np.sqrt(SETS_OF_SAMPLES))
 
 
 def _failures(margin: Normal, n_l: int, rng: np.random.Generator) -> Array:

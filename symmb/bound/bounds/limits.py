@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -11,16 +10,15 @@ import numpy as np
 from symmb._doubt import concerned
 from symmb._errors import DeclarationError
 from symmb._labelled import Labelled, Result, over_outputs, texts
+from symmb._magnitudes import SAME
 from symmb._names import did_you_mean, normal_keys
 from symmb._options import is_real, require_name, shown
 from symmb._table import aligned, over_times, time_text
-from symmb._types import Array, Indices
+from symmb._types import Array
 from symmb._units import number_in, told_units, typeset
-from symmb.bound.bounds.direct_search import LINE_POINTS, direct_search
 from symmb.bound.bounds.envelope import Envelope
-from symmb.bound.bounds.time_windows import ROUNDING
+from symmb.bound.bounds.further_runs import FurtherRun, closest_run
 from symmb.bound.bounds.worst_case import SIDES, WorstCase
-from symmb.bound.nodes import Sobol
 from symmb.results import plot
 from symmb.results.files import to_jsonable
 
@@ -29,44 +27,10 @@ if TYPE_CHECKING:
 
 Limits = Mapping[str, tuple[float | str | None, float | str | None] | tuple[float | None, float | None, str]]
 """Limits (low, high) of outputs by name, in any unit that fits, such as ("75 deg/s", None). One end may be None."""
-_CLOSE_TO_LIMIT = 0.03
-"""Distance of a limit, over the width of bounds, within which lines along the axes are looked at after the search: a
-peak that passes output times makes many hills. Less misses more, more takes more runs."""
 _RISE_SAFETY = 2.0
 """How many times the rise of a parabola between output times counts: with few times the curve may rise more."""
-_MISSED_HILL = 1e-3
-"""Distance over the width of bounds that a search may miss if it ends inside the box: beside the highest hill that it
-knows may stand one that is a little higher. tests/benchmarks/machine_tolerances.py"""
 WARNED = "See the warnings"
 _WORDS = {True: "satisfied", False: "violated", None: "undecided"}
-
-
-@dataclass(frozen=True, eq=False)
-class FurtherRun:
-    """The further run of a check that comes closest to a limit.
-
-    Attributes
-    ----------
-    side : str                 side of the limit, "lower" or "upper"
-    place : (d,)               parameters in the unit box
-    values : (n_t,)            of the output
-    beyond : float             largest distance of the values beyond the limit, negative inside
-    error : float              distance by which other runs may be closer; infinite if the search was not completed
-    runs, failed : int         number of further runs, and of those that failed
-    """
-
-    side: str
-    place: Array
-    values: Array
-    beyond: float
-    error: float
-    runs: int
-    failed: int
-
-    @property
-    def row(self) -> int:
-        """Index of the time at which the run is closest to the limit."""
-        return int(np.nanargmin(self.values) if self.side == "lower" else np.nanargmax(self.values))
 
 
 class _Decision(NamedTuple):
@@ -101,7 +65,7 @@ class KeptLimit:
     kept: bool | None
     why: str
     margin: Array
-    further: "FurtherRun | None" = None
+    further: FurtherRun | None = None
     width: float = 0.0
 
     @property
@@ -301,7 +265,7 @@ def _unit_told(bounds: Envelope, k: int) -> str:
 
 def _rounding(bounds: Envelope, k: int) -> float:
     """Error of runs of output number k by rounding or noise."""
-    rounding = float(ROUNDING * np.abs([bounds.lower[:, k], bounds.upper[:, k]]).max(initial=0.0))
+    rounding = float(SAME * np.abs([bounds.lower[:, k], bounds.upper[:, k]]).max(initial=0.0))
     return rounding if bounds.noise is None else max(rounding, float(bounds.noise[k]))
 
 
@@ -362,7 +326,7 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
         # for far limits.
         near = near + 0.5 * (bounds.upper - bounds.lower)[:, k].max()
     if bounds.study is not None and (margin < near).any():
-        further = _closest_run(bounds, k, side, limit, np.argsort(margin, kind="stable"))
+        further = closest_run(bounds, k, side, limit, np.argsort(margin, kind="stable"), rounding)
         inside, error = -further.beyond, max(further.error, rounding)
         own = limit - further.values if side == "upper" else further.values - limit
         if inside < -rounding:
@@ -389,76 +353,27 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
     return _Decision(None, f"The estimated error is up to {error:.1e}{unit}. {remedy}", margin, further)
 
 
-def _closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indices) -> FurtherRun:
-    """The further run that is closest to a limit, or farthest beyond the limit, from a search with several starts.
-
-    The starts are the worst runs of the study and the extremes of its polynomials, at the first of the rows (n_t,) with
-    different runs, and the nearest corners. If runs cost little, starts also include points with two parameters
-    changed, and points spread over the box. If the limit is close, lines through the best run follow.
-    """
-    study, box, sign = bounds.study, bounds.box, -1.0 if side == "lower" else 1.0
-    assert study is not None and box is not None
-    runs, failed, best = 0, 0, (-np.inf, np.zeros(len(box)), np.full(len(bounds.t), np.nan))
-
-    def beyond(points: Array) -> Array:
-        nonlocal runs, failed, best
-        Y, bad = study.attempted(points)
-        excess = np.nan_to_num((sign * (Y[:, :, k] - limit)).max(axis=1), nan=-np.inf)
-        runs, failed, i = runs + len(points), failed + len(bad), int(excess.argmax())
-        if excess[i] > best[0]:
-            best = float(excess[i]), points[i], Y[i, :, k]
-        return excess
-
-    # Points that are spread over the box, and times at which runs of the study are, where a search in a scene starts.
-    peaks = 3 if study.has_lanes else 1
-    starts, some = [np.zeros((1, len(box)))], rows[:peaks]
-    if bounds.attaining is not None:
-        numbers = bounds.attaining.at[side][rows, k]
-        some = rows[np.sort(np.unique(numbers, return_index=True)[1])[:peaks]]
-        columns = [list(bounds.attaining.simulator.parameters).index(name) for name in box.names]
-        samples = bounds.attaining.samples([(side, int(i), k) for i in some])
-        starts = [box.to_unit(np.stack([sample.P[sample.index, columns] for sample in samples]))]
-    if study.has_lanes:
-        pairs = 1.0 - 2.0 * np.array([np.isin(np.arange(len(box)), pair) for pair in combinations(range(len(box)), 2)])
-        starts += [pairs.reshape(-1, len(box)) * starts[0][0], Sobol().points(16, len(box), seed=0)]
-    if bounds.surrogate is not None:
-        one = np.ones(len(box))
-        starts.append(bounds.surrogate.part(some, [k]).range(-one, one)[2][SIDES.index(side), :, 0])
-    points = np.clip(np.concatenate(starts).round(9), -1.0, 1.0)  # corners are 1 to the last digit
-    points = np.concatenate([points, np.where(points < 0, -1.0, 1.0)])
-    # Most further runs of a scene. Many of them cost little. Other simulators make at most as many as the study.
-    most = max(600, bounds.evaluations) if study.has_lanes else 2 * bounds.evaluations
-    enough = _rounding(bounds, k)
-    found = direct_search(beyond, points, most, enough)
-    if study.has_lanes and 0 <= -best[0] < _CLOSE_TO_LIMIT * (bounds.upper - bounds.lower)[:, k].max():
-        lines = np.tile(best[1], (len(box), LINE_POINTS, 1))
-        lines[range(len(box)), :, range(len(box))] = np.linspace(-1.0, 1.0, LINE_POINTS)
-        found = direct_search(beyond, np.concatenate([best[1][None], *lines]), most, enough)
-    error, inside = found.error, np.abs(best[1]) < 1.0
-    if bounds.surrogate is not None:  # a parameter that has no effect at the time of the extreme makes no hill
-        row = int(np.nan_to_num(sign * best[2], nan=-np.inf).argmax())
-        inside &= bounds.surrogate.part([row], [k]).acting(np.array([enough]))
-    if study.has_lanes and bounds.estimate is not None and inside.any():
-        width = (bounds.upper - bounds.lower)[:, k].max()
-        error = max(error, min(float(bounds.estimate[:, k].max()), _MISSED_HILL * width))
-    return FurtherRun(side, best[1], best[2], best[0], error, runs, failed)
-
-
 def _ends(owner: str, name: str, pair: object, unit: str) -> tuple[float, float]:
-    if isinstance(pair, list | tuple) and len(pair) == 3 and isinstance(pair[2], str):
-        pair = tuple(end if end is None else (end, pair[2]) for end in pair[:2])
-    if not isinstance(pair, list | tuple) or len(pair) != 2 or not any(end is not None for end in pair):
-        raise DeclarationError(
-            f"{owner}: the limit of {name!r} must be a pair (low, high) with at most one None, got {shown(pair)}."
-        )
+    """The limit (low, high) of an output, as numbers in its unit; infinite if there is no limit."""
     own = f"{owner}: the limit of {name!r}"
-    pair = [number_in(own, f"output {name!r}", end, unit) if isinstance(end, str | tuple) else end for end in pair]
-    for end in pair:
-        if end is not None and (not is_real(end) or np.isnan(end)):
-            raise DeclarationError(f"{owner}: the limit of {name!r} must be numbers or None, got {shown(pair)}.")
-    low, high = (-np.inf if pair[0] is None else float(pair[0])), (np.inf if pair[1] is None else float(pair[1]))
+    ends = [
+        number_in(own, f"output {name!r}", end, unit) if isinstance(end, str | tuple) else end
+        for end in _pair(own, pair)
+    ]
+    if not all(end is None or (is_real(end) and not np.isnan(end)) for end in ends):
+        raise DeclarationError(f"{own} must be numbers or None, got {shown(ends)}.")
+    low, high = (default if end is None else float(end) for end, default in zip(ends, (-np.inf, np.inf), strict=True))
     if low > high:
         raise DeclarationError(f"{owner}: the limits of {name!r} cross: {low:g} is above {high:g}.")
     if not np.isfinite([low, high]).any():
-        raise DeclarationError(f"{owner}: one end of the limit of {name!r} must be finite, got {shown(pair)}.")
+        raise DeclarationError(f"{owner}: one end of the limit of {name!r} must be finite, got {shown(ends)}.")
     return low, high
+
+
+def _pair(own: str, pair: object) -> Sequence[Any]:
+    """The two ends of a limit as they are given. A unit behind both ends becomes the unit of each end."""
+    if isinstance(pair, list | tuple) and len(pair) == 3 and isinstance(pair[2], str):
+        pair = tuple(end if end is None else (end, pair[2]) for end in pair[:2])
+    if not isinstance(pair, list | tuple) or len(pair) != 2 or all(end is None for end in pair):
+        raise DeclarationError(f"{own} must be a pair (low, high) with at most one None, got {shown(pair)}.")
+    return pair

@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from symmb._errors import PropagationError
+from symmb._magnitudes import SAME
 from symmb._options import constructor_text, require_between, require_whole
 from symmb._types import Array, Executor
 from symmb.bound.bounds.method import Method, parameter_samples, unit_jets
@@ -13,7 +14,6 @@ from symmb.bound.bounds.quadratic_models import Quadratics, quadratics
 from symmb.bound.bounds.reductions import extremes, failure_details, failures, together
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.result_file import Kind
-from symmb.bound.bounds.time_windows import ROUNDING
 from symmb.bound.nodes import corners
 from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box
@@ -135,6 +135,6 @@ def _widths(Y: Array, G: Array) -> Array:
     """
     width = np.ptp(Y, axis=0) if len(Y) > 1 else 2 * np.abs(G[0]).sum(axis=0)
     # Smallest width of an output at a time, over its largest width over all times.
-    least = np.maximum(1e-2 * width.max(axis=0), ROUNDING * np.abs(Y).max(axis=(0, 1)))
+    least = np.maximum(1e-2 * width.max(axis=0), SAME * np.abs(Y).max(axis=(0, 1)))
     widths = np.maximum(width, least)
     return np.where(widths > 0, widths, np.inf)

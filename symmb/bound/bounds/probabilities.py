@@ -1,8 +1,7 @@
 """Quantiles and probabilities of outputs, for parameters with distributions and for intervals."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -15,34 +14,22 @@ from symmb._options import is_finite_number, numbers_of, shown, whole
 from symmb._table import aligned, at_time, is_timeless, over_times, time_text
 from symmb._types import Array
 from symmb._units import number_in, told_names, told_units, units_of_parameters
+from symmb.bound.bounds.law_samples import (
+    SAFETY_OF_RUNS,
+    SAMPLES_BEFORE_RUNS,
+    STANDARD_ERRORS,
+    VERIFYING_RUNS,
+    LawSamples,
+    scatter,
+)
 from symmb.bound.bounds.laws import Laws
-from symmb.bound.bounds.limit_state import rare_event
-from symmb.bound.bounds.regression import fitted
+from symmb.bound.bounds.limit_state import EXPECTED_IF_NONE, SETS_OF_SAMPLES, rare_event
 from symmb.bound.bounds.responses import Responses
-from symmb.bound.nodes import Random, Sobol, corners
-from symmb.bound.polynomials.ranges import Piecewise
+from symmb.bound.nodes import Random
 from symmb.run.simulation import Sweep
 
-_SETS = 8
-"""Number of independent sets of samples. Their scatter gives the sampling error."""
-_SAMPLES_OF_POLYNOMIALS, _SAMPLES_WITH_SEARCH, _SAMPLES_BEFORE_RUNS = 512, 128, 32
-"""Numbers of samples of a set: from polynomials, if each sample requires a search for extremes or a run, and if runs
-near a limit may follow. Larger numbers take more time."""
-_EXPECTED_IF_NONE = 3.0
-"""Expected number of events if none is observed in one of 20 samples. It gives the smallest sampling error of a
-probability."""
-_VERIFYING_RUNS = 32
-"""Number of runs, spread by the distributions, that verify the values of polynomials and not only their range."""
-_SAFETY_OF_RUNS = 2.0
-"""Largest error at these runs over the largest error of ranges, and rms error over the rms of errors of ranges."""
-_FITTED_RUNS, _POINTS_INSIDE, _INTERVALS_OF_ALL_CORNERS = 256, 32, 5
-"""Number of runs of a fit if polynomials are not accurate enough, number of points inside of the intervals, and number
-of intervals of which all corners are used."""
 _MOST_RUNS_NEAR_LIMIT = 1000
 """Largest number of runs near a limit."""
-_STANDARD_ERRORS = 3.5
-"""Number of standard errors of the mean of the sets that is reported as the sampling error: 99 % of Student's t with 7
-degrees of freedom."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -182,7 +169,7 @@ def quantiles_of(responses: Responses, output: object, levels: object, laws: obj
     q = numbers_of([levels] if is_finite_number(levels) else levels)
     if q is None or q.ndim != 1 or not len(q) or not ((q > 0) & (q < 1)).all():
         raise DeclarationError(f"{owner}: levels must be probabilities above 0 and below 1, got {shown(levels)}.")
-    samples = _Samples(owner, responses, k, laws, correlation)
+    samples = LawSamples(owner, responses, k, laws, correlation)
     parts = []
     for _, low, high in samples.over_time():
         ends = [_quantiles_and_scatter(each, q) for each in ((low,) if low is high else (low, high))]
@@ -201,8 +188,8 @@ def _quantiles_and_scatter(values: Array, q: Array) -> tuple[Array, Array]:
     # Number of samples next to a quantile that cannot be distinguished from it.
     near = 2.0 / whole.shape[1]
     quantiles, above, below = (_of_sorted(whole, np.clip(q + sign * near, 0, 1)) for sign in (0, 1, -1))
-    scatter = _scatter(np.moveaxis(_of_sorted(sets, q), 2, 0))
-    return quantiles, np.maximum(scatter, np.maximum(above - quantiles, quantiles - below))
+    sampling = scatter(np.moveaxis(_of_sorted(sets, q), 2, 0))
+    return quantiles, np.maximum(sampling, np.maximum(above - quantiles, quantiles - below))
 
 
 def _of_sorted(values: Array, q: Array) -> Array:
@@ -222,29 +209,18 @@ def probability_of(
     """
     owner = "Bounds.probability"
     k = responses.column(owner, output)
-    thresholds = [value for value in (below, above) if value is not None]
-    unit = responses.units[k] if responses.units else ""
-    ends = [number_in(owner, f"output {responses.names[k]!r}", value, unit) for value in thresholds]
-    if not ends or ends != sorted(ends):
-        raise DeclarationError(
-            f"{owner}: give a number for one of above and below, or for both, of which below is not the larger one, "
-            f"got {shown(above)} and {shown(below)}."
-        )
+    limits, event = _event(owner, responses, k, above, below)
     if not is_finite_number(error) or not 0 < error < 1:
         raise DeclarationError(f"{owner}: error must be above 0 and below 1, got {shown(error)}.")
-    limits = -np.inf if below is None else ends[0], np.inf if above is None else ends[-1]
-    samples = _Samples(owner, responses, k, laws, correlation, _SAMPLES_BEFORE_RUNS)
+    samples = LawSamples(owner, responses, k, laws, correlation, SAMPLES_BEFORE_RUNS)
     found = _by_samples(samples, limits)
     while _is_short(found, error) and samples.may_grow() and found[3, -1] < error / 2 * found[0, -1]:
-        samples.spread(4 * samples.number // _SETS)
+        samples.spread(4 * samples.number // SETS_OF_SAMPLES)
         found = _by_samples(samples, limits)
     if _is_short(found, error) and responses.runs is not None and not samples.free.any():
         own = _near_limit(samples, limits, error)
         found = np.where(own[2] < found[2], own, found)
     lower, upper, estimate, _ = found
-    sides, (told,) = ((below, "below"), (above, "above")), told_units([unit], 1)
-    words = zip([word for end, word in sides if end is not None], ends, strict=True)
-    event = f"{responses.names[k]} " + " or ".join(f"{word} {end:g} {told}".rstrip() for word, end in words)
     last = float(lower[-1]), float(upper[-1]), float(estimate[-1])
     figures = Probability(*samples.about(), event, lower[:-1], upper[:-1], estimate[:-1], last)
     if _is_short(found, error) and upper[-1] > 0:
@@ -253,16 +229,33 @@ def probability_of(
     return figures
 
 
+def _event(owner: str, responses: Responses, k: int, above: object, below: object) -> tuple[tuple[float, float], str]:
+    """The values below and above which the event happens, infinite if there is none, and the event in words."""
+    thresholds = [value for value in (below, above) if value is not None]
+    unit = responses.units[k] if responses.units else ""
+    ends = [number_in(owner, f"output {responses.names[k]!r}", value, unit) for value in thresholds]
+    if not ends or ends != sorted(ends):
+        raise DeclarationError(
+            f"{owner}: give a number for one of above and below, or for both, of which below is not the larger one, "
+            f"got {shown(above)} and {shown(below)}."
+        )
+    limits = -np.inf if below is None else ends[0], np.inf if above is None else ends[-1]
+    (told,), named = told_units([unit], 1), zip(("below", "above"), (below, above), strict=True)
+    words = zip([word for word, given in named if given is not None], ends, strict=True)
+    parts = [f"{word} {end:g} {told}".rstrip() for word, end in words]
+    return limits, f"{responses.names[k]} {' or '.join(parts)}"
+
+
 def _is_short(found: Array, error: float) -> bool:
     """Whether the error of the event at any time is larger than the requested error."""
     return bool(found[2, -1] > error * found[0, -1])
 
 
-def _by_samples(samples: "_Samples", limits: tuple[float, float]) -> Array:
+def _by_samples(samples: LawSamples, limits: tuple[float, float]) -> Array:
     """Lowest and highest probability, their error, and the part of the error from polynomials: (4, n_t + 1). The last
     entry is for the event at any time."""
     responses, k, (bottom, top) = samples.responses, samples.column, limits
-    at_times, ever = [], np.zeros((4, _SETS, samples.number // _SETS), dtype=bool)
+    at_times, ever = [], np.zeros((4, SETS_OF_SAMPLES, samples.number // SETS_OF_SAMPLES), dtype=bool)
     for window, low, high in samples.over_time():
         lowest, highest, e = responses.lower[window, k], responses.upper[window, k], samples.error[window]
         low, high = np.clip((low, high), lowest, highest)
@@ -272,12 +265,12 @@ def _by_samples(samples: "_Samples", limits: tuple[float, float]) -> Array:
         ever |= beyond.any(axis=3)
     sets = np.concatenate([*at_times, ever.mean(axis=2)[..., None]], axis=2)  # (4, replicates, n_t + 1)
     lower, upper, lowest, highest = sets.mean(axis=1)
-    sampling = np.maximum(np.maximum(_scatter(sets[0]), _scatter(sets[1])), _EXPECTED_IF_NONE / samples.number)
+    sampling = np.maximum(np.maximum(scatter(sets[0]), scatter(sets[1])), EXPECTED_IF_NONE / samples.number)
     of_polynomials = np.maximum(lower - lowest, highest - upper)
     return np.array([lower, upper, sampling + of_polynomials, of_polynomials])
 
 
-def _near_limit(samples: "_Samples", limits: tuple[float, float], error: float) -> Array:
+def _near_limit(samples: LawSamples, limits: tuple[float, float], error: float) -> Array:
     """The four results of `_by_samples`, from runs near the limit."""
     from scipy.special import ndtr, ndtri
 
@@ -296,8 +289,8 @@ def _near_limit(samples: "_Samples", limits: tuple[float, float], error: float) 
     )
     samples.runs += found.runs
     share, n = np.clip(found.shares, 0.0, 1.0), max(found.failures, 1)
-    unseen = np.where(share < 1, _EXPECTED_IF_NONE / n, 0.0)
-    of_share = np.minimum(_STANDARD_ERRORS * np.sqrt(share * (1 - share) / n) + unseen, 1.0)
+    unseen = np.where(share < 1, EXPECTED_IF_NONE / n, 0.0)
+    of_share = np.minimum(STANDARD_ERRORS * np.sqrt(share * (1 - share) / n) + unseen, 1.0)
     probability = found.probability * np.append(share, 1.0)
     estimate = found.error * np.append(share, 1.0) + found.probability * np.append(of_share, 0.0)
     return np.array([probability, probability, estimate, estimate])
@@ -334,160 +327,9 @@ def _values(responses: Responses, points: Array) -> Array:
     if surrogate is not None and responses.is_good.all():
         if runs is None:
             return surrogate.values(points)
-        some = points[:_VERIFYING_RUNS]
-        error = _SAFETY_OF_RUNS * np.abs(surrogate.values(some) - runs.values(some)).max(axis=0)
+        some = points[:VERIFYING_RUNS]
+        error = SAFETY_OF_RUNS * np.abs(surrogate.values(some) - runs.values(some)).max(axis=0)
         if responses.are_good(error, range(len(responses.names))).all():
             return surrogate.values(points)
     assert runs is not None
     return runs.values(points)
-
-
-class _Samples:
-    """Samples of an output: sets of points that are spread by laws, and ranges over the parameters without a
-    distribution.
-
-    Attributes
-    ----------
-    free : (d,)            parameters without a law
-    number : int           of all samples
-    error : (n_t,)         of the polynomials
-    surrogate : Piecewise  None if runs are the samples
-    """
-
-    def __init__(
-        self, owner: str, responses: Responses, k: int, laws: object, correlation: object, n: int = _SAMPLES_WITH_SEARCH
-    ) -> None:
-        self.responses, self.column, self._laws = responses, k, Laws.of(owner, laws, correlation, responses.box)
-        self.columns = self._laws.columns
-        self.free = responses.box.radius > 0
-        self.free[self.columns] = False
-        self.runs, self._around = responses.extra_runs, np.zeros((1, 0))
-        self.surrogate, self.error = responses.own(k), np.zeros(len(responses.t))
-        if self.surrogate is not None:
-            self.error = self.surrogate.error[:, 0]
-            if responses.runs is not None:
-                self.runs += _VERIFYING_RUNS
-                residual = np.abs(
-                    self.surrogate.values(self.unit_points(self.checks[0]))[:, :, 0] - self.checks[1]
-                ).max(axis=0)
-                self.error = _SAFETY_OF_RUNS * residual
-                if not responses.are_good(self.error[:, None], [k])[0]:
-                    self.surrogate = None
-        if self.surrogate is None and self.free.any():
-            self._fit()
-        if self.surrogate is not None:
-            n = _SAMPLES_WITH_SEARCH if self.free.any() else _SAMPLES_OF_POLYNOMIALS
-        self.spread(n)
-
-    @cached_property
-    def checks(self) -> tuple[Array, Array]:
-        """Uniform numbers (N, n_l + n_free) of runs that are spread by the distributions, and evenly for other
-        parameters, and responses (N, n_t)."""
-        u = (Sobol().points(_VERIFYING_RUNS, len(self.columns) + self.free.sum(), seed=_SETS) + 1) / 2
-        return u, self.by_runs(self.unit_points(u))
-
-    def known(self) -> tuple[Array, Array]:
-        """Uniform numbers (N, n_l) of all runs so far, and responses (N, n_t)."""
-        return self.checks if self.surrogate is not None else (self._uniform, self._by_samples[:, :, 0])
-
-    def may_grow(self) -> bool:
-        """Whether more samples require no runs and little time."""
-        # Largest number of polynomial values for a probability, which take some seconds.
-        return self.surrogate is not None and not self.free.any() and 4 * self.number * len(self.error) <= 2**24
-
-    def spread(self, n: int) -> None:
-        """Draw n samples in each set."""
-        self.number = _SETS * n
-        sets = [Sobol().points(n, len(self.columns), seed) for seed in range(_SETS)]
-        self._uniform = (np.concatenate(sets) + 1) / 2
-        self._points = self.unit_points(self._uniform)
-
-    def unit_points(self, uniform: Array) -> Array:
-        """Points (N, d) of the unit box from uniform numbers (N, n_l) for the distributions, and from numbers for other
-        parameters, if given."""
-        n, points = len(self.columns), np.zeros((len(uniform), len(self.free)))
-        points[:, self.columns] = self._laws.unit_points(uniform[:, :n], self.responses.box)
-        if uniform.shape[1] > n:
-            points[:, self.free] = 2 * uniform[:, n:] - 1
-        return points
-
-    def by_runs(self, points: Array) -> Array:
-        """Responses (N, n_t) of runs."""
-        assert self.responses.runs is not None
-        return self.responses.runs.values(points)[:, :, self.column]
-
-    def _fit(self) -> None:
-        """Polynomials by least squares, which are less accurate, and their error at sets of runs that differ only in
-        the parameters without a distribution."""
-        responses, free = self.responses, np.flatnonzero(self.free)
-        assert responses.runs is not None
-        points, Y = responses.runs.sample(_FITTED_RUNS)
-        self.surrogate = fitted(points, Y[:, :, [self.column]], responses.box.names)
-        n, has_few = len(free), len(free) <= _INTERVALS_OF_ALL_CORNERS
-        ends = corners(n) if has_few else Random().points(_POINTS_INSIDE, n, 0).round()
-        self._around = np.concatenate([ends, Sobol().points(_POINTS_INSIDE, n, seed=0)])
-        few = len(ends) + _POINTS_INSIDE // 4
-        outer = self.unit_points(self.checks[0])
-        with_free = outer[:, None].repeat(few, axis=1)
-        with_free[:, :, free] = self._around[:few]
-        runs = self.by_runs(with_free.reshape(-1, outer.shape[1])).reshape(len(outer), few, -1)
-        low, high = self._ranges(self.surrogate, outer)
-        residual = np.square([low[:, :, 0] - runs.min(axis=1), high[:, :, 0] - runs.max(axis=1)])
-        self.error = _SAFETY_OF_RUNS * np.sqrt(residual.mean(axis=1).max(axis=0))
-        self.runs += len(points) + runs.shape[0] * few
-
-    def _ranges(self, own: Piecewise, points: Array) -> tuple[Array, Array]:
-        """Lowest and highest values (N, n_t, 1) over the parameters without a distribution."""
-        if not self._around.size:
-            return own.ranges(points, self.free)
-        low, high = np.full((2, len(points), *own.error.shape), [[[[np.inf]]], [[[-np.inf]]]])
-        for each in self._around:
-            points[:, self.free] = each
-            values = own.values(points)
-            low, high = np.minimum(low, values), np.maximum(high, values)
-        return low, high
-
-    def over_time(self) -> Iterator[tuple[slice, Array, Array]]:
-        """Windows of time, and the lowest and highest values (replicates, n, n_t) in each window."""
-        surrogate, n_t = self.surrogate, len(self.responses.t)
-        step = n_t
-        if surrogate is not None:  # each window computes all terms at the points again
-            # Number of values that are computed together, which fit into the cache of a processor.
-            step = max(2**20 // self.number, *(len(own.alpha) for own in surrogate.expansions))
-        for start in range(0, n_t, step):
-            window = slice(start, min(start + step, n_t))
-            if surrogate is None:
-                low = high = self._by_samples
-            elif self.free.any():
-                low, high = self._ranges(surrogate.part(window, [0]), self._points)
-            else:
-                low = high = surrogate.part(window, [0]).values(self._points)
-            shape = _SETS, -1, low.shape[1]
-            sets = low.reshape(shape)
-            yield window, sets, sets if low is high else high.reshape(shape)
-
-    @cached_property
-    def _by_samples(self) -> Array:
-        """Responses of runs at all samples."""
-        self.runs += self.number
-        return self.by_runs(self._points)[:, :, None]
-
-    def about(
-        self, levels: Array | None = None
-    ) -> tuple[str, str, Array, str, tuple[str, ...], int, int, tuple[str, ...]]:
-        """The attributes of `Figures` as a dictionary."""
-        responses = self.responses
-        intervals = tuple(name for name, free in zip(responses.box.names, self.free, strict=True) if free)
-        remarks = (*responses.remarks, *self._laws.remarks)
-        # Number of samples beyond a quantile below which a remark reports too few samples.
-        if levels is not None and (few := np.minimum(levels, 1 - levels) * self.number < 8).any():
-            text = ", ".join(f"{q:g}" for q in levels[few])
-            remarks = (*remarks, f"Few of the samples are beyond the quantiles {text}: their error is a rough guess.")
-        unit = responses.units[self.column] if responses.units else ""
-        numbers = self.number, self.runs
-        return responses.names[self.column], unit, responses.t, repr(self._laws), intervals, *numbers, remarks
-
-
-def _scatter(sets: Array) -> Array:
-    """Sampling error of the mean of the results of all sets (replicates, ...)."""
-    return _STANDARD_ERRORS * sets.std(axis=0, ddof=1) / np.sqrt(_SETS)

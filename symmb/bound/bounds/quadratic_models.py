@@ -4,6 +4,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from symmb._magnitudes import SAME
 from symmb._types import Array
 
 
@@ -96,16 +97,15 @@ def _curvatures(offset: Array, rise: Array, turn: Array) -> Array:
     weight = length[:, None, None] ** -3
     H = np.empty((d, d, rise.shape[1]))
     # Ratio to the largest singular value below which the points do not determine a curvature.
-    solve = np.linalg.pinv((weight * system).reshape(N * (d + 1), len(i)), 1e-10)
+    solve = np.linalg.pinv((weight * system).reshape(N * (d + 1), len(i)), SAME)
     H[i, j] = H[j, i] = solve @ (weight * right).reshape(N * (d + 1), rise.shape[1])
     return H
 
 
-def _box_minima(g: Array, H: Array, lower: Array, upper: Array) -> Array:
-    """Steps (d, m) to minima of g s + s H s / 2 with lower <= s <= upper (d, m), by coordinate descent."""
+def _box_minima(g: Array, H: Array, lower: Array, upper: Array, sweeps: int = 10) -> Array:
+    """Steps (d, m) to minima of g s + s H s / 2 with lower <= s <= upper (d, m), by sweeps of coordinate descent."""
     s = np.zeros_like(g)
-    # Number of passes over the coordinates.
-    for i in [*range(len(g))] * 10:
+    for i in [*range(len(g))] * sweeps:
         h = H[i, i]
         slope = g[i] + np.einsum("jm,jm->m", H[i], s) - h * s[i]
         low, high = lower[i], upper[i]

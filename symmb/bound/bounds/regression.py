@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from symmb._magnitudes import SLIGHT
 from symmb._threads import one_thread
 from symmb._types import Array
 from symmb.bound.polynomials import Expansion, HyperbolicCross, MultiIndices, basis_values
@@ -28,7 +29,7 @@ def fitted(points: Array, Y: Array, parameters: tuple[str, ...]) -> Piecewise:
             q, r = np.linalg.qr(basis_values(alpha, points))
             # Smallest fraction of a run that its own residual contains. If a run alone determines a term, its
             # residual is only rounding.
-            rest = np.maximum(1.0 - np.square(q).sum(axis=1), 1e-6)
+            rest = np.maximum(1.0 - np.square(q).sum(axis=1), SLIGHT)
             projected = q.T @ values
             left_out = np.square((values - q @ projected) / rest[:, None]).mean(axis=0)
             better = left_out < squares

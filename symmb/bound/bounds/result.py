@@ -11,6 +11,7 @@ import numpy as np
 from symmb import _html as html
 from symmb._errors import DeclarationError
 from symmb._labelled import Counted, Labelled, NamedColumns, Result
+from symmb._magnitudes import ROUNDING
 from symmb._names import look_up_by_name
 from symmb._options import require_truth
 from symmb._presentation import presentation
@@ -285,7 +286,7 @@ class Bounds(Answers, Counted, Result, Saved):
         for k, name in enumerate(names):
             sizes = np.abs([self.lower[:, k], self.upper[:, k]])
             # Share of the largest bound of an output up to which what is printed is rounding.
-            least = 1e-12 * sizes.max(initial=0.0, where=np.isfinite(sizes))
+            least = ROUNDING * sizes.max(initial=0.0, where=np.isfinite(sizes))
             places = int(self.lower[:, k].argmin()), int(self.upper[:, k].argmax())
             cells = [name]
             is_figure = self.names[k] in self.figures

@@ -11,6 +11,7 @@ from symmb._errors import PropagationError
 from symmb._limits import require_memory, require_runs
 from symmb._options import constructor_text, require_whole
 from symmb._types import Array, Executor
+from symmb.bound.bounds.check_runs import MOST_NUMBERS
 from symmb.bound.bounds.method import Method, parameter_samples, unit_jets
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.result_file import Kind
@@ -98,8 +99,7 @@ class Taylor(Method):
         upper = -lower
         kinked = simulator if isinstance(simulator, Kinked) else None
         kinks: list[tuple[float, str]] = []
-        # Largest number of coefficients that are stored for check runs: 256 MB.
-        kept = self.planned_runs(d) * outputs <= 2**25
+        kept = self.planned_runs(d) * outputs <= MOST_NUMBERS
         parts = list[list[Array]]()
         for done, center in enumerate(centers, start=1):
             jets = unit_jets(self, simulator, box, center, unit * radius, self.order)

@@ -2,17 +2,13 @@
 
 import numpy as np
 
+from symmb._magnitudes import ROUNDING, SAME
 from symmb._types import Array, Mask
 
 WINDOW = 0.02
 """Length of a window over the length of all times. Coefficients and widths of an oscillating response pass 0, so they
 are averaged."""
 
-ROUNDING_SCALE = 1e-12
-"""Difference of runs that counts as rounding, over the largest value of an output."""
-ROUNDING = 1e-9
-"""Ratio to an output's largest value, and to a limit of errors, below which errors are rounding, so that an estimate of
-pure noise does not exceed the noise."""
 DOUBTFUL = 0.1
 """Ratio to the width above which an estimated error is a warning."""
 LEAST_WIDTH = 0.1
@@ -33,7 +29,7 @@ def is_doubtful(estimate: Array, width: Array, floor: Array, share: float = DOUB
     error, width = (np.cumsum(np.square(a)[::-1], axis=0)[::-1] for a in (estimate, width))
     n_left = np.arange(len(width), 0, -1)[:, None]
     width = np.maximum(width, LEAST_WIDTH**2 * n_left * width[0] / len(width))
-    return np.asarray(error > (share**2 * width + n_left * np.square(floor)) * (1 + ROUNDING))
+    return np.asarray(error > (share**2 * width + n_left * np.square(floor)) * (1 + SAME))
 
 
 def is_doubtful_in_window(estimate: Array, width: Array, floor: Array, share: float = DOUBTFUL) -> Mask:
@@ -43,9 +39,7 @@ def is_doubtful_in_window(estimate: Array, width: Array, floor: Array, share: fl
     """
     squares = np.square(width)
     enough = np.maximum(average_over_window(squares), LEAST_WIDTH**2 * squares.mean(axis=0))
-    return np.asarray(
-        average_over_window(np.square(estimate)) > (share**2 * enough + np.square(floor)) * (1 + ROUNDING)
-    )
+    return np.asarray(average_over_window(np.square(estimate)) > (share**2 * enough + np.square(floor)) * (1 + SAME))
 
 
 def rests_for_a_time(lowest: Array, highest: Array, noise: Array) -> bool:
@@ -54,7 +48,7 @@ def rests_for_a_time(lowest: Array, highest: Array, noise: Array) -> bool:
     The first of several times does not count: there, motions have their start in common.
     """
     scale = np.abs([lowest, highest]).max(axis=(0, 1))
-    varies = highest - lowest > np.maximum(ROUNDING_SCALE * scale, 2 * noise)
+    varies = highest - lowest > np.maximum(ROUNDING * scale, 2 * noise)
     return bool((average_over_window(varies.astype(float))[len(varies) > 1 :] == 0).any())
 
 

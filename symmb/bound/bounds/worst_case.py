@@ -9,6 +9,7 @@ import numpy as np
 from symmb import _html as html
 from symmb._errors import DeclarationError, SimulationError
 from symmb._labelled import Labelled, Result, each_parameter, over_parameters, texts
+from symmb._magnitudes import SMALL
 from symmb._names import ByName, look_up_by_name
 from symmb._options import is_finite_number, shown
 from symmb._table import aligned, at_time, is_timeless, over_times
@@ -143,7 +144,7 @@ class WorstCase:
     def is_short(self) -> bool:
         """Whether the run misses the bound by more than pictures show."""
         # Share of the width by which a run may miss a bound without a word: pictures do not show it.
-        return self.shortfall > 1e-3 * self.width
+        return self.shortfall > SMALL * self.width
 
     @property
     def scene(self) -> Scene:

@@ -10,8 +10,9 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._errors import DeclarationError, SymmbError
+from symmb._magnitudes import SAME
 from symmb._types import Figure
-from symmb.bound.bounds import ROUNDING, Bounds, Contributions, LimitCheck, Limits, Study, worst_rows
+from symmb.bound.bounds import Bounds, Contributions, LimitCheck, Limits, Study, worst_rows
 from symmb.equations.model import Scene
 from symmb.results import plot
 from symmb.results.files import require_suffix
@@ -141,7 +142,7 @@ def _contributions(bounds: Bounds, check: LimitCheck | None, shares: Contributio
     shown = _shown(bounds, check)
     width = bounds.upper - bounds.lower
     rows = {} if check is None else {bounds.names.index(limit.output): limit.row for limit in check.limits}
-    rows = {k: i for k, i in rows.items() if width[i, k] > ROUNDING * width[:, k].max()}  # at the start it may be 0
+    rows = {k: i for k, i in rows.items() if width[i, k] > SAME * width[:, k].max()}  # at the start it may be 0
     notes = [_AT_MARGIN] if rows else []
     if left := len(bounds.names) - len(shown):
         notes.append(f"{left} of {len(bounds.names)} outputs are left out: `print(bounds.contributions())` shows them.")

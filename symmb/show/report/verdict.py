@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from symmb._errors import SymmbError
-from symmb._magnitudes import SLIGHT
+from symmb._magnitudes import SAME, SLIGHT
 from symmb._table import is_timeless
 from symmb._types import Array, Mask
 from symmb._units import typeset
-from symmb.bound.bounds import ROUNDING, SIDES, WARNED, Bounds, Contributions, KeptLimit, LimitCheck, Study
+from symmb.bound.bounds import SIDES, WARNED, Bounds, Contributions, KeptLimit, LimitCheck, Study
 from symmb.bound.polynomials.ranges import Piecewise
 from symmb.equations.model import Box
 
@@ -79,10 +79,10 @@ def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions |
     limits = [] if check is None else by_urgency(check)
     texts = _undecided(limits)
     ends = {limit: _end(bounds, limit) for limit in limits if not limit.kept}
-    beyond = [limit for limit, end in ends.items() if limit.margin[limit.row] < -ROUNDING * abs(end)]
+    beyond = [limit for limit, end in ends.items() if limit.margin[limit.row] < -SAME * abs(end)]
     excess = {limit: max(_nominal_excess(bounds, limit), _least_excess(bounds, limit)[0]) for limit in beyond}
     lost = {limit: excess[limit] for limit in beyond if excess[limit] > 0}
-    met = [limit for limit in beyond if limit not in lost and excess[limit] >= -ROUNDING * abs(ends[limit])]
+    met = [limit for limit in beyond if limit not in lost and excess[limit] >= -SAME * abs(ends[limit])]
     if met:
         names = _listed([limit.output for limit in met])
         texts.append(
@@ -165,7 +165,7 @@ def _sentence(bounds: Bounds, limit: KeptLimit) -> str:
     where = at(limit.row) + _when(bounds, limit)
     least = f"The smallest margin is {_text(margin, limit.unit)}{where}."
     end = _end(bounds, limit)
-    if abs(margin) <= ROUNDING * abs(end):
+    if abs(margin) <= SAME * abs(end):
         return f"{name} reaches its limit of {_text(end, limit.unit, 6)}{where}, within rounding."
     if limit.kept:
         return f"{name} is {_inside(limit)} in all cases within the tolerances. {least}"
@@ -189,7 +189,7 @@ def _when(bounds: Bounds, limit: KeptLimit) -> str:
     """Which parameters are high or low in the run that is closest to the limit."""
     try:
         case, box = bounds._closest_to([limit]), bounds.box
-        if case is None or box is None or case.is_short or case.width <= ROUNDING * abs(case.value):
+        if case is None or box is None or case.is_short or case.width <= SAME * abs(case.value):
             return ""
         point = box.to_unit(np.array([case.parameters[name] for name in box.names]))
         names = _acting(bounds, _column(bounds, limit), limit.row, point)
@@ -222,7 +222,7 @@ def _acting(bounds: Bounds, k: int, i: int, place: Array) -> list[str]:
         return []
     effects = np.nan_to_num(np.abs(values[1:] - values[0]))
     noise = 0.0 if bounds.noise is None else bounds.noise[k]
-    least = max(_LEAST_PART * effects.max(), ROUNDING * np.abs(values[0]), noise)
+    least = max(_LEAST_PART * effects.max(), SAME * np.abs(values[0]), noise)
     return [box.names[n] for n in np.argsort(-effects, kind="stable") if effects[n] > least]
 
 

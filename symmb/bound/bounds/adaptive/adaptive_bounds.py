@@ -6,16 +6,17 @@ import numpy as np
 
 from symmb._doubt import Doubt
 from symmb._errors import PropagationError
+from symmb._magnitudes import LAST_DIGITS, SAME, SLIGHT
 from symmb._threads import one_thread
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.bound.bounds.adaptive.clock import Clock
 from symmb.bound.bounds.adaptive.many_parameters import range_of_many
-from symmb.bound.bounds.adaptive.runs import ROUNDING_OF_VALUES, UNKNOWN_SHARE, OutgrownError, Runs, relative_errors
+from symmb.bound.bounds.adaptive.runs import UNKNOWN_SHARE, OutgrownError, Runs, relative_errors
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bound.bounds.adaptive.tensor_grids import TensorGrids
 from symmb.bound.bounds.failures import failed_region
 from symmb.bound.bounds.result import Bounds
-from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING, rms
+from symmb.bound.bounds.time_windows import DOUBTFUL, rms
 from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import MOST_PARAMETERS
 from symmb.connect import Progress, Simulator
@@ -27,9 +28,6 @@ for coefficients."""
 NOISY_SHARE = 0.2
 """Bounds are uncertain if the measured noise is larger than this part of the width: the bounds of few runs with noise
 only are five times as wide."""
-NOISE_OF_SOLVERS = 1e-6
-"""Ratio of noise to the values of an output. Noise below this ratio is the error of solvers for an output that does not
-depend on the parameters."""
 
 
 def adaptive_bounds(
@@ -160,27 +158,27 @@ def _of_noise(runs: Runs) -> tuple[str, ...]:
     """A warning about outputs with large measured noise. Outputs that are only rounding errors are ignored."""
     low, high = runs.extremes
     scale = np.maximum(rms(low), rms(high))
-    is_large = runs.noise > np.maximum(NOISY_SHARE * rms(high - low), NOISE_OF_SOLVERS * scale)
-    is_large &= scale > ROUNDING * scale.max(initial=0.0)
-    if not is_large.any() or runs.rounding < ROUNDING:  # the simulator has told its noise
+    is_large = runs.noise > np.maximum(NOISY_SHARE * rms(high - low), SLIGHT * scale)
+    is_large &= scale > SAME * scale.max(initial=0.0)
+    if not is_large.any() or runs.rounding < SAME:  # the simulator has told its noise
         return ()
     text = f"The measured noise of runs is above a fifth of the width of {_listed(runs, is_large)}."
     return (Doubt(text, np.array(runs.simulator.outputs)[is_large].tolist()),)
 
 
-def _listed(runs: Runs, which: Mask) -> str:
-    """Names of outputs (n_y,)."""
+def _listed(runs: Runs, which: Mask, most: int = 4) -> str:
+    """The first names of outputs (n_y,)."""
     names = [name for name, is_one in zip(runs.simulator.outputs, which, strict=True) if is_one]
-    return ", ".join(names[:_OUTPUTS_NAMED]) + (", ..." if len(names) > _OUTPUTS_NAMED else "")
+    return ", ".join(names[:most]) + (", ..." if len(names) > most else "")
 
 
 def _of_rounding(runs: Runs, is_noise: Mask) -> tuple[str, ...]:
     """Mask (n_y,) of outputs that vary by more than rounding, but so little that the variation counts as rounding."""
     lowest, highest = runs.extremes
-    if runs.rounding < ROUNDING:  # the simulator has told its noise
+    if runs.rounding < SAME:  # the simulator has told its noise
         return ()
     widths, sizes = highest - lowest, np.maximum(np.abs(lowest), np.abs(highest))
-    listed = _listed(runs, is_noise & (widths > 16 * ROUNDING_OF_VALUES * sizes).any(axis=0))
+    listed = _listed(runs, is_noise & (widths > 16 * LAST_DIGITS * sizes).any(axis=0))
     if not listed:
         return ()
     return (
@@ -196,8 +194,6 @@ _CUT = (
 """The warning if a study had no time to refine the bounds and the tolerance is far from reached."""
 _SHORT = "The tolerance {tolerance:g} was not reached: the estimated error is {error:.2g} times the width."
 """A warning if the runs are too few, or if noise and rounding are too large."""
-_OUTPUTS_NAMED = 4
-"""Names of outputs for a sentence."""
 
 
 def _scaled(values: Array, power: Indices) -> Array:

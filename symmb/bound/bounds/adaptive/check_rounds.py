@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 
+from symmb._magnitudes import SAME
 from symmb._types import Array
 from symmb.bound.bounds.adaptive.check_runs import SAFETY, inflated_error
 from symmb.bound.bounds.adaptive.continuation import (
@@ -18,7 +19,7 @@ from symmb.bound.bounds.adaptive.continuation import (
 from symmb.bound.bounds.adaptive.requests import Checks, Places, Steps
 from symmb.bound.bounds.adaptive.runs import OutputRuns, relative_rms
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
-from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING, rms
+from symmb.bound.bounds.time_windows import DOUBTFUL, rms
 from symmb.bound.nodes import Grid, Index
 from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import Piecewise
@@ -63,7 +64,7 @@ class Foreseen:
         distance = np.full(foreseen.shape, np.inf)
         for point in points:
             distance = np.minimum(distance, np.abs(places - point).max(axis=-1))
-        is_run = (distance < ROUNDING) & (foreseen > 0)
+        is_run = (distance < SAME) & (foreseen > 0)
         self.foreseen += float(np.square(foreseen[is_run]).sum())
         self.attained += float(np.square(gains[is_run]).sum())
 

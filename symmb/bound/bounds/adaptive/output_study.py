@@ -20,6 +20,7 @@ from symmb.bound.bounds.adaptive.continuation import (
     SPARSE_RANGE,
     Continuation,
     Corrected,
+    along_axes,
     extrapolated_sizes,
     largest,
 )
@@ -62,7 +63,7 @@ class OutputStudy:
     def steps(self) -> Steps:
         """Request runs until the range is known, and return the range."""
         runs, tolerance, d = self.runs, self.tolerance, len(self.runs.box)
-        yield from self._grown(self.grid.missing([tuple(2 * (i == j) for j in range(d)) for i in range(d)]))
+        yield from self._grown(self.grid.missing(along_axes(d, 2)))
         self._probes = np.concatenate([quasi_random_points(SPARSE_PROBES, d), evenly_spread_points(runs.probes, d)])
         yield Checks(self._probes)
         while True:

@@ -11,16 +11,17 @@ from functools import partial
 
 import numpy as np
 
+from symmb._magnitudes import SAME
 from symmb._types import Array, Mask
 from symmb.bound.bounds.adaptive.check_runs import PATIENCE, SAFETY, quasi_random_points, screening_corners
-from symmb.bound.bounds.adaptive.continuation import extrapolated_sizes, largest
+from symmb.bound.bounds.adaptive.continuation import along_axes, extrapolated_sizes, largest
 from symmb.bound.bounds.adaptive.requests import Checks, Noise, Steps
 from symmb.bound.bounds.adaptive.runs import CHEAP_RUNS, TRUST, OutputRuns
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bound.bounds.covariances import Ridge, Sum
 from symmb.bound.bounds.direct_search import LINE_POINTS
 from symmb.bound.bounds.gaussian_process import GaussianProcess, Kernel
-from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING, rms
+from symmb.bound.bounds.time_windows import DOUBTFUL, rms
 from symmb.bound.nodes import Grid
 from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import Piecewise
@@ -186,7 +187,7 @@ def _is_plateau(data: _Responses, attained: Array) -> Mask:
     """Mask (2, m) of minima and maxima that several runs inside the box attain. The response is constant there, as
     between jumps."""
     inside = (np.abs(data.points) < 1).all(axis=1) & data.points.all(axis=1)
-    shared = np.abs(data.Y[inside] - attained[:, None]) <= ROUNDING * np.ptp(attained, axis=0)
+    shared = np.abs(data.Y[inside] - attained[:, None]) <= SAME * np.ptp(attained, axis=0)
     return np.asarray(shared.sum(axis=1) > 1)
 
 
@@ -300,7 +301,7 @@ def _polynomials(surface: Callable[[Array], Array], runs: OutputRuns, error: Arr
     """An interpolant of a surface (N, d) -> (N, n_t n_y) with an error (n_t, n_y); None if it is not accurate."""
     d = len(runs.box)
     # Degree 2 does not tell x^3 from x.
-    grid, step = Grid(d), {tuple(4 * (i == j) for j in range(d)) for i in range(d)}
+    grid, step = Grid(d), along_axes(d, 4)
     points = quasi_random_points(4 * d, d)
     expected = surface(points)
     while True:

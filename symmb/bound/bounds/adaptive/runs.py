@@ -6,13 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from symmb._errors import PropagationError
+from symmb._magnitudes import LAST_DIGITS, SAME
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.bound.bounds.adaptive.check_runs import FEW_SHAPES, SAFETY, SHAPE_RUNS, count_shapes, quasi_random_points
 from symmb.bound.bounds.adaptive.clock import Clock
 from symmb.bound.bounds.failures import Failure, failure_text, find_failed_region
 from symmb.bound.bounds.method import parameter_samples
 from symmb.bound.bounds.reductions import failure_records
-from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING, rests_for_a_time, rms
+from symmb.bound.bounds.time_windows import DOUBTFUL, rests_for_a_time, rms
 from symmb.bound.nodes import Grid
 from symmb.bound.polynomials import Expansion, TotalDegree, basis_values
 from symmb.connect import Progress, Simulator, noise_from_runs, note_attained, run_blocks
@@ -28,9 +29,6 @@ runs."""
 NOISE_RUNS, NOISE_SPACING = 5, 1e-7
 """Number of runs on a short line from which noise is measured, and their distance in the unit box. The response is
 straight along this line. Fewer runs measure the noise less reliably."""
-ROUNDING_OF_VALUES = 4 * 2.0**-52
-"""Ratio of a width to the scale of its output. Smaller widths are rounding if the simulator reports its noise, because
-numbers have this many digits."""
 UNKNOWN_SHARE = 1.2 * DOUBTFUL
 """Smallest error over the width near failed runs, and of extremes that searches attain, because nothing measures this
 error. Smaller values miss more without a warning, larger values warn more often than needed."""
@@ -94,7 +92,7 @@ class Runs:
             self._told = noise_from_runs(self.simulator)
         self.noise_is_known = self._told is not None
         self.noise = np.zeros(self.shape[1])
-        self.rounding = ROUNDING if self._told is None else ROUNDING_OF_VALUES
+        self.rounding = SAME if self._told is None else LAST_DIGITS
         self.is_attained = np.empty(0, dtype=bool)
         self._row: dict[bytes, int] = {}
 

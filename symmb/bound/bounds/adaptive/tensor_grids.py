@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from symmb._magnitudes import SAME
 from symmb._types import Array, Indices, Mask
 from symmb.bound.bounds.adaptive.check_runs import (
     FEW_SHAPES,
@@ -22,7 +23,7 @@ from symmb.bound.bounds.adaptive.piece import JUDGED_DEGREE, Part, Piece, nodes_
 from symmb.bound.bounds.adaptive.runs import CHEAP_RUNS, NOISE_RUNS, TRUST, Runs, relative_rms, typical_error
 from symmb.bound.bounds.adaptive.secants import secant_extremes
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
-from symmb.bound.bounds.time_windows import DOUBTFUL, ROUNDING, average_over_window, is_doubtful, is_doubtful_in_window
+from symmb.bound.bounds.time_windows import DOUBTFUL, average_over_window, is_doubtful, is_doubtful_in_window
 from symmb.bound.polynomials.ranges import RANGE_ERROR, Piecewise
 
 MANY_VALUES = 1000
@@ -205,7 +206,7 @@ class TensorGrids:
         lower, upper = np.minimum(runs.extremes[0], union.lower), np.maximum(runs.extremes[1], union.upper)
         points, _ = runs.check(chosen)
         gains = np.maximum(np.stack([lower - runs.extremes[0], runs.extremes[1] - upper]), 0.0)
-        is_run = (np.abs(places - points[:, 0]) < ROUNDING).any(axis=-1)
+        is_run = (np.abs(places - points[:, 0]) < SAME).any(axis=-1)
         is_run &= unseen > self._tolerance / 2 * self._widths
         share = np.divide(gains, unseen, out=np.zeros_like(gains), where=is_run).max(axis=(0, 1))
         self._share_of_secants = np.clip(share, self._share_of_secants, 1.0)

@@ -1,0 +1,136 @@
+"""Further runs near a limit: the search for the run that comes closest to the limit."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from symmb._types import Array, Indices
+from symmb.bound.bounds.direct_search import LINE_POINTS, direct_search
+from symmb.bound.bounds.envelope import Envelope
+from symmb.bound.bounds.worst_case import SIDES
+from symmb.bound.nodes import Sobol
+
+_CLOSE_TO_LIMIT = 0.03
+"""Distance of a limit, over the width of bounds, within which lines along the axes are looked at after the search: a
+peak that passes output times makes many hills. Less misses more, more takes more runs."""
+_MISSED_HILL = 1e-3
+"""Distance over the width of bounds that a search may miss if it ends inside the box: beside the highest hill that it
+knows may stand one that is a little higher. tests/benchmarks/machine_tolerances.py"""
+
+
+@dataclass(frozen=True, eq=False)
+class FurtherRun:
+    """The further run of a check that comes closest to a limit.
+
+    Attributes
+    ----------
+    side : str                 side of the limit, "lower" or "upper"
+    place : (d,)               parameters in the unit box
+    values : (n_t,)            of the output
+    beyond : float             largest distance of the values beyond the limit, negative inside
+    error : float              distance by which other runs may be closer; infinite if the search was not completed
+    runs, failed : int         number of further runs, and of those that failed
+    """
+
+    side: str
+    place: Array
+    values: Array
+    beyond: float
+    error: float
+    runs: int
+    failed: int
+
+    @property
+    def row(self) -> int:
+        """Index of the time at which the run is closest to the limit."""
+        return int(np.nanargmin(self.values) if self.side == "lower" else np.nanargmax(self.values))
+
+
+class _Excess:
+    """The excess of runs over a limit, which is negative inside. The run with the largest excess is stored."""
+
+    def __init__(self, bounds: Envelope, k: int, sign: float, limit: float) -> None:
+        assert bounds.study is not None and bounds.box is not None
+        self._study, self._k, self._sign, self._limit = bounds.study, k, sign, limit
+        self.runs, self.failed, self.largest = 0, 0, -np.inf
+        self.place, self.values = np.zeros(len(bounds.box)), np.full(len(bounds.t), np.nan)
+
+    def __call__(self, points: Array) -> Array:
+        """Largest excess (N,) over time at points (N, d); minus infinity for failed runs."""
+        Y, bad = self._study.attempted(points)
+        excess = np.nan_to_num((self._sign * (Y[:, :, self._k] - self._limit)).max(axis=1), nan=-np.inf)
+        i = int(excess.argmax())
+        if excess[i] > self.largest:
+            self.largest, self.place, self.values = float(excess[i]), points[i], Y[i, :, self._k]
+        self.runs, self.failed = self.runs + len(points), self.failed + len(bad)
+        return excess
+
+
+def closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indices, enough: float) -> FurtherRun:
+    """The further run that is closest to a limit, or farthest beyond the limit, from a search with several starts.
+
+    The starts are the worst runs of the study and the extremes of its polynomials, at the first of the rows (n_t,) with
+    different runs, and the nearest corners. If runs cost little, starts also include points with two parameters
+    changed, and points spread over the box. If the limit is close, lines through the best run follow. An excess above
+    `enough` ends the search.
+    """
+    study, box, sign = bounds.study, bounds.box, -1.0 if side == "lower" else 1.0
+    assert study is not None and box is not None
+    excess = _Excess(bounds, k, sign, limit)
+    points = np.clip(np.concatenate([*_starts(bounds, k, side, rows)]).round(9), -1.0, 1.0)  # corners to the last digit
+    points = np.concatenate([points, np.where(points < 0, -1.0, 1.0)])
+    # Many runs of a scene cost little. Other simulators make at most twice as many as the study.
+    most = max(600, bounds.evaluations) if study.has_lanes else 2 * bounds.evaluations
+    error = direct_search(excess, points, most, enough).error
+    if study.has_lanes and 0 <= -excess.largest < _CLOSE_TO_LIMIT * _width(bounds, k):
+        # A poll stays on its hill. Lines over the whole box meet the other hills that its parameters make.
+        lines = np.tile(excess.place, (len(box), LINE_POINTS, 1))
+        lines[range(len(box)), :, range(len(box))] = np.linspace(-1.0, 1.0, LINE_POINTS)
+        error = direct_search(excess, np.concatenate([excess.place[None], *lines]), most, enough).error
+    if study.has_lanes and bounds.estimate is not None and _is_on_hill(bounds, k, sign, excess, enough):
+        error = max(error, min(float(bounds.estimate[:, k].max()), _MISSED_HILL * _width(bounds, k)))
+    return FurtherRun(side, excess.place, excess.values, excess.largest, error, excess.runs, excess.failed)
+
+
+def _starts(bounds: Envelope, k: int, side: str, rows: Indices) -> Iterator[Array]:
+    """Points (n, d) from which the search for the closest run starts."""
+    study, box = bounds.study, bounds.box
+    assert study is not None and box is not None
+    # Runs of the study at several times, and points that are spread over the box, are starts only if runs cost little.
+    d, peaks = len(box), 3 if study.has_lanes else 1
+    first, some = np.zeros((1, d)), rows[:peaks]
+    if bounds.attaining is not None:
+        # Neighbouring times have one run in common, so the first times alone would give the same start several times.
+        numbers = bounds.attaining.at[side][rows, k]
+        some = rows[np.sort(np.unique(numbers, return_index=True)[1])[:peaks]]
+        columns = [list(bounds.attaining.simulator.parameters).index(name) for name in box.names]
+        samples = bounds.attaining.samples([(side, int(i), k) for i in some])
+        first = box.to_unit(np.stack([sample.P[sample.index, columns] for sample in samples]))
+    yield first
+    if study.has_lanes:
+        # Corners that studies miss differ from the known worst corner in two parameters that act only together.
+        signs = [np.where(np.isin(np.arange(d), pair), -1.0, 1.0) for pair in combinations(range(d), 2)]
+        yield np.reshape(signs, (-1, d)) * first[0]
+        yield Sobol().points(16, d, seed=0)
+    if bounds.surrogate is not None:
+        one = np.ones(d)
+        yield bounds.surrogate.part(some, [k]).range(-one, one)[2][SIDES.index(side), :, 0]
+
+
+def _is_on_hill(bounds: Envelope, k: int, sign: float, excess: _Excess, floor: float) -> bool:
+    """Whether the closest run is inside the box in a parameter that acts at the time of the run's extreme.
+
+    A parameter without effect at this time makes no hill beside which a higher one may stand.
+    """
+    inside = np.abs(excess.place) < 1.0
+    if bounds.surrogate is not None:
+        row = int(np.nan_to_num(sign * excess.values, nan=-np.inf).argmax())
+        inside &= bounds.surrogate.part([row], [k]).acting(np.array([floor]))
+    return bool(inside.any())
+
+
+def _width(bounds: Envelope, k: int) -> float:
+    """Largest width of the bounds of output number k."""
+    return float((bounds.upper - bounds.lower)[:, k].max())

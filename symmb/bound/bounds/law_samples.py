@@ -1,0 +1,179 @@
+"""Samples of an output by the distributions of parameters, from polynomials, from least squares or from runs."""
+
+from collections.abc import Iterator
+from functools import cached_property
+
+import numpy as np
+
+from symmb._types import Array
+from symmb.bound.bounds.laws import Laws
+from symmb.bound.bounds.limit_state import SETS_OF_SAMPLES
+from symmb.bound.bounds.regression import fitted
+from symmb.bound.bounds.responses import Responses
+from symmb.bound.nodes import Random, Sobol, corners
+from symmb.bound.polynomials.ranges import Piecewise
+
+_SAMPLES_OF_POLYNOMIALS, _SAMPLES_WITH_SEARCH, SAMPLES_BEFORE_RUNS = 512, 128, 32
+"""Numbers of samples of a set: from polynomials, if each sample requires a search for extremes or a run, and if runs
+near a limit may follow. Larger numbers take more time."""
+VERIFYING_RUNS = 32
+"""Number of runs, spread by the distributions, that verify the values of polynomials and not only their range."""
+SAFETY_OF_RUNS = 2.0
+"""Largest error at these runs over the largest error of ranges, and rms error over the rms of errors of ranges."""
+_FITTED_RUNS, _POINTS_INSIDE, _INTERVALS_OF_ALL_CORNERS = 256, 32, 5
+"""Number of runs of a fit if polynomials are not accurate enough, number of points inside of the intervals, and number
+of intervals of which all corners are used."""
+STANDARD_ERRORS = 3.5
+"""Number of standard errors of the mean of the sets that is reported as the sampling error: 99 % of Student's t with 7
+degrees of freedom."""
+
+
+class LawSamples:
+    """Samples of an output: sets of points that are spread by laws, and ranges over the parameters without a
+    distribution.
+
+    Attributes
+    ----------
+    free : (d,)            parameters without a law
+    number : int           of all samples
+    error : (n_t,)         of the polynomials
+    surrogate : Piecewise  None if runs are the samples
+    """
+
+    def __init__(
+        self, owner: str, responses: Responses, k: int, laws: object, correlation: object, n: int = _SAMPLES_WITH_SEARCH
+    ) -> None:
+        self.responses, self.column, self._laws = responses, k, Laws.of(owner, laws, correlation, responses.box)
+        self.columns = self._laws.columns
+        self.free = responses.box.radius > 0
+        self.free[self.columns] = False
+        self.runs, self._around = responses.extra_runs, np.zeros((1, 0))
+        self.surrogate, self.error = responses.own(k), np.zeros(len(responses.t))
+        if self.surrogate is not None:
+            self.error = self.surrogate.error[:, 0]
+            if responses.runs is not None:
+                self.runs += VERIFYING_RUNS
+                residual = np.abs(
+                    self.surrogate.values(self.unit_points(self.checks[0]))[:, :, 0] - self.checks[1]
+                ).max(axis=0)
+                self.error = SAFETY_OF_RUNS * residual
+                if not responses.are_good(self.error[:, None], [k])[0]:
+                    self.surrogate = None
+        if self.surrogate is None and self.free.any():
+            self._fit()
+        if self.surrogate is not None:
+            n = _SAMPLES_WITH_SEARCH if self.free.any() else _SAMPLES_OF_POLYNOMIALS
+        self.spread(n)
+
+    @cached_property
+    def checks(self) -> tuple[Array, Array]:
+        """Uniform numbers (N, n_l + n_free) of runs that are spread by the distributions, and evenly for other
+        parameters, and responses (N, n_t)."""
+        u = (Sobol().points(VERIFYING_RUNS, len(self.columns) + self.free.sum(), seed=SETS_OF_SAMPLES) + 1) / 2
+        return u, self.by_runs(self.unit_points(u))
+
+    def known(self) -> tuple[Array, Array]:
+        """Uniform numbers (N, n_l) of all runs so far, and responses (N, n_t)."""
+        return self.checks if self.surrogate is not None else (self._uniform, self._by_samples[:, :, 0])
+
+    def may_grow(self) -> bool:
+        """Whether more samples require no runs and little time."""
+        # Largest number of polynomial values for a probability, which take some seconds.
+        return self.surrogate is not None and not self.free.any() and 4 * self.number * len(self.error) <= 2**24
+
+    def spread(self, n: int) -> None:
+        """Draw n samples in each set."""
+        self.number = SETS_OF_SAMPLES * n
+        sets = [Sobol().points(n, len(self.columns), seed) for seed in range(SETS_OF_SAMPLES)]
+        self._uniform = (np.concatenate(sets) + 1) / 2
+        self._points = self.unit_points(self._uniform)
+
+    def unit_points(self, uniform: Array) -> Array:
+        """Points (N, d) of the unit box from uniform numbers (N, n_l) for the distributions, and from numbers for other
+        parameters, if given."""
+        n, points = len(self.columns), np.zeros((len(uniform), len(self.free)))
+        points[:, self.columns] = self._laws.unit_points(uniform[:, :n], self.responses.box)
+        if uniform.shape[1] > n:
+            points[:, self.free] = 2 * uniform[:, n:] - 1
+        return points
+
+    def by_runs(self, points: Array) -> Array:
+        """Responses (N, n_t) of runs."""
+        assert self.responses.runs is not None
+        return self.responses.runs.values(points)[:, :, self.column]
+
+    def _fit(self) -> None:
+        """Polynomials by least squares, which are less accurate, and their error at sets of runs that differ only in
+        the parameters without a distribution."""
+        responses, free = self.responses, np.flatnonzero(self.free)
+        assert responses.runs is not None
+        points, Y = responses.runs.sample(_FITTED_RUNS)
+        self.surrogate = fitted(points, Y[:, :, [self.column]], responses.box.names)
+        n, has_few = len(free), len(free) <= _INTERVALS_OF_ALL_CORNERS
+        ends = corners(n) if has_few else Random().points(_POINTS_INSIDE, n, 0).round()
+        self._around = np.concatenate([ends, Sobol().points(_POINTS_INSIDE, n, seed=0)])
+        few = len(ends) + _POINTS_INSIDE // 4
+        outer = self.unit_points(self.checks[0])
+        with_free = outer[:, None].repeat(few, axis=1)
+        with_free[:, :, free] = self._around[:few]
+        runs = self.by_runs(with_free.reshape(-1, outer.shape[1])).reshape(len(outer), few, -1)
+        low, high = self._ranges(self.surrogate, outer)
+        residual = np.square([low[:, :, 0] - runs.min(axis=1), high[:, :, 0] - runs.max(axis=1)])
+        self.error = SAFETY_OF_RUNS * np.sqrt(residual.mean(axis=1).max(axis=0))
+        self.runs += len(points) + runs.shape[0] * few
+
+    def _ranges(self, own: Piecewise, points: Array) -> tuple[Array, Array]:
+        """Lowest and highest values (N, n_t, 1) over the parameters without a distribution."""
+        if not self._around.size:
+            return own.ranges(points, self.free)
+        low, high = np.full((2, len(points), *own.error.shape), [[[[np.inf]]], [[[-np.inf]]]])
+        for each in self._around:
+            points[:, self.free] = each
+            values = own.values(points)
+            low, high = np.minimum(low, values), np.maximum(high, values)
+        return low, high
+
+    def over_time(self) -> Iterator[tuple[slice, Array, Array]]:
+        """Windows of time, and the lowest and highest values (replicates, n, n_t) in each window."""
+        surrogate, n_t = self.surrogate, len(self.responses.t)
+        step = n_t
+        if surrogate is not None:  # each window computes all terms at the points again
+            # Number of values that are computed together, which fit into the cache of a processor.
+            step = max(2**20 // self.number, *(len(own.alpha) for own in surrogate.expansions))
+        for start in range(0, n_t, step):
+            window = slice(start, min(start + step, n_t))
+            if surrogate is None:
+                low = high = self._by_samples
+            elif self.free.any():
+                low, high = self._ranges(surrogate.part(window, [0]), self._points)
+            else:
+                low = high = surrogate.part(window, [0]).values(self._points)
+            shape = SETS_OF_SAMPLES, -1, low.shape[1]
+            sets = low.reshape(shape)
+            yield window, sets, sets if low is high else high.reshape(shape)
+
+    @cached_property
+    def _by_samples(self) -> Array:
+        """Responses of runs at all samples."""
+        self.runs += self.number
+        return self.by_runs(self._points)[:, :, None]
+
+    def about(
+        self, levels: Array | None = None
+    ) -> tuple[str, str, Array, str, tuple[str, ...], int, int, tuple[str, ...]]:
+        """The attributes of `Figures` as a dictionary."""
+        responses = self.responses
+        intervals = tuple(name for name, free in zip(responses.box.names, self.free, strict=True) if free)
+        remarks = (*responses.remarks, *self._laws.remarks)
+        # Number of samples beyond a quantile below which a remark reports too few samples.
+        if levels is not None and (few := np.minimum(levels, 1 - levels) * self.number < 8).any():
+            text = ", ".join(f"{q:g}" for q in levels[few])
+            remarks = (*remarks, f"Few of the samples are beyond the quantiles {text}: their error is a rough guess.")
+        unit = responses.units[self.column] if responses.units else ""
+        numbers = self.number, self.runs
+        return responses.names[self.column], unit, responses.t, repr(self._laws), intervals, *numbers, remarks
+
+
+def scatter(sets: Array) -> Array:
+    """Sampling error of the mean of the results of all sets (replicates, ...)."""
+    return STANDARD_ERRORS * sets.std(axis=0, ddof=1) / np.sqrt(SETS_OF_SAMPLES)
