@@ -53,8 +53,10 @@ def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough:
         x, fx = x[:number], fx[:number]
         late, is_axial = fx[0], True
         while True:
+            # A value above `enough` answers the question of the caller, so its distance from the maximum stays open.
             if len(values.known) >= most or not -np.inf < fx[0] <= enough:
                 return Found(x[0], float(fx[0]), np.inf)
+            # Polls along the axes alone stop on ridges that are oblique to the axes. Random directions leave them.
             basis = np.eye(d) if is_axial else np.linalg.qr(rng.normal(size=(d, d)))[0]
             points = _poll(values, x, fx, step, basis)
             reached = values(points)
@@ -93,6 +95,7 @@ def _poll(values: Callable[[Array], Array], x: Array, fx: Array, step: float, ba
     """
     polled = np.clip(x[:, None] + step * np.concatenate([basis, -basis]), -1.0, 1.0)
     ahead, behind = np.split(values(polled) - fx[:, None], 2, axis=1)
+    # If both ends are lower, the vertex is at most half a step away. Two ends of minus infinity give no vertex.
     with np.errstate(invalid="ignore", divide="ignore"):
         vertex = np.nan_to_num((ahead - behind) / (-2 * (ahead + behind)), posinf=0.0, neginf=0.0)
     shift = np.where(np.maximum(ahead, behind) > 0, np.where(ahead >= behind, 1.0, -1.0), vertex)

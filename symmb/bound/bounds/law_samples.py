@@ -161,7 +161,7 @@ class LawSamples:
     def about(
         self, levels: Array | None = None
     ) -> tuple[str, str, Array, str, tuple[str, ...], int, int, tuple[str, ...]]:
-        """The attributes of `Figures` as a dictionary."""
+        """The attributes of `Figures`, in their order."""
         responses = self.responses
         intervals = tuple(name for name, free in zip(responses.box.names, self.free, strict=True) if free)
         remarks = (*responses.remarks, *self._laws.remarks)

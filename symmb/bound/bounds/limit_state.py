@@ -90,11 +90,14 @@ def rare_event(points_of: Normal, margins: Normal, known: tuple[Array, Array], a
             at, share = points_of(samples[pool]), weights[pool] / _POOL_OF_RUNS
             s = process.mean(at)
             doubt = np.exp(-0.5 * np.square(s / process.deviation(at)))  # of the sign
+        # The variance of the correction is least if runs have a density of share times the root of the probability that
+        # the sign is wrong. Some runs are spread over all failures, to find signs that the process is wrongly sure of.
         uncertain, failing = _normalized(share * np.sqrt(doubt)), _normalized(share * (s > 0))
         density = _normalized((1 - _RUNS_OVER_FAILURES) * uncertain + _RUNS_OVER_FAILURES * failing)
         chosen = rng.choice(_POOL_OF_RUNS, _RUNS_OF_A_ROUND, p=density)
         Y = margins(samples[pool][chosen])
         fails, each = Y.max(axis=1) > 0, share[chosen] / density[chosen]
+        # The process gives most of the probability without runs. Runs only add what it gets wrong, so that few suffice.
         wrong = (fails.astype(float) - (s[chosen] > 0)) * each
         unseen = EXPECTED_IF_NONE / _RUNS_OF_A_ROUND * float((share * doubt).sum())
         of_wrong = max(_STANDARD_ERRORS * float(wrong.std(ddof=1)) / np.sqrt(_RUNS_OF_A_ROUND), unseen)
@@ -223,6 +226,7 @@ def _sampled(
     normal = ndtri(np.clip(uniform[:, 1:], 1e-15, 1 - 1e-15))
     samples = centres[which] + np.einsum("nij,nj->ni", roots[which], normal)
     squares, density = np.square(samples).sum(axis=1), np.zeros(len(samples))
+    # The density of the samples over that of the parameters. Their normalizing factors cancel, but for determinants.
     for share, centre, root in zip(shares, centres, roots, strict=True):
         inner = np.square(np.linalg.solve(root, (samples - centre).T)).sum(axis=0)
         density += share * np.exp(0.5 * (squares - inner)) / np.prod(np.diag(root))

@@ -173,7 +173,7 @@ def _listed(runs: Runs, which: Mask, most: int = 4) -> str:
 
 
 def _of_rounding(runs: Runs, is_noise: Mask) -> tuple[str, ...]:
-    """Mask (n_y,) of outputs that vary by more than rounding, but so little that the variation counts as rounding."""
+    """A remark about outputs that vary by more than rounding, but so little that the variation counts as rounding."""
     lowest, highest = runs.extremes
     if runs.rounding < SAME:  # the simulator has told its noise
         return ()

@@ -123,6 +123,7 @@ class CheckRounds:
         while True:
             n_known, extremes, former = len(runs.points), runs.extremes, self._corrected
             if self.has_corners:
+                # These runs are near known ones. They come first, so that the runs that judge the error are the last.
                 yield Checks(separable_extremes(*runs.attained()))
                 between, gaps = between_times(runs)
                 yield Places(between, self._between.share(self._between.attained) * gaps / runs.rms_widths())
@@ -190,26 +191,18 @@ class CheckRounds:
         def polynomials() -> Piecewise:
             return Piecewise.whole(corrected.expansion(), spread_over_times(observed, width))
 
-        lowest, highest = runs.extremes
-        # Of what the interpolant has beyond all runs, others will attain the share that runs attained before.
-        share, (below, above) = self._foreseen.share(self._foreseen.attained), self._unattained()
-        answers = [
-            EstimatedRange(
-                lowest - share * below,
-                highest + share * above,
-                np.empty(0),
-                polynomials,
-                "an interpolant on a sparse grid",
-                self._places,
-            ),
-            EstimatedRange(lowest, highest, np.empty(0), polynomials, "runs near extremes", self._places),
-        ]
+        (lowest, highest), (below, above) = runs.extremes, self._unattained()
         # Where no run has met an event, as before the first one, all agree with the interpolant: nothing is paid there.
         seen = np.square(runs.checks - self.base.values(runs.points)).max(axis=0, initial=0.0)
-        agreed = inflated_error(seen) + self._unattained().max(axis=0)
+        agreed = inflated_error(seen) + np.maximum(below, above)
         errors = [np.minimum(np.minimum(error, agreed), highest - lowest) for error in self._errors(spread=True)]
         best = int(np.argmin([relative_rms(error, runs.rms_widths()) for error in errors]))
-        return answers[best]._replace(estimate=errors[best])
+        if best:
+            return EstimatedRange(lowest, highest, errors[best], polynomials, "runs near extremes", self._places)
+        # Of what the interpolant has beyond all runs, others will attain the share that runs attained before.
+        share, name = self._foreseen.share(self._foreseen.attained), "an interpolant on a sparse grid"
+        lower, upper = lowest - share * below, highest + share * above
+        return EstimatedRange(lower, upper, errors[best], polynomials, name, self._places)
 
 
 def between_times(runs: OutputRuns) -> tuple[Array, Array]:

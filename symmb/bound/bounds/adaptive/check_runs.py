@@ -46,6 +46,8 @@ def select_dispersed(places: Array, weights: Array, number: int, taken: Array | 
     largest weight without them.
     """
     points, weights = places.reshape(-1, places.shape[-1]), weights.ravel()
+    # All pairs are compared, so candidates are few. The heaviest places are mostly neighbours in time, with one extreme
+    # in common. A stride over many of them keeps other extremes.
     heaviest = np.argsort(-weights, kind="stable")[: 20 * CANDIDATES]
     candidates = heaviest[:: max(1, len(heaviest) // CANDIDATES)]
     points, weights = points[candidates], weights[candidates]
@@ -142,6 +144,7 @@ def count_shapes(Y: Array) -> Indices:
     Few functions would hide as much as few numbers, because all times together may contain one function only. Functions
     count if their size is at least SHAPE_SHARE of the largest one.
     """
+    # The products of N runs have the same nonzero eigenvalues as those of m times, and N is smaller.
     squares = np.linalg.eigvalsh(Y @ Y.swapaxes(-1, -2))
     return np.asarray((squares > SHAPE_SHARE**2 * squares[..., -1:]).sum(axis=-1))
 

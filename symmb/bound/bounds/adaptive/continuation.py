@@ -129,6 +129,7 @@ class Corrected:
 
     def expected_error(self, places: Array) -> Array:
         """Root mean square (...) of the remaining error at places (..., d), rounded to multiples of 0.1."""
+        # Neighbouring times have almost the same places. Rounding makes them equal, so that they share one solution.
         places = places.round(1)
         flat, errors = places.reshape(-1, places.shape[-1]), np.empty(places.shape[:-1])
         for window in windows(len(flat), places.shape[-1]):

@@ -208,6 +208,7 @@ def event_errors(nodes: Array, degrees: Indices, Y: Array, events: Indices) -> A
     Y : (N, n_t, n_y)           responses there
     events : (N, n_t)           number of events up to each time; -1 where it is not known
     """
+    # Grids list nodes by degree. Differences along an axis need the order of coordinates.
     order, axes = np.lexsort(nodes.T[::-1]), tuple(range(len(degrees)))
     shape = tuple(degrees + 1)
     Y_grid = Y[order].reshape(*shape, *Y.shape[1:])

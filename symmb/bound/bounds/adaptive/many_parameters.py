@@ -9,7 +9,7 @@ from symmb._types import Array
 from symmb.bound.bounds.adaptive.check_runs import select_dispersed
 from symmb.bound.bounds.adaptive.output_study import OutputStudy
 from symmb.bound.bounds.adaptive.requests import Checks, Nodes, Noise, Places, Request
-from symmb.bound.bounds.adaptive.runs import Runs
+from symmb.bound.bounds.adaptive.runs import OutputRuns, Runs
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bound.polynomials.ranges import Piecewise, joined
 
@@ -17,7 +17,7 @@ from symmb.bound.polynomials.ranges import Piecewise, joined
 def range_of_many(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange:
     """The ranges of all outputs. The study of an output uses all runs, and requests runs until its range is accurate
     enough."""
-    studies = [OutputStudy(runs.of(k), tolerance, is_patient) for k in range(runs.shape[1])]
+    studies = [OutputStudy(OutputRuns(runs, k), tolerance, is_patient) for k in range(runs.shape[1])]
     steps = {k: study.steps() for k, study in enumerate(studies)}
     found = dict[int, EstimatedRange]()
 

@@ -62,6 +62,7 @@ def _error(runs: OutputRuns, tolerance: float) -> Generator[Request, None, Array
     def is_too_large(error: Array) -> bool:
         return relative_rms(error, runs.rms_widths()) > tolerance
 
+    # Parabolas along the axes need no further run, so they are asked first.
     if is_too_large(_beyond_noise(runs, bulge)) or not runs.are_ok:
         return None
     if runs.may_hide():
@@ -175,7 +176,7 @@ def _corners(slope: Array, allowed: Array, most: int) -> tuple[Array, Indices]:
     _, first, group, count = np.unique(packed, axis=0, return_index=True, return_inverse=True, return_counts=True)
     signs, group = np.where(slope[first] < 0, -1.0, 1.0), group.ravel()
     share = np.zeros((len(signs), slope.shape[1]))
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore"):  # a constant response has no slope, and is allowed no loss
         np.maximum.at(share, group, np.where(slope != 0, np.abs(slope) / allowed[:, None], 0.0))
     taken = np.full(len(signs), -1)
     corners: list[Array] = []

@@ -184,6 +184,7 @@ class Piece:
         error = self.truncation.directions.sum(axis=0) + self.truncation.least
         for of_direction, n in zip(alpha.T, highest, strict=True):
             before, last = (size[of_direction == n - k].sum(axis=0) for k in (1, 0))
+            # Terms that continue with the ratio r of the last two sum to r / (1 - r) of the last one.
             ratio = np.divide(last, before, out=np.ones_like(last), where=before > last)
             error = np.maximum(error, last * np.minimum(ratio / np.maximum(1 - ratio, ratio), 1.0))
         tail = size[(alpha > np.maximum(highest - _DEGREES_OF_TAIL, highest / 2)).any(axis=1)].sum(axis=0)
@@ -227,7 +228,7 @@ class Piece:
             excess = np.maximum(own.min(axis=0) - new.min(axis=0), new.max(axis=0) - own.max(axis=0))
             missed = inflated_error(np.square(np.maximum(excess, 0.0)))
             for piece in pieces:
-                share = REFINED_SHARE ** (1 / len(self.half))
+                share = REFINED_SHARE ** (1 / len(self.half))  # of one halving among those along every parameter
                 piece.inherited = np.maximum(missed, share * self.errors.max(axis=0))
         return pieces
 

@@ -135,10 +135,6 @@ class Runs:
         coefficients = grid.coefficients(*(Y.reshape(len(Y), -1) for Y in self._blocks), rows=rows)
         return Expansion(grid.alpha, coefficients.reshape(len(rows), *self.shape), self.box.names)
 
-    def of(self, column: int) -> "OutputRuns":
-        """The runs with one output only."""
-        return OutputRuns(self, column)
-
     def unknown(self, points: Array) -> int:
         """Number of points (N, d) that are not nodes yet."""
         return len(set(_keys(points)).difference(self._row))
@@ -159,6 +155,7 @@ class Runs:
                     + failure_text(self.failed)
                 )
             if not ok.all():
+                # An interpolant needs a value at each node. One that continues the others keeps its coefficients small.
                 predict = predict or _quadratic(points[new][ok], Y[ok])
                 Y[~ok] = predict(points[new][~ok])
             if events is not None:
@@ -222,6 +219,7 @@ class Runs:
         along = np.arange(NOISE_RUNS) - 0.5 * (NOISE_RUNS - 1)
         Y, ok, _ = self._run(middle + NOISE_SPACING * along[:, None] * direction)
         if (freedom := int(ok.sum()) - 2) > 0:
+            # The residual of a straight line is noise. The line takes two degrees of freedom.
             line, _ = np.linalg.qr(np.vander(along[ok], 2))
             rest = Y[ok] - np.tensordot(line, np.tensordot(line, Y[ok], axes=(0, 0)), axes=1)
             self.noise = SAFETY * np.sqrt(np.square(rest).sum(axis=0).mean(axis=0) / freedom)
@@ -256,6 +254,7 @@ class Runs:
         note_attained(low, high, P, None if depend else ensemble.Y)
         if not ensemble.ok.any():
             return ensemble.Y, ensemble.ok, ensemble.events
+        # Errors are squared, and squares of numbers above 1e154 overflow. Powers of two change no digit.
         self._choose_powers(np.maximum(high.max(axis=0), -low.min(axis=0)))
         self.extremes = (
             np.minimum(self.extremes[0], self._scaled(low)),
@@ -335,7 +334,7 @@ class OutputRuns:
 
     @property
     def noise(self) -> Array:
-        """The rms width (1,) by which errors are measured."""
+        """Error (1,) of responses by noise; 0 before it is known."""
         return self._runs.noise[self._own[-1]]
 
     @property

@@ -43,9 +43,12 @@ def _lowest(x: Array, y: Array, noise: Array) -> tuple[Array, Array]:
     place."""
     h = np.diff(x)[:, None, None]
     slope = np.diff(y, axis=0) / h
+    # Noise of both ends tilts a secant by up to 2 noise / h, most in short intervals. Only the remainder is a slope.
     sure = np.sign(slope) * np.maximum(np.abs(slope) - 2 * noise / h, 0.0)
     (before, growth_before), (after, growth_after) = _outer(sure), (each[::-1] for each in _outer(sure[::-1]))
     left, right = before * growth_before, after * growth_after
+    # An interval with a slope between those beside it belongs to a response that bends one way: its minimum is inside
+    # only if the slopes beside it have opposite signs. Intervals at an end of the box have a secant on one side only.
     bends = (np.minimum(left, right) <= slope) & (slope <= np.maximum(left, right))
     bends[[0, -1]] = False
     is_valley = bends & (left < 0) & (right > 0)

@@ -188,6 +188,7 @@ class TensorGrids:
             sizes.append(size)
             large = np.where(errors > tolerance / 2 * widths, errors / widths, 0.0)
             has_helped = size <= KINK_GAIN * sizes[(len(sizes) - 1) // 2] or len(sizes) == 1
+            # Larger distances make the kernel of the choice narrower: kinks close to each other get runs of their own.
             chosen = select_dispersed(places / NARROW, large, MOST_AT_KINKS)[: runs.left] * NARROW
             if not has_helped or not self._check_secants(union, *self._unseen(union), chosen):
                 break
