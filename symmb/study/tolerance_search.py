@@ -52,7 +52,7 @@ class Search:
             to_zero = np.where(closest != self._nominal, self._nominal / (self._nominal - closest), np.inf)
         # The same, relative to the factor at which a parameter such as a mass or length would reach 0.
         self._most = np.minimum(0.99 * to_zero, MOST)
-        self.evaluations, self.remarks = 1, tuple[str, ...]()
+        self.evaluations, self.remarks, self.narrow = 1, tuple[str, ...](), tuple[str, ...]()
         run = simulator.run(np.array([[*map(float, simulator.parameters.values())]]))
         if not run.ok.all():
             raise PropagationError(f"{OWNER}: the run at the nominal parameters fails: {run.messages[0]}.")
@@ -62,7 +62,7 @@ class Search:
         if margins[i, k] <= 0:
             raise PropagationError(
                 f"{OWNER}: the nominal run violates or reaches a limit of {[*limits][k]} at {simulator.times[i]:g} s: "
-                f"{values[i, k]:.6g}. No tolerance satisfies this limit."
+                f"{values[i, k]:.6g}. The search needs a margin there. Change the limit or these values."
             )
         self._at_nominal, self._nominal_values = margins.min(axis=0), values
 
@@ -221,10 +221,9 @@ class Search:
             wide = np.minimum(_WIDER * factors, self._most)
             surrogate = self._polynomials(wide)
             if surrogate is None:
-                raise PropagationError(
-                    f"{OWNER}: costs need polynomials, and those of {', '.join(self._limits)} are not "
-                    "accurate enough in a wider box. Give limits of fewer outputs, a smaller box, or no costs."
-                )
+                names = ", ".join(self._limits)
+                self.narrow = (f"A cheaper box may exist: polynomials of {names} are inaccurate in a wider box.",)
+                break
             start = self._factor_on(surrogate, wide, factors) * factors
             factors = self._allocated(surrogate, wide, start, cost)
             is_inside = (factors < wide * (1 - _SETTLED)) | (factors >= self._most * (1 - _SETTLED))

@@ -11,6 +11,7 @@ import numpy as np
 from symmb._doubt import concerned
 from symmb._errors import DeclarationError
 from symmb._labelled import Labelled, Result, over_outputs, texts
+from symmb._magnitudes import LAST_DIGITS
 from symmb._names import did_you_mean, normal_keys
 from symmb._options import is_real, require_name, shown
 from symmb._table import aligned, over_times, time_text
@@ -38,6 +39,7 @@ _MISSED_HILL = 1e-3
 """Distance over the width of bounds that a search may miss if it ends inside the box: beside the highest hill that it
 knows may stand one that is a little higher. tests/benchmarks/machine_tolerances.py"""
 WARNED = "See the warnings"
+_MOVE = "Move the limit by more than this to decide it."
 _WORDS = {True: "satisfied", False: "violated", None: "undecided"}
 
 
@@ -53,6 +55,7 @@ class FurtherRun:
     beyond : float             largest distance of the values beyond the limit, negative inside
     error : float              distance by which other runs may be closer; infinite if the search was not completed
     runs, failed : int         number of further runs, and of those that failed
+    is_flat : bool             whether most runs have the same extreme, because the output is limited to this value
     """
 
     side: str
@@ -62,6 +65,7 @@ class FurtherRun:
     error: float
     runs: int
     failed: int
+    is_flat: bool
 
     @property
     def row(self) -> int:
@@ -230,7 +234,7 @@ def between_times(bounds: Envelope, limits: Sequence[KeptLimit]) -> list[str]:
         k = bounds.names.index(limit.output)
         if limit.kept is False or limit.output in bounds.figures or len(bounds.t) < 3:
             continue
-        margins = bounds.lower[:, k] - limit.low, limit.high - bounds.upper[:, k]
+        margins = np.maximum([bounds.lower[:, k] - limit.low, limit.high - bounds.upper[:, k]], 0.0)
         rises = [(_rise(bounds.t, -own), own[1:-1]) for own in margins if np.isfinite(own).all()]
         if passed := [
             rise[rise > own / _RISE_SAFETY].max() for rise, own in rises if (rise > own / _RISE_SAFETY).any()
@@ -250,7 +254,10 @@ def _rise(t: Array, y: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = (left * after + right * before) / (before + after)
         rise = slope**2 * (before + after) / (4 * (left - right))
-    return np.where((left >= 0) & (right <= 0) & (left > right), rise, 0.0)
+    least = ROUNDING * np.abs(y).max()
+    flat = np.pad((np.abs(left) * before <= least) & (np.abs(right) * after <= least), 1)  # limited to a value
+    is_flat = flat[:-2] | flat[1:-1] | flat[2:]
+    return np.where((left >= 0) & (right <= 0) & (left > right) & ~is_flat, rise, 0.0)
 
 
 def closest(limits: Sequence[KeptLimit]) -> KeptLimit:
@@ -324,9 +331,8 @@ def _decision(bounds: Envelope, k: int, low: float, high: float) -> _Decision:
     if doubt := _doubt(bounds, bounds.names[k]):
         return _Decision(None, f"{WARNED}: {shorten(doubt, 60, placeholder=' ...')}", margin)
     if beyond > 0:
-        return _Decision(
-            None, f"A run is beyond the limit, but by no more than rounding or noise of {rounding:.1e}{unit}.", margin
-        )
+        why = f"A run is beyond the limit, but by no more than rounding or noise of {rounding:.1e}{unit}. {_MOVE}"
+        return _Decision(None, why, margin)
     if bounds.kind == "sampled":
         why = f"All {bounds.evaluations} runs satisfy the limit. PolynomialChaos() also estimates other responses."
         return _Decision(None, why, margin)
@@ -370,8 +376,11 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
         if further.failed:
             why = f"{further.failed} of {further.runs} further runs near the limit failed."
             return _Decision(None, why, margin, further)
+        if further.is_flat and np.isfinite(error) and abs(inside) <= LAST_DIGITS * abs(limit):
+            why = f"Most of {further.runs} further runs attain the limit exactly. None is beyond the limit."
+            return _Decision(True, why, np.fmin(np.maximum(margin, 0.0), own), further)
         if inside <= rounding:
-            why = f"A further run reaches the limit, within {rounding:.1e}{unit} of rounding or noise."
+            why = f"A further run reaches the limit, within {rounding:.1e}{unit} of rounding or noise. {_MOVE}"
             return _Decision(None, why, margin, further)
         if np.isfinite(error):
             why = f"{further.runs} further runs stay {inside:.3g}{unit} inside. Other runs may be closer by {error:.1e}"
@@ -398,13 +407,14 @@ def _closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indice
     """
     study, box, sign = bounds.study, bounds.box, -1.0 if side == "lower" else 1.0
     assert study is not None and box is not None
-    runs, failed, best = 0, 0, (-np.inf, np.zeros(len(box)), np.full(len(bounds.t), np.nan))
+    runs, failed, first, best = 0, 0, np.zeros(0), (-np.inf, np.zeros(len(box)), np.full(len(bounds.t), np.nan))
 
     def beyond(points: Array) -> Array:
-        nonlocal runs, failed, best
+        nonlocal runs, failed, first, best
         Y, bad = study.attempted(points)
         excess = np.nan_to_num((sign * (Y[:, :, k] - limit)).max(axis=1), nan=-np.inf)
         runs, failed, i = runs + len(points), failed + len(bad), int(excess.argmax())
+        first = first if first.size else excess
         if excess[i] > best[0]:
             best = float(excess[i]), points[i], Y[i, :, k]
         return excess
@@ -438,10 +448,14 @@ def _closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indice
     if bounds.surrogate is not None:  # a parameter that has no effect at the time of the extreme makes no hill
         row = int(np.nan_to_num(sign * best[2], nan=-np.inf).argmax())
         inside &= bounds.surrogate.part([row], [k]).acting(np.array([enough]))
-    if study.has_lanes and bounds.estimate is not None and inside.any():
+    # a hill has no plain of most starts and of the nominal run
+    least = best[0] - LAST_DIGITS * (abs(limit) + abs(best[0]))
+    is_flat = bool(np.mean(first >= least) > 0.5) and (nominal := study.nominal[0]) is not None
+    is_flat = is_flat and bool((sign * (nominal[:, k] - limit)).max() >= least)
+    if study.has_lanes and bounds.estimate is not None and inside.any() and not is_flat:
         width = (bounds.upper - bounds.lower)[:, k].max()
         error = max(error, min(float(bounds.estimate[:, k].max()), _MISSED_HILL * width))
-    return FurtherRun(side, best[1], best[2], best[0], error, runs, failed)
+    return FurtherRun(side, best[1], best[2], best[0], error, runs, failed, is_flat)
 
 
 def _ends(owner: str, name: str, pair: object, unit: str) -> tuple[float, float]:
