@@ -159,7 +159,8 @@ class Search:
                 if check.kept:
                     low, best = s, bounds
                 else:
-                    high, why = s, "" if check.kept is False else (*bounds.doubts, _undecided(check))[0]
+                    undecided_by = (limit.why for limit in check.limits if limit.kept is None)
+                    high, why = s, "" if check.kept is False else (*bounds.doubts, *undecided_by)[0]
                 if check.kept is None and not bounds.failed:  # because the margin is too small
                     undecided = undecided or (s, bounds)
                     after, less = s * (1 - less), 2 * less
@@ -197,18 +198,13 @@ class Search:
         name, side = min(left, key=lambda each: left[each])
         if check.worst is not None and (check.worst.output, check.worst.side) == (name, side):
             return check.worst
-        worst = bounds.worst(name)
-        return worst.lower if side == "lower" else worst.upper
+        return getattr(bounds.worst(name), side)
 
     def signs(self, factors: Array) -> tuple[str, ...]:
         """Why factors (d,) cannot be larger, if parameters would change their signs."""
         ends = (self._most < MOST) & (factors >= self._most * (1 - _SETTLED))
-        names = [name for name, is_end in zip(self._shape.names, ends, strict=True) if is_end]
-        return (
-            (f"The search ends here, because with larger tolerances {', '.join(names)} would reach 0.",)
-            if names
-            else ()
-        )
+        names = ", ".join(name for name, is_end in zip(self._shape.names, ends, strict=True) if is_end)
+        return (f"The search ends here, because with larger tolerances {names} would reach 0.",) * bool(names)
 
     def cheapest(self, cost: Callable[[Array], float]) -> tuple[Array, Bounds]:
         """The factors of lowest cost, and bounds over their box.
@@ -288,8 +284,3 @@ class Search:
             rows.add(broken)
         factors = factors * self._factor_on(surrogate, wide, factors)
         return factors if cost(factors) < cost(start) else start
-
-
-def _undecided(check: LimitCheck) -> str:
-    """Why a limit is undecided."""
-    return next(limit.why for limit in check.limits if limit.kept is None)

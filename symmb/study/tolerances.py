@@ -176,8 +176,7 @@ def tolerances(
             require_name(OWNER, "parameter", name, simulator.parameters)
         search = Search(simulator, shape, pairs, executor, progress)
         if costs is None:
-            factors, bounds = search.largest(np.ones(len(shape)))
-            cost = None
+            (factors, bounds), cost = search.largest(np.ones(len(shape))), None
         else:
             total = _total_cost(costs, shape)
             factors, bounds = search.cheapest(total)

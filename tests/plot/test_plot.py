@@ -144,7 +144,8 @@ def test_a_single_time_is_a_stretch():
 NOISE = np.array([0.0, 1e-17, -1e-17, 1e-17, 0.0])
 ROUNDED = {
     "about 0, beside an output of its unit": (NOISE, "N", True),
-    "about 0, of an output of another unit": (NOISE, "m", False),
+    "about 0, of an output of another unit": (NOISE, "m", True),
+    "tiny motion of an output of another unit": (1e-17 * np.arange(5) ** 2, "m", False),
     "about 3": (3.0 + 1e3 * NOISE, "m", True),
     "motion about 3": (3.0 + 1e12 * NOISE, "m", False),
 }

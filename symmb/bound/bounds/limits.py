@@ -236,11 +236,9 @@ def between_times(bounds: Envelope, limits: Sequence[KeptLimit]) -> list[str]:
             continue
         margins = np.maximum([bounds.lower[:, k] - limit.low, limit.high - bounds.upper[:, k]], 0.0)
         rises = [(_rise(bounds.t, -own), own[1:-1]) for own in margins if np.isfinite(own).all()]
-        if passed := [
-            rise[rise > own / _RISE_SAFETY].max() for rise, own in rises if (rise > own / _RISE_SAFETY).any()
-        ]:
+        if passed := max((rise[rise > own / _RISE_SAFETY].max(initial=0.0) for rise, own in rises), default=0.0):
             remarks.append(
-                f"Between two output times {limit.output} may come closer to its limit by about {max(passed):.2g}"
+                f"Between two output times {limit.output} may come closer to its limit by about {passed:.2g}"
                 f"{_unit_told(bounds, k)}, and exceed the limit. Use more times, or bound mb.maximum or mb.minimum of "
                 f"{limit.output}."
             )
@@ -256,8 +254,8 @@ def _rise(t: Array, y: Array) -> Array:
         rise = slope**2 * (before + after) / (4 * (left - right))
     least = ROUNDING * np.abs(y).max()
     flat = np.pad((np.abs(left) * before <= least) & (np.abs(right) * after <= least), 1)  # limited to a value
-    is_flat = flat[:-2] | flat[1:-1] | flat[2:]
-    return np.where((left >= 0) & (right <= 0) & (left > right) & ~is_flat, rise, 0.0)
+    peaks = (left >= 0) & (right <= 0) & (left > right) & ~(flat[:-2] | flat[1:-1] | flat[2:])
+    return np.where(peaks, rise, 0.0)
 
 
 def closest(limits: Sequence[KeptLimit]) -> KeptLimit:

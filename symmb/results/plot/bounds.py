@@ -116,7 +116,6 @@ def plot_bounds(
         if nominal is not None:
             run = along(t, nominal[:, i] - origin[:, i])
             axes.plot(place, run, color=RUN_COLOUR, linewidth=0.7, label="nominal run")
-    _label_times(panels)
     flatten(panels, least[shown])
     legends(figure, panels, style)
     return figure
@@ -149,23 +148,16 @@ def draw_bounds(
             _draw_pair(axes, place, low, high, label=texts[k], **look)
         if is_empty and np.ptp(axes.dataLim.intervaly) > least[i]:
             axes.set_ylim(*_window(reference, curves, i))
-    _label_times(panels)
     flatten(panels, least[[*shown]])
 
 
 def _bars(axes: Axes, t: Array, n: int) -> list[Array]:
-    """Places of n bars side by side, for values without a time. The time axis is hidden."""
+    """Places of n bars side by side, for values without a time. Panels above show the times instead."""
+    for panel in axes.get_shared_x_axes().get_siblings(axes):
+        panel.tick_params(labelbottom=True)
     axes.xaxis.set_visible(False)
-    place = abscissa(t)
-    begin, span = place[0], float(np.ptp(place))
-    return [begin + span * (k + 0.5 + 0.5 * ((place - begin) / span - 0.5)) / n for k in range(n)]
-
-
-def _label_times(panels: Sequence[Axes]) -> None:
-    """Show the times below each panel, if the panel below it has bars."""
-    if not all(axes.xaxis.get_visible() for axes in panels):
-        for axes in panels:
-            axes.tick_params(labelbottom=True)
+    begin, end = abscissa(t)[[0, -1]]
+    return [begin + (k + 0.25 + 0.5 * (abscissa(t) - begin) / (end - begin)) * (end - begin) / n for k in range(n)]
 
 
 def _draw_pairs(

@@ -15,10 +15,7 @@ def add_linearize(command: Callable[..., argparse.ArgumentParser]) -> None:
     linearize = command("linearize", "print frequencies, damping, modes and stability of the scene", _linearize)
     add_set(linearize)
     linearize.add_argument(
-        "--time",
-        metavar="S",
-        type=number_or_quantity,
-        help="simulate the scene, and linearise it at this output time [s], or with a unit",
+        "--time", metavar="S", type=number_or_quantity, help="simulate the scene, and linearise it at this time [s]"
     )
     linearize.add_argument("--json", metavar="F", help="write matrices, eigenvalues and modes to this file")
 
