@@ -7,7 +7,6 @@ from typing import cast
 
 import casadi as ca
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from symmb._errors import PropagationError
 from symmb._magnitudes import SAME, SLIGHT
@@ -314,6 +313,8 @@ def _joints(rows: Sequence[str]) -> tuple[str, ...]:
 
 def _meeting(simulator: DAESimulator, box: Box) -> str:
     """A sentence about a spring or damper whose points may meet, by linear changes between a few runs; else empty."""
+    from scipy.optimize import lsq_linear
+
     scene, (middle, radius, _) = simulator.scene, _intervals(simulator, box)
     springs = [e for e in (scene.system.elements if scene else ()) if isinstance(e, NonlinearSpring | SpringDamper)]
     own = [e for e in springs if isinstance(e, NonlinearSpring) or not (is_zero(e.length) and is_zero(e.damping))]
