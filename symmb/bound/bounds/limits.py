@@ -448,8 +448,8 @@ def _closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indice
         inside &= bounds.surrogate.part([row], [k]).acting(np.array([enough]))
     # a hill has no plain of most starts and of the nominal run
     least = best[0] - LAST_DIGITS * (abs(limit) + abs(best[0]))
-    is_flat = bool(np.mean(first >= least) > 0.5) and (nominal := study.nominal[0]) is not None
-    is_flat = is_flat and bool((sign * (nominal[:, k] - limit)).max() >= least)
+    nominal = study.nominal[0] if np.mean(first >= least) > 0.5 else None
+    is_flat = nominal is not None and bool((sign * (nominal[:, k] - limit)).max() >= least)
     if study.has_lanes and bounds.estimate is not None and inside.any() and not is_flat:
         width = (bounds.upper - bounds.lower)[:, k].max()
         error = max(error, min(float(bounds.estimate[:, k].max()), _MISSED_HILL * width))
