@@ -33,6 +33,7 @@ class Problem:
     regular : (x, p, t) -> (m,), all different from 0 if the rates are those of the scene; None: everywhere
     closing : names of the joints that close loops
     refused : for each output the unsupported operations; its expression is then nan
+    meeting : sentence about a spring whose points may meet; empty if none is found
     change : change to other states; None if these states are used to the end
     """
 
@@ -50,6 +51,7 @@ class Problem:
     regular: ca.Function | None = None
     closing: tuple[str, ...] = ()
     refused: tuple[str, ...] = ()
+    meeting: str = ""
     change: "Change | None" = None
 
     def over(self, variable: int, side: int) -> "Problem":

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from functools import cache
+from itertools import product
 from typing import cast
 
 import casadi as ca
@@ -11,7 +12,8 @@ from symmb._errors import PropagationError
 from symmb._magnitudes import SAME, SLIGHT
 from symmb._types import Array, Indices
 from symmb.connect import Simulator
-from symmb.declare.symbolic import On, batch, branches, common
+from symmb.declare.mechanics import NonlinearSpring, SpringDamper
+from symmb.declare.symbolic import On, batch, branches, common, is_zero
 from symmb.declare.symbolic import t as time_symbol
 from symmb.equations.model import DAE, Box
 from symmb.prove.discs import OPERATIONS
@@ -50,7 +52,7 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
     if isinstance(simulator, DAESimulator):
         form = _formulation(method, simulator, box)
         equations = equations_of(form, simulator.scene and simulator.scene.system, times)
-        return _of_equations(method, simulator, box, form, equations)
+        return _of_equations(method, simulator, box, form, equations).with_fields(meeting=_meeting(simulator, box))
     p, t = ca.SX.sym("p", len(simulator.parameters)), ca.SX.sym("t")
     none = ca.SX.sym("x", 0)
     rates = ca.Function("rates", [none, p, t], [ca.SX(0, 1)])
@@ -307,6 +309,33 @@ def _rows_that_may_bind(simulator: DAESimulator, form: Formulation, box: Box) ->
 def _joints(rows: Sequence[str]) -> tuple[str, ...]:
     """The names of the joints of rows."""
     return tuple(dict.fromkeys(name.rpartition(".")[0] for name in rows))
+
+
+def _meeting(simulator: DAESimulator, box: Box) -> str:
+    """A sentence about a spring or damper whose points may meet, by linear changes between a few runs; else empty."""
+    from scipy.optimize import lsq_linear
+
+    scene, (middle, radius, _) = simulator.scene, _intervals(simulator, box)
+    springs = [e for e in (scene.system.elements if scene else ()) if isinstance(e, NonlinearSpring | SpringDamper)]
+    own = [e for e in springs if isinstance(e, NonlinearSpring) or not (is_zero(e.length) and is_zero(e.damping))]
+    if not own or len(simulator.times) < 2:
+        return ""
+    outputs = {f"{e.name}{k}": (e.point_b.r - e.point_a.r)[k] for e in own for k in range(3)}
+    times = np.linspace(simulator.times[0], simulator.times[-1], _LOOKS)
+    P = middle + np.vstack([np.zeros(len(radius)), np.diag(radius)[radius > 0]])
+    looked = simulator_with(scene.with_outputs(outputs).with_times(times), simulator.solver)
+    d = looked.run(P).Y.reshape(len(P), _LOOKS, len(own), 3)
+    for i, e in product(range(_LOOKS - 1), range(len(own))):
+        ways = np.vstack([d[1:, i, e], d[0, i + 1, e]]) - d[0, i, e]
+        size = np.linalg.norm(ways, axis=1).sum()
+        if np.linalg.norm(d[0, i, e]) <= size and lsq_linear(ways.T, -d[0, i, e], (-1, 1)).cost < (_MEETS * size) ** 2:
+            where = f"{own[e].title} may reach the length 0 at about t = {times[i]:.3g} s"
+            return f"{where}, where its force has no direction. Use earlier times, or PolynomialChaos()"
+    return ""
+
+
+_LOOKS, _MEETS = 401, 0.01
+"""Times at which points are compared, and distance of points that meet, relative to their motion over the box."""
 
 
 def _points_of(middle: Array, radius: Array) -> Array:

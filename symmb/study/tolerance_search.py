@@ -52,7 +52,7 @@ class Search:
             to_zero = np.where(closest != self._nominal, self._nominal / (self._nominal - closest), np.inf)
         # The same, relative to the factor at which a parameter such as a mass or length would reach 0.
         self._most = np.minimum(0.99 * to_zero, MOST)
-        self.evaluations, self.remarks = 1, tuple[str, ...]()
+        self.evaluations, self.remarks, self.narrow = 1, tuple[str, ...](), tuple[str, ...]()
         run = simulator.run(np.array([[*map(float, simulator.parameters.values())]]))
         if not run.ok.all():
             raise PropagationError(f"{OWNER}: the run at the nominal parameters fails: {run.messages[0]}.")
@@ -62,7 +62,7 @@ class Search:
         if margins[i, k] <= 0:
             raise PropagationError(
                 f"{OWNER}: the nominal run violates or reaches a limit of {[*limits][k]} at {simulator.times[i]:g} s: "
-                f"{values[i, k]:.6g}. No tolerance satisfies this limit."
+                f"{values[i, k]:.6g}. The search needs a margin there. Change the limit or these values."
             )
         self._at_nominal, self._nominal_values = margins.min(axis=0), values
 
@@ -159,7 +159,8 @@ class Search:
                 if check.kept:
                     low, best = s, bounds
                 else:
-                    high, why = s, "" if check.kept is False else (*bounds.doubts, _undecided(check))[0]
+                    undecided_by = (limit.why for limit in check.limits if limit.kept is None)
+                    high, why = s, "" if check.kept is False else (*bounds.doubts, *undecided_by)[0]
                 if check.kept is None and not bounds.failed:  # because the margin is too small
                     undecided = undecided or (s, bounds)
                     after, less = s * (1 - less), 2 * less
@@ -197,18 +198,13 @@ class Search:
         name, side = min(left, key=lambda each: left[each])
         if check.worst is not None and (check.worst.output, check.worst.side) == (name, side):
             return check.worst
-        worst = bounds.worst(name)
-        return worst.lower if side == "lower" else worst.upper
+        return getattr(bounds.worst(name), side)
 
     def signs(self, factors: Array) -> tuple[str, ...]:
         """Why factors (d,) cannot be larger, if parameters would change their signs."""
         ends = (self._most < MOST) & (factors >= self._most * (1 - _SETTLED))
-        names = [name for name, is_end in zip(self._shape.names, ends, strict=True) if is_end]
-        return (
-            (f"The search ends here, because with larger tolerances {', '.join(names)} would reach 0.",)
-            if names
-            else ()
-        )
+        names = ", ".join(name for name, is_end in zip(self._shape.names, ends, strict=True) if is_end)
+        return (f"The search ends here, because with larger tolerances {names} would reach 0.",) * bool(names)
 
     def cheapest(self, cost: Callable[[Array], float]) -> tuple[Array, Bounds]:
         """The factors of lowest cost, and bounds over their box.
@@ -221,10 +217,9 @@ class Search:
             wide = np.minimum(_WIDER * factors, self._most)
             surrogate = self._polynomials(wide)
             if surrogate is None:
-                raise PropagationError(
-                    f"{OWNER}: costs need polynomials, and those of {', '.join(self._limits)} are not "
-                    "accurate enough in a wider box. Give limits of fewer outputs, a smaller box, or no costs."
-                )
+                names = ", ".join(self._limits)
+                self.narrow = (f"A cheaper box may exist: polynomials of {names} are inaccurate in a wider box.",)
+                break
             start = self._factor_on(surrogate, wide, factors) * factors
             factors = self._allocated(surrogate, wide, start, cost)
             is_inside = (factors < wide * (1 - _SETTLED)) | (factors >= self._most * (1 - _SETTLED))
@@ -289,8 +284,3 @@ class Search:
             rows.add(broken)
         factors = factors * self._factor_on(surrogate, wide, factors)
         return factors if cost(factors) < cost(start) else start
-
-
-def _undecided(check: LimitCheck) -> str:
-    """Why a limit is undecided."""
-    return next(limit.why for limit in check.limits if limit.kept is None)

@@ -176,8 +176,7 @@ def tolerances(
             require_name(OWNER, "parameter", name, simulator.parameters)
         search = Search(simulator, shape, pairs, executor, progress)
         if costs is None:
-            factors, bounds = search.largest(np.ones(len(shape)))
-            cost = None
+            (factors, bounds), cost = search.largest(np.ones(len(shape))), None
         else:
             total = _total_cost(costs, shape)
             factors, bounds = search.cheapest(total)
@@ -189,11 +188,11 @@ def tolerances(
     nominal = {name: float(simulator.parameters[name]) for name in shape.names}
     factor = float(factors[shape.radius > 0].min(initial=MOST))
     assert bounds.box is not None
-    signs = search.signs(factors)
+    signs, remarks = search.signs(factors), search.remarks + search.narrow
     is_open = factor >= MOST or search.remarks or (signs and cost is None) or check.kept is None
     binding = None if is_open else search.binding(bounds, check)
     return Tolerances(
-        bounds.box, factor, by_name, cost, binding, check, bounds, search.evaluations, nominal, search.remarks + signs
+        bounds.box, factor, by_name, cost, binding, check, bounds, search.evaluations, nominal, remarks + signs
     )
 
 

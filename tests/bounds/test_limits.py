@@ -132,6 +132,39 @@ def test_runs_beyond_a_limit_by_rounding_or_noise_decide_nothing(kind, noise, ov
     assert check.kept is kept and ("rounding or noise" in str(check)) == (kept is None)
 
 
+@pytest.mark.parametrize("cap", [0.37, 0.711, 1 / 3])
+def test_an_output_that_is_limited_to_a_value_satisfies_a_limit_of_this_value(cap):
+    """Any looser limit as well. No run exceeds the value, but the polynomials do."""
+    limited = mb.FunctionSimulator(
+        lambda a, b: np.clip(np.stack([a * np.sin(T) + b**2 * T, -a * np.sin(2 * T)], axis=1), -cap, cap),
+        {"a": 1.0, "b": 0.1}, T, ["y", "z"],
+    )  # fmt: skip
+    bounds = mb.propagate(limited, mb.PolynomialChaos(), BOX)
+    for most in (cap, cap + 1e-3, cap + 0.1):
+        check = bounds.check({"y": (None, most), "z": (-most, most)})
+        assert check.kept and not any(" y may come closer" in remark for remark in check.remarks)
+    assert (
+        "further runs attain the limit exactly. None is beyond the limit." in bounds.check({"y": (None, cap)})["y"].why
+    )
+    assert bounds.check({"y": (None, cap * (1 - 1e-6))}).kept is False
+    nearly = bounds.check({"y": (None, cap * (1 + 1e-12))})["y"]
+    assert nearly.kept is None and nearly.why.endswith("Move the limit by more than this to decide it.")
+
+
+@pytest.mark.parametrize("cap", [2.9, 0.43])
+def test_the_maximum_of_an_output_that_is_limited_to_a_value_is_this_value(cap):
+    p = mb.Parameters(k=4.0, v=1.0)
+    bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), p.k)
+    pull = ca.fmin(10 * bob.x, cap)
+    outputs = {"pull": pull, "most": mb.maximum(pull), "least": mb.minimum(ca.fmax(-10 * bob.x, -cap))}
+    box = mb.Box(k=(3.9, 4.1), v=(0.95, 1.05))
+    scene = mb.Scene(mb.System(bob, spring), {"bob.x": p.v}, np.linspace(0, 2, 101), outputs, box)
+    bounds = mb.propagate(scene)
+    assert np.all(np.array(bounds["most"]) == cap) and np.all(np.array(bounds["least"]) == -cap)
+    assert bounds.check({"pull": (None, cap), "most": (None, cap), "least": (-cap, None)}).kept
+
+
 def test_runs_hand_over_their_noise():
     p = mb.Parameters(a=1.0)
     ball = mb.Body("ball", 1.0, pose=mb.Particle())

@@ -14,6 +14,7 @@ from small_scenes import formulas, particle, state
 
 import symmb as mb
 from models import bouncing_ball, cubic
+from symmb.prove import problem_of
 
 
 def scanned(scene, points=9):
@@ -368,3 +369,28 @@ def test_random_scenes_against_runs(seed):
     """Open chains with free bodies, pulses, and an output without a remainder: a draw of tests/benchmarks."""
     found = random_proofs.check(random_proofs.random_case(seed), order=3, samples=40)
     assert found.outside <= random_proofs.INSIDE and not found.fault and found.proved > 0.5
+
+
+@pytest.mark.parametrize(
+    ("height", "offset", "length", "element", "met"),
+    [
+        (1.0, 0.0, 0.3, mb.SpringDamper, True), (0.7, 0.0, 0.2, mb.SpringDamper, True),
+        (0.7, 0.0, 0.2, mb.NonlinearSpring, True), (1.0, 0.05, 0.3, mb.SpringDamper, False),
+        (0.7, 0.03, 0.2, mb.NonlinearSpring, False), (1.0, 0.0, 0.0, mb.SpringDamper, False),
+        (-1.0, 0.0, 0.5, mb.SpringDamper, False),
+    ],
+)  # fmt: skip
+def test_a_spring_whose_points_meet_is_named_before_the_proof(height, offset, length, element, met):
+    """A body falls on the point that holds its spring, or past it. Without free length the force stays smooth."""
+    p = mb.Parameters(k=5.0, h=height)
+    bob, top = mb.Body("bob", 1.0, pose=mb.Particle()), mb.Ground().point(0, 0)
+    law = (
+        {"pull": lambda d, v: p.k * (d - length)}
+        if element is mb.NonlinearSpring
+        else {"stiffness": p.k, "length": length}
+    )
+    system = mb.System(bob, element("cord", top, bob.point(0, 0), **law), mb.Gravity(0, -9.81), parameters=p)
+    start, box = {"bob.x": offset, "bob.y": p.h}, mb.Box.around(p, 0.02)
+    scene = mb.Scene(system, start, np.linspace(0, 1.0, 11), {"y": bob.y}, box)
+    told = problem_of(mb.TaylorModel(), mb.prepare(scene), box).meeting
+    assert ("'cord' may reach the length 0 at about t = " in told and "Use earlier times" in told) if met else not told

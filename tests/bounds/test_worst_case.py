@@ -45,6 +45,22 @@ def test_worst_cases_are_those_of_the_closed_form(method):
         assert case.value == bounds[case.output][case.side == "upper"][i]
 
 
+@pytest.mark.parametrize("share", [0.25, 0.5, 0.85])
+def test_a_time_may_have_a_unit(share):
+    bounds = mb.propagate(waves(), mb.PolynomialChaos(), BOX)
+    time = float(T[int(share * len(T))])
+    for text in (f"{time} s", (time, "s"), f"{1e3 * time} ms", (time / 60, "min"), f"{time / 3600!r} h"):
+        assert bounds.worst("y", time=text).upper.time == bounds.worst("y", time=time).upper.time == time
+    for wrong, why in [
+        ("250 mm", "'mm' does not fit a time"), (f"{time}", "is not a finite number"),
+        ("soon", "is not a finite number"),
+        (np.nan, "is not a finite number"), (True, "is not a finite number"), ([1, 2], "is not a finite number"),
+        ("0,25 s", "has a comma"), (f"{1e6 * T[-1]} ms", "must be from 0 to"), ("-1 ms", "must be from 0 to"),
+    ]:  # fmt: skip
+        with pytest.raises(mb.DeclarationError, match=f"Bounds.worst: time.*{why}"):
+            bounds.worst("y", time=wrong)
+
+
 @pytest.mark.parametrize("method", [mb.PolynomialChaos(), mb.MonteCarlo(3000), mb.Vertex()], ids=repr)
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 def test_worst_cases_of_a_scene_are_runs_of_it(method):
@@ -126,8 +142,7 @@ def test_a_run_that_falls_short_of_the_bound_says_so():
 def test_what_has_no_worst_case_is_told(tmp_path):
     bounds = mb.propagate(waves(), mb.Scanning(3), BOX)
     refused("no output 'x'", bounds.worst, "x")
-    for time in (3.0, np.nan, "1"):
-        refused("from 0 to 2", bounds.worst, "y", time)
+    refused("from 0 to 2", bounds.worst, "y", 3.0)
     with pytest.raises(mb.DeclarationError, match="pickled bounds contain no worst cases"):
         pickle.loads(pickle.dumps(bounds)).worst("y")
     bounds.save(tmp_path / "a.csv")

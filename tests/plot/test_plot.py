@@ -112,6 +112,30 @@ def test_endless_errors_are_left_out_of_the_diagram_only():
     assert "Taylor(order=2), estimate" in figure.axes[0].get_legend_handles_labels()[1]
 
 
+@pytest.mark.parametrize("n", [1, 2, 5])
+def test_outputs_without_a_time_are_bars_side_by_side(n):
+    values = np.stack([np.cos(T), np.full(5, 0.3)], axis=1)
+    curves = [
+        plot.PlottedBounds(f"A{k}", f"A{k}()", "estimate", values - k, values + k, np.ones(2), 9, 0.1) for k in range(n)
+    ]
+    figure = plot.plot_comparison(
+        T,
+        "ab",
+        plot.Band("reference", values - 1, values + 1),
+        curves,
+        measured=np.ones(2, bool),
+        uncertainty=np.zeros(2),
+    )
+    over_time, bars = figure.axes[:2]
+    assert over_time.xaxis.get_visible() and not bars.xaxis.get_visible()
+    ends = np.array([line.get_xdata()[[0, -1]] for line in bars.lines]).reshape(n, 2, 2)
+    assert (ends[:, 0] == ends[:, 1]).all()  # both lines of a bar
+    assert (np.diff(ends[:, 0].ravel()) > 0).all() and ends.min() > T[0] and ends.max() < T[-1]
+    assert [line.get_ydata()[0] for line in bars.lines] == pytest.approx(
+        [0.3 + s * k for k in range(n) for s in (-1, 1)]
+    )
+
+
 def test_nothing_to_measure_still_draws():
     draw([curve("Scanning(3)", error=0.0)], measured=np.zeros(1, dtype=bool)).draw_without_rendering()
 
@@ -144,7 +168,8 @@ def test_a_single_time_is_a_stretch():
 NOISE = np.array([0.0, 1e-17, -1e-17, 1e-17, 0.0])
 ROUNDED = {
     "about 0, beside an output of its unit": (NOISE, "N", True),
-    "about 0, of an output of another unit": (NOISE, "m", False),
+    "about 0, of an output of another unit": (NOISE, "m", True),
+    "tiny motion of an output of another unit": (1e-17 * np.arange(5) ** 2, "m", False),
     "about 3": (3.0 + 1e3 * NOISE, "m", True),
     "motion about 3": (3.0 + 1e12 * NOISE, "m", False),
 }
@@ -177,6 +202,7 @@ def test_rounding_looks_flat(name):
     for figure in figures:
         share = share_of_the_height(figure.axes[0])
         assert share < 0.02 if is_flat else share > 0.5
+        assert "about 0" not in name or "motion" in name or np.ptp(figure.axes[0].get_ylim()) > 0.1
         assert share_of_the_height(figure.axes[1]) > 0.5
 
 

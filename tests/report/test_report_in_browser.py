@@ -14,7 +14,7 @@ pytestmark = [
     pytest.mark.skipif(PROGRAM is None, reason="needs Chromium"),
     pytest.mark.filterwarnings("ignore::symmb.SymmbWarning"),
 ]
-SCREEN, TELEPHONE, PAPER = 1200, 400, 694
+SCREEN, TELEPHONE, PAPER = 1200, 390, 694
 """Widths [px]; that of paper is A4 within its margins."""
 DPI, LETTERS = 150, 8
 """Resolution of pictures [1/inch], and height of their letters [point]."""
@@ -67,6 +67,8 @@ def test_on_a_screen(browser, path, width, scheme):
     browser._call("Emulation.setEmulatedMedia", media="screen", features=features)
     browser.open(path)
     assert browser.run("document.documentElement.scrollWidth") <= width
+    of_checks = "[...document.querySelectorAll('.limits, .limits *')]"
+    assert browser.run(f"{of_checks}.every(e => e.scrollWidth <= e.clientWidth || !e.clientWidth)")
     light = [int(x) > 128 for x in re.findall(r"\d+", browser.run("getComputedStyle(document.body).backgroundColor"))]
     assert light == [scheme == "light"] * 3
     pictures = "[...document.querySelectorAll('.pictures img')]"

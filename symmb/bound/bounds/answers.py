@@ -31,13 +31,13 @@ _WITHOUT_RUNS = "Taylor(", "TaylorModel(", "IntervalArithmetic("
 class Answers(Envelope):
     """The part of `Bounds` that answers questions by runs, by the surrogate, or by further runs."""
 
-    def worst(self, output: str, time: float | None = None) -> Worst:
+    def worst(self, output: str, time: float | str | None = None) -> Worst:
         """The lowest and the highest value of an output, their times, and the parameters of the runs that attain them.
 
         Parameters
         ----------
         output : name of an output
-        time : [s]; the closest output time is used; default: the extremes over all times
+        time : [s], or with a unit, as "250 ms"; the closest output time is used; default: the extremes over all times
 
         Raises
         ------

@@ -141,7 +141,7 @@ class Contributions(Result, Saved):
         self,
         path: str | Path | None = None,
         outputs: str | Sequence[str] | None = None,
-        time: float | None = None,
+        time: float | str | None = None,
         figsize: tuple[float, float] | None = None,
         title: str | None = None,
         ax: "Axes | Sequence[Axes] | None" = None,
@@ -153,8 +153,8 @@ class Contributions(Result, Saved):
         ----------
         outputs : str or list
             outputs to draw; default: the first six
-        time : float
-            [s]; `alone` and `saved` at the closest output time are drawn as bars
+        time : float or str
+            [s], or with a unit; `alone` and `saved` at the closest output time are drawn as bars
         figsize : (width, height)
             of a new figure [inch]
         title : str

@@ -6,6 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
+from symmb._magnitudes import LAST_DIGITS
 from symmb._types import Array, Indices
 from symmb.bound.bounds.direct_search import LINE_POINTS, direct_search
 from symmb.bound.bounds.envelope import Envelope
@@ -32,6 +33,7 @@ class FurtherRun:
     beyond : float             largest distance of the values beyond the limit, negative inside
     error : float              distance by which other runs may be closer; infinite if the search was not completed
     runs, failed : int         number of further runs, and of those that failed
+    is_flat : bool             whether most runs have the same extreme, because the output is limited to this value
     """
 
     side: str
@@ -41,6 +43,7 @@ class FurtherRun:
     error: float
     runs: int
     failed: int
+    is_flat: bool
 
     @property
     def row(self) -> int:
@@ -54,7 +57,7 @@ class _Excess:
     def __init__(self, bounds: Envelope, k: int, sign: float, limit: float) -> None:
         assert bounds.study is not None and bounds.box is not None
         self._study, self._k, self._sign, self._limit = bounds.study, k, sign, limit
-        self.runs, self.failed, self.largest = 0, 0, -np.inf
+        self.runs, self.failed, self.largest, self.first = 0, 0, -np.inf, np.zeros(0)
         self.place, self.values = np.zeros(len(bounds.box)), np.full(len(bounds.t), np.nan)
 
     def __call__(self, points: Array) -> Array:
@@ -62,10 +65,17 @@ class _Excess:
         Y, bad = self._study.attempted(points)
         excess = np.nan_to_num((self._sign * (Y[:, :, self._k] - self._limit)).max(axis=1), nan=-np.inf)
         i = int(excess.argmax())
+        self.first = self.first if self.runs else excess
         if excess[i] > self.largest:
             self.largest, self.place, self.values = float(excess[i]), points[i], Y[i, :, self._k]
         self.runs, self.failed = self.runs + len(points), self.failed + len(bad)
         return excess
+
+    def is_flat(self) -> bool:
+        """Whether most starts and the nominal run have the largest excess. A hill has no such plain."""
+        least = self.largest - LAST_DIGITS * (abs(self._limit) + abs(self.largest))
+        nominal = self._study.nominal[0] if np.mean(self.first >= least) > 0.5 else None
+        return nominal is not None and bool((self._sign * (nominal[:, self._k] - self._limit)).max() >= least)
 
 
 def closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indices, enough: float) -> FurtherRun:
@@ -89,9 +99,10 @@ def closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indices
         lines = np.tile(excess.place, (len(box), LINE_POINTS, 1))
         lines[range(len(box)), :, range(len(box))] = np.linspace(-1.0, 1.0, LINE_POINTS)
         error = direct_search(excess, np.concatenate([excess.place[None], *lines]), most, enough).error
-    if study.has_lanes and bounds.estimate is not None and _is_on_hill(bounds, k, sign, excess, enough):
+    is_flat = excess.is_flat()
+    if study.has_lanes and bounds.estimate is not None and not is_flat and _is_on_hill(bounds, k, sign, excess, enough):
         error = max(error, min(float(bounds.estimate[:, k].max()), _MISSED_HILL * _width(bounds, k)))
-    return FurtherRun(side, excess.place, excess.values, excess.largest, error, excess.runs, excess.failed)
+    return FurtherRun(side, excess.place, excess.values, excess.largest, error, excess.runs, excess.failed, is_flat)
 
 
 def _starts(bounds: Envelope, k: int, side: str, rows: Indices) -> Iterator[Array]:

@@ -10,7 +10,7 @@ import numpy as np
 from symmb._doubt import concerned
 from symmb._errors import DeclarationError
 from symmb._labelled import Labelled, Result, over_outputs, texts
-from symmb._magnitudes import SAME
+from symmb._magnitudes import LAST_DIGITS, SAME
 from symmb._names import did_you_mean, normal_keys
 from symmb._options import is_real, require_name, shown
 from symmb._table import aligned, over_times, time_text
@@ -30,6 +30,7 @@ Limits = Mapping[str, tuple[float | str | None, float | str | None] | tuple[floa
 _RISE_SAFETY = 2.0
 """How many times the rise of a parabola between output times counts: with few times the curve may rise more."""
 WARNED = "See the warnings"
+_MOVE = "Move the limit by more than this to decide it."
 _WORDS = {True: "satisfied", False: "violated", None: "undecided"}
 
 
@@ -194,13 +195,11 @@ def between_times(bounds: Envelope, limits: Sequence[KeptLimit]) -> list[str]:
         k = bounds.names.index(limit.output)
         if limit.kept is False or limit.output in bounds.figures or len(bounds.t) < 3:
             continue
-        margins = bounds.lower[:, k] - limit.low, limit.high - bounds.upper[:, k]
+        margins = np.maximum([bounds.lower[:, k] - limit.low, limit.high - bounds.upper[:, k]], 0.0)
         rises = [(_rise(bounds.t, -own), own[1:-1]) for own in margins if np.isfinite(own).all()]
-        if passed := [
-            rise[rise > own / _RISE_SAFETY].max() for rise, own in rises if (rise > own / _RISE_SAFETY).any()
-        ]:
+        if passed := max((rise[rise > own / _RISE_SAFETY].max(initial=0.0) for rise, own in rises), default=0.0):
             remarks.append(
-                f"Between two output times {limit.output} may come closer to its limit by about {max(passed):.2g}"
+                f"Between two output times {limit.output} may come closer to its limit by about {passed:.2g}"
                 f"{_unit_told(bounds, k)}, and exceed the limit. Use more times, or bound mb.maximum or mb.minimum of "
                 f"{limit.output}."
             )
@@ -214,7 +213,10 @@ def _rise(t: Array, y: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = (left * after + right * before) / (before + after)
         rise = slope**2 * (before + after) / (4 * (left - right))
-    return np.where((left >= 0) & (right <= 0) & (left > right), rise, 0.0)
+    least = SAME * np.abs(y).max()
+    flat = np.pad((np.abs(left) * before <= least) & (np.abs(right) * after <= least), 1)  # limited to a value
+    peaks = (left >= 0) & (right <= 0) & (left > right) & ~(flat[:-2] | flat[1:-1] | flat[2:])
+    return np.where(peaks, rise, 0.0)
 
 
 def closest(limits: Sequence[KeptLimit]) -> KeptLimit:
@@ -288,9 +290,8 @@ def _decision(bounds: Envelope, k: int, low: float, high: float) -> _Decision:
     if doubt := _doubt(bounds, bounds.names[k]):
         return _Decision(None, f"{WARNED}: {shorten(doubt, 60, placeholder=' ...')}", margin)
     if beyond > 0:
-        return _Decision(
-            None, f"A run is beyond the limit, but by no more than rounding or noise of {rounding:.1e}{unit}.", margin
-        )
+        why = f"A run is beyond the limit, but by no more than rounding or noise of {rounding:.1e}{unit}. {_MOVE}"
+        return _Decision(None, why, margin)
     if bounds.kind == "sampled":
         why = f"All {bounds.evaluations} runs satisfy the limit. PolynomialChaos() also estimates other responses."
         return _Decision(None, why, margin)
@@ -334,8 +335,11 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
         if further.failed:
             why = f"{further.failed} of {further.runs} further runs near the limit failed."
             return _Decision(None, why, margin, further)
+        if further.is_flat and np.isfinite(error) and abs(inside) <= LAST_DIGITS * abs(limit):
+            why = f"Most of {further.runs} further runs attain the limit exactly. None is beyond the limit."
+            return _Decision(True, why, np.fmin(np.maximum(margin, 0.0), own), further)
         if inside <= rounding:
-            why = f"A further run reaches the limit, within {rounding:.1e}{unit} of rounding or noise."
+            why = f"A further run reaches the limit, within {rounding:.1e}{unit} of rounding or noise. {_MOVE}"
             return _Decision(None, why, margin, further)
         if np.isfinite(error):
             why = f"{further.runs} further runs stay {inside:.3g}{unit} inside. Other runs may be closer by {error:.1e}"

@@ -99,6 +99,8 @@ class TaylorModel(Method):
         # Largest number of terms of interpolations of expressions, which take half a minute.
         self._require_room(problem.d, *((20_000, 1) if problem.n else (1_000_000, EXTRA_NODES + 1)))
 
+        if problem.meeting:
+            warnings.warn(f"{self!r}: {problem.meeting}. The proof ends there.", SymmbWarning, stacklevel=2)
         outlook = _Outlook(self)
 
         def tell(share: float) -> None:
@@ -112,6 +114,7 @@ class TaylorModel(Method):
         times, outputs = np.asarray(simulator.times, dtype=float), tuple(simulator.outputs)
         few = not problem.n or NO_START in found.why or SINGULAR in found.why
         remedy = "; try smaller intervals" if few else "; try a higher order, more boxes or smaller intervals"
+        remedy = f". {problem.meeting}" if problem.meeting else remedy
         caution = _caution(found, remedy, times, outputs, problem.refused)
         return self._result(simulator, found.lower, found.upper, found.boxes, caution=caution)
 

@@ -11,10 +11,10 @@ from symmb._errors import DeclarationError, SimulationError
 from symmb._labelled import Labelled, Result, each_parameter, over_parameters, texts
 from symmb._magnitudes import SMALL
 from symmb._names import ByName, look_up_by_name
-from symmb._options import is_finite_number, shown
+from symmb._options import shown
 from symmb._table import aligned, at_time, is_timeless, over_times
 from symmb._types import Array, Indices
-from symmb._units import label, typeset, units_of_parameters, with_units
+from symmb._units import label, number_in, typeset, units_of_parameters, with_units
 from symmb.connect import Attained, Simulator
 from symmb.equations.model import Scene
 from symmb.results.files import NOT_KEPT, Record
@@ -243,8 +243,8 @@ def worst_rows(cases: Sequence[WorstCase]) -> list[list[str]]:
 
 
 def row_of(owner: str, t: Array, time: object) -> int:
-    """Number of the output time that is closest."""
-    slack = 1e-6 * (t[-1] - t[0])
-    if not is_finite_number(time) or not t[0] - slack <= time <= t[-1] + slack:
-        raise DeclarationError(f"{owner}: time must be a number from {t[0]:g} to {t[-1]:g} [s], got {shown(time)}.")
-    return int(np.abs(t - float(time)).argmin())
+    """Number of the output time that is closest to a time in s, or with a unit."""
+    own, slack = number_in(f"{owner}: time", "a time", time, "s"), 1e-6 * (t[-1] - t[0])
+    if not t[0] - slack <= own <= t[-1] + slack:
+        raise DeclarationError(f"{owner}: time must be from {t[0]:g} to {t[-1]:g} s, got {shown(time)}.")
+    return int(np.abs(t - own).argmin())

@@ -108,10 +108,7 @@ def plot_bounds(
         pairs.append((inner, "attained by runs", {"linewidth": 0.8, "linestyle": DASHES[2]}))
     figure, panels = panels_over_time(style, t, own_names, own_units, title=title, room=0.2)
     for axes, i in zip(panels, shown, strict=True):
-        place = abscissa(t)
-        if names[i] in timeless:
-            place = place.mean() + 0.3 * (place - place.mean())  # a bar in the middle of the panel
-            axes.xaxis.set_visible(False)
+        (place,) = _bars(axes, t, 1) if names[i] in timeless else (abscissa(t),)
         own = [(np.stack([end[:, i] - origin[:, i] for end in ends]), name, look) for ends, name, look in pairs]
         low, high = (along(t, end) for end in own[0][0])
         axes.fill_between(place, low, high, color=colour, alpha=0.16, linewidth=0, label=label)
@@ -141,12 +138,26 @@ def draw_bounds(
         is_empty = not axes.has_data()
         band = along(t, reference.lower[:, i]), along(t, reference.upper[:, i])
         axes.fill_between(abscissa(t), *band, color=BAND_COLOUR, linewidth=0, label=reference.label)
-        for k, curve in enumerate(curves):
+        is_timeless = curves and not np.ptp(band, axis=1).any()
+        places = _bars(axes, t, len(curves)) if is_timeless else [abscissa(t)] * len(curves)
+        for k, (curve, place) in enumerate(zip(curves, places, strict=True)):
             look: dict[str, Any] = {"linestyle": cyclic(DASHES, k), "linewidth": 1.1, "color": colours[k]}
-            _draw_pair(axes, abscissa(t), curve.lower[:, i], curve.upper[:, i], label=texts[k], **look)
+            low, high = along(t, curve.lower[:, i]), along(t, curve.upper[:, i])
+            if is_timeless:
+                axes.fill_between(place, low, high, color=colours[k], alpha=0.3, linewidth=0)
+            _draw_pair(axes, place, low, high, label=texts[k], **look)
         if is_empty and np.ptp(axes.dataLim.intervaly) > least[i]:
             axes.set_ylim(*_window(reference, curves, i))
     flatten(panels, least[[*shown]])
+
+
+def _bars(axes: Axes, t: Array, n: int) -> list[Array]:
+    """Places of n bars side by side, for values without a time. Panels above show the times instead."""
+    for panel in axes.get_shared_x_axes().get_siblings(axes):
+        panel.tick_params(labelbottom=True)
+    axes.xaxis.set_visible(False)
+    begin, end = abscissa(t)[[0, -1]]
+    return [begin + (k + 0.25 + 0.5 * (abscissa(t) - begin) / (end - begin)) * (end - begin) / n for k in range(n)]
 
 
 def _draw_pairs(

@@ -41,6 +41,8 @@ MARKERS = "osD^vPX*"
 DASHES = ((0, ()), (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)), (0, (3, 1.5)), (0, (8, 3)))
 LEAST_ERROR = 1e-16
 """Smallest drawn error, relative to the width: smaller errors are rounding, and 0 has no logarithm."""
+_RANDOM_TURNS, _ABOUT_ZERO = 0.2, 0.05
+"""Fraction of times at which random values turn; smooth curves turn seldom. And half the height of axes about 0."""
 _LEGENDS = ((60, 8.0), (36, 8.0), (24, 7.0), (16, 6.0))
 """Characters per line and font size [point] of legends in axes of the caller. The first pair that fits is used."""
 
@@ -77,10 +79,8 @@ def narrow_png(figure: Figure) -> bytes:
 def _fitted(figure: Figure, legend: "Legend") -> float:
     """Reduce the columns and the line length of the legend until it fits into the figure; return its height [inch]."""
     canvas: Any = figure.canvas
-    handles, texts = (
-        legend.legend_handles,
-        ["\n".join(wrap(text.get_text(), _NARROW_LINE)) for text in legend.get_texts()],
-    )
+    handles = legend.legend_handles
+    texts = ["\n".join(wrap(text.get_text(), _NARROW_LINE)) for text in legend.get_texts()]
     columns, extent = _LEGEND_COLUMNS, legend.get_window_extent(canvas.get_renderer())
     while extent.width > figure.bbox.width and columns > 1:
         legend.remove()
@@ -140,11 +140,16 @@ def finish(
 def rounding(values: Array, units: Sequence[str] = ()) -> Array:
     """Largest spreads (n_y,) of outputs (..., n_y) that are rounding.
 
-    They are relative to the largest value of the output, and to the largest value of all outputs of its unit.
+    They are relative to the largest value of the output, and to the largest value of all outputs of its unit. Values
+    that change at random from time to time, and are tiny beside other outputs or 1, are rounding of 0.
     """
     size = np.nan_to_num(np.abs(values)).reshape(-1, np.shape(values)[-1]).max(axis=0, initial=0.0)
+    change = np.sign(np.diff(np.nan_to_num(values, posinf=0.0, neginf=0.0), axis=-2))
+    turns = (change[..., 1:, :] * change[..., :-1, :] < 0).reshape(-1, len(size))
+    is_noise = turns.sum(axis=0) > _RANDOM_TURNS * len(turns)
+    is_noise &= size <= max(LAST_DIGITS, ROUNDING * size.max(initial=0.0))
     alike = [max(s for s, other in zip(size, units, strict=True) if other == unit) if unit else 0.0 for unit in units]
-    return np.maximum(ROUNDING * size, LAST_DIGITS * np.array(alike or 0.0))
+    return np.where(is_noise, 2.0 * size, np.maximum(ROUNDING * size, LAST_DIGITS * np.array(alike or 0.0)))
 
 
 def flatten(panels: Sequence[Axes], least: Array) -> None:
@@ -152,7 +157,8 @@ def flatten(panels: Sequence[Axes], least: Array) -> None:
     for axes, spread in zip(panels, least.tolist(), strict=True):
         low, high = axes.dataLim.intervaly
         if 0 < high - low <= spread:
-            room = max(0.05 * abs(low + high) / 2, 50.0 * spread)  # relative to the value, and to its rounding
+            # relative to the value, and to its rounding; about 0 as matplotlib does it for zeros
+            room = _ABOUT_ZERO if max(-low, high) <= spread else max(0.05 * abs(low + high) / 2, 50.0 * spread)
             axes.update_datalim([(axes.dataLim.x0, low - room), (axes.dataLim.x0, high + room)])
             axes.autoscale_view(scalex=False)
 

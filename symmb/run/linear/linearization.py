@@ -25,7 +25,7 @@ from symmb.run.verification import attached_loads, with_loads
 
 def linearize(
     subject: Scene | Trajectory,
-    time: float | None = None,
+    time: float | str | None = None,
     parameters: Mapping[str, float] | None = None,
     inputs: Sequence[str] = (),
     outputs: Sequence[str] | None = None,
@@ -39,8 +39,8 @@ def linearize(
     ----------
     subject : Scene or Trajectory
         a scene that starts in equilibrium or in a steady motion, or a run
-    time : float, optional
-        an output time of the run [s]; default: the last one
+    time : float or str, optional
+        an output time of the run [s], or with a unit; default: the last one
     parameters : mapping, optional
         values of parameters instead of the nominal ones, for a scene
     inputs : names

@@ -7,8 +7,9 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError
-from symmb._options import is_finite_number, shown
+from symmb._options import shown
 from symmb._types import Array
+from symmb._units import number_in
 from symmb.equations.model import DAE, Scene
 from symmb.run.events import kinks
 from symmb.run.formulations import Formulation
@@ -29,7 +30,7 @@ class LinearizationPoint:
 
 
 def point_of(
-    subject: Scene | DAESimulator | Trajectory, time: float | None, parameters: Mapping[str, float] | None
+    subject: Scene | DAESimulator | Trajectory, time: float | str | None, parameters: Mapping[str, float] | None
 ) -> tuple[Scene, dict[str, float], float, Array | None]:
     """Scene, parameters, time, and the state of the bodies (None for the start of a scene)."""
     if not isinstance(subject, Trajectory):
@@ -45,13 +46,13 @@ def point_of(
         )
     if parameters is not None:
         raise DeclarationError("linearize: a run has its own parameters. Pass parameters= with a scene only.")
-    time = float(subject.t[-1]) if time is None else time
-    if not is_finite_number(time) or not (subject.t == time).any():
+    own = float(subject.t[-1]) if time is None else number_in("linearize: time", "a time", time, "s")
+    if not (subject.t == own).any():
         raise DeclarationError(
             f"linearize: time must be one of the run's {len(subject.t)} output times, "
             f"{subject.t[0]:g} to {subject.t[-1]:g} s, got {shown(time)}."
         )
-    return subject.scene, subject.parameters, float(time), subject.x[int(np.argmax(subject.t == time))]
+    return subject.scene, subject.parameters, own, subject.x[int(np.argmax(subject.t == own))]
 
 
 def started(scene: Scene, formulation: Formulation, p: Array, t: float, of_bodies: Array | None) -> LinearizationPoint:

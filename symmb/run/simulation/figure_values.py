@@ -70,7 +70,9 @@ class Curves:
             best = np.full(len(values), -np.inf)
             np.maximum.at(best, panels.sample, B[:, [0, -1]].max(axis=1))
             higher = B.max(axis=1) > best[panels.sample] + _ROUNDING * self.sizes[panels.sample, e]
-            np.maximum.at(best, panels.sample[higher], highest(B[higher])[1])
+            peaks, sample, off = highest(B[higher])[1], panels.sample[higher], 4 * panels.misfit[e, higher]
+            peaks[peaks <= best[sample] + off] = -np.inf  # as beyond the kink of a curve that is limited to a value
+            np.maximum.at(best, sample, peaks)
             values[samples] = rule.sign * best[samples]
         else:
             place, x = self._passages(rule, samples, first)

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import symmb as mb
 from symmb._progress import Progress
+from symmb._units import number_or_quantity
 from symmb.show.cli.result_path import result_paths, write_results
 from symmb.show.cli.scene_file import add_set, scene_and_parameters
 
@@ -14,7 +15,7 @@ def add_linearize(command: Callable[..., argparse.ArgumentParser]) -> None:
     linearize = command("linearize", "print frequencies, damping, modes and stability of the scene", _linearize)
     add_set(linearize)
     linearize.add_argument(
-        "--time", metavar="S", type=float, help="simulate the scene, and linearise it at this output time [s]"
+        "--time", metavar="S", type=number_or_quantity, help="simulate the scene, and linearise it at this time [s]"
     )
     linearize.add_argument("--json", metavar="F", help="write matrices, eigenvalues and modes to this file")
 

@@ -10,7 +10,7 @@ from symmb._errors import DeclarationError
 from symmb._magnitudes import SAME
 from symmb._types import Array, Indices
 from symmb.declare.mechanics import Body, Element, Flywheel, Gravity, Input, Joint, OwnState, Planar, Point
-from symmb.results.plot import labels
+from symmb.results.plot import labels, rounding
 from symmb.run.simulation import Trajectory
 from symmb.show.drawing.bodies import BodySketch
 from symmb.show.drawing.elements import GUIDE, Sketch, begun, shapes_of, sketch
@@ -65,7 +65,7 @@ def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = Non
         unit=unit,
         gravity=g,
         outputs=labels(run.names, run.units),
-        values=run.values,
+        values=np.where(np.abs(run.values).max(axis=0) <= rounding(run.values, run.units), 0.0, run.values),
         notes=(*_without_place(sketches), *not_drawn(given)),
     )
 

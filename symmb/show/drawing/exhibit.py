@@ -83,14 +83,14 @@ class Exhibit:
     family: tuple[Drawing, ...] = ()
 
 
-def of_run(run: Trajectory, time: float | None, point: Point | None) -> Exhibit:
+def of_run(run: Trajectory, time: float | str | None, point: Point | None) -> Exhibit:
     """A run alone."""
     row = 0 if time is None else row_of("view", run.t, time)
     drawing = draw(run, also=[row, *_extremes(run.values, run.values)], point=point)
     return Exhibit(drawing, picture=_picture(drawing, run.t[row]))
 
 
-def of_sweep(sweep: Sweep, time: float | None, point: Point | None) -> Exhibit:
+def of_sweep(sweep: Sweep, time: float | str | None, point: Point | None) -> Exhibit:
     """The runs over a grid, and a slider for each parameter of the grid."""
     if sweep.simulator is None or not sweep.grid:
         raise DeclarationError(
@@ -115,7 +115,7 @@ def of_sweep(sweep: Sweep, time: float | None, point: Point | None) -> Exhibit:
     return Exhibit(drawing, picture=_picture(drawing, runs[0].t[row]), sliders=sliders, family=family)
 
 
-def of_bounds(bounds: Bounds, output: str | None, time: float | None, point: Point | None) -> Exhibit:
+def of_bounds(bounds: Bounds, output: str | None, time: float | str | None, point: Point | None) -> Exhibit:
     """The nominal run, the runs that attain the bounds of an output at a time, and the region of a point."""
     study = bounds.study
     if not isinstance(study, Study):

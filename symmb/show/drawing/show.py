@@ -47,7 +47,7 @@ def view(
     path: str | Path | None = None,
     *,
     output: str | None = None,
-    time: float | None = None,
+    time: float | str | None = None,
     point: Point | None = None,
 ) -> Page | None:
     """Draw a mechanism into a file, or in a notebook.
@@ -62,9 +62,9 @@ def view(
         (.mp4 needs the program ffmpeg); default: a page that a notebook shows below its cell
     output : str
         for Bounds: the output whose lowest and highest values the runs attain; default: the widest
-    time : float
-        for a still, and for runs that attain bounds [s]; default: the start, and the time of the output's widest
-        bounds, or the middle of the motion if the output is scalar
+    time : float or str
+        for a still, and for runs that attain bounds [s], or with a unit; default: the start, and the time of the
+        output's widest bounds, or the middle of the motion if the output is scalar
     point : Point
         a point whose path is drawn, and for Bounds also the region that it reaches over the box
 
