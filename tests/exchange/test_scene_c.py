@@ -109,9 +109,9 @@ def test_faults_of_a_program_end_it_with_a_sentence(tmp_path, capsys):
     subprocess.run([COMPILERS[0], "scene.c", "main.c", "-lm", "-o", "scene"], cwd=tmp_path, check=True)
     for word, status, text in (
         ("restitution=1.5", 1, "The run fails at t = 0 s: the start could not be solved for.\n"),
-        ("restitution=much", 2, "restitution=much does not set a parameter. Write name=number, with a finite number.\n"),
-        ("restitution=nan", 2, "restitution=nan does not set a parameter. Write name=number, with a finite number.\n"),
-        ("elasticity=0.5", 2, "elasticity=0.5 does not set a parameter. Write name=number, with a finite number.\n"),
+        ("restitution=much", 2, "restitution=much is not a parameter with a finite number. Write name=number.\n"),
+        ("restitution=nan", 2, "restitution=nan is not a parameter with a finite number. Write name=number.\n"),
+        ("elasticity=0.5", 2, "elasticity=0.5 is not a parameter with a finite number. Write name=number.\n"),
     ):
         run = subprocess.run([str(tmp_path / "scene"), word], capture_output=True, text=True)
         assert (run.returncode, run.stderr) == (status, text)

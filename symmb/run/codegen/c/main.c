@@ -36,7 +36,7 @@ int main(int count, char **arguments) {
   if (!scene) return fprintf(stderr, "There is not enough memory.\n"), 1;
   for (int i = 1; i < count; ++i)
     if (!set_parameter(scene_parameters(scene), arguments[i])) {
-      fprintf(stderr, "%s does not set a parameter. Write name=number, with a finite number.\n", arguments[i]);
+      fprintf(stderr, "%s is not a parameter with a finite number. Write name=number.\n", arguments[i]);
       scene_free(scene);
       return 2;
     }
