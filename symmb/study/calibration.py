@@ -20,7 +20,7 @@ from symmb.results.files import Record, Saved, entry
 from symmb.run.integrate import Solver
 from symmb.run.simulation import chosen_parameters, simulator_with
 from symmb.study.residuals import (
-    STEPS,
+    MAX_RUNS,
     UNDETERMINED,
     UNDETERMINED_BY_DIFFERENCES,
     Residuals,
@@ -31,7 +31,7 @@ from symmb.study.residuals import (
 )
 
 OWNER = "calibrate"
-_PART = 0.05
+_LEAST_COMPONENT = 0.05
 """Component of a parameter in an undetermined combination from which the parameter itself is undetermined."""
 
 
@@ -347,7 +347,7 @@ def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Cali
     root = fit.sizes[:, None] * found.directions[is_known].T / found.sizes[is_known]
     covariance = root @ root.T
     undetermined = tuple(_undetermined(fit.names, direction) for direction in found.directions[~is_known])
-    open_ = np.linalg.norm(found.directions[~is_known], axis=0) > _PART
+    open_ = np.linalg.norm(found.directions[~is_known], axis=0) > _LEAST_COMPONENT
     covariance[open_], covariance[:, open_] = np.nan, np.nan
     covariance[open_, open_] = np.inf
     return Calibration(
@@ -392,7 +392,7 @@ def _best(fit: Residuals, known_noise: Mapping[str, float]) -> tuple[_Minimum, t
         if k == 0 and best is not None and not doubts:
             break
     if best is None:
-        raise SimulationError(f"{OWNER}: the fit has not ended after {STEPS} runs. Give better nominal values.")
+        raise SimulationError(f"{OWNER}: the fit has not ended after {MAX_RUNS} runs. Give better nominal values.")
     return best, doubts
 
 
@@ -417,7 +417,7 @@ def _minimum(fit: Residuals, nominal: Array, begin: Array, known_noise: Mapping[
 
 def _undetermined(names: Sequence[str], direction: Array) -> str:
     """A sentence about a combination of parameters that does not change the outputs."""
-    some = [name for name, part in zip(names, np.abs(direction), strict=True) if part > _PART]
+    some = [name for name, part in zip(names, np.abs(direction), strict=True) if part > _LEAST_COMPONENT]
     if len(some) == 1:
         return (
             f"The data do not determine {some[0]!r}: the outputs do not depend on it. Leave it out of the parameters."

@@ -23,10 +23,10 @@ from symmb.study.comparison_result import Comparison
 from symmb.study.enclosed import Limits
 from symmb.study.metrics import Yardstick
 from symmb.study.reference import RUNS, Reference, affordable_runs, find_reference, planned_runs
-from symmb.study.row import LONG, NotRun, Row
+from symmb.study.row import LONG_RUN, NotRun, Row
 
-_REPEATS, _ENOUGH = 3, 0.1
-"""Fewest runs for a median run time, and the total time up to which short runs are repeated [s]."""
+_REPEATS = 3
+"""Smallest number of runs for a median run time."""
 
 _LOG = logging.getLogger("symmb")
 
@@ -328,18 +328,20 @@ def _announcement(
         fewer = f" With faster runs, the reference would take {planned_runs(d)} runs." if runs < RUNS else ""
     elif isinstance(reference, Method):
         parts.insert(0, f"{reference.planned_runs(d) or 'some'} runs for the reference {reference!r}")
-    often = f"at least {_REPEATS} times for its run time, and once if it takes {LONG:g} s" if repeats > 1 else "once"
+    often = (
+        f"at least {_REPEATS} times for its run time, and once if it takes {LONG_RUN:g} s" if repeats > 1 else "once"
+    )
     return f"This comparison makes {', '.join(parts)}.{fewer} Each method runs {often}."
 
 
 def _timed(run: Callable[[], Bounds], repeats: int = _REPEATS) -> tuple[Bounds, float]:
     """The bounds, and the median duration of warm runs [s], or the only duration if it is long."""
     bounds, seconds = _once(run)
-    if seconds > LONG or repeats == 1:
+    if seconds > LONG_RUN or repeats == 1:
         return bounds, seconds
     # Duration below which the first run does not count [s]. A longer first run counts: the median excludes it.
     durations = [] if seconds < 0.5 else [seconds]
-    while len(durations) < repeats or sum(durations) < _ENOUGH:
+    while len(durations) < repeats or sum(durations) < 0.1:  # [s]: short runs have noisy durations
         durations.append(_once(run)[1])
     return bounds, float(np.median(durations))
 

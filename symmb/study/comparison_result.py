@@ -16,7 +16,7 @@ from symmb.results.files import NOT_KEPT, Record, Saved, attributes, entries, en
 from symmb.study import report
 from symmb.study.comparison_arrays import labelled
 from symmb.study.reference import Reference
-from symmb.study.row import LONG, NotRun, Row
+from symmb.study.row import LONG_RUN, NotRun, Row
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -220,5 +220,5 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
         if self.repeats == 1:
             return "bounding, and the evaluations that earlier methods have not stored"
         threads = "1 thread" if self.threads == 1 else f"{self.threads} threads"
-        once = f", of 1 above {LONG:g} s" if any(row.run_seconds > LONG for row in self.rows) else ""
+        once = f", of 1 above {LONG_RUN:g} s" if any(row.run_seconds > LONG_RUN for row in self.rows) else ""
         return f"evaluations and bounding, warm, median of at least {self.repeats}{once}, {threads}"

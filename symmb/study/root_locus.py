@@ -138,7 +138,7 @@ class RootLocus(plot.ThreeDiagrams, Counted, WithWarnings, Saved):
 
     @classmethod
     def _of_record(cls, record: Record) -> "RootLocus":
-        own, parts, bands = attributes(cls, record), {}, record.record("bands")
+        own, parts = attributes(cls, record), {}
         for name in ("eigenvalues", "modes"):
             real, imaginary = (record.record(name).with_nan(part, len(own["values"]), None) for part in ("re", "im"))
             parts[name] = real + 1j * imaginary

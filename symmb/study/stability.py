@@ -12,6 +12,7 @@ import numpy as np
 from symmb import _html as html
 from symmb._errors import SimulationError, WithWarnings
 from symmb._interrupts import carry, kept_interrupts
+from symmb._magnitudes import NOTHING
 from symmb._options import require_callable, require_positive
 from symmb._progress import shown
 from symmb._table import aligned
@@ -32,15 +33,6 @@ from symmb.study.trials import Job, Trial, run_jobs
 
 TIMES = 51
 """Output times: enough to show drift over time. Steps end at output times, so more times would shorten steps."""
-_SECONDS = 70.0
-"""Time after which no trial starts [s]."""
-_LIMIT, _REFERENCE_LIMIT = 3 / _SECONDS, 5 / _SECONDS
-"""Longest time of a trial, and of a reference, relative to the time of the study."""
-_TRIALS_END = 0.5
-"""Fraction of the time for trials of the scene itself. Its harder variants use the remaining time."""
-_WIDTHS = 0.1, 0.2, 0.5
-"""Half widths of wider boxes, relative to the nominal values."""
-
 _HEAD = ("solver", "setting", "error", "position", "velocity", "energy", "run [s]", "outcome")
 _LEFT, _STRESS_LEFT = (0, 7), (0, 1, 8)
 """Head of the tables, and columns that are aligned on the left."""
@@ -151,7 +143,7 @@ class Stability(plot.ThreeDiagrams, WithWarnings, Saved):
 
         def distance(trial: Trial) -> float:
             """Orders of magnitude between an error and 1e-4."""
-            return abs(np.log10(max(self.errors.get(trial.key, 1e-4), 1e-300)) + 4)
+            return abs(np.log10(max(self.errors.get(trial.key, 1e-4), NOTHING)) + 4)
 
         drift = {name: min((t for t in finished if t.family == name), key=distance).position for name in families}
         stress = {
@@ -162,7 +154,7 @@ class Stability(plot.ThreeDiagrams, WithWarnings, Saved):
 
 
 def stability(
-    scene: Scene, progress: Callable[[str, int, int], None] | None = None, *, seconds: float = _SECONDS
+    scene: Scene, progress: Callable[[str, int, int], None] | None = None, *, seconds: float = 70.0
 ) -> Stability:
     """Try every solver on a scene and on harder variants, each run within 3 s and all within about a minute.
 
@@ -209,7 +201,9 @@ def stability(
     require_callable("stability: progress", progress, "label", "done", "all")
     with kept_interrupts(), shown(progress, f"trying solvers on {scene.name}") as progress:
         study = _StabilityStudy(scene, progress)
-        study.collect(study.jobs(references()), _REFERENCE_LIMIT * seconds, _TRIALS_END * seconds)
+        # Trials of the scene itself end after half of the time. The harder variants use the remaining time.
+        limit, half = 3 / 70 * seconds, 0.5 * seconds
+        study.collect(study.jobs(references()), 5 / 70 * seconds, half)
         known = list(study.done)
         fastest, horizon = study.fastest(), float(study.times[-1] - study.times[0])
         jobs = study.jobs(ladders(horizon, fastest.rate))
@@ -217,8 +211,7 @@ def stability(
         harder = [job for job in harder if job.family not in study.untried]
         study.announce(jobs, harder)
         try:
-            limit = _LIMIT * seconds
-            study.collect(jobs, limit, _TRIALS_END * seconds)
+            study.collect(jobs, limit, half)
             study.collect(sorted(harder, key=lambda job: _STRESSED.index(job.family)), limit, seconds)
             corners = _corners(scene)
         except KeyboardInterrupt as interrupt:
@@ -337,7 +330,7 @@ def _corners(scene: Scene) -> dict[float, tuple[int, int]]:
         return {}
     simulator, failures = simulator_with(scene), {}
     order, nominal = list(simulator.parameters), np.array(list(simulator.parameters.values()))
-    for width in _WIDTHS:
+    for width in (0.1, 0.2, 0.5):  # half widths, relative to the nominal values
         box = Box.around(scene.system.parameters, width, scene.box.names)
         corners = box.from_unit(np.array(list(itertools.product((-1.0, 1.0), repeat=len(box)))))
         P = np.tile(nominal, (len(corners), 1))
