@@ -25,11 +25,12 @@ def advice(
     span: float,
     doubts: Sequence[str],
 ) -> str:
-    """The best solver, the largest steps of the others, the best solver under each stress; or why none is known.
+    """The best solver, the largest steps of the others, and the best solver under each stress.
 
-    At the end are the solvers that were not tried, and warnings about the model that do not depend on the solver.
-    Only settings with a small error, including the uncertainty of the reference, and a small drift of energy are
-    recommended. Trials that were left out for lack of time are ignored.
+    If no solver is known to be good, the reason is given. The last sentences list the solvers that were not tried, and
+    warnings about the model that do not depend on the solver. Only settings with a small error, including the
+    uncertainty of the reference, and a small drift of energy are recommended. Trials that were left out for lack of
+    time are ignored.
     """
     tried, standard = trials, standards[""]
     trials = [t for t in trials if t.reason != LEFT_OUT]

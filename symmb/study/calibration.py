@@ -32,7 +32,7 @@ from symmb.study.residuals import (
 
 OWNER = "calibrate"
 _LEAST_COMPONENT = 0.05
-"""Component of a parameter in an undetermined combination from which the parameter itself is undetermined."""
+"""A parameter is undetermined if its component in an undetermined combination is above this value."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -315,7 +315,7 @@ def _measured(scene: Scene, data: Mapping[str, Any]) -> dict[str, tuple[Array, A
 
 
 def _fault(t: Array, y: Array, begin: float) -> str:
-    """What is wrong with data (n,) at times (n,) [s]: a sentence that names {name}; empty if the data are valid."""
+    """The fault of data (n,) at times (n,) [s] as a sentence with the field {name}; empty if the data are valid."""
     if np.isnan(y).all():
         return "all data of {name} are gaps (nan). Give at least one number."
     if np.isinf(y).any():
@@ -369,8 +369,11 @@ def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Cali
 
 
 class _Minimum(NamedTuple):
-    """Relative parameters (n_p,), the noise of the outputs (n_y,), the sensitivities of combinations of relative
-    parameters (n_p,), 0 if the data do not determine one, and these combinations as rows."""
+    """The result of one fit.
+
+    Relative parameters u (n_p,), the noise of the outputs (n_y,), and orthonormal combinations of relative parameters
+    as rows of `directions`. `sizes` has the sensitivity of each combination; 0 if the data do not determine it.
+    """
 
     u: Array
     noise: Array

@@ -217,7 +217,7 @@ def _measured(
 def _confronted(
     found: Reference, given: Method | Bounds | None, bounds: Sequence[Bounds], difference: Array | None
 ) -> tuple[Reference, Array | None, list[str]]:
-    """The reference with all attained values, limited by proved bounds; the solver's error; contradicted proofs."""
+    """The reference with all attained values within proved bounds, the solver's error, and sentences about proofs."""
     joint = found if given is not None else found.joined([each.inner for each in bounds if each.inner is not None])
     attained = found if given is None or given.kind == "sampled" else None
     limits = Limits.of(bounds)
@@ -273,7 +273,7 @@ def _doubt_of_reference(simulator: Simulator, reference: Reference) -> list[str]
     names = ", ".join(f"{simulator.outputs[k]} by {reference.uncertainty[k]:.2g}" for k in uncertain)
     return [
         f"The reference {reference.method} is uncertain: {names} of the width. Smaller errors are not known, and "
-        "bounds that miss it by less count as covering it. Pass another, such as PolynomialChaos(tolerance=1e-3)."
+        "bounds that miss the reference by less count as covering. Pass reference=PolynomialChaos(tolerance=1e-3)."
     ]
 
 

@@ -187,8 +187,9 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
             f"{self.scene}: {', '.join(self.outputs)}; {len(self.times)} times, {first:g} to {last:g} s",
             f"box: {names}",
         ]
+        setup = "" if self.setup_seconds is None else f"; set up in {report.seconds(self.setup_seconds)} s"
         if self.solver:
-            lines.append(f"solver: {self.solver}{f' ({self.reason})' if self.reason else ''}" + self._setup())
+            lines.append(f"solver: {self.solver}{f' ({self.reason})' if self.reason else ''}{setup}")
         if self.solver_error is not None:
             own = report.mean_and_worst(self.solver_error, yardstick, self.outputs)
             lines.append(f"solver's own error: {own}")
@@ -199,9 +200,6 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
             by = " and ".join(self.reference.proved_by)
             lines.append(f"proved by {by}: the reference misses the true bounds by at most {missed}")
         return [report.wrapped(line) for line in lines]
-
-    def _setup(self) -> str:
-        return "" if self.setup_seconds is None else f"; set up in {report.seconds(self.setup_seconds)} s"
 
     def _reference(self) -> str:
         reference = self.reference

@@ -20,7 +20,7 @@ from symmb.study.metrics import Yardstick
 RUNS = 2000
 """Approximate number of runs at the finer resolution, if runs are fast."""
 _LEAST_RUNS = 9
-"""The same if runs are slow: a grid of three points for each of two parameters."""
+"""Smallest number of runs, if runs are slow: a grid of three points for each of two parameters."""
 
 Progress = Callable[[int, int], None]
 

@@ -19,7 +19,7 @@ derivatives by integration are exact to about 1e-7, and differences of runs to a
 FALSE_WARNING = 1e-4
 """Probability of a false warning, for each test."""
 FEWEST_TESTED = 12
-"""Smallest number of values of an output for the tests of its residuals: tests of independence hold for many values."""
+"""Smallest number of values of an output whose residuals are tested: tests of independence require many values."""
 NOISE_OF_RUNS = 1e-4
 """Residuals, relative to the spread of the data, that may be errors of runs: their order in time has no meaning."""
 
@@ -94,8 +94,7 @@ class Residuals:
         If an output jumps between two of the runs, the difference on the other side is used.
         """
         n = len(u)
-        # Relative to a parameter: the errors of runs, about 1e-8, divided by the step are small.
-        step = SMALL
+        step = SMALL  # relative to a parameter
         steps = step * np.concatenate([np.zeros((1, n)), np.eye(n), -np.eye(n)])
         Y = self.values(u + steps)
         ahead, behind = (Y[1 : n + 1] - Y[0]) / step, (Y[0] - Y[n + 1 :]) / step

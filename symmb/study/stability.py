@@ -17,6 +17,7 @@ from symmb._options import require_callable, require_positive
 from symmb._progress import shown
 from symmb._table import aligned
 from symmb._types import Array, Figure
+from symmb.bound.bounds import parameter_samples
 from symmb.equations.model import Box, Scene
 from symmb.results import plot
 from symmb.results.files import NOT_KEPT, Record, Saved, attributes, entries, entry
@@ -212,7 +213,9 @@ def stability(
         study.announce(jobs, harder)
         try:
             study.collect(jobs, limit, half)
-            study.collect(sorted(harder, key=lambda job: _STRESSED.index(job.family)), limit, seconds)
+            # A family runs all variants before the next family starts.
+            families = list(under_stress(1.0))
+            study.collect(sorted(harder, key=lambda job: families.index(job.family)), limit, seconds)
             corners = _corners(scene)
         except KeyboardInterrupt as interrupt:
             text = f"Interrupted after {len(study.done)} of {study.total} runs."
@@ -222,10 +225,6 @@ def stability(
             raise SimulationError(f"{scene.name}: no solver finishes. {known[0].reason}")
         more = {"corners": corners, "fastest": fastest, "span": horizon, "doubts": study.doubts()}
         return study.result(len(known), corners, partial(advice, **more))
-
-
-_STRESSED = list(under_stress(1.0))
-"""Jobs of the families under stress. A family runs all variants before the next family starts."""
 
 
 class _StabilityStudy:
@@ -315,7 +314,7 @@ def _parted(trials: Sequence[Trial]) -> tuple[tuple[Trial, ...], tuple[Trial, ..
 
 
 def _stress_jobs(name: str, make: Callable[[], Scene], horizon: float) -> list[Job]:
-    """Fixed steps: the same for all horizons, and additional steps for the fastest motion of each variant."""
+    """Jobs of all families for a variant. Fixed steps are the same for all horizons; the fastest motion adds steps."""
     # Number of fixed steps over the horizon of the scene. The steps under stress follow from this number.
     step = horizon / 800
     return [
@@ -329,11 +328,8 @@ def _corners(scene: Scene) -> dict[float, tuple[int, int]]:
     if scene.box is None or len(scene.box) > 8:
         return {}
     simulator, failures = simulator_with(scene), {}
-    order, nominal = list(simulator.parameters), np.array(list(simulator.parameters.values()))
     for width in (0.1, 0.2, 0.5):  # half widths, relative to the nominal values
         box = Box.around(scene.system.parameters, width, scene.box.names)
-        corners = box.from_unit(np.array(list(itertools.product((-1.0, 1.0), repeat=len(box)))))
-        P = np.tile(nominal, (len(corners), 1))
-        P[:, [order.index(name) for name in box.names]] = corners
-        failures[width] = int((~simulator.run(P).ok).sum()), len(corners)
+        P = parameter_samples(simulator, box, np.array(list(itertools.product((-1.0, 1.0), repeat=len(box)))))
+        failures[width] = int((~simulator.run(P).ok).sum()), len(P)
     return failures

@@ -79,7 +79,7 @@ class Search:
         closest = np.where(shape.lower > 0, shape.lower, np.where(shape.upper < 0, shape.upper, self._nominal))
         with np.errstate(divide="ignore", invalid="ignore"):
             to_zero = np.where(closest != self._nominal, self._nominal / (self._nominal - closest), np.inf)
-        # The same, relative to the factor at which a parameter such as a mass or length would reach 0.
+        # At the factor `to_zero` a parameter such as a mass or length would reach 0.
         self._most = np.minimum(0.99 * to_zero, LARGEST_FACTOR)
         self.evaluations, self.remarks = 1, tuple[str, ...]()
         run = simulator.run(np.array([[*map(float, simulator.parameters.values())]]))
@@ -107,7 +107,7 @@ class Search:
         return box.with_units(units_of_parameters(self._simulator.parameters))
 
     def _study(self, factors: Array) -> Bounds:
-        """Bounds over a box. They can make further runs."""
+        """Bounds over the box with these factors (d,). The bounds can make further runs."""
         box, simulator = self._box(factors), self._simulator
         bounds = PolynomialChaos(tolerance=TOLERANCE).bounds(
             simulator, box, executor=self._executor, progress=self._progress
@@ -131,7 +131,10 @@ class Search:
         return np.array(places)
 
     def _margin(self, factors: Array, places: Array) -> float:
-        """The smallest margin of runs at places (n, d) of a box, over the nominal margin; -inf if a run fails."""
+        """The smallest margin of runs at places (n, d) of a box, relative to the margin of the nominal run.
+
+        The margin is -inf if a run fails.
+        """
         P = parameter_samples(self._simulator, self._box(factors), places)
         Y, failed = gathered(self._simulator, P, self._executor)
         self.evaluations += len(P)
@@ -144,7 +147,7 @@ class Search:
         If no run reaches a limit, the factor is `high`.
 
         The next factor is interpolated between margins, or bisected. If an end stays twice, its margin is halved
-        (Illinois). An infinite factor is limited to the largest factor.
+        (Illinois). If `high` is infinite, runs are made up to the largest factor.
         """
         along, places, low = ray.along, ray.places, ray.low
         inside, beyond = (self._margin(low * along, places) if low else 1.0), np.nan
@@ -157,7 +160,7 @@ class Search:
         if not beyond < 0:
             return ray.high, False
         margin = np.nan
-        # Most factors at which runs are made between two studies. More are needed only if runs fail.
+        # Largest number of factors at which runs are made between two studies. More are needed only if runs fail.
         for _ in range(40):
             if end <= low * (1 + _SETTLED / 4):
                 break
@@ -210,7 +213,7 @@ class Search:
         else:
             ray.high, ray.why = s, "" if check.kept is False else (*bounds.doubts, _undecided(check))[0]
         if check.kept is None and not bounds.failed:
-            # The margin is too small for a decision. Runs cannot decide either, so the box shrinks ever faster.
+            # The margin is too small for a decision. A smaller box has a larger margin.
             ray.undecided = ray.undecided or (s, bounds)
             after, ray.less = s * (1 - ray.less), 2 * ray.less
             return after
@@ -257,8 +260,8 @@ class Search:
             surrogate = self._polynomials(wide)
             if surrogate is None:
                 raise PropagationError(
-                    f"{OWNER}: costs need polynomials, and those of {', '.join(self._limits)} are not "
-                    "accurate enough in a wider box. Give limits of fewer outputs, a smaller box, or no costs."
+                    f"{OWNER}: costs require polynomials, and the polynomials of {', '.join(self._limits)} "
+                    "are not accurate enough in a wider box. Pass limits of fewer outputs, a smaller box, or no costs."
                 )
             start = self._factor_on(surrogate, wide, factors) * factors
             factors = self._allocated(surrogate, wide, start, cost)
@@ -268,7 +271,7 @@ class Search:
         return self.largest(factors if cost(factors) < cost(common) else common)
 
     def _polynomials(self, factors: Array) -> Piecewise | None:
-        """The polynomials of a study over a box, if they are accurate."""
+        """The polynomials of the outputs with limits over a box; None if the polynomials are not accurate."""
         with suppress(PropagationError):  # too many runs fail
             surrogate = self._study(factors).good_surrogate(self._columns)
             return surrogate and surrogate.part(slice(None), self._columns)
@@ -301,7 +304,7 @@ class Search:
         scale = cost(start) or 1.0
         rows = {int(self._margins_on(surrogate, wide, start).min(axis=1).argmin())}
         factors = start
-        # Most allocations for one study. Each adds the times at which limits were violated before.
+        # Largest number of allocations for one study. Each adds the time with the largest violation.
         for _ in range(12):
             few = surrogate.part(np.array(sorted(rows)), range(len(self._low)))
 
@@ -327,5 +330,5 @@ class Search:
 
 
 def _undecided(check: LimitCheck) -> str:
-    """Why a limit is undecided."""
+    """The reason why the first undecided limit of a check is undecided."""
     return next(limit.why for limit in check.limits if limit.kept is None)
