@@ -282,10 +282,8 @@ def calibrate(
     count = sum(len(values) for _, values in measured.values())
     if count < (needed := len(some) + (not known_noise)):
         unknown, gave = counted(len(some), "parameter"), counted(count, "value")
-        if known_noise:
-            rest = f"{unknown}. Give {needed} or more"
-        else:
-            rest = f"{unknown} and the noise. Give {needed} or more, or noise="
+        more = f"Give {needed} or more"
+        rest = f"{unknown}. {more}" if known_noise else f"{unknown} and the noise. {more}, or noise="
         raise DeclarationError(f"{OWNER}: {gave} cannot determine {rest}, or estimate fewer parameters.")
     with kept_interrupts():
         result = _fitted(Residuals(simulator_with(own, solver), some, measured), known_noise, scene.name)

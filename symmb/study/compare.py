@@ -131,7 +131,7 @@ def _methods(given: Any) -> tuple[Method, ...]:
 
 
 def default_methods(simulator: Simulator, box: Box) -> tuple[Method, ...]:
-    """Several settings of each suitable method: points of curves of error against run time."""
+    """Several settings of each suitable method, for curves of error against run time."""
     methods = [method for entry in METHODS for method in entry.compared(len(box.names))]
     return tuple(method for method in methods if not method.requires or hasattr(simulator, method.requires))
 
@@ -308,7 +308,7 @@ def _seconds_a_run(simulator: Simulator) -> float:
     begin = time.perf_counter()
     _ = simulator.run(P).Y
     seconds = time.perf_counter() - begin
-    # Samples in a vector of the engine.
+    # The engine runs 8 samples in one vector, in each thread.
     return seconds / (8 * simulator.threads) if getattr(simulator, "compiled", False) else seconds  # pyright: ignore[reportAttributeAccessIssue]
 
 

@@ -220,7 +220,7 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
         elif _chance_of_independence(r[np.argsort(t, kind="stable")]) < FALSE_WARNING:
             doubts.append(
                 f"Residuals of {name} resemble their neighbours in time, so they are not noise. The model does not "
-                "describe the data, or another minimum does so better. The standard deviations are too small."
+                "describe the data, or another minimum fits better. The standard deviations are too small."
             )
     if known_noise and squares > st.chi2.isf(FALSE_WARNING, max(degrees - len(fit.data) + n_squares, 1)):
         doubts.append(

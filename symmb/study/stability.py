@@ -30,7 +30,7 @@ from symmb.study.advice import advice
 from symmb.study.ladders import CONTROLLED, Ladder, finer_steps, ladders, references, under_stress
 from symmb.study.standard import Standard, standard_of
 from symmb.study.stress import stresses
-from symmb.study.trials import Job, Trial, run_jobs
+from symmb.study.trials import Job, Trial, by_family, run_jobs
 
 TIMES = 51
 """Output times: enough to show drift over time. Steps end at output times, so more times would shorten steps."""
@@ -135,21 +135,20 @@ class Stability(plot.ThreeDiagrams, WithWarnings, Saved):
         )
 
     def _figure(self, style: plot.Style) -> Figure:
-        finished = [trial for trial in self.trials if not trial.reason]
-        families = dict.fromkeys(trial.family for trial in finished)
+        finished = by_family([trial for trial in self.trials if not trial.reason])
         points = {
-            family: [(t.seconds, self.errors[t.key]) for t in finished if t.family == family and t.key in self.errors]
-            for family in families
+            family: [(t.seconds, self.errors[t.key]) for t in trials if t.key in self.errors]
+            for family, trials in finished.items()
         }
 
         def distance(trial: Trial) -> float:
             """Orders of magnitude between an error and 1e-4."""
             return abs(np.log10(max(self.errors.get(trial.key, 1e-4), NOTHING)) + 4)
 
-        drift = {name: min((t for t in finished if t.family == name), key=distance).position for name in families}
+        drift = {family: min(trials, key=distance).position for family, trials in finished.items()}
         stress = {
             family: {t.scene: self.errors.get(t.key, np.nan) for t in self.stress if t.family == family}
-            for family in families
+            for family in finished
         }
         return plot.plot_stability(self.times, points, drift, stress, title=self.scene, style=style)
 

@@ -242,11 +242,8 @@ class Search:
         """Why factors (d,) cannot be larger, if parameters would change their signs."""
         ends = (self._most < LARGEST_FACTOR) & (factors >= self._most * (1 - _SETTLED))
         names = [name for name, is_end in zip(self._shape.names, ends, strict=True) if is_end]
-        return (
-            (f"The search ends here, because with larger tolerances {', '.join(names)} would reach 0.",)
-            if names
-            else ()
-        )
+        text = f"The search ends here, because with larger tolerances {', '.join(names)} would reach 0."
+        return (text,) if names else ()
 
     def cheapest(self, cost: Callable[[Array], float]) -> tuple[Array, Bounds]:
         """The factors of lowest cost, and bounds over their box.
@@ -285,9 +282,9 @@ class Search:
 
     def _factor_on(self, surrogate: Piecewise, wide: Array, factors: Array) -> float:
         """The largest multiple of the factors (d,), at most 1, with nonnegative margins by the polynomials."""
-        low, high = 0.0, 1.0
         if self._margins_on(surrogate, wide, factors).min() >= 0:
             return 1.0
+        low, high = 0.0, 1.0
         while high - low > _SETTLED / 8 * high:
             middle = (low + high) / 2
             is_kept = self._margins_on(surrogate, wide, middle * factors).min() >= 0

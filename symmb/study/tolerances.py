@@ -198,7 +198,7 @@ def tolerances(
 
 
 def _of_outputs(simulator: Simulator, box: Box, names: Sequence[str]) -> Simulator:
-    """The simulator of a scene with only some of its outputs, because others would need runs. Black boxes stay."""
+    """The simulator of a scene with some of its outputs: the other outputs could need more runs. Black boxes stay."""
     if not isinstance(simulator, SceneSimulator) or simulator.scene is None or simulator.scene.outputs is None:
         return simulator
     if len(names) == len(simulator.outputs):

@@ -25,11 +25,11 @@ LEFT_OUT = "left out for lack of time"
 _TOO_LONG, _MANY_STEPS = "took longer than", "has taken too many steps at"
 _LONGER, _LARGER = "a longer step took too long", "a larger tolerance took too long"
 SLOW = (LEFT_OUT, _TOO_LONG, _LONGER, _LARGER, _MANY_STEPS)
-"""Start of the reasons of runs that were not finished for lack of time."""
+"""First words of the reason of a trial that was not finished for lack of time."""
 _LIMITED = ("TOO_MUCH_WORK", "steps are not enough")
 """Parts of the messages of solvers that reached their maximum number of steps."""
 _ENERGY = "the energy"
-"""Start of the reasons of runs whose energy is wrong."""
+"""First words of the reason of a trial with a wrong energy."""
 _TOO_SLOW, _WRONG_ENERGY, _BROKEN = "too slow", "wrong energy", "breaks down"
 """Kinds of failures. LEFT_OUT is another kind."""
 _SETUP = 15.0
