@@ -117,7 +117,8 @@ def find_reference(
         for method in _resolutions(len(box.names), runs)
     ]
     optimized = _optimized(simulator, box, runs, executor, progress)
-    lower, upper = _hull([coarse, fine, *shared, *optimized])
+    parts = [coarse, fine, *shared, *optimized]
+    lower, upper = _hull(parts)
     yardstick = Yardstick(lower, upper, np.full(lower.shape[1], np.nan))
     uncertainty = yardstick.deviation(*_hull([coarse, *shared]))
     for found in optimized:
@@ -128,8 +129,8 @@ def find_reference(
         lower=lower,
         upper=upper,
         uncertainty=uncertainty,
-        evaluations=sum(bounds.evaluations for bounds in [coarse, fine, *shared, *optimized]),
-        failed=sum(len(bounds.failed) for bounds in [coarse, fine, *shared, *optimized]),
+        evaluations=sum(bounds.evaluations for bounds in parts),
+        failed=sum(len(bounds.failed) for bounds in parts),
         seconds=time.perf_counter() - start,
     )
 
