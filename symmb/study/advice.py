@@ -9,7 +9,7 @@ from symmb.study.ladders import FIXED
 from symmb.study.standard import Standard
 from symmb.study.trials import LEFT_OUT, Trial, by_family, by_reason, named
 
-GOOD, STABLE = 1e-3, 0.1
+GOOD_ERROR, USABLE_ERROR = 1e-3, 0.1
 """Largest relative error of a run that is accurate for most purposes, and of a run that is usable."""
 
 Standards = Mapping[str, Standard]
@@ -25,11 +25,12 @@ def advice(
     span: float,
     doubts: Sequence[str],
 ) -> str:
-    """The best solver, the largest steps of the others, the best solver under each stress; or why none is known.
+    """The best solver, the largest steps of the others, and the best solver under each stress.
 
-    At the end are the solvers that were not tried, and warnings about the model that do not depend on the solver.
-    Only settings with a small error, including the uncertainty of the reference, and a small drift of energy are
-    recommended. Trials that were left out for lack of time are ignored.
+    If no solver is known to be good, the reason is given. The last sentences list the solvers that were not tried, and
+    warnings about the model that do not depend on the solver. Only settings with a small error, including the
+    uncertainty of the reference, and a small drift of energy are recommended. Trials that were left out for lack of
+    time are ignored.
     """
     tried, standard = trials, standards[""]
     trials = [t for t in trials if t.reason != LEFT_OUT]
@@ -50,23 +51,23 @@ def advice(
 def is_within(trial: Trial, standard: Standard, limit: float) -> bool:
     """Whether the error of a run is known to be below the limit, and energy is conserved."""
     error = standard.error(trial)
-    return error is not None and error + standard.uncertainty <= limit and not trial.energy > GOOD
+    return error is not None and error + standard.uncertainty <= limit and not trial.energy > GOOD_ERROR
 
 
 def _good(trials: Sequence[Trial], standard: Standard) -> list[Trial]:
     """The runs that are accurate enough, fastest first."""
-    return sorted((t for t in trials if is_within(t, standard, GOOD)), key=lambda t: t.seconds)
+    return sorted((t for t in trials if is_within(t, standard, GOOD_ERROR)), key=lambda t: t.seconds)
 
 
 def _choice(good: Sequence[Trial], standard: Standard) -> str:
     if standard.fault:
         return f"No setting is known to be good, because there is no reference: {standard.fault}."
     if not good:
-        return f"No setting reached an error of {GOOD:g}. Use smaller steps or tolerances, or a shorter horizon."
+        return f"No setting reached an error of {GOOD_ERROR:g}. Use smaller steps or tolerances, or a shorter horizon."
     first = good[0]
     other = next((t for t in good if t.family != first.family), None)
     also = f", then {_timed(other)}" if other else ""
-    return f"For errors up to {GOOD:g} of the motion, the fastest is {_timed(first)}{also}."
+    return f"For errors up to {GOOD_ERROR:g} of the motion, the fastest is {_timed(first)}{also}."
 
 
 def _timed(trial: Trial) -> str:
@@ -87,10 +88,10 @@ def _stiffness(fastest: Stiffness, span: float) -> str:
 def _steps(trials: Sequence[Trial], standard: Standard) -> list[str]:
     """The largest usable step of each family with fixed steps, and the families without a usable step."""
     fixed = [trial for trial in trials if trial.family in FIXED]
-    stable = by_family([trial for trial in fixed if is_within(trial, standard, STABLE)])
+    stable = by_family([trial for trial in fixed if is_within(trial, standard, USABLE_ERROR)])
     largest = {family: max(trial.setting for trial in some) for family, some in stable.items()}
     text = ", ".join(f"{family} {step:.2g} s" for family, step in sorted(largest.items(), key=lambda item: -item[1]))
-    lines = [f"Largest steps tried that follow the motion (error below {STABLE:g}): {text}."] if text else []
+    lines = [f"Largest steps tried that follow the motion (error below {USABLE_ERROR:g}): {text}."] if text else []
     return lines + _too_long(by_family([trial for trial in fixed if trial.family not in largest]))
 
 
@@ -131,7 +132,7 @@ def _under_stress(stress: Sequence[Trial], standards: Standards) -> list[str]:
     lines = [f"  {name:{width}}  {_verdict([t for t in stress if t.scene == name], standards[name])}" for name in names]
     if not any(name.startswith("stiffness") for name in names):
         lines.append("  Stiffer springs were not tried: no element has a stiffness, and force laws were not changed.")
-    return [f"For errors up to {GOOD:g} of the motion, under stress:", *lines]
+    return [f"For errors up to {GOOD_ERROR:g} of the motion, under stress:", *lines]
 
 
 def _verdict(trials: Sequence[Trial], standard: Standard) -> str:

@@ -20,7 +20,7 @@ from symmb.results.files import Record, Saved, entry
 from symmb.run.integrate import Solver
 from symmb.run.simulation import chosen_parameters, simulator_with
 from symmb.study.residuals import (
-    STEPS,
+    MAX_RUNS,
     UNDETERMINED,
     UNDETERMINED_BY_DIFFERENCES,
     Residuals,
@@ -31,8 +31,8 @@ from symmb.study.residuals import (
 )
 
 OWNER = "calibrate"
-_PART = 0.05
-"""Component of a parameter in an undetermined combination from which the parameter itself is undetermined."""
+_LEAST_COMPONENT = 0.05
+"""A parameter is undetermined if its component in an undetermined combination is above this value."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -282,10 +282,8 @@ def calibrate(
     count = sum(len(values) for _, values in measured.values())
     if count < (needed := len(some) + (not known_noise)):
         unknown, gave = counted(len(some), "parameter"), counted(count, "value")
-        if known_noise:
-            rest = f"{unknown}. Give {needed} or more"
-        else:
-            rest = f"{unknown} and the noise. Give {needed} or more, or noise="
+        more = f"Give {needed} or more"
+        rest = f"{unknown}. {more}" if known_noise else f"{unknown} and the noise. {more}, or noise="
         raise DeclarationError(f"{OWNER}: {gave} cannot determine {rest}, or estimate fewer parameters.")
     with kept_interrupts():
         result = _fitted(Residuals(simulator_with(own, solver), some, measured), known_noise, scene.name)
@@ -315,7 +313,7 @@ def _measured(scene: Scene, data: Mapping[str, Any]) -> dict[str, tuple[Array, A
 
 
 def _fault(t: Array, y: Array, begin: float) -> str:
-    """What is wrong with data (n,) at times (n,) [s]: a sentence that names {name}; empty if the data are valid."""
+    """The fault of data (n,) at times (n,) [s] as a sentence with the field {name}; empty if the data are valid."""
     if np.isnan(y).all():
         return "all data of {name} are gaps (nan). Give at least one number."
     if np.isinf(y).any():
@@ -347,7 +345,7 @@ def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Cali
     root = fit.sizes[:, None] * found.directions[is_known].T / found.sizes[is_known]
     covariance = root @ root.T
     undetermined = tuple(_undetermined(fit.names, direction) for direction in found.directions[~is_known])
-    open_ = np.linalg.norm(found.directions[~is_known], axis=0) > _PART
+    open_ = np.linalg.norm(found.directions[~is_known], axis=0) > _LEAST_COMPONENT
     covariance[open_], covariance[:, open_] = np.nan, np.nan
     covariance[open_, open_] = np.inf
     return Calibration(
@@ -369,8 +367,11 @@ def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Cali
 
 
 class _Minimum(NamedTuple):
-    """Relative parameters (n_p,), the noise of the outputs (n_y,), the sensitivities of combinations of relative
-    parameters (n_p,), 0 if the data do not determine one, and these combinations as rows."""
+    """The result of one fit.
+
+    Relative parameters u (n_p,), the noise of the outputs (n_y,), and orthonormal combinations of relative parameters
+    as rows of `directions`. `sizes` has the sensitivity of each combination; 0 if the data do not determine it.
+    """
 
     u: Array
     noise: Array
@@ -392,7 +393,7 @@ def _best(fit: Residuals, known_noise: Mapping[str, float]) -> tuple[_Minimum, t
         if k == 0 and best is not None and not doubts:
             break
     if best is None:
-        raise SimulationError(f"{OWNER}: the fit has not ended after {STEPS} runs. Give better nominal values.")
+        raise SimulationError(f"{OWNER}: the fit has not ended after {MAX_RUNS} runs. Give better nominal values.")
     return best, doubts
 
 
@@ -417,7 +418,7 @@ def _minimum(fit: Residuals, nominal: Array, begin: Array, known_noise: Mapping[
 
 def _undetermined(names: Sequence[str], direction: Array) -> str:
     """A sentence about a combination of parameters that does not change the outputs."""
-    some = [name for name, part in zip(names, np.abs(direction), strict=True) if part > _PART]
+    some = [name for name, part in zip(names, np.abs(direction), strict=True) if part > _LEAST_COMPONENT]
     if len(some) == 1:
         return (
             f"The data do not determine {some[0]!r}: the outputs do not depend on it. Leave it out of the parameters."

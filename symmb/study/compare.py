@@ -23,10 +23,10 @@ from symmb.study.comparison_result import Comparison
 from symmb.study.enclosed import Limits
 from symmb.study.metrics import Yardstick
 from symmb.study.reference import RUNS, Reference, affordable_runs, find_reference, planned_runs
-from symmb.study.row import LONG, NotRun, Row
+from symmb.study.row import LONG_RUN, NotRun, Row
 
-_REPEATS, _ENOUGH = 3, 0.1
-"""Fewest runs for a median run time, and the total time up to which short runs are repeated [s]."""
+_REPEATS = 3
+"""Smallest number of runs for a median run time."""
 
 _LOG = logging.getLogger("symmb")
 
@@ -131,7 +131,7 @@ def _methods(given: Any) -> tuple[Method, ...]:
 
 
 def default_methods(simulator: Simulator, box: Box) -> tuple[Method, ...]:
-    """Several settings of each suitable method: points of curves of error against run time."""
+    """Several settings of each suitable method, for curves of error against run time."""
     methods = [method for entry in METHODS for method in entry.compared(len(box.names))]
     return tuple(method for method in methods if not method.requires or hasattr(simulator, method.requires))
 
@@ -217,7 +217,7 @@ def _measured(
 def _confronted(
     found: Reference, given: Method | Bounds | None, bounds: Sequence[Bounds], difference: Array | None
 ) -> tuple[Reference, Array | None, list[str]]:
-    """The reference with all attained values, limited by proved bounds; the solver's error; contradicted proofs."""
+    """The reference with all attained values within proved bounds, the solver's error, and sentences about proofs."""
     joint = found if given is not None else found.joined([each.inner for each in bounds if each.inner is not None])
     attained = found if given is None or given.kind == "sampled" else None
     limits = Limits.of(bounds)
@@ -273,7 +273,7 @@ def _doubt_of_reference(simulator: Simulator, reference: Reference) -> list[str]
     names = ", ".join(f"{simulator.outputs[k]} by {reference.uncertainty[k]:.2g}" for k in uncertain)
     return [
         f"The reference {reference.method} is uncertain: {names} of the width. Smaller errors are not known, and "
-        "bounds that miss it by less count as covering it. Pass another, such as PolynomialChaos(tolerance=1e-3)."
+        "bounds that miss the reference by less count as covering. Pass reference=PolynomialChaos(tolerance=1e-3)."
     ]
 
 
@@ -308,7 +308,7 @@ def _seconds_a_run(simulator: Simulator) -> float:
     begin = time.perf_counter()
     _ = simulator.run(P).Y
     seconds = time.perf_counter() - begin
-    # Samples in a vector of the engine.
+    # The engine runs 8 samples in one vector, in each thread.
     return seconds / (8 * simulator.threads) if getattr(simulator, "compiled", False) else seconds  # pyright: ignore[reportAttributeAccessIssue]
 
 
@@ -328,18 +328,20 @@ def _announcement(
         fewer = f" With faster runs, the reference would take {planned_runs(d)} runs." if runs < RUNS else ""
     elif isinstance(reference, Method):
         parts.insert(0, f"{reference.planned_runs(d) or 'some'} runs for the reference {reference!r}")
-    often = f"at least {_REPEATS} times for its run time, and once if it takes {LONG:g} s" if repeats > 1 else "once"
+    often = (
+        f"at least {_REPEATS} times for its run time, and once if it takes {LONG_RUN:g} s" if repeats > 1 else "once"
+    )
     return f"This comparison makes {', '.join(parts)}.{fewer} Each method runs {often}."
 
 
 def _timed(run: Callable[[], Bounds], repeats: int = _REPEATS) -> tuple[Bounds, float]:
     """The bounds, and the median duration of warm runs [s], or the only duration if it is long."""
     bounds, seconds = _once(run)
-    if seconds > LONG or repeats == 1:
+    if seconds > LONG_RUN or repeats == 1:
         return bounds, seconds
     # Duration below which the first run does not count [s]. A longer first run counts: the median excludes it.
     durations = [] if seconds < 0.5 else [seconds]
-    while len(durations) < repeats or sum(durations) < _ENOUGH:
+    while len(durations) < repeats or sum(durations) < 0.1:  # [s]: short runs have noisy durations
         durations.append(_once(run)[1])
     return bounds, float(np.median(durations))
 

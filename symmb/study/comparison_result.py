@@ -1,25 +1,24 @@
 """The result of a comparison. It can be printed, plotted and saved."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from symmb import _html as html
 from symmb._errors import WithWarnings
-from symmb._labelled import Labelled, Result
+from symmb._labelled import BOUND, Labelled, Named, Result, known, over_outputs, texts, unit_text
 from symmb._presentation import presentation
-from symmb._types import Array
-from symmb.bound.bounds import box_entries, box_of
+from symmb._types import Array, Figure
+from symmb.bound.bounds import box_coordinates, box_entries, box_of
 from symmb.equations.model import Box
 from symmb.results import plot
 from symmb.results.files import NOT_KEPT, Record, Saved, attributes, entries, entry
 from symmb.study import report
-from symmb.study.comparison_arrays import labelled
 from symmb.study.reference import Reference
-from symmb.study.row import LONG, NotRun, Row
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from symmb.study.row import LONG_RUN, NotRun, Row
 
 
 @dataclass(frozen=True, repr=False)
@@ -116,7 +115,41 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
         ]
 
     def _labelled(self) -> Labelled:
-        return labelled(self._record(), self.rows, self.reference, self.box)
+        """Bounds of all methods, their cost and their scores. If a method estimates no error, the values are nan."""
+        record, rows, reference = self._record(), self.rows, self.reference
+        names, units = record["names"], record["units"]
+        shape = len(record["t"]), len(names)
+        coordinates, unit_of = over_outputs(record["t"], names, units, "value", "reference", "estimate", "inner")
+        coordinates |= {
+            "bound": (("bound",), texts(BOUND)),
+            **box_coordinates(self.box),
+            "method": (("method",), texts([row.name for row in rows])),
+            "kind": (("method",), texts([row.kind for row in rows])),
+        }
+        series, pair = ("time", "output"), ("bound", "time", "output")
+        costs = (("evaluations", int), ("failed", int), ("run_seconds", float))
+        scores = {
+            name: np.reshape([getattr(row.score, name) for row in rows], (len(rows), shape[1])).astype(float)
+            for name in ("error", "over", "under", "coverage")
+        }
+        variables: dict[str, Named] = {
+            "value": (("method", *pair), np.reshape([[row.lower, row.upper] for row in rows], (len(rows), 2, *shape))),
+            "reference": (pair, np.stack([reference.lower, reference.upper])),
+            "uncertainty": (("output",), reference.uncertainty),
+            **{name: (("method",), np.array([getattr(row, name) for row in rows], dtype=kind)) for name, kind in costs},
+            "estimate": (("method", *series), _filled([row.estimate for row in rows], shape)),
+            "inner": (("method", *pair), _filled([row.inner and np.stack(row.inner) for row in rows], (2, *shape))),
+            **{name: (("method", "output"), own) for name, own in scores.items()},
+            "solver_error": (("output",), record["solver_error"]),
+        }
+        attributes = {
+            "scene": record["scene"],
+            **{name: record[name] or None for name in ("solver", "reason")},
+            "reference_method": reference.method,
+            "units": unit_text(names, units),
+            "doubts": "\n".join(record["doubts"]) or None,
+        }
+        return Labelled(coordinates, known(variables), attributes, unit_of | {"run_seconds": "s"})
 
     def _record(self) -> dict[str, Any]:
         return entries(self) | {
@@ -136,7 +169,7 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
         not_run = tuple(NotRun(**attributes(NotRun, method)) for method in record.records("not_run"))
         return cls(**own, reference=reference, rows=rows, not_run=not_run)
 
-    def _figure(self, columns: list[int] | None, style: plot.Style) -> "Figure":
+    def _figure(self, columns: list[int] | None, style: plot.Style) -> Figure:
         reference = self.reference
         curves = [
             plot.PlottedBounds(
@@ -187,8 +220,9 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
             f"{self.scene}: {', '.join(self.outputs)}; {len(self.times)} times, {first:g} to {last:g} s",
             f"box: {names}",
         ]
+        setup = "" if self.setup_seconds is None else f"; set up in {report.seconds(self.setup_seconds)} s"
         if self.solver:
-            lines.append(f"solver: {self.solver}{f' ({self.reason})' if self.reason else ''}" + self._setup())
+            lines.append(f"solver: {self.solver}{f' ({self.reason})' if self.reason else ''}{setup}")
         if self.solver_error is not None:
             own = report.mean_and_worst(self.solver_error, yardstick, self.outputs)
             lines.append(f"solver's own error: {own}")
@@ -199,9 +233,6 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
             by = " and ".join(self.reference.proved_by)
             lines.append(f"proved by {by}: the reference misses the true bounds by at most {missed}")
         return [report.wrapped(line) for line in lines]
-
-    def _setup(self) -> str:
-        return "" if self.setup_seconds is None else f"; set up in {report.seconds(self.setup_seconds)} s"
 
     def _reference(self) -> str:
         reference = self.reference
@@ -220,5 +251,12 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
         if self.repeats == 1:
             return "bounding, and the evaluations that earlier methods have not stored"
         threads = "1 thread" if self.threads == 1 else f"{self.threads} threads"
-        once = f", of 1 above {LONG:g} s" if any(row.run_seconds > LONG for row in self.rows) else ""
+        once = f", of 1 above {LONG_RUN:g} s" if any(row.run_seconds > LONG_RUN for row in self.rows) else ""
         return f"evaluations and bounding, warm, median of at least {self.repeats}{once}, {threads}"
+
+
+def _filled(arrays: Sequence[Array | None], shape: tuple[int, ...]) -> Array | None:
+    """Arrays stacked in one array. Missing arrays are nan; None if all are missing."""
+    if all(array is None for array in arrays):
+        return None
+    return np.stack([np.full(shape, np.nan) if array is None else array for array in arrays])

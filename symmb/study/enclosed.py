@@ -33,8 +33,9 @@ class Limits:
     def limit(self, reference: Reference, attained: bool) -> Reference:
         """The reference within the limits.
 
-        The true bounds are between the attained values and the limits. So their distance limits the error of the
-        reference, up to the error of the solver. If the distance is smaller than the uncertainty, it replaces this.
+        The true bounds are between the attained values and the limits. The distance of the values from the limits is
+        therefore the largest error of the reference, without the error of the solver. If this distance is smaller than
+        the uncertainty, the distance becomes the uncertainty.
         """
         lower, upper = (np.clip(a, self.lower, self.upper) for a in (reference.lower, reference.upper))
         limited = replace(reference, lower=lower, upper=upper)
@@ -83,7 +84,7 @@ class Limits:
         ]
 
     def _farthest(self, slack: Array, times: Array, outputs: Sequence[str], lower: Array, upper: Array) -> str:
-        """Where bounds are farthest outside by more than a tolerance (n_y,), and by how much; empty if inside."""
+        """The output, distance and time at which bounds are farthest outside; empty if within the slack (n_y,)."""
         outside = np.maximum(self.lower - lower, upper - self.upper)
         shares = np.where(outside > 0, outside, 0.0) / slack
         t, y = (int(i) for i in np.unravel_index(np.argmax(shares), shares.shape))

@@ -15,13 +15,6 @@ from symmb.run.integrate import (
     stiffness,
 )
 
-TOLERANCES = (1e-4, 1e-6, 1e-8)
-"""Relative tolerances to try: coarse, usual and fine."""
-STEPS = (50, 200, 800, 3200)
-"""Numbers of fixed steps over the horizon to try."""
-_STEPS_PER_RADIAN = (0.5, 2.0, 8.0, 32.0)
-"""Fixed steps for each radian of the fastest motion, tried if the steps above are longer. Explicit methods
-are stable with the first number, and accurate with the others."""
 CONTROLLED = frozenset({"DormandPrince", "Rosenbrock", "StabilizedIndex2", "CVODES, stiff", "CVODES"})
 """Families that run with tolerances for a reference, or under stress."""
 FIXED = frozenset(entry.family for entry in SOLVERS if entry.ladder is not None and not entry.tolerances)
@@ -43,9 +36,11 @@ def references() -> dict[str, Ladder]:
 def ladders(horizon: float, rate: float) -> dict[str, Ladder]:
     """All solvers, by family. Fixed steps depend on the horizon [s] and the rate of the fastest motion [rad/s, 1/s]."""
     families: dict[str, Ladder] = {}
+    fixed = [50, 200, 800, 3200]
+    fixed += finer_numbers(fixed[-1], horizon * rate)
     for entry in SOLVERS:
         if entry.ladder is not None:
-            numbers = TOLERANCES if entry.tolerances else (*STEPS, *finer_numbers(STEPS[-1], horizon * rate))
+            numbers = (1e-4, 1e-6, 1e-8) if entry.tolerances else fixed  # tolerances: coarse, usual and fine
             settings = numbers if entry.tolerances else [horizon / n for n in numbers]
             families[entry.family] = [(s, entry.ladder(n, horizon)) for s, n in zip(settings, numbers, strict=True)]
     return families
@@ -65,9 +60,9 @@ def under_stress(step: float) -> dict[str, Ladder]:
 
 def finer_numbers(most: float, radians: float) -> list[int]:
     """Numbers of fixed steps that resolve the fastest motion over this many radians, if clearly above the given one."""
-    # Most fixed steps to try. They take a tenth of a second or more, and RungeKutta needs some seconds to compile
-    # them.
-    return [round(n * radians) for n in _STEPS_PER_RADIAN if 1.5 * most < n * radians <= 200_000]
+    # Explicit methods are stable with half a step for each radian, and accurate with more steps. 200,000 steps take a
+    # tenth of a second or more, and RungeKutta needs some seconds to compile them.
+    return [round(n * radians) for n in (0.5, 2.0, 8.0, 32.0) if 1.5 * most < n * radians <= 200_000]
 
 
 def finer_steps(scene: Scene, longest: float) -> Ladder:

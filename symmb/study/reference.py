@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from symmb._errors import PropagationError, SimulationError
+from symmb._magnitudes import SAME
 from symmb._types import Array, Executor
 from symmb.bound.bounds import Bounds, Method, MonteCarlo, Optimization, Scanning, Vertex, gathered
 from symmb.bound.nodes import Sobol
@@ -19,13 +20,7 @@ from symmb.study.metrics import Yardstick
 RUNS = 2000
 """Approximate number of runs at the finer resolution, if runs are fast."""
 _LEAST_RUNS = 9
-"""The same if runs are slow: a grid of three points for each of two parameters."""
-_SAMPLES = 512, 2048
-"""Sobol samples at the two resolutions; powers of two keep the sequence balanced."""
-_OPTIMIZED = 4
-"""Number of parameters from which extremes are also optimised, because grids have too few points for each."""
-_STEP = 0.02
-"""Step of differences, relative to the half width of the box: small for the box, large for the errors of runs."""
+"""Smallest number of runs, if runs are slow: a grid of three points for each of two parameters."""
 
 Progress = Callable[[int, int], None]
 
@@ -107,7 +102,7 @@ def find_reference(
                 "Give a reference of the same outputs in the same order."
             )
         t, times = reference.t, simulator.times
-        if len(t) != len(times) or not np.allclose(t, times, rtol=0.0, atol=1e-9):
+        if len(t) != len(times) or not np.allclose(t, times, rtol=0.0, atol=SAME):
             raise PropagationError(
                 f"The reference has {len(t)} times from {t[0]:g} to {t[-1]:g} s, the simulator {len(times)} from "
                 f"{times[0]:g} to {times[-1]:g} s. Give both the same times."
@@ -122,7 +117,8 @@ def find_reference(
         for method in _resolutions(len(box.names), runs)
     ]
     optimized = _optimized(simulator, box, runs, executor, progress)
-    lower, upper = _hull([coarse, fine, *shared, *optimized])
+    parts = [coarse, fine, *shared, *optimized]
+    lower, upper = _hull(parts)
     yardstick = Yardstick(lower, upper, np.full(lower.shape[1], np.nan))
     uncertainty = yardstick.deviation(*_hull([coarse, *shared]))
     for found in optimized:
@@ -133,8 +129,8 @@ def find_reference(
         lower=lower,
         upper=upper,
         uncertainty=uncertainty,
-        evaluations=sum(bounds.evaluations for bounds in [coarse, fine, *shared, *optimized]),
-        failed=sum(len(bounds.failed) for bounds in [coarse, fine, *shared, *optimized]),
+        evaluations=sum(bounds.evaluations for bounds in parts),
+        failed=sum(len(bounds.failed) for bounds in parts),
         seconds=time.perf_counter() - start,
     )
 
@@ -142,9 +138,8 @@ def find_reference(
 def _optimized(
     simulator: Simulator, box: Box, runs: int, executor: Executor | None, progress: Progress | None
 ) -> list[Bounds]:
-    """Bounds by optimisation; None if there are few parameters, too few runs, or failed runs."""
-    d = len(box)
-    if d < _OPTIMIZED or runs < 4 * (1 + d):
+    """Bounds by optimisation; empty if there are few parameters, too few runs, or failed runs."""
+    if not _is_optimized(len(box), runs):
         return []
     differences = _Differences(simulator, box, executor)
     try:
@@ -165,20 +160,26 @@ class _Differences:
         """Values and slopes (2, d, n_t, n_y) along directions (d, n_p), one for each parameter of the box."""
         del order
         at = self._box.to_unit(p0[[list(self.parameters).index(name) for name in self._box.names]])
-        step = np.where(at > 0, -_STEP, _STEP)
+        # Relative to the half width: small for the box, large for the errors of runs. Steps point to the centre.
+        step = np.where(at > 0, -0.02, 0.02)
         Y, _ = gathered(self._simulator, np.vstack([p0, p0 + step[:, None] * directions]), self._executor)
         return np.stack([np.repeat(Y[:1], len(step), axis=0), (Y[1:] - Y[0]) / step[:, None, None]])
+
+
+def _is_optimized(n_p: int, runs: int) -> bool:
+    """Whether extremes are also optimised: with four or more parameters, grids have too few points for each."""
+    return n_p >= 4 and runs >= 4 * (1 + n_p)
 
 
 def affordable_runs(seconds: float) -> int:
     """Number of runs at the finer resolution, if one run takes this long [s]."""
     # Longest estimated time of the reference [s]. If it takes longer, the reference has fewer runs.
-    return max(_LEAST_RUNS, min(RUNS, int(120.0 / max(seconds, 1e-9))))
+    return max(_LEAST_RUNS, min(RUNS, int(120.0 / max(seconds, SAME))))
 
 
 def planned_runs(n_p: int, runs: int = RUNS) -> int:
     """Number of runs of the default reference for this many parameters."""
-    optimized = runs if n_p >= _OPTIMIZED and runs >= 4 * (1 + n_p) else 0
+    optimized = runs if _is_optimized(n_p, runs) else 0
     return optimized + sum(method.planned_runs(n_p) or 0 for method in _resolutions(n_p, runs))
 
 
@@ -189,7 +190,8 @@ def _resolutions(n_p: int, runs: int = RUNS) -> list[Method]:
         m = max(round((runs ** (1 / n_p) - 1) / 2), 1)
         return [Scanning(m + 1), Scanning(2 * m + 1)]
     fewer = 2 ** max(0, round(math.log2(RUNS / runs)))
-    samples: list[Method] = [MonteCarlo(max(2, n // fewer), sampler=Sobol()) for n in _SAMPLES]
+    # Powers of two keep the sequence balanced.
+    samples: list[Method] = [MonteCarlo(max(2, n // fewer), sampler=Sobol()) for n in (512, 2048)]
     return [*samples, Vertex()] if 2**n_p <= runs else samples
 
 

@@ -42,8 +42,7 @@ def failed(rows: Iterable[Row]) -> list[str]:
     if not failing:
         return []
     lines = [
-        "failed: number of failed runs; the bounds are those of the other runs. print(propagate(...)) names the "
-        "failed runs."
+        "failed: number of failed runs. The bounds use the other runs. print(propagate(...)) lists the failed runs."
     ]
     lines += [f"Runs of {row.name} fail {row.failed_region}." for row in failing if row.failed_region]
     lines += [f"The first failed run of {row.name}: {row.failure}" for row in failing[:1] if row.failure]

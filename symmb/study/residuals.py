@@ -6,26 +6,20 @@ from typing import Any, cast
 import numpy as np
 
 from symmb._errors import SimulationError
+from symmb._magnitudes import NOTHING, ROUNDING, SMALL
 from symmb._types import Array
 from symmb.bound.nodes import Sobol
 from symmb.run.simulation import DAESimulator
 
-STEPS = 200
-"""Most runs of a fit. If the start is within 30 % of the truth, ten runs are usual."""
-APART = 1e-3
-"""Step of differences of runs, relative to a parameter."""
+MAX_RUNS = 200
+"""Largest number of runs of a fit. If the start is within 30 % of the truth, ten runs are usual."""
 UNDETERMINED, UNDETERMINED_BY_DIFFERENCES = 1e-6, 1e-4
 """Smallest sensitivity, relative to the largest, that counts as determined by the data (parameters in relative units):
 derivatives by integration are exact to about 1e-7, and differences of runs to about 1e-5."""
-HORIZONS = 0.1, 0.2, 0.4, 1.0
-"""Fractions of the time span with data for a sequence of fits. Over half a period the residuals of an oscillation have
-one minimum, and each fit gives the start of the next fit close to the right minimum."""
-SURE = 1e-4
+FALSE_WARNING = 1e-4
 """Probability of a false warning, for each test."""
-LAGS = 4
-"""Lags in time that are compared: more lags detect slow changes better, and fast changes worse."""
-FEW = 12
-"""Fewest values of an output for the tests of its residuals: tests of independence hold for many values."""
+FEWEST_TESTED = 12
+"""Smallest number of values of an output whose residuals are tested: tests of independence require many values."""
 NOISE_OF_RUNS = 1e-4
 """Residuals, relative to the spread of the data, that may be errors of runs: their order in time has no meaning."""
 
@@ -100,9 +94,10 @@ class Residuals:
         If an output jumps between two of the runs, the difference on the other side is used.
         """
         n = len(u)
-        steps = APART * np.concatenate([np.zeros((1, n)), np.eye(n), -np.eye(n)])
+        step = SMALL  # relative to a parameter
+        steps = step * np.concatenate([np.zeros((1, n)), np.eye(n), -np.eye(n)])
         Y = self.values(u + steps)
-        ahead, behind = (Y[1 : n + 1] - Y[0]) / APART, (Y[0] - Y[n + 1 :]) / APART
+        ahead, behind = (Y[1 : n + 1] - Y[0]) / step, (Y[0] - Y[n + 1 :]) / step
         smaller = np.where((np.abs(ahead) < np.abs(behind)) | np.isnan(behind), ahead, behind)
         alike = np.abs(ahead - behind) < np.abs(smaller)
         return Y[0], np.where(alike, (ahead + behind) / 2, smaller)
@@ -125,7 +120,7 @@ def least_squares(
             u = found
         if not known_noise:  # divide the number of parameters between the outputs
             share = 1 - len(basis) / len(fit.data)
-            floor = 1e-12 * fit.spreads
+            floor = ROUNDING * fit.spreads
             noise = np.maximum([np.sqrt(np.mean(part**2) / share) for part in fit.parts(fit(u)[0])], floor)
     return u, noise
 
@@ -143,8 +138,8 @@ def _minimum(fit: Residuals, begin: Array, basis: Array, weights: Array, held: f
     def slopes(along: Array) -> Array:
         return np.concatenate([-fit(rest + along @ basis)[1] @ basis.T * weights[:, None], held * np.eye(d)])
 
-    tight = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-12)
-    solution = least_squares(residuals, along, jac=cast(Any, slopes), max_nfev=STEPS, **tight)
+    tight = dict.fromkeys(("xtol", "ftol", "gtol"), ROUNDING)
+    solution = least_squares(residuals, along, jac=cast(Any, slopes), max_nfev=MAX_RUNS, **tight)
     return rest + solution.x @ basis if solution.status else None
 
 
@@ -156,18 +151,20 @@ def other_minima(fit: Residuals, nominal: Array) -> Iterator[Array]:
     weights = np.repeat(1 / fit.spreads, fit.counts)
     squares = np.square((fit.data - fit.values(U)) * weights)
     starts = [nominal]
-    for share in (HORIZONS[1], 1.0):
-        costs = np.nan_to_num(squares[:, fit.times <= begin + share * (end - begin)].sum(axis=1), nan=np.inf)
+    for part in (0.2, 1.0):
+        costs = np.nan_to_num(squares[:, fit.times <= begin + part * (end - begin)].sum(axis=1), nan=np.inf)
         # Number of starts from which a fit is made: more starts find more minima, and take longer.
         starts += [U[k] for k in np.argsort(costs)[:3] if np.isfinite(costs[k])]
     for start in starts:
         u: Array | None = start
-        for share in HORIZONS:
-            is_within = fit.times <= begin + share * (end - begin)
+        # Parts of the time span with data. Over half a period the residuals of an oscillation have one minimum, and
+        # each fit gives the start of the next fit close to the right minimum.
+        for part in (0.1, 0.2, 0.4, 1.0):
+            is_within = fit.times <= begin + part * (end - begin)
             if u is not None and is_within.sum() > d and np.isfinite(fit(u)[0]).all():
                 # Residual, relative to the spread of the data, for a change of a parameter by its own size. It holds
                 # parameters that early data do not determine.
-                held = 0.01 * np.sqrt(is_within.sum()) if share < 1 else 0.0
+                held = 0.01 * np.sqrt(is_within.sum()) if part < 1 else 0.0
                 u = _minimum(fit, u, np.eye(d), weights * is_within, held)
         if u is not None:
             yield u
@@ -179,7 +176,7 @@ def cost_of(fit: Residuals, u: Array, known_noise: Mapping[str, float]) -> float
     if known_noise:
         parts = [part.sum() / noise**2 for part, noise in zip(squares, known_noise.values(), strict=True)]
     else:
-        parts = [len(part) * np.log(part.mean() + 1e-300) for part in squares]
+        parts = [len(part) * np.log(part.mean() + NOTHING) for part in squares]
     return float(np.nan_to_num(np.sum(parts), nan=np.inf))
 
 
@@ -194,15 +191,15 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
     for (name, (t, y)), r, leverage, spread in parts:
         deviation = known_noise.get(name, max(1.4826 * float(np.median(np.abs(r))), NOISE_OF_RUNS * float(spread)))
         # Factor of normal quantiles for outliers: the deviation of few values is known to 15 %.
-        limit = 1.3 * st.norm.isf(SURE / (2 * len(r)))
+        limit = 1.3 * st.norm.isf(FALSE_WARNING / (2 * len(r)))
         is_far = np.abs(r) > limit * deviation
         # Fewest values, beyond the number of parameters, for a test whether a value is far from the fit to the
         # others.
         if not known_noise and (left := len(r) - len(u) - 1) >= 4:  # with few values, a fit follows an outlier
             squared = np.square(r) / np.maximum(1 - leverage, NOISE_OF_RUNS)
             rest = np.maximum((np.square(r).sum() - squared) / left, (NOISE_OF_RUNS * spread) ** 2)
-            far = squared / rest > st.t.isf(SURE / (2 * len(r)), left) ** 2
-            is_far = far if len(r) <= len(u) + FEW else is_far | far
+            far = squared / rest > st.t.isf(FALSE_WARNING / (2 * len(r)), left) ** 2
+            is_far = far if len(r) <= len(u) + FEWEST_TESTED else is_far | far
         if 0 < is_far.sum() <= max(1, len(r) // 10):
             worst = int(np.argmax(np.abs(r)))
             doubts.append(
@@ -212,7 +209,7 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
             t, y, r = t[~is_far], y[~is_far], r[~is_far]
         squares, n_squares = squares + float(np.square(r / deviation).sum()), n_squares + len(r)
         rms = rms_of(r)
-        if len(r) < FEW or rms < NOISE_OF_RUNS * spread:
+        if len(r) < FEWEST_TESTED or rms < NOISE_OF_RUNS * spread:
             continue
         # Ratio of the variance of residuals to the variance of data from which the model explains little of the data.
         if not known_noise and rms**2 > 0.7 * np.var(y):
@@ -220,12 +217,12 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
                 f"The fitted run explains little of {name}: its residuals vary as much as the data. Start with other "
                 "nominal values, or change the model."
             )
-        elif _chance_of_independence(r[np.argsort(t, kind="stable")]) < SURE:
+        elif _chance_of_independence(r[np.argsort(t, kind="stable")]) < FALSE_WARNING:
             doubts.append(
                 f"Residuals of {name} resemble their neighbours in time, so they are not noise. The model does not "
-                "describe the data, or another minimum does so better. The standard deviations are too small."
+                "describe the data, or another minimum fits better. The standard deviations are too small."
             )
-    if known_noise and squares > st.chi2.isf(SURE, max(degrees - len(fit.data) + n_squares, 1)):
+    if known_noise and squares > st.chi2.isf(FALSE_WARNING, max(degrees - len(fit.data) + n_squares, 1)):
         doubts.append(
             f"The data do not fit: residuals are {np.sqrt(squares / n_squares):.3g} times as large as the given "
             "noise. Start with other nominal values, change the model, or give a larger noise."
@@ -245,6 +242,8 @@ def _chance_of_independence(r: Array) -> float:
     """
     from scipy.stats import chi2
 
-    n, lags = len(r), np.arange(1, LAGS + 1)
+    # More lags detect slow changes better, and fast changes worse.
+    n, n_lags = len(r), 4
+    lags = np.arange(1, n_lags + 1)
     correlation = np.array([r[lag:] @ r[:-lag] for lag in lags]) / (r @ r)
-    return float(chi2.sf(n * (n + 2) * np.sum(correlation**2 / (n - lags)), LAGS))
+    return float(chi2.sf(n * (n + 2) * np.sum(correlation**2 / (n - lags)), n_lags))

@@ -22,7 +22,7 @@ from symmb.run.linear import QUANTITIES, LinearFamily, LocusSimulator, nominal_l
 from symmb.run.simulation import scene_of
 
 _CORNERS = 6
-"""Most parameters of a box whose corners are all checked for oscillations that end inside the box."""
+"""Largest number of parameters of a box for which all corners are checked for oscillations that end in the box."""
 _HEAD = ("mode", "from", "to", "frequency [Hz]", "", "smallest damping [-]", "at")
 
 
@@ -138,7 +138,7 @@ class RootLocus(plot.ThreeDiagrams, Counted, WithWarnings, Saved):
 
     @classmethod
     def _of_record(cls, record: Record) -> "RootLocus":
-        own, parts, bands = attributes(cls, record), {}, record.record("bands")
+        own, parts = attributes(cls, record), {}
         for name in ("eigenvalues", "modes"):
             real, imaginary = (record.record(name).with_nan(part, len(own["values"]), None) for part in ("re", "im"))
             parts[name] = real + 1j * imaginary

@@ -10,7 +10,7 @@ from symmb.bound.bounds import INNER, inner_entries, kind_of
 from symmb.results.files import NOT_KEPT, Record, attributes, entries, entry
 from symmb.study.metrics import Score, Yardstick
 
-LONG = 10.0
+LONG_RUN = 10.0
 """Duration above which a method runs once [s]: one measurement is then accurate enough."""
 _OPTIONAL = ("estimate", "inner_lower", "inner_upper", "failure", "failed_region", "caution", "doubts")
 """Entries that the file of a row has only if the method has them."""

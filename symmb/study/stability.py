@@ -12,10 +12,12 @@ import numpy as np
 from symmb import _html as html
 from symmb._errors import SimulationError, WithWarnings
 from symmb._interrupts import carry, kept_interrupts
+from symmb._magnitudes import NOTHING
 from symmb._options import require_callable, require_positive
 from symmb._progress import shown
 from symmb._table import aligned
 from symmb._types import Array, Figure
+from symmb.bound.bounds import parameter_samples
 from symmb.equations.model import Box, Scene
 from symmb.results import plot
 from symmb.results.files import NOT_KEPT, Record, Saved, attributes, entries, entry
@@ -28,19 +30,10 @@ from symmb.study.advice import advice
 from symmb.study.ladders import CONTROLLED, Ladder, finer_steps, ladders, references, under_stress
 from symmb.study.standard import Standard, standard_of
 from symmb.study.stress import stresses
-from symmb.study.trials import Job, Trial, run_jobs
+from symmb.study.trials import Job, Trial, by_family, run_jobs
 
 TIMES = 51
 """Output times: enough to show drift over time. Steps end at output times, so more times would shorten steps."""
-_SECONDS = 70.0
-"""Time after which no trial starts [s]."""
-_LIMIT, _REFERENCE_LIMIT = 3 / _SECONDS, 5 / _SECONDS
-"""Longest time of a trial, and of a reference, relative to the time of the study."""
-_TRIALS_END = 0.5
-"""Fraction of the time for trials of the scene itself. Its harder variants use the remaining time."""
-_WIDTHS = 0.1, 0.2, 0.5
-"""Half widths of wider boxes, relative to the nominal values."""
-
 _HEAD = ("solver", "setting", "error", "position", "velocity", "energy", "run [s]", "outcome")
 _LEFT, _STRESS_LEFT = (0, 7), (0, 1, 8)
 """Head of the tables, and columns that are aligned on the left."""
@@ -142,27 +135,26 @@ class Stability(plot.ThreeDiagrams, WithWarnings, Saved):
         )
 
     def _figure(self, style: plot.Style) -> Figure:
-        finished = [trial for trial in self.trials if not trial.reason]
-        families = dict.fromkeys(trial.family for trial in finished)
+        finished = by_family([trial for trial in self.trials if not trial.reason])
         points = {
-            family: [(t.seconds, self.errors[t.key]) for t in finished if t.family == family and t.key in self.errors]
-            for family in families
+            family: [(t.seconds, self.errors[t.key]) for t in trials if t.key in self.errors]
+            for family, trials in finished.items()
         }
 
         def distance(trial: Trial) -> float:
             """Orders of magnitude between an error and 1e-4."""
-            return abs(np.log10(max(self.errors.get(trial.key, 1e-4), 1e-300)) + 4)
+            return abs(np.log10(max(self.errors.get(trial.key, 1e-4), NOTHING)) + 4)
 
-        drift = {name: min((t for t in finished if t.family == name), key=distance).position for name in families}
+        drift = {family: min(trials, key=distance).position for family, trials in finished.items()}
         stress = {
             family: {t.scene: self.errors.get(t.key, np.nan) for t in self.stress if t.family == family}
-            for family in families
+            for family in finished
         }
         return plot.plot_stability(self.times, points, drift, stress, title=self.scene, style=style)
 
 
 def stability(
-    scene: Scene, progress: Callable[[str, int, int], None] | None = None, *, seconds: float = _SECONDS
+    scene: Scene, progress: Callable[[str, int, int], None] | None = None, *, seconds: float = 70.0
 ) -> Stability:
     """Try every solver on a scene and on harder variants, each run within 3 s and all within about a minute.
 
@@ -209,7 +201,9 @@ def stability(
     require_callable("stability: progress", progress, "label", "done", "all")
     with kept_interrupts(), shown(progress, f"trying solvers on {scene.name}") as progress:
         study = _StabilityStudy(scene, progress)
-        study.collect(study.jobs(references()), _REFERENCE_LIMIT * seconds, _TRIALS_END * seconds)
+        # Trials of the scene itself end after half of the time. The harder variants use the remaining time.
+        limit, half = 3 / 70 * seconds, 0.5 * seconds
+        study.collect(study.jobs(references()), 5 / 70 * seconds, half)
         known = list(study.done)
         fastest, horizon = study.fastest(), float(study.times[-1] - study.times[0])
         jobs = study.jobs(ladders(horizon, fastest.rate))
@@ -217,9 +211,10 @@ def stability(
         harder = [job for job in harder if job.family not in study.untried]
         study.announce(jobs, harder)
         try:
-            limit = _LIMIT * seconds
-            study.collect(jobs, limit, _TRIALS_END * seconds)
-            study.collect(sorted(harder, key=lambda job: _STRESSED.index(job.family)), limit, seconds)
+            study.collect(jobs, limit, half)
+            # A family runs all variants before the next family starts.
+            families = list(under_stress(1.0))
+            study.collect(sorted(harder, key=lambda job: families.index(job.family)), limit, seconds)
             corners = _corners(scene)
         except KeyboardInterrupt as interrupt:
             text = f"Interrupted after {len(study.done)} of {study.total} runs."
@@ -229,10 +224,6 @@ def stability(
             raise SimulationError(f"{scene.name}: no solver finishes. {known[0].reason}")
         more = {"corners": corners, "fastest": fastest, "span": horizon, "doubts": study.doubts()}
         return study.result(len(known), corners, partial(advice, **more))
-
-
-_STRESSED = list(under_stress(1.0))
-"""Jobs of the families under stress. A family runs all variants before the next family starts."""
 
 
 class _StabilityStudy:
@@ -322,7 +313,7 @@ def _parted(trials: Sequence[Trial]) -> tuple[tuple[Trial, ...], tuple[Trial, ..
 
 
 def _stress_jobs(name: str, make: Callable[[], Scene], horizon: float) -> list[Job]:
-    """Fixed steps: the same for all horizons, and additional steps for the fastest motion of each variant."""
+    """Jobs of all families for a variant. Fixed steps are the same for all horizons; the fastest motion adds steps."""
     # Number of fixed steps over the horizon of the scene. The steps under stress follow from this number.
     step = horizon / 800
     return [
@@ -336,11 +327,8 @@ def _corners(scene: Scene) -> dict[float, tuple[int, int]]:
     if scene.box is None or len(scene.box) > 8:
         return {}
     simulator, failures = simulator_with(scene), {}
-    order, nominal = list(simulator.parameters), np.array(list(simulator.parameters.values()))
-    for width in _WIDTHS:
+    for width in (0.1, 0.2, 0.5):  # half widths, relative to the nominal values
         box = Box.around(scene.system.parameters, width, scene.box.names)
-        corners = box.from_unit(np.array(list(itertools.product((-1.0, 1.0), repeat=len(box)))))
-        P = np.tile(nominal, (len(corners), 1))
-        P[:, [order.index(name) for name in box.names]] = corners
-        failures[width] = int((~simulator.run(P).ok).sum()), len(corners)
+        P = parameter_samples(simulator, box, np.array(list(itertools.product((-1.0, 1.0), repeat=len(box)))))
+        failures[width] = int((~simulator.run(P).ok).sum()), len(P)
     return failures

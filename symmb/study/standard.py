@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from symmb._magnitudes import ROUNDING
+from symmb._magnitudes import NOTHING, ROUNDING
 from symmb._types import Array
 from symmb.study.ladders import CONTROLLED
 from symmb.study.trials import Trial, by_family, by_reason
@@ -113,5 +113,5 @@ def _deviation(true: Array, units: Sequence[str]) -> Array:
     """
     largest, deviation = np.abs(true).max(axis=0), np.std(true, axis=0)
     of_unit = np.array([max(largest[k] for k in range(len(units)) if units[k] == unit) for unit in units])
-    constant = np.where(largest > ROUNDING * of_unit, largest, np.maximum(of_unit, 1e-300))
+    constant = np.where(largest > ROUNDING * of_unit, largest, np.maximum(of_unit, NOTHING))
     return np.where(deviation > ROUNDING * of_unit, deviation, constant)

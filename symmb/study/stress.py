@@ -34,11 +34,11 @@ def stresses(scene: Scene) -> list[tuple[str, Callable[[], Scene]]]:
 
 def stiffer(scene: Scene, factor: float) -> Scene:
     """The scene with springs stiffer by a factor."""
-    changes = [
-        (element, {name: _divided(getattr(element, name), 1 / factor) for name in _stiffnesses(element)})
-        for element in _elements(scene.system)
+    changed = [
+        _changed(e, {name: _divided(getattr(e, name), 1 / factor) for name in _stiffnesses(e)})
+        for e in _elements(scene.system)
     ]
-    return _with(scene, [_changed(*change) for change in changes])
+    return _with(scene, changed)
 
 
 def lighter(scene: Scene, factor: float) -> Scene:

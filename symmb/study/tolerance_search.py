@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,12 +19,42 @@ TOLERANCE = 1e-2
 """Tolerance of the studies. Runs near limits decide smaller differences."""
 _SETTLED = 2e-3
 """Relative change of the factors at which a search ends. A study uses a factor smaller by half of it."""
-MOST = 16.0
+LARGEST_FACTOR = 16.0
 """Largest factor of the search: the given box should have the right size."""
-_STUDIES = 12
-"""Most studies. Two or three are usual; undecided limits need more."""
+_MAX_STUDIES = 12
+"""Largest number of studies. Two or three are usual; undecided limits need more."""
 _WIDER, _NARROWER = 1.6, 0.25
-"""Factors that an allocation may change at once, with the polynomials of a study over the wider box."""
+"""Largest and smallest change of a factor by one allocation. The polynomials hold in the wider box."""
+
+
+@dataclass
+class _Bracket:
+    """State of the search along a ray of factors (d,).
+
+    Attributes
+    ----------
+    along : (d,) array             factors of the ray at 1
+    most : float                   largest factor
+    places : (n, d) array          places of the unit box with the worst runs so far
+    low, high : float              factors of the largest valid study, and of the last study that is not valid
+    met, violated : float          factors at which runs reach a limit, and at which runs or a study violate it
+    less : float                   relative distance of the next study from `met`
+    best : Bounds or None          of the study at `low`
+    undecided : tuple or None      factor and bounds of the first study that did not decide a limit
+    why : str                      why the study at `high` is not valid; empty if runs show it
+    """
+
+    along: Array
+    most: float
+    places: Array
+    low: float = 0.0
+    high: float = np.inf
+    met: float = np.inf
+    violated: float = np.inf
+    less: float = _SETTLED / 2
+    best: Bounds | None = None
+    undecided: tuple[float, Bounds] | None = None
+    why: str = ""
 
 
 class Search:
@@ -50,8 +80,8 @@ class Search:
         closest = np.where(shape.lower > 0, shape.lower, np.where(shape.upper < 0, shape.upper, self._nominal))
         with np.errstate(divide="ignore", invalid="ignore"):
             to_zero = np.where(closest != self._nominal, self._nominal / (self._nominal - closest), np.inf)
-        # The same, relative to the factor at which a parameter such as a mass or length would reach 0.
-        self._most = np.minimum(0.99 * to_zero, MOST)
+        # At the factor `to_zero` a parameter such as a mass or length would reach 0.
+        self._most = np.minimum(0.99 * to_zero, LARGEST_FACTOR)
         self.evaluations, self.remarks, self.narrow = 1, tuple[str, ...](), tuple[str, ...]()
         run = simulator.run(np.array([[*map(float, simulator.parameters.values())]]))
         if not run.ok.all():
@@ -78,7 +108,7 @@ class Search:
         return box.with_units(units_of_parameters(self._simulator.parameters))
 
     def _study(self, factors: Array) -> Bounds:
-        """Bounds over a box. They can make further runs."""
+        """Bounds over the box with these factors (d,). The bounds can make further runs."""
         box, simulator = self._box(factors), self._simulator
         bounds = PolynomialChaos(tolerance=TOLERANCE).bounds(
             simulator, box, executor=self._executor, progress=self._progress
@@ -102,31 +132,36 @@ class Search:
         return np.array(places)
 
     def _margin(self, factors: Array, places: Array) -> float:
-        """The smallest margin of runs at places (n, d) of a box, over the nominal margin; -inf if a run fails."""
+        """The smallest margin of runs at places (n, d) of a box, relative to the margin of the nominal run.
+
+        The margin is -inf if a run fails.
+        """
         P = parameter_samples(self._simulator, self._box(factors), places)
         Y, failed = gathered(self._simulator, P, self._executor)
         self.evaluations += len(P)
         Y = Y[..., self._columns]
         return -np.inf if failed else float((self._margins(Y, Y) / self._at_nominal).min())
 
-    def _met(self, along: Array, places: Array, low: float, high: float, most: float) -> tuple[float, bool]:
-        """The factor between two factors at which runs at places reach a limit, or the larger one if no run does; and
-        whether runs fail beyond it.
+    def _met(self, ray: _Bracket) -> tuple[float, bool]:
+        """The factor between `low` and `high` at which runs reach a limit, and whether runs fail at larger factors.
+
+        If no run reaches a limit, the factor is `high`.
 
         The next factor is interpolated between margins, or bisected. If an end stays twice, its margin is halved
-        (Illinois). An infinite factor is limited to the largest factor.
+        (Illinois). If `high` is infinite, runs are made up to the largest factor.
         """
+        along, places, low = ray.along, ray.places, ray.low
         inside, beyond = (self._margin(low * along, places) if low else 1.0), np.nan
-        end = min(high, most)
-        for s in [*(low * 2.0 ** np.arange(1, 5) if high > end else []), end]:
+        end = min(ray.high, ray.most)
+        for s in [*(low * 2.0 ** np.arange(1, 5) if ray.high > end else []), end]:
             if s <= end and (beyond := self._margin(s * along, places)) < 0:
                 end = s
                 break
             low, inside = (s, beyond) if s < end else (low, inside)
         if not beyond < 0:
-            return high, False
+            return ray.high, False
         margin = np.nan
-        # Most factors at which runs are made between two studies. More are needed only if runs fail.
+        # Largest number of factors at which runs are made between two studies. More are needed only if runs fail.
         for _ in range(40):
             if end <= low * (1 + _SETTLED / 4):
                 break
@@ -146,44 +181,51 @@ class Search:
         limit is reached. The next study is over a slightly smaller box, until its check satisfies the limits.
         """
         most = float(np.min(self._most / along))
-        low, high, met, s, less = 0.0, np.inf, np.inf, min(1.0, most), _SETTLED / 2
-        places, best, undecided, why = np.empty((0, len(self._shape))), None, None, ""
-        for _ in range(_STUDIES):
-            try:
-                bounds = self._study(s * along)
-                check = self._check(bounds)
-            except PropagationError as error:  # too many runs fail
-                high, why, after = s, str(error).splitlines()[0], (low + s) / 2
-            else:
-                places = np.unique(np.concatenate([places, self._worst_places(bounds, check)]).round(9), axis=0)
-                if check.kept:
-                    low, best = s, bounds
-                else:
-                    undecided_by = (limit.why for limit in check.limits if limit.kept is None)
-                    high, why = s, "" if check.kept is False else (*bounds.doubts, *undecided_by)[0]
-                if check.kept is None and not bounds.failed:  # because the margin is too small
-                    undecided = undecided or (s, bounds)
-                    after, less = s * (1 - less), 2 * less
-                else:
-                    met, is_failed = self._met(along, places, low, high, most)
-                    why = why if is_failed or met == high else ""
-                    # Factor between a study that satisfies the limits and the next study, if no run with a violated
-                    # limit is known.
-                    after = min(met * (1 - less), 4.0 * s, most)
-            if best is not None and undecided is not None:  # the margin that a decision needs is between two studies
-                after = (low + high) / 2
-            if best is not None and (low >= most or after <= low * (1 + _SETTLED)):
+        ray, s = _Bracket(along, most, np.empty((0, len(self._shape)))), min(1.0, most)
+        for _ in range(_MAX_STUDIES):
+            after = self._next(ray, s)
+            if ray.best is not None and ray.undecided is not None:
+                after = (ray.low + ray.high) / 2  # the margin that a decision needs is between two studies
+            if ray.best is not None and (ray.low >= most or after <= ray.low * (1 + _SETTLED)):
                 break
             s = after
-        if best is None and undecided is not None:
-            low, best = undecided
-        if best is None:
-            raise PropagationError(f"{OWNER}: no box was found in {_STUDIES} studies. {why}".rstrip())
-        self.remarks, broken = (), high if why else min(high, met)
-        if low < most and broken > low * (1 + 4 * _SETTLED):
-            why = why or "the studies were not enough."
-            self.remarks = (f"At {broken / low:.4g} times these tolerances the limits are undecided: {why}",)
-        return low * along, best
+        if ray.best is None and ray.undecided is not None:
+            ray.low, ray.best = ray.undecided
+        if ray.best is None:
+            raise PropagationError(f"{OWNER}: no box was found in {_MAX_STUDIES} studies. {ray.why}".rstrip())
+        undecided, violated = (ray.high if ray.why else min(ray.high, ray.met)) / ray.low, ray.violated / ray.low
+        self.remarks = ()
+        if ray.low < most and max(undecided, violated if violated < np.inf else 0.0) > 1 + 4 * _SETTLED:
+            why = ray.why or "the studies were not enough."
+            beyond = f" Runs reach a limit at {violated:.4g} times these tolerances." if violated < np.inf else ""
+            self.remarks = (f"At {undecided:.4g} times these tolerances the limits are undecided: {why}{beyond}",)
+        return ray.low * along, ray.best
+
+    def _next(self, ray: _Bracket, s: float) -> float:
+        """The factor of the next study, after a study at the factor s. The results of this study enter the bracket."""
+        try:
+            bounds = self._study(s * ray.along)
+            check = self._check(bounds)
+        except PropagationError as error:  # too many runs fail
+            ray.high, ray.why = s, str(error).splitlines()[0]
+            return (ray.low + s) / 2
+        # Equal places of two studies differ by rounding, and each place costs a run at every factor.
+        ray.places = np.unique(np.concatenate([ray.places, self._worst_places(bounds, check)]).round(9), axis=0)
+        if check.kept:
+            ray.low, ray.best = s, bounds
+        else:
+            ray.high, ray.why = s, "" if check.kept is False else (*bounds.doubts, _undecided(check))[0]
+            ray.violated = s if check.kept is False else ray.violated
+        if check.kept is None and not bounds.failed:
+            # The margin is too small for a decision. A smaller box has a larger margin.
+            ray.undecided = ray.undecided or (s, bounds)
+            after, ray.less = s * (1 - ray.less), 2 * ray.less
+            return after
+        ray.met, is_failed = self._met(ray)
+        ray.why = ray.why if is_failed or ray.met == ray.high else ""
+        ray.violated = ray.violated if ray.why else min(ray.violated, ray.met)
+        # 4 limits the factor between a valid study and the next study, if no run with a violated limit is known.
+        return min(ray.met * (1 - ray.less), 4.0 * s, ray.most)
 
     def binding(self, bounds: Bounds, check: LimitCheck) -> WorstCase | None:
         """The run that is closest to a limit, relative to the margin of the nominal run."""
@@ -202,9 +244,10 @@ class Search:
 
     def signs(self, factors: Array) -> tuple[str, ...]:
         """Why factors (d,) cannot be larger, if parameters would change their signs."""
-        ends = (self._most < MOST) & (factors >= self._most * (1 - _SETTLED))
-        names = ", ".join(name for name, is_end in zip(self._shape.names, ends, strict=True) if is_end)
-        return (f"The search ends here, because with larger tolerances {names} would reach 0.",) * bool(names)
+        ends = (self._most < LARGEST_FACTOR) & (factors >= self._most * (1 - _SETTLED))
+        names = [name for name, is_end in zip(self._shape.names, ends, strict=True) if is_end]
+        text = f"The search ends here, because with larger tolerances {', '.join(names)} would reach 0."
+        return (text,) if names else ()
 
     def cheapest(self, cost: Callable[[Array], float]) -> tuple[Array, Bounds]:
         """The factors of lowest cost, and bounds over their box.
@@ -213,7 +256,7 @@ class Search:
         accurate polynomials. If the polynomials are wrong, the common factor may have a lower cost.
         """
         common = factors = self.largest(np.ones(len(self._shape)))[0]
-        for _ in range(_STUDIES):
+        for _ in range(_MAX_STUDIES):
             wide = np.minimum(_WIDER * factors, self._most)
             surrogate = self._polynomials(wide)
             if surrogate is None:
@@ -228,7 +271,7 @@ class Search:
         return self.largest(factors if cost(factors) < cost(common) else common)
 
     def _polynomials(self, factors: Array) -> Piecewise | None:
-        """The polynomials of a study over a box, if they are accurate."""
+        """The polynomials of the outputs with limits over a box; None if the polynomials are not accurate."""
         with suppress(PropagationError):  # too many runs fail
             surrogate = self._study(factors).good_surrogate(self._columns)
             return surrogate and surrogate.part(slice(None), self._columns)
@@ -242,9 +285,9 @@ class Search:
 
     def _factor_on(self, surrogate: Piecewise, wide: Array, factors: Array) -> float:
         """The largest multiple of the factors (d,), at most 1, with nonnegative margins by the polynomials."""
-        low, high = 0.0, 1.0
         if self._margins_on(surrogate, wide, factors).min() >= 0:
             return 1.0
+        low, high = 0.0, 1.0
         while high - low > _SETTLED / 8 * high:
             middle = (low + high) / 2
             is_kept = self._margins_on(surrogate, wide, middle * factors).min() >= 0
@@ -261,7 +304,7 @@ class Search:
         scale = cost(start) or 1.0
         rows = {int(self._margins_on(surrogate, wide, start).min(axis=1).argmin())}
         factors = start
-        # Most allocations for one study. Each adds the times at which limits were violated before.
+        # Largest number of allocations for one study. Each adds the time with the largest violation.
         for _ in range(12):
             few = surrogate.part(np.array(sorted(rows)), range(len(self._low)))
 
@@ -284,3 +327,8 @@ class Search:
             rows.add(broken)
         factors = factors * self._factor_on(surrogate, wide, factors)
         return factors if cost(factors) < cost(start) else start
+
+
+def _undecided(check: LimitCheck) -> str:
+    """The reason why the first undecided limit of a check is undecided."""
+    return next(limit.why for limit in check.limits if limit.kept is None)

@@ -19,7 +19,7 @@ from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box, Scene
 from symmb.run.integrate import Solver
 from symmb.run.simulation import SceneSimulator, simulator_of
-from symmb.study.tolerance_search import MOST, OWNER, TOLERANCE, Search
+from symmb.study.tolerance_search import LARGEST_FACTOR, OWNER, TOLERANCE, Search
 
 Costs = Mapping[str, Callable[[float], float]] | Callable[[float], float]
 
@@ -186,10 +186,10 @@ def tolerances(
     check = bounds.check(limits)
     by_name = dict(zip(shape.names, factors.tolist(), strict=True))
     nominal = {name: float(simulator.parameters[name]) for name in shape.names}
-    factor = float(factors[shape.radius > 0].min(initial=MOST))
+    factor = float(factors[shape.radius > 0].min(initial=LARGEST_FACTOR))
     assert bounds.box is not None
     signs, remarks = search.signs(factors), search.remarks + search.narrow
-    is_open = factor >= MOST or search.remarks or (signs and cost is None) or check.kept is None
+    is_open = factor >= LARGEST_FACTOR or search.remarks or (signs and cost is None) or check.kept is None
     binding = None if is_open else search.binding(bounds, check)
     return Tolerances(
         bounds.box, factor, by_name, cost, binding, check, bounds, search.evaluations, nominal, remarks + signs
@@ -197,7 +197,7 @@ def tolerances(
 
 
 def _of_outputs(simulator: Simulator, box: Box, names: Sequence[str]) -> Simulator:
-    """The simulator of a scene with only some of its outputs, because others would need runs. Black boxes stay."""
+    """The simulator of a scene with some of its outputs: the other outputs could need more runs. Black boxes stay."""
     if not isinstance(simulator, SceneSimulator) or simulator.scene is None or simulator.scene.outputs is None:
         return simulator
     if len(names) == len(simulator.outputs):

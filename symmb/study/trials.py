@@ -25,13 +25,13 @@ LEFT_OUT = "left out for lack of time"
 _TOO_LONG, _MANY_STEPS = "took longer than", "has taken too many steps at"
 _LONGER, _LARGER = "a longer step took too long", "a larger tolerance took too long"
 SLOW = (LEFT_OUT, _TOO_LONG, _LONGER, _LARGER, _MANY_STEPS)
-"""Start of the reasons of runs that were not finished for lack of time."""
+"""First words of the reason of a trial that was not finished for lack of time."""
 _LIMITED = ("TOO_MUCH_WORK", "steps are not enough")
 """Parts of the messages of solvers that reached their maximum number of steps."""
 _ENERGY = "the energy"
-"""Start of the reasons of runs whose energy is wrong."""
+"""First words of the reason of a trial with a wrong energy."""
 _TOO_SLOW, _WRONG_ENERGY, _BROKEN = "too slow", "wrong energy", "breaks down"
-"""Kinds of failures, besides LEFT_OUT."""
+"""Kinds of failures. LEFT_OUT is another kind."""
 _SETUP = 15.0
 """Additional time for the first trial of a job [s]: its compilation is cached only if it ends."""
 _DRIFT = entry(Record.size, None)
@@ -78,7 +78,7 @@ class Trial:
 
     @property
     def key(self) -> str:
-        """Its key in a study."""
+        """The key of the trial in a study."""
         return f"{self.scene}|{self.solver}"
 
     @property
@@ -88,7 +88,7 @@ class Trial:
 
     @property
     def failure(self) -> str:
-        """The kind of its failure, in words; empty if the run succeeded."""
+        """The kind of failure in words; empty if the run succeeded."""
         if not self.reason:
             return ""
         if self.slow:
@@ -217,7 +217,7 @@ class _Running:
     ended: bool = False
 
     def received(self) -> Iterator[Trial]:
-        """The trial that the pipe holds. The first message has the settings of the job, the end is no message."""
+        """The trial in the pipe. The first message contains the settings of the job. A closed pipe ends the job."""
         try:
             message = self.pipe.recv()
         except EOFError:
@@ -233,7 +233,7 @@ class _Running:
         self.ended = self.done == len(self.job.solvers)
 
     def left(self, limit: float) -> Iterator[Trial]:
-        """The trials that are left out because the current one takes longer than the limit [s]."""
+        """The remaining trials of the job, as left out, if the current trial takes longer than the limit [s]."""
         most = limit if self.done else limit + _SETUP
         if time.monotonic() - self.since > most:
             self.ended = True

@@ -157,7 +157,7 @@ def _bars(axes: Axes, t: Array, n: int) -> list[Array]:
         panel.tick_params(labelbottom=True)
     axes.xaxis.set_visible(False)
     begin, end = abscissa(t)[[0, -1]]
-    return [begin + (k + 0.25 + 0.5 * (abscissa(t) - begin) / (end - begin)) * (end - begin) / n for k in range(n)]
+    return [begin + (k + 0.3 + 0.4 * (abscissa(t) - begin) / (end - begin)) * (end - begin) / n for k in range(n)]
 
 
 def _draw_pairs(
