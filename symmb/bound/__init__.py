@@ -8,6 +8,9 @@ polynomials   bases, fits, and the ranges of polynomials
 nodes         points at which to run, and fits to the runs there
 bounds        methods, bounds, and answers; `adaptive` is the method that chooses its own runs
 
-A method declares what it needs of a simulator: runs, derivatives, or equations. `bounds.propagation` brings them
-together.
+A method declares what it needs of a simulator: runs, derivatives, or equations.
+
+The way of `propagate`, in `bounds.propagation`: make the simulator, bound by the method (`bounds.method`), and look for
+warnings (`bounds.doubts`; `bounds.check_runs` checks methods without an estimated error). The Bounds then answer:
+`bounds.limits` decides limits, `bounds.contributions` and `bounds.probabilities` compute variances and probabilities.
 """

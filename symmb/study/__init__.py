@@ -1,6 +1,10 @@
-"""Studies of a scene: comparison of bounding methods, and stability of solvers.
+"""Studies of a scene, each with its own question.
 
-Both report errors against run time.
+compare       which method bounds best: error against run time, beside a reference
+stability     which solver runs best: error against run time, also under stress
+tolerances    how large tolerances may be; `tolerance_search` finds the factors, `bounds.limits` decides each limit
+calibration   which parameters fit measured outputs; `residuals` has the least squares
+root_locus    how eigenvalues depend on a parameter
 """
 
 from symmb.study.comparison_result import Comparison

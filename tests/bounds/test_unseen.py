@@ -9,7 +9,7 @@ from unit_functions import unit_function
 
 import symmb as mb
 from models import slider_crank
-from symmb.bound.bounds.adaptive.check_runs import screening_corners
+from symmb.bound.bounds.adaptive.check_points import screening_corners
 
 
 def bounds_of(f, d, n_t, n_y=1, probes=0):

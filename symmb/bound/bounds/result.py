@@ -85,15 +85,18 @@ class Bounds(Answers, Counted, Result, Saved):
         return {**self.__dict__, "study": None, "attaining": None}
 
     def check(self, limits: Limits) -> LimitCheck:
-        """Check whether outputs keep limits for all parameters of the box, at all times.
+        """Check whether outputs satisfy limits for all parameters of the box, at all times.
 
-        A limit is kept if the bounds, widened by their estimated error at each time, are inside, and no warning
-        concerns the output. It is violated if a run is beyond it by more than rounding and noise, such as the nominal
-        run if its parameters are in the box. This run is made if nothing else decides. If the bounds are closer to a
-        limit than twice their estimated error, further runs search for a run beyond the limit. For a scene, half of the
-        width of the bounds is close enough. The search makes at most 600 runs, or as many as the study; with other
-        simulators no more than the study. The limit is kept if the search ends inside. Otherwise it is undecided. An
-        enclosure proves that a limit is kept. Samples alone can only show that it is violated.
+        A limit is satisfied if the bounds, widened by their estimated error at each time, are inside, and no warning
+        concerns the output. It is violated if a run is beyond it by more than rounding and noise. The nominal run
+        counts if its parameters are in the box, and is made if nothing else decides.
+
+        If the bounds are closer to a limit than twice their estimated error, further runs search for a run beyond the
+        limit. For a scene they also do so if the bounds are closer than half of their width. The search makes at most
+        600 runs, or as many as the study; with other simulators at most twice as many as the study. The limit is then
+        satisfied if the closest run is farther inside than the error of the search, and undecided otherwise.
+
+        An enclosure proves that a limit is satisfied. Samples alone can only show that a limit is violated.
 
         Parameters
         ----------

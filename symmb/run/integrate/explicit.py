@@ -1,4 +1,7 @@
-"""Explicit solvers on the ODE with multipliers eliminated."""
+"""Explicit solvers on the ODE with multipliers eliminated.
+
+Their steps are taken by compiled loops: `codegen/c/embedded_pair.h` and `codegen/c/fixed_step.h`.
+"""
 
 from abc import abstractmethod
 from dataclasses import dataclass, field

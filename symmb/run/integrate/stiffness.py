@@ -1,4 +1,4 @@
-"""Stiffness of a motion: eigenvalues of its linearisation along a run."""
+"""Stiffness of a motion: eigenvalues of its linearisation along a run. The choice of the solver asks for it."""
 
 from dataclasses import dataclass
 
@@ -43,8 +43,7 @@ class Stiffness:
 
 
 def some_states(n: int) -> Indices:
-    """Numbers of the states, of n, at which the stiffness of a run is estimated."""
-    # States of a run at which its stiffness is estimated.
+    """Numbers of five of n states, at which the stiffness of a run is estimated."""
     return np.unique(np.linspace(0, n - 1, 5).astype(np.intp))
 
 

@@ -5,7 +5,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -106,6 +106,11 @@ def for_one_run(stiff: bool) -> Candidates:
     if not has_compiler():
         return Candidates(_MULTISTEP, _STIFF, (CVODES(stabilization=AugmentedLagrangian()), _THROUGH))
     return Candidates(_PAIR, _STIFF, (_MULTISTEP, *_SINGULAR, _THROUGH))
+
+
+def at_tolerances(solver: Solver, tolerances: Mapping[str, Any]) -> Solver:
+    """The solver with other tolerances `rtol` and `atol`."""
+    return replace(solver, **tolerances)  # pyright: ignore[reportArgumentType]
 
 
 def choose(candidates: Callable[[], Candidates], pilot: Callable[[Solver], Pilot]) -> tuple[Solver, str]:
@@ -289,6 +294,13 @@ class PilotRuns:
             run_seconds=seconds,
             events=run.events,
         )
+
+    def choice(self, tolerances: Mapping[str, Any]) -> tuple[Solver, str]:
+        """The solver of one run that pilot runs choose, with these tolerances, and the reason."""
+        stiff = starts_stiff(self.program, self.x0, self.p)
+        solver, reason = choose(partial(for_one_run, stiff), lambda each: self.judge(at_tolerances(each, tolerances)))
+        solver = at_tolerances(solver, tolerances)
+        return solver, _joined(TOO_FAST if stiff else "", reason, self.program.forms.of(solver).why)
 
     def judge(self, solver: Solver) -> Pilot:
         """Run by a solver, and judge the result."""

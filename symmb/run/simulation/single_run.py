@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any, cast, overload
 
 import numpy as np
@@ -21,7 +20,7 @@ from symmb.run.formulations import program_of
 from symmb.run.integrate import EventDriven, Solver, solver_of
 from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_simulator import FigureSimulator
-from symmb.run.simulation.pilots import TOO_FAST, PilotRuns, choose, for_one_run, given_program, starts_stiff
+from symmb.run.simulation.pilots import PilotRuns, at_tolerances, given_program
 from symmb.run.simulation.run_doubts import SMOOTH, run_doubts
 from symmb.run.simulation.subject import (
     require_own,
@@ -170,7 +169,7 @@ def _simulated_side_by_side(
             "simulate: check=True applies to a single run, not to a list of parameters. Pass one mapping of parameters."
         )
     if tolerances and isinstance(subject, Scene):
-        solver = _at(simulator_with(subject).solver, tolerances)
+        solver = at_tolerances(simulator_with(subject).solver, tolerances)
     return swept(simulator_for("simulate", subject, solver), parameters, "simulate")
 
 
@@ -185,10 +184,7 @@ def _simulated(runs: PilotRuns, check: bool, tolerances: Mapping[str, Any]) -> t
         solver, reason = runs.program.solver, runs.reason
         runs.run(solver)
     else:
-        stiff = starts_stiff(runs.program, runs.x0, runs.p)
-        solver, reason = choose(partial(for_one_run, stiff), lambda solver: runs.judge(_at(solver, tolerances)))
-        solver = _at(solver, tolerances)
-        reason = "; ".join(filter(None, (TOO_FAST if stiff else "", reason, runs.program.forms.of(solver).why)))
+        solver, reason = runs.choice(tolerances)
     run, trajectory = runs.done[solver]
     switches = bodies.kinks(times)
     if run.message:
@@ -208,10 +204,6 @@ def _simulated(runs: PilotRuns, check: bool, tolerances: Mapping[str, Any]) -> t
         doubts = (*doubts, *ways.doubts, *filter(None, [ways.unchecked]))
         trajectory = replace(trajectory, error=np.abs(ways.values - ways.others), run_doubts=doubts)
     return solver, trajectory
-
-
-def _at(solver: Solver, tolerances: Mapping[str, Any]) -> Solver:
-    return replace(solver, **tolerances)  # pyright: ignore[reportArgumentType]
 
 
 def with_figures_of(trajectory: Trajectory, simulator: FigureSimulator, check: bool) -> Trajectory:

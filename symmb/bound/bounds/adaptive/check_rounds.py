@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._magnitudes import SAME
 from symmb._types import Array
-from symmb.bound.bounds.adaptive.check_runs import SAFETY, inflated_error
+from symmb.bound.bounds.adaptive.check_points import SAFETY, inflated_error
 from symmb.bound.bounds.adaptive.continuation import (
     REMAINING_SHARE,
     SPARSE_PROBES,

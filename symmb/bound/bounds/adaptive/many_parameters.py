@@ -6,7 +6,7 @@ from itertools import count
 import numpy as np
 
 from symmb._types import Array
-from symmb.bound.bounds.adaptive.check_runs import select_dispersed
+from symmb.bound.bounds.adaptive.check_points import select_dispersed
 from symmb.bound.bounds.adaptive.output_study import OutputStudy
 from symmb.bound.bounds.adaptive.requests import Checks, Nodes, Noise, Places, Request
 from symmb.bound.bounds.adaptive.runs import OutputRuns, Runs

@@ -6,7 +6,7 @@ from collections.abc import Callable, Generator, Iterator
 import numpy as np
 
 from symmb._types import Array, Indices
-from symmb.bound.bounds.adaptive.check_runs import PATIENCE, SAFETY, screening_points
+from symmb.bound.bounds.adaptive.check_points import PATIENCE, SAFETY, screening_points
 from symmb.bound.bounds.adaptive.requests import Checks, Noise, Request
 from symmb.bound.bounds.adaptive.runs import OutputRuns, relative_rms
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange

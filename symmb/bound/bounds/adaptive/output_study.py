@@ -5,8 +5,7 @@ from collections.abc import Generator, Iterator
 
 import numpy as np
 
-from symmb.bound.bounds.adaptive.check_rounds import CheckRounds, separable_extremes, spread_over_times
-from symmb.bound.bounds.adaptive.check_runs import (
+from symmb.bound.bounds.adaptive.check_points import (
     PATIENCE,
     SAFETY,
     corner_design,
@@ -15,6 +14,7 @@ from symmb.bound.bounds.adaptive.check_runs import (
     quasi_random_points,
     screening_points,
 )
+from symmb.bound.bounds.adaptive.check_rounds import CheckRounds, separable_extremes, spread_over_times
 from symmb.bound.bounds.adaptive.continuation import (
     SPARSE_PROBES,
     SPARSE_RANGE,

@@ -7,7 +7,7 @@ import numpy as np
 
 from symmb._limits import windows
 from symmb._types import Array, Indices, Mask
-from symmb.bound.bounds.adaptive.check_runs import inflated_error
+from symmb.bound.bounds.adaptive.check_points import inflated_error
 from symmb.bound.bounds.adaptive.error_estimate import SMOOTH_DECAY, TruncationError, decay_ratios, event_errors
 from symmb.bound.bounds.adaptive.runs import CHEAP_RUNS, Runs, relative_errors
 from symmb.bound.nodes import Grid

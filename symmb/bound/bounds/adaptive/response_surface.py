@@ -13,7 +13,7 @@ import numpy as np
 
 from symmb._magnitudes import SAME
 from symmb._types import Array, Mask
-from symmb.bound.bounds.adaptive.check_runs import PATIENCE, SAFETY, quasi_random_points, screening_corners
+from symmb.bound.bounds.adaptive.check_points import PATIENCE, SAFETY, quasi_random_points, screening_corners
 from symmb.bound.bounds.adaptive.continuation import along_axes, extrapolated_sizes, largest
 from symmb.bound.bounds.adaptive.requests import Checks, Noise, Steps
 from symmb.bound.bounds.adaptive.runs import CHEAP_RUNS, TRUST, OutputRuns

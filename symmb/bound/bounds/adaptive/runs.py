@@ -8,7 +8,7 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._magnitudes import LAST_DIGITS, SAME
 from symmb._types import Array, Executor, Indices, Mask
-from symmb.bound.bounds.adaptive.check_runs import FEW_SHAPES, SAFETY, SHAPE_RUNS, count_shapes, quasi_random_points
+from symmb.bound.bounds.adaptive.check_points import FEW_SHAPES, SAFETY, SHAPE_RUNS, count_shapes, quasi_random_points
 from symmb.bound.bounds.adaptive.clock import Clock
 from symmb.bound.bounds.failures import Failure, failure_text, find_failed_region
 from symmb.bound.bounds.method import parameter_samples

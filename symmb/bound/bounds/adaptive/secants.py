@@ -4,7 +4,7 @@ import numpy as np
 
 from symmb._limits import windows
 from symmb._types import Array
-from symmb.bound.bounds.adaptive.check_runs import SAFETY
+from symmb.bound.bounds.adaptive.check_points import SAFETY
 
 LEAST_SHARE_BESIDE_CUSP = 0.2
 """Smallest distance of a vertex from the ends of an interval, over its length, if slopes increase towards it, as at

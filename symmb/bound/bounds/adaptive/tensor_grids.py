@@ -9,7 +9,7 @@ import numpy as np
 
 from symmb._magnitudes import SAME
 from symmb._types import Array, Indices, Mask
-from symmb.bound.bounds.adaptive.check_runs import (
+from symmb.bound.bounds.adaptive.check_points import (
     FEW_SHAPES,
     PATIENCE,
     PROBES,
