@@ -143,10 +143,10 @@ def rounding(values: Array, units: Sequence[str] = ()) -> Array:
     They are relative to the largest value of the output, and to the largest value of all outputs of its unit. Values
     that change at random from time to time, and are tiny beside other outputs or 1, are rounding of 0.
     """
-    size = np.nan_to_num(np.abs(values)).reshape(-1, np.shape(values)[-1]).max(axis=0, initial=0.0)
+    size = np.nan_to_num(np.abs(values)).max(axis=tuple(range(np.ndim(values) - 1)), initial=0.0)
     change = np.sign(np.diff(np.nan_to_num(values, posinf=0.0, neginf=0.0), axis=-2))
-    turns = (change[..., 1:, :] * change[..., :-1, :] < 0).reshape(-1, len(size))
-    is_noise = turns.sum(axis=0) > _RANDOM_TURNS * len(turns)
+    turns = change[..., 1:, :] * change[..., :-1, :] < 0
+    is_noise = turns.sum(axis=tuple(range(turns.ndim - 1))) > _RANDOM_TURNS * turns[..., :1].size
     is_noise &= size <= max(LAST_DIGITS, ROUNDING * size.max(initial=0.0))
     alike = [max(s for s, other in zip(size, units, strict=True) if other == unit) if unit else 0.0 for unit in units]
     return np.where(is_noise, 2.0 * size, np.maximum(ROUNDING * size, LAST_DIGITS * np.array(alike or 0.0)))
