@@ -312,8 +312,7 @@ def _decision(bounds: Envelope, k: int, low: float, high: float) -> _Decision:
 def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decision:
     """The decision on the lower or the upper limit, from its margin and the estimated error at each time.
 
-    If the margin is about as small as this error, further runs search for a violation. The limit is violated if a run
-    is beyond the limit. It is satisfied if the closest run is farther inside than the error of the search.
+    If the margin is about as small as this error, further runs search for a violation.
     """
     assert bounds.estimate is not None
     margin = bounds.lower[:, k] - limit if side == "lower" else limit - bounds.upper[:, k]
@@ -328,24 +327,8 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
         near = near + 0.5 * (bounds.upper - bounds.lower)[:, k].max()
     if bounds.study is not None and (margin < near).any():
         further = closest_run(bounds, k, side, limit, np.argsort(margin, kind="stable"), rounding)
-        inside, error = -further.beyond, max(further.error, rounding)
-        own = limit - further.values if side == "upper" else further.values - limit
-        if inside < -rounding:
-            return _Decision(False, "A further run is beyond the limit.", np.fmin(margin, own), further)
-        if further.failed:
-            why = f"{further.failed} of {further.runs} further runs near the limit failed."
-            return _Decision(None, why, margin, further)
-        if further.is_flat and np.isfinite(error) and abs(inside) <= LAST_DIGITS * abs(limit):
-            why = f"Most of {further.runs} further runs attain the limit exactly. None is beyond the limit."
-            return _Decision(True, why, np.fmin(np.maximum(margin, 0.0), own), further)
-        if inside <= rounding:
-            why = f"A further run reaches the limit, within {rounding:.1e}{unit} of rounding or noise. {_MOVE}"
-            return _Decision(None, why, margin, further)
-        if np.isfinite(error):
-            why = f"{further.runs} further runs stay {inside:.3g}{unit} inside. Other runs may be closer by {error:.1e}"
-            return _Decision(
-                True if inside > error else None, f"{why}{unit}.", np.fmin(np.maximum(margin, inside), own), further
-            )
+        if (found := _by_further_run(further, limit, margin, rounding, unit)) is not None:
+            return found
     if (margin < -np.maximum(estimate, rounding)).any():
         error = estimate[(margin + estimate).argmin()]
         why = f"The bounds are beyond the limit by more than their estimated error of {error:.1e}{unit}."
@@ -355,6 +338,32 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
         return _Decision(True, f"The estimated error is {error:.1e}{unit} at the smallest margin.", margin, further)
     error, remedy = estimate[(margin - estimate).argmin()], "Use a smaller PolynomialChaos(tolerance=...)."
     return _Decision(None, f"The estimated error is up to {error:.1e}{unit}. {remedy}", margin, further)
+
+
+def _by_further_run(further: FurtherRun, limit: float, margin: Array, rounding: float, unit: str) -> _Decision | None:
+    """The decision by the further run that is closest to a limit; None if its search was not completed.
+
+    The limit is violated if the run is beyond the limit. It is satisfied if the run is farther inside than the error of
+    the search, or if the output is limited to the limit itself.
+    """
+    inside, error = -further.beyond, max(further.error, rounding)
+    own = limit - further.values if further.side == "upper" else further.values - limit
+    if inside < -rounding:
+        return _Decision(False, "A further run is beyond the limit.", np.fmin(margin, own), further)
+    if further.failed:
+        why = f"{further.failed} of {further.runs} further runs near the limit failed."
+        return _Decision(None, why, margin, further)
+    if further.is_flat and np.isfinite(error) and abs(inside) <= LAST_DIGITS * abs(limit):
+        why = f"Most of {further.runs} further runs attain the limit exactly. None is beyond the limit."
+        return _Decision(True, why, np.fmin(np.maximum(margin, 0.0), own), further)
+    if inside <= rounding:
+        why = f"A further run reaches the limit, within {rounding:.1e}{unit} of rounding or noise. {_MOVE}"
+        return _Decision(None, why, margin, further)
+    if not np.isfinite(error):
+        return None
+    why = f"{further.runs} further runs stay {inside:.3g}{unit} inside. Other runs may be closer by {error:.1e}{unit}."
+    kept = True if inside > error else None
+    return _Decision(kept, why, np.fmin(np.maximum(margin, inside), own), further)
 
 
 def _ends(owner: str, name: str, pair: object, unit: str) -> tuple[float, float]:
