@@ -16,15 +16,17 @@ from symmb.equations.model import Box
 
 OWNER = "tolerances"
 TOLERANCE = 1e-2
-"""Tolerance of the studies. Runs near limits decide smaller differences."""
+"""Tolerance of the studies. If a limit is closer than this, runs near the limit decide."""
 _SETTLED = 2e-3
-"""Relative change of the factors at which a search ends. A study uses a factor smaller by half of it."""
+"""A search ends if factors change by less than this fraction. A study uses a factor that is smaller than the expected
+one by half of this fraction."""
 LARGEST_FACTOR = 16.0
-"""Largest factor of the search: the given box should have the right size."""
+"""Largest factor that a search tries. If it is reached, the given box was far too small."""
 _MAX_STUDIES = 12
 """Largest number of studies. Two or three are usual; undecided limits need more."""
 _WIDER, _NARROWER = 1.6, 0.25
-"""Largest and smallest change of a factor by one allocation. The polynomials hold in the wider box."""
+"""Largest and smallest ratio of a factor after and before one allocation. The polynomials must be accurate in the box
+with the largest ratio."""
 
 
 @dataclass
@@ -33,13 +35,13 @@ class _Bracket:
 
     Attributes
     ----------
-    along : (d,) array             factors of the ray at 1
+    along : (d,) array             factors of the parameters at the point 1 of the ray
     most : float                   largest factor
     places : (n, d) array          places of the unit box with the worst runs so far
     low, high : float              factors of the largest valid study, and of the last study that is not valid
     met, violated : float          factors at which runs reach a limit, and at which runs or a study violate it
     less : float                   relative distance of the next study from `met`
-    best : Bounds or None          of the study at `low`
+    best : Bounds or None          bounds from the study at `low`
     undecided : tuple or None      factor and bounds of the first study that did not decide a limit
     why : str                      why the study at `high` is not valid; empty if runs show it
     """
@@ -92,7 +94,7 @@ class Search:
         if margins[i, k] <= 0:
             raise PropagationError(
                 f"{OWNER}: the nominal run violates or reaches a limit of {[*limits][k]} at {simulator.times[i]:g} s: "
-                f"{values[i, k]:.6g}. The search needs a margin there. Change the limit or these values."
+                f"{values[i, k]:.6g}. The search needs a margin at this time. Change the limit or the nominal values."
             )
         self._at_nominal, self._nominal_values = margins.min(axis=0), values
 
@@ -185,18 +187,20 @@ class Search:
         for _ in range(_MAX_STUDIES):
             after = self._next(ray, s)
             if ray.best is not None and ray.undecided is not None:
-                after = (ray.low + ray.high) / 2  # the margin that a decision needs is between two studies
+                after = (ray.low + ray.high) / 2  # the largest factor that can be decided is between them
             if ray.best is not None and (ray.low >= most or after <= ray.low * (1 + _SETTLED)):
                 break
             s = after
         if ray.best is None and ray.undecided is not None:
             ray.low, ray.best = ray.undecided
         if ray.best is None:
-            raise PropagationError(f"{OWNER}: no box was found in {_MAX_STUDIES} studies. {ray.why}".rstrip())
+            raise PropagationError(
+                f"{OWNER}: no box that satisfies the limits was found in {_MAX_STUDIES} studies. {ray.why}".rstrip()
+            )
         undecided, violated = (ray.high if ray.why else min(ray.high, ray.met)) / ray.low, ray.violated / ray.low
         self.remarks = ()
         if ray.low < most and max(undecided, violated if violated < np.inf else 0.0) > 1 + 4 * _SETTLED:
-            why = ray.why or "the studies were not enough."
+            why = ray.why or "the largest number of studies was reached."
             beyond = f" Runs reach a limit at {violated:.4g} times these tolerances." if violated < np.inf else ""
             self.remarks = (f"At {undecided:.4g} times these tolerances the limits are undecided: {why}{beyond}",)
         return ray.low * along, ray.best
@@ -209,7 +213,7 @@ class Search:
         except PropagationError as error:  # too many runs fail
             ray.high, ray.why = s, str(error).splitlines()[0]
             return (ray.low + s) / 2
-        # Equal places of two studies differ by rounding, and each place costs a run at every factor.
+        # Two studies give one place with different rounding. Each place needs a run at every factor.
         ray.places = np.unique(np.concatenate([ray.places, self._worst_places(bounds, check)]).round(9), axis=0)
         if check.kept:
             ray.low, ray.best = s, bounds
@@ -224,7 +228,7 @@ class Search:
         ray.met, is_failed = self._met(ray)
         ray.why = ray.why if is_failed or ray.met == ray.high else ""
         ray.violated = ray.violated if ray.why else min(ray.violated, ray.met)
-        # 4 limits the factor between a valid study and the next study, if no run with a violated limit is known.
+        # If no run with a violated limit is known, the next factor is at most 4 times the factor of this study.
         return min(ray.met * (1 - ray.less), 4.0 * s, ray.most)
 
     def binding(self, bounds: Bounds, check: LimitCheck) -> WorstCase | None:
@@ -243,7 +247,7 @@ class Search:
         return getattr(bounds.worst(name), side)
 
     def signs(self, factors: Array) -> tuple[str, ...]:
-        """Why factors (d,) cannot be larger, if parameters would change their signs."""
+        """One sentence if larger factors (d,) would let a parameter reach 0; otherwise empty."""
         ends = (self._most < LARGEST_FACTOR) & (factors >= self._most * (1 - _SETTLED))
         names = [name for name, is_end in zip(self._shape.names, ends, strict=True) if is_end]
         text = f"The search ends here, because with larger tolerances {', '.join(names)} would reach 0."
@@ -297,7 +301,7 @@ class Search:
     def _allocated(self, surrogate: Piecewise, wide: Array, start: Array, cost: Callable[[Array], float]) -> Array:
         """Factors of lowest cost by polynomials, from the start factors.
 
-        Few times are active. Times at which a solution violates limits are added until no limit is violated.
+        Limits are active only at a few output times. Times at which a solution violates a limit are added.
         """
         from scipy.optimize import minimize
 

@@ -266,7 +266,7 @@ def test_comparisons(tmp_path):
         ("none/r.html", None, "cannot be written"),
         ("r.html", {"q": (0, 1)}, "no output 'q'"),
         ("r.html", {"x": (1, 0)}, "cross"),
-        ("r.html", {}, "limits must be pairs"),
+        ("r.html", {}, "limits must be a dictionary of pairs"),
     ],
 )
 def test_wrong_arguments_are_told_in_one_sentence(tmp_path, monkeypatch, path, limits, why):

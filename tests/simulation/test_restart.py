@@ -121,7 +121,7 @@ def test_samples_of_a_box_start_on_their_own_constraints():
 def test_runs_that_cannot_be_gone_on_from_are_refused(tmp_path):
     scene = four_bar.scene().with_times(np.linspace(0, 1, 11))
     run = mb.simulate(scene)
-    refused(r"expected a run of simulate, got Scene\.", scene.starting_at, scene)
+    refused(r"expected a run that simulate\(\) returned, got Scene\.", scene.starting_at, scene)
     with pytest.raises(mb.DeclarationError, match=r"another system: only one of them has 'rod1\.x'"):
         double_pendulum.scene().starting_at(run)
     with pytest.raises(mb.DeclarationError, match="the run has failed"):

@@ -98,7 +98,7 @@ class GaussianProcess:
 
     @cached_property
     def _covariances(self) -> list[Array]:
-        """The covariances (N, N) of the runs, by each term."""
+        """Covariance matrices (N, N) of the runs, one for each term of the kernel."""
         return [term.values(self.points, self.points) for term in self.kernel.terms]
 
     @cached_property

@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 Limits = Mapping[str, tuple[float | str | None, float | str | None] | tuple[float | None, float | None, str]]
 """Limits (low, high) of outputs by name, in any unit that fits, such as ("75 deg/s", None). One end may be None."""
 _RISE_SAFETY = 2.0
-"""How many times the rise of a parabola between output times counts: with few times the curve may rise more."""
+"""Safety factor on the estimated rise between two output times. The curve may rise more than the parabola."""
 WARNED = "See the warnings"
-_MOVE = "Move the limit by more than this to decide it."
+_MOVE = "For a decision, move the limit by more than this number."
 _WORDS = {True: "satisfied", False: "violated", None: "undecided"}
 
 
@@ -53,8 +53,8 @@ class KeptLimit:
     low, high : float          limits, infinite if there is none
     kept : True, False, None   whether all responses are inside; None if the bounds do not decide this
     why : str                  the reason, or how to decide the limit, in a sentence
-    margin : (n_t,)            distance of the bounds from the closer limit, negative beyond the limit. It is larger if
-                               further runs show this
+    margin : (n_t,)            distance of the bounds from the closer limit, negative beyond the limit. Further runs
+                               may show that it is larger: this larger distance is given
     further : FurtherRun       the further run that comes closest to the limit, or None if none was made
     width : float              largest width of the bounds
     """
@@ -186,7 +186,7 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
 
 
 def between_times(bounds: Envelope, limits: Sequence[KeptLimit]) -> list[str]:
-    """Remarks on limits that hold at the output times, but that bounds may exceed between two output times.
+    """Remarks on limits that are satisfied at all output times, but may be violated between two of them.
 
     Parabolas through three neighbouring times estimate the bounds between them. Scalar outputs are left out.
     """
@@ -207,7 +207,7 @@ def between_times(bounds: Envelope, limits: Sequence[KeptLimit]) -> list[str]:
 
 
 def _rise(t: Array, y: Array) -> Array:
-    """Rise (n_t - 2,) of parabolas through each value and its neighbours above this value, 0 if it is not a peak."""
+    """Rise (n_t - 2,) of the parabola through each inner value and its neighbours above the value; 0 without a peak."""
     left, right = np.diff(y)[:-1] / np.diff(t)[:-1], np.diff(y)[1:] / np.diff(t)[1:]
     before, after = np.diff(t)[:-1], np.diff(t)[1:]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -230,7 +230,8 @@ def limit_pairs(
     """Limits (low, high) by output, as numbers in its unit; infinite if there is no limit."""
     if not isinstance(limits, Mapping) or not limits:
         raise DeclarationError(
-            f'{owner}: limits must be pairs by output, such as {{"x": (None, 0.3)}}, got {shown(limits)}.'
+            f"{owner}: limits must be a dictionary of pairs (low, high), such as "
+            f'{{"x": (None, 0.3)}}, got {shown(limits)}.'
         )
     limits = normal_keys(owner, limits)
     for name in limits:
@@ -251,7 +252,7 @@ def kept_limit(bounds: Envelope, output: str, low: float, high: float) -> KeptLi
 
 
 def _by_nominal_run(bounds: Envelope, k: int, low: float, high: float, found: _Decision) -> _Decision:
-    """The decision, or "violated" if the nominal run is a case of the box and is beyond the limit."""
+    """Violated, if the nominal parameters lie in the box and the nominal run is beyond the limit; else `found`."""
     if bounds.nominal is None or bounds.box is None or bounds._left_out:
         return found
     margin = np.minimum(bounds.nominal[:, k] - low, high - bounds.nominal[:, k])
@@ -266,7 +267,7 @@ def _unit_told(bounds: Envelope, k: int) -> str:
 
 
 def _rounding(bounds: Envelope, k: int) -> float:
-    """Error of runs of output number k by rounding or noise."""
+    """Error of output number k in a run, caused by rounding or noise."""
     rounding = float(SAME * np.abs([bounds.lower[:, k], bounds.upper[:, k]]).max(initial=0.0))
     return rounding if bounds.noise is None else max(rounding, float(bounds.noise[k]))
 
@@ -290,16 +291,16 @@ def _decision(bounds: Envelope, k: int, low: float, high: float) -> _Decision:
     if doubt := _doubt(bounds, bounds.names[k]):
         return _Decision(None, f"{WARNED}: {shorten(doubt, 60, placeholder=' ...')}", margin)
     if beyond > 0:
-        why = f"A run is beyond the limit, but by no more than rounding or noise of {rounding:.1e}{unit}. {_MOVE}"
+        why = f"A run is beyond the limit, but only by rounding or noise of {rounding:.1e}{unit}. {_MOVE}"
         return _Decision(None, why, margin)
     if bounds.kind == "sampled":
-        why = f"All {bounds.evaluations} runs satisfy the limit. PolynomialChaos() also estimates other responses."
+        why = f"All {bounds.evaluations} runs satisfy the limit. PolynomialChaos() also estimates what is between them."
         return _Decision(None, why, margin)
     if bounds.kind == "enclosure":
         if (margin >= 0).all():
-            return _Decision(True, "This is proved.", margin)
+            return _Decision(True, "It is proved that no response violates the limit.", margin)
         if ((lower > high) | (upper < low)).any():
-            return _Decision(False, "All responses are beyond the limit at a time.", margin)
+            return _Decision(False, "There is a time at which all responses are beyond the limit.", margin)
         why = "The proved bounds are beyond the limit, but may be wider than the responses. Use more boxes."
         return _Decision(None, why, margin)
     if bounds.estimate is None:
@@ -321,9 +322,9 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
     # Distance of a limit from the bounds, relative to the estimated error, below which further runs decide.
     near = 2.0 * estimate
     if bounds.study is not None and bounds.study.has_lanes:
-        # Distance of a limit, over the width of bounds of a scene, within which further runs look for what the study
-        # has not seen, as corners that differ in two parameters from the best one: less misses more, more takes runs
-        # for far limits.
+        # If the limit is closer than this fraction of the width, further runs look for extremes that the study missed,
+        # such as corners that differ in two parameters from the best one. A smaller fraction misses more extremes. A
+        # larger one spends runs on limits that are far away.
         near = near + 0.5 * (bounds.upper - bounds.lower)[:, k].max()
     if bounds.study is not None and (margin < near).any():
         further = closest_run(bounds, k, side, limit, np.argsort(margin, kind="stable"), rounding)
@@ -335,16 +336,20 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
         return _Decision(False, why, margin, further)
     if (margin >= estimate).all():
         error = estimate[margin.argmin()]
-        return _Decision(True, f"The estimated error is {error:.1e}{unit} at the smallest margin.", margin, further)
+        return _Decision(
+            True, f"The smallest margin is larger than its estimated error of {error:.1e}{unit}.", margin, further
+        )
     error, remedy = estimate[(margin - estimate).argmin()], "Use a smaller PolynomialChaos(tolerance=...)."
-    return _Decision(None, f"The estimated error is up to {error:.1e}{unit}. {remedy}", margin, further)
+    return _Decision(
+        None, f"The estimated error of {error:.1e}{unit} is larger than the margin. {remedy}", margin, further
+    )
 
 
 def _by_further_run(further: FurtherRun, limit: float, margin: Array, rounding: float, unit: str) -> _Decision | None:
     """The decision by the further run that is closest to a limit; None if its search was not completed.
 
     The limit is violated if the run is beyond the limit. It is satisfied if the run is farther inside than the error of
-    the search, or if the output is limited to the limit itself.
+    the search, or if the output saturates exactly at the limit.
     """
     inside, error = -further.beyond, max(further.error, rounding)
     own = limit - further.values if further.side == "upper" else further.values - limit
@@ -357,7 +362,7 @@ def _by_further_run(further: FurtherRun, limit: float, margin: Array, rounding: 
         why = f"Most of {further.runs} further runs attain the limit exactly. None is beyond the limit."
         return _Decision(True, why, np.fmin(np.maximum(margin, 0.0), own), further)
     if inside <= rounding:
-        why = f"A further run reaches the limit, within {rounding:.1e}{unit} of rounding or noise. {_MOVE}"
+        why = f"A further run reaches the limit, up to rounding or noise of {rounding:.1e}{unit}. {_MOVE}"
         return _Decision(None, why, margin, further)
     if not np.isfinite(error):
         return None
@@ -374,7 +379,7 @@ def _ends(owner: str, name: str, pair: object, unit: str) -> tuple[float, float]
         for end in _pair(own, pair)
     ]
     if not all(end is None or (is_real(end) and not np.isnan(end)) for end in ends):
-        raise DeclarationError(f"{own} must be numbers or None, got {shown(ends)}.")
+        raise DeclarationError(f"{own}: both ends must be numbers or None, got {shown(ends)}.")
     low, high = (default if end is None else float(end) for end, default in zip(ends, (-np.inf, np.inf), strict=True))
     if low > high:
         raise DeclarationError(f"{owner}: the limits of {name!r} cross: {low:g} is above {high:g}.")
@@ -384,7 +389,7 @@ def _ends(owner: str, name: str, pair: object, unit: str) -> tuple[float, float]
 
 
 def _pair(own: str, pair: object) -> Sequence[Any]:
-    """The two ends of a limit as they are given. A unit behind both ends becomes the unit of each end."""
+    """The two ends of a limit as they are given. A unit after the two ends applies to both."""
     if isinstance(pair, list | tuple) and len(pair) == 3 and isinstance(pair[2], str):
         pair = tuple(end if end is None else (end, pair[2]) for end in pair[:2])
     if not isinstance(pair, list | tuple) or len(pair) != 2 or all(end is None for end in pair):

@@ -96,7 +96,7 @@ class TaylorModel(Method):
         problem = problem_of(self, simulator, box)
         # Largest number of terms of a polynomial of the parameters. With this number a step takes a minute, and
         # gigabytes for about ten states.
-        # Largest number of terms of interpolations of expressions, which take half a minute.
+        # Interpolations of expressions with a million terms take half a minute.
         self._require_room(problem.d, *((20_000, 1) if problem.n else (1_000_000, EXTRA_NODES + 1)))
 
         if problem.meeting:

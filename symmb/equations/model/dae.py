@@ -186,7 +186,7 @@ class DAE:
 
     @property
     def lasting(self) -> Indices:
-        """Indices (k,) of the rows of joints that never open."""
+        """Indices (k,) of the constraint equations of joints that stay closed during the whole run."""
         gated = self.impacts.joints.names if self.impacts is not None and self.impacts.joints is not None else ()
         rows = [np.arange(at.start, at.stop) for name, at in self.rows.items() if name not in gated]
         return np.concatenate([np.arange(0), *rows])

@@ -53,7 +53,7 @@ _BELOW = {
     "r": _row("10 15 19 23 23 28 28 34 34 41 43 51 54 63 65 68 77 80 84 94 98 108 114 126 132"),
     "s": _row("14 19 23 28 28 35 35 43 43 53 59 71 79 92 100 108 122 130 140 158 170 190 208 232 252"),
 }
-"""Distance of the lower end of a shaft's zone above the size. The values of k are for the grades 4 to 7."""
+"""Distance from the nominal size up to the lower end of the zone of a shaft. The values of k are for grades 4 to 7."""
 _LEAST_GENERAL_SIZE = 0.5
 _GENERAL_SIZES = _row("3 6 30 120 400 1000 2000 4000")
 _GENERAL: dict[str, tuple[float | None, ...]] = {

@@ -47,7 +47,7 @@ class Restart:
 def restart_of(system: System, run: object) -> Restart:
     """The end of a run as the start of a system. The run must be of the same system."""
     if not isinstance(run, EndedRun):
-        raise DeclarationError(f"{_WHERE}: expected a run of simulate, got {type(run).__name__}.")
+        raise DeclarationError(f"{_WHERE}: expected a run that simulate() returned, got {type(run).__name__}.")
     if run.scene is None:
         raise DeclarationError(
             f"{_WHERE}: the run was read from a file without its scene. Pass the scene: Trajectory.load(path, scene)."

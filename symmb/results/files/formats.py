@@ -178,7 +178,7 @@ def _of_table(data: bytes) -> Record:
         if len(cells) != len(headings):
             raise DeclarationError(f"line {number} has {len(cells)} of {len(headings)} columns.")
     if not headings or not rows:
-        raise DeclarationError("it has no headings, or no line below them.")
+        raise DeclarationError("it has no headings, or no line below the headings.")
     columns = [_column(column) for column in zip(*rows, strict=True)]
     return Record({"headings": headings, "columns": {str(k): column for k, column in enumerate(columns)}})
 

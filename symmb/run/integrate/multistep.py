@@ -58,9 +58,8 @@ def multistep_integration(
         return Integration(times, n_x, problem.quad.numel(), guess, None, None, project, passes.stops, units)
     whole = between = onward = smooth = None
     (fine, outputs), horizon = refined(times), float(times[-1] - times[0])
-    # Largest product of steps and states of an independent integration. More take longer than a second, which is too
-    # long for a check.
-    # Largest number of steps of a run, and largest product of steps and states. More take minutes.
+    # A run has at most a million steps. Products of steps and states above 20 million take minutes. An independent
+    # integration is a check, which must take less than a second: its product is at most a million.
     most = min(1_000_000, (1_000_000 if independent else 20_000_000) // n_x)
     # Longest step of an independent integration over the horizon. Longer steps may pass over two switches of the
     # state.

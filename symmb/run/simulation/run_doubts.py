@@ -26,7 +26,7 @@ from symmb.run.integrate import Solver, SwitchPasses, follow_doubts, some_states
 from symmb.run.simulation.pilots import PilotRuns
 from symmb.run.simulation.trajectory import Trajectory
 
-SMOOTH = "smooth it, as tanh(v / 1e-3) does sign(v)"
+SMOOTH = "replace the force by a smooth one, for example sign(v) by tanh(v / 1e-3)"
 
 
 Hinge = tuple[Point, ca.SX, AbstractBody]
@@ -60,15 +60,16 @@ def _switch_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
             f"and again: {SMOOTH}.",
         )
     times, span = stops.times[np.isfinite(stops.times)], np.ptp(program.times)
-    # Fraction of fixed steps with a switch, above which errors are visible. A motor on pulses has a tenth of it.
+    # Errors are visible if more than this fraction of fixed steps have a switch. A motor with pulsed voltage reaches
+    # about a tenth of this value.
     if (share := len(times) * step / span) > 0.1:
         return (
-            f"The equations switch {len(times)} times, but steps of {step:.1g} s do not end at switches: forces jump "
-            f"or bend in {min(share, 1):.0%} of the steps. Use shorter steps, or DormandPrince(), whose steps end at "
-            "switches.",
+            f"The equations switch {len(times)} times, but steps of {step:.1g} s do not end at switches: a force "
+            f"jumps or has a kink in {min(share, 1):.0%} of the steps. Use shorter steps, or DormandPrince(), whose "
+            "steps end at switches.",
         )
     distances = np.diff(times)
-    # Largest difference of two equal switch times over the horizon: it is rounding.
+    # Switch times count as equal if their difference, divided by the horizon, is below this value.
     distances[distances < 1e-12 * span] = np.inf
     if not (distances <= step).any():
         return ()
@@ -79,7 +80,7 @@ def _switch_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
 
 
 def _gap_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
-    """The doubt that a run has missed an impact, because its states penetrate a gap."""
+    """The doubt that a run has missed an impact, because bodies overlap at a gap."""
     dae, states = runs.program.bodies.dae, runs.done[solver][1].examination
     if dae.impacts is None or not dae.impacts.names:
         return ()
@@ -87,7 +88,7 @@ def _gap_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
     gaps = ca.Function("gaps", [x, p, t], dae.impacts.gaps.call([*dae.arguments(x, p, t)])[:1])
     (values,) = batch(gaps, states.x, runs.p, states.t[:, None])
     k, i = np.unravel_index(int(values.argmin()), values.shape)
-    # Largest penetration over the length of the scene that counts as rounding of a closed contact.
+    # An overlap up to this fraction of the size of the scene is rounding of a closed contact.
     if values[k, i] >= -1e-6 * dae.scales.length:
         return ()
     name = dae.impacts.names[i]
@@ -119,16 +120,16 @@ def _element_doubts(runs: PilotRuns, trajectory: Trajectory) -> Iterator[str]:
 
 
 _LETS_GO = (
-    "the contact or rope that it models opens{}, because its force changes sign. Use a contact or a Rope to follow the "
-    "motion after this time."
+    "its force changes sign{}: a real contact would open, and a real rope would go slack. Use a contact or a Rope to "
+    "follow the motion after this time."
 )
 
 
 def _pass_doubts(runs: PilotRuns, solver: Solver, switches: Kinks) -> tuple[str, ...]:
-    """The doubt that a run has missed a switch: its states change sides, but no step ended at the switch."""
+    """The doubt that a run has missed a switch: the states before and after a step are on different sides of it."""
     (run, trajectory), dae = runs.done[solver], runs.program.bodies.dae
     states = trajectory.examination
-    if run.stops is None or dae.sampling is not None:  # sampled laws have sides of their own
+    if run.stops is None or dae.sampling is not None:  # sampled laws store their own side of each switch
         return ()
     stops, later = run.stops, states.t >= run.stops.until
     is_full = len(stops.passes) >= MOST_PASSES and not solver.meets_switches
@@ -165,21 +166,19 @@ def _small_state_doubts(runs: PilotRuns, solver: Solver, run: Trajectory) -> Ite
     if not is_small:
         some = some_states(len(states.t))
         X, shortest = runs.program.shortest_equations(states.x[some], p)
-        # Horizon over the shortest time constant, above which slow reactions may depend on concentrations that are
-        # smaller than the tolerances. Hydraulics and contacts reach 1e6. Calibrated by
+        # The horizon divided by the shortest time constant. Above this ratio, slow reactions may depend on
+        # concentrations that are smaller than the tolerances. Hydraulics and contacts reach 1e6.
         # tests/simulation/test_small_states.py
         if stiffness(shortest, X, p, states.t[some]).decay * np.ptp(run.t) < 1e8:
             return
-    # Least absolute tolerance.
-    # Absolute tolerances of a second run, over those of the run; and errors over the relative tolerance above which
-    # the absolute tolerances are doubted.
+    # 1e-6 is the absolute tolerance of a second run divided by the smallest one of the run. None is below 1e-28.
     atol = max(1e-6 * float(absolute.min()), 1e-28)
     if atol >= absolute.min() or runs.run(other := replace(solver, atol=atol)).message:  # pyright: ignore
         return
     finer = runs.done[other][1]
     change, size = np.abs(run.values - finer.values), np.abs(finer.values)
     most = size.max(axis=0)  # below the finer tolerances all is rounding
-    # Relative error of an output at one time, above which it is doubted.
+    # A change is suspicious if it is above a hundredth of the value, and above 1e3 times the relative tolerance.
     wrong = (change > 1e-2 * size) & (change > 1e3 * tolerances.rtol * most) & (most > atol)
     if wrong.any():
         k, i = np.argwhere(wrong)[0]
@@ -211,8 +210,8 @@ def _carrier_doubts(elements: Sequence[object], value: Callable[[Expr], Array]) 
             if not any(_name(other) in ground and _is_same(point, axis, p, u, value) for p, u, other in pivots):
                 yield (
                     f"{gear.title}: Body {holder.name!r} holds the axis of {wheel.name!r} and may turn, but the gear "
-                    f"measures angles against the ground. Pass carrier={holder.name}, or carrier=Ground() if the "
-                    "ground is right."
+                    f"measures angles against the ground. Pass carrier={holder.name}, or carrier=Ground() if "
+                    "angles should be measured against the ground."
                 )
 
 
@@ -246,6 +245,6 @@ def _is_same(p: Point, u: ca.SX, r: Point, w: ca.SX, value: Callable[[Expr], Arr
     """Whether the axes through points p and r with directions u and w are the same line."""
     size = 1 + ca.norm_1(p.r) + ca.norm_1(r.r)
     beside = ca.vertcat(ca.cross(u, w), ca.cross(p.r - r.r, u) / size)
-    # Largest sine of the angle between two equal axes, and their largest distance over that of their points from the
-    # origin.
+    # Axes are equal if the sine of their angle is below this value, and so is their distance divided by the distance of
+    # their points from the origin.
     return bool(np.abs(value(beside)).max() < 1e-6)

@@ -31,7 +31,7 @@ def begun(drawn: Sketch) -> Sketch | None:
 
 
 def shapes_of(drawn: Sketch, unit: float) -> Iterator[Shape]:
-    """The shapes of an element, after the survey has computed the numbers."""
+    """The shapes of an element. The survey must have computed the unit of length before."""
     with suppress(StopIteration):  # some elements have no shape, such as forces that are always zero
         yield drawn.send(unit)
         yield from drawn

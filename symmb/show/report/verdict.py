@@ -200,7 +200,7 @@ def _when(bounds: Bounds, limit: KeptLimit) -> str:
     some = names[:_MOST_LISTED]
     words = [f"{n} is {'high' if place[n] > 0 else 'low'} ({_text(case.parameters[n], units[n], 4)})" for n in some]
     if (n := len(names) - _MOST_LISTED) > 0:
-        words.append(f"{n} other{'s are' if n > 1 else ' is'} high or low")
+        words.append(f"{n} other parameter{'s are' if n > 1 else ' is'} near the ends of the intervals")
     return f", when {_listed(words)}" if words else ""
 
 

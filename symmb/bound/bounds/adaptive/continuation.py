@@ -146,7 +146,7 @@ class Corrected:
 
     @cached_property
     def alpha(self) -> MultiIndices:
-        """Matrix (n_b, d) of indices of the further polynomials."""
+        """Multi-indices (n_b, d) of the polynomials that may be added to the grid."""
         return np.concatenate([self.base.alpha, self.continuation.alpha])
 
     def parts(self) -> Iterator[tuple[slice, Array]]:

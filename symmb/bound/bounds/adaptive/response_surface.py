@@ -177,7 +177,7 @@ class _Responses:
         )
 
     def absolute(self, values: Array) -> Array:
-        """Values (..., m) in the units of Y, as (..., n_t n_y)."""
+        """Responses (..., n_t n_y) from normalised values (..., m)."""
         relative = np.zeros((*values.shape[:-1], len(self.mean)))
         relative[..., self.varies] = values
         return self.mean + self.deviation * relative

@@ -195,7 +195,7 @@ class TensorGrids:
         return None
 
     def _unseen(self, union: _Union) -> tuple[Array, Array]:
-        """Places of possible extremes from secants, and their distance beyond all runs and the range, (2, n_t, n_y)."""
+        """Places at which secants suggest extremes, and how far these exceed all runs and the range, (2, n_t, n_y)."""
         (places, beyond), (lowest, highest) = self._secant_extremes(), self._runs.extremes
         foreseen = np.maximum(np.stack([lowest - union.lower, union.upper - highest]), 0.0)
         return places, np.maximum(beyond - foreseen, 0.0)

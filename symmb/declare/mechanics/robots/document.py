@@ -162,7 +162,7 @@ def _meant(name: str, known: Collection[str], similarity: float = 0.75) -> str:
 
 
 def told(passed: dict[str, list[Tag]]) -> list[str]:
-    """One sentence that lists the harmless faults, with the first line and the count of each kind; empty if none."""
+    """A list with one sentence: each kind of harmless fault, its first line, and its count. Empty without faults."""
     kinds = []
     for what, tags in passed.items():
         more = f" and {len(tags) - 1} more" if len(tags) > 1 else ""

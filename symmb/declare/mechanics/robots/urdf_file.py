@@ -321,7 +321,10 @@ def _tree(top: Tag, links: Mapping[str, LinkData], joints: Mapping[str, JointDat
     carrier = {joint.child: joint for joint in joints.values()}
     roots = [name for name in links if name not in carrier]
     if not roots:
-        raise top.fault("the joints form a closed loop, so no link is the base. Close loops by joints in Python.")
+        raise top.fault(
+            "the joints form a closed loop, so no link is the base. Remove a joint "
+            "of the loop from the file, and add it in Python."
+        )
     if len(roots) > 1:
         raise links[roots[1]].tag.fault(
             f"no joint carries this link, and no joint carries {roots[0]!r}. Connect the two by a joint."
@@ -336,5 +339,8 @@ def _tree(top: Tag, links: Mapping[str, LinkData], joints: Mapping[str, JointDat
             reached.append(joint.child)
     if len(order) < len(joints):
         lost = next(joint for joint in joints.values() if joint.name not in order)
-        raise lost.tag.fault("the joints that carry this joint form a closed loop. Close loops by joints in Python.")
+        raise lost.tag.fault(
+            "the joints that carry this joint form a closed loop. Remove a joint "
+            "of the loop from the file, and add it in Python."
+        )
     return roots[0], order
