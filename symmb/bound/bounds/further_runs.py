@@ -14,11 +14,11 @@ from symmb.bound.bounds.worst_case import SIDES
 from symmb.bound.nodes import Sobol
 
 _CLOSE_TO_LIMIT = 0.03
-"""Distance of a limit, over the width of bounds, within which lines along the axes are looked at after the search: a
-peak that passes output times makes many hills. Less misses more, more takes more runs."""
+"""Distance of a limit divided by the width of bounds, within which lines along the axes are looked at after the search:
+a peak that passes output times makes many hills. Less misses more, more takes more runs."""
 _MISSED_HILL = 1e-3
-"""Distance over the width of bounds that a search may miss if it ends inside the box: beside the highest hill that it
-knows may stand one that is a little higher. tests/benchmarks/machine_tolerances.py"""
+"""Distance divided by the width of bounds that a search may miss if it ends inside the box: beside the highest hill
+that it knows may stand one that is a little higher. tests/benchmarks/machine_tolerances.py"""
 
 
 @dataclass(frozen=True, eq=False)

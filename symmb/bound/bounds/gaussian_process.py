@@ -9,7 +9,7 @@ from symmb._types import Array
 from symmb.bound.bounds.covariances import DEVIATION, MEAN_RATE, Ridge, Smooth, Sum, Term
 
 EXPECTED_NOISE, _LEAST_NOISE = 1e-6, 1e-10
-"""Expected and smallest variance of noise, over the variance of responses. The noise keeps covariances regular. A
+"""Expected and smallest variance of noise divided by the variance of responses. The noise keeps covariances regular. A
 larger noise smooths more."""
 _FARTHEST_DEVIATIONS = 3.0
 """Largest distance of likely numbers from their expectation, in standard deviations. Larger distances overflow, smaller
@@ -143,8 +143,8 @@ class GaussianProcess:
         mean, deviation = self.kernel.prior
         limits = np.stack([mean - _FARTHEST_DEVIATIONS * deviation, mean + _FARTHEST_DEVIATIONS * deviation], axis=1)
         limits[-1] = np.log([_LEAST_NOISE, 1.0])  # of the noise
-        # Tolerance of the maximum of a likelihood, over the logarithm of the likelihood, which is some hundreds. It
-        # takes a third of the steps.
+        # Tolerance of the maximum of a likelihood divided by the logarithm of the likelihood, which is some hundreds.
+        # It takes a third of the steps.
         result = minimize(
             lambda vector: replace(self, kernel=self.kernel.with_vector(vector)).unlikeliness(),
             np.clip(self.kernel.vector, *limits.T),

@@ -19,7 +19,8 @@ near a limit may follow. Larger numbers take more time."""
 VERIFYING_RUNS = 32
 """Number of runs, spread by the distributions, that verify the values of polynomials and not only their range."""
 SAFETY_OF_RUNS = 2.0
-"""Largest error at these runs over the largest error of ranges, and rms error over the rms of errors of ranges."""
+"""Largest error at these runs divided by the largest error of ranges, and rms error divided by the rms of errors of
+ranges."""
 _FITTED_RUNS, _POINTS_INSIDE, _INTERVALS_OF_ALL_CORNERS = 256, 32, 5
 """Number of runs of a fit if polynomials are not accurate enough, number of points inside of the intervals, and number
 of intervals of which all corners are used."""

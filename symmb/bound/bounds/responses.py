@@ -13,7 +13,7 @@ from symmb.bound.polynomials.ranges import Piecewise
 from symmb.equations.model import Box
 
 GOOD = 0.25
-"""Largest error of polynomials over the widths at which they are used. Answers contain their errors."""
+"""Largest error of polynomials divided by the widths at which they are used. Answers contain their errors."""
 
 
 class Runs(Protocol):

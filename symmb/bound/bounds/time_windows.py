@@ -6,8 +6,8 @@ from symmb._magnitudes import ROUNDING, SAME
 from symmb._types import Array, Mask
 
 WINDOW = 0.02
-"""Length of a window over the length of all times. Coefficients and widths of an oscillating response pass 0, so they
-are averaged."""
+"""Length of a window divided by the length of all times. Coefficients and widths of an oscillating response pass 0, so
+they are averaged."""
 
 DOUBTFUL = 0.1
 """Ratio to the width above which an estimated error is a warning."""

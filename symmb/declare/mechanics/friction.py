@@ -72,9 +72,8 @@ class Coulomb(FrictionLaw):
 
     def resistance(self, name: str, slip: ca.SX, normal_force: ca.SX) -> tuple[ca.SX, tuple[Symbol, ...]]:
         w = slip / self.speed
-        # The root keeps the direction of the slip, and its derivatives, finite at rest.
-        # Smallest slip over the transition speed that has a direction. It reduces the slope of mu at rest by 5e-8
-        # only.
+        # The root keeps the direction of the slip, and its derivatives, finite at rest. Smallest slip divided by the
+        # transition speed that has a direction. It reduces the slope of mu at rest by 5e-8 only.
         size = ca.sqrt(ca.sumsqr(w) + 1e-4**2)
         mu_over_u = self.kinetic * ca.tanh(4 * size) / size
         if self.static is not None:
@@ -148,8 +147,8 @@ class Bristle(FrictionLaw):
 
 
 _ELASTIC = 0.7**2
-"""Square of the largest elastic deflection over the largest deflection, as in the elasto-plastic model of Dupont et al.
-(2002)."""
+"""Square of the largest elastic deflection divided by the largest deflection, as in the elasto-plastic model of Dupont
+et al. (2002)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -92,7 +92,8 @@ class GasSpring(Law):
 
 
 _SMALLEST_VOLUME = 0.01
-"""Smallest volume over the given volume. The pressure then stays finite if a motion compresses the gas to nothing."""
+"""Smallest volume divided by the given volume. The pressure then stays finite if a motion compresses the gas to
+nothing."""
 
 
 @dataclass(frozen=True, eq=False)

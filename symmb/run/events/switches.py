@@ -18,7 +18,7 @@ _SUSPECTS, _HALVINGS = 20, 30
 jumps there."""
 _CLEAR, _NEAR = 1e-6, 2e-4
 """Fraction of the largest value of a switch above which the switch is clearly on one side, and largest error of the
-passes of the locating solver over the horizon: twice the value in integrate/side_walk.py."""
+passes of the locating solver divided by the horizon: twice the value in integrate/side_walk.py."""
 _INPUTS = On.STATE, On.PARAMETERS, On.TIME
 
 

@@ -122,8 +122,8 @@ class CVODES(_Multistep):
 
     def _method(self, options: dict[str, Any], problem: InitialValueProblem, length: float) -> dict[str, Any]:
         adams = {} if self.stiff else {"linear_multistep_method": "adams", "nonlinear_solver_iteration": "functional"}
-        # A run that reaches a singularity would otherwise creep into it with ever shorter steps.
-        # Shortest step over the horizon. Shorter steps are lost in rounding. tests/integrate/test_failures.py
+        # A run that reaches a singularity would otherwise creep into it with ever shorter steps. Shortest step divided
+        # by the horizon. Shorter steps are lost in rounding. tests/integrate/test_failures.py
         return {**options, **adams, "min_step_size": 1e-14 * length}
 
 

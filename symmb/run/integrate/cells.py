@@ -26,7 +26,7 @@ def refined(times: Array) -> tuple[Array, Indices]:
     k = np.arange(ends[-1]) - np.repeat(ends - counts, counts)
     parts = (k + (_LONGEST - 1) * (k * _GOLDEN % 1)) / np.repeat(counts, counts)
     fine = np.append(np.repeat(times[:-1], counts) + parts * np.repeat(spans, counts), times[-1])
-    # Time of an extra point after the start, over the horizon. SUNDIALS' first step, and all further steps, follow
+    # Time of an extra point after the start divided by the horizon. SUNDIALS' first step, and all further steps, follow
     # from this point.
     first = float(times[0] + 1e-5 * (times[-1] - times[0]))
     if fine[1] < 2 * first - fine[0]:

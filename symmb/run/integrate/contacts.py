@@ -142,8 +142,8 @@ def _start(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t: ca.SX, span: ca.SX
     gap, rate, _ = impacts.gaps(*dae.arguments(x, p, t))
     way = ca.fabs(rate) * span + impacts.forces(*dae.arguments(x, p, t))[2] * span**2 / 2
     e = impacts.impulses(*dae.arguments(x, p, t))[3]
-    # Negative gap at the start that counts as rounding, over the size of the scene, or over the distance that the
-    # speed and acceleration of the gap give until the end. The gap itself may be the only known length.
+    # Negative gap at the start that counts as rounding divided by the size of the scene, or divided by the distance
+    # that the speed and acceleration of the gap give until the end. The gap itself may be the only known length.
     rounding = ca.fmax(1e-9 * dae.scales.length, 1e-7 * way)
     faults = [ca.logic_not(gap >= -rounding), ca.logic_not(ca.logic_and(e >= 0, e <= 1))]
     last_first = list(range(gap.numel()))[::-1]

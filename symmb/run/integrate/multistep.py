@@ -61,7 +61,7 @@ def multistep_integration(
     # A run has at most a million steps. Products of steps and states above 20 million take minutes. An independent
     # integration is a check, which must take less than a second: its product is at most a million.
     most = min(1_000_000, (1_000_000 if independent else 20_000_000) // n_x)
-    # Longest step of an independent integration over the horizon. Longer steps may pass over two switches of the
+    # Longest step of an independent integration divided by the horizon. Longer steps may pass over two switches of the
     # state.
     steps = _step_lengths(dae, times, first, 1e-3 * horizon if independent else np.inf)
     made = _Integrators(plugin, options, steps)

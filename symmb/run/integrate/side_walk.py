@@ -71,8 +71,8 @@ class SideWalk:
     ) -> None:
         self._equations, self._p, self._passes, self._until = equations, p, stops.passes, float(stops.until)
         self._one_sided, self._free = one_sided, free
-        # Largest error of the times of passes over the horizon. A motion with a larger error takes branches from its
-        # own switches.
+        # Largest error of the times of passes divided by the horizon. A motion with a larger error takes branches from
+        # its own switches.
         self._shift, self._least, self._next = 1e-4 * span, 1e-3 * span, 0
         self._sides: Array | None = None
         self._is_lost = False

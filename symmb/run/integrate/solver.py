@@ -120,12 +120,12 @@ class Solver(ABC):
         if atol is not None:
             return Tolerances(rtol, atol)
         sizes = [*np.tile(dae.state_sizes, order + 1).tolist(), *[dae.scales.work] * n_quad]
-        # Smallest size of a state, over the size of its part of the scene, down to which absolute tolerances are
-        # proportional to the size. Also this ratio over rtol, because balanced forces leave rounding in states that
-        # do not move.
+        # Smallest size of a state divided by the size of its part of the scene, down to which absolute tolerances are
+        # proportional to the size. Also this ratio over rtol, because balanced forces leave rounding in states that do
+        # not move.
         least = 1.0 if order else min(1.0, max(1e-2, 1e-12 / rtol))
-        # Time over which slopes at the start predict the later sizes, over the time of the fastest part. Without the
-        # prediction, runs from rest take seven more steps, with lengths that depend on rounding.
+        # Time over which slopes at the start predict the later sizes divided by the time of the fastest part. Without
+        # the prediction, runs from rest take seven more steps, with lengths that depend on rounding.
         # tests/codegen/test_c_files.py
         ahead = 1.0 / dae.scales.rate
         return Tolerances(rtol, rtol / 100, sizes=tuple(sizes), growth=rtol / 100, least=least, ahead=ahead)

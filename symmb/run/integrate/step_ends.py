@@ -13,8 +13,8 @@ from symmb.run.events import TimeSwitches, time_switches
 from symmb.run.integrate.initial_value_problem import InitialValueProblem
 
 _BESIDE, _NEAR, _SEVERAL = 64, 1e-10, 4.0
-"""Distance of close states over their size, and a safety factor. Deviations of a switch from a straight line between
-these states show its rounding."""
+"""Distance of close states divided by their size, and a safety factor. Deviations of a switch from a straight line
+between these states show its rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,5 +103,5 @@ def hysteresis_of(dae: DAE, switches: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX, sides
     known = np.isfinite(near).all(axis=0)
     rounding = np.zeros(m)
     rounding[known] = np.ptp(near[:, known] - line @ (np.linalg.pinv(line) @ near[:, known]), axis=0)
-    # Change of a switch that counts as rounding, over its change by the sizes of all states.
+    # Change of a switch that counts as rounding divided by its change by the sizes of all states.
     return tuple(np.maximum(1e-13 * values, _SEVERAL * rounding).tolist())

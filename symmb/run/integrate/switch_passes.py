@@ -43,8 +43,8 @@ class SwitchPasses:
             x, p = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names))
             t = ca.SX.sym("t")
             nothing = ca.Function("nothing", [x, p, t], [ca.SX(1, 1)])
-            # Tolerance of these runs over that of the solver, whose motion is as exact in time as they are.
-            # Least tolerance of these runs: below it, steps are rounding.
+            # Tolerance of these runs divided by that of the solver, whose motion is as exact in time as they are. Least
+            # tolerance of these runs: below it, steps are rounding.
             solver = DormandPrince(max(0.1 * rtol, 1e-12))
             engine = solver.engine(Task(dae, times[[0, -1]], nothing, start=start))
             # Steps of these runs. Stiff motions need more: later passes are left to the solver's own step control.
@@ -77,7 +77,7 @@ class SwitchPasses:
             return np.nan
         passes = _passes(self._engine, x0, p)[0].ravel()
         span = float(np.ptp(self._times))  # a motion may begin on a switch
-        # Time after the start, over the horizon, within which a pass belongs to the start.
+        # Time after the start divided by the horizon, within which a pass belongs to the start.
         return float(np.fmin.reduce(passes[passes - self._times[0] > 1e-9 * span], initial=np.nan))
 
 

@@ -28,11 +28,11 @@ def _varies(scene: Scene, motion: SteadyMotion, blocks: Blocks) -> bool:
     point, end = motion.point, float(scene.times[-1])
     if motion.moves or end <= point.t:
         return False
-    # Number of later times at which A is compared, and their distance over the horizon: no period fits such
+    # Number of later times at which A is compared, and their distance divided by the horizon: no period fits such
     # distances.
     for k in range(1, 22):
         A = motion.equations.blocks(point.x[None], point.p[None], point.t + (end - point.t) * (k * 0.6180339887 % 1)).A
-        # Change of an entry of A over the largest entry, above which A is not constant.
+        # Change of an entry of A divided by the largest entry, above which A is not constant.
         if np.abs(A - blocks.A).max(initial=0.0) > 1e-3 * np.abs(blocks.A).max(initial=0.0):
             return True
     return False

@@ -89,7 +89,7 @@ class Origin:
         V = np.stack([np.zeros(len(shape)), shape.real, shape.imag])
         values = batch(rates, x[0, : dae.n_q], V, self.point.p)
         travel, turn = (np.linalg.norm(some[1:] - some[0], axis=0).max(initial=0.0) for some in values)
-        # Largest displacement over the length of the scene, and largest angle [rad]: motions are visible, and look
-        # linear.
+        # Largest displacement divided by the length of the scene, and largest angle [rad]: motions are visible, and
+        # look linear.
         limits = [limit / size for limit, size in ((0.15 * dae.scales.length, travel), (0.25, turn)) if size]
         return float(min(limits))

@@ -108,8 +108,8 @@ def require_smooth(formulation: Formulation, point: LinearizationPoint, equation
         aside = 1e-7 * sizes * slopes[k] / steep[k]
         blocks = equations.blocks(np.stack([x - aside, x + aside]), np.stack([point.p] * 2), point.t)
         near, far = (np.abs(_jump(dae, point, share * aside)) for share in (0.5, 1.0))
-        # Factor on a difference of forces at half the distance: it is 1/2 for a continuous force, and 1 for a jump.
-        # And rounding of a difference over the rates at displacements of the scene's size.
+        # Factor on a difference of forces at half the distance: it is 1/2 for a continuous force, and 1 for a jump. And
+        # rounding of a difference divided by the rates at displacements of the scene's size.
         noise = 1e-12 * float((np.abs(blocks.A).max(axis=0) @ equations.sizes).max())
         jumps = bool((near > 0.9 * far + noise).any())
         # Largest relative difference of equal derivatives: a continuous derivative changes by some 1e-7.

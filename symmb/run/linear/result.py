@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from scipy.signal import StateSpace
 
 _MOST, _LEAST = 3, 0.1
-"""Largest number of printed displacements of a mode, and smallest printed displacement over the largest one."""
+"""Largest number of printed displacements of a mode, and smallest printed displacement divided by the largest one."""
 _HEAD, _LEFT = ("mode", "frequency [Hz]", "damping [-]", "moves most"), (0, 3)
 
 

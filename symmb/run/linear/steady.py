@@ -90,7 +90,7 @@ class SteadyMotion:
         turn = (X @ self.lift)[self.free]
         A = self._fixed - turn
         size = np.abs(self._fixed) + np.abs(turn)
-        # Entry of turned equations over the largest entry of A, below which it is rounding. It would change
+        # Entry of turned equations divided by the largest entry of A, below which it is rounding. It would change
         # eigenvalues 0.
         return np.where(np.abs(A) <= _DEPENDENT * size + 1e-15 * size.max(), 0.0, A)
 
@@ -112,7 +112,7 @@ class SteadyMotion:
         effects = [[(A @ X - X @ A) @ self.lift, rows @ X @ self.lift] for X in candidates]
         # Every equation counts alike: those of stiff parts have large coefficients.
         units = [np.linalg.norm(part, axis=1, keepdims=True) for part in (A, rows)]
-        # Size of a row of A over the largest row, below which the weight of the row is not increased: it may be
+        # Size of a row of A divided by the largest row, below which the weight of the row is not increased: it may be
         # rounding.
         units = [np.maximum(unit, 1e-6 * unit.max(initial=1e-300)) for unit in units]
         F = np.array([np.concatenate([(e / u).ravel() for e, u in zip(some, units, strict=True)]) for some in effects])
@@ -162,7 +162,7 @@ class SteadyMotion:
             s = value + np.exp(0.9 * 1j) * max(abs(value), 1 / (factor * step))
             changes = np.stack([first + second, second - first], axis=2).swapaxes(1, 2) @ modes.vectors[:, k]
             answers = np.linalg.solve(s * np.eye(len(A)) - A, changes) / units[:, None]
-            # Change of a mode over its size within its own time constant, above which a motion is not steady.
+            # Change of a mode divided by its size within its own time constant, above which a motion is not steady.
             if np.abs(answers).max() > 1e-3 * np.abs(modes.vectors[:, k] / units).max():
                 return False
         return True

@@ -116,7 +116,7 @@ class Differentiable:
         steps = _APART * np.where(p, np.abs(p), 1.0)
         ends = self.values(p + np.concatenate([np.diag(steps), -np.diag(steps)]))
         differences = np.moveaxis((ends[: len(p)] - ends[len(p) :]) / (2 * steps[:, None, None]), 0, -1)
-        # Largest difference of derivatives and difference quotients over the largest derivative of an output.
+        # Largest difference of derivatives and difference quotients divided by the largest derivative of an output.
         # Difference quotients have errors of a few times `_APART`.
         off = np.abs(differences - dY) > 0.02 * np.maximum(np.abs(dY), np.abs(differences)).max(axis=0)
         off[np.flatnonzero(self.simulator.times < kink[0])] = False

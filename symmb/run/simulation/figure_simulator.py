@@ -26,10 +26,10 @@ _LEAST, _MOST = 64, 2048
 _PARTS, _LEVELS = 8, 9
 """Number of parts of a divided panel, and largest number of divisions one after the other."""
 _SHORTEST, _BESIDE, _NEAR = 1e-10, 3e-11, 1e-3
-"""Smallest width of a divided panel over the horizon; distances of panel ends from an event over the horizon, and from
-a bend over the width of the panel."""
+"""Smallest width of a divided panel divided by the horizon; distances of panel ends from an event divided by the
+horizon, and from a bend divided by the width of the panel."""
 _SAME = 1e-13
-"""Largest distance of two equal times over the horizon."""
+"""Largest distance of two equal times divided by the horizon."""
 
 
 class FigureSimulator(WithWarnings):
@@ -112,7 +112,8 @@ class FigureSimulator(WithWarnings):
         sizes = np.abs(cast(Array, self.curves.nominal)).max(axis=0)
         for rule in self._rules:
             size = self._span * rule.per_second if rule.expression < 0 else sizes[rule.expression]
-            # Error of a scalar output over the largest value of its expression, and error of a time over the horizon.
+            # Error of a scalar output divided by the largest value of its expression, and error of a time divided by
+            # the horizon.
             noise[self.outputs.index(rule.name)] += 1e-9 * size
 
     def run(self, P: Array) -> Samples:
@@ -206,8 +207,8 @@ class FigureSimulator(WithWarnings):
         change = ca.fabs(ca.jacobian(form.y(x, p, t), x)) @ ca.DM(form.dae.state_sizes)
         f = ca.Function("change", [x, p, t], [ca.densify(change)])
         sizes = f(form.dae.state_sizes, form.dae.p_nominal, float(self.curves.times[0])).full().ravel()
-        # Size of a curve over its change by the sizes of all states, below which it is rounding, as the speed of a
-        # fixed point.
+        # Size of a curve divided by its change by the sizes of all states, below which it is rounding, as the speed of
+        # a fixed point.
         return 1e-6 * np.where(np.isfinite(sizes), sizes, 0.0)
 
     def _least_count(self) -> int:

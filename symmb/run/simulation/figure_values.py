@@ -9,7 +9,7 @@ from symmb._types import Array, Indices, Mask
 from symmb.run.simulation.panels import GRID, ON_GRID, Panels, highest, values_at
 
 TOUCHED = 1e-9
-"""Margin over its largest value in a run, below which a condition is touched."""
+"""Margin divided by its largest value in a run, below which a condition is touched."""
 _BISECTIONS, _ROUNDING = 50, 1e-14
 
 

@@ -12,8 +12,8 @@ _DEGREE = 5
 GRID = np.linspace(0.0, 1.0, 17)
 """Places in a panel (0 to 1) at which polynomials are evaluated first."""
 _EXACT, _ROUGH = 3e-8, 0.03
-"""Largest misfit of an exact polynomial over the size of its curve, and over the misfit of a cubic polynomial to the
-power of 3/2."""
+"""Largest misfit of an exact polynomial divided by the size of its curve, and divided by the misfit of a cubic
+polynomial to the power of 3/2."""
 
 
 def _basis(x: Array) -> Array:

@@ -33,8 +33,9 @@ from symmb.run.simulation.trajectory import Trajectory
 from symmb.run.verification import Examination, work_of
 
 _POSITION_DRIFT, _ENERGY_DRIFT, _SINGULAR_ENERGY_DRIFT = 1e-6, 1e-4, 1e-6
-"""Largest drifts of an accepted run: of positions over the size of the scene, of energy over the kinetic energy, and of
-energy in a run through a singular position. Above them other solvers are tried. Calibration: tests/test_problems.py."""
+"""Largest drifts of an accepted run: of positions divided by the size of the scene, of energy divided by the kinetic
+energy, and of energy in a run through a singular position. Above them other solvers are tried. Calibration:
+tests/test_problems.py."""
 _NEIGHBOURS, _NEIGHBOUR_DISTANCE = 7, 1e-3
 """Number of pilot runs beside the nominal one, and the largest relative distance of their parameters."""
 TOO_FAST = "a part of the motion decays too fast for explicit steps"

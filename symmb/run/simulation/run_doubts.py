@@ -111,7 +111,7 @@ def _element_doubts(runs: PilotRuns, trajectory: Trajectory) -> Iterator[str]:
     f = scene.remembered((_element_doubts, "values"), lambda: output_function(dae, scene, scene.expression(every)))
     t, first = np.unique(np.append(states.t, trajectory.t), return_index=True)
     values = batch(f, np.vstack([states.x, trajectory.x])[first], runs.p, t[:, None])[0].reshape(len(t), -1)
-    # Largest violation of a margin over its largest value that rounding and errors of the run explain.
+    # Largest violation of a margin divided by its largest value that rounding and errors of the run explain.
     below = values < -1e-9 * np.abs(values).max(axis=0)
     ends = np.cumsum([margins.numel() for _, margins, _ in known])
     for (title, _, what), own in zip(known, np.split(below, ends[:-1], axis=1), strict=True):
@@ -161,7 +161,7 @@ def _small_state_doubts(runs: PilotRuns, solver: Solver, run: Trajectory) -> Ite
     absolute, names = tolerances.absolute(states.x.shape[1]), [e.name for e in elements if isinstance(e, OwnState)]
     own = dae.n_q + dae.n_v + np.array([k for k, name in enumerate(dae.s_names) if name in names], dtype=np.intp)
     sizes = np.abs(states.x[:, own]).max(axis=0, initial=0.0)
-    # Size of a first-order state over its absolute tolerance, below which its values have few correct digits.
+    # Size of a first-order state divided by its absolute tolerance, below which its values have few correct digits.
     is_small = ((sizes > 0) & (sizes < 1e3 * absolute[own])).any()
     if not is_small:
         some = some_states(len(states.t))

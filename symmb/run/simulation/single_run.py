@@ -245,9 +245,9 @@ def _confirmed(runs: PilotRuns, solver: Solver, trajectory: Trajectory, reason: 
     turns back, errors grow by a factor of several hundred.
     """
     sizes = runs.program.bodies.dae.state_sizes
-    # Largest number of runs at tighter tolerances, each ten times tighter; largest difference of two runs over the
-    # sizes of the states, which is a tenth of the error of default runs; and smallest size of a state over that of
-    # its body.
+    # Largest number of runs at tighter tolerances, each ten times tighter; largest difference of two runs divided by
+    # the sizes of the states, which is a tenth of the error of default runs; and smallest size of a state divided by
+    # that of its body.
     for _ in range(2):
         tighter = solver.tighter(times=runs.program.times)
         if runs.run(tighter).message:

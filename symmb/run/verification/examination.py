@@ -21,7 +21,7 @@ number of velocities. This takes seconds."""
 _AGAIN = CVODES(rtol=1e-8, stiff=True)
 """The solver of second runs between the examined times. It compiles nothing, and stiff motions do not slow it down."""
 _SMALL, _USUAL, _SINGULAR = 1e-6, 2e3, 1e2
-"""Smallest drift of energy that raises a doubt; the same over the relative tolerance; and the same near singular
+"""Smallest drift of energy that raises a doubt; the same divided by the relative tolerance; and the same near singular
 positions. Regular motions drift by up to 1,000 tolerances with multistep methods, and wrong branches by 300 and more.
 Calibrated by tests/test_problems.py"""
 
@@ -107,14 +107,14 @@ class Examination:
     def energy_drift(self) -> float:
         """Largest |T + V - W - E_0| over the largest kinetic energy; nan if nothing moves."""
         change, largest = _change(self._energy), float(self._energy.kinetic.max(initial=0.0))
-        # Drift of energy over the largest kinetic energy at the examined times. Above this value, a second run looks
-        # for larger kinetic energies between these times.
+        # Drift of energy divided by the largest kinetic energy at the examined times. Above this value, a second run
+        # looks for larger kinetic energies between these times.
         if change > 1e-6 * largest > 0 and not self.is_close:  # these may be the times at which it rests
             t, x = self._again
             T, *_ = energy(self.program.bodies, x, self.p, t, np.zeros(len(t)))
             largest = max(largest, float(np.nanmax(T, initial=0.0)))
         scales = self.program.bodies.judged.scales
-        # Kinetic energy over that of a motion of the scene's size, below which all speeds are rounding.
+        # Kinetic energy divided by that of a motion of the scene's size, below which all speeds are rounding.
         return change / largest if largest > 1e-20 * scales.energy * scales.rate**2 else math.nan
 
     @cached_property
@@ -133,7 +133,7 @@ class Examination:
     @property
     def fault(self) -> str:
         """The time and the possible causes if the run leaves its constraints; empty if it does not."""
-        # Violation of positions over the size of the scene, above which the positions cannot be reached.
+        # Violation of positions divided by the size of the scene, above which the positions cannot be reached.
         left = ~(self.violation <= 1e-2)
         if not left.any():
             return ""
@@ -206,7 +206,7 @@ class Examination:
     def _at_failure(self) -> Singularity | None:
         """The singular position at which a run fails. The run is repeated from its last state on the constraints."""
         dae, known = self.program.bodies.dae, _known(self.x)
-        # Violation of positions over the size of the scene, below which a state satisfies its constraints.
+        # Violation of positions divided by the size of the scene, below which a state satisfies its constraints.
         sound = known & (self.drift.position <= 1e-6 * dae.scales.length)
         lost, k = int(known.argmin()), int(np.flatnonzero(sound).max(initial=0))
         begin, end, x = float(self.t[k]), float(self.t[lost]), self.x[k]
@@ -256,7 +256,7 @@ def _change(energy: Energy) -> float:
     """Largest |T + V - W - E_0| [J], or 0 if this is rounding of the energies."""
     balance = energy.kinetic + energy.potential - energy.work
     change = float(np.abs(balance - balance[0]).max(initial=0.0))
-    # Change of energy over the largest energy, below which the change is rounding.
+    # Change of energy divided by the largest energy, below which the change is rounding.
     return change if change > 1e-14 * max(float(np.abs(some).max(initial=0.0)) for some in energy) else 0.0
 
 

@@ -16,7 +16,7 @@ TURN = 0.3
 """Largest rotation of a cross section against the frame of its body [rad] for linear theory. At this rotation the
 deflection of a cantilever under a load at its end is 4 % too large, and its shortening is 2 % of its length."""
 _ROUNDING = 1e-9
-"""Largest distance from an interval over its width that is rounding."""
+"""Largest distance from an interval divided by its width that is rounding."""
 
 
 def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> tuple[str, ...]:
@@ -85,7 +85,7 @@ def _spun(body: FlexibleBody, omega: Array, t: Array) -> Iterator[str]:
     extents = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(modes.positions.T)), 0.0))  # of the nodes, in rising order
     # Width over length, below which a body without nodal rotations bends, so that tension makes it stiffer.
     bends = modes.rotations.any() or extents[1] < 0.3 * extents[2]
-    # Largest angular velocity over the first frequency of a body without geometric stiffening. Above this value
+    # Largest angular velocity divided by the first frequency of a body without geometric stiffening. Above this value
     # centrifugal forces change the frequency by more than 2 %: Southwell's coefficient of a cantilever is 1.2.
     if rate.max() > 0.2 * lowest and bends and not modes.is_stiffening:
         yield (
@@ -100,7 +100,7 @@ def _stretched(loads: AttachedLoads, w: Array) -> Iterator[str]:
         return
     size = float(np.ptp(loads.body.modes.positions, axis=0).max())
     moved = np.abs((w - along(loads, w)) @ loads.responses.left.T).reshape(len(w), -1, 6)[:, :, :3].max(initial=0.0)
-    # Displacement over the size of a body in a direction without modes, above which the direction counts.
+    # Displacement divided by the size of a body in a direction without modes, above which the direction counts.
     if moved > 1e-3 * size:
         yield (
             f"FlexibleBody {loads.body.name!r}: its loads would stretch it by {moved:.2g} m in a direction without "

@@ -195,7 +195,7 @@ def left_out(
             bent = _times(J, moved.by(_times(B, modal @ loads.shapes.T))) + _times(own[:, :, loads.rigid :], modal)
             added[kind] += lacking[k] + bent
     Y = values[:, : len(names)]
-    # Change of an output over its size, below which it is rounding.
+    # Change of an output divided by its size, below which it is rounding.
     floor = 1e-9 * (np.abs(Y).max(axis=0) + dae.scales.length)
     size = np.max([*(_rms(some) for some in added), _rms(Y - Y.mean(axis=0)), floor], axis=0)
     for k, loads in enumerate(some):
@@ -253,7 +253,7 @@ class _Moved:
 
     def __init__(self, some: tuple[AttachedLoads, ...], M: Array, G: Array) -> None:
         largest = np.abs(np.einsum("mii->mi", M)).max(axis=1, initial=1e-300)
-        # Inertia of massless bodies over the largest inertia.
+        # Inertia of massless bodies divided by the largest inertia.
         W = M + 1e-12 * largest[:, None, None] * np.eye(M.shape[1])
         slowest = min(float(loads.body.modes.stiffness.min()) for loads in some)
         for loads in some:
@@ -261,7 +261,7 @@ class _Moved:
             # Stiffness of modes over their inertia if joints move bodies: loads change slowly.
             W[:, own, own] += 1e3 / slowest * loads.body.modes.stiffness
         self._moving = np.linalg.solve(W, G.swapaxes(1, 2))
-        # Size over that of the loosest row, below which a row depends on other rows.
+        # Size divided by that of the loosest row, below which a row depends on other rows.
         self._loose = np.linalg.pinv(G @ self._moving, rcond=1e-9, hermitian=True)
 
     def by(self, gaps: Array) -> Array:

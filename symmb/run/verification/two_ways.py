@@ -28,19 +28,20 @@ from symmb.run.integrate import (
 from symmb.run.verification.linear_theory import linear_theory_doubts
 
 _CERTAIN, _EXACT = 1e-3, 1e-9
-"""Largest error of a certain output over its range: three digits; and over its size, for an output that hardly
-changes."""
+"""Largest error of a certain output divided by its range: three digits; and divided by its size, for an output that
+hardly changes."""
 _OF_WIDTH = 0.02
-"""Error of a run over the width of bounds, above which the bounds are doubted, as for other errors of bounds."""
+"""Error of a run divided by the width of bounds, above which the bounds are doubted, as for other errors of bounds."""
 _GLOBAL, _MULTISTEP, _USUAL = 100, 1000, 1e-8
-"""Largest error of a run over the relative tolerance of its steps: for one-step and multistep methods. 2,000 steps have
-errors of 40 and 400 tolerances. Larger tolerances than the usual one do not explain larger errors."""
+"""Largest error of a run divided by the relative tolerance of its steps: for one-step and multistep methods. 2,000
+steps have errors of 40 and 400 tolerances. Larger tolerances than the usual one do not explain larger errors."""
 _NAMED = 4
 """Largest number of outputs in a sentence."""
 _FINE, _FINEST = 1e-9, 1e-12
 """Largest and smallest relative tolerance of a run that checks another run: its own error should not matter."""
 ROUNDING, _SHIFT = 1e-12, 1e-6
-"""Changes of states over their sizes: rounding, which no solver resolves; and the change for difference quotients."""
+"""Changes of states divided by their sizes: rounding, which no solver resolves; and the change for difference
+quotients."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,7 +287,7 @@ def noise_of_outputs(y: ca.Function, dae: DAE, x: Array, p: Array, t: float, rto
 
     The state x (n_x,) may be special, such as a state of rest. Therefore the median over states around it is used.
     """
-    # Number of states that estimate the noise; and errors of steps over rtol and the sizes of states.
+    # Number of states that estimate the noise; and errors of steps divided by rtol and the sizes of states.
     around = np.random.default_rng(0).uniform(-1, 1, (10, len(x))) * dae.state_sizes
     states = x + np.vstack([np.zeros(len(x)), around])
     shift = np.random.default_rng(1).uniform(-1, 1, states.shape) * _SHIFT * dae.state_sizes

@@ -30,8 +30,8 @@ NOISE_RUNS, NOISE_SPACING = 5, 1e-7
 """Number of runs on a short line from which noise is measured, and their distance in the unit box. The response is
 straight along this line. Fewer runs measure the noise less reliably."""
 UNKNOWN_SHARE = 1.2 * DOUBTFUL
-"""Smallest error over the width near failed runs, and of extremes that searches attain, because nothing measures this
-error. Smaller values miss more without a warning, larger values warn more often than needed."""
+"""Smallest error divided by the width near failed runs, and of extremes that searches attain, because nothing measures
+this error. Smaller values miss more without a warning, larger values warn more often than needed."""
 _ORDINARY_POWER = 300
 """Powers of two, 1e90, by which numbers may grow, because they are squared. Numbers are scaled if they exceed half of
 the exponent."""

@@ -7,8 +7,8 @@ from symmb._types import Array
 from symmb.bound.bounds.adaptive.check_points import SAFETY
 
 LEAST_SHARE_BESIDE_CUSP = 0.2
-"""Smallest distance of a vertex from the ends of an interval, over its length, if slopes increase towards it, as at
-cusps."""
+"""Smallest distance of a vertex from the ends of an interval divided by its length, if slopes increase towards it, as
+at cusps."""
 
 
 def secant_extremes(points: Array, Y: Array, noise: Array) -> tuple[Array, Array]:

@@ -36,7 +36,7 @@ KINK_GAIN = 0.9
 """Fraction of the error that may remain after half of all rounds of runs near kinks. Larger fractions take more runs
 that do not help."""
 NARROW, MOST_AT_KINKS = 0.01, 8
-"""Distance of kinks that share a run, over the distance of other check runs, and largest number of runs of a round
+"""Distance of kinks that share a run divided by the distance of other check runs, and largest number of runs of a round
 there."""
 
 

@@ -14,7 +14,7 @@ from symmb.bound.polynomials.ranges.line_search import searched_extremes
 from symmb.run.codegen import with_compiler
 
 RANGE_ERROR = 1e-5
-"""Error of a range by branch and bound, over the width of the range."""
+"""Error of a range by branch and bound divided by the width of the range."""
 RANGE_WORK = 200_000
 """Largest number of coefficients in all boxes of a search by branch and bound. Ranges over many parameters remain
 unproved anyway, and the best values found are used."""
