@@ -73,7 +73,7 @@ _POSITIVE = {ca.OP_SQRT, ca.OP_LOG, ca.OP_POW, ca.OP_CONSTPOW}
 
 
 class On(IntEnum):
-    """The most variable quantity on which a value depends."""
+    """A value depends on the state, or else on time, or else on parameters only."""
 
     PARAMETERS = 0
     TIME = 1

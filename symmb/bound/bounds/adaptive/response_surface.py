@@ -271,7 +271,7 @@ def _extremes(surface: GaussianProcess, factor: float) -> tuple[Array, Array]:
 
 
 def _best_of_each_parameter(surface: GaussianProcess, response: int, sign: float, factor: float, x: Array) -> Array:
-    """The point (d,) on lines through x (d,) with the smallest value of sign times the response minus deviations."""
+    """For each parameter, its value (d,) with the smallest optimistic response on a line through x (d,)."""
     values = np.linspace(-1, 1, LINE_POINTS)
     points = np.where(np.eye(len(x), dtype=bool)[:, None], values[:, None], x).reshape(-1, len(x))
     objective = sign * surface.mean(points)[:, response] - (factor * surface.deviation(points) if factor else 0.0)
