@@ -143,7 +143,7 @@ def rounding(values: Array, units: Sequence[str] = ()) -> Array:
     They are relative to the largest value of the output, and to the largest value of all outputs of its unit. Values
     that change at random from time to time, and are tiny beside other outputs or 1, are rounding of 0.
     """
-    size = np.nan_to_num(np.abs(values)).max(axis=tuple(range(np.ndim(values) - 1)), initial=0.0)
+    size = np.nan_to_num(np.abs(values), posinf=0.0).max(axis=tuple(range(np.ndim(values) - 1)), initial=0.0)
     change = np.sign(np.diff(np.nan_to_num(values, posinf=0.0, neginf=0.0), axis=-2))
     turns = change[..., 1:, :] * change[..., :-1, :] < 0
     is_noise = turns.sum(axis=tuple(range(turns.ndim - 1))) > _RANDOM_TURNS * turns[..., :1].size

@@ -115,7 +115,7 @@ def start_picture(subject: Scene | DAESimulator) -> bytes:
     """A scene at its start as a PNG. Nothing is compiled or integrated."""
     scene, program = (subject, program_of(subject)) if isinstance(subject, Scene) else (subject.scene, subject.program)
     times, parameters = program.times[:1], ByName(scene.system.parameters)
-    at_start = scene.curves.with_times(times)
+    at_start = scene.with_times(times)
     x, (fault,) = program.bodies.start.states(np.array([[*parameters.values()]]))
     if fault:
         simulate(at_start)  # this call raises the reason
