@@ -337,7 +337,7 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
     if (margin >= estimate).all():
         error = estimate[margin.argmin()]
         return _Decision(
-            True, f"The smallest margin is larger than its estimated error of {error:.1e}{unit}.", margin, further
+            True, f"The margin exceeds the estimated error of {error:.1e}{unit}.", margin, further
         )
     error, remedy = estimate[(margin - estimate).argmin()], "Use a smaller PolynomialChaos(tolerance=...)."
     return _Decision(
