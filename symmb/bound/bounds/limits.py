@@ -336,9 +336,7 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
         return _Decision(False, why, margin, further)
     if (margin >= estimate).all():
         error = estimate[margin.argmin()]
-        return _Decision(
-            True, f"The margin exceeds the estimated error of {error:.1e}{unit}.", margin, further
-        )
+        return _Decision(True, f"The margin exceeds the estimated error of {error:.1e}{unit}.", margin, further)
     error, remedy = estimate[(margin - estimate).argmin()], "Use a smaller PolynomialChaos(tolerance=...)."
     return _Decision(
         None, f"The estimated error of {error:.1e}{unit} is larger than the margin. {remedy}", margin, further
