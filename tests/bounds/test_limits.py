@@ -294,7 +294,7 @@ def test_limits_are_drawn_and_labelled(tmp_path):
 @pytest.mark.parametrize(
     ("limits", "why"),
     [
-        ({}, "a dictionary of pairs"), (3, "pairs by output"), ({"x": (0, 1)}, "no output 'x'"), ({"y": 3}, "pair"),
+        ({}, "a dictionary of pairs"), (3, "a dictionary of pairs"), ({"x": (0, 1)}, "no output 'x'"), ({"y": 3}, "pair"),
         ({"y": (None, None)}, "pair"), ({"y": (1, 0)}, "cross"), ({"y": (np.nan, 1)}, "numbers or None"),
         ({"y": (np.inf, np.inf)}, "must be finite"), ({"y": (-np.inf, np.inf)}, "must be finite"),
         ({"y": (np.inf, None)}, "must be finite"), ({"y": (None, -np.inf)}, "must be finite"),
