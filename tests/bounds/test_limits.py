@@ -1,6 +1,7 @@
 """Limits of bounds, where what is true is known in closed form."""
 
 import pickle
+import re
 
 import casadi as ca
 import matplotlib.pyplot as plt
@@ -119,6 +120,19 @@ def test_a_parameter_without_effect_at_the_time_of_the_extreme_leaves_a_limit_de
     assert limit.kept is True and limit.further.error < margin, limit.why
 
 
+@pytest.mark.parametrize(("low", "high", "also"), [(-0.5, 0.5, True), (-1.2, 0.5, False), (-0.5, 1.2, False)])
+def test_both_violated_ends_of_a_limit_are_told(low, high, also):
+    """x goes from -1 at 1 s to 1 at 2 s."""
+    f = mb.FunctionSimulator(lambda k: [0.0, -k, k], {"k": 0.7}, [0.0, 1.0, 2.0], ["x"])
+    check = mb.propagate(f, mb.PolynomialChaos(), mb.Box(k=(0.1, 1.0))).check({"x": (low, high)})
+    told = [remark for remark in check.remarks if remark.startswith("In other cases x may")]
+    assert check.kept is False and len(told) == also
+    if also:
+        assert re.fullmatch(
+            r"In other cases x may (fall below|exceed) its limit of -?0\.5 by 0\.5, at [12] s\.", told[0]
+        )
+
+
 @pytest.mark.parametrize(("noise", "over", "kept"), [
     (None, 1e-15, None), (None, 1e-8, False), (1e-6, 1e-8, None), (1e-6, 1e-5, False), (0.0, 1e-15, None),
 ])  # fmt: skip
@@ -148,7 +162,7 @@ def test_an_output_that_is_limited_to_a_value_satisfies_a_limit_of_this_value(ca
     )
     assert bounds.check({"y": (None, cap * (1 - 1e-6))}).kept is False
     nearly = bounds.check({"y": (None, cap * (1 + 1e-12))})["y"]
-    assert nearly.kept is None and nearly.why.endswith("Move the limit by more than this to decide it.")
+    assert nearly.kept is None and nearly.why.endswith("For a decision, move the limit by more than this number.")
 
 
 @pytest.mark.parametrize("cap", [2.9, 0.43])
@@ -294,7 +308,7 @@ def test_limits_are_drawn_and_labelled(tmp_path):
 @pytest.mark.parametrize(
     ("limits", "why"),
     [
-        ({}, "a dictionary of pairs"), (3, "a dictionary of pairs"), ({"x": (0, 1)}, "no output 'x'"), ({"y": 3}, "pair"),
+        ({}, "a dictionary"), (3, "a dictionary of pairs"), ({"x": (0, 1)}, "no output 'x'"), ({"y": 3}, "pair"),
         ({"y": (None, None)}, "pair"), ({"y": (1, 0)}, "cross"), ({"y": (np.nan, 1)}, "numbers or None"),
         ({"y": (np.inf, np.inf)}, "must be finite"), ({"y": (-np.inf, np.inf)}, "must be finite"),
         ({"y": (np.inf, None)}, "must be finite"), ({"y": (None, -np.inf)}, "must be finite"),

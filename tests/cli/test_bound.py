@@ -47,6 +47,15 @@ def test_bounds_and_limits(folder, capsys, words, status, upper):
     assert np.genfromtxt(folder / "b.csv", delimiter=",", skip_header=1)[-1, 2] == pytest.approx(upper)
 
 
+@pytest.mark.parametrize(
+    ("words", "fixed"), [([], ""), (["--box", "speed=1:2"], ""), (["--box", "height=1:3"], "speed ")]
+)
+def test_parameters_that_an_option_fixes_are_told(folder, capsys, words, fixed):
+    main(["bound", "roll.py", *words])
+    told = f"{fixed}keep their nominal values, because --box and --tolerances replace the scene's box."
+    assert (told in capsys.readouterr().out) == bool(fixed)
+
+
 def test_limits_stand_in_the_file(folder):
     main(["bound", "roll.py", "--limit", "x=:2.3", "y=1:1.5", "--json", "b.json"])
     limits = json.loads((folder / "b.json").read_text())["limits"]

@@ -5,7 +5,7 @@ The method that chooses its own runs is in `bounds.adaptive`.
 
 from symmb.bound.bounds.contributions import Contributions
 from symmb.bound.bounds.doubts import checked, doubted
-from symmb.bound.bounds.limits import WARNED, KeptLimit, LimitCheck, Limits, limit_pairs
+from symmb.bound.bounds.limits import WARNED, KeptLimit, LimitCheck, Limits, limit_pairs, other_side
 from symmb.bound.bounds.method import Method, parameter_samples, units_of
 from symmb.bound.bounds.optimization import Optimization
 from symmb.bound.bounds.polynomial_chaos import PolynomialChaos

@@ -85,9 +85,11 @@ class KeptLimit:
     def text(self) -> str:
         """The limit as an inequality. An SI unit is left out."""
         (unit,) = told_units([self.unit], 1)
+        unit = f" {typeset(unit)}".rstrip()
+        if not np.isfinite(self.high):
+            return f"{self.low:g}{unit} <= {self.output}"
         low = f"{self.low:g} <= " if np.isfinite(self.low) else ""
-        high = f" <= {self.high:g}" if np.isfinite(self.high) else ""
-        return f"{low}{self.output}{high} {typeset(unit)}".rstrip()
+        return f"{low}{self.output} <= {self.high:g}{unit}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -183,6 +185,20 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
             "result": (("output",), kept),
         }
         return Labelled(coordinates, variables, {"method": self.method}, units)
+
+
+def other_side(bounds: Envelope, limit: KeptLimit, side: str) -> str:
+    """A sentence if bounds exceed the end of a violated limit that is not on the given side; otherwise empty."""
+    k = bounds.names.index(limit.output)
+    excess = limit.low - bounds.lower[:, k] if side == "upper" else bounds.upper[:, k] - limit.high
+    row, verb = int(excess.argmax()), "fall below" if side == "upper" else "exceed"
+    error = 0.0 if bounds.estimate is None else float(bounds.estimate[row, k])
+    if limit.kept is not False or not excess[row] > max(_rounding(bounds, k), error):
+        return ""
+    unit = f" {typeset(limit.unit)}".rstrip()
+    end = limit.low if side == "upper" else limit.high
+    at = "" if limit.output in bounds.figures else f", at {bounds.t[row]:.4g} s"
+    return f"In other cases {limit.output} may {verb} its limit of {end:.6g}{unit} by {excess[row]:.3g}{unit}{at}."
 
 
 def between_times(bounds: Envelope, limits: Sequence[KeptLimit]) -> list[str]:

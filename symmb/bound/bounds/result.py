@@ -21,7 +21,16 @@ from symmb._units import headings, told_names, with_units
 from symmb.bound.bounds import result_file
 from symmb.bound.bounds.answers import Answers
 from symmb.bound.bounds.failures import failure_text
-from symmb.bound.bounds.limits import KeptLimit, LimitCheck, Limits, between_times, closest, kept_limit, limit_pairs
+from symmb.bound.bounds.limits import (
+    KeptLimit,
+    LimitCheck,
+    Limits,
+    between_times,
+    closest,
+    kept_limit,
+    limit_pairs,
+    other_side,
+)
 from symmb.bound.bounds.worst_case import WorstCase
 from symmb.results import plot
 from symmb.results.files import Record, Saved, Table, attributes, entries
@@ -112,7 +121,8 @@ class Bounds(Answers, Counted, Result, Saved):
         with shown_runs(None, "runs near limits"):
             checked = [kept_limit(self, name, *ends) for name, ends in pairs.items()]
         worst, draw = self._closest_to(checked), partial(self.plot, None)
-        remarks = (*self._about_nominal(), *between_times(self, checked))
+        others = filter(None, (other_side(self, limit, self._side(limit)) for limit in checked))
+        remarks = (*self._about_nominal(), *others, *between_times(self, checked))
         return LimitCheck(self.t, self.method, tuple(checked), draw, worst, remarks)
 
     def _about_nominal(self) -> tuple[str, ...]:

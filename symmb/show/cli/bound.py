@@ -3,6 +3,7 @@
 import argparse
 import shlex
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import symmb as mb
@@ -55,6 +56,9 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     if "view" in paths and not isinstance(subject, mb.Scene):
         raise DeclarationError("--view draws scenes only: a simulator has no bodies.")
     bounds = mb.propagate(subject, method, box, solver)
+    if fixed := [name for name in (own.names if own else ()) if name not in box.names]:
+        text = f"{', '.join(fixed)} keep their nominal values, because --box and --tolerances replace the scene's box."
+        bounds = replace(bounds, remarks=(*bounds.remarks, text))
     check = bounds.check(limits) if limits else None
     print(*filter(None, (bounds, check)), sep="\n\n")
     contributions = _tell_contributions(bounds, options.contributions)

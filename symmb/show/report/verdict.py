@@ -10,7 +10,7 @@ from symmb._magnitudes import SAME, SLIGHT
 from symmb._table import is_timeless
 from symmb._types import Array, Mask
 from symmb._units import typeset
-from symmb.bound.bounds import SIDES, WARNED, Bounds, Contributions, KeptLimit, LimitCheck, Study
+from symmb.bound.bounds import SIDES, WARNED, Bounds, Contributions, KeptLimit, LimitCheck, Study, other_side
 from symmb.bound.polynomials.ranges import Piecewise
 from symmb.equations.model import Box
 
@@ -52,7 +52,8 @@ def verdict(bounds: Bounds, check: LimitCheck | None) -> list[tuple[str, str]]:
     else:
         everywhere = [_least_excess(bounds, limit)[0] > 0 for limit in check.limits if limit.kept is False]
         head = _headline([limit.kept for limit in check.limits], "all" if all(everywhere) else "some")
-        some = [(STATES[limit.kept], _sentence(bounds, limit)) for limit in by_urgency(check)]
+        sides = [(limit, other_side(bounds, limit, bounds._side(limit))) for limit in by_urgency(check)]
+        some = [(STATES[limit.kept], f"{_sentence(bounds, limit)} {also}".rstrip()) for limit, also in sides]
     more = [f"The annex has the other {len(some) - _MOST_LISTED}."] * (len(some) > _MOST_LISTED)
     errors = " Their errors are not known." if bounds.estimate is None else " The annex states their errors."
     more.append(_CERTAIN[bounds.kind].format(bounds.evaluations) + errors * (bounds.kind == "estimate"))
