@@ -349,3 +349,17 @@ def test_functions_and_fmus_take_quantities():
     )
     with pytest.raises(mb.DeclarationError, match="FunctionSimulator: parameter 'a': 'x mm' is not a finite number"):
         mb.FunctionSimulator(lambda a: [[a]], {"a": "x mm"}, [0.0], ["gap"])
+
+
+@pytest.mark.parametrize(
+    ("interval", "is_far"), [((0.709, 0.711), True), ((7.1e4, 7.2e4), True), ((650.0, 700.0), False)]
+)
+def test_intervals_in_another_unit_are_told_if_runs_fail(interval, is_far):
+    def arm(length: float) -> list[float]:
+        raise ValueError("out of reach")
+
+    failing = mb.FunctionSimulator(arm, mb.Parameters(length=(710.0, "mm")), [0.0], ["y"])
+    with pytest.raises(mb.PropagationError) as failure:
+        mb.propagate(failing, mb.PolynomialChaos(), mb.Box(length=interval))
+    told = "mm is far from the nominal value 710 mm. Check its unit."
+    assert (told in str(failure.value)) == is_far

@@ -1,5 +1,6 @@
 """Bounds of a simulator by a method."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -73,13 +74,28 @@ def propagate(
         try:
             bounds = method.bounds(simulator, box, executor=executor, progress=progress)
         except PropagationError as error:
-            if not isinstance(simulator, SceneSimulator) or simulator.scene is None:  # as in a copy from a pickle
+            causes = [*_far_intervals(simulator, box)]
+            if isinstance(simulator, SceneSimulator) and simulator.scene is not None:  # None in a copy from a pickle
+                causes += program_of(replace(simulator.scene, box=box)).bodies.start.doubts
+            if not causes:
                 raise
-            doubts = program_of(replace(simulator.scene, box=box)).bodies.start.doubts  # they may say why runs fail
-            raise PropagationError("\n".join((str(error), *doubts))) from error
+            raise PropagationError("\n".join((str(error), *causes))) from error
         bounds = finished(method, simulator, bounds, executor)
     warn_of(bounds.doubts, f"Bounds by {bounds.method}")
     return bounds
+
+
+def _far_intervals(simulator: Simulator, box: Box) -> Iterator[str]:
+    """Sentences on intervals that differ from the nominal value by a factor of 100, as those in another unit do."""
+    units = units_of_parameters(simulator.parameters)
+    for name, (low, high) in zip(box.names, box.bounds, strict=True):
+        nominal, largest = abs(float(simulator.parameters[name])), max(abs(low), abs(high))
+        if min(nominal, largest) < 0.01 * max(nominal, largest) and nominal and largest:
+            unit = f" {units.get(name, '')}".rstrip()
+            yield (
+                f"The interval of {name} from {low:g} to {high:g}{unit} is far from the nominal value "
+                f"{float(simulator.parameters[name]):g}{unit}. Check its unit."
+            )
 
 
 def finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Executor | None) -> Bounds:
