@@ -143,8 +143,10 @@ def parameter_columns(simulator: Simulator, box: Box) -> list[int]:
 def unit_jets(method: Method, simulator: Simulator, box: Box, point: Array, directions: Array, order: int) -> Array:
     """Taylor coefficients (order + 1, m, n_t, n_y) about a point (d,) along directions (m, d), all of [-1, 1]^d."""
     if not isinstance(simulator, Jets):
+        figures = ", ".join(getattr(simulator, "figures", ()))
+        source = f"scalar outputs ({figures}) have" if figures else f"{simulator!r} gives"
         raise PropagationError(
-            f"{method!r}: it needs derivatives of the trajectory, but {simulator!r} gives values only. "
+            f"{method!r}: it needs derivatives of the trajectory, but {source} values only. "
             "Use MonteCarlo or PolynomialChaos."
         )
     p0 = parameter_samples(simulator, box, point[None])[0]
