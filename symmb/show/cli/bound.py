@@ -55,10 +55,7 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
         limit_pairs("--limit", limits, names, getattr(subject, "units", ()))
     if "view" in paths and not isinstance(subject, mb.Scene):
         raise DeclarationError("--view draws scenes only: a simulator has no bodies.")
-    bounds = mb.propagate(subject, method, box, solver)
-    if fixed := [name for name in (own.names if own else ()) if name not in box.names]:
-        text = f"{', '.join(fixed)} keep their nominal values, because --box and --tolerances replace the scene's box."
-        bounds = replace(bounds, remarks=(*bounds.remarks, text))
+    bounds = _about_fixed(mb.propagate(subject, method, box, solver), own)
     check = bounds.check(limits) if limits else None
     print(*filter(None, (bounds, check)), sep="\n\n")
     contributions = _tell_contributions(bounds, options.contributions)
@@ -72,6 +69,13 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
         return bounds.doubts
     # Exit status if a limit is violated, the same as for a failed test.
     return 1 if check.kept is False else (*bounds.doubts, "A limit is not decided.")
+
+
+def _about_fixed(bounds: mb.Bounds, own: mb.Box | None) -> mb.Bounds:
+    """The bounds with a remark on parameters that vary in the box of the scene only."""
+    fixed = [name for name in own or () if name not in (bounds.box or ())]
+    text = f"{', '.join(fixed)} keep their nominal values, because --box and --tolerances replace the scene's box."
+    return replace(bounds, remarks=(*bounds.remarks, text)) if fixed else bounds
 
 
 def _tell_contributions(bounds: mb.Bounds, is_asked: bool) -> mb.Contributions | None:
