@@ -1,4 +1,4 @@
-"""Check runs: an independent check of bounds by methods that do not estimate their error.
+"""Check runs: an independent check of bounds by methods that do not estimate their error. `adaptive` has its own.
 
 The runs are at a point near the centre of the box, at the ends of the lines through this point along the axes, and at
 the extremes that parabolas along these lines predict. No method makes these runs itself. Runs, bounds and the method's

@@ -3,11 +3,12 @@
 The generator writes the model of a scene in front of fixed files of the folder c:
 
 block, begin, ensemble       samples that share their steps, their start, and all blocks of an ensemble
-embedded_pair                steps of DormandPrince and EventDriven; `accept_step` and `take_step` reject a step if its
-                             error or that of the dense output is too large, or if it passes a switch
+embedded_pair                steps of DormandPrince and EventDriven; `accept_step` rejects a step if its error is too
+                             large, `take_step` if that of the dense output is, or if it passes a switch early
 fixed_step, implicit_step    RungeKutta, and implicit schemes
 switches, impacts            ends of steps at kinks and jumps, and at contacts that close and open
-projection, step_control     projection onto constraints, and tolerances
+projection                   projection onto constraints
+model, step_control, tableau examples of what the generator writes
 one_run, scene, fmu, main    one run, and exported programs and FMUs
 dense_search, polynomial_ranges, tensor_fit   ranges and fits of polynomials
 """

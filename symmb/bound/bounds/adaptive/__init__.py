@@ -1,4 +1,4 @@
-"""Polynomial chaos that chooses its runs and estimates its own error.
+"""Polynomial chaos that chooses its runs and estimates its own error: the default `PolynomialChaos()`.
 
 adaptive_bounds    the way in: it chooses the kind of grid, and makes Bounds of the range that a grid estimates
 runs               all runs of a study, and measures of errors; `clock` ends a study that takes too long
@@ -16,9 +16,10 @@ monotone           bounds at corners
 check_rounds       rounds of runs near extremes, whose gains are the error
 continuation, response_surface   surrogates beside the sparse grids
 
-The estimate of an output at a time is set by `error_estimate`, raised by check runs in `tensor_grids`, or in
-`check_rounds` and `output_study`, and raised once more to the distance of runs beyond the range in `adaptive_bounds`.
-`bounds.method` then limits all bounds to the values that an output can have.
+The estimate of an output at a time is set by `error_estimate` and raised by check runs in `tensor_grids`, or with more
+parameters in `check_rounds`, `output_study`, `monotone` and `response_surface`. `adaptive_bounds` raises it once more to
+the distance of runs beyond the range, near failed runs, and to the noise. `bounds.method` then limits all bounds to the
+values that an output can have.
 """
 
 from symmb.bound.bounds.adaptive.adaptive_bounds import adaptive_bounds
