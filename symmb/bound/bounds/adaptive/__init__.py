@@ -17,9 +17,9 @@ check_rounds       rounds of runs near extremes, whose gains are the error
 continuation, response_surface   surrogates beside the sparse grids
 
 The estimate of an output at a time is set by `error_estimate` and raised by check runs in `tensor_grids`, or with more
-parameters in `check_rounds`, `output_study`, `monotone` and `response_surface`. `adaptive_bounds` raises it once more to
-the distance of runs beyond the range, near failed runs, and to the noise. `bounds.method` then limits all bounds to the
-values that an output can have.
+parameters in `check_rounds`, `output_study`, `monotone` and `response_surface`. `adaptive_bounds` raises it once more,
+to the distance of runs beyond the range, near failed runs, and to the noise. `bounds.method` then limits all bounds to
+the values that an output can have.
 """
 
 from symmb.bound.bounds.adaptive.adaptive_bounds import adaptive_bounds
