@@ -113,10 +113,10 @@ def values(c: Array, counts: Sequence[int]) -> tuple[Array, Array]:
     zero = (..., *(0,) * d)
     rest = c.copy()
     rest[zero] = 0.0
-    found = at_nodes(rest, counts)
+    values = at_nodes(rest, counts)
     error = sums(rest, d) * rounding_of(lengths)
-    found = found + c[zero][(..., *(None,) * d)]
-    return found, above(error + U * largest(found, d))
+    values = values + c[zero][(..., *(None,) * d)]
+    return values, above(error + U * largest(values, d))
 
 
 def largest(a: Array, variables: int) -> Array:

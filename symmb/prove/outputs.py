@@ -74,10 +74,10 @@ def output_bounds(step: TimeStep, w: Array, times: Array, control: Control, shar
     `control.rough` marks these outputs. `sharp` is the excess of the bounds relative to their width.
     """
     problem, e, sizes = step.problem, above(step.B_largest @ w), ch.sums(step.x.c, step.x.c.ndim - 1)
-    found = OutputBounds.unknown(len(times), problem.outputs.numel_out(0))
-    bounds = _model_bounds if problem.n and problem.d > ch.TENSOR_PARAMETERS else _grid_bounds
-    terms = bounds(step, e, times, control, sharp, found) @ sizes
-    return found._replace(terms=np.where(np.isfinite(terms), terms, 0.0))
+    bounds = OutputBounds.unknown(len(times), problem.outputs.numel_out(0))
+    fill = _model_bounds if problem.n and problem.d > ch.TENSOR_PARAMETERS else _grid_bounds
+    terms = fill(step, e, times, control, sharp, bounds) @ sizes
+    return bounds._replace(terms=np.where(np.isfinite(terms), terms, 0.0))
 
 
 def _grid_bounds(step: TimeStep, e: Array, times: Array, control: Control, sharp: float, found: OutputBounds) -> Array:

@@ -98,9 +98,9 @@ def _joined(part: Part, times: Array, control: Control) -> OutputBounds:
 
 def _outputs(steps: Steps, times: Array, wanted: Mask, control: Control) -> OutputBounds:
     """Bounds at the wanted times, and those of the empty set at other times."""
-    found = OutputBounds.nothing(len(times), steps[0][0].problem.outputs.numel_out(0))
+    bounds = OutputBounds.nothing(len(times), steps[0][0].problem.outputs.numel_out(0))
     for k, (step, w) in enumerate(steps):
         here = wanted & (times <= step.t0 + step.h) & ((times > step.t0) | (k == 0))
         if here.any():
-            found.put(here, output_bounds(step, w, times[here], replace(control)))
-    return found
+            bounds.put(here, output_bounds(step, w, times[here], replace(control)))
+    return bounds

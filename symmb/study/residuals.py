@@ -164,8 +164,8 @@ def other_minima(fit: Residuals, nominal: Array) -> Iterator[Array]:
             if u is not None and is_within.sum() > d and np.isfinite(fit(u)[0]).all():
                 # Residual, relative to the spread of the data, for a change of a parameter by its own size. It holds
                 # parameters that early data do not determine.
-                held = 0.01 * np.sqrt(is_within.sum()) if part < 1 else 0.0
-                u = _minimum(fit, u, np.eye(d), weights * is_within, held)
+                prior = 0.01 * np.sqrt(is_within.sum()) if part < 1 else 0.0
+                u = _minimum(fit, u, np.eye(d), weights * is_within, prior)
         if u is not None:
             yield u
 

@@ -39,8 +39,8 @@ class _Bracket:
     most : float                   largest factor
     places : (n, d) array          places of the unit box with the worst runs so far
     low, high : float              factors of the largest valid study, and of the last study that is not valid
-    met, violated : float          factors at which runs reach a limit, and at which runs or a study violate it
-    less : float                   relative distance of the next study from `met`
+    reach, violation : float       factors at which runs reach a limit, and at which runs or a study violate it
+    less : float                   relative distance of the next study from `reach`
     best : Bounds or None          bounds from the study at `low`
     undecided : tuple or None      factor and bounds of the first study that did not decide a limit
     why : str                      why the study at `high` is not valid; empty if runs show it
@@ -51,8 +51,8 @@ class _Bracket:
     places: Array
     low: float = 0.0
     high: float = np.inf
-    met: float = np.inf
-    violated: float = np.inf
+    reach: float = np.inf
+    violation: float = np.inf
     less: float = _SETTLED / 2
     best: Bounds | None = None
     undecided: tuple[float, Bounds] | None = None
@@ -197,11 +197,11 @@ class Search:
             raise PropagationError(
                 f"{OWNER}: no box that satisfies the limits was found in {_MAX_STUDIES} studies. {ray.why}".rstrip()
             )
-        undecided, violated = (ray.high if ray.why else min(ray.high, ray.met)) / ray.low, ray.violated / ray.low
+        undecided, violation = (ray.high if ray.why else min(ray.high, ray.reach)) / ray.low, ray.violation / ray.low
         self.remarks = ()
-        if ray.low < most and max(undecided, violated if violated < np.inf else 0.0) > 1 + 4 * _SETTLED:
+        if ray.low < most and max(undecided, violation if violation < np.inf else 0.0) > 1 + 4 * _SETTLED:
             why = ray.why or "the largest number of studies was reached."
-            beyond = f" Runs reach a limit at {violated:.4g} times these tolerances." if violated < np.inf else ""
+            beyond = f" Runs reach a limit at {violation:.4g} times these tolerances." if violation < np.inf else ""
             self.remarks = (f"At {undecided:.4g} times these tolerances the limits are undecided: {why}{beyond}",)
         return ray.low * along, ray.best
 
@@ -219,17 +219,17 @@ class Search:
             ray.low, ray.best = s, bounds
         else:
             ray.high, ray.why = s, "" if check.kept is False else (*bounds.doubts, _undecided(check))[0]
-            ray.violated = s if check.kept is False else ray.violated
+            ray.violation = s if check.kept is False else ray.violation
         if check.kept is None and not bounds.failed:
             # The margin is too small for a decision. A smaller box has a larger margin.
             ray.undecided = ray.undecided or (s, bounds)
             after, ray.less = s * (1 - ray.less), 2 * ray.less
             return after
-        ray.met, is_failed = self._met(ray)
-        ray.why = ray.why if is_failed or ray.met == ray.high else ""
-        ray.violated = ray.violated if ray.why else min(ray.violated, ray.met)
+        ray.reach, is_failed = self._met(ray)
+        ray.why = ray.why if is_failed or ray.reach == ray.high else ""
+        ray.violation = ray.violation if ray.why else min(ray.violation, ray.reach)
         # If no run with a violated limit is known, the next factor is at most 4 times the factor of this study.
-        return min(ray.met * (1 - ray.less), 4.0 * s, ray.most)
+        return min(ray.reach * (1 - ray.less), 4.0 * s, ray.most)
 
     def binding(self, bounds: Bounds, check: LimitCheck) -> WorstCase | None:
         """The run that is closest to a limit, relative to the margin of the nominal run."""

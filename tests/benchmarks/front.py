@@ -77,8 +77,8 @@ def least_seconds(seconds: np.ndarray, errors: np.ndarray, wanted: float) -> flo
 def measured(scene: mb.Scene, repeats: int) -> dict[str, list[tuple[str, float, float, int]]]:
     """Text, seconds, error and runs of each method and resolution."""
     simulator = mb.prepare(scene)
-    points = {name: some for name, some in methods(len(scene.box)).items()}
-    everything = [(name, method) for name, some in points.items() for method in some]
+    families = methods(len(scene.box))
+    everything = [(name, method) for name, some in families.items() for method in some]
     found, seconds = dict[int, mb.Bounds](), {k: list[float]() for k in range(len(everything))}
     for repeat in range(repeats + 1):  # the first one warms up
         for k, (_, method) in enumerate(everything):
@@ -90,12 +90,10 @@ def measured(scene: mb.Scene, repeats: int) -> dict[str, list[tuple[str, float, 
             if repeat:
                 seconds[k].append(time.process_time() - begin)
     reference = find_reference(simulator, scene.box, runs=6000)
-    attained = [bounds.inner or (bounds.lower, bounds.upper) for bounds in found.values()]
-    reference = reference.joined(
-        [pair for pair, b in zip(attained, found.values(), strict=True) if b.inner or b.kind == "sampled"]
-    )
+    by_runs = [bounds for bounds in found.values() if bounds.inner or bounds.kind == "sampled"]
+    reference = reference.joined([bounds.inner or (bounds.lower, bounds.upper) for bounds in by_runs])
     yardstick = Yardstick(reference.lower, reference.upper, np.zeros(len(simulator.outputs)))
-    result: dict[str, list[tuple[str, float, float, int]]] = {name: [] for name in points}
+    result: dict[str, list[tuple[str, float, float, int]]] = {name: [] for name in families}
     for k, (name, method) in enumerate(everything):
         if k in found:
             error = yardstick.deviation(found[k].lower, found[k].upper)

@@ -64,7 +64,7 @@ class LawSamples:
             self._fit()
         if self.surrogate is not None:
             n = _SAMPLES_WITH_SEARCH if self.free.any() else _SAMPLES_OF_POLYNOMIALS
-        self.spread(n)
+        self.draw(n)
 
     @cached_property
     def checks(self) -> tuple[Array, Array]:
@@ -82,7 +82,7 @@ class LawSamples:
         # Largest number of polynomial values for a probability, which take some seconds.
         return self.surrogate is not None and not self.free.any() and 4 * self.number * len(self.error) <= 2**24
 
-    def spread(self, n: int) -> None:
+    def draw(self, n: int) -> None:
         """Draw n samples in each set."""
         self.number = SETS_OF_SAMPLES * n
         sets = [Sobol().points(n, len(self.columns), seed) for seed in range(SETS_OF_SAMPLES)]

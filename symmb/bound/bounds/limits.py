@@ -381,8 +381,7 @@ def _by_further_run(further: FurtherRun, limit: float, margin: Array, rounding: 
     if not np.isfinite(error):
         return None
     why = f"{further.runs} further runs stay {inside:.3g}{unit} inside. Other runs may be closer by {error:.1e}{unit}."
-    kept = True if inside > error else None
-    return _Decision(kept, why, np.fmin(np.maximum(margin, inside), own), further)
+    return _Decision(True if inside > error else None, why, np.fmin(np.maximum(margin, inside), own), further)
 
 
 def _ends(owner: str, name: str, pair: object, unit: str) -> tuple[float, float]:

@@ -215,7 +215,7 @@ def probability_of(
     samples = LawSamples(owner, responses, k, laws, correlation, SAMPLES_BEFORE_RUNS)
     found = _by_samples(samples, limits)
     while _is_short(found, error) and samples.may_grow() and found[3, -1] < error / 2 * found[0, -1]:
-        samples.spread(4 * samples.number // SETS_OF_SAMPLES)
+        samples.draw(4 * samples.number // SETS_OF_SAMPLES)
         found = _by_samples(samples, limits)
     if _is_short(found, error) and responses.runs is not None and not samples.free.any():
         own = _near_limit(samples, limits, error)

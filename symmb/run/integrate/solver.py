@@ -121,7 +121,7 @@ class Solver(ABC):
             return Tolerances(rtol, atol)
         sizes = [*np.tile(dae.state_sizes, order + 1).tolist(), *[dae.scales.work] * n_quad]
         # Smallest size of a state divided by the size of its part of the scene, down to which absolute tolerances are
-        # proportional to the size. Also this ratio over rtol, because balanced forces leave rounding in states that do
+        # proportional to the size. It rises with 1e-12 / rtol, because balanced forces leave rounding in states that do
         # not move.
         least = 1.0 if order else min(1.0, max(1e-2, 1e-12 / rtol))
         # Time over which slopes at the start predict the later sizes divided by the time of the fastest part. Without

@@ -83,15 +83,15 @@ def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions |
     beyond = [limit for limit, end in ends.items() if limit.margin[limit.row] < -SAME * abs(end)]
     excess = {limit: max(_nominal_excess(bounds, limit), _least_excess(bounds, limit)[0]) for limit in beyond}
     lost = {limit: excess[limit] for limit in beyond if excess[limit] > 0}
-    met = [limit for limit in beyond if limit not in lost and excess[limit] >= -SAME * abs(ends[limit])]
-    if met:
-        names = _listed([limit.output for limit in met])
+    at_limit = [limit for limit in beyond if limit not in lost and excess[limit] >= -SAME * abs(ends[limit])]
+    if at_limit:
+        names = _listed([limit.output for limit in at_limit])
         texts.append(
             f"The nominal values reach the limit of {names}. Change these values or the limit. No tolerance helps."
         )
     if lost:
         texts.append(_lost(bounds, lost))
-    texts += _tighten(bounds, [limit for limit in beyond if limit not in (*lost, *met)])
+    texts += _tighten(bounds, [limit for limit in beyond if limit not in (*lost, *at_limit)])
     idle = "No tolerance needs to be tightened." if limits else "Give limits of outputs, so that this page checks them."
     return [*(texts or [idle]), *_spread(bounds, {_column(bounds, limit): limit.row for limit in limits}, shares)]
 
