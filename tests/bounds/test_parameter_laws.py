@@ -192,7 +192,7 @@ def test_what_is_malformed_is_told_in_a_sentence(change, text):
 
 def test_other_malformed_calls():
     bounds = mb.propagate(sums(), mb.PolynomialChaos(), WIDE)
-    refused("one of above and below", bounds.probability, "y", laws=NORMAL)
+    refused("pass a number as above=", bounds.probability, "y", laws=NORMAL)
     refused("below is not the larger one", bounds.probability, "y", above=1.0, below=2.0, laws=NORMAL)
     with pytest.raises(mb.DeclarationError, match="error must be above 0 and below 1"):
         bounds.probability("y", above=1.0, laws=NORMAL, error=0.0)

@@ -236,8 +236,8 @@ def _event(owner: str, responses: Responses, k: int, above: object, below: objec
     ends = [number_in(owner, f"output {responses.names[k]!r}", value, unit) for value in thresholds]
     if not ends or ends != sorted(ends):
         raise DeclarationError(
-            f"{owner}: give a number for one of above and below, or for both, of which below is not the larger one, "
-            f"got {shown(above)} and {shown(below)}."
+            f"{owner}: pass a number as above=, below= or both. below must not exceed above. "
+            f"Got above={shown(above)} and below={shown(below)}."
         )
     limits = -np.inf if below is None else ends[0], np.inf if above is None else ends[-1]
     (told,), named = told_units([unit], 1), zip(("below", "above"), (below, above), strict=True)
