@@ -5,6 +5,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence, Set
 from dataclasses import MISSING, fields
 from importlib import import_module
 from inspect import signature
+from types import ModuleType
 from typing import Any, TypeGuard
 
 import numpy as np
@@ -167,7 +168,7 @@ def require_callable(owner: str, value: object, *arguments: str) -> None:
 
 def require_kind(owner: str, name: str, value: object, has: str, example: str) -> None:
     """DeclarationError unless a value is an object with a method of this name. `example` is such an object."""
-    if isinstance(value, type) or not callable(getattr(value, has, None)):
+    if isinstance(value, type | ModuleType) or not callable(getattr(value, has, None)):  # NumPy has `indices`
         raise DeclarationError(f"{owner}: {name} must be an object such as {example}, got {shown(value)}.")
 
 

@@ -64,6 +64,13 @@ def test_sparse_grid_weights_of_six_parameters(rule, total):
     assert len(np.unique(nodes.round(12), axis=0)) == len(nodes)
 
 
+@pytest.mark.parametrize("name", ["nodes", "basis", "range"])
+def test_a_module_is_no_rule(name):
+    """NumPy has a function `indices`, which is what a basis must have."""
+    with pytest.raises(mb.DeclarationError, match=f"{name} must be an object such as"):
+        mb.PolynomialChaos(order=2, **{name: np})
+
+
 def test_basis_beyond_the_nodes_is_refused():
     with pytest.raises(mb.PropagationError, match="do not determine the 16 polynomials of TensorDegree"):
         mb.propagate(Wave(), mb.PolynomialChaos(order=3, nodes=mb.SparseGrid()), BOX)

@@ -399,3 +399,17 @@ def test_balls_that_collapse_go_on_together(number, restitution):
     start = {f"b{i}.x": 0.7 * i + 0.1 for i in range(number)} | {"b0.vx": 1.0}
     scene = mb.Scene(mb.System(*balls, *contacts, wall), start, [0.0, 9.0, 20.0], {b.name: b.vx for b in balls})
     assert [mb.simulate(scene)[b.name][-1] for b in balls] == pytest.approx([0.0] * number, abs=1e-10)
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize("number, restitution", [(12, 0.51), (13, 0.45), (13, 0.55)])
+def test_a_row_without_walls_that_collapses_goes_on_together(number, restitution):
+    """Impacts get slower and slower while no force holds the balls: momentum tells the speed of all."""
+    gaps = np.zeros(number - 1)
+    gaps[[0, 4]] = 0.8, 0.18
+    balls = [mb.Body(f"b{i}", 1.0, pose=mb.Particle()) for i in range(number)]
+    contacts = [mb.Impact(f"c{i}", balls[i + 1].x - balls[i].x - 1.0, restitution) for i in range(number - 1)]
+    places = np.cumsum([0.5, *(1 + gaps)])
+    start = {f"b{i}.x": x for i, x in enumerate(places)} | {"b0.vx": 1.0}
+    run = mb.simulate(mb.Scene(mb.System(*balls, *contacts), start, [0.0, 6.0], {b.name: b.vx for b in balls}))
+    assert [run[b.name][-1] for b in balls] == pytest.approx([1 / number] * number, abs=1e-10)

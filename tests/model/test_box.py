@@ -43,6 +43,13 @@ def test_unit_box_and_back():
     np.testing.assert_array_equal(box.from_unit([[-1, -1, -1], [1, 1, 1]]), [box.lower, box.upper])
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize("way", ["to_unit", "from_unit"])
+def test_points_that_are_not_finite_are_refused(way, value):
+    with pytest.raises(DeclarationError, match="must be finite numbers"):
+        getattr(Box(a=(0.1, 0.7), b=(-3, 5)), way)([[0.2, value]])
+
+
 def test_equal_by_value_and_picklable():
     assert Box(a=(0, 1)) == Box(a=(0.0, 1.0)) != Box(a=(0, 2))
     assert pickle.loads(pickle.dumps(Box(a=(0, 1)))) == Box(a=(0, 1))

@@ -240,15 +240,21 @@ class Box:
 
     def from_unit(self, unit: Array) -> Array:
         """Points (N, d) of [-1, 1]^d as parameter values (N, d); -1 and 1 give the ends exactly."""
-        unit = require_numbers(repr(self), "points", unit, len(self), leading=True)
+        unit = self._finite_points("points", unit)
         inside = np.clip(self.center + unit * self.radius, self.lower, self.upper)
         return np.where(unit == -1.0, self.lower, np.where(unit == 1.0, self.upper, inside))
 
     def to_unit(self, values: Array) -> Array:
         """Parameter values (N, d) as points (N, d) of [-1, 1]^d. The coordinate of an interval without width is 0."""
-        radius = self.radius
-        values = require_numbers(repr(self), "values", values, len(self), leading=True)
+        radius, values = self.radius, self._finite_points("values", values)
         return (values - self.center) / np.where(radius > 0, radius, np.inf)
+
+    def _finite_points(self, name: str, values: object) -> Array:
+        """Numbers (N, d); DeclarationError if one is not finite, or if the shape is another one."""
+        points = require_numbers(repr(self), name, values, len(self), leading=True)
+        if not np.isfinite(points).all():
+            raise DeclarationError(f"{self!r}: {name} must be finite numbers, got {shown(values)}.")
+        return points
 
     def without(self, name: str) -> "Box | None":
         """The box of the other parameters; None if there are no others."""

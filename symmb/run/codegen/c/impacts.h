@@ -336,8 +336,12 @@ PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
       if (c.touching[k]) fastest = fmax(fastest, fabs(c.rate[k]));
     }
     /* With the rate v and the acceleration a, a gap rises by v^2 / (2 a). A rate at which this is within rounding counts as
-       rest. Otherwise a ball that comes to rest would bounce for ever. */
-    for (int k = 0; k < N_I; ++k) c.rest[k] = fmax(sqrt(2.0 * rounding[k] * b->force[2 * N_I + k][0]), SMALL * fastest);
+       rest. Otherwise a ball that comes to rest would bounce for ever. So does a rate that changes the gap by less than its
+       rounding in the whole run. Otherwise a row without forces, whose impacts get slower and slower, would never rest. */
+    for (int k = 0; k < N_I; ++k) {
+      const double slow_rate = fmax(SMALL * fastest, rounding[k] / span);
+      c.rest[k] = fmax(sqrt(2.0 * rounding[k] * b->force[2 * N_I + k][0]), slow_rate);
+    }
     if (!apply_impulses(&c, b, s)) return 0;
     hit = 0;
     for (int k = 0; k < N_I; ++k) hit |= N_E > 0 && c.impulse[k] != 0.0;
