@@ -80,6 +80,12 @@ def test_a_violated_limit_and_what_keeps_it(seed, side):
     assert changes
     narrowed = [{name: (1 - float(half), 1 + float(half))} for name, _, half in changes]
     narrowed = narrowed if "tighten" in steps[0] else [{k: v for part in narrowed for k, v in part.items()}]
+    if shared := re.search(r"Or multiply the tolerances of (.+) by ([\d.]+)\.$", steps[0]):
+        names, factor = re.findall(r"[pqr]\d+", shared[1]), float(shared[2])
+        assert names == [name for name, _, _ in changes]
+        ends_of = dict(zip(box.names, 1 + factor * (np.array(box.bounds) - 1), strict=True))
+        narrowed.append({name: tuple(ends_of[name]) for name in names})
+    assert bool(shared) == ("one of these" in steps[0])
     for part in narrowed:
         if "multiply all" in steps[0]:
             factor = float(re.search(r"by ([\d.]+),", steps[0])[1]) - 0.005

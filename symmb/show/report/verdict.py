@@ -308,8 +308,11 @@ def _proposed(reduced: _Reduced, limits: Sequence[KeptLimit], some: Sequence[str
     goal = f"To keep {_listed([f'{limit.output} {_inside(limit)}' for limit in limits[:_MOST_LISTED]])}"
     factors = {name: reduced.largest([name]) for name in some}
     if best := sorted((n for n in some if factors[n] >= _LEAST_PART), key=lambda n: -factors[n])[:_MOST_PARAMETERS]:
-        one = "tighten one of these tolerances" if len(best) > 1 else "tighten this tolerance"
-        return [f"{goal}, {one}: {_listed([reduced.change(n, factors[n]) for n in best], 'or')}.", _AGAIN]
+        changes = [reduced.change(n, factors[n]) for n in best]
+        if len(best) == 1:
+            return [f"{goal}, tighten this tolerance: {changes[0]}.", _AGAIN]
+        shared = f"Or multiply the tolerances of {_listed(best)} by {reduced.largest(best):.3g}."
+        return [f"{goal}, tighten one of these tolerances: {_listed(changes, 'or')}. {shared}", _AGAIN]
     if (factor := reduced.largest(reduced.box.names)) >= _LEAST_PART:
         changes = _listed([reduced.change(n, factor) for n in some])
         return [f"{goal}, multiply all tolerances by {factor:.3g}, such as {changes}.", _AGAIN]
