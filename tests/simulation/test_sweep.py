@@ -84,6 +84,8 @@ def test_sweeps_become_labelled_arrays_tables_and_pictures(tmp_path):
     _, axes = plt.subplots()
     runs.plot(outputs="x", ax=axes)
     assert len(axes.lines) == 6
+    labels = [f"k = {k}, a = {a}" for k in (5, 6, 8) for a in (0.1, 0.3)]
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == labels
     assert "<table" in runs._repr_html_()
     plt.close("all")
 

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 _NAMED = 3
 """Number of failed runs whose reasons are printed."""
+_MOST_IN_LABELS = 3
+"""Largest number of parameters that the label of a curve names. With more parameters it is the number of the run."""
 Part = tuple[Indices, Array, Mask, tuple[str, ...]]
 """Numbers of samples, their outputs, a mask of the valid ones, and the messages of the others."""
 
@@ -39,8 +41,8 @@ Part = tuple[Indices, Array, Mask, tuple[str, ...]]
 class Sweep(plot.OverTime, Result, WithWarnings, Saved):
     """Runs with several values of parameters.
 
-    `runs["x"]` gives an output of all runs. `print` shows extremes. `plot` draws all runs,
-    coloured by the first parameter that varies. `save` writes a file, and `load` reads it.
+    `runs["x"]` gives an output of all runs. `print` shows extremes. `plot` draws all runs
+    in the order of the parameters that vary. `save` writes a file, and `load` reads it.
 
     Attributes
     ----------
@@ -142,13 +144,18 @@ class Sweep(plot.OverTime, Result, WithWarnings, Saved):
         return over_times(rows, self.t)
 
     def _figure(self, columns: list[int] | None, style: plot.Style) -> "Figure":
-        by, values = next(iter(self._varied().items()), ("run", np.arange(len(self), dtype=float)))
-        order = np.argsort(values, kind="stable")
+        varied, units = self._varied(), units_of_parameters(self.parameters)
+        if 0 < len(varied) <= _MOST_IN_LABELS:
+            order = np.lexsort([*varied.values()][::-1])
+            words = {n: [f"{n} = {x:g} {units.get(n, '')}".rstrip() for x in v[order]] for n, v in varied.items()}
+            names = [", ".join(words_of_run) for words_of_run in zip(*words.values(), strict=True)]
+        else:
+            order, names = np.arange(len(self)), [f"run {k}" for k in range(len(self))]
         return plot.plot_family(
             self.t,
             self.values[order],
             self.names,
-            [f"{by} = {values[k]:g} {units_of_parameters(self.parameters).get(by, '')}".rstrip() for k in order],
+            names,
             units=self.units,
             chosen=columns,
             title=self.name,
