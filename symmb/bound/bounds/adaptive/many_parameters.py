@@ -67,8 +67,8 @@ def _distinct(points: Sequence[Array]) -> Array:
 
 
 def _together(arrays: Sequence[Array], n_t: int, axis: int) -> Array:
-    """Arrays of all outputs, joined along the axis of outputs. The axis before it has n_t times, or one for a scalar
-    output."""
+    """Arrays of all outputs, joined along the axis of outputs. The axis of times before it has length n_t, or 1 for a
+    scalar output."""
     return np.concatenate([np.broadcast_to(a, (*a.shape[: axis - 1], n_t, *a.shape[axis:])) for a in arrays], axis=axis)
 
 
