@@ -190,7 +190,7 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
 
 
 def other_side(bounds: Envelope, limit: KeptLimit, side: str) -> str:
-    """A sentence if bounds also exceed the other end of a violated limit than the given side; otherwise empty."""
+    """A sentence if bounds exceed the end of a violated limit opposite to the given side; otherwise empty."""
     k = bounds.names.index(limit.output)
     excess = limit.low - bounds.lower[:, k] if side == "upper" else bounds.upper[:, k] - limit.high
     row, verb = int(excess.argmax()), "fall below" if side == "upper" else "exceed"

@@ -11,7 +11,8 @@ from symmb.bound.polynomials.legendre import MultiIndices, with_lower
 
 @dataclass(frozen=True, eq=False)
 class LowerSet:
-    """A set of multi-indices that contains all multi-indices below each of its members, in the order of rising sums.
+    """A set of multi-indices that contains all multi-indices below each of its members, in the order of increasing
+    sums.
 
     If the range of a parameter is halved, or a parameter is fixed, the expansion needs no other products. This holds
     for Legendre and for Chebyshev polynomials.
@@ -43,9 +44,9 @@ class LowerSet:
 
     @cached_property
     def fibres(self) -> list[Indices]:
-        """For each axis (n_f, degree + 1): rows of products that differ in their degree along this axis only.
+        """For each axis (n_f, degree + 1): rows of products that differ only in their degree along this axis.
 
-        The row is n if the set has no product of a degree.
+        A row is n if the set has no product of this degree.
         """
         n, d = self.alpha.shape
         fibres = []
@@ -82,7 +83,7 @@ def _lower_set(shape: tuple[int, int], alpha: bytes) -> LowerSet:
 
 @cache
 def legendre_to_chebyshev(n: int) -> Array:
-    """(n + 1, n + 1) matrix from Legendre to Chebyshev coefficients. No entry is negative, so that no digits are lost.
+    """(n + 1, n + 1) matrix from Legendre to Chebyshev coefficients. No entry is negative, so no digits are lost.
 
     Examples
     --------
