@@ -13,10 +13,10 @@ from symmb._types import Array
 from symmb.prove.rounding import U, above, of_sum
 
 TENSOR_PARAMETERS = 2
-"""Most parameters with a tensor basis, whose size is a power of their number. Polynomials of more parameters have a
-total degree."""
+"""Largest number of parameters with a tensor basis. Its size is a power of this number. Polynomials of more parameters
+have a total degree."""
 ENTRY_ERROR = 8 * U
-"""Error of an entry of the matrices. It is the cosine of an angle up to pi / 2 with the relative error 3 U."""
+"""Error of a matrix entry: the cosine of an angle up to pi / 2 that has the relative error 3 U."""
 
 
 @cache

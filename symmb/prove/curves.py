@@ -69,7 +69,7 @@ class TimeStep:
 
     @cached_property
     def room(self) -> Array:
-        """Changes of the states (n,) that change the rates by about 100 %, but at least the scales of the states."""
+        """Changes of the states (n,) that change the rates by about 100 %; at least the scales of the states."""
         problem, n = self.problem, self.problem.n
         x = self.x.c[(slice(None), *(0,) * (self.x.c.ndim - 1))]
         p = [float(middle) for middle in problem.middle]

@@ -89,8 +89,8 @@ class Piecewise:
         return lows.min(axis=0), highs.max(axis=0), np.take_along_axis(places, best[None, ..., None], axis=0)[0]
 
     def acting(self, floor: Array) -> Mask:
-        """Mask (d,) of parameters that may change a response by more than its floor (n_y,). If the error of an output
-        is infinite, all parameters are included."""
+        """Mask (d,) of parameters that may change a response by more than its floor (n_y,). It includes parameters
+        without terms, and all parameters if the error of an output is infinite."""
         acts, has_terms = np.zeros((2, self.centres.shape[1]), dtype=bool)
         for own in self.expansions:
             for i, degrees in enumerate(own.alpha.T):
