@@ -198,8 +198,9 @@ class Answers(Envelope):
         output : str
         levels : float or list
             probabilities between 0 and 1
-        laws : mapping name -> distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3). It is truncated to
-            the interval of the box
+        laws : mapping
+            name -> distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3). It is truncated to the
+            interval of the box
         correlation : (n, n)
             correlations of a Gaussian copula, in the order of the distributions; default: independent
         distributions : mapping
@@ -236,9 +237,10 @@ class Answers(Envelope):
         ----------
         above, below : float, or with a unit, as "60 deg"
         laws, correlation, distributions : as in `quantiles`
-        error : float the accepted error, relative to the probability of the event at any time. More samples of the
-            polynomials are taken until the estimated error is below it. If this does not suffice, and all parameters
-            have distributions, up to 1,000 runs near the limit give probabilities down to 1e-9
+        error : float
+            the accepted error, relative to the probability of the event at any time. More samples of the polynomials
+            are taken until the estimated error is below it. If this does not suffice, and all parameters have
+            distributions, up to 1,000 runs near the limit give probabilities down to 1e-9
         """
         given = given_once("Bounds.probability", laws, distributions)
         responses = self._responses("Bounds.probability")

@@ -50,13 +50,15 @@ class Contributions(Result, Saved):
         times [s]
     names, units : n_y outputs and their units, '' if they are not known
     parameters : n_p names
-    width : (n_t, n_y) width of the bounds
+    width : (n_t, n_y)
+        width of the bounds
     alone : (n_t, n_y, n_p)
         width if this parameter alone is uncertain, and the others are nominal
     saved : (n_t, n_y, n_p)
         decrease of the width if this parameter has its nominal value
-    first, total : (n_t, n_y, n_p) Sobol's indices: the fractions of the variance that a parameter explains alone, and
-        together with others. Parameters are uniform and independent. nan if the variance is only rounding
+    first, total : (n_t, n_y, n_p)
+        Sobol's indices: the fractions of the variance that a parameter explains alone, and together with others.
+        Parameters are uniform and independent. nan if the variance is only rounding
     estimate : (n_t, n_y)
         largest estimated error of alone
     saved_estimate : (n_t, n_y)
