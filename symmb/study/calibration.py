@@ -44,7 +44,7 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
     Attributes
     ----------
     name : str
-        of the scene
+        name of the scene
     parameters : dict
         n_p estimates by name
     covariance : (n_p, n_p)

@@ -33,7 +33,7 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
     Attributes
     ----------
     scene, solver : str
-        names
+        names of both
     times : (n_t,)
         output times [s]
     outputs : tuple of n_y names

@@ -108,10 +108,9 @@ class Residuals:
 def least_squares(
     fit: Residuals, begin: Array, basis: Array, known_noise: Mapping[str, float]
 ) -> tuple[Array, Array] | None:
-    """Relative parameters (n_p,) and the noise of the outputs. Parameters start at `begin` and follow the rows of a
-    basis.
+    """Relative parameters (n_p,), from `begin` along the orthonormal rows of a basis; and the noise of the outputs.
 
-    The rows are orthonormal. The result is None if the fit does not end.
+    The result is None if the fit does not end.
     """
     noise, u = np.array([*known_noise.values()] or fit.spreads), begin
     # Number of fits with weights from the residuals of the previous fit. With ten values each, weights settle to 1 %.

@@ -1,4 +1,4 @@
-"""Root loci and Campbell diagrams: eigenvalues against one parameter, with bands over the box of the others."""
+"""Root loci and Campbell diagrams: eigenvalues against one parameter, with bands over the box of other parameters."""
 
 from dataclasses import dataclass, field
 from itertools import product
@@ -46,7 +46,7 @@ class RootLocus(plot.ThreeDiagrams, Counted, WithWarnings, Saved):
         "f" [Hz], "zeta" [-], "re", "im" [1/s] -> lower and upper bounds, each (n, k), over the box; nan if the
         oscillation ends inside the box; empty without a box
     box : Box
-        of the other parameters, or None
+        intervals of the other parameters, or None
     method, evaluations, runs : str, int, int
         of the bands
     remarks : tuple of str
@@ -174,7 +174,7 @@ def root_locus(
     range : (lower, upper)
         range of the values, in the unit of the parameter, or in another unit as in (40, 400, "rpm")
     method : optional
-        method of the bands; default: PolynomialChaos()
+        method method of the bands, and number of runs; default: PolynomialChaos()
     box : Box, optional
         intervals of the other parameters; default: the box of the scene
     count : int
