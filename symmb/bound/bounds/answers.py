@@ -42,7 +42,7 @@ class Answers(Envelope):
         Raises
         ------
         DeclarationError
-            If there is no such output or time, if no runs were made, or if a file contains only the extremes over all
+            If there is no such output or time, if no runs were made, or if a file only contains extremes over all
             times.
         SimulationError
             If the run fails when it is repeated.
@@ -88,8 +88,7 @@ class Answers(Envelope):
         return self._closer(case, side, point[0], attained)
 
     def _closer(self, case: WorstCase, side: str, place: Array, attained: float) -> WorstCase:
-        """The case of the run at a place (d,) of the unit box if it is closer to the bound; otherwise the given
-        case."""
+        """The case of the run at a place (d,) of the unit box if it is closer to the bound; or the given case."""
         assert self.box is not None
         values = self.box.from_unit(place).tolist()
         parameters = {**self.nominal_parameters, **dict(zip(self.box.names, values, strict=True))}
@@ -167,8 +166,8 @@ class Answers(Envelope):
     def _acting(self, box: Box, columns: Sequence[int]) -> tuple[str, ...]:
         """Names of the parameters that act on some outputs, given by their numbers.
 
-        Fixed parameters are left out. If there are polynomials, parameters with effects below noise and rounding are
-        left out as well.
+        Fixed parameters are left out. If there are polynomials, those with effects below noise and rounding are left
+        out too.
         """
         acts = box.radius > 0
         if self.surrogate is not None:
@@ -199,8 +198,8 @@ class Answers(Envelope):
         levels : float or list
             probabilities between 0 and 1
         laws : mapping
-            name -> distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3). It is truncated to the
-            interval of the box
+            name -> distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3). It is cut to the interval of
+            the box
         correlation : (n, n)
             correlations of a Gaussian copula, in the order of the distributions; default: independent
         distributions : mapping
@@ -295,8 +294,7 @@ class Answers(Envelope):
         return Responses(*own, *ranges, adaptive.method, runs, tuple(remarks))
 
     def good_surrogate(self, outputs: Sequence[int] | None = None) -> Piecewise | None:
-        """The surrogate; None if its error is unknown or too large for one of the outputs, which are given by
-        numbers."""
+        """The surrogate; None if its error is unknown or too large for one of the outputs (numbers)."""
         asked = slice(None) if outputs is None else [*outputs]
         return self.surrogate if self.have_good_surrogate()[asked].all() else None
 

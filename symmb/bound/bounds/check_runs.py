@@ -21,8 +21,7 @@ from symmb.equations.model import Box
 _RUNS_AT_EXTREMES = 4
 """Number of runs at predicted extremes."""
 _PREDICTED_VALUES = 256
-"""Number of extremes, over outputs and times, that are predicted. A few times of each output show where extremes
-are."""
+"""Number of extremes, over outputs and times, that are predicted. A few times of each output suffice."""
 _MOST_CORNERS, _POINTS_INSIDE = 64, 64
 """Largest number of corners of the box at which a search looks, and number of points inside for a surrogate's range."""
 _OFF_CENTRE = 0.2, 0.4
@@ -43,8 +42,8 @@ def check_doubts(
     if bounds.kind == "enclosure" or bounds.estimate is not None or share == np.inf:
         return (), 0
     varied = np.flatnonzero(box.radius > 0)
-    # The allowed runs suffice for centre, faces and extremes of four parameters. More runs are allowed if the method
-    # made as many.
+    # The allowed runs suffice for centre, faces and extremes of four parameters. If the method made more, more are
+    # allowed.
     most = min(max(13, bounds.evaluations), MOST_NUMBERS // max(bounds.lower.size, 1))
     if not varied.size or most < 3:
         return (), 0
@@ -120,8 +119,7 @@ class _Checks:
         return size > share * width + self._floor
 
     def _sizes(self, error: Array) -> tuple[Array, Array]:
-        """Root mean squares (n_y,) of errors (2, n_t, n_y) of bounds, and of the width, divided by the outputs'
-        scale."""
+        """Root mean squares (n_y,) of errors (2, n_t, n_y) and of the width, divided by the outputs' scale."""
         width = self._bounds.upper / self.scale - self._bounds.lower / self.scale
         size = np.sqrt(np.square(error / self.scale).mean(axis=(0, 1)))
         return size, rms(width)
@@ -171,8 +169,7 @@ def _star(d: int, varied: Indices) -> Array:
 
 
 def _predicted(Y: Array, c: Array, varied: Indices, candidates: Array) -> tuple[Array, Array]:
-    """At most _RUNS_AT_EXTREMES points of extremes that parabolas predict, and the candidates with more points of this
-    kind.
+    """At most _RUNS_AT_EXTREMES points of extremes that parabolas predict, and the candidates with more such points.
 
     Y (1 + 2 n, n_t, n_y) are the scaled responses at the star around c (n,).
     """
@@ -210,7 +207,6 @@ def _predicted(Y: Array, c: Array, varied: Indices, candidates: Array) -> tuple[
 
 def _reached(surrogate: Piecewise, points: Array) -> tuple[Array, Array]:
     """Smallest and largest values (n_t, n_y) of a surrogate at points (N, d)."""
-    # Number of points at which a surrogate is evaluated at once. Outputs over time of all points would take much
-    # memory.
+    # Number of points at which a surrogate is evaluated at once. All points would take too much memory.
     parts = [surrogate.values(some) for some in np.array_split(points, -(-len(points) // 16))]
     return np.min([part.min(axis=0) for part in parts], axis=0), np.max([part.max(axis=0) for part in parts], axis=0)

@@ -106,8 +106,7 @@ class Contributions(Result, Saved):
         return "\n".join([first, f"  {_NO_SUM}", *(f"  remark  {remark}" for remark in self.remarks)])
 
     def _rows(self, k: int, i: int | None = None) -> list[list[str]]:
-        """A table of contributions to output k at time i, with the largest first. Default: the time of the largest
-        width."""
+        """A table of contributions to output k at time i (default: of the largest width), with the largest first."""
         i = int(self.width[:, k].argmax()) if i is None else i
         width, of_share = self.width[i, k], self.share_estimate[i, k]
         has_times = time_text(self.t, i, self.width[:, k]) != ""
@@ -262,8 +261,7 @@ def _by_runs(
 ) -> int:
     """Fill in missing widths and errors, each (d, n_t, n_y), by further studies, and return the number of runs.
 
-    `missing` (d, n_y) marks these widths. `studies` are the number of earlier studies and of all studies, for the
-    progress.
+    `missing` (d, n_y) marks these widths. `studies` are the numbers of earlier and of all studies, for the progress.
     """
     runs, (before, of_all) = 0, studies
     for number, i in enumerate(np.flatnonzero(missing.any(axis=1)), before + 1):

@@ -8,8 +8,7 @@ import numpy as np
 from symmb._types import Array
 
 STARTS, LATE_STARTS = 4, 2
-"""Number of places that are searched with the first step, and with later steps. More require more runs. Fewer may miss
-maxima."""
+"""Number of places for the first step, and for later steps. More require more runs. Fewer may miss maxima."""
 STEPS, LEAST_STEPS = (2.0, 0.5, 0.12, 0.03, 0.008), 3
 """Lengths of the steps, and number of first steps that are always used. These lead from a corner to its neighbours.
 Shorter steps follow only if their gain may matter."""
@@ -43,8 +42,7 @@ def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough:
     """
     d, rng, values = starts.shape[1], np.random.default_rng(0), _Values(f)
     x, fx = _best(starts, values(starts), STARTS)
-    # A step is repeated if its gain, divided by the range of values at the starts, is larger. Smaller values require
-    # more runs.
+    # A step is repeated if its gain, divided by the range of values at the starts, is larger. Less requires more runs.
     sufficient = 1e-4 * float(np.ptp([value for value in values.known.values() if value > -np.inf] or [0.0]))
     error = np.inf
     for i, step in enumerate(STEPS):
@@ -57,8 +55,7 @@ def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough:
             # A value above `enough` answers the question of the caller. Its distance from the maximum is not computed.
             if len(values.known) >= most or not -np.inf < fx[0] <= enough:
                 return Found(x[0], float(fx[0]), np.inf)
-            # Polls along the axes alone stop on ridges that are oblique to the axes. Random directions leave these
-            # ridges.
+            # Polls along the axes alone stop on ridges that are oblique to the axes. Random directions leave them.
             basis = np.eye(d) if is_axial else np.linalg.qr(rng.normal(size=(d, d)))[0]
             points = _poll(values, x, fx, step, basis)
             reached = values(points)
@@ -92,14 +89,12 @@ class _Values:
 def _poll(values: Callable[[Array], Array], x: Array, fx: Array, step: float, basis: Array) -> Array:
     """Points (k, 2 d + 2, d) of a poll about places x (k, d) with values fx (k,).
 
-    The points are the place itself, one step ahead and behind along each vector of a basis (d, d), and one combination.
-    The combination takes the best step along each vector: to the better end, or to the vertex of a parabola through
-    both ends.
+    The points are the place itself, one step ahead and behind along each vector of a basis (d, d), and a combination.
+    It takes the best step along each vector: to the better end, or to the vertex of a parabola through both ends.
     """
     polled = np.clip(x[:, None] + step * np.concatenate([basis, -basis]), -1.0, 1.0)
     ahead, behind = np.split(values(polled) - fx[:, None], 2, axis=1)
-    # If both ends are lower, the vertex is at most half a step away. If both ends are minus infinity, there is no
-    # vertex.
+    # If both ends are lower, the vertex is at most half a step away. Two ends of minus infinity give no vertex.
     with np.errstate(invalid="ignore", divide="ignore"):
         vertex = np.nan_to_num((ahead - behind) / (-2 * (ahead + behind)), posinf=0.0, neginf=0.0)
     shift = np.where(np.maximum(ahead, behind) > 0, np.where(ahead >= behind, 1.0, -1.0), vertex)

@@ -50,8 +50,7 @@ def checked(method: Method, simulator: Simulator, box: Box, bounds: Bounds, exec
 
 
 def _unused_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
-    """Warnings about varied parameters that nothing in a scene depends on. Usually the scene contains their nominal
-    values instead."""
+    """Warnings about varied parameters that nothing in a scene depends on: usually it contains their nominal values."""
     if not isinstance(simulator, SceneSimulator) or simulator.scene is None:  # e.g. a copy from a pickle
         return ()
     varied = [name for name, low, high in zip(box.names, box.lower, box.upper, strict=True) if low < high]
@@ -83,8 +82,7 @@ def _without_effect(simulator: Simulator, box: Box, bounds: Bounds) -> list[str]
     if surrogate is None or isinstance(simulator, SceneSimulator):
         return []
     floor = ROUNDING * np.abs([bounds.lower, bounds.upper]).max(axis=(0, 1), initial=0.0)
-    # A parameter may have no effect if its effect in polynomials, relative to the width, is smaller: polynomials
-    # smooth.
+    # A parameter may have no effect if its effect in polynomials, relative to the width, is smaller.
     small = np.maximum(floor, 1e-4 * (bounds.upper - bounds.lower).max(axis=0))
     idle = np.flatnonzero(~surrogate.acting(small) & varies)
     if not len(idle):
@@ -150,8 +148,7 @@ def _linear_theory_doubts(simulator: Simulator, box: Box, seconds: float) -> tup
         return ()
     end = time.perf_counter() + seconds + _SECONDS_BEYOND_STUDY
     d = len(box)
-    # Largest number of parameters for which flexible bodies are checked at all corners. With more, two corners are
-    # checked.
+    # Largest number of parameters with checks of flexible bodies at all corners. With more, two corners are checked.
     unit = corners(d) if d <= 3 else np.repeat([[-1.0], [1.0]], d, axis=1)
     for p in parameter_samples(simulator, box, unit):
         where = ", ".join(f"{name} = {value:g}" for name, value in zip(simulator.parameters, p, strict=True))
@@ -187,7 +184,7 @@ def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
 
 
 def _noise_doubts(simulator: Simulator, bounds: Bounds) -> tuple[str, ...]:
-    """A warning about outputs with widths between rounding and noise. Scenes are left out, because their noise is only
+    """A warning about outputs with widths between rounding and noise. Scenes are left out: their noise is only
     estimated."""
     if isinstance(simulator, SceneSimulator) or not isinstance(simulator, Noisy) or simulator.noise is None:
         return ()

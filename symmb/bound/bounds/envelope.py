@@ -96,12 +96,10 @@ class Envelope(WithWarnings):
             return self.lower - self.estimate, self.upper + self.estimate
 
     def doubtful(self, share: float = DOUBTFUL) -> dict[str, float]:
-        """Outputs with an estimated error above a fraction of the width, and the time [s] from which the error is so
-        large.
+        """Outputs with an estimated error above a fraction of the width, and the time [s] from which it is so large.
 
         Error and width are root mean squares from a time to the end. The width counts as at least a tenth of the width
-        over all times. Errors within the noise of the runs, and rounding, do not count. The result is empty without an
-        estimate.
+        over all times. Errors within noise and rounding do not count. The result is empty without an estimate.
         """
         require_positive("doubtful", "share", share)
         if self.estimate is None:

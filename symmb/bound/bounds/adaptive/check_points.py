@@ -30,8 +30,7 @@ PATIENCE = 30
 """Number of runs per parameter after which a grid that does not converge is abandoned. Corners are abandoned after as
 many. Larger numbers take more runs and miss fewer extremes."""
 ALL_CORNERS = 10
-"""Largest number of parameters for which all corners are run, if runs are computed side by side. Larger numbers take
-seconds."""
+"""Largest number of parameters with runs at all corners, if runs are computed side by side. More take seconds."""
 MOST_CORNERS = 32
 """Largest number of corners if no other information shows where a response varies. Larger numbers take more runs and
 miss fewer extremes."""
@@ -151,7 +150,6 @@ def count_shapes(Y: Array) -> Indices:
 def inflated_error(squares: Array, safety: float = SAFETY) -> Array:
     """Expected errors (n_t, n_y) at other points, from the largest squared errors at check runs and a factor.
 
-    Errors are averaged over a window, but are at least the error of the check run, because a pulse is shorter than a
-    window.
+    Errors are averaged over a window. They are at least those of the check run, because a pulse may be shorter.
     """
     return np.sqrt(np.maximum(safety**2 * average_over_window(squares), squares))

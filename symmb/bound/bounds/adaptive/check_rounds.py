@@ -1,5 +1,4 @@
-"""Rounds of check runs near extremes, which measure the errors of an interpolant's range and of the extremes of
-runs."""
+"""Rounds of check runs near extremes: they measure errors of an interpolant's range and of extremes of runs."""
 
 from dataclasses import dataclass, field
 from itertools import product
@@ -59,8 +58,8 @@ class Foreseen:
         self.attained += float(np.square(gain)[beyond > 0].sum())
 
     def add_at(self, places: Array, foreseen: Array, points: Array, gains: Array) -> None:
-        """Add the predicted excess (2, n_t, 1) and the attained one, at those places (2, n_t, 1, d) that are among the
-        points (C, d)."""
+        """Add the predicted excess (2, n_t, 1) and the attained one, at places (2, n_t, 1, d) among the points (C,
+        d)."""
         distance = np.full(foreseen.shape, np.inf)
         for point in points:
             distance = np.minimum(distance, np.abs(places - point).max(axis=-1))
@@ -69,8 +68,7 @@ class Foreseen:
         self.attained += float(np.square(gains[is_run]).sum())
 
     def share(self, part: float) -> float:
-        """Square root of the ratio of a sum, `unconfirmed` or `attained`, to the predicted sum; 1 before the first
-        prediction."""
+        """Root of the ratio of a sum, `unconfirmed` or `attained`, to the predicted sum; 1 without predictions."""
         return min(part / self.foreseen, 1.0) ** 0.5 if self.foreseen else 1.0
 
 

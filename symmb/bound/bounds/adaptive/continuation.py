@@ -18,9 +18,8 @@ SPARSE_PROBES = 2
 """Number of quasi-random check points. Runs along axes do not show products of parameters. More points miss fewer
 products and take more runs."""
 REMAINING_SHARE = 0.1
-"""Smallest ratio of the remaining error to the expected error at check runs, because the continuation does not
-interpolate. It limits the estimated error after check runs too. Smaller ratios miss more, larger ratios take more
-runs."""
+"""Smallest ratio of the remaining to the expected error at check runs, because the continuation does not interpolate.
+It limits the estimated error after check runs too. Smaller ratios miss more. Larger ones take more runs."""
 SPARSE_RANGE = 0.02
 """Ratio of the accuracy of a range to the tolerance. Smaller ratios take more time."""
 
@@ -75,8 +74,7 @@ def along_axes(d: int, degree: int) -> set[Index]:
 def extrapolated_sizes(grid: Grid, sizes: Array) -> dict[Index, float]:
     """Expected sizes of the coefficients next to a grid, if they decay like the coefficients of these indices (N,).
 
-    The size at index a is the smallest of |c_b| and |c_b| |c_(a-b+z)| / |c_z|, for the lower neighbours b of a, and z
-    of b.
+    The size at index a is the smallest of |c_b| and |c_b| |c_(a-b+z)| / |c_z|, for lower neighbours b of a, and z of b.
     """
     size = dict(zip(grid.row, sizes.tolist(), strict=True))
     return {index: _extrapolated(index, size) for index in sorted(grid.ahead())}

@@ -1,5 +1,4 @@
-"""The estimated error of an interpolant: the truncation error, from the decay of its last coefficients, and the error
-at events."""
+"""The estimated error of an interpolant: the truncation error (from its last coefficients), and the error at events."""
 
 import itertools
 from dataclasses import dataclass
@@ -165,8 +164,7 @@ def _degree_shells(alpha: MultiIndices, i: int, least: int) -> tuple[list[Indice
 
 
 def _products(alpha: MultiIndices, i: int) -> tuple[Indices, Indices]:
-    """Rows of products of x_i with other parameters, and rows of these other parameters. Without products, rows of x_i
-    and of all x_j."""
+    """Rows of products of x_i with others, and rows of these others. Without products, rows of x_i and of all x_j."""
     rows = {cast(tuple[int, ...], tuple(a)): k for k, a in enumerate(alpha.tolist())}
     first, base = [], []
     for a, k in rows.items():

@@ -1,5 +1,4 @@
-"""Bounds of responses that increase or decrease monotonically with each parameter. Runs at corners attain these
-bounds."""
+"""Bounds of responses that are monotonic in each parameter. Runs at corners attain these bounds."""
 
 from collections.abc import Callable, Generator, Iterator
 
@@ -129,8 +128,8 @@ def _error_at_all_corners(runs: OutputRuns, bulge: Array) -> Generator[Request, 
 
 
 def _uncertain(corner: Array, slopes: Array) -> list[Array]:
-    """Corners (3, d) that differ from a corner, and from the opposite corner, in the two parameters with the smallest
-    slopes (d, m)."""
+    """Corners (3, d) that differ from a corner, and from its opposite, in the two parameters of smallest slopes (d,
+    m)."""
     first, second = np.argsort(slopes.max(axis=1))[:2]
     flips = np.ones((3, len(corner)))
     flips[[0, 2], first] = flips[[1, 2], second] = -1.0
@@ -148,8 +147,7 @@ def _bulge(lower: Array, upper: Array) -> Array:
 def _edges(corners: Array, corner: Array) -> Iterator[tuple[Array, Array]]:
     """For each parameter, points (n, d), and points that differ from these in this parameter only.
 
-    The points are pairs of corners (K, d). Without corners, the halves of the edges at a corner and at the opposite
-    corner are returned.
+    The points are pairs of corners (K, d). Without corners, they are halves of the edges at a corner and its opposite.
     """
     row = {tuple(each): k for k, each in enumerate(corners.tolist())}
     for i in range(len(corner)):
@@ -164,8 +162,7 @@ def _edges(corners: Array, corner: Array) -> Iterator[tuple[Array, Array]]:
 
 
 def _corners(slope: Array, allowed: Array, most: int) -> tuple[Array, Indices]:
-    """Corners (K, d) for slopes (m, d), and the corner (m,) of each response. No response loses more than the allowed
-    value.
+    """Corners (K, d) for slopes (m, d), and the corner (m,) of each response. No response loses more than allowed.
 
     Responses with the same signs of all slopes form a group. The most frequent signs give the first corner, which also
     serves groups that lose little there. The result is empty if more than `most` corners are needed.

@@ -1,5 +1,4 @@
-"""Bounds of one output over many parameters, from a sparse grid that grows adaptively, and from runs that correct
-it."""
+"""Bounds of one output over many parameters, from a sparse grid that grows, and from runs that correct it."""
 
 from collections.abc import Generator, Iterator
 
@@ -42,8 +41,8 @@ EARLY_CHECK = 5.0
 """Ratio of the estimated error to the tolerance at which check runs are made. Larger ratios take fewer nodes, and more
 check runs that do not help."""
 FEW_NODES = 7
-"""Number of nodes per parameter after which the decay of the error is judged. Smaller numbers abandon responses that
-converge later."""
+"""Number of nodes per parameter after which the decay of the error is judged. Smaller numbers abandon more
+responses."""
 
 
 class OutputStudy:

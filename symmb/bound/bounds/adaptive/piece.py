@@ -16,14 +16,13 @@ from symmb.bound.polynomials.ranges import HIGHEST_DEGREE, RANGE_ERROR, attained
 
 REFINED_SHARE = 0.25
 """Directions are refined together if their error is at least this fraction of the largest error. Smaller fractions take
-more runs and fewer rounds. The same fraction of the error is expected to remain after a rough piece is halved along
-every parameter."""
+more runs and fewer rounds. The same fraction of the error is expected after a rough piece is halved along every
+parameter."""
 JUDGED_DEGREE = 16
 """Smallest degree at which smoothness is judged. On halves the degree is doubled, because one half is usually rough. A
 smaller degree divides smooth responses. A larger one takes more runs at kinks."""
 _DEGREES_OF_TAIL = 4
-"""Number of last degrees that give the error at kinks, because coefficients decrease slowly there. Larger numbers are
-safer."""
+"""Number of last degrees that give the error at kinks, because coefficients decrease slowly there. More are safer."""
 
 Part = tuple[Array, Array, Array]
 """Centre and half width (d,) of a part of the box, and the degrees of an interpolant on this part."""
@@ -126,8 +125,7 @@ class Piece:
 
     @cached_property
     def jumps(self) -> Mask | None:
-        """Mask (n_t, n_y) of ranges that follow from values at nodes, because interpolants overshoot at jumps; None
-        without jumps."""
+        """Mask (n_t, n_y) of ranges by values at nodes, because interpolants overshoot at jumps; None without jumps."""
         has_event = None if self.event_errors is None else np.isfinite(self.event_errors[0])
         if has_event is not None or self.inherited is None or self.rough_direction is None:
             return has_event
@@ -160,8 +158,7 @@ class Piece:
         return checkable if self.jumps is None else np.where(self.jumps, 0.0, checkable)
 
     def expected_error(self, places: Array) -> Array:
-        """Expected errors (..., n_t, n_y) at places (..., n_t, n_y, d) of the box, or at places (..., 1, 1, d) for all
-        times."""
+        """Expected errors (..., n_t, n_y) at places (..., n_t, n_y, d), or at places (..., 1, 1, d) for all times."""
         smooth = self.truncation.at((places - self.centre) / self.half)
         if self.event_errors is not None:
             events = self.event_errors.sum(axis=0)
@@ -172,8 +169,7 @@ class Piece:
 
     @property
     def largest_error(self) -> Array:
-        """Expected error (n_t, n_y) at any point. At jumps it is the error between nodes, because interpolants
-        overshoot there.
+        """Expected error (n_t, n_y) at any point. At jumps it is that between nodes, because interpolants overshoot.
 
         Extremes are mostly at nodes, where errors are smaller. At other points, terms are expected to decrease by the
         same ratio from degree to degree as the last ones. At kinks all of the last degrees count.
@@ -195,8 +191,7 @@ class Piece:
         return self.expansion.values((points - self.centre) / self.half)
 
     def observed_errors(self, points: Array, Y: Array) -> Array:
-        """Errors (C, n_t, n_y) of the interpolant at points (C, d) with runs Y; 0 if the values at nodes are used
-        instead."""
+        """Errors (C, n_t, n_y) of the interpolant at points (C, d) with runs Y; 0 if values at nodes are used."""
         errors = Y - self.values(points)
         return errors if self.event_errors is None else np.where(np.isnan(self.event_errors[0]), errors, 0.0)
 
@@ -219,8 +214,7 @@ class Piece:
         return [(self.centre + sign * (self.half - half), half, degrees) for sign in (-1, 1)]
 
     def replaced(self, parts: list[Part], widths: Array) -> list["Piece"]:
-        """Pieces for the parts. Each half inherits a fraction of this piece's error, or the measured error if that is
-        larger."""
+        """Pieces for the parts. Each half inherits a fraction of this piece's error, or a larger measured error."""
         pieces = [Piece.of(self.runs, part, widths, self) for part in parts]
         if len(pieces) > 1:
             own, new = self.Y, np.concatenate([piece.Y for piece in pieces])

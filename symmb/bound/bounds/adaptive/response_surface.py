@@ -27,8 +27,7 @@ from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import Piecewise
 
 SHORTEST_RIDGE = 0.7
-"""Length of a ridge. Searches start from this length and from 2, 4 and 8 times this length. Fewer starts may fail. More
-take time."""
+"""Length of a ridge. Searches start from 1, 2, 4 and 8 times this length. Fewer starts may fail. More take time."""
 REFIT_GROWTH, UNLIKELY = 1.4, 20.0
 """Growth of the number of runs after which the kernel is chosen again. Logarithm of the likelihood ratio at which a
 kernel is abandoned. Smaller growth and larger ratios take more time and fewer runs."""
@@ -53,8 +52,7 @@ def surface_range(runs: OutputRuns, points: Array, tolerance: float, is_patient:
     Slopes in the middle give the direction of a first ridge. Each round makes runs at the extremes of the mean, at the
     extremes of the mean with some standard deviations, and at points spread over the box, corners first. The estimated
     error is the excess that these deviations allow, or a share of the error that the latest runs showed. If the runs do
-    not suffice, errors of cross-validation count too. Where the error remains large, the bounds are the extremes of
-    runs.
+    not suffice, errors of cross-validation count too. If the error remains large, the bounds are extremes of runs.
 
     Parameters
     ----------
@@ -182,8 +180,7 @@ class _Responses:
 
 
 def _is_plateau(data: _Responses, attained: Array) -> Mask:
-    """Mask (2, m) of minima and maxima that several runs inside the box attain. The response is constant there, as
-    between jumps."""
+    """Mask (2, m) of minima and maxima that several runs inside the box attain. The response is constant there."""
     inside = (np.abs(data.points) < 1).all(axis=1) & data.points.all(axis=1)
     shared = np.abs(data.Y[inside] - attained[:, None]) <= SAME * np.ptp(attained, axis=0)
     return np.asarray(shared.sum(axis=1) > 1)
@@ -199,11 +196,9 @@ def _left_out(surface: GaussianProcess, noise: Array) -> Array:
 
 
 def _kernels(kernels: list[Kernel], data: _Responses) -> list[Kernel]:
-    """Likely kernels of a smooth response, of responses with one or two ridges, and of a sum, with the most likely
-    kernel first.
+    """Likely kernels of a smooth response, of responses with one or two ridges, and of a sum. The most likely is first.
 
-    The first ridge is along the slope at the centre. The second ridge is along the direction of the largest remaining
-    variation.
+    The first ridge is along the slope at the centre. The second one is along the largest remaining variation.
     """
     slope, plain = _slope(data), Kernel.of(data.points.shape[1])
     starts = [*(kernels or (plain, plain.with_term(Sum(1.0, plain.terms[0].rates))))]
@@ -246,8 +241,7 @@ def _with_ridge(kernel: Kernel, direction: Array, data: _Responses) -> Kernel:
 
 
 def _extremes(surface: GaussianProcess, factor: float) -> tuple[Array, Array]:
-    """Places (2, 2, m, d) of minima and maxima (first axis), of the mean and of the mean with deviations, and the
-    values there.
+    """Places (2, 2, m, d) of minima and maxima (first axis), of the mean without and with deviations, and values there.
 
     Local searches start from the best points of the box, corners and runs. One more start combines the best value of
     each parameter, because a sum of functions of one parameter has many local extremes.
@@ -277,8 +271,7 @@ def _best_of_each_parameter(surface: GaussianProcess, response: int, sign: float
 
 
 def _beside(places: Array, number: int) -> Array:
-    """A point near each place (n, d). Runs at these points test whether the response is as flat as the surface at its
-    extremes.
+    """A point near each place (n, d). Runs there test whether the response is as flat as the surface.
 
     `number` is the number of the round. The directions depend on it.
     """

@@ -21,9 +21,8 @@ from symmb.equations.model import Box
 from symmb.run.simulation import SceneSimulator
 
 TRUST = 0.6
-"""Smallest ratio of the error of an interpolant after check runs to its estimate before. It is also the ratio of the
-error of a surface's extremes to the error of the latest runs. Smaller ratios miss more, larger ratios take more
-runs."""
+"""Smallest ratio of an interpolant's error after check runs to its estimate before. It is also the ratio of the error
+of a surface's extremes to that of the latest runs. Smaller ratios miss more. Larger ones take more runs."""
 CHEAP_RUNS = 60
 """Number of runs up to which uncertain bounds are refined further. Above this number, a few runs measure the noise."""
 NOISE_RUNS, NOISE_SPACING = 5, 1e-7
@@ -33,8 +32,7 @@ UNKNOWN_SHARE = 1.2 * DOUBTFUL
 """Smallest error divided by the width, near failed runs and at extremes that searches attain. Nothing measures these
 errors. Smaller values miss more without a warning. Larger values warn more often than needed."""
 _ORDINARY_POWER = 300
-"""Exponent of two up to which numbers may grow (1e90), because they are squared. Numbers are scaled above half of
-it."""
+"""Exponent of two up to which numbers may grow (1e90), because they are squared. Above half, they are scaled."""
 
 
 class OutgrownError(Exception):
@@ -155,8 +153,7 @@ class Runs:
                     + failure_text(self.failed)
                 )
             if not ok.all():
-                # An interpolant needs a value at each node. A value that continues the others keeps its coefficients
-                # small.
+                # An interpolant needs a value at each node. One that continues the others keeps coefficients small.
                 predict = predict or _quadratic(points[new][ok], Y[ok])
                 Y[~ok] = predict(points[new][~ok])
             if events is not None:
@@ -379,8 +376,8 @@ class OutputRuns:
         return Y if len(found) == len(points) else None
 
     def may_hide(self) -> bool:
-        """Whether the runs contain as little information as a few numbers, because the responses have few independent
-        functions of time."""
+        """Whether runs contain as little information as a few numbers: responses have few independent functions of
+        time."""
         Y = _some_deviations([self.nodes], self.rms_widths())
         return int(count_shapes(Y.reshape(len(Y), -1))) <= FEW_SHAPES or rests_for_a_time(*self.extremes, self.noise)
 
@@ -406,8 +403,8 @@ def relative_errors(error: Array, widths: Array) -> Array:
 
 
 def _some_deviations(blocks: list[Array], widths: Array) -> Array:
-    """Deviations (n, n_s, n_y) of the first n runs from their mean at some times, divided by the widths (n_y,). n is at
-    most SHAPE_RUNS."""
+    """Deviations (n, n_s, n_y) of the first n <= SHAPE_RUNS runs from their mean at some times, over the widths
+    (n_y,)."""
     some = slice(None, None, max(1, blocks[0].shape[1] // (2 * SHAPE_RUNS)))
     Y = np.concatenate([Y[:SHAPE_RUNS, some] for Y in blocks])[:SHAPE_RUNS]
     return (Y - Y.mean(axis=0)) / widths

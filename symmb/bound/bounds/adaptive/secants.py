@@ -47,8 +47,7 @@ def _lowest(x: Array, y: Array, noise: Array) -> tuple[Array, Array]:
     (before, growth_before), (after, growth_after) = _outer(sure), (each[::-1] for each in _outer(sure[::-1]))
     left, right = before * growth_before, after * growth_after
     # If the slope of an interval is between the slopes beside it, the response bends one way. Its minimum is then
-    # inside only if the slopes beside it have opposite signs. Intervals at an end of the box have a secant on one side
-    # only.
+    # inside only if the slopes beside it have opposite signs. At an end of the box, there is one secant.
     bends = (np.minimum(left, right) <= slope) & (slope <= np.maximum(left, right))
     bends[[0, -1]] = False
     is_valley = bends & (left < 0) & (right > 0)
@@ -63,8 +62,7 @@ def _lowest(x: Array, y: Array, noise: Array) -> tuple[Array, Array]:
 
 
 def _outer(slope: Array) -> tuple[Array, Array]:
-    """Slopes (N, ...) of the intervals to the left, and the factors, at least 1, by which these slopes have
-    increased."""
+    """Slopes (N, ...) of the intervals to the left, and the factors (at least 1) of their increase."""
     outer, growth = np.zeros_like(slope), np.ones_like(slope)
     outer[1:] = slope[:-1]
     last, first = slope[1:-1], slope[:-2]

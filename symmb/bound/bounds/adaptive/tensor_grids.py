@@ -1,5 +1,4 @@
-"""Bounds over few parameters, from tensor grids, from pieces of the box if the response is not smooth, and from check
-runs."""
+"""Bounds over few parameters, from tensor grids, pieces of the box for rough responses, and check runs."""
 
 import math
 from collections.abc import Sequence
@@ -27,16 +26,14 @@ from symmb.bound.bounds.time_windows import DOUBTFUL, average_over_window, is_do
 from symmb.bound.polynomials.ranges import RANGE_ERROR, Piecewise
 
 MANY_VALUES = 1000
-"""Number of values of a run above which the output is a field. A mean over fewer values is less reliable: fewer runs
-would miss more."""
+"""Number of values of a run above which the output is a field. A mean over fewer values is less reliable."""
 FIELD_TRUST, FIELD_SAFETY = 0.18, 1.6
-"""TRUST and SAFETY of fields, because their check runs show errors at many times. Smaller values take fewer runs and
-miss more."""
+"""TRUST and SAFETY of fields, because check runs show errors at many times. Smaller ones take fewer runs and miss
+more."""
 KINK_GAIN = 0.9
-"""Fraction of the error that may remain after half of all rounds of runs near kinks. Larger fractions take more runs
-that do not help."""
+"""Fraction of the error that may remain after half of all rounds near kinks. Larger ones take more useless runs."""
 NARROW, MOST_AT_KINKS = 0.01, 8
-"""Distance of kinks that share a run, divided by the distance of other check runs. Largest number of runs of a round at
+"""Distance of kinks that share a run, divided by that of other check runs. Largest number of runs of a round at
 kinks."""
 
 
@@ -168,8 +165,8 @@ class TensorGrids:
     def _at_kinks(self, union: _Union, estimate: Array) -> EstimatedRange | None:
         """The range from runs near kinks of one parameter and from the estimated range, if its error is small enough.
 
-        The next runs are at intersections of secants from both sides, such as the vertex of a V. Rounds continue while
-        they reduce the error.
+        The next runs are at intersections of secants, such as the vertex of a V. Rounds continue while the error
+        decreases.
         """
         runs, tolerance, widths, sizes = self._runs, self._tolerance, self._widths, list[float]()
         has_events = any(piece.event_errors is not None for piece in union.pieces)
@@ -196,15 +193,13 @@ class TensorGrids:
         return None
 
     def _unseen(self, union: _Union) -> tuple[Array, Array]:
-        """Places (2, n_t, n_y, 1) of extremes that secants suggest, and their excess (2, n_t, n_y) over all runs and
-        the range."""
+        """Places (2, n_t, n_y, 1) of extremes by secants, and their excess (2, n_t, n_y) over runs and the range."""
         (places, beyond), (lowest, highest) = self._secant_extremes(), self._runs.extremes
         foreseen = np.maximum(np.stack([lowest - union.lower, union.upper - highest]), 0.0)
         return places, np.maximum(beyond - foreseen, 0.0)
 
     def _check_secants(self, union: _Union, places: Array, unseen: Array, chosen: Array) -> int:
-        """Run chosen points, and store their gain at possible extremes from secants. Return the number of new
-        points."""
+        """Run chosen points, store their gain at extremes by secants, and return the number of new points."""
         runs = self._runs
         lower, upper = np.minimum(runs.extremes[0], union.lower), np.maximum(runs.extremes[1], union.upper)
         points, _ = runs.check(chosen)
@@ -222,8 +217,7 @@ class TensorGrids:
         return secant_extremes(points, np.concatenate([runs.nodes[ok], runs.checks]), runs.noise)
 
     def _probes(self, number: int) -> Array:
-        """Check points: the requested ones, and others up to the number. Those are closer to corners if there are
-        corners."""
+        """Check points: the requested ones, and `number` others, which are closer to corners if there are corners."""
         d = len(self._runs.box)
         n_even = self._runs.probes + (number if d == 1 else 0)  # a kink may be anywhere
         points = np.concatenate([evenly_spread_points(n_even, d), quasi_random_points(number if d > 1 else 0, d)])
@@ -262,11 +256,9 @@ class TensorGrids:
 
     @property
     def is_costly(self) -> bool:
-        """Whether the next step takes too many runs for its gain, such as halves along three parameters and large
-        grids.
+        """Whether the next step takes too many runs, such as halves along three parameters and large grids.
 
-        Over two parameters, pieces take some hundred runs. They resolve fronts that move in time better than searches
-        do.
+        Over two parameters, pieces take some hundred runs. They resolve moving fronts better than searches do.
         """
         d = len(self._runs.box)
         return d > 2 and (len(self._parts) > 1 or self._cost() > PATIENCE * d)
@@ -276,8 +268,7 @@ class TensorGrids:
         return self._runs.unknown(np.concatenate([nodes_of(part) for part in self._parts]))
 
     def _is_field(self) -> bool:
-        """Whether each output with many values has many independent functions of time, so that check runs measure its
-        error better."""
+        """Whether all outputs with many values have many functions of time. Check runs then measure errors better."""
         if math.prod(self._runs.shape) < MANY_VALUES:
             return False
         if len(self._pieces) > 1 or self._pieces[0].jumps is not None:
