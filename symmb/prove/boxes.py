@@ -131,9 +131,8 @@ def _followed(problem: Problem, order: int, boxes: int, progress: Callable[[floa
         march(part.problem, order, part.course, part.small, max(part.small, largest),
               lambda t: progress((done + part.share * t) / horizon))  # fmt: skip
 
-    # A part is lost if its remainder exceeds a small fraction of the width, because the squared remainder makes it
-    # grow. The second half of the parts is for the parts that are lost first. They are halved at their last small
-    # remainder.
+    # A part is lost if its remainder exceeds a small fraction of the width, because its square makes it grow. The
+    # second half of the parts is for those that are lost first. They are halved at their last small remainder.
     for most, largest in ((boxes // 2, 0.0), (boxes, SMALL), (boxes, np.inf)):
         for part in parts:
             if not part.course.why:

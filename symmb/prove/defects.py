@@ -45,8 +45,7 @@ def exact_defects(step: TimeStep) -> tuple[Array, Array] | None:
 
 
 def _grid(degrees: Array, numbers: int) -> tuple[int, ...] | None:
-    """Nodes for the exact interpolation of `numbers` polynomials of given degrees; None if values need more than 16
-    MB."""
+    """Nodes for the exact interpolation of `numbers` polynomials of given degrees; None if values exceed 16 MB."""
     # a larger grid would also exceed the number of terms whose rounding `above` covers
     if not numbers * np.prod(degrees + 1.0) <= 2e6:
         return None
@@ -75,8 +74,7 @@ def largest_defects(step: TimeStep, rho: list[float], rates: Array, slopes: Arra
 
 
 def _comparable(w: Array) -> Array:
-    """Remainders (n,), at least 1 % of the largest. Smaller ones need no better bounds, because each step mixes all
-    remainders."""
+    """Remainders (n,), at least 1 % of the largest. Smaller ones need no better bounds, as each step mixes all."""
     return np.maximum(w, 1e-2 * w.max())
 
 

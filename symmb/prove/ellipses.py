@@ -18,8 +18,7 @@ from symmb.prove.patches import largest_on
 
 @dataclass(frozen=True)
 class Choice:
-    """Motion of states on the ellipses of time and of the parameters, relative to their room; and numbers of
-    patches."""
+    """Motion of states on the ellipses of time and of the parameters, relative to their room; numbers of patches."""
 
     spread: tuple[float, float] = (0.5, 0.5)
     patches: tuple[int, int] = (8, 1)
@@ -187,8 +186,7 @@ def nodes_of_defect(step: TimeStep, rho: list[float], rates: Array, slopes: Arra
 
 
 MOST_PATCHES = 3e4
-"""Largest number of patches of all variables. More take seconds. If a proof needs more, it ends, or the step becomes
-shorter."""
+"""Largest number of patches of all variables. More take seconds: the step becomes shorter, or the proof ends."""
 
 
 def nodes_needed(rho: list[float], ratio: float) -> float:

@@ -125,8 +125,7 @@ def _integration(terms: int, h: float) -> Array:
 
 
 def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Array:
-    """f (n, terms, ...) at states (n, terms, ...). With many states, parts of the times are computed one after the
-    other."""
+    """f (n, terms, ...) at states (n, terms, ...). With many states, parts of the times follow each other."""
     if x[0].size > _STATES_IN_CACHE and x.shape[1] > 1:
         k = x.shape[1] // 2
         return np.concatenate([rates_at(problem, x[:, :k], p, t[:k]), rates_at(problem, x[:, k:], p, t[k:])], axis=1)

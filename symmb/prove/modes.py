@@ -26,8 +26,7 @@ from symmb.prove.problem import StartEquations
 _SAME_EIGENVALUE = 1e-5
 """Largest relative distance of equal eigenvalues: double eigenvalues have errors of the square root of rounding."""
 _ZERO_SINGULAR_VALUE = 1e-7
-"""A smaller singular value, relative to the largest one, counts as 0, because critical parameters have rounding
-errors."""
+"""A smaller singular value, relative to the largest one, counts as 0, because critical parameters are rounded."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,8 +35,7 @@ from symmb.prove.step import MOST_CANDIDATES, on_motion
 from symmb.prove.tape import Tape
 
 _MOST_SWITCHES_AT_ONCE = 4
-"""Largest number of switches that are passed at once. Each one doubles the number of equations between the first and
-last pass."""
+"""Largest number of switches that are passed at once. Each doubles the number of equations during the passes."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -80,8 +80,7 @@ class Problem:
 
     @property
     def why_singular(self) -> str:
-        """The message that rows of loops may not determine velocities. It names up to four joints that close the
-        loops."""
+        """The message that rows of loops may not determine velocities. It names up to four joints that close loops."""
         names = ", ".join(map(repr, self.closing[:4])) + ", ..." * (len(self.closing) > 4)
         return f"{SINGULAR} of {names}" if names else SINGULAR
 
@@ -233,8 +232,7 @@ class Phase:
         return common("conditions", arguments, [ca.densify(sides * switches(*arguments))])
 
     def settled(self, x: Array, p: Array, t: float, sides: Array, fixed: tuple[int, ...] = ()) -> Array:
-        """Sides (m,) at one place. The sides of the switches `fixed` are given. A switch may depend on earlier
-        sides."""
+        """Sides (m,) at one place. Those of the switches `fixed` are given. Switches may depend on earlier sides."""
         sides = sides.copy()
         others = np.setdiff1d(np.arange(len(sides)), fixed)
         for _ in range(len(sides)):

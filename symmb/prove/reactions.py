@@ -20,8 +20,7 @@ from symmb.equations.model import System
 from symmb.run.formulations import Formulation
 
 RANDOM_POINTS = 20
-"""Number of random points at which analytic functions are evaluated. A property at all these points holds
-everywhere."""
+"""Number of random points at which analytic functions are evaluated. A property at all of them holds everywhere."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -312,8 +312,7 @@ def _joints(rows: Sequence[str]) -> tuple[str, ...]:
 
 
 def _meeting(simulator: DAESimulator, box: Box) -> str:
-    """A sentence about a spring or damper with points that may meet, from linear changes between a few runs; or
-    empty."""
+    """A sentence about a spring or damper with points that may meet, from linear changes between runs; or empty."""
     from scipy.optimize import lsq_linear
 
     scene, (middle, radius, _) = simulator.scene, _intervals(simulator, box)
@@ -336,8 +335,7 @@ def _meeting(simulator: DAESimulator, box: Box) -> str:
 
 
 _LOOKS, _MEETS = 401, 0.01
-"""Number of times at which points are compared. Largest distance of points that meet, relative to their motion over the
-box."""
+"""Number of times at which points are compared. Distance of points that meet, relative to their motion over the box."""
 
 
 def _points_of(middle: Array, radius: Array) -> Array:

@@ -171,8 +171,7 @@ class Model:
 
     @cached_property
     def around(self) -> Disc:
-        """Discs that contain all values at each place. Products of squares are taken about 1/2, the middle of [0,
-        1]."""
+        """Discs that contain all values at each place. Products of squares are taken about 1/2."""
         half = self.basis.of_squares[: len(self.c), None]
         middle = self.c[0] + (half * self.c).sum(axis=0)
         moved = (np.abs(self.c[1:]) * (1.0 - half[1:])).sum(axis=0)
@@ -321,8 +320,7 @@ def _gap(q: Array) -> Array:
 
 
 def _sqrt(a: Model) -> Model:
-    """The square root. The binomial coefficients of 1 / 2 decrease in modulus, so a geometric series bounds the
-    remainder."""
+    """The square root. The binomial coefficients of 1 / 2 decrease in modulus, so a geometric series is a bound."""
     middle, q, about = _expansion(a)
     root, n = np.sqrt(middle), a.basis.degree
     size, value, factor = np.abs(root), 1.0 / middle, 1.0

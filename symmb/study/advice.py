@@ -136,8 +136,7 @@ def _under_stress(stress: Sequence[Trial], standards: Standards) -> list[str]:
 
 
 def _verdict(trials: Sequence[Trial], standard: Standard) -> str:
-    """The fastest good setting, and the families without a good setting; or the reason why no setting is known to be
-    good."""
+    """The fastest good setting, and the families without a good setting; or why no setting is known to be good."""
     if standard.fault:
         return f"none is known to be good: {standard.fault}"
     good = _good(trials, standard)

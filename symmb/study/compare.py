@@ -217,8 +217,7 @@ def _measured(
 def _confronted(
     found: Reference, given: Method | Bounds | None, bounds: Sequence[Bounds], difference: Array | None
 ) -> tuple[Reference, Array | None, list[str]]:
-    """The reference with all attained values, limited by proved bounds; the solver's error; and sentences about
-    proofs."""
+    """The reference with all attained values, limited by proved bounds; the solver's error; sentences about proofs."""
     joint = found if given is not None else found.joined([each.inner for each in bounds if each.inner is not None])
     attained = found if given is None or given.kind == "sampled" else None
     limits = Limits.of(bounds)

@@ -61,8 +61,7 @@ class Reference:
         return Yardstick(self.lower, self.upper, self.uncertainty, self.noise)
 
     def joined(self, attained: Sequence[tuple[Array, Array]]) -> "Reference":
-        """The reference with the values that other runs attained. The uncertainty is at least the distance of these
-        values."""
+        """The reference with the values that other runs attained. The uncertainty is at least their distance."""
         lower = np.min([self.lower, *(low for low, _ in attained)], axis=0)
         upper = np.max([self.upper, *(high for _, high in attained)], axis=0)
         missed = Yardstick(lower, upper, self.uncertainty).deviation(self.lower, self.upper)
@@ -169,8 +168,7 @@ class _Differences:
 
 
 def _is_optimized(n_p: int, runs: int) -> bool:
-    """Whether extremes are also optimised. With four or more parameters, grids have too few points for each
-    parameter."""
+    """Whether extremes are also optimised. With four or more parameters, grids have too few points for each."""
     return n_p >= 4 and runs >= 4 * (1 + n_p)
 
 
@@ -188,8 +186,7 @@ def planned_runs(n_p: int, runs: int = RUNS) -> int:
 
 def _resolutions(n_p: int, runs: int = RUNS) -> list[Method]:
     """The method at the coarser and at the finer resolution, and a method that combines both."""
-    # Largest number of parameters of a scan on a grid. With more, `RUNS` points would be two or three for each
-    # parameter.
+    # Largest number of parameters of a scan on a grid. With more, `RUNS` points would be two or three for each.
     if n_p <= 5 and 3**n_p <= max(runs, _LEAST_RUNS):
         m = max(round((runs ** (1 / n_p) - 1) / 2), 1)
         return [Scanning(m + 1), Scanning(2 * m + 1)]

@@ -19,8 +19,7 @@ Derivatives by integration are exact to about 1e-7, and differences of runs to a
 FALSE_WARNING = 1e-4
 """Probability of a false warning, for each test."""
 FEWEST_TESTED = 12
-"""Residuals of an output are tested from this number of values on, because tests of independence require many
-values."""
+"""Residuals of an output are tested from this number of values on, because tests of independence need many."""
 NOISE_OF_RUNS = 1e-4
 """Smaller residuals, relative to the spread of the data, may be errors of runs. Their order in time has no meaning."""
 
@@ -50,8 +49,7 @@ class Residuals:
         self._known: dict[bytes, tuple[Array, Array]] = {}
 
     def __call__(self, u: Array) -> tuple[Array, Array]:
-        """Residuals (N,) at relative parameters u (n_p,), nan if the run fails, and derivatives (N, n_p) of the
-        outputs."""
+        """Residuals (N,) at relative parameters u (n_p,), nan if the run fails, and derivatives (N, n_p) of outputs."""
         if u.tobytes() not in self._known:
             try:
                 exact = self.simulator.dae.impacts is None and self.simulator.kink(self._parameters(u)) is None
@@ -195,8 +193,7 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
         # Factor of normal quantiles for outliers, because the deviation of few values is known to 15 %.
         limit = 1.3 * st.norm.isf(FALSE_WARNING / (2 * len(r)))
         is_far = np.abs(r) > limit * deviation
-        # Smallest number of values, beyond the number of parameters, for a test of a value against the fit to the
-        # others.
+        # Smallest number of values, beyond the number of parameters, for a test of one value against the others.
         if not known_noise and (left := len(r) - len(u) - 1) >= 4:  # with few values, a fit follows an outlier
             squared = np.square(r) / np.maximum(1 - leverage, NOISE_OF_RUNS)
             rest = np.maximum((np.square(r).sum() - squared) / left, (NOISE_OF_RUNS * spread) ** 2)

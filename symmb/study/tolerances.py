@@ -32,8 +32,7 @@ class Tolerances(Counted, Result):
     ----------
     box : Box
     factor : float
-        factor of all intervals of the given box, stretched about the nominal values. With costs, the smallest of
-        `factors`
+        factor of all intervals of the given box about the nominal values. With costs, the smallest of `factors`
     factors : dict
         the factor of each parameter
     cost : float
@@ -197,8 +196,8 @@ def tolerances(
 
 
 def _of_outputs(simulator: Simulator, box: Box, names: Sequence[str]) -> Simulator:
-    """The simulator of a scene with some of its outputs, because the others could need more runs. Black boxes do not
-    change."""
+    """The simulator of a scene with some of its outputs, because the others could need more runs. Black boxes are
+    kept."""
     if not isinstance(simulator, SceneSimulator) or simulator.scene is None or simulator.scene.outputs is None:
         return simulator
     if len(names) == len(simulator.outputs):

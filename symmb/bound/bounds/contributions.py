@@ -58,7 +58,7 @@ class Contributions(Result, Saved):
         decrease of the width if this parameter has its nominal value
     first, total : (n_t, n_y, n_p)
         Sobol's indices: the fractions of the variance that a parameter explains alone, and together with others.
-        Parameters are uniform and independent. nan if the variance is only rounding
+        Parameters are uniform and independent. Indices are nan if the variance is only rounding
     estimate : (n_t, n_y)
         largest estimated error of alone
     saved_estimate : (n_t, n_y)

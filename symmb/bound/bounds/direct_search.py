@@ -42,7 +42,8 @@ def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough:
     """
     d, rng, values = starts.shape[1], np.random.default_rng(0), _Values(f)
     x, fx = _best(starts, values(starts), STARTS)
-    # A step is repeated if its gain, divided by the range of values at the starts, is larger. Less requires more runs.
+    # A step is repeated if its gain, divided by the range of values at the starts, is larger. Smaller values require
+    # more runs.
     sufficient = 1e-4 * float(np.ptp([value for value in values.known.values() if value > -np.inf] or [0.0]))
     error = np.inf
     for i, step in enumerate(STEPS):

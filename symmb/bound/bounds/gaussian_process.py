@@ -181,8 +181,7 @@ class GaussianProcess:
         return np.linalg.svd(np.concatenate(slopes), full_matrices=False)[2][0]
 
     def smallest(self, response: int, sign: float, factor: float, starts: Array) -> tuple[Array, float]:
-        """The place (d,) in the box with the smallest value of sign * mean - factor * deviation of a response, and this
-        value.
+        """The place (d,) in the box with the smallest sign * mean - factor * deviation of a response, and this value.
 
         The result is the best of local searches from the starts (S, d).
         """

@@ -19,8 +19,7 @@ near a limit may follow. Larger numbers take more time."""
 VERIFYING_RUNS = 32
 """Number of runs, spread by the distributions, that verify the values of polynomials, not only their range."""
 SAFETY_OF_RUNS = 2.0
-"""Factor between errors of ranges and accepted errors at verifying runs, for the largest errors and for root mean
-squares."""
+"""Ratio of accepted errors at verifying runs to errors of ranges, for the largest and for the rms errors."""
 _FITTED_RUNS, _POINTS_INSIDE, _INTERVALS_OF_ALL_CORNERS = 256, 32, 5
 """Number of runs of a fit if polynomials are not accurate enough, number of points inside the intervals, and largest
 number of intervals for which all corners are used."""

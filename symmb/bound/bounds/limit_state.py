@@ -129,8 +129,7 @@ def _directions(n_l: int) -> Array:
 
 
 def _fitted_runs(m: Array, first: int) -> Indices:
-    """Numbers of the runs for a fit: the first ones, spread over all possible failures, and later ones near the
-    limit."""
+    """Numbers of the runs for a fit: the first ones, spread over all possible failures, and some near the limit."""
     # Largest number of runs in a fit, because the time grows with its cube. The runs closest to the limit are used.
     near = first + np.argsort(np.abs(m[first:]))[:400]
     return np.concatenate([np.arange(first), near])
@@ -195,8 +194,7 @@ class _Margin:
         return self.size * self.factor * np.maximum(self.process.deviation((x - self.centre) / self.scale), least)
 
     def optimistic(self, x: Array) -> Array:
-        """Margins (N,) plus the leave-one-out error. The standard deviation at each point would take a hundred times as
-        long."""
+        """Margins (N,) plus the leave-one-out error. Standard deviations would take a hundred times as long."""
         error = float(np.sqrt(np.square(self.process.left_out_errors()).mean()))
         # The search for failures adds this many errors to a margin. Smaller numbers miss regions without runs.
         return self.mean(x) + 1.5 * self.size * error
@@ -226,8 +224,7 @@ def _sampled(
     normal = ndtri(np.clip(uniform[:, 1:], 1e-15, 1 - 1e-15))
     samples = centres[which] + np.einsum("nij,nj->ni", roots[which], normal)
     squares, density = np.square(samples).sum(axis=1), np.zeros(len(samples))
-    # The density of the samples divided by that of the parameters. Their normalizing factors cancel except for
-    # determinants.
+    # The density of the samples divided by that of the parameters. Normalizing factors cancel except for determinants.
     for share, centre, root in zip(shares, centres, roots, strict=True):
         inner = np.square(np.linalg.solve(root, (samples - centre).T)).sum(axis=0)
         density += share * np.exp(0.5 * (squares - inner)) / np.prod(np.diag(root))

@@ -71,8 +71,7 @@ class KeptLimit:
 
     @property
     def share(self) -> float:
-        """The margin m relative to the width w, m / (|m| + w), from -1 to 1. It compares limits with different
-        units."""
+        """The margin m relative to the width w, m / (|m| + w), from -1 to 1. It compares limits of any units."""
         least = float(self.margin.min())
         return least / (abs(least) + self.width) if least and np.isfinite(least) else float(np.sign(least))
 
@@ -156,8 +155,7 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
         return float(limit.margin[limit.row]), float(self.t[limit.row])
 
     def to_json(self) -> dict[str, dict[str, Any]]:
-        """For each limit: the result, the reason, the smallest margin with its time, and the ends (None if
-        infinite)."""
+        """For each limit: the result, the reason, the smallest margin, its time, and the ends (None if infinite)."""
         results = {}
         for limit in self.limits:
             margin, time = self._least(limit)

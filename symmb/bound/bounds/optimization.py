@@ -118,7 +118,7 @@ class Optimization(Method):
             least = self.tolerance * np.tile(_widths(Y, G).ravel(), 2)
             before = attained if predicted is None else predicted
             predicted = attained - models.gain
-            # Number of runs with derivatives between two fits. Smaller numbers use each run better, but each fit takes
+            # Number of runs with derivatives between two fits. Smaller numbers use runs better, but each fit takes
             # time.
             new = models.promising(least, min(8, most - len(X)))
             if not len(new):

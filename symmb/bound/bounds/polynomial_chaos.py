@@ -40,8 +40,7 @@ _CLENSHAW_CURTIS, _GAUSS, _TENSOR_DEGREE, _EXACT = ClenshawCurtis(), Gauss(), Te
 
 
 _Responses = tuple[Array, tuple[Array, Array], Mask, tuple[Failure, ...]]
-"""Coefficients (n_b, n_t n_y), extremes of the runs, each (n_t, n_y), a mask (N,) of successful runs, and failed
-runs."""
+"""Coefficients (n_b, n_t n_y), extremes of the runs, each (n_t, n_y), mask (N,) of successful runs, failed runs."""
 
 
 @dataclass(frozen=True)

@@ -204,8 +204,7 @@ def probability_of(
 ) -> Probability:
     """Probability that an output is above one value or below another; see `Bounds.probability`.
 
-    With parameters without a distribution, a sample has a range. Its event is certain if the whole range is on one
-    side.
+    Parameters without a distribution give a sample a range. The event is certain if the range is on one side.
     """
     owner = "Bounds.probability"
     k = responses.column(owner, output)

@@ -49,8 +49,8 @@ def propagate(
     Returns
     -------
     Bounds
-        ``lower`` and ``upper`` (n_t, n_y). Their ``warnings`` state what is uncertain; Python issues a SymmbWarning as
-        well.
+        ``lower`` and ``upper`` (n_t, n_y). Their ``warnings`` state what is uncertain; Python issues a SymmbWarning
+        too.
 
     Raises
     ------

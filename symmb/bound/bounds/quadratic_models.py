@@ -35,8 +35,7 @@ class Quadratics:
         return np.maximum(-self.change(self.step), 0.0)
 
     def promising(self, least: Array, count: int) -> Array:
-        """At most ``count`` points (n, d) at which quadratics gain more than ``least`` (m,), with the largest gain
-        first.
+        """At most ``count`` points (n, d) at which quadratics gain more than ``least`` (m,), the largest gain first.
 
         After each choice, the gain of the other quadratics is measured from their values at the chosen point.
         """
@@ -55,8 +54,8 @@ class Quadratics:
 
 
 def quadratics(X: Array, F: Array, G: Array) -> Quadratics:
-    """Quadratics about the lowest of N points X (N, d), for each of m functions with values F (N, m) and gradients G
-    (N, d, m)."""
+    """Quadratics of m functions about their lowest points among X (N, d), from values F (N, m) and slopes G (N, d,
+    m)."""
     N, d = X.shape
     lowest = F.argmin(axis=0)
     gradient, hessian = np.empty((d, F.shape[1])), np.empty((d, d, F.shape[1]))
@@ -64,8 +63,7 @@ def quadratics(X: Array, F: Array, G: Array) -> Quadratics:
     half[np.diag_indices(N)] = np.inf
     for k in np.unique(lowest):
         own = np.flatnonzero(lowest == k)
-        # Number of nearest points that determine a curvature, divided by d + 1. Farther points change the curvature
-        # little.
+        # Number of nearest points that determine a curvature, divided by d + 1. Farther points change it little.
         near = half[k].argsort()[: min(N - 1, 4 * (d + 1))]
         offset = X[near] - X[k]
         g = G[k][:, own]

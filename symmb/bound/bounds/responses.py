@@ -104,8 +104,7 @@ class Responses:
         return np.maximum(low, self.lower), np.minimum(high, self.upper), error
 
     def range_by_runs(self, free: Mask, label: str) -> tuple[Array, Array, Array, int]:
-        """The range of a study, its error and its number of runs. Some parameters (d,) are free; the others are
-        nominal."""
+        """The range of a study, its error and number of runs. Some parameters (d,) are free; others are nominal."""
         assert self.runs is not None
         if not free.any():
             value = self.runs.values(self.nominal[None])[0]

@@ -69,8 +69,7 @@ class Bounds(Answers, Counted, Result, Saved):
     box : intervals of the parameters; None if they are not known
     surrogate : polynomials that replace the responses, with their error; None if the method or the file has none
     study : simulator and box, for more runs; None if the bounds were read or pickled
-    subject, solver : name of the scene, or what else was bounded, and the solver of a scene in words; empty if not
-        known
+    subject, solver : name of the scene or simulator, and the solver of a scene in words; empty if not known
     nominal : (n_t, n_y) outputs of the nominal run; None if they are not known
     nominal_parameters : nominal values of all parameters; empty if they are not known
     attaining : the runs that attain the bounds; None if the bounds were read or pickled, or if there are no runs
@@ -216,8 +215,7 @@ class Bounds(Answers, Counted, Result, Saved):
 
         Raises
         ------
-        DeclarationError           if an option is wrong, or if deviations are requested and the nominal run is not
-                                   known
+        DeclarationError           if an option is wrong, or deviations are requested and the nominal run is not known
         """
         require_truth("Bounds.plot", "deviation", deviation)
         if deviation and self.nominal is None:
@@ -291,8 +289,7 @@ class Bounds(Answers, Counted, Result, Saved):
         return [*lines, *(f"  remark       {remark}" for remark in self.remarks)]
 
     def _rows(self, names: Sequence[str]) -> list[list[str]]:
-        """Extremes of each output, the nominal values at these times, the largest width and estimated error. Rounding
-        is 0."""
+        """Extremes of each output, nominal values at these times, largest width and estimated error. Rounding is 0."""
         then = [] if self.nominal is None else ["nominal then"]
         rows = [["output", "lowest", "at [s]", *then, "highest", "at [s]", *then, "width", "at [s]", "estimated error"]]
         with np.errstate(over="ignore"):

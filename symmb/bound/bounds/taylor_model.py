@@ -61,8 +61,7 @@ class TaylorModel(Method):
     Raises
     ------
     PropagationError
-        From ``bounds``: the equations of the scene are refused, or there are too many uncertain parameters for the
-        order.
+        From ``bounds``: equations of the scene are refused, or there are too many uncertain parameters for the order.
 
     Examples
     --------
@@ -87,8 +86,7 @@ class TaylorModel(Method):
     unit_of_work: ClassVar[str] = "parts of the time"
 
     def __post_init__(self) -> None:
-        # Highest order. Coefficients of smooth motions of higher order are rounding, and their number grows with the
-        # order.
+        # Highest order. Further coefficients of smooth motions are rounding, and their number grows with the order.
         require_whole(self, "order", 1, 60)
         require_whole(self, "boxes", 1)
 

@@ -11,8 +11,7 @@ from symmb.bound.polynomials.legendre import MultiIndices, with_lower
 
 @dataclass(frozen=True, eq=False)
 class LowerSet:
-    """A set of multi-indices that contains all multi-indices below each of its members, in the order of increasing
-    sums.
+    """A set of multi-indices that contains all multi-indices below its members, in the order of increasing sums.
 
     If the range of a parameter is halved, or a parameter is fixed, the expansion needs no other products. This holds
     for Legendre and for Chebyshev polynomials.

@@ -159,7 +159,7 @@ class Record:
         return self.of(self._value(name), self._named(name), self)
 
     def records(self, name: str, *fields: str) -> list["Record"]:
-        """A list of records; empty if the entry is missing. If `fields` are given, an item may be the list of their
+        """A list of records; empty if the entry is missing. If `fields` are given, an item may be a list of their
         values."""
         value = self._entries.get(name)
         if not isinstance(value, list | tuple | None):

@@ -13,7 +13,7 @@ from symmb._types import GivenAxes
 class Style:
     """Options of the method `owner`. Options that are None are set by the picture.
 
-    `label` is a text, and `color` a colour of matplotlib. Both may be lists with one entry for each curve. `legend` is
+    `label` is a text, and `color` a colour of matplotlib. Both may be lists, with an entry for each curve. `legend` is
     a bool.
     """
 

@@ -24,8 +24,7 @@ _TURNED, _RAISED = np.radians(-28.0), np.radians(20.0)
 
 # Approximate number of pictures of a page. For longer runs, only every n-th output time is shown.
 def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = None, most: int = 1001) -> Drawing:
-    """A run with the path of a point, at its output times, or at every n-th time and the times with the numbers
-    `also`."""
+    """A run with the path of a point, at its output times, or at every n-th time and those numbered in `also`."""
     scene = run.scene
     if scene is None:
         raise DeclarationError("This run has no scene: it was read from a file. Use Trajectory.load(path, scene).")

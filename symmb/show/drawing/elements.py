@@ -14,8 +14,7 @@ from symmb.show.drawing.shapes import Shape
 from symmb.show.drawing.survey import Asked, Survey
 
 Sketch = Generator[Any, float, Any]
-"""A generator that draws an element. It requests numbers, pauses until it receives the unit of length [m], and yields
-shapes."""
+"""A generator that draws an element. It requests numbers, waits for the unit of length [m], and yields shapes."""
 JOINT, GUIDE, SPRING, DAMPER, LOAD, CONTACT = "joint", "guide", "spring", "damper", "load", "contact"
 """Colours of elements; colours of bodies are numbers."""
 
@@ -27,8 +26,7 @@ def sketch(element: Element, survey: Survey) -> Sketch:
 
 
 def begun(drawn: Sketch) -> Sketch | None:
-    """The generator of an element after it has requested its numbers from the survey; None if the element has no
-    place."""
+    """The generator of an element after it has requested its numbers; None if the element has no place."""
     return drawn if next(drawn, False) is None else None
 
 

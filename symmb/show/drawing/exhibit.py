@@ -71,8 +71,7 @@ class Slider:
 class Exhibit:
     """All contents of a page, a still or a film. `picture` is the initial picture.
 
-    `family` contains the runs over the grid of sliders. The last slider changes fastest. The drawing is one of these
-    runs.
+    `family` contains the runs over the grid of sliders. The last slider changes fastest. The drawing is one of them.
     """
 
     drawing: Drawing
@@ -246,8 +245,7 @@ def _swept(points: Array, cells: Sequence[Indices], close: float, side: float, s
 
 
 def _squares(ways: Array, side: float) -> Array:
-    """Corners (3 m, 2) of triangles that cover straight paths (n, 2, 2) by squares. Squares of one column are
-    merged."""
+    """Corners (3 m, 2) of triangles that cover straight paths (n, 2, 2) by squares. Squares in a column are merged."""
     begin, along = ways[:, 0], ways[:, 1] - ways[:, 0]
     count = int(np.ceil(np.abs(along).max() / side)) + 1
     cells = np.zeros((0, 2), dtype=int)

@@ -61,7 +61,7 @@ class BodyShapes:
         return float(np.ptp(points, axis=0).max())
 
     def _placed(self) -> Iterator[tuple[str, Array, Array, Array]]:
-        """Form, centre, half axes as columns, and corners of each shape. The corners are those of its bounding box or
+        """Form, centre, half axes as columns, and corners of each shape. These are corners of its bounding box or
         triangles."""
         for form, middle, axes, triangles in self._drawn:
             at, half = middle.first, axes.first.reshape(3, 3).T

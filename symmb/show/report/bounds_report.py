@@ -78,7 +78,7 @@ def _prepared(bounds: Bounds) -> DAESimulator | None:
 def _annex(
     bounds: Bounds, check: LimitCheck | None, command: str, shares: Contributions | None, why: str
 ) -> Iterator[str]:
-    """Warnings, tables, settings and equations. `why` is the reason why contributions are not known, if so."""
+    """Warnings, tables, settings and equations. If contributions are not known, `why` is the reason."""
     yield section("Warnings and remarks", document.warnings(bounds.doubts, bounds.remarks))
     if check is not None:
         worst = [] if check.worst is None else [document.note(f"Worst case: {check.worst}")]

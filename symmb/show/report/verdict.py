@@ -44,8 +44,7 @@ def by_urgency(check: LimitCheck) -> list[KeptLimit]:
 
 
 def verdict(bounds: Bounds, check: LimitCheck | None) -> list[tuple[str, str]]:
-    """Sentences about all limits, about each limit or range, and about certainty. Each is paired with a result, or
-    ""."""
+    """Sentences about all limits, about each limit or range, and about certainty. Each has a result, or ""."""
     if check is None:
         head = "No limits were given. These are the ranges within the tolerances."
         ends = zip(bounds.names, bounds.lower.min(axis=0), bounds.upper.max(axis=0), _units(bounds), strict=True)
@@ -77,8 +76,7 @@ def _headline(results: Sequence[bool | None], cases: str) -> str:
 
 
 def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions | None) -> list[str]:
-    """Sentences: how to decide limits, which tolerances to tighten and by how much, and the most important
-    parameters."""
+    """Sentences: how to decide limits, which tolerances to tighten, by how much, and the most important parameters."""
     limits = [] if check is None else by_urgency(check)
     texts = _undecided(limits)
     ends = {limit: _end(bounds, limit) for limit in limits if not limit.kept}
@@ -259,7 +257,7 @@ def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
         names |= dict.fromkeys(_acting(bounds, k, limit.row, extremes[SIDES.index(bounds._side(limit))]))
         rows = np.flatnonzero(
             reduced.violated(limit, part, 1.0, ())
-        )  # at other times, parts of the box are inside too
+        )  # else parts of the box are inside too
         reduced.parts.extend([(limit, part.part(rows, [0]))] if len(rows) else [])
     if not reduced.parts:  # runs violate limits that the polynomials satisfy
         return [_SEARCH]

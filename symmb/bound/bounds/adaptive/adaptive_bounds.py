@@ -122,8 +122,8 @@ def _estimated(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange
 
 
 def _attained_or_estimated(runs: Runs, estimated: EstimatedRange, is_noise: Mask) -> tuple[Array, Array, Array]:
-    """Bounds and their estimated errors, each (n_t, n_y). If an error exceeds the width of runs, their extremes are
-    used."""
+    """Bounds and their estimated errors, each (n_t, n_y). The bounds are the extremes of runs if the error exceeds
+    their width."""
     lowest, highest = runs.extremes
     estimate = np.maximum(estimated.estimate, runs.beyond(estimated.lower, estimated.upper))
     below = above = False

@@ -27,8 +27,8 @@ PROBES = 6
 """Number of quasi-random check points. Nodes are at the centre, the ends and the halves. Symmetric responses may be
 equal there. More points find narrower peaks."""
 PATIENCE = 30
-"""Number of runs per parameter after which a grid that does not converge is abandoned. Corners are abandoned after as
-many. Larger numbers take more runs and miss fewer extremes."""
+"""Largest number of runs per parameter of a grid that does not converge, and of corners. Larger numbers take more runs
+and miss fewer extremes."""
 ALL_CORNERS = 10
 """Largest number of parameters with runs at all corners, if runs are computed side by side. More take seconds."""
 MOST_CORNERS = 32

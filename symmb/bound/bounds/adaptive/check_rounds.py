@@ -68,7 +68,8 @@ class Foreseen:
         self.attained += float(np.square(gains[is_run]).sum())
 
     def share(self, part: float) -> float:
-        """Root of the ratio of a sum, `unconfirmed` or `attained`, to the predicted sum; 1 without predictions."""
+        """Square root of the ratio of a sum, `unconfirmed` or `attained`, to the predicted sum; 1 if nothing is
+        predicted."""
         return min(part / self.foreseen, 1.0) ** 0.5 if self.foreseen else 1.0
 
 

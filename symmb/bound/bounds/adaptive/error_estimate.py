@@ -20,7 +20,7 @@ DECAY_POWER, FAST_DECAY = 0.6, 0.8
 runs. On tensor grids the power is 1 - decay / FAST_DECAY if this is larger, because a fast decay usually continues."""
 NODE_SHARE = 0.4
 """Ratio of the expected error at nodes to the largest error, divided by the degree (at most 4). It is not 0 because the
-places of extremes are known only approximately. Smaller ratios miss more, larger ratios take more runs."""
+places of extremes are known only approximately. Smaller ratios miss more. Larger ones take more runs."""
 SMOOTH_DECAY = 0.6
 """Decay of coefficients in two degrees above which a response is not smooth. Smaller values divide the box earlier."""
 

@@ -22,7 +22,8 @@ JUDGED_DEGREE = 16
 """Smallest degree at which smoothness is judged. On halves the degree is doubled, because one half is usually rough. A
 smaller degree divides smooth responses. A larger one takes more runs at kinks."""
 _DEGREES_OF_TAIL = 4
-"""Number of last degrees that give the error at kinks, because coefficients decrease slowly there. More are safer."""
+"""Number of last degrees that give the error at kinks, because coefficients decrease slowly there. Larger numbers are
+safer."""
 
 Part = tuple[Array, Array, Array]
 """Centre and half width (d,) of a part of the box, and the degrees of an interpolant on this part."""

@@ -52,7 +52,7 @@ class Runs:
     probes : requested number of further check runs, evenly spread over the box
     clock : limits the time of the study
     power : (n_y,) powers of two; 0 for outputs whose squares neither overflow nor underflow
-    before : runs of the study before it began again with larger powers
+    before : number of runs before the study began again with larger powers
     rounding : width divided by an output's scale below which the width is only rounding
     is_attained : (N,) which nodes have run without failure
     events : (N, n_t) numbers of events at nodes up to each time; -1 where not known, None where there are none

@@ -31,7 +31,8 @@ FIELD_TRUST, FIELD_SAFETY = 0.18, 1.6
 """TRUST and SAFETY of fields, because check runs show errors at many times. Smaller ones take fewer runs and miss
 more."""
 KINK_GAIN = 0.9
-"""Fraction of the error that may remain after half of all rounds near kinks. Larger ones take more useless runs."""
+"""Fraction of the error that may remain after half of all rounds near kinks. Larger fractions take more runs that do
+not help."""
 NARROW, MOST_AT_KINKS = 0.01, 8
 """Distance of kinks that share a run, divided by that of other check runs. Largest number of runs of a round at
 kinks."""
@@ -282,7 +283,7 @@ class TensorGrids:
         """Make check runs at some of the extremes, and at quasi-random points.
 
         If the estimate of a piece is E(x) at a run with the error e, it suggests the error e E / E(x) for an estimate
-        E. Returns the error (n_t, n_y) that check runs show, the ratio (n_y,) of the root mean squares of errors and
+        E. Return the error (n_t, n_y) that check runs show, the ratio (n_y,) of the root mean squares of errors and
         estimates there, and the piece with the largest shown error. Without check runs this is the worst piece.
         """
         runs, widths = self._runs, self._widths
