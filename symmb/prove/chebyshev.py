@@ -160,8 +160,8 @@ def product_bound(C: Array, B: Array, B_error: Array, minus: Array) -> Array:
 def aliasing(rho: Sequence[float], counts: Sequence[int]) -> float:
     """Largest error of the interpolation at nodes, relative to the bound M of the function on the polyellipse.
 
-    A function that is analytic in the ellipses with parameters rho_i > 1, and at most M there, has coefficients of at
-    most 2^j M prod rho_i^-k_i. Here j is the number of k_i > 0. If k_i >= m_i for some i, interpolation in m_i nodes
+    Let a function be analytic, and at most M, in the ellipses with parameters rho_i > 1. Its coefficients are at most
+    2^j M prod rho_i^-k_i. Here j is the number of k_i > 0. If k_i >= m_i for some i, interpolation in m_i nodes
     replaces T_k by plus or minus a polynomial of lower degree (aliasing). The error is then at most twice the sum of
     the moduli of these coefficients.
 

@@ -25,7 +25,7 @@ _TOO_ROUGH = "polynomials of this order follow the motion too badly, as where a 
 
 
 def exact_defects(step: TimeStep) -> tuple[Array, Array] | None:
-    """Bounds of |C d| (n,) and of |C (A B - B')| (n, n) if the rates are polynomials; else None.
+    """Bounds of |C d| (n,) and of |C (A B - B')| (n, n) if the rates are polynomials; otherwise None.
 
     The defects are then polynomials of known degree. Interpolation in degree + 1 nodes is exact. The result is also
     None if the grid is too large.
@@ -46,7 +46,7 @@ def exact_defects(step: TimeStep) -> tuple[Array, Array] | None:
 
 def _grid(degrees: Array, numbers: int) -> tuple[int, ...] | None:
     """Nodes for the exact interpolation of `numbers` polynomials of given degrees; None if values exceed 16 MB."""
-    # a larger grid would also exceed the number of terms whose rounding `above` covers
+    # a larger grid would also exceed the number of terms for which `above` covers rounding
     if not numbers * np.prod(degrees + 1.0) <= 2e6:
         return None
     return tuple(int(degree) + 1 for degree in degrees)

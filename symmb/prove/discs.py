@@ -313,7 +313,7 @@ def _arctan2(y: Disc, x: Disc) -> Disc:
 
 
 def _by_i(a: Disc, factor: float) -> Disc:
-    """The discs times a number on the imaginary axis whose modulus is a power of 2."""
+    """The discs times an imaginary number. Its modulus is a power of 2."""
     return Disc(1j * factor * a.centre, _times(1j * factor, a.slopes), abs(factor) * a.radius)
 
 

@@ -70,7 +70,7 @@ def integrated(begin: Array, rate: Array, h: float) -> Curve:
     c[:, 0] += begin
     d = rate.ndim - 1
     terms = 0.5 * h * ch.along([np.abs(matrix), *others], np.abs(rate))
-    # Entries of the first row are differences, 1 / (k^2 - 1), whose relative errors are up to (k / 2 + 2) U.
+    # Entries of the first row are differences, 1 / (k^2 - 1). Their relative errors are up to (k / 2 + 2) U.
     rounded = above(of_sum(2 * len(matrix) + 4) * terms + 2 * U * np.abs(c))
     return Curve(c, ch.sums(rounded, d), rate, rounded)
 

@@ -1,4 +1,4 @@
-"""Interval numbers whose ends are arrays, and the interval extension of each scalar operation of CasADi.
+"""Interval numbers with arrays as ends, and the interval extension of each scalar operation of CasADi.
 
 Ends are rounded outward: by one unit in the last place for sums, products and roots, and by eight units for other
 functions. This is more than the errors of the mathematical libraries. If an argument is partly outside the domain of a

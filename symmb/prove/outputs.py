@@ -21,7 +21,7 @@ from symmb.prove.taylor_models import Model, basis_of, reach
 EXTRA_NODES = 4
 """First number of nodes of each parameter, in addition to the terms of the motion."""
 _MOST_NODES_OF_ALL_TIMES = 3e6
-"""Largest number of nodes of the grids of all times. Their values take seconds."""
+"""Largest number of nodes in the grids for all times. Their values take seconds."""
 
 
 class OutputBounds(NamedTuple):

@@ -39,7 +39,7 @@ class Part:
 
     @property
     def length(self) -> float:
-        """Duration of the pass of all parameters of the part [s]."""
+        """Time that all parameters of the part take to pass [s]."""
         first, last = self.span
         return last - first
 

@@ -171,7 +171,7 @@ class Window:
                passed only in this direction
     between : (x, p, t) -> rates, and (x, p, t) -> conditions, on all combinations of sides
     surface : (x, p, t) -> (m,), positive before the passes, and 0 at the passes
-    sides : of all switches after the passes
+    sides : sides of all switches after the passes
     """
 
     old: Problem
@@ -334,8 +334,8 @@ def _about_pass(
 ) -> tuple[Array, Array, Array, Array, bool]:
     """Bounds near a pass, on all sides of its switches.
 
-    Returns the slowest and the fastest rates (m,) at which the switches are approached, the largest rates (n,) of the
-    states, the differences (n,) of rates between sides, and whether all conditions are proved.
+    Return the slowest and the fastest rates (m,) at which the switches are approached. Further values are the largest
+    rates (n,) of the states, the differences (n,) of rates between sides, and whether all conditions are proved.
     """
     d = max(step.problem.d, 1)
     count = next(m for m in (32, 8, 4, 2, 1) if m**d <= 64 or m == 1)  # about 64 patches at most

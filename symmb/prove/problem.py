@@ -27,7 +27,7 @@ class Problem:
     variables : number of the variable xi_j of each parameter; -1 for fixed parameters
     times : (n_t,) output times [s]
     scales : (n_x,) sizes of the states
-    errors : (n_p,) rounding errors of the middles of a part of the box
+    errors : (n_p,) rounding errors of the middles, for a part of the box
     phase : the equations on all sides of their switches; None if there are no switches
     valid : (x, p, t) -> (m,), all positive as long as the rates are those of the scene; None: always
     regular : (x, p, t) -> (m,), all different from 0 if the rates are those of the scene; None: everywhere

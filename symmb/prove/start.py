@@ -170,9 +170,8 @@ def _counts(d: int) -> Iterator[int]:
 def _distance(step: TimeStep) -> Array:
     """Bounds (n_u,) of the distance of the solution from the polynomials u.
 
-    Y is approximately the inverse of the Jacobian J in the middle of a part of the box. The inequality
-    |Y r(u)| + |I - Y J(u + [-e, e])| e < e proves that for all parameters of the part there is exactly one solution
-    within e.
+    Y is approximately the inverse of the Jacobian J in the middle of a part of the box. If |Y r(u)| + |I - Y J(u + [-e,
+    e])| e < e, exactly one solution is within e for all parameters of the part.
 
     Source: Krawczyk (1969); Neumaier (1990), Interval Methods for Systems of Equations, theorem 5.1.8.
     """

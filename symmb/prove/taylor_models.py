@@ -27,7 +27,8 @@ from symmb.prove.discs import Disc
 from symmb.prove.rounding import COMPLEX_ERROR, FUNCTION_ERROR, U, above
 
 DEGREES_BEYOND_POLYNOMIALS = 3
-"""Taylor models of defects and of a start have this many degrees more than the polynomials whose errors they bound."""
+"""Number of degrees of Taylor models of defects, and of a start, above the degree of the polynomials with these
+errors."""
 _REAL_ERROR = 4 * U
 """Relative error of an operation on real numbers."""
 
@@ -60,7 +61,7 @@ class Basis:
         return self._sorted[np.searchsorted(self._codes, exponents @ self._weights)]
 
     def pairs(self, a: int, b: int, most: int) -> "Pairs":
-        """Pairs of monomials up to the degrees a and b whose products have at most the degree `most`."""
+        """Pairs of monomials up to the degrees a and b, with products up to the degree `most`."""
         if (a, b, most) not in self._pairs:
             totals = self.exponents.sum(axis=1)
             left, right = [], []
@@ -275,8 +276,8 @@ def _composed(a: Model, derivatives: list[Array], rounded: Array, rest: Array, a
     w = Model(np.concatenate([off[None], a.c[1:]]), above(a.radius + _relative(a.c) * np.abs(off)), basis)
     lost = above(np.zeros(1))  # by underflow
     found = Model(derivatives[n][None], lost, basis)
-    # Horner's scheme. w has no constant term if the series is about the constant term of a: terms of `found` beyond the
-    # degree n - k would exceed the degree n after the k products that are left, and need not be computed.
+    # Horner's scheme. w has no constant term if the series is about the constant term of a. After the k remaining
+    # products, terms of `found` beyond the degree n - k would exceed the degree n. They are not computed.
     for k in range(n - 1, -1, -1):
         found = _multiply(found, w, n - k if about is None else n)
         found = _sum(found, Model(derivatives[k][None], lost, basis), 1.0)

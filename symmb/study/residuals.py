@@ -157,8 +157,8 @@ def other_minima(fit: Residuals, nominal: Array) -> Iterator[Array]:
         starts += [U[k] for k in np.argsort(costs)[:3] if np.isfinite(costs[k])]
     for start in starts:
         u: Array | None = start
-        # Parts of the time span with data. Over half a period the residuals of an oscillation have one minimum, and
-        # each fit gives the start of the next fit close to the right minimum.
+        # Parts of the time span with data. Over half a period, the residuals of an oscillation have one minimum. The
+        # result of each fit is a start of the next fit close to the right minimum.
         for part in (0.1, 0.2, 0.4, 1.0):
             is_within = fit.times <= begin + part * (end - begin)
             if u is not None and is_within.sum() > d and np.isfinite(fit(u)[0]).all():

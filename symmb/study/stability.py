@@ -246,7 +246,7 @@ class _StabilityStudy:
         self.total = sum(len(job.solvers) for job in self.jobs(references()))
 
     def jobs(self, families: Mapping[str, Ladder]) -> list[Job]:
-        """The scene itself, by all solvers of the families whose C compiler is available."""
+        """The scene itself, by all solvers of the families. Families are left out if their C compiler is missing."""
         tried = {family: ladder for family, ladder in families.items() if family not in self.untried}
         return [Job("", lambda: self.scene, family, ladder) for family, ladder in tried.items()]
 

@@ -208,8 +208,8 @@ class Answers(Envelope):
         Raises
         ------
         DeclarationError
-            If an output or a parameter is unknown, a distribution or a level is invalid, a distribution lies outside of
-            the box, or the correlations are not positive definite.
+            If an output or a parameter is unknown, if a distribution or a level is invalid, if a distribution is
+            outside of the box, or if the correlations are not positive definite.
         PropagationError
             If runs fail.
         """
@@ -299,7 +299,7 @@ class Answers(Envelope):
         return self.surrogate if self.have_good_surrogate()[asked].all() else None
 
     def have_good_surrogate(self) -> Mask:
-        """Mask (n_y,) of the outputs with a surrogate whose error is known, and small compared with the width."""
+        """Mask (n_y,) of the outputs with a surrogate and a known error that is small compared with the width."""
         if self.surrogate is None or self.estimate is None:
             return np.zeros(len(self.names), dtype=bool)
         return ~np.any(is_doubtful(*self._scaled(self.surrogate.error), GOOD), axis=0)

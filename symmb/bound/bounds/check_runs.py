@@ -1,8 +1,8 @@
 """Check runs: an independent check of methods that do not estimate their error. `adaptive` has its own check runs.
 
-The runs are at a point near the centre of the box, at the ends of the lines through this point along the axes, and at
-the extremes that parabolas along these lines predict. No method makes these runs itself. Runs, bounds and the method's
-surrogate must agree.
+The first run is at a point near the centre of the box. Lines through this point along the axes follow: runs are at
+their ends, and at the extremes that parabolas along them predict. No method makes these runs itself. Runs, bounds and
+the method's surrogate must agree.
 """
 
 import numpy as np

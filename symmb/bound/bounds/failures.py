@@ -46,7 +46,7 @@ class FailedRegion:
 
     Attributes
     ----------
-    box : of all parameters
+    box : box of all parameters
     limits : (low, high) of some parameters, by their column; infinite if there is no limit
     inside, outside : number of failed runs and of all runs inside and outside of the box
     """

@@ -174,5 +174,5 @@ class LawSamples:
 
 
 def scatter(sets: Array) -> Array:
-    """Sampling error of the mean of the results of all sets (replicates, ...)."""
+    """Sampling error of the mean over sets of results (replicates, ...)."""
     return STANDARD_ERRORS * sets.std(axis=0, ddof=1) / np.sqrt(SETS_OF_SAMPLES)

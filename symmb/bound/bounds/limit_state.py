@@ -13,7 +13,7 @@ from symmb.bound.nodes import Sobol
 from symmb.bound.polynomials import TotalDegree, basis_values
 
 _CHAINS, _MOVES_OF_A_CHAIN = 3000, 4
-"""Number of samples of a level of subset simulation, and number of moves of each sample."""
+"""Number of samples at each level of subset simulation, and number of moves for each sample."""
 _FAR_RUNS, _NEAREST, _FARTHEST = 96, 3.0, 7.0
 """Number of runs in all directions, and their distances from the centre in standard deviations."""
 _KEPT_OF_A_LEVEL = 0.1

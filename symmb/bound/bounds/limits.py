@@ -338,9 +338,9 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
     # Further runs decide if the distance of a limit from the bounds, relative to the estimated error, is smaller.
     near = 2.0 * estimate
     if bounds.study is not None and bounds.study.has_lanes:
-        # If the limit is closer than this fraction of the width, further runs look for extremes that the study missed,
-        # such as corners that differ in two parameters from the best one. A smaller fraction misses more extremes. A
-        # larger fraction spends runs on limits that are far away.
+        # If the limit is closer than this fraction of the width, further runs look for extremes that the study missed.
+        # An example is a corner that differs in two parameters from the best one. A smaller fraction misses more
+        # extremes. A larger fraction spends runs on limits that are far away.
         near = near + 0.5 * (bounds.upper - bounds.lower)[:, k].max()
     if bounds.study is not None and (margin < near).any():
         further = closest_run(bounds, k, side, limit, np.argsort(margin, kind="stable"), rounding)

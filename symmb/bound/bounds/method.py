@@ -23,7 +23,7 @@ from symmb.run.simulation import DAESimulator
 
 
 class Method(ABC):
-    """A method to bound responses over a box. Subclasses are frozen dataclasses whose fields are the options."""
+    """A method to bound responses over a box. Subclasses are frozen dataclasses. Their fields are the options."""
 
     kind: ClassVar[Kind]
     unit_of_work: ClassVar[str] = "runs"
@@ -107,7 +107,7 @@ class Method(ABC):
 
 
 def require_method(owner: str, method: object) -> Method:
-    """The given method. DeclarationError is raised for anything else."""
+    """The given method. DeclarationError is raised for other objects."""
     if isinstance(method, type):
         raise DeclarationError(f"{owner}: got the class {method.__name__}; call it, as in Vertex() or Taylor(order=2).")
     if not isinstance(method, Method):

@@ -39,7 +39,7 @@ def propagate(
     method : PolynomialChaos(...), Taylor(...), MonteCarlo(...), Scanning(...), ..., or its text on the command line,
         such as "pce:4"; default: PolynomialChaos()
     box : intervals of some or all parameters; the others keep their nominal values; default: that of the scene
-    solver : of a Scene, or its text such as "cvodes:1e-9"; default: chosen by pilot runs, mostly DormandPrince()
+    solver : solver of a Scene, or a text such as "cvodes:1e-9"; default: pilot runs choose it, usually DormandPrince()
     executor : anything with an ordered ``map`` (thread or process pool, Dask); the result does not depend
         on it
     progress : called with the number of finished runs and of all runs. Adaptive methods increase the number of all

@@ -80,8 +80,8 @@ def quadratics(X: Array, F: Array, G: Array) -> Quadratics:
 def _curvatures(offset: Array, rise: Array, turn: Array) -> Array:
     """Symmetric matrices (d, d, m) by least squares over the other points. Closer points have larger weights.
 
-    H offset = turn (N, d, m), the change of the gradient, and offset H offset / 2 = rise (N, m), the change of the
-    value beyond the linear one. If these do not determine H, the smallest H is returned.
+    The equations are H offset = turn (N, d, m), the change of the gradient, and offset H offset / 2 = rise (N, m). rise
+    is the change of the value beyond the linear one. If these do not determine H, the smallest H is returned.
     """
     N, d = offset.shape
     i, j = np.triu_indices(d)

@@ -84,7 +84,8 @@ class Responses:
         return self.surrogate.part(slice(None), [k]) if self.surrogate is not None and self.is_good[k] else None
 
     def are_good(self, error: Array, columns: Sequence[int]) -> Mask:
-        """Mask of outputs with polynomials whose error (n_t, n) is small beside the width, or is only noise."""
+        """Mask of outputs with an error (n_t, n) of polynomials that is small compared with the width, or only
+        noise."""
         lower, upper, floor = self.lower[:, columns], self.upper[:, columns], self.floor[[*columns]]
         power = np.frexp(np.abs([lower, upper]).max(axis=(0, 1), initial=0.0))[1]  # squares may overflow
         error, lower, upper, floor = (np.ldexp(each, -power) for each in (error, lower, upper, floor))

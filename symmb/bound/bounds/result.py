@@ -248,7 +248,7 @@ class Bounds(Answers, Counted, Result, Saved):
 
         Parameters
         ----------
-        path : of the file
+        path : path of the file
         limits : those of `check`; default: none
         company, author, date, drawing, revision :
             the title block; parts that are not given are left out

@@ -26,13 +26,13 @@ _RANDOM = Random()
 class MonteCarlo(Method):
     """Extremes over random samples of the box.
 
-    These bounds are inside the range of the responses. They are farther inside with fewer samples and more parameters.
-    A few check runs look for values beyond the bounds. More than a tenth of the width causes a warning.
+    The bounds are inside the range of the responses, farther inside with fewer samples and more parameters. A few check
+    runs look for values beyond the bounds. More than a tenth of the width causes a warning.
 
     Parameters
     ----------
     samples : number of runs
-    seed : of the random numbers; the same seed gives the same samples
+    seed : seed of the random numbers; the same seed gives the same samples
     sampler : Random(), Sobol() or LatinHypercube()
     laws : mapping of name to distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3). It is cut to its
         interval. Other parameters are spread evenly

@@ -36,7 +36,7 @@ class Swarm(Method):
     ----------
     particles : number of particles of each swarm
     steps : number of positions of each particle, with the random start
-    seed : of the random numbers
+    seed : seed of the random numbers
 
     Examples
     --------

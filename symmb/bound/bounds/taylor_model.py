@@ -39,8 +39,8 @@ class TaylorModel(Method):
     parameters at nodes of time. It is then proved that w cannot leave a box. Ranges of the outputs follow by Bernstein
     coefficients and halving.
 
-    The method takes chains, trees and closed loops, first-order states, and scenes without bodies whose outputs are
-    expressions. In loops, the states are all coordinates and the independent velocities. These give the other
+    The method takes chains, trees and closed loops, first-order states, and scenes without bodies that have expressions
+    as outputs. In loops, the states are all coordinates and the independent velocities. These give the other
     velocities. If other velocities suit the nominal run better, the states change to them. Frequencies and damping of a
     `ModalSimulator` are proved as long as no two may cross in the box. Values of `critical` are proved as values at
     which one eigenvalue is imaginary, or 0. Checks at a few points show that no other eigenvalue comes before; this is
@@ -92,9 +92,8 @@ class TaylorModel(Method):
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         problem = problem_of(self, simulator, box)
-        # Largest number of terms of a polynomial of the parameters. With this number a step takes a minute, and
-        # gigabytes for about ten states.
-        # Interpolations of expressions with a million terms take half a minute.
+        # Largest number of terms of a polynomial in the parameters. With this number a step takes a minute, and
+        # gigabytes for about ten states. Interpolations of expressions with a million terms take half a minute.
         self._require_room(problem.d, *((20_000, 1) if problem.n else (1_000_000, EXTRA_NODES + 1)))
 
         if problem.meeting:

@@ -75,7 +75,7 @@ class Grid:
         return tensors
 
     def _signs(self) -> dict[Index, int]:
-        """Coefficient of each tensor interpolant in the sum of differences (Smolyak 1963). Most of them cancel."""
+        """Coefficient of each tensor interpolant in the sum of differences (Smolyak 1963). Most of these cancel."""
         signs: dict[Index, int] = {}
         for index in self.row:
             for steps in itertools.product(*[(0, 1) if k else (0,) for k in index]):

@@ -20,7 +20,7 @@ class Basis(Protocol):
 
 @dataclass(frozen=True)
 class TotalDegree:
-    """Products whose degrees sum to at most the order, eq. (21): the paper's choice.
+    """Products with a sum of degrees up to the order, eq. (21): the paper's choice.
 
     Examples
     --------
@@ -40,7 +40,7 @@ class TotalDegree:
 
 @dataclass(frozen=True)
 class TensorDegree:
-    """Products whose degrees are each at most the order. A tensor grid has as many nodes.
+    """Products with each degree up to the order. A tensor grid has as many nodes.
 
     Examples
     --------

@@ -113,7 +113,7 @@ def halving(n: int) -> Array:
 
 
 def _times_x(coefficients: Array) -> Array:
-    """x times a Chebyshev series whose highest coefficient is 0: x T_i is the mean of T_(i - 1) and T_(i + 1)."""
+    """x times a Chebyshev series with a highest coefficient of 0. x T_i is the mean of T_(i - 1) and T_(i + 1)."""
     product = np.zeros_like(coefficients)
     product[1:] += 0.5 * coefficients[:-1]
     product[:-1] += 0.5 * coefficients[1:]

@@ -2,7 +2,7 @@
 
 A record is a mapping of names to texts, numbers, arrays, records and lists of records. Both formats store the same
 entries. JSON calls ``t`` times and ``names`` outputs, and stores None for numbers that are not finite. An archive has
-one array for each array of the record, and everything else as JSON in its array ``about``.
+one array for each array of the record, and all other entries as JSON in its array ``about``.
 """
 
 import csv

@@ -303,7 +303,7 @@ def _time_label(t: Array) -> str:
 
 
 def plain(text: str) -> str:
-    """A text whose dollar signs do not start mathematics."""
+    """The text with dollar signs that do not start mathematics."""
     return text.replace("$", r"\$")
 
 

@@ -79,7 +79,7 @@ def _about_fixed(bounds: mb.Bounds, own: mb.Box | None) -> mb.Bounds:
 
 
 def _tell_contributions(bounds: mb.Bounds, is_asked: bool) -> mb.Contributions | None:
-    """Contributions if they need no further runs, or are requested. Otherwise a text tells how to get them."""
+    """Contributions if they need no further runs, or are requested. Otherwise a text explains how to get them."""
     contributions = bounds.contributions() if is_asked else bounds._known_contributions() if bounds.range_of else None
     if contributions is not None or bounds.range_of:
         print("", contributions or _NO_CONTRIBUTIONS, sep="\n")

@@ -66,7 +66,7 @@ def view(
         time of a still, and of the bounds that runs attain [s], or with a unit; default: the start, and the time of the
         output's widest bounds, or the middle of the motion for a scalar output
     point : Point
-        a point whose path is drawn, and for Bounds also the region that it reaches over the box
+        a point; its path is drawn, and for Bounds also the region that it reaches over the box
 
     Returns
     -------
@@ -76,8 +76,8 @@ def view(
     Raises
     ------
     DeclarationError
-        If the suffix is not supported, bounds cannot be drawn, the time is outside of the run, or the point is not on a
-        body of the scene
+        If the suffix is not supported, if bounds cannot be drawn, if the time is outside of the run, or if the point is
+        not on a body of the scene
 
     Examples
     --------

@@ -255,9 +255,7 @@ def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
         part, one = surrogate.part(slice(None), [k]), np.ones(len(box))
         extremes = part.part([limit.row], [0]).range(-one, one)[2][:, 0, 0]
         names |= dict.fromkeys(_acting(bounds, k, limit.row, extremes[SIDES.index(bounds._side(limit))]))
-        rows = np.flatnonzero(
-            reduced.violated(limit, part, 1.0, ())
-        )  # else parts of the box are inside too
+        rows = np.flatnonzero(reduced.violated(limit, part, 1.0, ()))  # in other rows, parts are inside too
         reduced.parts.extend([(limit, part.part(rows, [0]))] if len(rows) else [])
     if not reduced.parts:  # runs violate limits that the polynomials satisfy
         return [_SEARCH]

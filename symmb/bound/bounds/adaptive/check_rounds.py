@@ -24,7 +24,7 @@ from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import Piecewise
 
 LEAST_ROUNDS = 2
-"""The smallest number of rounds, and the number of last rounds that measure how far runs exceed earlier extremes.
+"""The smallest number of rounds, and the number of last rounds that measure the excess of runs over earlier extremes.
 Larger numbers miss fewer extremes and take more runs."""
 FITTED_VALUES = 4, 12
 """Number of best runs per coefficient for a fit of parabolas. With too few runs, the fit only describes the best runs.
@@ -83,10 +83,11 @@ class CheckRounds:
     predicted excesses: the bounds keep this share of the excess. Its error is the same share, or the share that runs
     did not confirm if this is smaller.
 
-    If corners have been run, the extremes of runs are the other answer. Their error is the largest of four values: the
-    gain of the last rounds, the gain from twice as many runs inside the box, and the excess of the range, and of lines
-    between peaks at other times, each times the attained share. If no run differs from the interpolant at a time, the
-    error there is at most this range's excess. The answer with the smaller error over all times counts.
+    If corners have been run, the extremes of runs are the other answer. Their error is the largest of four values. Two
+    are the gain of the last rounds, and the gain from twice as many runs inside the box. Two are the excess of the
+    range, and of lines between peaks at other times, each times the attained share. If no run differs from the
+    interpolant at a time, the error there is at most this range's excess. The answer with the smaller error over all
+    times counts.
 
     Attributes
     ----------
@@ -122,7 +123,7 @@ class CheckRounds:
         while True:
             n_known, extremes, former = len(runs.points), runs.extremes, self._corrected
             if self.has_corners:
-                # These runs are near known ones. They come first, so that the runs that judge the error are the last.
+                # The next runs are near known ones. They come first: the last runs must be those that judge the error.
                 yield Checks(separable_extremes(*runs.attained()))
                 between, gaps = between_times(runs)
                 yield Places(between, self._between.share(self._between.attained) * gaps / runs.rms_widths())

@@ -102,7 +102,7 @@ class Corrected:
     Attributes
     ----------
     base : expansion on the grid
-    continuation : of the base
+    continuation : continuation of the base
     points, checks : (C, d) and (C, n_t, n_y), the check runs
     """
 

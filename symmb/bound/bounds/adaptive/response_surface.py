@@ -49,8 +49,8 @@ _NAME = "a response surface"
 def surface_range(runs: OutputRuns, points: Array, tolerance: float, is_patient: bool) -> Steps:
     """The range of a Gaussian process through runs, refined where extremes are, or may be.
 
-    Slopes in the middle give the direction of a first ridge. Each round makes runs at the extremes of the mean, at the
-    extremes of the mean with some standard deviations, and at points spread over the box, corners first. The estimated
+    Slopes in the middle give the direction of a first ridge. Each round makes runs at the extremes of the mean, without
+    and with some standard deviations. Further runs are at points spread over the box, corners first. The estimated
     error is the excess that these deviations allow, or a share of the error that the latest runs showed. If the runs do
     not suffice, errors of cross-validation count too. If the error remains large, the bounds are extremes of runs.
 

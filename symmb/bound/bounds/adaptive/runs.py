@@ -51,11 +51,11 @@ class Runs:
     most : allowed number of runs
     probes : requested number of further check runs, evenly spread over the box
     clock : limits the time of the study
-    power : (n_y,) powers of two; 0 for outputs whose squares neither overflow nor underflow
+    power : (n_y,) powers of two; 0 for outputs with squares that neither overflow nor underflow
     before : number of runs before the study began again with larger powers
     rounding : width divided by an output's scale below which the width is only rounding
     is_attained : (N,) which nodes have run without failure
-    events : (N, n_t) numbers of events at nodes up to each time; -1 where not known, None where there are none
+    events : (N, n_t) numbers of events at nodes up to each time; -1 if not known. None if there are no events
     places : (N, d) nodes
     checks, points : (C, n_t, n_y) responses at other points, (C, d)
     tried, ok : (M, d) all points that were run, (M,) which of the runs did not fail

@@ -94,7 +94,7 @@ class _Union:
 
 
 class TensorGrids:
-    """Interpolants on tensor grids, whose degrees rise in the directions with the largest errors.
+    """Interpolants on tensor grids. Their degrees increase in the directions with the largest errors.
 
     If the response is not smooth, the box is halved. Each half is refined separately as long as it may contain an
     extreme, at some time and for some output. Errors are estimated from the last coefficients, at the places of the
@@ -283,8 +283,8 @@ class TensorGrids:
         """Make check runs at some of the extremes, and at quasi-random points.
 
         If the estimate of a piece is E(x) at a run with the error e, it suggests the error e E / E(x) for an estimate
-        E. Return the error (n_t, n_y) that check runs show, the ratio (n_y,) of the root mean squares of errors and
-        estimates there, and the piece with the largest shown error. Without check runs this is the worst piece.
+        E. Return the error (n_t, n_y) that check runs show, and the ratio (n_y,) of the root mean squares of errors and
+        estimates there. The third value is the piece with the largest shown error; without check runs, the worst piece.
         """
         runs, widths = self._runs, self._widths
         n_known, d = len(runs.points), len(runs.box)
@@ -304,7 +304,7 @@ class TensorGrids:
         squares, largest = np.zeros(runs.shape), -1.0
         seen, foreseen = np.zeros((2, runs.shape[1]))
         rows = np.arange(len(runs.points))
-        if len(union.pieces) > 1:  # near a jump, earlier check runs say nothing about the new pieces there
+        if len(union.pieces) > 1:  # near a jump, earlier check runs show nothing about the new pieces there
             rows = rows[(rows < len(probes)) | (rows >= n_known)]
         distances = [(np.abs(runs.points[rows] - piece.centre) / piece.half).max(axis=1) for piece in union.pieces]
         home = np.argmin(distances, axis=0)  # the first piece that holds a point

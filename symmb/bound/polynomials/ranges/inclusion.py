@@ -80,7 +80,8 @@ class ChebyshevInclusion:
 class Bernstein:
     """The smallest and the largest Bernstein coefficient, for a few parameters.
 
-    These coefficients enclose the range of the expansion. The excess decreases with the square of the number of boxes.
+    Bernstein coefficients enclose the range of the expansion. The excess decreases with the square of the number of
+    boxes.
 
     Parameters
     ----------
