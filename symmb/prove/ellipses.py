@@ -186,7 +186,8 @@ def nodes_of_defect(step: TimeStep, rho: list[float], rates: Array, slopes: Arra
 
 
 MOST_PATCHES = 3e4
-"""Largest number of patches of all variables. More take seconds: the step becomes shorter, or the proof ends."""
+"""Largest number of patches of all variables. More take seconds. If a step needs more, it becomes shorter, or the proof
+ends."""
 
 
 def nodes_needed(rho: list[float], ratio: float) -> float:

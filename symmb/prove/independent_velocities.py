@@ -167,7 +167,8 @@ def _partitions(form: Formulation, times: Array) -> list[Partition]:
     """The partitions of the velocities for consecutive parts of a nominal run.
 
     The best partition has the smallest change of the determinant of S' M S. The determinant is infinite if the rows do
-    not determine the dependent velocities. If it is large, the run is divided into parts, each with its best partition.
+    not determine the dependent velocities. If the change is large, the run is divided into parts, each with its best
+    partition.
     """
     G, M, at = _along_a_run(form, times)
     scales = form.dae.displacement_scales

@@ -38,7 +38,7 @@ class Basis:
 
     Attributes
     ----------
-    exponents : (T, variables) exponents of the monomials exponents of the monomials
+    exponents : (T, variables) exponents of the monomials
     counts : number of the monomials up to each degree
     of_squares : (T,) middle of the range: 1/2 for products of squares, which are in [0, 1]; 0 for other monomials
     """

@@ -33,7 +33,7 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
     Attributes
     ----------
     scene, solver : str
-        names of both
+        name of the scene, and text of the solver
     times : (n_t,)
         output times [s]
     outputs : tuple of n_y names

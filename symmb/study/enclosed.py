@@ -14,7 +14,7 @@ from symmb.study.reference import Reference
 
 @dataclass(frozen=True)
 class Limits:
-    """Proved bounds (n_t, n_y), infinite where nothing is proved, and the methods that prove them."""
+    """Proved bounds (n_t, n_y), infinite if nothing is proved, and the methods that prove them."""
 
     lower: Array
     upper: Array

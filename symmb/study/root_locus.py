@@ -48,7 +48,7 @@ class RootLocus(plot.ThreeDiagrams, Counted, WithWarnings, Saved):
     box : Box
         intervals of the other parameters, or None
     method, evaluations, runs : str, int, int
-        of the bands
+        method of the bands, and number of runs
     remarks : tuple of str
         sentences about frequencies that cross, and about mode shapes that are exchanged
     doubts : tuple of str
@@ -174,7 +174,7 @@ def root_locus(
     range : (lower, upper)
         range of the values, in the unit of the parameter, or in another unit as in (40, 400, "rpm")
     method : optional
-        method method of the bands, and number of runs; default: PolynomialChaos()
+        method of the bands; default: PolynomialChaos()
     box : Box, optional
         intervals of the other parameters; default: the box of the scene
     count : int

@@ -33,7 +33,8 @@ from symmb.study.stress import stresses
 from symmb.study.trials import Job, Trial, by_family, run_jobs
 
 TIMES = 51
-"""Number of output times, enough to show drift over time. Steps end at output times: more times shorten them."""
+"""Number of output times, enough to show drift over time. Steps end at output times, so more times would shorten
+steps."""
 _HEAD = ("solver", "setting", "error", "position", "velocity", "energy", "run [s]", "outcome")
 _LEFT, _STRESS_LEFT = (0, 7), (0, 1, 8)
 """Head of the tables, and columns that are aligned on the left."""

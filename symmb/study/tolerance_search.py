@@ -99,7 +99,7 @@ class Search:
         self._at_nominal, self._nominal_values = margins.min(axis=0), values
 
     def _margins(self, lower: Array, upper: Array) -> Array:
-        """Margins (..., n_t, n_l) of bounds of outputs, for outputs with limits."""
+        """Margins (..., n_t, n_l) of bounds, for outputs with limits."""
         return np.minimum(lower - self._low, self._high - upper)
 
     def _box(self, factors: Array) -> Box:

@@ -87,9 +87,9 @@ class OverTime(Panels):
         ax : matplotlib Axes
             to draw in, instead of a new figure: one for each output; for a trajectory also one for all outputs
         figsize : (width, height)
-            size size of a new figure [inch]
+            size of a new figure [inch]
         title : str
-            title title of a new figure, instead of the default title
+            title of a new figure, instead of the default title
         label, color, legend
             of the curves: a text or a colour, or a list with one entry for each curve; and True or False
 
