@@ -1,8 +1,8 @@
 """From runs to bounds over a box, and to answers from these bounds.
 
 In:   a simulator, which runs samples of the parameters, a box, and a method.
-Out:  Bounds: lower and upper values of each output at each time, with an error; and what follows from them, such as
-      limits, quantiles, probabilities and contributions.
+Out:  Bounds: lower and upper values of each output at each time, with an error. Limits, quantiles, probabilities and
+      contributions follow from them.
 
 polynomials   bases, fits, and the ranges of polynomials
 nodes         points at which to run, and fits to the runs there
@@ -10,7 +10,7 @@ bounds        methods, bounds, and answers; `adaptive` is the method that choose
 
 A method declares what it needs of a simulator: runs, derivatives, or equations.
 
-The way of `propagate`, in `bounds.propagation`: make the simulator, bound by the method (`bounds.method`), and look for
-warnings (`bounds.doubts`; `bounds.check_runs` checks methods without an estimated error). The Bounds then answer:
+`propagate` in `bounds.propagation` makes the simulator, bounds by the method (`bounds.method`), and looks for warnings
+(`bounds.doubts`; `bounds.check_runs` checks methods without an estimated error). The Bounds then answer:
 `bounds.limits` decides limits, `bounds.contributions` and `bounds.probabilities` compute variances and probabilities.
 """

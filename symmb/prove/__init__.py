@@ -1,7 +1,7 @@
 """Proved enclosures of the motions of mechanisms over a box of parameters.
 
-A motion is a Chebyshev polynomial of time and of the parameters over each step, computed without proof, plus a
-remainder in a frame, which is proved afterwards.
+Over each step, a motion is a Chebyshev polynomial of time and of the parameters, plus a remainder in a frame. The
+polynomial is computed without proof. The remainder is proved afterwards.
 """
 
 from symmb.prove.boxes import Enclosure, enclose

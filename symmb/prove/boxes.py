@@ -18,17 +18,17 @@ from symmb.prove.rounding import LARGEST_ZERO
 from symmb.prove.start import nominal_front, still
 
 _EARLY_REMAINDER = 1e-7
-"""Remainder relative to the width of the states in the whole box, from which parts are halved early.
+"""Parts are halved early if their remainder, relative to the width of the states in the whole box, is larger.
 
-Half of the parts are used early: a remainder of a large part does not become smaller later, and steps of large parts
-take many times longer. With all parts used early, the double pendulum, 5 %, order 8, was proved for 5 s with 1e-5, for
-9 s with 1e-7, and for 3 s with 1e-8.
+Half of the parts are used early. The remainder of a large part does not become smaller later, and steps of large parts
+take many times longer. Example: with all parts used early, the double pendulum (5 %, order 8) was proved for 5 s with
+1e-5, for 9 s with 1e-7, and for 3 s with 1e-8.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """A part of the box with its course. `share` is the fraction of the whole box."""
+    """A part of the box with its course. `share` is its fraction of the whole box."""
 
     problem: Problem
     course: Course
@@ -36,16 +36,16 @@ class _Part:
 
     @cached_property
     def small(self) -> float:
-        """Remainder relative to the width of the states up to which places are checkpoints."""
+        """Places are checkpoints if their remainder, relative to the width of the states, is smaller."""
         begin = self.course.checkpoint
-        # a halving does not reduce the earlier remainder, so that it must double before the next one
+        # a halving does not reduce the earlier remainder, so it must double before the next halving
         return max(_EARLY_REMAINDER / self.share, 0.0 if begin is None else 2.0 * begin.front.share())
 
     def halves(self, order: int) -> "list[_Part]":
         """Both halves, in the variable with the slowest decay of coefficients at the end.
 
-        The halves continue from the checkpoint. If there is no checkpoint, or it is the start, they start again: the
-        start of a half has a smaller remainder. ProofError if the scene does not start for some parameters.
+        The halves continue from the checkpoint. If there is none, or it is the start, they start again, because the
+        start of a half has a smaller remainder. ProofError if the scene cannot start for some parameters.
         """
         end, at = self.course.end, self.course.checkpoint
         variable = slowest(nominal_front(self.problem, order) if end is None else end.front.x)
@@ -87,8 +87,8 @@ class Enclosure:
         """Whether bounds (n_t, n_y) are mostly remainder: more than half of the width.
 
         Remainders do not count if they are small relative to the output, or below a tenth of its largest motion with
-        the parameters: at first the parameters have no effect, and the whole width is remainder. Small remainders of
-        terms that cancel do not count either.
+        the parameters. At first parameters have no effect, and the whole width is remainder. Small remainders of terms
+        that cancel do not count either.
         """
         finite = np.isfinite(self.upper)
         width, remainder = np.where(finite, self.upper - self.lower, np.inf), np.where(finite, self.remainder, 0.0)
@@ -108,7 +108,7 @@ def enclose(
     Parameters
     ----------
     order : highest degree in each parameter
-    boxes : most parts of the box
+    boxes : largest number of parts of the box
     progress : called with the proved fraction of the horizon
     """
     if problem.n:
@@ -131,8 +131,8 @@ def _followed(problem: Problem, order: int, boxes: int, progress: Callable[[floa
         march(part.problem, order, part.course, part.small, max(part.small, largest),
               lambda t: progress((done + part.share * t) / horizon))  # fmt: skip
 
-    # A part is lost if its remainder exceeds a small fraction of the width: its square soon makes it grow. The second
-    # half of the parts is for the parts that are lost first. They are halved at their last small remainder.
+    # A part is lost if its remainder exceeds a small fraction of the width, because its square makes it grow. The
+    # second half of the parts is for those that are lost first. They are halved at their last small remainder.
     for most, largest in ((boxes // 2, 0.0), (boxes, SMALL), (boxes, np.inf)):
         for part in parts:
             if not part.course.why:
@@ -157,7 +157,7 @@ def _of_expressions(problem: Problem, order: int) -> Course:
     # motion of the parameters on the ellipses, relative to their middles
     for spread in (0.3, 1.0, 3.0, 10.0, 30.0, 100.0):
         control = Control(Choice((spread, spread)), end)
-        # without states there are few bounds, so that their ranges may be sharp to rounding
+        # without states there are few bounds, so their ranges may be sharp to rounding
         lower, upper, rest, _ = output_bounds(whole, np.zeros(0), problem.times, control, ROUNDING)
         best = course.bounds
         course.bounds = best._replace(lower=np.maximum(best.lower, lower), upper=np.minimum(best.upper, upper),

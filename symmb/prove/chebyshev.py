@@ -13,10 +13,10 @@ from symmb._types import Array
 from symmb.prove.rounding import U, above, of_sum
 
 TENSOR_PARAMETERS = 2
-"""Most parameters with a tensor basis, whose size is a power of their number. Polynomials of more parameters have a
-total degree."""
+"""Largest number of parameters with a tensor basis. Its size is a power of this number. Polynomials of more parameters
+have a total degree."""
 ENTRY_ERROR = 8 * U
-"""Error of an entry of the matrices. It is the cosine of an angle up to pi / 2 with the relative error 3 U."""
+"""Error of a matrix entry: the cosine of an angle up to pi / 2 that has the relative error 3 U."""
 
 
 @cache
@@ -160,8 +160,8 @@ def product_bound(C: Array, B: Array, B_error: Array, minus: Array) -> Array:
 def aliasing(rho: Sequence[float], counts: Sequence[int]) -> float:
     """Largest error of the interpolation at nodes, relative to the bound M of the function on the polyellipse.
 
-    A function that is analytic in the ellipses with parameters rho_i > 1, and at most M there, has coefficients of at
-    most 2^j M prod rho_i^-k_i. Here j is the number of k_i > 0. If k_i >= m_i for some i, interpolation in m_i nodes
+    Let a function be analytic, and at most M, in the ellipses with parameters rho_i > 1. Its coefficients are at most
+    2^j M prod rho_i^-k_i. Here j is the number of k_i > 0. If k_i >= m_i for some i, interpolation in m_i nodes
     replaces T_k by plus or minus a polynomial of lower degree (aliasing). The error is then at most twice the sum of
     the moduli of these coefficients.
 

@@ -69,7 +69,7 @@ class TimeStep:
 
     @cached_property
     def room(self) -> Array:
-        """Changes of the states (n,) that change the rates by about 100 %, but at least the scales of the states."""
+        """Changes of the states (n,) that change the rates by about 100 %; at least the scales of the states."""
         problem, n = self.problem, self.problem.n
         x = self.x.c[(slice(None), *(0,) * (self.x.c.ndim - 1))]
         p = [float(middle) for middle in problem.middle]
@@ -91,8 +91,8 @@ class TimeStep:
     ) -> list[list[discs.Disc]]:
         """Discs of the states, parameters and time on patches of the box, or of the polyellipse rho.
 
-        There are counts[0] patches of time, and counts[1] of each parameter. The discs of the states are larger by
-        `radius` (n,).
+        There are counts[0] patches of time, and counts[1] of each parameter. Discs of the states are larger by `radius`
+        (n,).
 
         The discs contain the exact motion. It differs from the computed polynomials by a polynomial that is small on
         [-1, 1] and grows with the ellipses. Errors of parameters are constants.

@@ -25,10 +25,10 @@ _TOO_ROUGH = "polynomials of this order follow the motion too badly, as where a 
 
 
 def exact_defects(step: TimeStep) -> tuple[Array, Array] | None:
-    """Bounds of |C d| (n,) and of |C (A B - B')| (n, n) if the rates are polynomials; else None.
+    """Bounds of |C d| (n,) and of |C (A B - B')| (n, n) if the rates are polynomials; otherwise None.
 
-    The defects are then polynomials of known degree, so that interpolation in degree + 1 nodes is exact. The result is
-    also None if the grid is too large.
+    The defects are then polynomials of known degree. Interpolation in degree + 1 nodes is exact. The result is also
+    None if the grid is too large.
     """
     n = step.problem.n
     rates, slopes = degrees_of_equations(step)
@@ -45,8 +45,8 @@ def exact_defects(step: TimeStep) -> tuple[Array, Array] | None:
 
 
 def _grid(degrees: Array, numbers: int) -> tuple[int, ...] | None:
-    """Nodes for the exact interpolation of `numbers` polynomials of given degrees; None if values need above 16 MB."""
-    # a larger grid would also exceed the number of terms whose rounding `above` covers
+    """Nodes for the exact interpolation of `numbers` polynomials of given degrees; None if values exceed 16 MB."""
+    # a larger grid would also exceed the number of terms for which `above` covers rounding
     if not numbers * np.prod(degrees + 1.0) <= 2e6:
         return None
     return tuple(int(degree) + 1 for degree in degrees)
@@ -62,9 +62,9 @@ def _is_large(counts: tuple[int, ...], step: TimeStep) -> bool:
 
 
 def largest_defects(step: TimeStep, rho: list[float], rates: Array, slopes: Array) -> tuple[Array, Array]:
-    """Bounds of C d (n,) and of C (A B - B') (n, n) on ellipses, where the rates are at most `rates`, and A `slopes`.
+    """Bounds of C d (n,) and of C (A B - B') (n, n) on ellipses, if rates are at most `rates` and A at most `slopes`.
 
-    These bounds are much larger than the defects on the box. They only limit the aliasing.
+    Bounds on ellipses are much larger than the defects on the box. They only limit the aliasing.
     """
     n = step.problem.n
     C_on, B_on, rate_on = (largest_on(rho, c.reshape(n * n, *c.shape[c.ndim - len(rho) :])).reshape(n, n)
@@ -74,7 +74,7 @@ def largest_defects(step: TimeStep, rho: list[float], rates: Array, slopes: Arra
 
 
 def _comparable(w: Array) -> Array:
-    """Remainders (n,), at least 1 % of the largest. Smaller ones need no better bounds: each step mixes all of them."""
+    """Remainders (n,), at least 1 % of the largest. Smaller ones need no better bounds, as each step mixes all."""
     return np.maximum(w, 1e-2 * w.max())
 
 
@@ -194,13 +194,13 @@ def _adapted(step: TimeStep, control: Control) -> Tried:
 def defects_of_models(step: TimeStep, w: Array, control: Control) -> tuple[Array, Array, list[float]]:
     """Bounds of |C d| (n,) and of |C (A B - B')| (n, n), and the ellipses on which the equations are bounded.
 
-    For several parameters. Aliasing may be a small fraction of the remainder w (n,). ProofError if the equations may
-    not be analytic.
+    This function is for several parameters. Aliasing may be a small fraction of the remainder w (n,). ProofError if the
+    equations may not be analytic.
     """
     chosen = _adapted(step, control)
     rho = chosen.rho
     most, most_of_frame = largest_defects(step, rho, chosen.rates, chosen.slopes)
-    # aliasing may be a tenth of the last defect, because the present one is not known yet
+    # aliasing may be a tenth of the last defect, because the present defect is not known yet
     wanted = np.maximum(0.1 * control.wanted, SMALL * w / step.h)
     (count,) = node_counts(rho, float((wanted / most).min()))
     own = _modelled_defect(step, count)

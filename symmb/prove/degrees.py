@@ -11,7 +11,7 @@ from symmb.prove.tape import Tape
 
 Degree = tuple[Array, float | None]
 """Highest degrees in time and in the parameters, infinite if a number is not a polynomial; and the value of a constant
-of the graph, else None."""
+of the graph, otherwise None."""
 
 
 def degrees_of_equations(step: TimeStep) -> tuple[Array, Array]:
@@ -61,7 +61,7 @@ def _sum(a: Degree, b: Degree) -> Degree:
 
 
 def _other(*arguments: Degree) -> Degree:
-    """A function of constants is constant. All other functions count as no polynomials."""
+    """A function of constants is constant. Other functions do not count as polynomials."""
     constant = not any(degree.any() for degree, _ in arguments)
     return arguments[0][0] * 0.0 if constant else np.full(len(arguments[0][0]), np.inf), None
 

@@ -1,15 +1,15 @@
-"""Arithmetic on discs in the complex plane. It bounds analytic functions on a polyellipse by values on its boundary.
+"""Arithmetic on discs in the complex plane, which bounds analytic functions on a polyellipse by values on its boundary.
 
 A number is a disc for each patch of the distinguished boundary of a polyellipse. The centre moves linearly with the
-place in the patch, so that radii stay small if terms cancel. By induction over the instructions, each number is an
+place in the patch. Radii thus stay small if terms cancel. By induction over the instructions, each number is an
 analytic function on the polyellipse, and its values at each place of a patch are in the disc. Operations that are not
 entire require that all discs lie in a region in which the operation is analytic: a half plane, a strip or the unit
 disc. Analytic functions have the extremes of their real and imaginary parts and of their moduli on the distinguished
-boundary (maximum principle, in each variable). So all values on the polyellipse are in the same region. If a function
+boundary (maximum principle, in each variable). All values on the polyellipse are thus in the same region. If a function
 cannot be shown to be analytic, its radius is infinite.
 
-Radii follow from majorants: series with known sums whose coefficients are at least the moduli of the Taylor
-coefficients of the function about the centre.
+Radii follow from majorants: series with known sums. Their coefficients are at least the moduli of the function's Taylor
+coefficients about the centre.
 
 References
 ----------
@@ -46,7 +46,7 @@ class Disc:
 
     @cached_property
     def size(self) -> Array:
-        """Modulus of the centre, or a little more."""
+        """Modulus of the centre, or a slightly larger number."""
         return _size(self.centre)
 
     @cached_property
@@ -227,7 +227,7 @@ _SINH, _COSH = _circular(np.sinh, np.cosh), _circular(np.cosh, np.sinh)
 
 
 def _by_slope(value: Array, a: Disc, steepest: Array, analytic: bool | Mask) -> Disc:
-    """A function of discs, which are convex. Its derivative has at most the modulus `steepest` in each disc."""
+    """A function of discs. Its derivative has at most the modulus `steepest` in each disc, which is convex."""
     usable = analytic and bool(np.all(np.isfinite(steepest) & (steepest >= 0)))
     size = np.abs(value) + steepest * np.abs(a.centre)
     return _if(usable, _rounded(value, _NO_SLOPES, a.swing * steepest * (1.0 + COMPLEX_ERROR), size))
@@ -313,12 +313,12 @@ def _arctan2(y: Disc, x: Disc) -> Disc:
 
 
 def _by_i(a: Disc, factor: float) -> Disc:
-    """The discs times a number on the imaginary axis whose modulus is a power of 2."""
+    """The discs times an imaginary number. Its modulus is a power of 2."""
     return Disc(1j * factor * a.centre, _times(1j * factor, a.slopes), abs(factor) * a.radius)
 
 
 def _side(a: Disc) -> float:
-    """1 or -1 if all discs are in the right or in the left half plane, else nan."""
+    """1 or -1 if all discs are in the right or in the left half plane, otherwise nan."""
     return 1.0 if np.all(_right(a)) else -1.0 if np.all(_right(_negative(a))) else np.nan
 
 

@@ -18,7 +18,7 @@ from symmb.prove.patches import largest_on
 
 @dataclass(frozen=True)
 class Choice:
-    """How far states move on the ellipses of time and of the parameters, relative to their room; and patch counts."""
+    """Motion of states on the ellipses of time and of the parameters, relative to their room; numbers of patches."""
 
     spread: tuple[float, float] = (0.5, 0.5)
     patches: tuple[int, int] = (8, 1)
@@ -50,7 +50,7 @@ class Control:
     ----------
     choice : ellipses and patches
     h : length of the next step [s]
-    wanted : size of the defects of the last step. Errors of their interpolation are compared with it
+    wanted : size of the defects of the last step, for comparison with errors of interpolation
     turn : number of the choice that is compared next
     rho : ellipse of time, for several parameters
     rough : outputs (n_y,) that the last step could not show to be smooth with any number of patches
@@ -65,7 +65,7 @@ class Control:
 
 
 def ellipses(step: TimeStep, spread: tuple[float, float]) -> list[float]:
-    """Parameters rho of ellipses. States and parameters move farther there than on the box, by spread x room."""
+    """Parameters rho of ellipses. States and parameters move farther on them than on the box, by spread x room."""
     problem = step.problem
     rows = np.abs(step.x.c) / step.room[(slice(None), *(None,) * (step.x.c.ndim - 1))]
     if problem.d:  # parameters are linear polynomials of their variables
@@ -86,7 +86,7 @@ def ellipses(step: TimeStep, spread: tuple[float, float]) -> list[float]:
             _largest_below(lambda r, c=c, own=own, most=most: (largest_on([r], c) - own).max(initial=0.0) <= most)
         )
     own, allowed = rows.sum(axis=tuple(range(1, rows.ndim))), sum(spread)
-    # together the ellipses move the states farther than each alone, so that all of them shrink by a common exponent
+    # together the ellipses move the states farther than each one alone, so all shrink by a common exponent
     share = _largest_below(
         lambda r: (largest_on([max(s ** (r - 1.0), THINNEST) for s in rho], rows) - own).max(initial=0.0) <= allowed,
         2.0,
@@ -121,7 +121,7 @@ def reaches(found: list[discs.Disc]) -> Array:
 class Tried:
     """Ellipses, bounds of f (n,) and of its Jacobian (n, n) on them, the nodes that they need, and their cost.
 
-    Nodes and cost are infinite if the equations have no bounds there.
+    Nodes and cost are infinite if the equations have no bounds on the ellipses.
     """
 
     rho: list[float]
@@ -133,7 +133,7 @@ class Tried:
 
 
 def adapted(step: TimeStep, control: Control) -> Tried:
-    """Ellipses and patches, with bounds of the equations there.
+    """Ellipses and patches, with bounds of the equations on them.
 
     The ellipses of the last step are compared with others, and the cheapest ones are used. ProofError if the equations
     cannot be shown to be analytic on any ellipses.
@@ -155,7 +155,7 @@ def _first(step: TimeStep, control: Control) -> Tried:
     choice = control.choice
     # the ellipses are halved up to eight times until the equations are analytic on them
     for narrowing in range(8):
-        # the smaller the ellipses are already, the more patches of each parameter are tried
+        # with smaller ellipses, more patches of each parameter are tried
         for count in sorted({choice.patches[1], *(1, 8, 24)[: 1 + narrowing // 2]}):
             found = _tried(step, replace(choice, patches=(choice.patches[0], count)), control.wanted)
             if np.isfinite(found.cost):
@@ -179,14 +179,15 @@ def _tried(step: TimeStep, choice: Choice, wanted: float) -> Tried:
 
 
 def nodes_of_defect(step: TimeStep, rho: list[float], rates: Array, slopes: Array, wanted: float) -> float:
-    """Nodes that reduce the aliasing of the defect to `wanted`; infinite if the bounds on the ellipses are."""
+    """Nodes that reduce the aliasing of the defect to `wanted`; infinite if the bounds on the ellipses are infinite."""
     if not (np.isfinite(rates).all() and np.isfinite(slopes).all()):
         return np.inf
     return nodes_needed(rho, wanted / float((rates + largest_on(rho, step.x.rate)).max()))
 
 
 MOST_PATCHES = 3e4
-"""Most patches of all variables: more take seconds. If a proof needs more, it ends, or the step becomes shorter."""
+"""Largest number of patches of all variables. More take seconds. If a step needs more, it becomes shorter, or the proof
+ends."""
 
 
 def nodes_needed(rho: list[float], ratio: float) -> float:
@@ -200,7 +201,7 @@ def node_counts(rho: list[float], ratio: float) -> tuple[int, ...]:
 
 
 def _wanted(rho: list[float], ratio: float) -> list[float]:
-    """Nodes of each variable as real numbers; without variables with rho = 1, which are not interpolated.
+    """Nodes of each variable as real numbers. Variables with rho = 1 are not interpolated, and left out.
 
     Source: the bound of `chebyshev.aliasing`, solved for the nodes.
     """

@@ -2,7 +2,7 @@
 
 
 class ProofError(RuntimeError):
-    """An enclosure cannot be proved. The text says why."""
+    """An enclosure cannot be proved. The text states the reason."""
 
 
 def not_smooth(operation: str) -> ProofError:

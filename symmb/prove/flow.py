@@ -15,9 +15,9 @@ from symmb.prove.problem import Problem
 from symmb.prove.rounding import U, above, of_sum
 
 _MOST_PICARD_ITERATIONS = 60
-"""Most Picard iterations. Each at least halves the error, or the step is too long."""
+"""Largest number of Picard iterations. Each one at least halves the error, or the step is too long."""
 _STATES_IN_CACHE = 2**14
-"""States that are evaluated at once, so that they stay in the processor's cache."""
+"""Number of states that are evaluated at once. They stay in the processor's cache."""
 
 
 def parameters_at(problem: Problem, counts: Sequence[int], leading: int = 1) -> list[Array | float]:
@@ -70,7 +70,7 @@ def integrated(begin: Array, rate: Array, h: float) -> Curve:
     c[:, 0] += begin
     d = rate.ndim - 1
     terms = 0.5 * h * ch.along([np.abs(matrix), *others], np.abs(rate))
-    # Entries of the first row are differences, 1 / (k^2 - 1), whose relative errors are up to (k / 2 + 2) U.
+    # Entries of the first row are differences, 1 / (k^2 - 1). Their relative errors are up to (k / 2 + 2) U.
     rounded = above(of_sum(2 * len(matrix) + 4) * terms + 2 * U * np.abs(c))
     return Curve(c, ch.sums(rounded, d), rate, rounded)
 
@@ -78,11 +78,11 @@ def integrated(begin: Array, rate: Array, h: float) -> Curve:
 def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curve:
     """The motion from x0 (n, N + 1, ...) at t0 over a step h. Its rate has `terms` terms in time.
 
-    It is computed by Picard iteration at all Chebyshev nodes of time and of the parameters at once.
+    Picard iteration computes the motion at all Chebyshev nodes of time and of the parameters at once.
     """
     lengths = x0.shape[1:]
     few = problem.d <= ch.TENSOR_PARAMETERS
-    # two more nodes than terms: the aliasing of removed terms is then small
+    # with two more nodes than terms, the aliasing of removed terms is small
     counts = [n + 2 if few else n for n in lengths]
     begin = ch.at_nodes(x0, counts)
     s = ch.nodes(terms)
@@ -125,7 +125,7 @@ def _integration(terms: int, h: float) -> Array:
 
 
 def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Array:
-    """f (n, terms, ...) at states (n, terms, ...). If there are many states, parts of the times follow each other."""
+    """f (n, terms, ...) at states (n, terms, ...). With many states, parts of the times follow each other."""
     if x[0].size > _STATES_IN_CACHE and x.shape[1] > 1:
         k = x.shape[1] // 2
         return np.concatenate([rates_at(problem, x[:, :k], p, t[:k]), rates_at(problem, x[:, k:], p, t[k:])], axis=1)
@@ -136,7 +136,7 @@ def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Ar
 def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int = 11) -> tuple[Curve, Array]:
     """The frame B with B' = A B from B0 (n, n, NB + 1, ...), row by row, and about its inverse C (n, n, terms, ...).
 
-    It has fewer terms in time than the motion: its defect only makes the remainder grow by a small part.
+    The frame has fewer terms in time than the motion, because its defect increases the remainder only by a small part.
     The motion has the coefficients x (n, K + 1, N + 1, ...).
     """
     n, lengths = problem.n, B0.shape[2:]
@@ -175,7 +175,7 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
 def _without_noise(c: Array, share: float) -> Array:
     """Polynomials (m, n0, ...). Coefficients below `share` times the largest one are rounding, and become 0.
 
-    They would grow on ellipses and spoil bounds there. The removal costs no proof: the polynomials are approximate
-    anyway, and their defects are bounded afterwards.
+    These coefficients would grow on ellipses, and bounds there would be too large. Their removal needs no proof: the
+    polynomials are approximate anyway, and their defects are bounded afterwards.
     """
     return np.where(np.abs(c) < share * np.abs(c).max(axis=tuple(range(1, c.ndim)), keepdims=True), 0.0, c)

@@ -47,7 +47,7 @@ class Front:
     def share(self) -> float:
         """Largest ratio of the remainder of a state to its motion with the parameters.
 
-        The motion of a state counts as at least a small part of the largest motion.
+        The motion of a state counts as a small part of the largest motion if it is smaller.
         """
         moved = ch.sums(self.x, self.x.ndim - 1) - np.abs(self.middle)
         return float((self.reach / np.maximum(moved, SMALL * moved.max(initial=1e-300))).max(initial=0.0))
@@ -76,11 +76,11 @@ def _end(curve: Curve, d: int) -> tuple[Array, Array]:
 
 
 def well_conditioned(front: Front, scales: Array, worst: float = 30.0) -> Front:
-    """The front in an orthogonal frame, if its frame, with columns of length 1, has the condition `worst` or more.
+    """The front in an orthogonal frame if the condition of its frame, with columns of length 1, is `worst` or more.
 
-    The columns of the frame at nodes of the parameters are made orthogonal, the longest first. The new frame is the
-    polynomial through these columns, or the diagonal frame of the scales if the polynomial is not accurate enough.
-    |C B| w bounds the new w. C is approximately the inverse of the new frame.
+    The columns of the frame at nodes of the parameters are made orthogonal, with the longest column first. The new
+    frame is the polynomial through these columns. It is the diagonal frame of the scales if the polynomial is not
+    accurate enough. |C B| w bounds the new w. C is approximately the inverse of the new frame.
 
     Source: Lohner (1988), thesis, Karlsruhe, section 3.3; Makino and Berz, International Journal of Differential
     Equations and Applications 10 (2005), section 4.
@@ -91,7 +91,7 @@ def well_conditioned(front: Front, scales: Array, worst: float = 30.0) -> Front:
     columns = np.linalg.norm(at, axis=-2, keepdims=True)
     if float(np.linalg.cond(at / np.where(columns > 0, columns, 1.0)).max()) < worst:
         return front
-    # Lohner: the first column keeps its direction, so that the box about a long thin remainder hardly grows
+    # Lohner: the first column keeps its direction, so the box about a long thin remainder hardly grows
     order = np.argsort(-columns.reshape(-1, n).mean(axis=0) * front.w)
     Q, R = np.linalg.qr(at[..., order])
     Q = Q * np.where(np.diagonal(R, axis1=-2, axis2=-1) < 0, -1.0, 1.0)[..., None, :]

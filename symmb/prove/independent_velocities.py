@@ -1,11 +1,12 @@
-"""Equations of motion with all coordinates, and with the velocities that the rows of loops leave free.
+"""Equations of motion with all coordinates, and with independent velocities.
 
-Coordinates are not projected onto the rows. Velocities satisfy them: G v = -nu gives the dependent ones from the free
-ones. The free ones follow from Newton's second law for the velocities S of the bodies along them,
+Coordinates are not projected onto the rows of loops. Velocities satisfy the rows: G v = -nu gives the dependent
+velocities from the free ones. The free velocities u follow from Newton's second law,
 
     S' M S u' = S' (Q - M a),
 
-where a are the accelerations for u' = 0. Masses of bodies are constant, so that no terms of joints must cancel.
+where S are the velocities of the bodies along u, and a the accelerations for u' = 0. Masses of bodies are constant, so
+no terms of joints must cancel.
 
 Source: Wehage and Haug, Journal of Mechanical Design 104 (1982), generalised coordinate partitioning.
 """
@@ -31,13 +32,14 @@ from symmb.prove.tape import Tape
 from symmb.run.formulations import Formulation
 
 _MOST_SETS_COMPARED = 500
-"""Most sets of velocities that are all compared. Of more sets, only those that are best at some time are compared."""
+"""Up to this number, all sets of velocities are compared. Of more sets, only those that are best at some time are
+compared."""
 _LARGE_LOG_CHANGE = np.log(10.0)
-"""Change of the logarithm of a determinant from which another set may be better."""
+"""With a larger change of the logarithm of a determinant, another set may be better."""
 
 
 class Partition(NamedTuple):
-    """Numbers of the dependent velocities, the Jacobian G at their worst time, and the time when they end."""
+    """Numbers of the dependent velocities, the Jacobian G at their worst time, and the last time of the partition."""
 
     dependent: tuple[int, ...]
     G_there: Array
@@ -69,7 +71,7 @@ class Equations:
 
 
 def equations_of(form: Formulation, system: System | None, times: Array) -> Equations:
-    """The equations of a formulation over times (n_t,). Copies from a pickle have no system."""
+    """The equations of a formulation over times (n_t,). Pickled copies have no system."""
     dae = form.dae
     n = dae.n_q + dae.n_v + dae.n_s
     if dae.G is None:
@@ -134,8 +136,8 @@ def _in_order(dependent: Sequence[int], values: ca.SX, free_values: ca.SX) -> ca
 def start_states(form: Formulation, u: ca.SX, p: ca.SX) -> ca.SX:
     """The state (n_x,) at the start. Rows determine the velocities with large error bounds from the other velocities.
 
-    The expressions of the start are made for runs, and bounds of their rounding errors may be large. The bounds of
-    listed velocities are small.
+    The expressions of the start are for runs, and bounds of their rounding errors may be large. The bounds of listed
+    velocities are small.
     """
     dae, start = form.dae, form.start
     x0 = start.state(u, p)
@@ -165,8 +167,8 @@ def _partitions(form: Formulation, times: Array) -> list[Partition]:
     """The partitions of the velocities for consecutive parts of a nominal run.
 
     The best partition has the smallest change of the determinant of S' M S. The determinant is infinite if the rows do
-    not determine the dependent velocities. If the change is large, the run is divided into parts with their own best
-    partitions.
+    not determine the dependent velocities. If the change is large, the run is divided into parts, each with its best
+    partition.
     """
     G, M, at = _along_a_run(form, times)
     scales = form.dae.displacement_scales
@@ -176,12 +178,12 @@ def _partitions(form: Formulation, times: Array) -> list[Partition]:
     whole = np.linalg.slogdet(saddle)[1]
     if math.comb(n_v, n_r) <= _MOST_SETS_COMPARED:
         sets = list(combinations(range(n_v), n_r))
-    else:  # those that are independent at some time: each column is the one that is farthest from those before
+    else:  # sets that are independent at some time: each column is the farthest from earlier columns
         sets = sorted({tuple(sorted(qr(A, mode="r", pivoting=True)[-1][:n_r].tolist())) for A in scaled})
     signs, sizes = (np.stack(part) for part in zip(*(np.linalg.slogdet(scaled[:, :, list(s)]) for s in sets),
                                                    strict=True))  # fmt: skip
     # det(S' M S) is, up to its sign, the determinant of the saddle point matrix over that of the dependent columns of G
-    # squared. The former is the same for all sets, so that none of the many matrices S is computed.
+    # squared. The former is the same for all sets, so the many matrices S are not computed.
     logs = whole - 2 * sizes
 
     def changes(first: int) -> Array:

@@ -1,8 +1,8 @@
-"""Interval numbers whose ends are arrays, and the interval extension of each scalar operation of CasADi.
+"""Interval numbers with arrays as ends, and the interval extension of each scalar operation of CasADi.
 
-Ends are rounded outward: those of sums, products and roots by one unit in the last place, and those of other functions
-by eight units. This is more than the errors of the mathematical libraries. If an argument is partly outside the domain
-of a function, it is cut. If it is completely outside, this is an error. A division by an interval around 0 has infinite
+Ends are rounded outward: by one unit in the last place for sums, products and roots, and by eight units for other
+functions. This is more than the errors of the mathematical libraries. If an argument is partly outside the domain of a
+function, it is cut. If it is completely outside, an error is raised. A division by an interval around 0 has infinite
 bounds.
 """
 
@@ -24,7 +24,7 @@ FUNCTION_ULPS = int(FUNCTION_ERROR / (2 * U))
 
 
 class Interval(NamedTuple):
-    """Ends of one interval or of many. The shapes of both arrays are equal, or broadcast."""
+    """Ends of one interval or of many intervals. The shapes of both arrays are equal, or broadcast."""
 
     lower: Array
     upper: Array
@@ -182,7 +182,7 @@ def _atan2(y: Interval, x: Interval) -> Interval:
 
 
 def _fmod(a: Interval, b: Interval) -> Interval:
-    """a - b trunc(a / b): the interval a if |a| < |b|, else all possible values."""
+    """a - b trunc(a / b): the interval a if |a| < |b|, otherwise all possible values."""
     size, step = _magnitude(a), _magnitude(b)
     within = size.upper < step.lower
     most = np.minimum(size.upper, step.upper)

@@ -22,11 +22,11 @@ from symmb.prove.start import drifted, first_front, mapped, require_known, still
 from symmb.prove.step import Proof, is_regular, on_motion, prove, require_valid
 
 _TIME_TERMS = 20
-"""Terms of the motion in time: the last ones are rounding after a step of the length that `_shortened` chooses."""
+"""Number of terms of the motion in time. With the step length of `_shortened`, the last terms are rounding."""
 _SHORTER_STEP = 0.3
 """Factor of a step that is too long for the motion."""
 _UNITS_BEFORE_CHANGE = 8
-"""Units of times of the shortest step that ends at a change of states. A change within this time is made at once."""
+"""Shortest step that ends at a change of states, in units of times. A change within this time is made at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ class Course:
         self.stored = behind
 
     def back_to(self, place: Place, times: Array) -> "Course":
-        """The course up to a place, so that it continues from there. `times` (n_t,) are the output times."""
+        """The course up to a place, from which it can continue. `times` (n_t,) are the output times."""
         stored = min(self.stored, int(np.searchsorted(times, place.front.t, side="right")))
         bounds = OutputBounds.unknown(len(times), len(self.bounds.terms))
         bounds.put(slice(stored), self.bounds.at(slice(stored)))
@@ -92,7 +92,7 @@ def march(
     Parameters
     ----------
     order : highest degree in each parameter
-    small : remainder, relative to the width of the states, up to which a place is a checkpoint
+    small : a place is a checkpoint if its remainder, relative to the width of the states, is smaller
     largest : relative remainder above which the march stops
     progress : called with the reached time [s]
     """
@@ -129,7 +129,7 @@ def march(
 def _why(place: Place, reason: str) -> str:
     """The reason for the end of a proof at a place, with a possible cause ahead.
 
-    The cause is a determinant of the loops that would soon be 0, or a switch: a proof ends before a switch only if
+    The cause is a determinant of the loops that would soon be 0, or a switch. A proof ends before a switch only if
     slopes grow without bound there.
     """
     problem, front, phase = place.problem, place.front, place.problem.phase
@@ -137,7 +137,7 @@ def _why(place: Place, reason: str) -> str:
         h, x, p = place.control.h, front.middle, problem.middle
         ahead = x + h * problem.rates(x, p, front.t).full().ravel()
         now, then = (problem.regular(*at).full().ravel() for at in ((x, p, front.t), (ahead, p, front.t + h)))
-        # steps become short before a singular position, so that it may still be 40 steps away
+        # steps become short before a singular position, so it may still be 40 steps away
         is_near = (now - then) * np.sign(now) * 40 > np.abs(now)
         reason = f"{reason}; {problem.why_singular}" if is_near.any() else reason
     if phase is not None and problem.valid_tape is not None and not any(f"'{own}'" in reason for own in phase.labels):
@@ -176,7 +176,7 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
         course.steps.append((step, proof.W))
     front, times = leaving(step, proof.end), problem.times
     late = _late(problem, front.t)
-    # outputs within four errors of an instant count as being at the instant, and have the new values
+    # outputs within four errors of an instant count as at the instant, and have the new values
     until = front.t if late is None else front.t - 4 * late
     behind = int(np.searchsorted(times, until, side="right"))
     if behind > course.stored:
@@ -197,7 +197,8 @@ class _AheadError(Exception):
 
 
 def _nearer(place: Place, ahead: Crossing, grain: float, why: str) -> tuple[TimeStep, Proof]:
-    """A step, with its proof, that ends closer to a pass. The pass cannot be proved from the present place.
+    """A step, with its proof, that ends closer to a pass. It is used if the pass cannot be proved from the present
+    place.
 
     ProofError if there is no such step.
     """
@@ -222,7 +223,7 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
     end = begin + float(np.ceil((ahead.last + ahead.first) / grain)) * grain
     if problem.change is not None and problem.change.late is not None and problem.change.time <= end:
         raise ProofError("a sampled value may change during the pass")
-    # The old and the new motion overlap until all of the box has passed, because outputs in between need both.
+    # The old and the new motion overlap until all of the box has passed. Outputs during the pass need both.
     old, _ = _followed(replace(about.old, times=np.array([end])), front, control)
 
     scaled, h = Scaled(problem, begin, ahead.tau), min(1.0, control.h / ahead.last)
@@ -232,7 +233,7 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
     late, lost = off(to, scaled, at_pass.front, about, ahead.first, g)
     if not above(late) < ahead.first:
         raise ProofError("the pass may be at this time itself")
-    # Back from the passes to one time: from there on, all parameters have the same time again.
+    # The motion goes back from the passes to one time. From there on, all parameters have the same time again.
     back = scaled.problem(about.new, about.surface, is_back=True)
     new_begin = replace(at_pass.front, t=0.0, x_error=above(at_pass.front.x_error + lost))
     _, at_begin = _followed(back, new_begin, replace(control, h=h))

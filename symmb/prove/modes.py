@@ -5,7 +5,7 @@ A mode is an eigenvalue lambda and an eigenvector v of the Jacobian J of the equ
     J v = lambda v,   c' v = 1,
 
 Here c is the eigenvector of the nominal mode. Rows of loops add only eigenvalues 0. Near a simple mode there is one
-solution, so that the proof of the starting equations follows the mode over the box.
+solution. The proof of the starting equations thus follows the mode over the box.
 
 At a stability limit, lambda is imaginary or 0. The critical parameter replaces its real part as an unknown.
 """
@@ -26,7 +26,7 @@ from symmb.prove.problem import StartEquations
 _SAME_EIGENVALUE = 1e-5
 """Largest relative distance of equal eigenvalues: double eigenvalues have errors of the square root of rounding."""
 _ZERO_SINGULAR_VALUE = 1e-7
-"""Singular value, relative to the largest one, that counts as 0: critical parameters have rounding errors."""
+"""A smaller singular value, relative to the largest one, counts as 0, because critical parameters are rounded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class LinearStart:
     ----------
     start : starting equations of the states
     equations : equations of motion
-    sizes : (n_x,) of the states
+    sizes : (n_x,) sizes of the states
     t : time of the start [s]
     """
 
@@ -69,7 +69,7 @@ class LinearStart:
     def has(self, P: Array, eigenvalues: Sequence[Array]) -> bool:
         """Whether the Jacobians have the given eigenvalues at parameters P (N, n_p).
 
-        The Jacobian of a motion that is steady only in rotating coordinates has other eigenvalues.
+        If a motion is steady only in rotating coordinates, its Jacobian has other eigenvalues.
         """
         own = np.linalg.eigvals(self.solved(P)[1])  # (N, n_x)
         return all(
@@ -103,7 +103,7 @@ def with_modes(linear: LinearStart, modes: Array, p: Array) -> StartEquations:
         for block, shape, size in zip(blocks, shapes, sizes, strict=True):
             real, imag, a, b = ca.vertsplit(block, [0, n, 2 * n, 2 * n + 1, 2 * n + 2])
             rows += _rows_of_mode(J / size, shape, real, imag, a, b)
-            shares += [1 + a, b]  # damping is small beside critical damping: its rounding is no looseness
+            shares += [1 + a, b]  # damping is small compared with critical damping: its rounding is not loose
         return rows, shares
 
     blocks = [len(u[0]), *[2 * n + 2] * len(modes)]
@@ -158,7 +158,7 @@ def with_limits(linear: LinearStart, number: int, width: float, values: Array, p
 def _continued(residual: ca.Function, nominal: Array, p: Array, t: float, samples: Array) -> Array:
     """Approximate solutions u (N, n) of the residual at samples (N, n_p), continued from the nominal solution.
 
-    The way from the nominal parameters to a sample has eight parts, so that Newton's method stays on the same mode.
+    The path from the nominal parameters to a sample has eight parts, so Newton's method stays on the same mode.
     """
     arguments = residual.sx_in()
     rows = residual(*arguments)

@@ -19,16 +19,16 @@ from symmb.prove.several_parameters import monomials, on_step, parameter_models,
 from symmb.prove.taylor_models import Model, basis_of, reach
 
 EXTRA_NODES = 4
-"""Nodes of each parameter at first, in addition to the terms of the motion."""
+"""First number of nodes of each parameter, in addition to the terms of the motion."""
 _MOST_NODES_OF_ALL_TIMES = 3e6
-"""Most nodes of the grids of all times. Their values take seconds."""
+"""Largest number of nodes in the grids for all times. Their values take seconds."""
 
 
 class OutputBounds(NamedTuple):
     """Lower and upper bounds of the outputs, remainders (n_t, n_y), and sizes (n_y,) of the terms of the outputs.
 
-    A remainder is the part of the bounds that is not the range of a polynomial. The sizes are those of the states times
-    the sensitivities, and 0 if they are not known.
+    A remainder is the part of the bounds that is not the range of a polynomial. The sizes are sizes of the states times
+    sensitivities; 0 if they are not known.
     """
 
     lower: Array
@@ -112,7 +112,7 @@ def _grid_bounds(step: TimeStep, e: Array, times: Array, control: Control, sharp
 def _ellipses(step: TimeStep, choice: Choice, patches: int) -> tuple[list[float], Array, float]:
     """The ellipses of the parameters with the fewest nodes, bounds of the outputs, and the number of nodes."""
     found = []
-    # spreads relative to that of the ellipses on which the rates are bounded
+    # spreads relative to the spread of the ellipses on which the rates are bounded
     for factor in (1.0, 0.3, 3.0, 10.0):
         rho = [1.0, *ellipses(step, (choice.spread[0], factor * choice.spread[1]))[1:]]
         counts = patches, max(patches, choice.patches[1])
@@ -155,8 +155,8 @@ def interpolation(
     ----------
     rho : ellipses of the parameters
     most : (m,) bounds of the outputs on the ellipses
-    blurred : (m,) other errors of the outputs. Errors from aliasing need not be much smaller
-    sharp : allowed errors from aliasing, relative to the width
+    blurred : (m,) other errors of the outputs. Errors by aliasing need not be much smaller
+    sharp : allowed errors by aliasing, relative to the width
     degrees : (m, d) degrees of outputs that are polynomials; infinite for other outputs
     """
     d = len(rho)
@@ -202,12 +202,12 @@ def _values(step: TimeStep, times: Array, counts: tuple[int, ...], which: tuple[
 
 
 def _model_bounds(step: TimeStep, e: Array, times: Array, control: Control, sharp: float, found: OutputBounds) -> Array:
-    """The same as `_grid_bounds`, for several parameters."""
+    """Write bounds to `found`, as `_grid_bounds` does, for several parameters. Return the sensitivities (n_y, n)."""
     problem = step.problem
     slopes = np.array([reach(a) for a in on_step(step, problem.sensitivity_tape, e)[1]])
     slopes = slopes.reshape(problem.n, len(found.terms)).T
     of_states = above(slopes @ e)
-    # two degrees beyond those of the motion keep most terms of products of states
+    # two degrees above those of the motion keep most terms of products of states
     basis = basis_of(problem.d, step.x.c.shape[2] + 1)
     at, errors = step.at(times)
     c, lost = monomials(at, basis)

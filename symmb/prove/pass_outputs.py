@@ -39,12 +39,12 @@ class Part:
 
     @property
     def length(self) -> float:
-        """Duration of the pass of all parameters of the part [s]."""
+        """Time that all parameters of the part take to pass [s]."""
         first, last = self.span
         return last - first
 
     def has(self, times: Array) -> Mask:
-        """Whether (n_t,) passes are possible at times (n_t,)."""
+        """Mask (n_t,) of the times (n_t,) at which passes are possible."""
         first, last = self.span
         return (times >= first) & (times <= last)
 
@@ -73,7 +73,7 @@ def bounds_about_pass(whole: Part, times: Array, control: Control) -> OutputBoun
     """Bounds at times (n_t,): of the old motion before the pass, of the new motion after it, and of both during it.
 
     Parts of the box that may pass at one of the times are halved: up to 40 parts, or until a pass takes 0.2 % of the
-    time of the whole pass. Each part joins only the bounds of its own possible motions.
+    time of the whole pass. Each part joins only the bounds of its possible motions.
     """
     found, is_between = _joined(whole, times, control), whole.has(times)
     if not (is_between.any() and whole.times.ndim):
@@ -97,7 +97,7 @@ def _joined(part: Part, times: Array, control: Control) -> OutputBounds:
 
 
 def _outputs(steps: Steps, times: Array, wanted: Mask, control: Control) -> OutputBounds:
-    """Bounds at the wanted times, and those of the empty set at other times."""
+    """Bounds at the wanted times. At other times they are those of the empty set."""
     bounds = OutputBounds.nothing(len(times), steps[0][0].problem.outputs.numel_out(0))
     for k, (step, w) in enumerate(steps):
         here = wanted & (times <= step.t0 + step.h) & ((times > step.t0) | (k == 0))

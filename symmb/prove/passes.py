@@ -1,9 +1,9 @@
-"""Passes of switches: all parameters of the box pass a switch, or some switches at once, within a short time window.
+"""Passes of switches: within a short time window, all parameters of the box pass one switch, or several at once.
 
 The time from the start t of a window to the pass is approximately a polynomial tau(p). In scaled time, the old
 equations lead from t to the surface of the switch for all parameters at once. The new equations then lead back to t.
-From this front, the new equations continue as if they had always been valid. The error of the states is at most the
-time between tau and the true pass, at most |g| / |dg/dt|, times the difference of the rates on both sides.
+From this front, the new equations continue as if they had always been valid. The time between tau and the true pass is
+at most |g| / |dg/dt|. The error of the states is at most this time times the difference of the rates on both sides.
 
 Source: Filippov (1988), Differential Equations with Discontinuous Righthand Sides, section 10, transversal passes.
 """
@@ -35,7 +35,7 @@ from symmb.prove.step import MOST_CANDIDATES, on_motion
 from symmb.prove.tape import Tape
 
 _MOST_SWITCHES_AT_ONCE = 4
-"""Most switches that are passed at once. Each one doubles the number of equations between the first and last pass."""
+"""Largest number of switches that are passed at once. Each doubles the number of equations during the passes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class Crossing:
 
 
 def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: float) -> Crossing | None:
-    """The next pass, if a motion (n, K + 1, N + 1, ...) leaves the sides of its phase during a step h; else None.
+    """The next pass, if a motion (n, K + 1, N + 1, ...) leaves the sides of its phase in a step h; otherwise None.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: 
 def _look(tape: Tape, c: Array, p: list[Array], begin: float, h: float, found: Array, states: Array) -> None:
     """Write times (m, P) at which conditions become negative in a step to `found`, and states (n, P) to `states`.
 
-    The states are those at the first of these times. The motion has the coefficients c (n, K + 1, P).
+    The states belong to the first of these times. The motion has the coefficients c (n, K + 1, P).
     """
 
     def at(s: Array, which: Indices | slice = slice(None)) -> tuple[Array, list[list[Array]]]:
@@ -112,7 +112,7 @@ def _look(tape: Tape, c: Array, p: list[Array], begin: float, h: float, found: A
         found = tape.run(PLAIN, plain, [list(x), [own[which] for own in p], [time]])
         return x, [[np.broadcast_to(a, s.shape) for a in part] for part in found]
 
-    # A pass and its return between two of 33 times are not seen. The conditions of the step are then not proved.
+    # A pass and its return between two of 33 times are not found. The conditions of the step are then not proved.
     s = -np.cos(np.linspace(0.0, np.pi, 33))
     values = at(np.broadcast_to(s[:, None], (len(s), c.shape[2])))[1][0]
     for k, value in enumerate(values):
@@ -167,11 +167,11 @@ class Window:
 
     Attributes
     ----------
-    old, new : the problems on both sides. They are valid as long as no other switch is passed, and the switches are
-               passed in the direction of the pass
+    old, new : the problems on both sides. They are valid as long as no other switch is passed, and these switches are
+               passed only in this direction
     between : (x, p, t) -> rates, and (x, p, t) -> conditions, on all combinations of sides
     surface : (x, p, t) -> (m,), positive before the passes, and 0 at the passes
-    sides : of all switches after the passes
+    sides : sides of all switches after the passes
     """
 
     old: Problem
@@ -182,7 +182,7 @@ class Window:
 
 
 def window(problem: Problem, ahead: Crossing) -> Window:
-    """The equations near a pass. ProofError if one of the switches depends on another switch that is passed with it."""
+    """The equations near a pass. ProofError if a switch depends on another one that is passed with it."""
     phase, which = problem.phase, list(ahead.which)
     assert phase is not None and problem.valid is not None and ahead.place is not None
     x, p, t = arguments = problem.rates.sx_in()
@@ -195,7 +195,7 @@ def window(problem: Problem, ahead: Crossing) -> Window:
         if min(signs) < 0:
             sides = phase.settled(*ahead.place, sides, ahead.which)
         rates, place = phase.on(phase.rates, sides, *ahead.place), ahead.place
-        if max(signs) < 0:  # after all passes: the table may have another piece a moment later
+        if max(signs) < 0:  # after all passes: a table may have another piece shortly later
             place = _moved(rates, place, SMALL * ahead.first)
         conditions = phase.conditions(sides, *place)
         toward = ca.vertcat(
@@ -225,11 +225,11 @@ def window(problem: Problem, ahead: Crossing) -> Window:
 def departure(
     problem: Problem, front: Front, own: Sequence[int], h: float
 ) -> tuple[Problem, Problem, tuple[Problem, ...]]:
-    """The problems of a motion that starts on the switches `own`, and perhaps on others, and leaves them at once.
+    """The problems of a motion that starts on the switches `own`, perhaps also on others, and leaves them at once.
 
-    The first problem holds in the first step of about h: as long as the rates of the switches are positive on their
-    sides. The second one follows. The others are those on all combinations of sides. ProofError if the switches are not
-    0 for all parameters of the box, or the motion may leave them in two directions.
+    The first problem is valid in the first step of about h, as long as the rates of the switches are positive on their
+    sides. The second problem follows. The third value contains problems on all combinations of sides. ProofError if the
+    switches are not 0 for all parameters of the box, or if the motion may leave them in two directions.
     """
     phase = problem.phase
     assert phase is not None and problem.valid is not None and problem.valid_tape is not None
@@ -239,7 +239,7 @@ def departure(
     if not set(own) <= set(which) or len(which) > _MOST_SWITCHES_AT_ONCE:
         raise ProofError("the motion may begin on it")
     place = front.middle, problem.middle, front.t
-    behind = _moved(problem.rates, place, SMALL * h)  # pieces of tables are those of a moment later
+    behind = _moved(problem.rates, place, SMALL * h)  # pieces of tables shortly later
     both, left = [], []
     for signs in product((1.0, -1.0), repeat=len(which)):
         sides = phase.sides.copy()
@@ -265,7 +265,7 @@ def _moved(rates: ca.Function, place: tuple[Array, Array, float], h: float) -> t
 
 
 class Scaled:
-    """Functions (x, p, t) as those of a scaled time s, with t = begin + s tau(p)."""
+    """Functions (x, p, t) as functions of a scaled time s, with t = begin + s tau(p)."""
 
     def __init__(self, problem: Problem, begin: float, tau: Array) -> None:
         self._n, self._p, self._begin = problem.n, ca.SX.sym("p", len(problem.middle)), begin
@@ -312,7 +312,7 @@ def off(problem: Problem, scaled: Scaled, front: Front, about: Window, first: fl
     tapes = [tuple(Tape(scaled.of(f)) for f in pair) for pair in about.between]
     late, room = 0.0, np.zeros(problem.n)
     for _ in range(MOST_CANDIDATES):
-        late, room = 2.0 * late + 1e-280, 2.0 * room + 1e-280  # above underflow, so that exact passes are proved
+        late, room = 2.0 * late + 1e-280, 2.0 * room + 1e-280  # above underflow, to prove exact passes
         # scaled time is 1 at the pass of the polynomial; the summand covers the rounding of scaled times
         share = 2.0 * late / first + 1e-14
         around = still(problem, 1.0 - share, front.x, 2.0 * share)
@@ -334,8 +334,8 @@ def _about_pass(
 ) -> tuple[Array, Array, Array, Array, bool]:
     """Bounds near a pass, on all sides of its switches.
 
-    Returns the slowest and the fastest rates (m,) at which the switches are approached, the largest rates (n,) of the
-    states, the differences (n,) of rates between sides, and whether all conditions are proved.
+    Return the slowest and the fastest rates (m,) at which the switches are approached. Further values are the largest
+    rates (n,) of the states, the differences (n,) of rates between sides, and whether all conditions are proved.
     """
     d = max(step.problem.d, 1)
     count = next(m for m in (32, 8, 4, 2, 1) if m**d <= 64 or m == 1)  # about 64 patches at most

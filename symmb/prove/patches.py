@@ -23,7 +23,7 @@ class Patches:
     """Patches of the boundaries of ellipses, one for each variable.
 
     With rho = 1 a variable is real, in [-1, 1]. A single patch of a variable is the whole ellipse. Values at conjugate
-    points are conjugate, so that half the ellipse of the first variable with several patches is enough.
+    points are conjugate. Half the ellipse of the first variable with several patches is thus enough.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class Patches:
         slopes = [_applied(with_one(self._slopes, self.centres, j), c) for j in variables]
         linear = [_applied(with_one(self._swings, self._sizes, j), modulus) for j in variables]
         reaches, sizes = _applied(self._reaches, modulus), _applied(self._sizes, modulus)
-        # what remains of the moduli on the patches after the centres and the linear motion
+        # moduli on the patches that remain after the centres and the linear motion
         radii = above(reaches * (1.0 + ERROR_OF_MODULI) - sizes - sum(linear)).reshape(len(c), 1)
         parts = zip(_applied(self.centres, c), np.stack(np.broadcast_arrays(*slopes), axis=1), radii, strict=True)
         return [Disc(centre, np.moveaxis(own, 0, -1), radius) for centre, own, radius in parts]

@@ -105,13 +105,13 @@ def _least(low: float, high: float) -> float:
 
 
 def _steepest_sine(low: float, high: float) -> float:
-    """The largest derivative of the inverse sine. The differences 1 - most and 1 + most have no cancellation."""
+    """The largest derivative of the inverse sine. 1 - most and 1 + most have no cancellation."""
     most = _largest(low, high)
     return 1.0 / math.sqrt((1.0 - most) * (1.0 + most))
 
 
 def _constant_power(a: Point, exponent: Point) -> Point:
-    """x^n for a constant n. The derivative n x^(n - 1) is computed as (n / x) x^n, which overflows only if x^n does."""
+    """x^n for a constant n. Its derivative is computed as (n / x) x^n, which overflows only if x^n overflows."""
     n, most = float(exponent[0]), size(a) + a[1]
     if n == int(n) and n < 0:
         return _inverse(_constant_power(a, point(-n)))
@@ -125,7 +125,7 @@ def _constant_power(a: Point, exponent: Point) -> Point:
 
 
 def _is_constant(a: Point) -> bool:
-    """Whether all values are the same number without an error. The error that covers underflow does not count."""
+    """Whether all values are the same number without an error. An error that covers only underflow does not count."""
     return a[1] <= above(0.0) and a[2] == a[3]
 
 

@@ -23,17 +23,17 @@ class Problem:
     rates : (x, p, t) -> x' (n_x,)
     outputs : (x, p, t) -> y (n_y,)
     start : the states at the first time
-    middle, radius : (n_p,) of all parameters
-    variables : number of the variable xi_j of each parameter, -1 where it is fixed
+    middle, radius : (n_p,) middles and radii of all parameters
+    variables : number of the variable xi_j of each parameter; -1 for fixed parameters
     times : (n_t,) output times [s]
     scales : (n_x,) sizes of the states
-    errors : (n_p,) rounding errors of the middles of a part of the box
+    errors : (n_p,) rounding errors of the middles, for a part of the box
     phase : the equations on all sides of their switches; None if there are no switches
     valid : (x, p, t) -> (m,), all positive as long as the rates are those of the scene; None: always
     regular : (x, p, t) -> (m,), all different from 0 if the rates are those of the scene; None: everywhere
     closing : names of the joints that close loops
-    refused : for each output the unsupported operations; its expression is then nan
-    meeting : sentence about a spring whose points may meet; empty if none is found
+    refused : unsupported operations of each output; the expression of such an output is nan
+    meeting : sentence about a spring with points that may meet; empty if none is found
     change : change to other states; None if these states are used to the end
     """
 
@@ -80,7 +80,7 @@ class Problem:
 
     @property
     def why_singular(self) -> str:
-        """The message that rows of loops may not determine velocities, with up to four joints that close the loops."""
+        """The message that rows of loops may not determine velocities. It names up to four joints that close loops."""
         names = ", ".join(map(repr, self.closing[:4])) + ", ..." * (len(self.closing) > 4)
         return f"{SINGULAR} of {names}" if names else SINGULAR
 
@@ -193,7 +193,7 @@ def with_jacobian(f: ca.Function) -> Tape:
 class Phase:
     """Equations on fixed sides of their switches of the state and of time.
 
-    They are also smooth beyond the switches. They are the equations of the scene as long as a proof shows that all
+    The equations are also smooth beyond the switches. They are those of the scene as long as a proof shows that all
     switches are on these sides.
 
     Attributes
@@ -216,10 +216,10 @@ class Phase:
     begin: float
 
     def on(self, f: ca.Function, sides: Array, *place: Array | float) -> ca.Function:
-        """One of these Functions on other sides, as (x, p, t) -> value. It is valid near one place x, p, t.
+        """A Function of the phase on given sides, as (x, p, t) -> value. It is valid near one place x, p, t.
 
-        Tables are fixed to their pieces at this place, so that the Function is smooth beyond their knots. The
-        conditions of the phase show whether these are the right pieces.
+        Tables are fixed to their pieces at this place, so the Function is smooth beyond their knots. The conditions of
+        the phase show whether these pieces are right.
         """
         arguments = self.rates.sx_in()[:3]
         found = common(f.name(), arguments, [ca.densify(f(*arguments, sides))])
@@ -232,7 +232,7 @@ class Phase:
         return common("conditions", arguments, [ca.densify(sides * switches(*arguments))])
 
     def settled(self, x: Array, p: Array, t: float, sides: Array, fixed: tuple[int, ...] = ()) -> Array:
-        """Sides (m,) at one place. Those of the switches `fixed` are given. A switch may depend on earlier sides."""
+        """Sides (m,) at one place. Those of the switches `fixed` are given. Switches may depend on earlier sides."""
         sides = sides.copy()
         others = np.setdiff1d(np.arange(len(sides)), fixed)
         for _ in range(len(sides)):
@@ -248,7 +248,7 @@ class Phase:
         )
 
     def sentence(self, which: int, time: float, reason: str) -> str:
-        """Why a proof ends before a switch at a time after the first one [s]. The reason is a sentence."""
+        """A message that a proof ends before a switch, `time` after the first time [s]. The reason is a sentence."""
         at = self.begin + time + 0.0  # not -0
         own = f"It cannot be proved that all parameters of the box pass '{self.labels[which]}' once: {reason}"
         return f"the equations have {self.names} at t = {at:.6g} s. {own}"
@@ -269,7 +269,7 @@ def _frozen(f: ca.Function, *place: Array | float) -> ca.Function:
     ]
 
     def operation(code: object, arguments: tuple[tuple[ca.SX, ca.SX], ...]) -> tuple[ca.SX, ca.SX]:
-        if isinstance(code, Entry) and type(code.pieces) is not Pieces:  # subclasses have switches of their own
+        if isinstance(code, Entry) and type(code.pieces) is not Pieces:  # subclasses have other switches
             number = ca.SX(code.between(*(float(number) for _, number in arguments))[0])
             return number, number
         of, numbers = zip(*arguments, strict=True)

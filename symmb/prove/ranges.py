@@ -12,11 +12,11 @@ from symmb.prove.chebyshev import along
 from symmb.prove.rounding import U, above
 
 _MOST_COEFFICIENTS_AT_ONCE = 2**20
-"""Most coefficients of cells in memory (8 MB). The search of a polynomial ends above it: if the maximum is on a curve
-or a surface, the number of cells doubles until the cells are as small as the tolerance.
+"""Largest number of coefficients of cells in memory (8 MB). The search of a polynomial ends above it. If the maximum is
+on a curve or a surface, the number of cells doubles until the cells are as small as the tolerance.
 """
 _MOST_HALVINGS = 80
-"""Most halvings of a cell. The sides of a cell of two parameters are then 2^-40 of those of the box."""
+"""Largest number of halvings of a cell. The sides of a cell of two parameters are then 2^-40 of those of the box."""
 
 
 def ranges(c: Array, tolerance: float) -> tuple[Array, Array]:
@@ -41,7 +41,7 @@ def ranges(c: Array, tolerance: float) -> tuple[Array, Array]:
     width = corners.max(axis=1) - corners.min(axis=1)
     tolerances = tolerance * width + errors
     upper, lower = _maxima(b, tolerances), -_maxima(-b, tolerances)
-    # each halving rounds the coefficients, which are convex combinations of those before: errors add up
+    # each halving rounds the coefficients, which are convex combinations of earlier ones: errors add up
     halving = _MOST_HALVINGS * sum(n + 2 for n in lengths) * U * np.abs(b).reshape(len(b), -1).max(axis=1)
     return lower - above(errors + halving), upper + above(errors + halving)
 

@@ -1,8 +1,8 @@
 """Multipliers of constraints, and accelerations of bodies, from the accelerations of a formulation.
 
-If all accelerations are known, G' lam = Q - M v' gives the multipliers lam. Multipliers of the rows of a formulation
-follow from the equations of the velocities that these rows determine. The multipliers of joints that carry bodies
-follow from the equations of the carried bodies, starting at the last body of a tree. Nothing is divided by a mass.
+If all accelerations are known, G' lam = Q - M v' gives the multipliers lam. The equations of the velocities that the
+rows of a formulation determine give the multipliers of these rows. The equations of carried bodies give the multipliers
+of the joints that carry them, from the last body of a tree on. Nothing is divided by a mass.
 
 Source: Featherstone (2008), Rigid Body Dynamics Algorithms, section 5.3, the recursive Newton-Euler algorithm.
 """
@@ -20,7 +20,7 @@ from symmb.equations.model import System
 from symmb.run.formulations import Formulation
 
 RANDOM_POINTS = 20
-"""Random points at which analytic functions are evaluated. A property at all these points holds everywhere."""
+"""Number of random points at which analytic functions are evaluated. A property at all of them holds everywhere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class Bodies:
     Attributes
     ----------
     at : arguments of the Functions of the bodies
-    J : (n, n_v) derivatives of the velocities of the bodies by those of the formulation
+    J : (n, n_v) derivatives of the bodies' velocities with respect to the velocities of the formulation
     drift : (n,) accelerations of the bodies if the accelerations of the formulation are 0
     Q : (n,) forces on the bodies
     G : (n_r, n) Jacobian of all rows of the system, if the system is known
@@ -76,14 +76,14 @@ def solved_function(
     """(x, p, t) -> multipliers of all rows of a system, and accelerations of its bodies. `at` are the symbols x, p, t.
 
     vdot (n_v,) are the accelerations of the formulation. If it has rows, `of_rows` returns their multipliers for forces
-    (n_v, m) along its velocities. If it omits redundant rows, the multipliers are those of least norm.
+    (n_v, m) along its velocities. If it omits redundant rows, the multipliers are those of smallest norm.
     """
     assert system is not None
     dae, c, G = form.dae if form.bodies is None else form.bodies.dae, system.collected, bodies.G
     a = ca.densify(bodies.drift + bodies.J @ vdot)
     own = [c.row_names.index(name) for name in form.dae.row_names]
     carried = () if form.bodies is None else form.bodies.carried
-    # the last body of a tree has only its own joint, whose multipliers then act on the body before
+    # the last body of a tree has only its joint; the multipliers of this joint then act on the body before
     parts = [part for joint, body in reversed(carried) for part in _parts(G, c.rows[joint], c.slices[body][1])]
     directions = [G[rows, columns] for rows, columns in parts]
     solvers = [ExplicitSolver(S) for S in _with_whole_numbers(form, at, [P @ P.T for P in directions])]
@@ -121,7 +121,7 @@ def _parts(G: ca.SX, rows: slice, columns: slice) -> list[tuple[list[int], list[
 def _with_whole_numbers(form: Formulation, at: tuple[ca.SX, ...], matrices: Sequence[ca.SX]) -> list[ca.SX]:
     """Products P P' as functions of positions and parameters. Entries that are integers everywhere become numbers.
 
-    An analytic function that is the same integer at random points, up to rounding, is this integer everywhere.
+    If an analytic function is the same integer at random points, up to rounding, it is this integer everywhere.
     """
     dae, rng, n_free = form.dae, np.random.default_rng(0), at[0].numel() - form.dae.n_q
     q, p = form.start.q_nominal, form.start.nominal()["p"]

@@ -17,14 +17,14 @@ tests/bounds/test_interval.py"""
 COMPLEX_ERROR = 32 * U
 """Error of an operation on complex numbers, relative to the modulus of the result."""
 LARGEST_ZERO = 1e-250
-"""Bounds up to this size belong to an exact 0: they cover only underflow."""
+"""Bounds up to this size belong to an exact 0. They only cover underflow."""
 ERROR_OF_MODULI = 1e-9
 """Relative part of a sum of moduli that covers the rounding of the terms, the centres and the radii."""
 
 
 def above(bound: T) -> T:
     """An upper bound of the exact value of a computed sum of nonnegative terms."""
-    # the factor covers the rounding of up to eight million terms (Higham 2002, eq. 4.4), the summand their underflow
+    # the factor covers rounding of up to eight million terms (Higham 2002, eq. 4.4); the summand covers underflow
     return bound * (1.0 + 2.0**-30) + 1e-290
 
 

@@ -1,4 +1,4 @@
-"""The initial value problem of a scene's simulator, or an error that says why there is none."""
+"""The initial value problem of a scene's simulator, or an error with the reason why there is none."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -30,7 +30,7 @@ from symmb.run.simulation import DAESimulator, simulator_with
 
 
 def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
-    """The problem whose solutions a method encloses.
+    """The problem with the solutions that a method encloses.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def _of_equations(
                       phase=_phase(form.dae, rates, outputs, times, equations.kept),
                       regular=regular and _later(regular, times[0]), refused=refused, change=change,
                       closing=_joints(form.dae.row_names))  # fmt: skip
-    if problem.phase is not None:  # these sides are replaced as soon as the states at the start are known
+    if problem.phase is not None:  # the sides are replaced when the states at the start are known
         problem = problem.on_sides(problem.phase.sides, np.zeros(problem.n), problem.middle, 0.0)
     _require_tapes(method, problem)
     return problem
@@ -132,7 +132,7 @@ def _require_tapes(method: object, problem: Problem) -> None:
 
 
 def _modal_problem(method: object, simulator: ModalSimulator, box: Box) -> Problem:
-    """The problem of frequencies and damping. The starting equations determine the modes, and nothing moves."""
+    """The problem of frequencies and damping. Starting equations determine the modes, and there is no motion."""
     linear, modes = _linear_start(method, simulator, box), simulator.eigenvalues
     intervals = _intervals(simulator, box)
     _require_fixed(method, linear, simulator, _points_of(*intervals[:2]))
@@ -171,7 +171,7 @@ def _critical_problem(method: object, simulator: CriticalSimulator, box: Box) ->
 def _require_first(method: object, simulator: CriticalSimulator, samples: Array, followed: Array) -> None:
     """PropagationError if the limits `followed` (N, m) are not the limits of stability at samples (N, n_p) of the box.
 
-    Another eigenvalue may become imaginary first, although the followed one stays simple.
+    Another eigenvalue may become imaginary first, even if the followed one stays simple.
     """
     low, high = simulator.range
     is_other = ~(np.abs(simulator.run(samples).Y[:, 0] - followed) <= SLIGHT * (high - low)).all(axis=1)
@@ -212,7 +212,7 @@ def _still_problem(
     _require_remainders(method, ", ".join(Tape(start.residual).unknown(OPERATIONS)))
     arguments = [x, ca.SX.sym("p", len(intervals[0])), ca.SX.sym("t")]
     rates = ca.Function("rates", arguments, [ca.SX.zeros(x.numel())])
-    # on ellipses, scaled eigenvalues of the size 1 move by 0.1: frequencies are roots, and not smooth at 0
+    # on ellipses, scaled eigenvalues of size 1 move by 0.1, because frequencies are roots, and not smooth at 0
     sizes = 0.1 * np.ones(x.numel())
     return Problem(rates, common("outputs", arguments, [outputs]), *intervals, np.zeros(1), sizes, start,
                    refused=("",) * outputs.numel())  # fmt: skip
@@ -225,7 +225,7 @@ def _require_remainders(method: object, unknown: str) -> None:
 
 
 def _with_remainders(method: object, outputs: ca.Function) -> tuple[ca.Function, tuple[str, ...]]:
-    """The outputs, and the unsupported operations of each. An output with unsupported operations is nan."""
+    """The outputs, and the unsupported operations of each output. An output with unsupported operations is nan."""
     if not Tape(outputs).unknown(OPERATIONS):
         return outputs, ("",) * outputs.numel_out(0)
     x, p, t = outputs.sx_in()
@@ -281,7 +281,7 @@ def _formulation(method: object, simulator: DAESimulator, box: Box) -> Formulati
 def _rows_that_may_bind(simulator: DAESimulator, form: Formulation, box: Box) -> str:
     """The joints of omitted rows that are not 0 at random positions and parameters of the box; empty if all are 0.
 
-    An analytic function that is 0 at random points, up to rounding, is 0 everywhere.
+    If an analytic function is 0 at random points, up to rounding, it is 0 everywhere.
     """
     if not form.start.redundant:
         return ""
@@ -312,7 +312,7 @@ def _joints(rows: Sequence[str]) -> tuple[str, ...]:
 
 
 def _meeting(simulator: DAESimulator, box: Box) -> str:
-    """A sentence about a spring or damper whose points may meet, by linear changes between a few runs; else empty."""
+    """A sentence about a spring or damper with points that may meet, from linear changes between runs; or empty."""
     from scipy.optimize import lsq_linear
 
     scene, (middle, radius, _) = simulator.scene, _intervals(simulator, box)
@@ -335,7 +335,7 @@ def _meeting(simulator: DAESimulator, box: Box) -> str:
 
 
 _LOOKS, _MEETS = 401, 0.01
-"""Times at which points are compared, and distance of points that meet, relative to their motion over the box."""
+"""Number of times at which points are compared. Distance of points that meet, relative to their motion over the box."""
 
 
 def _points_of(middle: Array, radius: Array) -> Array:
@@ -344,7 +344,7 @@ def _points_of(middle: Array, radius: Array) -> Array:
 
 
 def _contradiction(form: Formulation, P: Array) -> str:
-    """A message if a start at one of the parameters P (N, n_p) contradicts a listed start value; else empty."""
+    """A message if a start at one of the parameters P (N, n_p) contradicts a listed start value; otherwise empty."""
     u, ok = form.start.position.solve(P)
     x = batch(form.start.state, u, P)[0]
     broken = ok & ~(batch(form.start.holds, x, u, P)[0] > 0).all(axis=1)
@@ -388,7 +388,7 @@ def _phase(dae: DAE, rates: ca.Function, outputs: ca.Function, times: Array, kep
 
 
 def _outputs(simulator: DAESimulator, form: Formulation, equations: Equations) -> ca.Function:
-    """(x, p, t) -> y. Without its scene, a copy from a pickle uses the multipliers and accelerations of runs."""
+    """(x, p, t) -> y. A pickled copy has no scene: it uses multipliers and accelerations of runs."""
     x, p, t = equations.whole.sx_in()
     whole, symbols = equations.whole(x, p, t), form.declared.sx_in()
     depends = any(ca.which_depends(form.declared(*symbols), ca.vertcat(*symbols[3:]), 1, True) or [])

@@ -1,7 +1,7 @@
 """Bounds over a step for several parameters: Taylor models in the parameters at nodes of time.
 
 Grids of nodes in all parameters have too many nodes, but polynomials of total degree have few terms. Defects are Taylor
-models in the parameters at nodes of time, and are interpolated in time alone. The largest value on an ellipse of time,
+models in the parameters at nodes of time. They are interpolated only in time. The largest value on an ellipse of time,
 for all parameters of the box, bounds the error of this interpolation.
 """
 
@@ -85,7 +85,7 @@ def equations_at_nodes(step: TimeStep, count: int, basis: Basis) -> list[list[Mo
 class TimePatches:
     """Patches of the boundary of an ellipse of time, with T_k there as Taylor polynomials of the place in a patch.
 
-    Values at conjugate points are conjugate, so that half the ellipse is enough. With rho = 1 time is real.
+    Values at conjugate points are conjugate, so half the ellipse is enough. With rho = 1 time is real.
     """
 
     def __init__(self, rho: float, count: int, degree: int, basis: Basis) -> None:

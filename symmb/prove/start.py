@@ -60,13 +60,13 @@ def still(problem: Problem, t: float, x: Array, h: float = 1e-9) -> TimeStep:
 def polynomials(step: TimeStep, which: Indices, lengths: tuple[int, ...], sharp: float = SLIGHT) -> tuple[Array, Array]:
     """Coefficients (m, *lengths) of some outputs at the start of a step, and bounds (m,) of their errors.
 
-    ProofError if they cannot be shown to be smooth.
+    ProofError if the outputs cannot be shown to be smooth.
     """
     c, rest = _approximated(step, which, max(lengths, default=1) - 1, sharp)
     part = (slice(None), *(slice(0, terms) for terms in lengths))
     kept, others = ch.graded(c[part], len(lengths)), c.copy()
     others[part] -= kept
-    # coefficients this small change no digit of the state
+    # smaller coefficients change no digit of the state
     short, gone = cut(kept, 1e-17 * ch.sums(kept, len(lengths)))
     whole = np.zeros((len(which), *lengths))
     whole[(slice(None), *(slice(0, m) for m in short.shape[1:]))] = short
@@ -162,7 +162,7 @@ def bounds_of(tape: Tape, step: TimeStep, e: Array) -> list[Array]:
 def _counts(d: int) -> Iterator[int]:
     """Numbers of patches that are tried for each of d variables.
 
-    They are larger than those of steps: pivots of starting equations nearly cancel, and there is only one start.
+    There are more patches than for steps: pivots of starting equations nearly cancel, and there is only one start.
     """
     return (count for count in (1, 8, 32, 128) if count**d <= MOST_PATCHES)
 
@@ -170,9 +170,8 @@ def _counts(d: int) -> Iterator[int]:
 def _distance(step: TimeStep) -> Array:
     """Bounds (n_u,) of the distance of the solution from the polynomials u.
 
-    Y is approximately the inverse of the Jacobian J in the middle of a part of the box. The inequality
-    |Y r(u)| + |I - Y J(u + [-e, e])| e < e proves that for all parameters of the part there is exactly one solution
-    within e.
+    Y is approximately the inverse of the Jacobian J in the middle of a part of the box. If |Y r(u)| + |I - Y J(u + [-e,
+    e])| e < e, exactly one solution is within e for all parameters of the part.
 
     Source: Krawczyk (1969); Neumaier (1990), Interval Methods for Systems of Equations, theorem 5.1.8.
     """
@@ -182,7 +181,7 @@ def _distance(step: TimeStep) -> Array:
     d, residuals = problem.d, replace(step, problem=replace(problem, outputs=problem.rates))
     c, rest = _approximated(residuals, np.arange(n), max(step.degrees[1:], default=0))
     off = above(ch.sums(c, d) + rest)
-    # one inverse may not contract over the whole box; about a thousand parts with their own inverses take seconds
+    # one inverse may not contract over the whole box; about a thousand parts with one inverse each take seconds
     for count in (count for count in (1, 8, 32) if count**d <= 1024):
         e = _contracted(step, off, count)
         if e is not None:
@@ -210,7 +209,7 @@ def _contracted(step: TimeStep, off: Array, count: int) -> Array | None:
         Y = np.linalg.inv(jacobians(np.zeros(n))[0])
     except np.linalg.LinAlgError:
         return None
-    # Each part has its own inverse, but all of them the same e: the polynomials and their error are of the whole box.
+    # Each part has an inverse. All parts have the same e, because polynomials and error belong to the whole box.
     g = above(np.abs(Y) @ off)
     e = above(2.0 * g.max(axis=0))
     for _ in range(8):
@@ -224,12 +223,12 @@ def _contracted(step: TimeStep, off: Array, count: int) -> Array | None:
     return None
 
 
-@np.errstate(all="ignore")  # what is not finite proves nothing
+@np.errstate(all="ignore")  # values that are not finite prove nothing
 def mapped(problem: Problem, front: Front, f: ca.Function) -> Front:
     """The front of the states f(x, p, t).
 
-    With the Jacobian G of f at x and its second derivative H along e = B w at a point between x and x + e,
-    f(x + e) = f(x) + G B w + H / 2. The new polynomials are interpolations of f(x) and of G B.
+    G is the Jacobian of f at x. H is the second derivative along e = B w at a point between x and x + e. Then f(x + e)
+    = f(x) + G B w + H / 2. The new polynomials interpolate f(x) and G B.
 
     Raises
     ------

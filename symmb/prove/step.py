@@ -32,7 +32,7 @@ from symmb.prove.several_parameters import on_step
 from symmb.prove.tape import Tape
 
 MOST_CANDIDATES = 12
-"""Most candidates W for a bound that proves itself: of w, or of the time to a pass."""
+"""Largest number of candidates W for a bound that proves itself: a bound of w, or of the time to a pass."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
     defects, patches = exact_defects(step), control.choice.patches
     if defects is not None:
         defect, growth = defects
-        # exact defects need no ellipses, but the room of the states does
+        # exact defects need no ellipses, but the room of the states needs them
         rho = [1.5] * len(step.degrees)
     elif step.problem.d > ch.TENSOR_PARAMETERS:
         defect, growth, rho = defects_of_models(step, w0, control)
@@ -69,7 +69,7 @@ def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
         if not np.isfinite(end).all():
             break
         if stays(end, W):
-            # the equations were used in all of W, so that they must also be those of the loops there
+            # the equations are used in all of W, so they must also be those of the loops there
             if not is_regular(step, e, patches):
                 raise ProofError(step.problem.why_singular)
             return Proof(W, end)
@@ -115,13 +115,13 @@ def stays(end: Array, W: Array) -> bool:
 class _Curvature:
     """The change of the Jacobian between the motion u and a state u + e near it.
 
-    If |e| <= kappa r, and the equations are analytic in all discs with the radii r, A(u + s e) is analytic in s for
-    |s| <= 1 / kappa. If A is in discs of radius R there, it changes by at most 2 R kappa s by Schwarz's lemma, and its
-    mean over s in [0, 1] by at most R kappa.
+    Let |e| <= kappa r, and let the equations be analytic in all discs with the radii r. A(u + s e) is then analytic in
+    s for |s| <= 1 / kappa. If A is in discs of radius R there, it changes by at most 2 R kappa s (Schwarz's lemma). Its
+    mean over s in [0, 1] changes by at most R kappa.
     """
 
     def __init__(self, step: TimeStep, rho: list[float], patches: tuple[int, int]) -> None:
-        least = max(count for count in (1, 4, 40) if count ** (len(rho) - 1) <= 64)  # of each parameter, and of all
+        least = max(count for count in (1, 4, 40) if count ** (len(rho) - 1) <= 64)  # for each parameter, and for all
         self._step, self._patches = step, (patches[0], max(patches[1], least))
         own = ch.sums(step.x.c, step.x.c.ndim - 1)
         self._room = np.maximum(largest_on(rho, step.x.c) - own, 1e-9 * step.problem.scales)
@@ -138,7 +138,7 @@ class _Curvature:
         """Choose the radii around e with the smallest change. Radii are reduced until the change grows again."""
         largest = max(2.0, 0.5 / float((e / self._room).max()))
         least, self._radius = np.inf, np.zeros(0)
-        # radii relative to the largest discs: smaller ones until the change grows again
+        # radii relative to the largest discs: they become smaller until the change grows again
         for factor in (1.0, 0.5, 0.2, 0.08, 0.03, 0.01):
             radius = above(e * max(2.0, factor * largest))
             change = self._changes(radius)

@@ -1,4 +1,4 @@
-"""The instructions of an SX Function, prepared to run many times with numbers of any kind."""
+"""The instructions of an SX Function, prepared for many runs with numbers of any kind."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -45,7 +45,7 @@ class Tape:
         inputs: Sequence[Sequence[Any]],
         is_lost: Callable[[Any], bool],
     ) -> str:
-        """The name of the first operation whose result is lost; empty if no result is lost."""
+        """The name of the first operation with a lost result; empty if no result is lost."""
         lost: list[int] = []
 
         def watched(code: int) -> Callable[..., Any]:
@@ -66,7 +66,7 @@ class Tape:
         constant: Callable[[float], Any],
         inputs: Sequence[Sequence[Any]],
     ) -> list[list[Any]]:
-        """The outputs, each a list of its elements. Each input is a sequence of its elements."""
+        """The outputs as lists of elements. Each input is a sequence of elements."""
         work: list[Any] = [None] * self._slots
         outputs = [[None] * size for size in self.sizes]
         for kind, out, a, b, code in self._steps:
@@ -94,13 +94,13 @@ def operations_by_sides(
     is_zero: Callable[[Any], bool],
     number: Callable[[float], Any],
 ) -> dict[int, Callable[..., Any]]:
-    """CasADi's operations that depend only on the sides of 0 on which numbers are.
+    """CasADi's operations that depend only on the signs of numbers.
 
     Parameters
     ----------
     side : 1 or -1, or nan if a number may be on both sides
     is_zero : whether a number is exactly 0
-    number : the number with a value. nan is any number
+    number : makes a number from a value; nan stands for any number
     """
 
     def chosen(where: float, positive: Any, other: Any) -> Any:

@@ -1,10 +1,10 @@
 """Arithmetic on polynomials of total degree with a remainder, for several parameters.
 
-At each of some places, a number is a polynomial of real variables in [-1, 1] and a disc in the complex plane. Values
-are in the disc about the value of the polynomial. Terms beyond the degree of the basis are bounded by the sums of their
+At each place, a number is a polynomial of real variables in [-1, 1] and a disc in the complex plane. Exact values are
+in the disc about the value of the polynomial. Terms beyond the degree of the basis are bounded by the sums of their
 moduli, and the radius of the disc includes them. Places are nodes of time, or patches of an ellipse of time as in
 `discs`. The variables are then the place in the patch and the parameters. The statements of `discs` about analytic
-functions hold here for time alone: operations that are not entire require that they are analytic at all values.
+functions hold here only for time. An operation that is not entire must be analytic at all values.
 
 References
 ----------
@@ -27,7 +27,8 @@ from symmb.prove.discs import Disc
 from symmb.prove.rounding import COMPLEX_ERROR, FUNCTION_ERROR, U, above
 
 DEGREES_BEYOND_POLYNOMIALS = 3
-"""Degrees of Taylor models of defects, and of a start, beyond the degree of the polynomials whose errors they bound."""
+"""Number of degrees of Taylor models of defects, and of a start, above the degree of the polynomials with these
+errors."""
 _REAL_ERROR = 4 * U
 """Relative error of an operation on real numbers."""
 
@@ -37,7 +38,7 @@ class Basis:
 
     Attributes
     ----------
-    exponents : (T, variables)
+    exponents : (T, variables) exponents of the monomials
     counts : number of the monomials up to each degree
     of_squares : (T,) middle of the range: 1/2 for products of squares, which are in [0, 1]; 0 for other monomials
     """
@@ -60,7 +61,7 @@ class Basis:
         return self._sorted[np.searchsorted(self._codes, exponents @ self._weights)]
 
     def pairs(self, a: int, b: int, most: int) -> "Pairs":
-        """Pairs of monomials up to the degrees a and b whose products have at most the degree `most`."""
+        """Pairs of monomials up to the degrees a and b, with products up to the degree `most`."""
         if (a, b, most) not in self._pairs:
             totals = self.exponents.sum(axis=1)
             left, right = [], []
@@ -121,7 +122,7 @@ class Pairs:
 
 @cache
 def basis_of(variables: int, degree: int) -> Basis:
-    """The basis of this size. Each basis is made once."""
+    """The basis for some variables and a degree. Each basis is made once."""
     return Basis(variables, degree)
 
 
@@ -171,7 +172,7 @@ class Model:
 
     @cached_property
     def around(self) -> Disc:
-        """Discs that contain all values at each place. Products of squares are taken about the middle of [0, 1]."""
+        """Discs that contain all values at each place. Products of squares are taken about 1/2."""
         half = self.basis.of_squares[: len(self.c), None]
         middle = self.c[0] + (half * self.c).sum(axis=0)
         moved = (np.abs(self.c[1:]) * (1.0 - half[1:])).sum(axis=0)
@@ -240,8 +241,8 @@ def _multiply(a: Model, b: Model, most: int | None = None) -> Model:
     else:
         pairs = basis.pairs(a.degree, b.degree, most)
         c, group = pairs.product(a.c, b.c), pairs.largest
-    # Constant terms have one rounding error, and sums of the other products many. The constant terms are often larger
-    # by orders of magnitude, so that a common bound would be too wide.
+    # Constant terms have one rounding error. Sums of the other products have many. Constant terms are often larger by
+    # orders of magnitude, so a common bound would be too wide.
     small = a.norms[0] * b.moved + a.moved * b.norm
     rounded = _relative(c) * (a.norms[0] * b.norms[0] + (group + 1.0) * small)
     radius = a.norm * b.radius + a.radius * (b.norm + b.radius) + _lost(a, b, most) + rounded
@@ -264,7 +265,7 @@ def _composed(a: Model, derivatives: list[Array], rounded: Array, rest: Array, a
     Parameters
     ----------
     about : (P,) centres of the series; None: the constant terms
-    rounded : (P,) errors of the values of the series that the rounding of its coefficients causes
+    rounded : (P,) errors of the series by rounding of its coefficients
     rest : (P,) bounds of the remainder of the series
     """
     basis, n = a.basis, a.basis.degree
@@ -275,8 +276,8 @@ def _composed(a: Model, derivatives: list[Array], rounded: Array, rest: Array, a
     w = Model(np.concatenate([off[None], a.c[1:]]), above(a.radius + _relative(a.c) * np.abs(off)), basis)
     lost = above(np.zeros(1))  # by underflow
     found = Model(derivatives[n][None], lost, basis)
-    # Horner's scheme. w has no constant term if the series is about the constant term of a: terms of `found` beyond the
-    # degree n - k would exceed the degree n after the k products that are left, and need not be computed.
+    # Horner's scheme. w has no constant term if the series is about the constant term of a. After the k remaining
+    # products, terms of `found` beyond the degree n - k would exceed the degree n. They are not computed.
     for k in range(n - 1, -1, -1):
         found = _multiply(found, w, n - k if about is None else n)
         found = _sum(found, Model(derivatives[k][None], lost, basis), 1.0)
@@ -284,16 +285,16 @@ def _composed(a: Model, derivatives: list[Array], rounded: Array, rest: Array, a
 
 
 def _if(holds: Any, a: Model) -> Model:
-    """The model, or one with an infinite radius if the operation may not be analytic."""
+    """The model; with an infinite radius if the operation may not be analytic."""
     return a if np.all(holds) else Model(np.ones_like(a.c[:1]), np.full(np.shape(a.radius), np.inf), a.basis)
 
 
 def _expansion(a: Model) -> tuple[Array, Array, Array | None]:
     """Centres (P,) of a series with a singularity at 0, ratios q (P,) of distance to modulus, and `about`.
 
-    A ratio is nan from 1 on. `about` is the argument of `_composed`. The constant terms are the centres if all values
-    are close to them. A square that comes close to 0, as in sqrt(w^2 + small^2), is close only to the middle of its
-    range. Up to the ratio 1/2 a series converges well: with degree 8 the remainder is 1 / 2^9.
+    Ratios from 1 on are nan. `about` is the argument of `_composed`. The constant terms are the centres if all values
+    are close to them. If a square comes close to 0, as in sqrt(w^2 + small^2), values are only close to the middle of
+    the range. Up to the ratio 1/2 a series converges well: with degree 8 the remainder is 1 / 2^9.
     """
     own, around = above(a.swing / np.abs(a.c[0])) * (1.0 + COMPLEX_ERROR), a.around
     if (own < 0.5).all() or a.degree == 0:
@@ -320,7 +321,7 @@ def _gap(q: Array) -> Array:
 
 
 def _sqrt(a: Model) -> Model:
-    """The square root. The binomial coefficients of 1 / 2 decrease in modulus: a geometric series bounds it."""
+    """The square root. The binomial coefficients of 1 / 2 decrease in modulus, so a geometric series is a bound."""
     middle, q, about = _expansion(a)
     root, n = np.sqrt(middle), a.basis.degree
     size, value, factor = np.abs(root), 1.0 / middle, 1.0
@@ -397,7 +398,7 @@ def _of_discs(code: int) -> Callable[..., Model]:
 
 
 def _from_disc(found: Disc, basis: Basis) -> Model:
-    """The disc as a Taylor model of degree 1 at most."""
+    """The disc as a Taylor model of degree at most 1."""
     centre, slopes, radius = np.atleast_1d(found.centre), np.asarray(found.slopes), np.atleast_1d(found.radius)
     if slopes.ndim < 2 or basis.degree == 0:
         return Model(centre[None], above(radius + found.slope), basis)

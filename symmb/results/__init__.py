@@ -1,6 +1,6 @@
-"""What every result can do: be saved as a file, and be drawn as a picture.
+"""Common functions of all results: files and pictures.
 
-In:   numbers with names, units and times, from every other wing.
+In:   numbers with names, units and times, from all other packages.
 Out:  files that are written completely or not at all, and pictures.
 
 files   JSON, NPZ, CSV and tables; one checked reader for all results

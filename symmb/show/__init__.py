@@ -4,7 +4,7 @@ In:   scenes, runs, bounds and comparisons.
 Out:  pages, films and pictures of mechanisms, reports, functional mock-up units, and the command line.
 
 drawing    the mechanism as shapes in numbers, then as a page, a still or a film
-exchange   FMUs of scenes
-report     one file with a result, to pass on
-cli        the command `symmb`, which uses public names only
+exchange   FMUs (functional mock-up units) of scenes
+report     one file with a result, for other readers
+cli        the command `symmb`, which uses only public names
 """

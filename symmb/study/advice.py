@@ -13,7 +13,7 @@ GOOD_ERROR, USABLE_ERROR = 1e-3, 0.1
 """Largest relative error of a run that is accurate for most purposes, and of a run that is usable."""
 
 Standards = Mapping[str, Standard]
-"""The reference of each scene, by the name of the stress, "" for the scene itself."""
+"""The reference of each scene, by the name of the stress; "" is the scene itself."""
 
 
 def advice(
@@ -29,8 +29,8 @@ def advice(
 
     If no solver is known to be good, the reason is given. The last sentences list the solvers that were not tried, and
     warnings about the model that do not depend on the solver. Only settings with a small error, including the
-    uncertainty of the reference, and a small drift of energy are recommended. Trials that were left out for lack of
-    time are ignored.
+    uncertainty of the reference, and a small drift of energy are recommended. Trials that were left out because time
+    was short are ignored.
     """
     tried, standard = trials, standards[""]
     trials = [t for t in trials if t.reason != LEFT_OUT]
@@ -55,7 +55,7 @@ def is_within(trial: Trial, standard: Standard, limit: float) -> bool:
 
 
 def _good(trials: Sequence[Trial], standard: Standard) -> list[Trial]:
-    """The runs that are accurate enough, fastest first."""
+    """The runs that are accurate enough, with the fastest run first."""
     return sorted((t for t in trials if is_within(t, standard, GOOD_ERROR)), key=lambda t: t.seconds)
 
 
@@ -96,7 +96,7 @@ def _steps(trials: Sequence[Trial], standard: Standard) -> list[str]:
 
 
 def _too_long(families: Mapping[str, Sequence[Trial]]) -> list[str]:
-    """Families without a step that was small enough, and families whose smaller steps had no time to finish."""
+    """Families without a small enough step, and families without time to finish smaller steps."""
     enough, cut = list[str](), list[str]()
     for family, trials in families.items():
         least = min((trial.setting for trial in trials if not trial.slow), default=np.inf)
@@ -114,7 +114,7 @@ def _too_long(families: Mapping[str, Sequence[Trial]]) -> list[str]:
 
 def _drift(good: Sequence[Trial]) -> list[str]:
     worst = max(good, key=lambda t: t.position.max(initial=0.0), default=None)
-    # Violation of position rows above which the report mentions the violation [m, -].
+    # The report mentions a violation of position rows above this limit [m, -].
     if worst is None or not worst.position.max(initial=0.0) > 1e-5:
         return []
     remedy = "stabilization=Projection(), or use a solver that keeps positions, such as NSTIFFSI2 or StabilizedIndex2"

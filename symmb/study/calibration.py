@@ -44,26 +44,26 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
     Attributes
     ----------
     name : str
-        of the scene
+        name of the scene
     parameters : dict
         n_p estimates by name
     covariance : (n_p, n_p)
-        of the estimates, for independent, normal errors of the data; inf for a parameter that the data do not
-        determine, nan for its pairs with the other parameters
+        covariance of the estimates, for independent, normal errors of the data; inf for a parameter that the data do
+        not determine, nan for its pairs with the other parameters
     noise : dict
-        output -> standard deviation of its data, given or estimated
+        output -> standard deviation of the data, given or estimated
     times, data, residuals : dict
         output -> (n,) times [s], values, and values minus those of the fitted run
     degrees : int
         number of values minus the number of determined quantities; 0 if the noise was given
     undetermined : tuple of str
-        sentences that name what the data do not determine
+        sentences about quantities that the data do not determine
     doubts : tuple of str
-        what the data do not determine, and why the residuals are not noise; the estimates may then be wrong
+        sentences about undetermined quantities, and about residuals that are not noise; estimates may then be wrong
     evaluations, runs : int
-        runs with derivatives
+        number of runs with derivatives
     units : tuple of str
-        of the outputs, '' if not known
+        units of the outputs, '' if not known
 
     Examples
     --------
@@ -113,7 +113,7 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
 
     @property
     def laws(self) -> dict[str, Any]:
-        """A normal distribution of SciPy for each parameter. `correlation` has their correlations.
+        """A normal distribution of SciPy for each parameter. `correlation` gives their correlations.
 
         Raises
         ------
@@ -230,7 +230,7 @@ def calibrate(
     *,
     noise: Mapping[str, float] | None = None,
 ) -> Calibration:
-    """Find the parameters whose run fits measured outputs best. The search starts at the nominal parameters.
+    """Find the parameters that fit measured outputs best. The search starts at the nominal parameters.
 
     The sum of squares of the residuals, divided by the noise of their outputs, is minimised. If the noise is not given,
     it is estimated from the residuals of each output, and the outputs are weighted by it. If the residuals are not
@@ -240,8 +240,7 @@ def calibrate(
     ----------
     scene : Scene
     data : mapping
-        output -> values (n_t,) at the times of the scene, or a pair (times, values) with its own times; nan values are
-        left out
+        output -> values (n_t,) at the times of the scene, or a pair (times, values), each (n,); nan values are left out
     parameters : list of str
         parameters to estimate; default: all
     solver : Solver
@@ -252,8 +251,8 @@ def calibrate(
     Returns
     -------
     Calibration
-        with warnings about combinations that the data do not determine, and about residuals that are not noise. Such
-        combinations stay as close to the nominal values as the data allow, in relative terms
+        with warnings about combinations that the data do not determine, and about residuals that are not noise.
+        Undetermined combinations stay as close to the nominal values as the data allow, in relative terms
 
     Raises
     ------
@@ -369,8 +368,9 @@ def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Cali
 class _Minimum(NamedTuple):
     """The result of one fit.
 
-    Relative parameters u (n_p,), the noise of the outputs (n_y,), and orthonormal combinations of relative parameters
-    as rows of `directions`. `sizes` has the sensitivity of each combination; 0 if the data do not determine it.
+    `u` (n_p,) are relative parameters, and `noise` (n_y,) is the noise of the outputs. Rows of `directions` are
+    orthonormal combinations of relative parameters. `sizes` are their sensitivities; 0 if the data do not determine a
+    combination.
     """
 
     u: Array

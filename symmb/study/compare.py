@@ -31,7 +31,7 @@ _REPEATS = 3
 _LOG = logging.getLogger("symmb")
 
 Progress = Callable[[str, int, int], None]
-"""Called with the label of the work, the number of finished runs and the number of all runs."""
+"""A function that is called with the label of the work, the number of finished runs and the number of all runs."""
 
 
 def compare(
@@ -64,13 +64,13 @@ def compare(
     executor : anything with `map`
         runs blocks of samples
     progress : callable
-        called with the label of the work, the finished runs and all runs; default: a bar, in notebooks and
+        called with the label of the work and the numbers of finished and of all runs; default: a bar, in notebooks and
         terminals
 
     Returns
     -------
     Comparison
-        can be printed, plotted and saved
+        the result, which can be printed, plotted and saved
 
     Raises
     ------
@@ -79,7 +79,7 @@ def compare(
     PropagationError
         If no method can run
     KeyboardInterrupt
-        If it is interrupted: `partial` then holds the Comparison of the methods so far
+        If it is interrupted. `partial` then contains the Comparison of the methods so far
 
     Examples
     --------
@@ -158,8 +158,8 @@ def compare_simulator(
 ) -> Comparison:
     """Run each method over the box, and compare its bounds with the reference; see `compare`.
 
-    `tighter` is the same simulator with a ten times smaller tolerance. Without it the reference has the solver's error.
-    `about` are attributes of the Comparison that the caller knows.
+    `tighter` is the same simulator with a ten times smaller tolerance. Without it, the reference has the solver's
+    error. `about` are attributes of the Comparison that the caller knows.
     """
     repeats = 1 if isinstance(simulator, StoredSimulator) else _REPEATS  # repeated runs would be read from the store
     about = {"scene": "simulator", "solver": "", "threads": 1, "repeats": repeats, **about}
@@ -217,7 +217,7 @@ def _measured(
 def _confronted(
     found: Reference, given: Method | Bounds | None, bounds: Sequence[Bounds], difference: Array | None
 ) -> tuple[Reference, Array | None, list[str]]:
-    """The reference with all attained values within proved bounds, the solver's error, and sentences about proofs."""
+    """The reference with all attained values, limited by proved bounds; the solver's error; sentences about proofs."""
     joint = found if given is not None else found.joined([each.inner for each in bounds if each.inner is not None])
     attained = found if given is None or given.kind == "sampled" else None
     limits = Limits.of(bounds)
@@ -266,7 +266,7 @@ def _doubts_of(scored: Sequence[Bounds], known: Sequence[str]) -> list[str]:
 
 def _doubt_of_reference(simulator: Simulator, reference: Reference) -> list[str]:
     """A warning that lists the outputs with an uncertain reference."""
-    # Uncertainty of the reference, relative to the width, above which there is a warning.
+    # A warning is issued if the uncertainty of the reference, relative to the width, is larger.
     uncertain = np.flatnonzero((reference.uncertainty > 0.05) & ~reference.yardstick.zero_width)
     if not uncertain.size:
         return []
@@ -315,7 +315,7 @@ def _seconds_a_run(simulator: Simulator) -> float:
 def _announcement(
     methods: Sequence[Method], box: Box, reference: Method | Bounds | None, runs: int, repeats: int
 ) -> str:
-    """How many runs a comparison makes, and whether the number is reduced because runs are slow."""
+    """A sentence about the number of runs of a comparison, and whether it is reduced because runs are slow."""
     d = len(box)
     known = [method.planned_runs(d) for method in methods]
     open_ended = [repr(method) for method, number in zip(methods, known, strict=True) if number is None]
@@ -339,7 +339,7 @@ def _timed(run: Callable[[], Bounds], repeats: int = _REPEATS) -> tuple[Bounds, 
     bounds, seconds = _once(run)
     if seconds > LONG_RUN or repeats == 1:
         return bounds, seconds
-    # Duration below which the first run does not count [s]. A longer first run counts: the median excludes it.
+    # The first run does not count if it is shorter [s]. A longer first run counts, because the median excludes it.
     durations = [] if seconds < 0.5 else [seconds]
     while len(durations) < repeats or sum(durations) < 0.1:  # [s]: short runs have noisy durations
         durations.append(_once(run)[1])

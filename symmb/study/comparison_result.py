@@ -26,13 +26,14 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
     """Bounds of one scene by several methods, compared with one reference.
 
     `print` shows a table. `save` writes a file, and `load` reads it. `plot` draws bounds over time, and error against
-    run time. The bounds are of the named outputs, or of the six with the largest errors, by the most accurate setting
-    of each family of methods, over the reference as a filled band. A single axes of the caller shows the errors.
+    run time. It draws the named outputs, or the six outputs with the largest errors. The bounds are those of the most
+    accurate setting of each family of methods. The reference is a filled band. If the caller gives a single axes, it
+    shows the errors.
 
     Attributes
     ----------
     scene, solver : str
-        names
+        name of the scene, and text of the solver
     times : (n_t,)
         output times [s]
     outputs : tuple of n_y names
@@ -43,18 +44,18 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
     not_run : tuple[NotRun, ...]
         the methods that could not run
     setup_seconds : float or None
-        deriving and compiling [s]
+        time for deriving and compiling [s]
     solver_error : (n_y,) or None
-        rms difference to a solver with ten times smaller tolerances, at the centre and two opposite corners of the box,
-        in the norm of `Score.error`
+        rms difference from a solver with ten times smaller tolerances, at the centre and two opposite corners of the
+        box, in the norm of `Score.error`
     threads, repeats : int or None
-        for run_seconds
+        threads of runs, and repetitions for run_seconds
     units : tuple of n_y str
         units of the outputs, '' if not known
     reason : str
-        why symmb chose this solver, if symmb chose it
+        reason why symmb chose this solver, if symmb chose it
     doubts : tuple of str
-        what is uncertain about the runs, in sentences
+        warnings about the runs, in sentences
 
     Examples
     --------
@@ -87,7 +88,7 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The outputs, under the name that other results use."""
+        """The outputs. Other results use this name."""
         return self.outputs
 
     def __str__(self) -> str:
@@ -198,13 +199,13 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
         )
 
     def report(self, path: str | Path) -> None:
-        """Write a report: one .html file that opens offline, and can be printed.
+        """Write a report: one .html file that can be opened offline and printed.
 
         It contains the warnings, the table, the picture, the assumptions, the cost, and how to repeat the comparison.
 
         Raises
         ------
-        DeclarationError       if the name has another suffix
+        DeclarationError       if the suffix is not .html
         FileError              if the file cannot be written; the previous file stays
         """
         presentation("write_comparison")(self, path)

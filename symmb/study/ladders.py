@@ -16,16 +16,16 @@ from symmb.run.integrate import (
 )
 
 CONTROLLED = frozenset({"DormandPrince", "Rosenbrock", "StabilizedIndex2", "CVODES, stiff", "CVODES"})
-"""Families that run with tolerances for a reference, or under stress."""
+"""Families of solvers that run with tolerances for a reference, or under stress."""
 FIXED = frozenset(entry.family for entry in SOLVERS if entry.ladder is not None and not entry.tolerances)
 """Families with fixed steps."""
 
 Ladder = Sequence[tuple[float, Solver]]
-"""Relative tolerance or step [s], and solver."""
+"""Pairs of a relative tolerance or a step [s], and a solver."""
 
 
 def references() -> dict[str, Ladder]:
-    """Two tolerances of very different solvers, by family."""
+    """Very different solvers with two tolerances each, by family."""
     return {
         "DormandPrince": [(r, DormandPrince(rtol=r)) for r in (1e-9, 1e-12)],
         "Rosenbrock": [(r, Rosenbrock(rtol=r)) for r in (1e-6, 1e-8)],
@@ -47,7 +47,7 @@ def ladders(horizon: float, rate: float) -> dict[str, Ladder]:
 
 
 def under_stress(step: float) -> dict[str, Ladder]:
-    """Some very different solvers, by family. Two tolerances of a solver can be compared."""
+    """Some very different solvers, by family. If a solver has two tolerances, its runs can be compared."""
     return {
         "DormandPrince": [(r, DormandPrince(rtol=r)) for r in (1e-6, 1e-8, 1e-10, 1e-12)],
         "Rosenbrock": [(r, Rosenbrock(rtol=r)) for r in (1e-5, 1e-7, 1e-9)],
@@ -59,14 +59,14 @@ def under_stress(step: float) -> dict[str, Ladder]:
 
 
 def finer_numbers(most: float, radians: float) -> list[int]:
-    """Numbers of fixed steps that resolve the fastest motion over this many radians, if clearly above the given one."""
+    """Numbers of fixed steps that resolve the fastest motion over `radians`, if they are clearly above `most`."""
     # Explicit methods are stable with half a step for each radian, and accurate with more steps. 200,000 steps take a
     # tenth of a second or more, and RungeKutta needs some seconds to compile them.
     return [round(n * radians) for n in (0.5, 2.0, 8.0, 32.0) if 1.5 * most < n * radians <= 200_000]
 
 
 def finer_steps(scene: Scene, longest: float) -> Ladder:
-    """Steps that resolve the fastest motion of a scene at its start, if shorter than the longest step [s]."""
+    """Steps that resolve the fastest motion of a scene at its start, if they are shorter than `longest` [s]."""
     horizon = float(scene.times[-1] - scene.times[0])
     numbers = finer_numbers(horizon / longest, horizon * start_rate(scene))
     return [(horizon / n, NSTIFFSI2(step=horizon / n)) for n in numbers]

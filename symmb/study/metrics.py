@@ -1,6 +1,6 @@
 """Deviation of bounds from a reference: error, over, under and coverage, one number for each output.
 
-All numbers are relative to the width of the reference. If an output has no width, see `zero_width`.
+All numbers are relative to the width of the reference. For outputs without width, see `zero_width`.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ class Score:
     Attributes
     ----------
     error : (n_y,)          rms over time of the deviations of both bounds, divided by the rms of the width
-    outer_error : (n_y,)    the same for the outer bounds
+    outer_error : (n_y,)    error of the outer bounds
     over : (n_y,)           mean outward excess, divided by the mean width
     under : (n_y,)          mean inward shortfall, divided by the mean width
     coverage : (n_y,)       fraction of times at which the outer bounds contain the reference
@@ -61,14 +61,14 @@ class Yardstick:
         return _largest(self.upper - self.lower) <= self._negligible
 
     def relative(self, deviation: Array) -> Array:
-        """Rms of deviations (..., n_y), divided by the rms of the reference's width; (n_y,).
+        """Rms (n_y,) of deviations (..., n_y), divided by the rms of the reference's width.
 
         If an output has no width, deviations up to 1e-9 of its scale are 0, and larger deviations are absolute.
         """
         return _rms(self._counted(deviation)) / self._unit(_rms(self.upper - self.lower))
 
     def deviation(self, lower: Array, upper: Array) -> Array:
-        """Error of the bounds lower, upper (n_t, n_y), in the norm of `Score.error`; (n_y,)."""
+        """Error (n_y,) of the bounds lower, upper (n_t, n_y), in the norm of `Score.error`."""
         return self.relative(np.stack([lower - self.lower, upper - self.upper]))
 
     def score(self, lower: Array, upper: Array, estimate: Array | None = None) -> Score:
@@ -88,18 +88,18 @@ class Yardstick:
 
     @property
     def slack(self) -> Array:
-        """Deviations (n_y,) up to which a value counts as zero, in the outputs' units."""
+        """Largest deviations (n_y,) that count as zero, in the outputs' units."""
         return np.maximum(self._tolerance(), self._negligible)
 
     @property
     def _negligible(self) -> Array:
         scale = np.maximum(_largest(self.lower), _largest(self.upper))
-        # Largest value of an output, relative to the noise of runs, below which the output counts as zero.
+        # An output counts as zero if its largest value, relative to the noise of runs, is smaller.
         noise = 10.0 * (np.zeros(len(scale)) if self.noise is None else self.noise)
         return np.where(scale <= noise, noise, SAME * scale)
 
     def _unit(self, size: Array) -> Array:
-        """The divisor of deviations: 1 for outputs without width."""
+        """Divisor of deviations; 1 for outputs without width."""
         return np.where(self.zero_width, 1.0, size)
 
     def _counted(self, deviation: Array) -> Array:
@@ -114,7 +114,7 @@ class Yardstick:
         width = self.upper - self.lower
         known = np.where(np.isnan(self.uncertainty), 0.0, self.uncertainty)
         uncertainty = known * self._unit(_rms(width))
-        share = np.maximum(SLIGHT * _largest(width), uncertainty)  # a smaller miss still counts as covered
+        share = np.maximum(SLIGHT * _largest(width), uncertainty)  # smaller distances still count as covered
         return np.where(self.zero_width, np.maximum(share, self._negligible), share)
 
 
@@ -123,6 +123,6 @@ def _largest(values: Array) -> Array:
 
 
 def _rms(values: Array) -> Array:
-    """Root mean square (n_y,), scaled by powers of two, so that squares neither overflow nor underflow."""
+    """Root mean square (n_y,). Values are scaled by powers of two, so squares neither overflow nor underflow."""
     power = np.frexp(_largest(values))[1]
     return np.ldexp(np.sqrt(np.square(np.ldexp(values, -power)).mean(axis=tuple(range(values.ndim - 1)))), power)

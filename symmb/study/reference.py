@@ -29,18 +29,18 @@ Progress = Callable[[int, int], None]
 class Reference:
     """Reference bounds with their uncertainty.
 
-    In a comparison the default reference includes the values that runs of all methods attained. Each reference is
-    limited by proved bounds.
+    In a comparison, the default reference includes the values that runs of all methods attained. Proved bounds limit
+    each reference.
 
     Attributes
     ----------
-    method : str                the constructor's text
+    method : str                text of the method
     lower, upper : (n_t, n_y)
     uncertainty : (n_y,)        in the norm of `Score.error`; nan if not known
-    evaluations, failed : int or None     runs, and how many failed; None if not known
+    evaluations, failed : int or None     number of runs, and of failed runs; None if not known
     seconds : float or None     run time [s]; None if bounds were given
     proved : (n_y,) or None     largest proved distance of attained values from the true bounds, in the same norm
-    proved_by : tuple of str    the methods that prove `proved`
+    proved_by : tuple of str    methods that prove this distance
     noise : (n_y,) or None      errors of runs, in the outputs' units; None if not known
     """
 
@@ -61,7 +61,7 @@ class Reference:
         return Yardstick(self.lower, self.upper, self.uncertainty, self.noise)
 
     def joined(self, attained: Sequence[tuple[Array, Array]]) -> "Reference":
-        """The reference with the values that other runs attained. Their distance is the smallest uncertainty."""
+        """The reference with the values that other runs attained. The uncertainty is at least their distance."""
         lower = np.min([self.lower, *(low for low, _ in attained)], axis=0)
         upper = np.max([self.upper, *(high for _, high in attained)], axis=0)
         missed = Yardstick(lower, upper, self.uncertainty).deviation(self.lower, self.upper)
@@ -80,12 +80,12 @@ def find_reference(
     """Reference bounds of `simulator` over `box`.
 
     If `reference` is not given, the method is a scan of 2 m + 1 points in each dimension. The uncertainty is the
-    difference to the bounds from every second point. With more than five parameters 2048 and 512 Sobol
-    samples replace the grids, and the vertices of the box are added if there are at most 2000.
+    difference from the bounds by every second point. With more than five parameters, 2048 and 512 Sobol samples replace
+    the grids. The vertices of the box are added if there are at most 2000.
 
-    From four parameters on extremes are also optimised, with derivatives from differences of runs. The uncertainty
-    is then the error that the optimisation estimates, if the other runs attain no value beyond this error. Otherwise
-    the uncertainty is the larger of the value that was missed and the difference of the two resolutions.
+    From four parameters on, extremes are also optimised, with derivatives from differences of runs. The uncertainty is
+    then the estimated error of the optimisation, if the other runs attain no value beyond it. Otherwise it is the
+    larger of the missed distance and the difference of the two resolutions.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def _optimized(
 
 
 class _Differences:
-    """A simulator with first derivatives from differences of runs. They exist at kinks and for black boxes."""
+    """A simulator with first derivatives from differences of runs. Differences exist at kinks and for black boxes."""
 
     def __init__(self, simulator: Simulator, box: Box, executor: Executor | None) -> None:
         self._simulator, self._box, self._executor = simulator, box, executor
@@ -160,20 +160,21 @@ class _Differences:
         """Values and slopes (2, d, n_t, n_y) along directions (d, n_p), one for each parameter of the box."""
         del order
         at = self._box.to_unit(p0[[list(self.parameters).index(name) for name in self._box.names]])
-        # Relative to the half width: small for the box, large for the errors of runs. Steps point to the centre.
+        # Step relative to the half width: small compared with the box, large compared with errors of runs. Steps point
+        # to the centre.
         step = np.where(at > 0, -0.02, 0.02)
         Y, _ = gathered(self._simulator, np.vstack([p0, p0 + step[:, None] * directions]), self._executor)
         return np.stack([np.repeat(Y[:1], len(step), axis=0), (Y[1:] - Y[0]) / step[:, None, None]])
 
 
 def _is_optimized(n_p: int, runs: int) -> bool:
-    """Whether extremes are also optimised: with four or more parameters, grids have too few points for each."""
+    """Whether extremes are also optimised. With four or more parameters, grids have too few points for each."""
     return n_p >= 4 and runs >= 4 * (1 + n_p)
 
 
 def affordable_runs(seconds: float) -> int:
-    """Number of runs at the finer resolution, if one run takes this long [s]."""
-    # Longest estimated time of the reference [s]. If it takes longer, the reference has fewer runs.
+    """Number of runs at the finer resolution, from the duration of one run [s]."""
+    # Longest estimated time of the reference [s]. The number of runs is reduced to keep it.
     return max(_LEAST_RUNS, min(RUNS, int(120.0 / max(seconds, SAME))))
 
 
@@ -185,7 +186,7 @@ def planned_runs(n_p: int, runs: int = RUNS) -> int:
 
 def _resolutions(n_p: int, runs: int = RUNS) -> list[Method]:
     """The method at the coarser and at the finer resolution, and a method that combines both."""
-    # Most parameters of a scan on a grid. With more, `RUNS` points would leave two or three for each parameter.
+    # Largest number of parameters of a scan on a grid. With more, `RUNS` points would be two or three for each.
     if n_p <= 5 and 3**n_p <= max(runs, _LEAST_RUNS):
         m = max(round((runs ** (1 / n_p) - 1) / 2), 1)
         return [Scanning(m + 1), Scanning(2 * m + 1)]

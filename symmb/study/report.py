@@ -14,7 +14,7 @@ _LEFT = {"method", "kind", "worst output"}
 
 
 def table(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]) -> str:
-    """The rows as an aligned table. Errors are the mean, then the largest, over the outputs that have a width."""
+    """The rows as an aligned table. Errors are the mean and the largest error over the outputs with a width."""
     lines = cells(rows, yardstick, outputs)
     text = aligned(lines, left=left_columns(lines[0]))
     return "\n".join([text[0], "-" * max(map(len, text)), *text[1:]])
@@ -55,7 +55,7 @@ def cautions(rows: Iterable[Row]) -> list[str]:
 
 
 def zero_width(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]) -> list[str]:
-    """A line for each output without width: the methods whose bounds differ from it, and their errors."""
+    """A line for each output without width: the methods with bounds that differ from it, and their errors."""
     lines = []
     for i in np.flatnonzero(yardstick.zero_width).tolist():
         misses = [f"{row.name} {number(row.score.error[i])}" for row in rows if row.score.error[i] != 0.0]
@@ -122,7 +122,7 @@ def _worst(row: Row, yardstick: Yardstick, outputs: Sequence[str]) -> str:
 
 
 def _at_most(error: float, uncertainty: float) -> str:
-    """An error below the uncertainty of the reference is only known to be at most this uncertainty."""
+    """The text of an error. Below the uncertainty of the reference, it is only known to be at most this uncertainty."""
     return f"≤ {number(uncertainty)}" if error < uncertainty else number(error)
 
 
@@ -132,5 +132,5 @@ def _mean(values: Array, yardstick: Yardstick) -> float:
 
 
 def wrapped(text: str) -> str:
-    # Most characters of a line: usual terminals would wrap wider tables.
+    # Largest number of characters of a line: usual terminals would wrap wider tables.
     return textwrap.fill(text, 110, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)

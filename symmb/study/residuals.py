@@ -1,4 +1,4 @@
-"""Residuals of runs and data, their least squares from one start and from many, and warnings about the residuals."""
+"""Residuals of runs and data, their least squares from one start or from many, and warnings about the residuals."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, cast
@@ -14,14 +14,14 @@ from symmb.run.simulation import DAESimulator
 MAX_RUNS = 200
 """Largest number of runs of a fit. If the start is within 30 % of the truth, ten runs are usual."""
 UNDETERMINED, UNDETERMINED_BY_DIFFERENCES = 1e-6, 1e-4
-"""Smallest sensitivity, relative to the largest, that counts as determined by the data (parameters in relative units):
-derivatives by integration are exact to about 1e-7, and differences of runs to about 1e-5."""
+"""Smallest sensitivity, relative to the largest, of a quantity that data determine (parameters in relative units).
+Derivatives by integration are exact to about 1e-7, and differences of runs to about 1e-5."""
 FALSE_WARNING = 1e-4
 """Probability of a false warning, for each test."""
 FEWEST_TESTED = 12
-"""Smallest number of values of an output whose residuals are tested: tests of independence require many values."""
+"""Residuals of an output are tested from this number of values on, because tests of independence need many."""
 NOISE_OF_RUNS = 1e-4
-"""Residuals, relative to the spread of the data, that may be errors of runs: their order in time has no meaning."""
+"""Smaller residuals, relative to the spread of the data, may be errors of runs. Their order in time has no meaning."""
 
 
 class Residuals:
@@ -49,7 +49,7 @@ class Residuals:
         self._known: dict[bytes, tuple[Array, Array]] = {}
 
     def __call__(self, u: Array) -> tuple[Array, Array]:
-        """Residuals (N,), nan if the run fails, and derivatives (N, n_p) of the outputs."""
+        """Residuals (N,) at relative parameters u (n_p,), nan if the run fails, and derivatives (N, n_p) of outputs."""
         if u.tobytes() not in self._known:
             try:
                 exact = self.simulator.dae.impacts is None and self.simulator.kink(self._parameters(u)) is None
@@ -66,7 +66,7 @@ class Residuals:
         return self._placed(self.simulator.run(self._parameters(U)).Y)
 
     def parts(self, values: Array) -> list[Array]:
-        """Values (N,) of each output."""
+        """The values of each output, from values (N,) of all outputs."""
         return np.split(values, np.cumsum(self.counts)[:-1])
 
     def _parameters(self, U: Array) -> Array:
@@ -76,7 +76,7 @@ class Residuals:
         return P
 
     def _placed(self, Y: Array) -> Array:
-        """Outputs (M, n_t, n_y) at the times of the data (M, N)."""
+        """Values (M, N) at the times of the data, from outputs (M, n_t, n_y)."""
         return np.concatenate([Y[:, i, k] for i, k in self.places], axis=1)
 
     def _derived(self, u: Array) -> tuple[Array, Array]:
@@ -106,12 +106,12 @@ class Residuals:
 def least_squares(
     fit: Residuals, begin: Array, basis: Array, known_noise: Mapping[str, float]
 ) -> tuple[Array, Array] | None:
-    """Relative parameters (n_p,), from `begin` along orthonormal rows of a basis, and the noise of the outputs.
+    """Relative parameters (n_p,), from `begin` along the orthonormal rows of a basis; and the noise of the outputs.
 
-    None if the fit does not end.
+    The result is None if the fit does not end.
     """
     noise, u = np.array([*known_noise.values()] or fit.spreads), begin
-    # Number of fits with weights from the residuals of the previous fit: weights settle to 1 % for ten values each.
+    # Number of fits with weights from the residuals of the previous fit. With ten values each, weights settle to 1 %.
     for _ in range(1 if known_noise else 3):
         if len(basis):
             found = _minimum(fit, u, basis, np.repeat(1 / noise, fit.counts))
@@ -144,25 +144,25 @@ def _minimum(fit: Residuals, begin: Array, basis: Array, weights: Array, held: f
 
 
 def other_minima(fit: Residuals, nominal: Array) -> Iterator[Array]:
-    """Results (n_p,) of other fits. They start at runs with small residuals, over increasing time spans."""
+    """Results (n_p,) of other fits. Fits start at runs with small residuals, and use increasing time spans."""
     d, (begin, end) = len(nominal), (fit.times.min(), fit.times.max())
-    # Number of further starts for each parameter, and the largest factor between these and the nominal values.
+    # Number of further starts for each parameter, and the largest factor between starts and nominal values.
     U = nominal * 2.5 ** Sobol().points(64 * d, d, seed=0)
     weights = np.repeat(1 / fit.spreads, fit.counts)
     squares = np.square((fit.data - fit.values(U)) * weights)
     starts = [nominal]
     for part in (0.2, 1.0):
         costs = np.nan_to_num(squares[:, fit.times <= begin + part * (end - begin)].sum(axis=1), nan=np.inf)
-        # Number of starts from which a fit is made: more starts find more minima, and take longer.
+        # Number of starts from which a fit is made. More starts find more minima, and take longer.
         starts += [U[k] for k in np.argsort(costs)[:3] if np.isfinite(costs[k])]
     for start in starts:
         u: Array | None = start
-        # Parts of the time span with data. Over half a period the residuals of an oscillation have one minimum, and
-        # each fit gives the start of the next fit close to the right minimum.
+        # Parts of the time span with data. Over half a period, the residuals of an oscillation have one minimum. The
+        # result of each fit is a start of the next fit close to the right minimum.
         for part in (0.1, 0.2, 0.4, 1.0):
             is_within = fit.times <= begin + part * (end - begin)
             if u is not None and is_within.sum() > d and np.isfinite(fit(u)[0]).all():
-                # Residual, relative to the spread of the data, for a change of a parameter by its own size. It holds
+                # Residual, relative to the spread of the data, for a change of a parameter by its size. It holds
                 # parameters that early data do not determine.
                 prior = 0.01 * np.sqrt(is_within.sum()) if part < 1 else 0.0
                 u = _minimum(fit, u, np.eye(d), weights * is_within, prior)
@@ -181,7 +181,7 @@ def cost_of(fit: Residuals, u: Array, known_noise: Mapping[str, float]) -> float
 
 
 def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], degrees: int) -> tuple[str, ...]:
-    """Sentences that say why the residuals (N,) at the relative parameters u are not noise."""
+    """Sentences with reasons why the residuals (N,) at the relative parameters u are not noise."""
     import scipy.stats as st
 
     doubts = list[str]()
@@ -190,11 +190,10 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
     parts = zip(fit.measured.items(), fit.parts(fit(u)[0]), own, fit.spreads, strict=True)
     for (name, (t, y)), r, leverage, spread in parts:
         deviation = known_noise.get(name, max(1.4826 * float(np.median(np.abs(r))), NOISE_OF_RUNS * float(spread)))
-        # Factor of normal quantiles for outliers: the deviation of few values is known to 15 %.
+        # Factor of normal quantiles for outliers, because the deviation of few values is known to 15 %.
         limit = 1.3 * st.norm.isf(FALSE_WARNING / (2 * len(r)))
         is_far = np.abs(r) > limit * deviation
-        # Fewest values, beyond the number of parameters, for a test whether a value is far from the fit to the
-        # others.
+        # Smallest number of values, beyond the number of parameters, for a test of one value against the others.
         if not known_noise and (left := len(r) - len(u) - 1) >= 4:  # with few values, a fit follows an outlier
             squared = np.square(r) / np.maximum(1 - leverage, NOISE_OF_RUNS)
             rest = np.maximum((np.square(r).sum() - squared) / left, (NOISE_OF_RUNS * spread) ** 2)
@@ -211,7 +210,7 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
         rms = rms_of(r)
         if len(r) < FEWEST_TESTED or rms < NOISE_OF_RUNS * spread:
             continue
-        # Ratio of the variance of residuals to the variance of data from which the model explains little of the data.
+        # The model explains little of the data if the variance of residuals, divided by that of the data, is larger.
         if not known_noise and rms**2 > 0.7 * np.var(y):
             doubts.append(
                 f"The fitted run explains little of {name}: its residuals vary as much as the data. Start with other "

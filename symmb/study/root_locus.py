@@ -1,4 +1,4 @@
-"""Root loci and Campbell diagrams: eigenvalues against one parameter, with bands over the box of the others."""
+"""Root loci and Campbell diagrams: eigenvalues against one parameter, with bands over the box of other parameters."""
 
 from dataclasses import dataclass, field
 from itertools import product
@@ -22,7 +22,7 @@ from symmb.run.linear import QUANTITIES, LinearFamily, LocusSimulator, nominal_l
 from symmb.run.simulation import scene_of
 
 _CORNERS = 6
-"""Largest number of parameters of a box for which all corners are checked for oscillations that end in the box."""
+"""Up to this number of parameters, all corners of the box are checked for oscillations that end in the box."""
 _HEAD = ("mode", "from", "to", "frequency [Hz]", "", "smallest damping [-]", "at")
 
 
@@ -36,25 +36,25 @@ class RootLocus(plot.ThreeDiagrams, Counted, WithWarnings, Saved):
     ----------
     name, parameter : str
     values : (n,)
-        of the parameter
+        values of the parameter
     eigenvalues : (n, m) complex
         all eigenvalues, sorted by magnitude [1/s]
     modes : (n, k) complex
-        eigenvalues of oscillations, with positive imaginary part. A column follows one mode shape; nan without
+        eigenvalues of oscillations, with positive imaginary part. A column follows one mode shape; nan if there is no
         oscillation
     bands : dict
-        "f" [Hz], "zeta" [-], "re", "im" [1/s] -> lower and upper bounds (n, k) over the box, nan if the oscillation
-        ends inside the box; empty without a box
+        "f" [Hz], "zeta" [-], "re", "im" [1/s] -> lower and upper bounds, each (n, k), over the box; nan if the
+        oscillation ends inside the box; empty without a box
     box : Box
-        of the other parameters, or None
+        intervals of the other parameters, or None
     method, evaluations, runs : str, int, int
-        of the bands
+        method of the bands, and number of runs
     remarks : tuple of str
-        where frequencies cross, and where mode shapes are exchanged
+        sentences about frequencies that cross, and about mode shapes that are exchanged
     doubts : tuple of str
-        what is uncertain
+        warnings in sentences
     unit : str
-        of the parameter, '' if it has none
+        unit of the parameter, '' if it has none
 
     Examples
     --------
@@ -172,11 +172,11 @@ def root_locus(
     parameter : str
         for example a speed
     range : (lower, upper)
-        range of the values, in the unit of the parameter, or in another unit, as (40, 400, "rpm")
+        range of the values, in the unit of the parameter, or in another unit as in (40, 400, "rpm")
     method : optional
-        of the bands; default: PolynomialChaos()
+        method of the bands; default: PolynomialChaos()
     box : Box, optional
-        of the other parameters; default: that of the scene
+        intervals of the other parameters; default: the box of the scene
     count : int
         number of evenly spaced values
 
@@ -204,7 +204,7 @@ def root_locus(
     """
     scene = scene_of(scene)
     lower, upper = require_range("root_locus", scene, parameter, range)
-    # Most values of the parameter. The modes at each value take a millisecond.
+    # Largest number of values of the parameter. The modes at each value take a millisecond.
     count = whole("root_locus", "count", count, 2, 10_000)
     box = _others(scene, parameter, box)
     family = LinearFamily(scene)
@@ -252,7 +252,7 @@ def _others(scene: Scene, parameter: str, box: Box | None) -> Box | None:
 
 
 def _corners(d: int) -> Array:
-    """Corners (N, d) of the unit box. With many parameters, random corners: as many as six parameters have."""
+    """Corners (N, d) of the unit box. With more than six parameters, 64 random corners."""
     if d <= _CORNERS:
         return np.array(list(product((-1.0, 1.0), repeat=d)))
     return np.random.default_rng(0).choice([-1.0, 1.0], (2**_CORNERS, d))

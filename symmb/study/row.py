@@ -11,9 +11,9 @@ from symmb.results.files import NOT_KEPT, Record, attributes, entries, entry
 from symmb.study.metrics import Score, Yardstick
 
 LONG_RUN = 10.0
-"""Duration above which a method runs once [s]: one measurement is then accurate enough."""
+"""A method that takes longer runs only once [s], because one measurement is then accurate enough."""
 _OPTIONAL = ("estimate", "inner_lower", "inner_upper", "failure", "failed_region", "caution", "doubts")
-"""Entries that the file of a row has only if the method has them."""
+"""Entries that are in the file of a row only if the method has them."""
 
 
 @dataclass(frozen=True)
@@ -22,19 +22,19 @@ class Row(Counted, WithWarnings):
 
     Attributes
     ----------
-    name : str                      the constructor's text
+    name : str                      text of the method
     kind : str                      "enclosure", "estimate" or "sampled"
-    evaluations, failed : int       cost in runs, derivatives included; how many runs failed
-    setup_seconds : float or None   deriving and compiling [s], the same for all methods; None if not known
-    run_seconds : float             evaluations and bounding, warm [s]
+    evaluations, failed : int       cost in runs, with derivatives; number of failed runs
+    setup_seconds : float or None   time for deriving and compiling [s], the same for all methods; None if not known
+    run_seconds : float             time of evaluations and bounding, without set-up [s]
     lower, upper : (n_t, n_y)
     estimate : (n_t, n_y) or None   the error that the method estimates
-    inner : two (n_t, n_y) or None  lower and upper attained by actual runs
-    score : Score                   measured with the comparison's reference
+    inner : two (n_t, n_y) or None  lower and upper values that runs attained
+    score : Score                   result of the measurement with the comparison's reference
     failure : str                   message of the first failed run
     failed_region : str             region of the failed runs in the box, in words
-    caution : str                   time from which the method is not valid, and why
-    doubts : tuple of str           what is uncertain about these bounds, in sentences
+    caution : str                   time from which the method is not valid, and the reason
+    doubts : tuple of str           warnings about the bounds, in sentences
     """
 
     name: str
@@ -68,7 +68,7 @@ class Row(Counted, WithWarnings):
 
 @dataclass(frozen=True)
 class NotRun:
-    """A method that could not run, and why."""
+    """A method that could not run, and the reason."""
 
     name: str
     reason: str

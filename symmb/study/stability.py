@@ -1,4 +1,4 @@
-"""Stability of solvers: every solver with several steps or tolerances, on a scene and its harder variants."""
+"""Stability of solvers: every solver with several steps or tolerances, on a scene and on harder variants."""
 
 import itertools
 import time
@@ -33,7 +33,8 @@ from symmb.study.stress import stresses
 from symmb.study.trials import Job, Trial, by_family, run_jobs
 
 TIMES = 51
-"""Output times: enough to show drift over time. Steps end at output times, so more times would shorten steps."""
+"""Number of output times, enough to show drift over time. Steps end at output times, so more times would shorten
+steps."""
 _HEAD = ("solver", "setting", "error", "position", "velocity", "energy", "run [s]", "outcome")
 _LEFT, _STRESS_LEFT = (0, 7), (0, 1, 8)
 """Head of the tables, and columns that are aligned on the left."""
@@ -51,12 +52,12 @@ class Stability(plot.ThreeDiagrams, WithWarnings, Saved):
     times : (n_t,) array
     trials, stress : runs of the scene, and of its harder variants
     errors : dict
-        key of a trial -> root mean square error, relative to that of the deviation from the mean; empty if no two
+        key of a trial -> root mean square error, divided by that of the deviation from the mean; empty if no two
         tolerances of a solver agree on a reference
     uncertainty : float
-        of the reference of the scene, in the same measure; nan if there is none
+        uncertainty of the reference of the scene, in the same measure; nan if there is no reference
     corners : dict
-        relative half width of the box -> (corners that fail, corners)
+        relative half width of the box -> (number of corners that fail, number of corners)
     advice : str
 
     Examples
@@ -156,20 +157,20 @@ class Stability(plot.ThreeDiagrams, WithWarnings, Saved):
 def stability(
     scene: Scene, progress: Callable[[str, int, int], None] | None = None, *, seconds: float = 70.0
 ) -> Stability:
-    """Try every solver on a scene and on harder variants, each run within 3 s and all within about a minute.
+    """Try every solver on a scene and on harder variants. Each run takes up to 3 s, and all runs about a minute.
 
-    The variants have springs 100 and 10,000 times as stiff, a lightest body 100 and 10,000 times as light, a time scale
-    a tenth and ten times as long (for functions of time, start velocities and gravity; springs and dampers do not
-    change), and horizons 10 and 100 times as long. The corners of boxes of 10, 20 and 50 % are tried as well.
+    In the variants, springs are 100 and 10,000 times as stiff, or the lightest body is 100 and 10,000 times as light.
+    The time scale is 0.1 and 10 times as long for functions of time, start velocities and gravity, but not for springs
+    and dampers. Horizons are 10 and 100 times as long. The corners of boxes of 10, 20 and 50 % are tried as well.
 
-    Fixed steps depend on the horizon and the fastest motion. Errors are differences to a reference solution: two
-    tolerances of a solver agree on it, and its energy is conserved. Without a reference no setting is recommended.
+    Fixed steps depend on the horizon and the fastest motion. Errors are differences from a reference solution. Two
+    tolerances of a solver agree on it, and its energy is conserved. Without a reference, no setting is recommended.
 
     Parameters
     ----------
     scene : Scene
     progress : callable, optional
-        called with the label of the work, the finished runs and all its runs; default: a bar, in notebooks and
+        called with the label of the work and the numbers of finished and of all runs; default: a bar, in notebooks and
         terminals
     seconds : float
         time after which no run starts [s]; one run may take 3/70 of it
@@ -181,9 +182,9 @@ def stability(
     AssemblyError
         If the scene cannot be started
     SimulationError
-        If there is nothing to integrate, there are impacts, or no solver finishes
+        If there is nothing to integrate, if there are impacts, or if no solver finishes
     KeyboardInterrupt
-        If it is interrupted: `partial` then holds the Stability of the runs so far
+        If it is interrupted. `partial` then contains the Stability of the runs so far
 
     Examples
     --------
@@ -246,7 +247,7 @@ class _StabilityStudy:
         self.total = sum(len(job.solvers) for job in self.jobs(references()))
 
     def jobs(self, families: Mapping[str, Ladder]) -> list[Job]:
-        """The scene itself, by all solvers of the families whose C compiler is available."""
+        """The scene itself, by all solvers of the families. Families are left out if their C compiler is missing."""
         tried = {family: ladder for family, ladder in families.items() if family not in self.untried}
         return [Job("", lambda: self.scene, family, ladder) for family, ladder in tried.items()]
 
@@ -269,7 +270,8 @@ class _StabilityStudy:
         return stiffness(dae, states[some], dae.p_nominal, self.times[: len(states)][some])
 
     def doubts(self) -> tuple[str, ...]:
-        """What was not tried, and problems that no solver removes: deflections of flexible bodies beyond the theory."""
+        """Warnings about solvers that were not tried, and about problems of the model: too large deflections of
+        flexible bodies."""
         dae, states = self._bodies.dae, self._states()
         untried = f"Not tried: {', '.join(self.untried)}, which need a C compiler. {compiler_advice()}"
         theory = linear_theory_doubts(self.scene, dae, states, dae.p_nominal, self.times[: len(states)])
@@ -286,7 +288,7 @@ class _StabilityStudy:
         corners: dict[float, tuple[int, int]],
         text: Callable[[Sequence[Trial], Sequence[Trial], dict[str, Standard]], str],
     ) -> Stability:
-        """The runs so far. The first runs are for the reference of the scene."""
+        """The result of the runs so far. The first runs are for the reference of the scene."""
         known, rest = self.done[:n_known], self.done[n_known:]
         rest = sorted(rest, key=lambda t: self._order.index((t.scene, t.family)))  # stable
         trials, stress = _parted(rest)
@@ -308,13 +310,13 @@ class _StabilityStudy:
 
 
 def _parted(trials: Sequence[Trial]) -> tuple[tuple[Trial, ...], tuple[Trial, ...]]:
-    """Runs of the scene, and of its harder variants."""
+    """The runs of the scene, and the runs of its harder variants."""
     return tuple(trial for trial in trials if not trial.scene), tuple(trial for trial in trials if trial.scene)
 
 
 def _stress_jobs(name: str, make: Callable[[], Scene], horizon: float) -> list[Job]:
-    """Jobs of all families for a variant. Fixed steps are the same for all horizons; the fastest motion adds steps."""
-    # Number of fixed steps over the horizon of the scene. The steps under stress follow from this number.
+    """Jobs of all families for a variant. Fixed steps are the same for all horizons. The fastest motion adds steps."""
+    # Number of fixed steps over the horizon of the scene. Steps under stress follow from it.
     step = horizon / 800
     return [
         Job(name, make, family, ladder, None if family in CONTROLLED else partial(finer_steps, longest=step))

@@ -11,7 +11,7 @@ from symmb.study.ladders import CONTROLLED
 from symmb.study.trials import Trial, by_family, by_reason
 
 AGREEMENT = 1e-4
-"""Largest difference at which two tolerances, or two solvers, confirm each other."""
+"""Two tolerances, or two solvers, confirm each other up to this difference."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,9 +21,9 @@ class Standard:
     Attributes
     ----------
     values : (n_t, n_y) array    outputs; empty without a confirmed solution
-    units : n_y texts            of the outputs
+    units : n_y texts            units of the outputs
     uncertainty : float          `distance` of the coarser run, and of the closest run of another solver, if any
-    fault : str                  why there is no confirmed solution; empty if there is one
+    fault : str                  reason why there is no confirmed solution; empty if there is one
     """
 
     values: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
@@ -32,7 +32,7 @@ class Standard:
     fault: str = ""
 
     def error(self, trial: Trial) -> float | None:
-        """The error of a run of the scene, at least the uncertainty; None if the run failed, or without reference."""
+        """The error of a run, at least the uncertainty; None if the run failed, or if there is no reference."""
         if self.fault or trial.reason:
             return None
         return max(distance(trial.values, self.values, self.units), self.uncertainty)
@@ -60,7 +60,7 @@ def standard_of(trials: Sequence[Trial], units: tuple[str, ...]) -> Standard:
         return Standard(fault=reasons.pop())
     if not pairs:
         return Standard(fault=f"no solver finishes at two tolerances ({by_reason(trials)})")
-    # Largest drift of energy of a confirmed solution, relative to the largest kinetic energy.
+    # Largest accepted drift of energy of a solution, relative to the largest kinetic energy.
     confirmed = [pair for pair in pairs if pair.apart <= AGREEMENT and not pair.fine.energy > 1e-4]
     if not confirmed:
         return Standard(fault=_fault(pairs, units))
@@ -84,7 +84,7 @@ def _pairs(trials: Sequence[Trial], units: tuple[str, ...]) -> list[_Pair]:
 
 
 def _fault(pairs: Sequence[_Pair], units: tuple[str, ...]) -> str:
-    """Why no pair is confirmed, for the pair with the smallest difference."""
+    """The reason why no pair is confirmed, for the pair with the smallest difference."""
     agreeing = [pair for pair in pairs if pair.apart <= AGREEMENT]
     if agreeing:
         best = min(agreeing, key=lambda pair: pair.fine.energy).fine
@@ -99,7 +99,7 @@ def _fault(pairs: Sequence[_Pair], units: tuple[str, ...]) -> str:
 
 
 def distance(values: Array, true: Array, units: Sequence[str]) -> float:
-    """Rms difference divided by the rms deviation from the mean; the largest over all outputs."""
+    """Rms difference divided by the rms deviation from the mean, the largest over all outputs."""
     with np.errstate(over="ignore", invalid="ignore"):
         error = np.sqrt(np.mean(np.square(values - true), axis=0)) / _deviation(true, units)
     return float(np.nan_to_num(error, nan=np.inf, posinf=np.inf).max(initial=0.0))

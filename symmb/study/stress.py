@@ -13,11 +13,11 @@ from symmb.declare.symbolic import from_sympy, is_sympy, t
 from symmb.equations.model import Scene, System
 
 _LARGER, _SCALES, _LONGER = (1e2, 1e4), (0.1, 10.0), (10, 100)
-"""Factors for stiffness and mass ratios, for time scales, and for the horizon: up to values that engineers meet."""
+"""Factors for stiffness and mass ratios, for time scales, and for the horizon: up to values of real machines."""
 
 
 def stresses(scene: Scene) -> list[tuple[str, Callable[[], Scene]]]:
-    """The variants that differ from the scene: name, and function that makes the variant."""
+    """Name of each variant that differs from the scene, and a function that makes it."""
     variants: list[tuple[str, Callable[[], Scene]]] = []
     if any(_stiffnesses(element) for element in scene.system.elements):
         variants += [(f"stiffness x {factor:g}", lambda k=factor: stiffer(scene, k)) for factor in _LARGER]
@@ -54,11 +54,11 @@ def lighter(scene: Scene, factor: float) -> Scene:
 
 
 def slower(scene: Scene, scale: float) -> Scene:
-    """The scene on a slower time scale, over a horizon longer by the same factor.
+    """The scene on a slower time scale, over a horizon that is longer by the same factor.
 
-    Functions of time become slower, start velocities smaller, and gravity smaller by the square of the factor. A
+    Functions of time become slower, and start velocities smaller. Gravity is divided by the square of the factor. A
     mechanism without springs, dampers and constant forces then moves along the same path at another speed. Springs,
-    dampers and forces stay: their time constants change relative to the motion. The scene becomes stiffer or softer.
+    dampers and forces do not change, so the scene becomes stiffer or softer relative to the motion.
     """
     begin = float(scene.times[0])
     elements = [_changed(e, _slowed(e, scene, scale)) for e in _elements(scene.system)]

@@ -16,17 +16,17 @@ from symmb.equations.model import Box
 
 OWNER = "tolerances"
 TOLERANCE = 1e-2
-"""Tolerance of the studies. If a limit is closer than this, runs near the limit decide."""
+"""Tolerance of the studies. If a limit is closer, runs near the limit decide."""
 _SETTLED = 2e-3
-"""A search ends if factors change by less than this fraction. A study uses a factor that is smaller than the expected
-one by half of this fraction."""
+"""A search ends if factors change by less than this fraction. A study uses a factor below the expected one by half of
+this fraction."""
 LARGEST_FACTOR = 16.0
 """Largest factor that a search tries. If it is reached, the given box was far too small."""
 _MAX_STUDIES = 12
 """Largest number of studies. Two or three are usual; undecided limits need more."""
 _WIDER, _NARROWER = 1.6, 0.25
-"""Largest and smallest ratio of a factor after and before one allocation. The polynomials must be accurate in the box
-with the largest ratio."""
+"""Largest and smallest ratio of a factor after one allocation to the factor before. The polynomials must be accurate in
+the box with the largest ratio."""
 
 
 @dataclass
@@ -35,15 +35,15 @@ class _Bracket:
 
     Attributes
     ----------
-    along : (d,) array             factors of the parameters at the point 1 of the ray
+    along : (d,) array             factors of the parameters at point 1 of the ray
     most : float                   largest factor
     places : (n, d) array          places of the unit box with the worst runs so far
     low, high : float              factors of the largest valid study, and of the last study that is not valid
-    reach, violation : float       factors at which runs reach a limit, and at which runs or a study violate it
+    reach, violation : float       factor at which runs reach a limit, and factor at which runs or a study violate it
     less : float                   relative distance of the next study from `reach`
     best : Bounds or None          bounds from the study at `low`
     undecided : tuple or None      factor and bounds of the first study that did not decide a limit
-    why : str                      why the study at `high` is not valid; empty if runs show it
+    why : str                      reason why the study at `high` is not valid; empty if runs show it
     """
 
     along: Array
@@ -82,7 +82,7 @@ class Search:
         closest = np.where(shape.lower > 0, shape.lower, np.where(shape.upper < 0, shape.upper, self._nominal))
         with np.errstate(divide="ignore", invalid="ignore"):
             to_zero = np.where(closest != self._nominal, self._nominal / (self._nominal - closest), np.inf)
-        # At the factor `to_zero` a parameter such as a mass or length would reach 0.
+        # At the factor `to_zero`, a parameter such as a mass or length would reach 0.
         self._most = np.minimum(0.99 * to_zero, LARGEST_FACTOR)
         self.evaluations, self.remarks, self.narrow = 1, tuple[str, ...](), tuple[str, ...]()
         run = simulator.run(np.array([[*map(float, simulator.parameters.values())]]))
@@ -99,7 +99,7 @@ class Search:
         self._at_nominal, self._nominal_values = margins.min(axis=0), values
 
     def _margins(self, lower: Array, upper: Array) -> Array:
-        """Margins (..., n_t, n_l) of bounds of the outputs with limits."""
+        """Margins (..., n_t, n_l) of bounds, for outputs with limits."""
         return np.minimum(lower - self._low, self._high - upper)
 
     def _box(self, factors: Array) -> Box:
@@ -149,7 +149,7 @@ class Search:
 
         If no run reaches a limit, the factor is `high`.
 
-        The next factor is interpolated between margins, or bisected. If an end stays twice, its margin is halved
+        The next factor is interpolated between margins, or bisected. If an end is kept twice, its margin is halved
         (Illinois). If `high` is infinite, runs are made up to the largest factor.
         """
         along, places, low = ray.along, ray.places, ray.low
@@ -163,7 +163,7 @@ class Search:
         if not beyond < 0:
             return ray.high, False
         margin = np.nan
-        # Largest number of factors at which runs are made between two studies. More are needed only if runs fail.
+        # Largest number of factors with runs between two studies. More are needed only if runs fail.
         for _ in range(40):
             if end <= low * (1 + _SETTLED / 4):
                 break
@@ -177,17 +177,18 @@ class Search:
         return low, beyond == -np.inf
 
     def largest(self, along: Array) -> tuple[Array, Bounds]:
-        """The largest factors (d,) along a ray whose box satisfies the limits, and bounds over this box.
+        """The largest factors (d,) along a ray for which the box satisfies the limits, and bounds over this box.
 
-        A study and its check find the worst places of a box. Runs at these places of other boxes show at which factor a
-        limit is reached. The next study is over a slightly smaller box, until its check satisfies the limits.
+        A study and its check find the worst places of a box. Runs at these places of other boxes show the factor at
+        which a limit is reached. The next study is over a slightly smaller box. This is repeated until a check
+        satisfies the limits.
         """
         most = float(np.min(self._most / along))
         ray, s = _Bracket(along, most, np.empty((0, len(self._shape)))), min(1.0, most)
         for _ in range(_MAX_STUDIES):
             after = self._next(ray, s)
             if ray.best is not None and ray.undecided is not None:
-                after = (ray.low + ray.high) / 2  # the largest factor that can be decided is between them
+                after = (ray.low + ray.high) / 2  # the largest decided factor is between both
             if ray.best is not None and (ray.low >= most or after <= ray.low * (1 + _SETTLED)):
                 break
             s = after
@@ -206,7 +207,7 @@ class Search:
         return ray.low * along, ray.best
 
     def _next(self, ray: _Bracket, s: float) -> float:
-        """The factor of the next study, after a study at the factor s. The results of this study enter the bracket."""
+        """The factor of the next study, after a study at the factor s. The bracket stores the results of this study."""
         try:
             bounds = self._study(s * ray.along)
             check = self._check(bounds)
@@ -254,9 +255,9 @@ class Search:
         return (text,) if names else ()
 
     def cheapest(self, cost: Callable[[Array], float]) -> tuple[Array, Bounds]:
-        """The factors of lowest cost, and bounds over their box.
+        """The factors with the lowest cost, and bounds over their box.
 
-        The search starts at the largest common factor. Further studies are made until the factors lie inside a box with
+        The search starts at the largest common factor. Further studies follow until the factors are inside a box with
         accurate polynomials. If the polynomials are wrong, the common factor may have a lower cost.
         """
         common = factors = self.largest(np.ones(len(self._shape)))[0]
@@ -282,13 +283,13 @@ class Search:
         return None
 
     def _margins_on(self, surrogate: Piecewise, wide: Array, factors: Array) -> Array:
-        """Margins (n_t, n_l) by polynomials for a box with the factors `wide` (d,), over a box with other factors."""
+        """Margins (n_t, n_l) over a box with given factors, by polynomials for a box with the factors `wide` (d,)."""
         whole, part = self._box(wide), self._box(factors)
         low, high, _ = surrogate.range(whole.to_unit(part.lower), whole.to_unit(part.upper))
         return self._margins(low, high)
 
     def _factor_on(self, surrogate: Piecewise, wide: Array, factors: Array) -> float:
-        """The largest multiple of the factors (d,), at most 1, with nonnegative margins by the polynomials."""
+        """The largest multiple of the factors (d,), at most 1, for which the polynomials give nonnegative margins."""
         if self._margins_on(surrogate, wide, factors).min() >= 0:
             return 1.0
         low, high = 0.0, 1.0
@@ -299,16 +300,16 @@ class Search:
         return low
 
     def _allocated(self, surrogate: Piecewise, wide: Array, start: Array, cost: Callable[[Array], float]) -> Array:
-        """Factors of lowest cost by polynomials, from the start factors.
+        """Factors with the lowest cost by polynomials, from the start factors.
 
-        Limits are active only at a few output times. Times at which a solution violates a limit are added.
+        The search starts with few output times. Times at which a solution violates a limit are added.
         """
         from scipy.optimize import minimize
 
         scale = cost(start) or 1.0
         rows = {int(self._margins_on(surrogate, wide, start).min(axis=1).argmin())}
         factors = start
-        # Largest number of allocations for one study. Each adds the time with the largest violation.
+        # Largest number of allocations for one study. Each one adds the time with the largest violation.
         for _ in range(12):
             few = surrogate.part(np.array(sorted(rows)), range(len(self._low)))
 

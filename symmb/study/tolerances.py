@@ -1,4 +1,4 @@
-"""How large tolerances may be: the largest box of a shape, or the cheapest box, that satisfies limits of outputs."""
+"""The largest tolerances: the largest box of a given shape, or the cheapest box, that satisfies limits of outputs."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -32,24 +32,23 @@ class Tolerances(Counted, Result):
     ----------
     box : Box
     factor : float
-        factor of all intervals of the given box, stretched about the nominal values. With costs, the smallest of
-        `factors`
+        factor of all intervals of the given box about the nominal values. With costs, the smallest of `factors`
     factors : dict
         the factor of each parameter
     cost : float
         sum of the costs of the tolerances; None without costs
     binding : WorstCase
-        the run that comes closest to the active limit; None if no limit is active up to 16 times the box
+        run that comes closest to the active limit; None if no limit is active up to 16 times the box
     check : LimitCheck
-        of `bounds`
+        check of `bounds`
     bounds : Bounds
         bounds over the box, from the final study
     evaluations, runs : int
-        runs of all studies
+        number of runs of all studies
     nominal : dict
         nominal values of the parameters of the box
     remarks : sentences
-        why no larger box was found, if no limit is close
+        reason why no larger box was found, if no limit is close
 
     Examples
     --------
@@ -133,11 +132,11 @@ def tolerances(
 ) -> Tolerances:
     """The largest, or the cheapest, tolerances with which outputs satisfy limits at all times.
 
-    All deviations of the box from the nominal values are multiplied by one factor, up to 16. With costs each deviation
-    has its own factor. If the interval of a parameter has one sign, such as a mass, the sign is kept. Studies with
-    PolynomialChaos() find the worst places of a box. Runs there show at which factor a limit is reached. At the end, a
-    study and `Bounds.check` verify the box. Costs are minimised with the polynomials of studies. Outputs without a
-    limit are left out.
+    All deviations of the box from the nominal values are multiplied by one factor, up to 16. With costs, each deviation
+    has a separate factor. If all values of an interval have one sign, as for a mass, the sign is kept. Studies with
+    PolynomialChaos() find the worst places of a box. Runs there show the factor at which a limit is reached. At the
+    end, a study and `Bounds.check` verify the box. Costs are minimised with the polynomials of studies. Outputs without
+    a limit are left out.
 
     Parameters
     ----------
@@ -147,17 +146,17 @@ def tolerances(
     box : Box
         shape of the intervals, which contain the nominal values; default: the box of the scene
     costs : mapping
-        parameter -> cost as a function of its half width. The sum of the costs is minimised. Without a
-        function, the cost is the half width in the box divided by the new one; {} uses this cost for all parameters.
-        One function instead of a mapping is the cost of every parameter. Costs should decrease smoothly, because the
-        search finds the smallest sum near its start
-    solver : of a Scene
+        parameter -> cost as a function of its half width. The sum of the costs is minimised. Without a function, the
+        cost is the half width in the box divided by the new half width; {} uses this cost for all parameters. A single
+        function is the cost of every parameter. Costs should decrease smoothly, because the search finds the smallest
+        sum near its start
+    solver : solver of a Scene
     executor, progress : as in `propagate`
 
     Raises
     ------
     DeclarationError
-        If an output or a parameter is unknown, limits cross, or an interval lacks the nominal value
+        If an output or a parameter is unknown, limits cross, or an interval does not contain the nominal value
     PropagationError
         If the nominal run violates a limit, or too many runs fail
 
@@ -197,7 +196,8 @@ def tolerances(
 
 
 def _of_outputs(simulator: Simulator, box: Box, names: Sequence[str]) -> Simulator:
-    """The simulator of a scene with some of its outputs: the other outputs could need more runs. Black boxes stay."""
+    """The simulator of a scene with some of its outputs, because the others could need more runs. Black boxes are
+    kept."""
     if not isinstance(simulator, SceneSimulator) or simulator.scene is None or simulator.scene.outputs is None:
         return simulator
     if len(names) == len(simulator.outputs):

@@ -1,4 +1,4 @@
-"""Runs that may fail or take too long. Each family of solvers has its own process."""
+"""Runs that may fail or take too long. Each family of solvers has a separate process."""
 
 import multiprocessing
 import re
@@ -25,7 +25,7 @@ LEFT_OUT = "left out for lack of time"
 _TOO_LONG, _MANY_STEPS = "took longer than", "has taken too many steps at"
 _LONGER, _LARGER = "a longer step took too long", "a larger tolerance took too long"
 SLOW = (LEFT_OUT, _TOO_LONG, _LONGER, _LARGER, _MANY_STEPS)
-"""First words of the reason of a trial that was not finished for lack of time."""
+"""First words of the reason of a trial that had no time to finish."""
 _LIMITED = ("TOO_MUCH_WORK", "steps are not enough")
 """Parts of the messages of solvers that reached their maximum number of steps."""
 _ENERGY = "the energy"
@@ -33,7 +33,7 @@ _ENERGY = "the energy"
 _TOO_SLOW, _WRONG_ENERGY, _BROKEN = "too slow", "wrong energy", "breaks down"
 """Kinds of failures. LEFT_OUT is another kind."""
 _SETUP = 15.0
-"""Additional time for the first trial of a job [s]: its compilation is cached only if it ends."""
+"""Additional time for the first trial of a job [s]. Its compilation is cached only if the trial ends."""
 _DRIFT = entry(Record.size, None)
 
 
@@ -44,14 +44,14 @@ class Trial:
     Attributes
     ----------
     scene : str                the variant of the scene, "" for the scene itself
-    solver : str               text of its constructor
-    family : str               name of its class, with the option that distinguishes it
+    solver : str               text of the solver
+    family : str               name of the solver's class, with the option that distinguishes the family
     setting : float            relative tolerance or step [s]
-    reason : str               why the run failed; empty if it succeeded
-    seconds : float            of the run alone
-    position, velocity : (n_t,) arrays     largest violation of a row, at every time
-    energy : float             largest imbalance over the largest kinetic energy
-    times : (n_t,) array       [s]
+    reason : str               reason why the run failed; empty if it succeeded
+    seconds : float            time of the run alone
+    position, velocity : (n_t,) arrays     largest violation of a row at each time
+    energy : float             largest imbalance divided by the largest kinetic energy
+    times : (n_t,) array       output times [s]
     values : (n_t, n_y) array  outputs
     states : (n_t, n_x) array
     """
@@ -83,7 +83,7 @@ class Trial:
 
     @property
     def slow(self) -> bool:
-        """Whether the run was not finished for lack of time."""
+        """Whether the run had no time to finish."""
         return self.reason.startswith(SLOW)
 
     @property
@@ -123,14 +123,14 @@ def named(trials: Sequence[Trial]) -> str:
 
 @dataclass(frozen=True)
 class Job:
-    """Settings of one solver, run one after the other, from fast to slow.
+    """Settings of one solver, which run one after the other, from fast to slow.
 
     Attributes
     ----------
-    scene : str                        the variant
-    make : callable                    makes the scene
+    scene : str                        name of the variant
+    make : callable                    function that makes the scene
     family : str
-    solvers : sequence                 setting and solver
+    solvers : sequence                 pairs of setting and solver
     follow : scene -> sequence         further settings that depend on the scene; optional
     """
 
@@ -192,14 +192,14 @@ def _results(scene: Scene, solver: Solver) -> dict[str, Any]:
 
 
 def _fault(run: Trajectory) -> str:
-    """Why a finished run counts as failed; empty if it succeeded."""
+    """The reason why a finished run counts as failed; empty if it succeeded."""
     if not (np.isfinite(run.values).all() and np.isfinite(run.x).all()):
         return "outputs are not finite"
     T, V, W = run.energy
     if not np.isfinite(T + V - W).all():
         return f"{_ENERGY} is not finite"
-    # Drift of energy, relative to the largest kinetic energy, above which a run counts as failed: half of the motion
-    # is lost, or has no cause.
+    # A run counts as failed if its drift of energy, relative to the largest kinetic energy, is larger. Half of the
+    # motion is then lost, or has no cause.
     if run.energy_drift > 0.5:
         return f"{_ENERGY} is off by {run.energy_drift:.1g} of the largest kinetic energy"
     return ""
@@ -207,7 +207,7 @@ def _fault(run: Trajectory) -> str:
 
 @dataclass
 class _Running:
-    """A job in its own process, which sends its trials through a pipe."""
+    """A job in a separate process, which sends its trials through a pipe."""
 
     job: Job
     process: Any
@@ -233,7 +233,7 @@ class _Running:
         self.ended = self.done == len(self.job.solvers)
 
     def left(self, limit: float) -> Iterator[Trial]:
-        """The remaining trials of the job, as left out, if the current trial takes longer than the limit [s]."""
+        """The remaining trials of the job, marked as left out, if the current trial takes longer than the limit [s]."""
         most = limit if self.done else limit + _SETUP
         if time.monotonic() - self.since > most:
             self.ended = True
@@ -242,9 +242,9 @@ class _Running:
 
 
 def run_jobs(jobs: Sequence[Job], limit: float, deadline: float) -> Iterator[Trial]:
-    """The trials of all jobs, as they end.
+    """The trials of all jobs, in the order in which they end.
 
-    A trial that takes longer than the limit [s] with its set-up is stopped, and slower trials of its job are left
+    A trial is stopped if it takes longer than the limit [s] with its set-up. Slower trials of its job are then left
     out. The first trial of a job has more time, because it compiles the scene. No trial starts after the deadline
     (`time.monotonic`). If processes cannot be forked, jobs run in this process one after the other, without limits.
     """
@@ -263,7 +263,7 @@ def run_jobs(jobs: Sequence[Job], limit: float, deadline: float) -> Iterator[Tri
                     running.append(_begin(job))
                 else:
                     yield from _left(job, 0, LEFT_OUT)
-            # Time between checks of the running trials [s]: short compared with a trial, long compared with a check.
+            # Time between checks of the running trials [s], short compared with a trial and long compared with a check.
             ready = wait([r.pipe for r in running], 0.2)
             for r in list(running):
                 yield from r.received() if r.pipe in ready else r.left(limit)

@@ -42,7 +42,8 @@ class Answers(Envelope):
         Raises
         ------
         DeclarationError
-            If there is no such output or time, if no runs were made, or if a file has the extremes over all times only.
+            If there is no such output or time, if no runs were made, or if a file only contains extremes over all
+            times.
         SimulationError
             If the run fails when it is repeated.
         """
@@ -57,7 +58,7 @@ class Answers(Envelope):
         return Worst(*self._cases(self.attaining, places))
 
     def _cases(self, runs: AttainingRuns, places: Sequence[Place]) -> list[WorstCase]:
-        """The worst cases at places. If no run of the study reaches a bound, one run is made at the extreme."""
+        """The worst case at each place. If no run of the study reaches a bound, one run is made at the extreme."""
         acting = {k: self._acting(self.box, [k]) for _, _, k in places} if self.box else {}
         units, cases = told_units(self.units, len(self.names), runs.simulator.parameters), list[WorstCase]()
         for place, sample in zip(places, runs.samples(places), strict=True):
@@ -74,7 +75,7 @@ class Answers(Envelope):
         return cases
 
     def _at_extreme(self, case: WorstCase, place: Place) -> WorstCase:
-        """The run at the extreme of the polynomials, if it comes closer to the bound; else the given case."""
+        """The run at the extreme of the polynomials if it is closer to the bound; otherwise the given case."""
         if self.surrogate is None or self.study is None or self.box is None:
             return case
         side, i, k = place
@@ -87,7 +88,7 @@ class Answers(Envelope):
         return self._closer(case, side, point[0], attained)
 
     def _closer(self, case: WorstCase, side: str, place: Array, attained: float) -> WorstCase:
-        """The worst case of the run at a place (d,) of the unit box, if it is closer to the bound; else the case."""
+        """The case of the run at a place (d,) of the unit box if it is closer to the bound; or the given case."""
         assert self.box is not None
         values = self.box.from_unit(place).tolist()
         parameters = {**self.nominal_parameters, **dict(zip(self.box.names, values, strict=True))}
@@ -135,16 +136,16 @@ class Answers(Envelope):
         """The contribution of each parameter to the widths and to the variance.
 
         The polynomials of the bounds give the contributions without runs. If the method has no polynomials, a study by
-        PolynomialChaos() follows. If the polynomials are not accurate enough for an output, studies with fewer
-        parameters give the widths, and least squares give Sobol's indices. Least squares start with 64 runs at points
-        that are spread over the box. The runs are doubled until the error of the indices is below 0.04, up to 1024.
+        PolynomialChaos() gives them. If they are not accurate enough for an output, studies with fewer parameters give
+        the widths, and least squares give Sobol's indices. Least squares start with 64 runs at points spread over the
+        box. The number is doubled until the error of the indices is below 0.04, up to 1024 runs.
 
         Raises
         ------
         DeclarationError
-            If there are no such polynomials, and the bounds were read or pickled, so that no runs can be made.
+            If polynomials are missing and no runs can be made, because the bounds were read or pickled.
         PropagationError
-            If too many of these runs fail.
+            If too many of the further runs fail.
         """
         return self._contributions
 
@@ -165,8 +166,8 @@ class Answers(Envelope):
     def _acting(self, box: Box, columns: Sequence[int]) -> tuple[str, ...]:
         """Names of the parameters that act on some outputs, given by their numbers.
 
-        Fixed parameters are left out. If there are polynomials, parameters with effects below noise and rounding are
-        left out as well.
+        Fixed parameters are left out. If there are polynomials, those with effects below noise and rounding are left
+        out too.
         """
         acts = box.radius > 0
         if self.surrogate is not None:
@@ -187,10 +188,9 @@ class Answers(Envelope):
         """Quantiles of an output over time, for parameters that have distributions.
 
         A parameter without a distribution may have any value in its interval, and a different value in each sample.
-        Then there is a lowest and a highest quantile. Quantiles follow from polynomials, and 32 runs verify the
-        polynomials. If the polynomials are not accurate enough, quantiles follow from 1,024 runs. If some parameters
-        also have no distribution, quantiles follow from least squares through 256 runs, and some hundreds of further
-        runs estimate the error.
+        There is then a lowest and a highest quantile. Quantiles follow from polynomials, and 32 runs verify these. If
+        they are not accurate enough, quantiles follow from 1,024 runs. If some parameters have no distribution either,
+        quantiles follow from least squares through 256 runs. Some hundreds of further runs then estimate the error.
 
         Parameters
         ----------
@@ -198,8 +198,8 @@ class Answers(Envelope):
         levels : float or list
             probabilities between 0 and 1
         laws : mapping
-            name -> distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3). The distribution is truncated
-            to the interval of the box
+            name -> distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3). It is cut to the interval of
+            the box
         correlation : (n, n)
             correlations of a Gaussian copula, in the order of the distributions; default: independent
         distributions : mapping
@@ -208,8 +208,8 @@ class Answers(Envelope):
         Raises
         ------
         DeclarationError
-            If an output or a parameter is unknown, a distribution or a level is invalid, a distribution lies outside of
-            the box, or the correlations are not positive definite.
+            If an output or a parameter is unknown, if a distribution or a level is invalid, if a distribution is
+            outside of the box, or if the correlations are not positive definite.
         PropagationError
             If runs fail.
         """
@@ -229,16 +229,16 @@ class Answers(Envelope):
     ) -> Probability:
         """Probability that an output is above or below a value, at each time and at any time; see `quantiles`.
 
-        With both values, it is the probability that the output is above `above` or below `below`. This is the reject
-        rate of a limit with two ends.
+        With both values, the result is the probability that the output is above `above` or below `below`. This is the
+        reject rate of a limit with two ends.
 
         Parameters
         ----------
         above, below : float, or with a unit, as "60 deg"
         laws, correlation, distributions : as in `quantiles`
         error : float
-            the estimated error to reach, relative to the probability of the event at any time. More samples of the
-            polynomials are taken until the error is reached. If this does not suffice, and all parameters have
+            the accepted error, relative to the probability of the event at any time. More samples of the polynomials
+            are taken until the estimated error is below it. If this does not suffice, and all parameters have
             distributions, up to 1,000 runs near the limit give probabilities down to 1e-9
         """
         given = given_once("Bounds.probability", laws, distributions)
@@ -294,12 +294,12 @@ class Answers(Envelope):
         return Responses(*own, *ranges, adaptive.method, runs, tuple(remarks))
 
     def good_surrogate(self, outputs: Sequence[int] | None = None) -> Piecewise | None:
-        """The surrogate, or None if its error is unknown or too large for one of the outputs, given by numbers."""
+        """The surrogate; None if its error is unknown or too large for one of the outputs (numbers)."""
         asked = slice(None) if outputs is None else [*outputs]
         return self.surrogate if self.have_good_surrogate()[asked].all() else None
 
     def have_good_surrogate(self) -> Mask:
-        """Mask (n_y,) of the outputs with a surrogate. Its error is known and small compared with the width."""
+        """Mask (n_y,) of the outputs with a surrogate and a known error that is small compared with the width."""
         if self.surrogate is None or self.estimate is None:
             return np.zeros(len(self.names), dtype=bool)
         return ~np.any(is_doubtful(*self._scaled(self.surrogate.error), GOOD), axis=0)

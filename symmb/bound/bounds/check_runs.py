@@ -1,8 +1,8 @@
-"""Check runs: an independent check of bounds by methods that do not estimate their error. `adaptive` has its own.
+"""Check runs: an independent check of methods that do not estimate their error. `adaptive` has its own check runs.
 
-The runs are at a point near the centre of the box, at the ends of the lines through this point along the axes, and at
-the extremes that parabolas along these lines predict. No method makes these runs itself. Runs, bounds and the method's
-surrogate must agree.
+The first run is at a point near the centre of the box. Lines through this point along the axes follow: runs are at
+their ends, and at the extremes that parabolas along them predict. No method makes these runs itself. Runs, bounds and
+the method's surrogate must agree.
 """
 
 import numpy as np
@@ -19,15 +19,15 @@ from symmb.connect import Simulator, noise_from_runs
 from symmb.equations.model import Box
 
 _RUNS_AT_EXTREMES = 4
-"""Runs at predicted extremes."""
+"""Number of runs at predicted extremes."""
 _PREDICTED_VALUES = 256
-"""Outputs and times whose extremes are predicted: a few times of each output show where they are."""
+"""Number of extremes, over outputs and times, that are predicted. A few times of each output suffice."""
 _MOST_CORNERS, _POINTS_INSIDE = 64, 64
-"""Most corners of the box at which something is looked for, and points inside for the range of a surrogate."""
+"""Largest number of corners of the box at which a search looks, and number of points inside for a surrogate's range."""
 _OFF_CENTRE = 0.2, 0.4
-"""How far the middle of the star is from the centre of the box."""
+"""Smallest and largest distance of the middle of the star from the centre of the box, in each parameter."""
 MOST_NUMBERS = 2**25
-"""Most numbers of check runs, and most coefficients that a method stores for them: 256 MB."""
+"""Largest number of values of check runs, and of coefficients that a method stores for check runs: 256 MB."""
 
 
 def check_doubts(
@@ -36,14 +36,14 @@ def check_doubts(
     """Warnings from check runs about bounds that have no estimated error, and the number of check runs.
 
     Runs outside of the bounds show that the bounds are too narrow. If the surrogate differs from the runs, the bounds
-    may be too narrow or too wide. If the values of the surrogate do not reach bounds that are not its exact range, the
-    bounds are too wide. Differences above `share` times the width count.
+    may be too narrow or too wide. Bounds that are not the surrogate's exact range are too wide if its values do not
+    reach them. Differences above `share` times the width count.
     """
     if bounds.kind == "enclosure" or bounds.estimate is not None or share == np.inf:
         return (), 0
     varied = np.flatnonzero(box.radius > 0)
-    # The allowed runs suffice for centre, faces and extremes of four parameters. More are at most as many as the method
-    # made.
+    # The allowed runs suffice for centre, faces and extremes of four parameters. If the method made more, more are
+    # allowed.
     most = min(max(13, bounds.evaluations), MOST_NUMBERS // max(bounds.lower.size, 1))
     if not varied.size or most < 3:
         return (), 0
@@ -94,7 +94,7 @@ class _Checks:
         return None if bad else Y
 
     def doubts(self, candidates: Array) -> tuple[str, ...]:
-        """The differences in sentences. The range of the surrogate is searched at candidates (N, d)."""
+        """Sentences about large differences. The range of the surrogate is searched at candidates (N, d)."""
         bounds, share, of_all = self._bounds, self._share, f"of {self.n} other points"
         parts = [(f"runs at {self._n_outside} {of_all} are outside of the bounds", self._outside, share)]
         if bounds.surrogate is not None:
@@ -119,7 +119,7 @@ class _Checks:
         return size > share * width + self._floor
 
     def _sizes(self, error: Array) -> tuple[Array, Array]:
-        """Root mean squares (n_y,) of errors (2, n_t, n_y) of bounds, and of the width, over the outputs' scale."""
+        """Root mean squares (n_y,) of errors (2, n_t, n_y) and of the width, divided by the outputs' scale."""
         width = self._bounds.upper / self.scale - self._bounds.lower / self.scale
         size = np.sqrt(np.square(error / self.scale).mean(axis=(0, 1)))
         return size, rms(width)
@@ -155,9 +155,9 @@ def some_corners(d: int, random: np.random.Generator) -> Array:
 
 
 def _star(d: int, varied: Indices) -> Array:
-    """A point c near the centre, then the points with one parameter of c moved to its lower or upper end.
+    """A point c near the centre, then the points with one parameter of c at its lower or upper end.
 
-    The centre itself is not used: most methods make a run there, so that their errors are 0.
+    The centre itself is not used: most methods make a run there, so their error there is 0.
     """
     n = len(varied)
     random = np.random.default_rng(1)
@@ -169,7 +169,7 @@ def _star(d: int, varied: Indices) -> Array:
 
 
 def _predicted(Y: Array, c: Array, varied: Indices, candidates: Array) -> tuple[Array, Array]:
-    """Points of extremes that parabolas predict, at most _RUNS_AT_EXTREMES, and the candidates with more such points.
+    """At most _RUNS_AT_EXTREMES points of extremes that parabolas predict, and the candidates with more such points.
 
     Y (1 + 2 n, n_t, n_y) are the scaled responses at the star around c (n,).
     """
@@ -207,6 +207,6 @@ def _predicted(Y: Array, c: Array, varied: Indices, candidates: Array) -> tuple[
 
 def _reached(surrogate: Piecewise, points: Array) -> tuple[Array, Array]:
     """Smallest and largest values (n_t, n_y) of a surrogate at points (N, d)."""
-    # Points at which a surrogate is evaluated at once: outputs over time of all of them would fill much memory.
+    # Number of points at which a surrogate is evaluated at once. All points would take too much memory.
     parts = [surrogate.values(some) for some in np.array_split(points, -(-len(points) // 16))]
     return np.min([part.min(axis=0) for part in parts], axis=0), np.max([part.max(axis=0) for part in parts], axis=0)

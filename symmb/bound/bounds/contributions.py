@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _POOR_LINE, _SMALL_OF_WIDTH = 0.5, 0.05
-"""Error, relative to the width of a parameter alone and to the whole width, above which runs give the width alone."""
+"""Runs give the width of a parameter alone if its error, relative to this width and to the whole width, is larger."""
 _FEWEST_SHARE_RUNS, _MOST_SHARE_RUNS = 64, 1024
 """Smallest and largest number of runs for variance fractions."""
 _NO_SUM = "The widths of single parameters do not sum to the full width, because parameters act together."
@@ -51,14 +51,14 @@ class Contributions(Result, Saved):
     names, units : n_y outputs and their units, '' if they are not known
     parameters : n_p names
     width : (n_t, n_y)
-        of the bounds
+        width of the bounds
     alone : (n_t, n_y, n_p)
         width if this parameter alone is uncertain, and the others are nominal
     saved : (n_t, n_y, n_p)
         decrease of the width if this parameter has its nominal value
     first, total : (n_t, n_y, n_p)
-        Sobol's indices: the fraction of the variance that a parameter explains by itself, and together with others.
-        Parameters are uniform and independent. nan if the variance is rounding
+        Sobol's indices: the fractions of the variance that a parameter explains alone, and together with others.
+        Parameters are uniform and independent. Indices are nan if the variance is only rounding
     estimate : (n_t, n_y)
         largest estimated error of alone
     saved_estimate : (n_t, n_y)
@@ -106,7 +106,7 @@ class Contributions(Result, Saved):
         return "\n".join([first, f"  {_NO_SUM}", *(f"  remark  {remark}" for remark in self.remarks)])
 
     def _rows(self, k: int, i: int | None = None) -> list[list[str]]:
-        """A table of contributions to output k at time i, the largest first. Default: the time of the largest width."""
+        """A table of contributions to output k at time i (default: of the largest width), with the largest first."""
         i = int(self.width[:, k].argmax()) if i is None else i
         width, of_share = self.width[i, k], self.share_estimate[i, k]
         has_times = time_text(self.t, i, self.width[:, k]) != ""
@@ -206,7 +206,7 @@ def contributions_of(responses: Responses, may_run: bool = True) -> Contribution
     runs = _by_runs(responses, missing, True, alone, of_alone, (0, sum(asked)))
     runs += _by_runs(responses, lacking, False, others, of_others, (asked[0], sum(asked)))
     low, high, _ = responses.range(-np.ones(len(free)), np.ones(len(free)))
-    whole = np.where(np.isnan(low), width, high - low)  # differences of its own ranges are more accurate
+    whole = np.where(np.isnan(low), width, high - low)  # differences of the polynomials' ranges are more accurate
     saved = np.where(free[:, None, None], np.maximum(whole - others, 0.0), 0.0)
     of_saved = np.where(free[:, None, None], 2 * (of_others + responses.estimate) + width - whole, 0.0)
     errors = np.minimum([2 * of_alone, of_saved], width)
@@ -252,7 +252,7 @@ def _widths(responses: Responses, is_alone: bool) -> tuple[Array, Array, Mask]:
         if is_alone and responses.runs is not None:
             wrong = rms(np.where(2 * error[i] > SAME * largest, 2 * error[i], 0.0))
             hides = wrong > np.maximum(_POOR_LINE * rms(widths[i]), _SMALL_OF_WIDTH * whole)
-            missing[i] |= hides & (wrong <= _POOR_LINE * whole)  # a larger one is noise
+            missing[i] |= hides & (wrong <= _POOR_LINE * whole)  # a larger error is noise
     return widths, error, missing
 
 
@@ -261,8 +261,7 @@ def _by_runs(
 ) -> int:
     """Fill in missing widths and errors, each (d, n_t, n_y), by further studies, and return the number of runs.
 
-    `missing` (d, n_y) marks these widths. `studies` are the number of earlier studies and of all studies, for the
-    progress.
+    `missing` (d, n_y) marks these widths. `studies` are the numbers of earlier and of all studies, for the progress.
     """
     runs, (before, of_all) = 0, studies
     for number, i in enumerate(np.flatnonzero(missing.any(axis=1)), before + 1):
@@ -279,9 +278,9 @@ def _by_runs(
 def _shares(responses: Responses, may_run: bool) -> tuple[Array, Array, Array, int]:
     """First and total indices (d, n_t, n_y), their estimated error (n_t, n_y), and the number of runs.
 
-    The indices are those of polynomials, and nan if the variance is rounding. Let the polynomials miss the fraction r
-    of the variance. This changes a variance fraction by at most r + 2 sqrt(r), or by at most r if the error is
-    independent of the polynomials. Residuals of least squares are independent.
+    The indices are those of polynomials. They are nan if the variance is only rounding. If polynomials miss the
+    fraction r of the variance, a variance fraction changes by at most r + 2 sqrt(r). If the error is independent of the
+    polynomials, it changes by at most r. Residuals of least squares are independent.
     """
     first, total = np.full((2, len(responses.box), *responses.lower.shape), np.nan)
     variance, error = np.zeros(responses.lower.shape), np.ones(responses.lower.shape)
@@ -314,7 +313,7 @@ def _shares(responses: Responses, may_run: bool) -> tuple[Array, Array, Array, i
 
 
 def _share_error(e: Array, variance: Array) -> Array:
-    """Largest error of a variance fraction if the responses have the rms error e: r (2 + r), r = e / deviation."""
+    """Largest error of a variance fraction for responses with the rms error e: r (2 + r), r = e / deviation."""
     e = np.divide(e, np.sqrt(variance), out=np.ones_like(variance), where=variance > 0)
     return np.asarray(e * (2 + e))
 
@@ -324,7 +323,7 @@ def _is_large(error: Array, variance: Array, varies: Mask) -> bool:
     weights = np.where(varies, variance, 0.0)
     typical = (np.minimum(error, 1.0) * weights).sum(axis=0) / np.maximum(weights.sum(axis=0), np.finfo(float).tiny)
     unknown = varies.any(axis=0) & (weights.sum(axis=0) == 0)  # before the first runs
-    # Error of variance fractions, averaged with the variance as weight, below which no further runs are made.
+    # No further runs are made if the error of variance fractions, averaged with the variance as weight, is below this.
     return bool((np.where(unknown, 1.0, typical) > 0.04).any())
 
 
@@ -346,7 +345,7 @@ def _sampled_shares(surrogate: Piecewise, d: int) -> tuple[Array, Array, Array]:
     Saltelli and others, Computer Physics Communications 181 (2010): formula (b) of the first index, formula (f) of the
     total index.
     """
-    # Samples of each matrix for variance fractions of piecewise polynomials.
+    # Number of samples of each matrix for variance fractions of piecewise polynomials.
     A, B = np.split(Sobol().points(2048, 2 * d, seed=0), 2, axis=1)
     first, total = np.empty((2, d, *surrogate.error.shape))
     variance = np.empty(surrogate.error.shape)

@@ -9,7 +9,7 @@ import numpy as np
 from symmb._types import Array
 
 DEVIATION = 4.0
-"""Prior standard deviation of components of ridges and of log(a). It limits numbers that the runs do not determine."""
+"""Prior standard deviation of the components of ridges, and of log(a). It limits numbers that runs do not determine."""
 MEAN_RATE, DEVIATION_RATE = float(np.log(0.3)), 1.5
 """Prior mean and standard deviation of log(w) of other terms. A larger deviation requires more runs."""
 
@@ -59,7 +59,7 @@ class Ridge(Term):
 
     @property
     def vector(self) -> Array:
-        """The numbers (d + 1,) that the search changes: w, not log(w), because its sign matters, and log(a)."""
+        """The numbers (d + 1,) that the search changes: w and log(a). The sign of w matters, so log(w) is not used."""
         return np.append(self.rates, np.log(self.size))
 
     def with_vector(self, vector: Array) -> Self:

@@ -50,8 +50,8 @@ def checked(method: Method, simulator: Simulator, box: Box, bounds: Bounds, exec
 
 
 def _unused_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
-    """Warnings about varied parameters that nothing in a scene depends on. Mostly their nominal values were used."""
-    if not isinstance(simulator, SceneSimulator) or simulator.scene is None:  # as in a copy from a pickle
+    """Warnings about varied parameters that nothing in a scene depends on: usually it contains their nominal values."""
+    if not isinstance(simulator, SceneSimulator) or simulator.scene is None:  # e.g. a copy from a pickle
         return ()
     varied = [name for name, low, high in zip(box.names, box.lower, box.upper, strict=True) if low < high]
     return tuple(
@@ -62,7 +62,7 @@ def _unused_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
 
 
 def _far_nominal_values(simulator: Simulator, box: Box) -> list[str]:
-    """Remarks on nominal values far from their interval, often because of a wrong unit."""
+    """Remarks on nominal values that are far from their interval, often because of a wrong unit."""
     remarks = []
     for name, (low, high) in zip(box.names, box.bounds, strict=True):
         value = float(simulator.parameters[name])
@@ -82,7 +82,7 @@ def _without_effect(simulator: Simulator, box: Box, bounds: Bounds) -> list[str]
     if surrogate is None or isinstance(simulator, SceneSimulator):
         return []
     floor = ROUNDING * np.abs([bounds.lower, bounds.upper]).max(axis=(0, 1), initial=0.0)
-    # Effect in polynomials, relative to the width, up to which a parameter may have no effect: polynomials smooth.
+    # A parameter may have no effect if its effect in polynomials, relative to the width, is smaller.
     small = np.maximum(floor, 1e-4 * (bounds.upper - bounds.lower).max(axis=0))
     idle = np.flatnonzero(~surrogate.acting(small) & varies)
     if not len(idle):
@@ -101,12 +101,12 @@ def _without_effect(simulator: Simulator, box: Box, bounds: Bounds) -> list[str]
 def _second_look(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[tuple[str, ...], list[str]]:
     """Warnings and remarks from the nominal run and a run at a corner. Both runs are repeated by a second method.
 
-    The run at the corner is left out if the nominal run has warnings, or took a second longer than the study.
+    The run at the corner is left out if the nominal run has warnings, or if it took a second longer than the study.
     """
     if isinstance(simulator, SecondLook):
         simulator.second_look()
     own, motion = tuple(getattr(simulator, "doubts", ())), motion_of(simulator)
-    beside = motion is simulator  # widths of figures are not those of their curves
+    beside = motion is simulator  # a scalar output's width is not that of its curve
     if motion is None:
         return own, []
     first = motion.ways.two(motion.dae.p_nominal)
@@ -120,7 +120,7 @@ def _second_look(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[tuple[
     if first.seconds > bounds.seconds + _SECONDS_BEYOND_STUDY:
         left_out = f"No run at a corner was checked by a second method, because a run takes {first.seconds:.0f} s."
         return own, [*remarks, left_out]
-    signs = np.where(np.arange(len(box)) % 2 == 0, 1.0, -1.0)  # unequal ends: equal ones may keep a symmetry
+    signs = np.where(np.arange(len(box)) % 2 == 0, 1.0, -1.0)  # unequal ends, because equal ones may keep a symmetry
     p = parameter_samples(simulator, box, signs[None])[0]
     corner = motion.ways.two(p)
     doubts = corner.doubts or (_doubts_of_widths(motion, p, widths) if beside else ())
@@ -148,7 +148,7 @@ def _linear_theory_doubts(simulator: Simulator, box: Box, seconds: float) -> tup
         return ()
     end = time.perf_counter() + seconds + _SECONDS_BEYOND_STUDY
     d = len(box)
-    # Most parameters for which flexible bodies are checked at all corners. With more, two corners are checked.
+    # Largest number of parameters with checks of flexible bodies at all corners. With more, two corners are checked.
     unit = corners(d) if d <= 3 else np.repeat([[-1.0], [1.0]], d, axis=1)
     for p in parameter_samples(simulator, box, unit):
         where = ", ".join(f"{name} = {value:g}" for name, value in zip(simulator.parameters, p, strict=True))
@@ -173,7 +173,7 @@ def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
     P = np.vstack([motion.dae.p_nominal, corners_of_box])
     usual, *others = motion.formulation.pulses(motion.times)(P).tolist()
     k = int(np.argmin(others))
-    # Length of a pulse, relative to the horizon, above which the solver does not miss the pulse.
+    # The solver does not miss a pulse if its length, relative to the horizon, is larger.
     if others[k] > min(usual / 2, 1e-2 * float(np.ptp(motion.times))):
         return ()
     where = ", ".join(f"{name} = {value:g}" for name, value in zip(simulator.parameters, P[k + 1], strict=True))
@@ -184,7 +184,8 @@ def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
 
 
 def _noise_doubts(simulator: Simulator, bounds: Bounds) -> tuple[str, ...]:
-    """A warning about outputs with widths between rounding and noise. Scenes are left out: their noise is a guess."""
+    """A warning about outputs with widths between rounding and noise. Scenes are left out: their noise is only
+    estimated."""
     if isinstance(simulator, SceneSimulator) or not isinstance(simulator, Noisy) or simulator.noise is None:
         return ()
     lower, upper = bounds.inner or (bounds.lower, bounds.upper)
@@ -196,6 +197,6 @@ def _noise_doubts(simulator: Simulator, bounds: Bounds) -> tuple[str, ...]:
 
 
 _SECONDS_BEYOND_STUDY = 1.0
-"""Time [s] beyond that of a study that a check by a second method may take."""
+"""Time [s] that a check by a second method may take longer than the study."""
 _EQUAL_PAIRS = 4
-"""Pairs of runs, spread over the box, that must be equal if a parameter has no effect."""
+"""Number of pairs of runs, spread over the box, that must be equal if a parameter has no effect."""

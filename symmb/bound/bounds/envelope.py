@@ -57,7 +57,7 @@ class Envelope(WithWarnings):
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Warnings about the bounds, in sentences. Empty if no problem is known."""
+        """Warnings about the bounds, in sentences; empty if no problem is known."""
         doubts = list(self.run_doubts)
         if self.failed:
             where = f" Runs fail {self.failed_region}." if self.failed_region else ""
@@ -81,7 +81,7 @@ class Envelope(WithWarnings):
         return tuple(n for n, x, low, high in ends if max(low - x, x - high) > 1e-12 * max(-low, high, abs(x)))
 
     def _with_nominal(self) -> Self:
-        """The bounds with the nominal run and its noise. The run is made if it is not known."""
+        """The bounds with the nominal run and its noise. The run is made if it is missing."""
         if self.nominal is not None or self.study is None:
             return self
         nominal, noise = self.study.nominal
@@ -89,18 +89,17 @@ class Envelope(WithWarnings):
 
     @property
     def outer(self) -> tuple[Array, Array]:
-        """(lower, upper), widened by the estimated error if there is one."""
+        """(lower, upper), each (n_t, n_y), widened by the estimated error if there is one."""
         if self.estimate is None:
             return self.lower, self.upper
         with np.errstate(over="ignore"):
             return self.lower - self.estimate, self.upper + self.estimate
 
     def doubtful(self, share: float = DOUBTFUL) -> dict[str, float]:
-        """Outputs with an estimated error above a fraction of the width, with the time [s] from which this is so.
+        """Outputs with an estimated error above a fraction of the width, and the time [s] from which it is so large.
 
         Error and width are root mean squares from a time to the end. The width counts as at least a tenth of the width
-        over all times. Errors within the noise of the runs, and rounding, do not count. The result is empty without an
-        estimate.
+        over all times. Errors within noise and rounding do not count. The result is empty without an estimate.
         """
         require_positive("doubtful", "share", share)
         if self.estimate is None:
@@ -132,13 +131,13 @@ class Envelope(WithWarnings):
     def _doubtful_part(
         self, name: str, since: float, windows: Sequence[tuple[str, float, float]], most: int = 3
     ) -> str:
-        """Times of a large error of an output, in words: windows of time, or from a time on."""
+        """Times of a large error of an output, in words: windows of time, or a first time."""
         if len(self.t) == 1:
             return ""
         own = [ends for output, *ends in windows if output == name]
         if not own or own[-1][1] == self.t[-1]:
             assert self.estimate is not None
-            first = self.t[(self.estimate[:, self._column(name)] > 0).argmax()]  # at a known start there is no error
+            first = self.t[(self.estimate[:, self._column(name)] > 0).argmax()]  # a known start has no error
             return f" from {max(since, float(first)):g} s"
         texts = [f"from {begin:g} to {end:g} s" for begin, end in own[:most]]
         return " " + " and ".join([*texts, *(["later"] if len(own) > most else [])])
@@ -146,7 +145,7 @@ class Envelope(WithWarnings):
     def _scaled(self, estimate: Array) -> tuple[Array, Array, Array]:
         """Estimated error and width, each (n_t, n_y), and the noise or rounding (n_y,), scaled by powers of two.
 
-        The scaling prevents that squares overflow or underflow.
+        The scaling prevents overflow and underflow of squares.
         """
         scale = np.abs([self.lower, self.upper]).max(axis=(0, 1), initial=0.0)
         power = np.frexp(scale)[1]

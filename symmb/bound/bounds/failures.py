@@ -1,4 +1,4 @@
-"""Failed runs, their texts, and the simplest box of parameters with more failures than elsewhere."""
+"""Failed runs, their texts, and a simple box of parameters in which more runs fail than elsewhere."""
 
 import math
 import re
@@ -12,7 +12,7 @@ from symmb._types import Array, Indices, Mask
 from symmb.equations.model import Box
 
 _Intervals = dict[int, tuple[int, int]]
-"""For some columns, the first and the last rank of the allowed values. Equal values have equal ranks."""
+"""The first and the last rank of the allowed values, for some columns. Equal values have equal ranks."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Failure:
 
     def __str__(self) -> str:
         if all(re.search(rf"\b{re.escape(name)} ?= ?", self.message) for name in self.parameters):
-            return self.message  # messages of scenes and functions contain them
+            return self.message  # messages of scenes and functions contain parameters
         values = ", ".join(f"{name}={value:.6g}" for name, value in self.parameters.items())
         return f"{values}: t = {self.time:.6g}: {self.message}"
 
@@ -46,7 +46,7 @@ class FailedRegion:
 
     Attributes
     ----------
-    box : of all parameters
+    box : box of all parameters
     limits : (low, high) of some parameters, by their column; infinite if there is no limit
     inside, outside : number of failed runs and of all runs inside and outside of the box
     """
@@ -83,17 +83,17 @@ def failed_region(box: Box, points: Array, failed: Mask) -> str:
 def find_failed_region(box: Box, points: Array, failed: Mask) -> FailedRegion | None:
     """The box of few parameters that explains the failures best; None if failures are scattered.
 
-    Inside and outside of the box, each run fails with a probability of its own. The best box maximizes the logarithm of
-    the likelihood less a cost for each limit. The cost is the logarithm of the number of possible limits (minimum
+    Runs fail with one probability inside of the box, and with another one outside. The best box maximizes the logarithm
+    of the likelihood less a cost for each limit. The cost is the logarithm of the number of possible limits (minimum
     description length; Rissanen, Automatica 14, 1978).
     """
-    # Decimal digits to which points of the unit box are compared.
+    # Number of decimal digits to which points of the unit box are compared.
     points = np.round(points, 12)
     X = box.from_unit(points)
     ranks = np.stack([np.unique(column, return_inverse=True)[1].ravel() for column in points.T])
     intervals, best = _Intervals(), _Intervals()
     least = 0.0
-    # Most parameters that a description names.
+    # Largest number of parameters that a description names.
     for _ in range(min(3, len(box))):
         intervals = _extended(intervals, ranks, failed)
         if (score := _score(intervals, ranks, failed)) > least:
@@ -107,7 +107,7 @@ def find_failed_region(box: Box, points: Array, failed: Mask) -> FailedRegion | 
 
 
 def _extended(intervals: _Intervals, ranks: Indices, failed: Mask) -> _Intervals:
-    """The intervals with an interval of one more column. Then each interval is optimized for the others."""
+    """The intervals with an interval of one more column. Each interval is then optimized for the others."""
     free = [j for j in range(len(ranks)) if j not in intervals]
     tried = [intervals | {j: _best_interval(intervals, j, ranks, failed)} for j in free]
     intervals = max(tried, key=lambda some: _score(some, ranks, failed))
@@ -123,7 +123,7 @@ def _best_interval(others: _Intervals, j: int, ranks: Indices, failed: Mask) -> 
     runs = np.cumsum(np.bincount(ranks[j][inside], minlength=last + 1))
     bad = np.cumsum(np.bincount(ranks[j][inside & failed], minlength=last + 1))
     at = np.unique(ranks[j][inside & failed])  # an interval is best if failed runs are at its ends
-    # Most ends of an interval that are tried on each side. More take longer.
+    # Largest number of ends of an interval that are tried on each side. More take longer.
     at = at[np.linspace(0, len(at) - 1, min(len(at), 200)).round().astype(int)]
     first, end = np.concatenate([[0], at]), np.concatenate([at, [last]])
     before_runs, before_bad = (np.concatenate([[0], sums])[first][:, None] for sums in (runs, bad))
@@ -135,7 +135,7 @@ def _best_interval(others: _Intervals, j: int, ranks: Indices, failed: Mask) -> 
 
 
 def _score(intervals: _Intervals, ranks: Indices, failed: Mask) -> float:
-    """Gain of the log-likelihood by intervals, less the cost of their limits."""
+    """Gain of the log-likelihood by intervals, minus the cost of their limits."""
     inside = _inside(intervals, ranks)
     limits = sum((first > 0) + (end < ranks[j].max()) for j, (first, end) in intervals.items())
     return float(_gain((failed & inside).sum(), inside.sum(), failed)) - limits * _cost(ranks)
@@ -155,7 +155,7 @@ def _inside(intervals: _Intervals, ranks: Indices) -> Mask:
 
 
 def _gain(bad: Indices, runs: Indices, failed: Mask) -> Array:
-    """Gain of the log-likelihood if `bad` of `runs` fail inside; 0 if failures are rarer inside than outside."""
+    """Gain of the log-likelihood if `bad` of `runs` runs fail inside; 0 if failures are rarer inside than outside."""
     all_bad, n = int(failed.sum()), len(failed)
     gain = _log_likelihood(bad, runs) + _log_likelihood(all_bad - bad, n - runs) - _log_likelihood(all_bad, n)
     return np.where(bad * n > all_bad * runs, gain, 0.0)

@@ -14,11 +14,11 @@ from symmb.bound.bounds.worst_case import SIDES
 from symmb.bound.nodes import Sobol
 
 _CLOSE_TO_LIMIT = 0.03
-"""Distance of a limit divided by the width of bounds, within which lines along the axes are looked at after the search:
-a peak that passes output times makes many hills. Less misses more, more takes more runs."""
+"""Distance of a limit divided by the width of bounds. If it is smaller, lines along the axes follow after the search,
+because a peak that passes output times makes many hills. Smaller values miss more. Larger values take more runs."""
 _MISSED_HILL = 1e-3
-"""Distance divided by the width of bounds that a search may miss if it ends inside the box: beside the highest hill
-that it knows may stand one that is a little higher. tests/benchmarks/machine_tolerances.py"""
+"""Distance divided by the width of bounds that a search may miss if it ends inside the box. A slightly higher hill may
+be beside the highest known hill. tests/benchmarks/machine_tolerances.py"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,30 +72,30 @@ class _Excess:
         return excess
 
     def is_flat(self) -> bool:
-        """Whether most starts and the nominal run have the largest excess. A hill has no such plain."""
+        """Whether most starts and the nominal run have the largest excess. This does not happen on a hill."""
         least = self.largest - LAST_DIGITS * (abs(self._limit) + abs(self.largest))
         nominal = self._study.nominal[0] if np.mean(self.first >= least) > 0.5 else None
         return nominal is not None and bool((self._sign * (nominal[:, self._k] - self._limit)).max() >= least)
 
 
 def closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indices, enough: float) -> FurtherRun:
-    """The further run that is closest to a limit, or farthest beyond the limit, from a search with several starts.
+    """The further run that is closest to a limit, or farthest beyond it, from a search with several starts.
 
-    The starts are the worst runs of the study and the extremes of its polynomials, at the first of the rows (n_t,) with
-    different runs, and the nearest corners. If runs cost little, starts also include points with two parameters
-    changed, and points spread over the box. If the limit is close, lines through the best run follow. An excess above
-    `enough` ends the search.
+    The starts are the worst runs of the study, the extremes of its polynomials, and the nearest corners. They are taken
+    at the first of the rows (n_t,) that have different runs. If runs cost little, starts also include points with two
+    parameters changed, and points spread over the box. If the limit is close, lines through the best run follow. An
+    excess above `enough` ends the search.
     """
     study, box, sign = bounds.study, bounds.box, -1.0 if side == "lower" else 1.0
     assert study is not None and box is not None
     excess = _Excess(bounds, k, sign, limit)
     points = np.clip(np.concatenate([*_starts(bounds, k, side, rows)]).round(9), -1.0, 1.0)  # corners to the last digit
     points = np.concatenate([points, np.where(points < 0, -1.0, 1.0)])
-    # Many runs of a scene cost little. Other simulators make at most twice as many as the study.
+    # Many runs of a scene cost little. Other simulators make at most twice as many runs as the study.
     most = max(600, bounds.evaluations) if study.has_lanes else 2 * bounds.evaluations
     error = direct_search(excess, points, most, enough).error
     if study.has_lanes and 0 <= -excess.largest < _CLOSE_TO_LIMIT * _width(bounds, k):
-        # A poll stays on its hill. Lines over the whole box meet the other hills that its parameters make.
+        # A poll stays on its hill. Lines over the whole box find other hills along each parameter.
         lines = np.tile(excess.place, (len(box), LINE_POINTS, 1))
         lines[range(len(box)), :, range(len(box))] = np.linspace(-1.0, 1.0, LINE_POINTS)
         error = direct_search(excess, np.concatenate([excess.place[None], *lines]), most, enough).error
@@ -113,7 +113,7 @@ def _starts(bounds: Envelope, k: int, side: str, rows: Indices) -> Iterator[Arra
     d, peaks = len(box), 3 if study.has_lanes else 1
     first, some = np.zeros((1, d)), rows[:peaks]
     if bounds.attaining is not None:
-        # Neighbouring times have one run in common, so the first times alone would give the same start several times.
+        # Neighbouring times share a run, so the first times alone would give the same start several times.
         numbers = bounds.attaining.at[side][rows, k]
         some = rows[np.sort(np.unique(numbers, return_index=True)[1])[:peaks]]
         columns = [list(bounds.attaining.simulator.parameters).index(name) for name in box.names]
@@ -121,7 +121,7 @@ def _starts(bounds: Envelope, k: int, side: str, rows: Indices) -> Iterator[Arra
         first = box.to_unit(np.stack([sample.P[sample.index, columns] for sample in samples]))
     yield first
     if study.has_lanes:
-        # Corners that studies miss differ from the known worst corner in two parameters that act only together.
+        # Corners that studies miss usually differ from the known worst corner in two parameters that act only together.
         signs = [np.where(np.isin(np.arange(d), pair), -1.0, 1.0) for pair in combinations(range(d), 2)]
         yield np.reshape(signs, (-1, d)) * first[0]
         yield Sobol().points(16, d, seed=0)
@@ -133,7 +133,7 @@ def _starts(bounds: Envelope, k: int, side: str, rows: Indices) -> Iterator[Arra
 def _is_on_hill(bounds: Envelope, k: int, sign: float, excess: _Excess, floor: float) -> bool:
     """Whether the closest run is inside the box in a parameter that acts at the time of the run's extreme.
 
-    A parameter without effect at this time makes no hill beside which a higher one may stand.
+    A parameter without effect at this time makes no hill, so no higher hill can be beside it.
     """
     inside = np.abs(excess.place) < 1.0
     if bounds.surrogate is not None:

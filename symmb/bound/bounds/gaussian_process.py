@@ -9,16 +9,16 @@ from symmb._types import Array
 from symmb.bound.bounds.covariances import DEVIATION, MEAN_RATE, Ridge, Smooth, Sum, Term
 
 EXPECTED_NOISE, _LEAST_NOISE = 1e-6, 1e-10
-"""Expected and smallest variance of noise divided by the variance of responses. The noise keeps covariances regular. A
-larger noise smooths more."""
+"""Expected and smallest variance of noise divided by the variance of responses. Noise keeps covariance matrices
+regular. More noise smooths more."""
 _FARTHEST_DEVIATIONS = 3.0
-"""Largest distance of likely numbers from their expectation, in standard deviations. Larger distances overflow, smaller
+"""Largest distance of likely numbers from their expectation, in standard deviations. Larger distances overflow. Smaller
 ones exclude some responses."""
 
 
 @dataclass(frozen=True, eq=False)
 class Kernel:
-    """Covariance of responses: the sum of terms, the first of which is that of smooth functions, and noise.
+    """Covariance of responses: a sum of terms, and noise. The first term is that of smooth functions.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Kernel:
 
 @dataclass(frozen=True, eq=False)
 class GaussianProcess:
-    """Mean and standard deviation of responses given some runs, relative to the responses' own mean and deviation.
+    """Mean and standard deviation of responses for given runs, relative to the mean and deviation of these runs.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ class GaussianProcess:
         while True:
             try:
                 root = cholesky(covariance + noise * unit, lower=True)
-            except np.linalg.LinAlgError:  # rounding: points are near each other
+            except np.linalg.LinAlgError:  # rounding, because points are near each other
                 noise *= 100
             else:
                 return np.asarray(solve_triangular(root, unit, lower=True))
@@ -123,7 +123,7 @@ class GaussianProcess:
     def unlikeliness(self) -> tuple[float, Array]:
         """Negative logarithm of the likelihood of the responses, and its gradient by the vector of the kernel.
 
-        A weak prior determines numbers that have no effect on the likelihood.
+        A weak prior determines numbers without an effect on the likelihood.
         """
         kernel, m = self.kernel, self.Y.shape[1]
         mean, deviation = kernel.prior
@@ -143,8 +143,8 @@ class GaussianProcess:
         mean, deviation = self.kernel.prior
         limits = np.stack([mean - _FARTHEST_DEVIATIONS * deviation, mean + _FARTHEST_DEVIATIONS * deviation], axis=1)
         limits[-1] = np.log([_LEAST_NOISE, 1.0])  # of the noise
-        # Tolerance of the maximum of a likelihood divided by the logarithm of the likelihood, which is some hundreds.
-        # It takes a third of the steps.
+        # Tolerance of the maximum, relative to the logarithm of the likelihood, which is some hundreds. It takes a
+        # third of the steps.
         result = minimize(
             lambda vector: replace(self, kernel=self.kernel.with_vector(vector)).unlikeliness(),
             np.clip(self.kernel.vector, *limits.T),
@@ -156,7 +156,7 @@ class GaussianProcess:
         return replace(self, kernel=self.kernel.with_vector(result.x))
 
     def left_out_errors(self) -> Array:
-        """Errors (N, m) of the mean at each run without this run (Rasmussen and Williams, section 5.4.2)."""
+        """Errors (N, m) of the mean at each run if this run is left out (Rasmussen and Williams, section 5.4.2)."""
         return self._weights / np.square(self._inverse_root).sum(axis=0)[:, None]
 
     def left_out_deviations(self) -> Array:
@@ -164,11 +164,11 @@ class GaussianProcess:
         return np.abs(self.left_out_errors()).max(axis=1) * np.sqrt(np.square(self._inverse_root).sum(axis=0))
 
     def mean(self, points: Array) -> Array:
-        """Mean responses (M, m)."""
+        """Mean responses (M, m) at points (M, d)."""
         return self.kernel.values(points, self.points) @ self._weights
 
     def deviation(self, points: Array) -> Array:
-        """Standard deviation (M,) of a response without noise."""
+        """Standard deviation (M,) of a response at points (M, d), without noise."""
         root = self.kernel.values(points, self.points) @ self._inverse_root.T
         return np.sqrt(np.maximum(self.kernel.size - np.square(root).sum(axis=1), 0.0))
 
@@ -181,8 +181,7 @@ class GaussianProcess:
         return np.linalg.svd(np.concatenate(slopes), full_matrices=False)[2][0]
 
     def smallest(self, response: int, sign: float, factor: float, starts: Array) -> tuple[Array, float]:
-        """The place (d,) in the box with the smallest value of sign times a response minus some deviations, and this
-        value.
+        """The place (d,) in the box with the smallest sign * mean - factor * deviation of a response, and this value.
 
         The result is the best of local searches from the starts (S, d).
         """
@@ -194,7 +193,7 @@ class GaussianProcess:
             covariance = kernel.values(x[None], self.points)[0]
             half = root @ covariance
             deviation = np.sqrt(max(kernel.size - half @ half, 1e-16))
-            pull = weights + factor / deviation * (root.T @ half)  # of the covariances on the objective
+            pull = weights + factor / deviation * (root.T @ half)  # effect of the covariances on the objective
             gradient = np.sum([term.slope(pull, x[None], self.points)[0] for term in kernel.terms], axis=0)
             return float(weights @ covariance - factor * deviation), gradient
 

@@ -21,10 +21,9 @@ from symmb.prove import Interval, operate, parameter_intervals
 class IntervalArithmetic(Method):
     """Enclosure of plain expressions of parameters and time by natural interval arithmetic, eq. (12).
 
-    Every operation is replaced by its interval extension and rounded outward, so that the bounds contain
-    the range of the expression as CasADi stores it (its constants, the box's ends and the times as double
-    precision numbers). Mostly they are far too wide, because an argument that occurs twice is treated as two.
-    One evaluation gives all times.
+    Every operation is replaced by its interval extension and rounded outward. The bounds thus contain the range of the
+    expression as CasADi stores it: constants, ends of the box and times are double precision numbers. The bounds are
+    usually far too wide, because an argument that occurs twice counts as two arguments. One evaluation gives all times.
 
     Raises
     ------

@@ -14,30 +14,28 @@ from symmb.bound.nodes import Random, Sobol, corners
 from symmb.bound.polynomials.ranges import Piecewise
 
 _SAMPLES_OF_POLYNOMIALS, _SAMPLES_WITH_SEARCH, SAMPLES_BEFORE_RUNS = 512, 128, 32
-"""Numbers of samples of a set: from polynomials, if each sample requires a search for extremes or a run, and if runs
+"""Numbers of samples of a set: from polynomials; if each sample requires a search for extremes, or a run; and if runs
 near a limit may follow. Larger numbers take more time."""
 VERIFYING_RUNS = 32
-"""Number of runs, spread by the distributions, that verify the values of polynomials and not only their range."""
+"""Number of runs, spread by the distributions, that verify the values of polynomials, not only their range."""
 SAFETY_OF_RUNS = 2.0
-"""Largest error at these runs divided by the largest error of ranges, and rms error divided by the rms of errors of
-ranges."""
+"""Ratio of accepted errors at verifying runs to errors of ranges, for the largest and for the rms errors."""
 _FITTED_RUNS, _POINTS_INSIDE, _INTERVALS_OF_ALL_CORNERS = 256, 32, 5
-"""Number of runs of a fit if polynomials are not accurate enough, number of points inside of the intervals, and number
-of intervals of which all corners are used."""
+"""Number of runs of a fit if polynomials are not accurate enough, number of points inside the intervals, and largest
+number of intervals for which all corners are used."""
 STANDARD_ERRORS = 3.5
-"""Number of standard errors of the mean of the sets that is reported as the sampling error: 99 % of Student's t with 7
-degrees of freedom."""
+"""The reported sampling error divided by the standard error of the mean of the sets: 99 % of Student's t with 7 degrees
+of freedom."""
 
 
 class LawSamples:
-    """Samples of an output: sets of points that are spread by laws, and ranges over the parameters without a
-    distribution.
+    """Samples of an output: sets of points that follow the distributions, and ranges over the parameters without one.
 
     Attributes
     ----------
-    free : (d,)            parameters without a law
-    number : int           of all samples
-    error : (n_t,)         of the polynomials
+    free : (d,)            parameters without a distribution
+    number : int           number of all samples
+    error : (n_t,)         error of the polynomials
     surrogate : Piecewise  None if runs are the samples
     """
 
@@ -68,8 +66,8 @@ class LawSamples:
 
     @cached_property
     def checks(self) -> tuple[Array, Array]:
-        """Uniform numbers (N, n_l + n_free) of runs that are spread by the distributions, and evenly for other
-        parameters, and responses (N, n_t)."""
+        """Uniform numbers (N, n_l + n_free) of runs, and responses (N, n_t). The runs follow the distributions; other
+        parameters are spread evenly."""
         u = (Sobol().points(VERIFYING_RUNS, len(self.columns) + self.free.sum(), seed=SETS_OF_SAMPLES) + 1) / 2
         return u, self.by_runs(self.unit_points(u))
 
@@ -90,8 +88,8 @@ class LawSamples:
         self._points = self.unit_points(self._uniform)
 
     def unit_points(self, uniform: Array) -> Array:
-        """Points (N, d) of the unit box from uniform numbers (N, n_l) for the distributions, and from numbers for other
-        parameters, if given."""
+        """Points (N, d) of the unit box from uniform numbers (N, n_l), or (N, n_l + n_free) with parameters without a
+        distribution."""
         n, points = len(self.columns), np.zeros((len(uniform), len(self.free)))
         points[:, self.columns] = self._laws.unit_points(uniform[:, :n], self.responses.box)
         if uniform.shape[1] > n:
@@ -99,13 +97,13 @@ class LawSamples:
         return points
 
     def by_runs(self, points: Array) -> Array:
-        """Responses (N, n_t) of runs."""
+        """Responses (N, n_t) of runs at points (N, d)."""
         assert self.responses.runs is not None
         return self.responses.runs.values(points)[:, :, self.column]
 
     def _fit(self) -> None:
-        """Polynomials by least squares, which are less accurate, and their error at sets of runs that differ only in
-        the parameters without a distribution."""
+        """Fit polynomials by least squares, which are less accurate. Sets of runs that differ only in the parameters
+        without a distribution give their error."""
         responses, free = self.responses, np.flatnonzero(self.free)
         assert responses.runs is not None
         points, Y = responses.runs.sample(_FITTED_RUNS)
@@ -138,8 +136,8 @@ class LawSamples:
         """Windows of time, and the lowest and highest values (replicates, n, n_t) in each window."""
         surrogate, n_t = self.surrogate, len(self.responses.t)
         step = n_t
-        if surrogate is not None:  # each window computes all terms at the points again
-            # Number of values that are computed together, which fit into the cache of a processor.
+        if surrogate is not None:  # each window computes all terms again
+            # Number of values that are computed together. They fit into the cache of a processor.
             step = max(2**20 // self.number, *(len(own.alpha) for own in surrogate.expansions))
         for start in range(0, n_t, step):
             window = slice(start, min(start + step, n_t))
@@ -166,7 +164,7 @@ class LawSamples:
         responses = self.responses
         intervals = tuple(name for name, free in zip(responses.box.names, self.free, strict=True) if free)
         remarks = (*responses.remarks, *self._laws.remarks)
-        # Number of samples beyond a quantile below which a remark reports too few samples.
+        # A remark reports too few samples if fewer samples than this are beyond a quantile.
         if levels is not None and (few := np.minimum(levels, 1 - levels) * self.number < 8).any():
             text = ", ".join(f"{q:g}" for q in levels[few])
             remarks = (*remarks, f"Few of the samples are beyond the quantiles {text}: their error is a rough guess.")
@@ -176,5 +174,5 @@ class LawSamples:
 
 
 def scatter(sets: Array) -> Array:
-    """Sampling error of the mean of the results of all sets (replicates, ...)."""
+    """Sampling error of the mean over sets of results (replicates, ...)."""
     return STANDARD_ERRORS * sets.std(axis=0, ddof=1) / np.sqrt(SETS_OF_SAMPLES)

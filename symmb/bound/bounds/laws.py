@@ -1,4 +1,4 @@
-"""Distributions of parameters, cut to the box, and dependent by a Gaussian copula."""
+"""Distributions of parameters, cut to the box, with correlations by a Gaussian copula."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -30,8 +30,8 @@ class Laws:
     Attributes
     ----------
     names : n_l names
-    columns : (n_l,)           their numbers in the box
-    distributions : n_l        with `cdf` and `ppf`, as frozen distributions of SciPy have
+    columns : (n_l,)           numbers of the parameters in the box
+    distributions : n_l        objects with `cdf` and `ppf`, such as frozen distributions of SciPy
     masses : (n_l, 2)          distribution functions at the ends of the intervals
     factor : (n_l, n_l)        Cholesky factor of the correlations of the copula; None for independent parameters
     """
@@ -44,7 +44,7 @@ class Laws:
 
     @classmethod
     def of(cls, owner: str, laws: object, correlation: object, box: Box) -> "Laws":
-        """The laws of distributions by name, and of a matrix of correlations in their order."""
+        """Laws from distributions by name, and from a matrix of correlations in the same order."""
         if not isinstance(laws, Mapping) or not laws:
             raise DeclarationError(
                 f'{owner}: distributions must be given by name, such as {{"k": scipy.stats.norm(40, 1.3)}}, '
@@ -62,9 +62,9 @@ class Laws:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Which distributions lose a part outside of the box, in one sentence."""
+        """A sentence about distributions that lose a part outside of the box, or nothing."""
         outside = 1.0 - (self.masses[:, 1] - self.masses[:, 0])
-        # Probability outside of the box above which a remark reports it.
+        # A remark reports a probability outside of the box if it is larger.
         cut = {name: mass for name, mass in zip(self.names, outside.tolist(), strict=True) if mass > 1e-4}
         if not cut:
             return ()
@@ -92,7 +92,7 @@ class Laws:
 
 
 def laws_text(laws: Mapping[str, Any]) -> str:
-    """Distributions by name, as they were called."""
+    """Distributions by name, in the form of the calls that made them."""
     return "{" + ", ".join(f"{name!r}: {_law_text(law)}" for name, law in laws.items()) + "}"
 
 
@@ -115,12 +115,11 @@ def _masses(owner: str, name: str, law: Any, box: Box) -> tuple[float, float]:
     try:
         below, above = float(law.cdf(np.nextafter(low, -np.inf))), float(law.cdf(high))  # the end may have a mass
         middle = np.shape(law.ppf(np.array([below, above])))
-    except Exception as error:  # of the user's class
+    except Exception as error:  # raised by the user's class
         raise DeclarationError(f"{owner}: the distribution of {name!r} has no values: {error}.") from error
     if middle != (2,):
         raise DeclarationError(f"{owner}: ppf of the distribution of {name!r} must give a number for each number.")
-    # Probability of the box below which a distribution is outside of the box, because its quantiles there have few
-    # digits.
+    # Below this probability of the box, a distribution counts as outside, because its quantiles there have few digits.
     if not above - below >= SLIGHT:
         raise DeclarationError(
             f"{owner}: the distribution of {name!r} has a probability of {above - below:.1g} in its interval from "

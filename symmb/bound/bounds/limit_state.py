@@ -13,31 +13,31 @@ from symmb.bound.nodes import Sobol
 from symmb.bound.polynomials import TotalDegree, basis_values
 
 _CHAINS, _MOVES_OF_A_CHAIN = 3000, 4
-"""Number of samples of a level of subset simulation, and number of moves of each sample."""
+"""Number of samples at each level of subset simulation, and number of moves for each sample."""
 _FAR_RUNS, _NEAREST, _FARTHEST = 96, 3.0, 7.0
 """Number of runs in all directions, and their distances from the centre in standard deviations."""
 _KEPT_OF_A_LEVEL = 0.1
 """Fraction of samples that a level keeps."""
 _LEAST_PROBABILITY = 1e-10
-"""Probability below which an event is not searched."""
+"""Events with a smaller probability are not searched."""
 _CLUSTERS, _COVARIANCE_FACTOR, _SHARE_OF_LAWS = 8, 1.6, 0.05
-"""Number of normal distributions from which samples are drawn, factor on their covariances, because the true tails are
-heavier, and fraction of samples from the distributions of the parameters."""
+"""Number of normal distributions from which samples are drawn. Factor on their covariances, because the true tails are
+heavier. Fraction of samples from the distributions of the parameters."""
 SETS_OF_SAMPLES, _SAMPLES_OF_A_SET = 8, 2048
 """Number of independent sets of samples, and number of samples of a set."""
 _POOL_OF_RUNS = 4096
 """Number of samples from which the places of runs are chosen."""
 _RUNS_OF_A_ROUND = 48
-"""Number of runs of a round, at samples whose predicted sign is most likely wrong. They correct the probability."""
+"""Number of runs of a round, where the predicted sign is most likely wrong. These runs correct the probability."""
 _RUNS_OVER_FAILURES = 0.25
-"""Fraction of these runs that is spread over all failures."""
+"""Fraction of the runs of a round that is spread over all failures."""
 EXPECTED_IF_NONE = 3.0
 """Expected number of wrong samples if none is observed, at a confidence of 95 %."""
 _STANDARD_ERRORS = 3.0
-"""Number of standard errors that is reported as the error."""
+"""The reported error divided by the standard error."""
 
 Normal = Callable[[Array], Array]
-"""Values for standard normal numbers (N, n_l)."""
+"""A function of standard normal numbers (N, n_l)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +47,8 @@ class RareEvent:
     Attributes
     ----------
     probability, error : float
-    shares : (n_t,)        share of the failures that are failures at each time
-    failures : int         runs that tell these shares
+    shares : (n_t,)        fraction of the failures that occur at each time
+    failures : int         number of runs from which these fractions follow
     runs : int
     """
 
@@ -62,18 +62,18 @@ class RareEvent:
 def rare_event(points_of: Normal, margins: Normal, known: tuple[Array, Array], aim: float, most: int) -> RareEvent:
     """Probability that the largest margin over time is positive.
 
-    Each round fits a Gaussian process to the margins of all runs, looks for its failures by subset simulation, samples
-    around them, and makes runs where the sign is least sure. These runs correct the probability, and enter the next
+    Each round fits a Gaussian process to the margins of all runs. Subset simulation finds its failures, and samples are
+    drawn around them. Runs are made where the sign is least certain. They correct the probability, and enter the next
     fit. (Echard, Gayton and Lemaire, Structural Safety 33 (2011); Dubourg, Sudret and Deheeger, Probabilistic
     Engineering Mechanics 33 (2013))
 
     Parameters
     ----------
-    points_of : points (N, n_l) at which the process is fitted
-    margins : by runs (N, n_t)
+    points_of : function that gives the points (N, n_l) at which the process is fitted
+    margins : function that gives margins (N, n_t) by runs
     known : standard normal numbers (N, n_l) and margins (N, n_t) of runs that were made
     aim : relative error at which to stop
-    most : most runs
+    most : largest number of runs
     """
     rng, n_l = np.random.default_rng(0), known[0].shape[1]
     far = _directions(n_l)
@@ -89,15 +89,16 @@ def rare_event(points_of: Normal, margins: Normal, known: tuple[Array, Array], a
             pool = rng.choice(len(samples), _POOL_OF_RUNS, replace=False)
             at, share = points_of(samples[pool]), weights[pool] / _POOL_OF_RUNS
             s = process.mean(at)
-            doubt = np.exp(-0.5 * np.square(s / process.deviation(at)))  # of the sign
-        # The variance of the correction is least if runs have a density of share times the root of the probability that
-        # the sign is wrong. Some runs are spread over all failures, to find signs that the process is wrongly sure of.
+            doubt = np.exp(-0.5 * np.square(s / process.deviation(at)))  # doubt of the sign
+        # The variance of the correction is smallest if the density of runs is the share times the root of the
+        # probability of a wrong sign. Some runs are spread over all failures, to find wrong signs that the process
+        # takes as certain.
         uncertain, failing = _normalized(share * np.sqrt(doubt)), _normalized(share * (s > 0))
         density = _normalized((1 - _RUNS_OVER_FAILURES) * uncertain + _RUNS_OVER_FAILURES * failing)
         chosen = rng.choice(_POOL_OF_RUNS, _RUNS_OF_A_ROUND, p=density)
         Y = margins(samples[pool][chosen])
         fails, each = Y.max(axis=1) > 0, share[chosen] / density[chosen]
-        # The process gives most of the probability without runs. Runs only add what it gets wrong, so that few suffice.
+        # The process gives most of the probability without runs. Runs only correct its errors, so that few suffice.
         wrong = (fails.astype(float) - (s[chosen] > 0)) * each
         unseen = EXPECTED_IF_NONE / _RUNS_OF_A_ROUND * float((share * doubt).sum())
         of_wrong = max(_STANDARD_ERRORS * float(wrong.std(ddof=1)) / np.sqrt(_RUNS_OF_A_ROUND), unseen)
@@ -128,9 +129,8 @@ def _directions(n_l: int) -> Array:
 
 
 def _fitted_runs(m: Array, first: int) -> Indices:
-    """Numbers of the first runs, which are spread over all possible failures, and of later runs near the limit."""
-    # Largest number of runs in a fit. The runs closest to the limit are used, because the time grows with the cube of
-    # the number.
+    """Numbers of the runs for a fit: the first ones, spread over all possible failures, and some near the limit."""
+    # Largest number of runs in a fit, because the time grows with its cube. The runs closest to the limit are used.
     near = first + np.argsort(np.abs(m[first:]))[:400]
     return np.concatenate([np.arange(first), near])
 
@@ -142,15 +142,15 @@ def _normalized(density: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Margin:
-    """A polynomial of first or second degree, and a Gaussian process of what it leaves.
+    """A polynomial of first or second degree, and a Gaussian process of the residuals.
 
     Attributes
     ----------
     trend : (n_b,)             coefficients of the polynomial
-    centre, scale : (n_l,)     of points, in whose units the process is
-    size : float               unit of what is left
-    of_kernel : int            runs to which the kernel was fitted
-    factor : float             of deviations, by the errors of left-out runs
+    centre, scale : (n_l,)     of points; the process takes points minus centre, divided by scale
+    size : float               unit of the residuals
+    of_kernel : int            number of runs to which the kernel was fitted
+    factor : float             factor on deviations, from leave-one-out errors
     """
 
     trend: Array
@@ -194,11 +194,9 @@ class _Margin:
         return self.size * self.factor * np.maximum(self.process.deviation((x - self.centre) / self.scale), least)
 
     def optimistic(self, x: Array) -> Array:
-        """Margins (N,) plus the leave-one-out error. The standard deviation at each point would take a hundred times as
-        long."""
+        """Margins (N,) plus the leave-one-out error. Standard deviations would take a hundred times as long."""
         error = float(np.sqrt(np.square(self.process.left_out_errors()).mean()))
-        # Number of errors by which a margin may be larger in the search for failures. Smaller numbers miss regions
-        # without runs.
+        # The search for failures adds this many errors to a margin. Smaller numbers miss regions without runs.
         return self.mean(x) + 1.5 * self.size * error
 
 
@@ -211,11 +209,11 @@ def _sampled(
         return process.optimistic(points_of(z))
 
     z = _failures(margin, n_l, rng)
-    if len(failed):  # no region that a run has met is lost
+    if len(failed):  # no region with a failed run is lost
         near = failed[rng.choice(len(failed), _CHAINS)]
         moved = near, np.maximum(margin(near), 0.0)
         for _ in range(_MOVES_OF_A_CHAIN):
-            # Size of moves from runs that failed towards places with likely failures.
+            # Size of moves from failed runs towards places with likely failures.
             moved = _moved(margin, 0.0, *moved, 0.3, rng)
         z = np.concatenate([z, moved[0]])
     centres, roots = _clusters(z, rng)
@@ -226,7 +224,7 @@ def _sampled(
     normal = ndtri(np.clip(uniform[:, 1:], 1e-15, 1 - 1e-15))
     samples = centres[which] + np.einsum("nij,nj->ni", roots[which], normal)
     squares, density = np.square(samples).sum(axis=1), np.zeros(len(samples))
-    # The density of the samples over that of the parameters. Their normalizing factors cancel, but for determinants.
+    # The density of the samples divided by that of the parameters. Normalizing factors cancel except for determinants.
     for share, centre, root in zip(shares, centres, roots, strict=True):
         inner = np.square(np.linalg.solve(root, (samples - centre).T)).sum(axis=0)
         density += share * np.exp(0.5 * (squares - inner)) / np.prod(np.diag(root))
@@ -253,7 +251,7 @@ def _failures(margin: Normal, n_l: int, rng: np.random.Generator) -> Array:
 def _moved(
     margin: Normal, level: float, z: Array, m: Array, step: float, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Samples beyond a level, as many as given, after moves that keep their distribution there."""
+    """As many samples beyond a level as given, after moves that keep their distribution there."""
     start = rng.choice(np.flatnonzero(m >= level), len(z))
     z, m = z[start], m[start]
     for _ in range(_MOVES_OF_A_CHAIN):

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Limits = Mapping[str, tuple[float | str | None, float | str | None] | tuple[float | None, float | None, str]]
-"""Limits (low, high) of outputs by name, in any unit that fits, such as ("75 deg/s", None). One end may be None."""
+"""Limits (low, high) of outputs by name, with or without units, such as ("75 deg/s", None). One end may be None."""
 _RISE_SAFETY = 2.0
 """Safety factor on the estimated rise between two output times. The curve may rise more than the parabola."""
 WARNED = "See the warnings"
@@ -52,9 +52,9 @@ class KeptLimit:
     output, unit : str
     low, high : float          limits, infinite if there is none
     kept : True, False, None   whether all responses are inside; None if the bounds do not decide this
-    why : str                  the reason, or how to decide the limit, in a sentence
-    margin : (n_t,)            distance of the bounds from the closer limit, negative beyond the limit. Further runs
-                               may show that it is larger: this larger distance is given
+    why : str                  a sentence: the reason, or how to decide the limit
+    margin : (n_t,)            distance of the bounds from the closer limit, negative beyond the limit. If further runs
+                               show a larger distance, this one is given
     further : FurtherRun       the further run that comes closest to the limit, or None if none was made
     width : float              largest width of the bounds
     """
@@ -71,7 +71,7 @@ class KeptLimit:
 
     @property
     def share(self) -> float:
-        """The margin m relative to the width w, m / (|m| + w), from -1 to 1. It compares limits of different units."""
+        """The margin m relative to the width w, m / (|m| + w), from -1 to 1. It compares limits of any units."""
         least = float(self.margin.min())
         return least / (abs(least) + self.width) if least and np.isfinite(least) else float(np.sign(least))
 
@@ -155,7 +155,7 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
         return float(limit.margin[limit.row]), float(self.t[limit.row])
 
     def to_json(self) -> dict[str, dict[str, Any]]:
-        """The result of each limit, its reason, its smallest margin with the time, and its ends (None if infinite)."""
+        """For each limit: the result, the reason, the smallest margin, its time, and the ends (None if infinite)."""
         results = {}
         for limit in self.limits:
             margin, time = self._least(limit)
@@ -188,7 +188,7 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
 
 
 def other_side(bounds: Envelope, limit: KeptLimit, side: str) -> str:
-    """A sentence if bounds exceed the end of a violated limit that is not on the given side; otherwise empty."""
+    """A sentence if bounds exceed the end of a violated limit opposite to the given side; otherwise empty."""
     k = bounds.names.index(limit.output)
     excess = limit.low - bounds.lower[:, k] if side == "upper" else bounds.upper[:, k] - limit.high
     row, verb = int(excess.argmax()), "fall below" if side == "upper" else "exceed"
@@ -223,14 +223,14 @@ def between_times(bounds: Envelope, limits: Sequence[KeptLimit]) -> list[str]:
 
 
 def _rise(t: Array, y: Array) -> Array:
-    """Rise (n_t - 2,) of the parabola through each inner value and its neighbours above the value; 0 without a peak."""
+    """Rise (n_t - 2,) above each inner value of the parabola through it and its neighbours; 0 without a peak."""
     left, right = np.diff(y)[:-1] / np.diff(t)[:-1], np.diff(y)[1:] / np.diff(t)[1:]
     before, after = np.diff(t)[:-1], np.diff(t)[1:]
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = (left * after + right * before) / (before + after)
         rise = slope**2 * (before + after) / (4 * (left - right))
     least = SAME * np.abs(y).max()
-    flat = np.pad((np.abs(left) * before <= least) & (np.abs(right) * after <= least), 1)  # limited to a value
+    flat = np.pad((np.abs(left) * before <= least) & (np.abs(right) * after <= least), 1)  # the output saturates
     peaks = (left >= 0) & (right <= 0) & (left > right) & ~(flat[:-2] | flat[1:-1] | flat[2:])
     return np.where(peaks, rise, 0.0)
 
@@ -268,7 +268,7 @@ def kept_limit(bounds: Envelope, output: str, low: float, high: float) -> KeptLi
 
 
 def _by_nominal_run(bounds: Envelope, k: int, low: float, high: float, found: _Decision) -> _Decision:
-    """Violated, if the nominal parameters lie in the box and the nominal run is beyond the limit; else `found`."""
+    """Violated if the nominal parameters are in the box and the nominal run is beyond the limit; otherwise `found`."""
     if bounds.nominal is None or bounds.box is None or bounds._left_out:
         return found
     margin = np.minimum(bounds.nominal[:, k] - low, high - bounds.nominal[:, k])
@@ -278,7 +278,7 @@ def _by_nominal_run(bounds: Envelope, k: int, low: float, high: float, found: _D
 
 
 def _unit_told(bounds: Envelope, k: int) -> str:
-    """The unit of output number k, to be appended to numbers. It is empty for SI units."""
+    """The unit of output number k, for use after numbers; empty for SI units."""
     return f" {typeset(told_units(bounds.units, len(bounds.names))[k])}".rstrip()
 
 
@@ -289,7 +289,7 @@ def _rounding(bounds: Envelope, k: int) -> float:
 
 
 def _doubt(bounds: Envelope, output: str) -> str:
-    """The first warning about an output, except on its estimated error; '' if there is none."""
+    """The first warning about an output that is not about its estimated error; '' if there is none."""
     if doubts := [doubt for doubt in bounds.run_doubts if concerned(doubt, [output])]:
         return doubts[0]
     return "Runs failed." if bounds.failed else f"The bounds are {bounds.caution}." if bounds.caution else ""
@@ -335,12 +335,12 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
     margin = bounds.lower[:, k] - limit if side == "lower" else limit - bounds.upper[:, k]
     estimate, rounding, further = bounds.estimate[:, k], _rounding(bounds, k), None
     unit = _unit_told(bounds, k)
-    # Distance of a limit from the bounds, relative to the estimated error, below which further runs decide.
+    # Further runs decide if the distance of a limit from the bounds, relative to the estimated error, is smaller.
     near = 2.0 * estimate
     if bounds.study is not None and bounds.study.has_lanes:
-        # If the limit is closer than this fraction of the width, further runs look for extremes that the study missed,
-        # such as corners that differ in two parameters from the best one. A smaller fraction misses more extremes. A
-        # larger one spends runs on limits that are far away.
+        # If the limit is closer than this fraction of the width, further runs look for extremes that the study missed.
+        # An example is a corner that differs in two parameters from the best one. A smaller fraction misses more
+        # extremes. A larger fraction spends runs on limits that are far away.
         near = near + 0.5 * (bounds.upper - bounds.lower)[:, k].max()
     if bounds.study is not None and (margin < near).any():
         further = closest_run(bounds, k, side, limit, np.argsort(margin, kind="stable"), rounding)
@@ -402,7 +402,7 @@ def _ends(owner: str, name: str, pair: object, unit: str) -> tuple[float, float]
 
 
 def _pair(own: str, pair: object) -> Sequence[Any]:
-    """The two ends of a limit as they are given. A unit after the two ends applies to both."""
+    """The two ends of a limit as given. A unit after the two ends applies to both."""
     if isinstance(pair, list | tuple) and len(pair) == 3 and isinstance(pair[2], str):
         pair = tuple(end if end is None else (end, pair[2]) for end in pair[:2])
     if not isinstance(pair, list | tuple) or len(pair) != 2 or all(end is None for end in pair):

@@ -23,7 +23,7 @@ from symmb.run.simulation import DAESimulator
 
 
 class Method(ABC):
-    """A method to bound responses over a box. Subclasses are frozen dataclasses whose fields are the options."""
+    """A method to bound responses over a box. Subclasses are frozen dataclasses. Their fields are the options."""
 
     kind: ClassVar[Kind]
     unit_of_work: ClassVar[str] = "runs"
@@ -33,8 +33,8 @@ class Method(ABC):
 
     @property
     def doubtful_miss(self) -> float:
-        """Share of the width above which a disagreement with check runs is a warning. It is half of the estimated error
-        that is a warning, because a few runs see only a part of an error."""
+        """Share of the width above which a disagreement with check runs causes a warning. It is half of the share for
+        estimated errors, because a few runs see only a part of an error."""
         return 0.05
 
     def bounds(
@@ -47,7 +47,7 @@ class Method(ABC):
         simulator : source of the trajectories
         box : intervals of some or all parameters; the others keep their nominal values
         executor : anything with an ordered ``map``; None runs in this thread
-        progress : called with the finished runs and all runs
+        progress : called with the number of finished runs and of all runs
 
         Returns
         -------
@@ -61,7 +61,7 @@ class Method(ABC):
         PropagationError
             If the simulator lacks what the method needs, or too many runs fail.
         KeyboardInterrupt
-            If it is interrupted: ``partial`` then holds Bounds that the runs so far attained, if there are any.
+            If it is interrupted. ``partial`` then contains the Bounds that the runs so far attained, if there are any.
         """
         for name in box.names:
             require_name("Box", "parameter", name, simulator.parameters)
@@ -85,7 +85,7 @@ class Method(ABC):
         return replace(result, seconds=seconds, **_about(simulator, box))
 
     def planned_runs(self, d: int) -> int | None:
-        """Number of runs for d uncertain parameters, derivatives included; None where it is not known before."""
+        """Number of runs for d uncertain parameters, derivatives included; None if it is not known in advance."""
         return None
 
     def _result(self, simulator: Simulator, lower: Array, upper: Array, evaluations: int, **details: Any) -> Bounds:
@@ -107,7 +107,7 @@ class Method(ABC):
 
 
 def require_method(owner: str, method: object) -> Method:
-    """The given method. DeclarationError is raised for anything else."""
+    """The given method. DeclarationError is raised for other objects."""
     if isinstance(method, type):
         raise DeclarationError(f"{owner}: got the class {method.__name__}; call it, as in Vertex() or Taylor(order=2).")
     if not isinstance(method, Method):
@@ -141,7 +141,7 @@ def parameter_columns(simulator: Simulator, box: Box) -> list[int]:
 
 
 def unit_jets(method: Method, simulator: Simulator, box: Box, point: Array, directions: Array, order: int) -> Array:
-    """Taylor coefficients (order + 1, m, n_t, n_y) about a point (d,) along directions (m, d), all of [-1, 1]^d."""
+    """Taylor coefficients (order + 1, m, n_t, n_y) about a point (d,) along directions (m, d), both in [-1, 1]^d."""
     if not isinstance(simulator, Jets):
         figures = ", ".join(getattr(simulator, "figures", ()))
         source = f"scalar outputs ({figures}) have" if figures else f"{simulator!r} gives"
@@ -162,7 +162,7 @@ def possible_values(simulator: Simulator, box: Box) -> tuple[Array, Array]:
     """Smallest and largest values (n_t, n_y) of the outputs over a box, for all states; infinite if unknown."""
     shape = len(simulator.times), len(simulator.outputs)
     lower, upper = np.full(shape, -np.inf), np.full(shape, np.inf)
-    # Number of operations of outputs whose interval extension takes a tenth of a second.
+    # Largest number of operations of outputs. Their interval extension takes a tenth of a second.
     if not isinstance(simulator, DAESimulator) or simulator.y.n_instructions() > 10_000:
         return lower, upper
     y, anything = simulator.y, Interval(np.array(-np.inf), np.array(np.inf))

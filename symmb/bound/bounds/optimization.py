@@ -1,4 +1,4 @@
-"""Bounds by optimisation of the responses, all outputs and times together, with derivatives of the runs."""
+"""Bounds by optimisation of the responses of all outputs and times together, with derivatives of the runs."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -24,27 +24,27 @@ _SIGNS = np.array([1.0, -1.0]).reshape(2, 1, 1)
 
 @dataclass(frozen=True)
 class Optimization(Method):
-    """Smallest and largest responses found by Newton steps from the best runs, of all outputs and times together.
+    """Smallest and largest responses of all outputs and times together, by Newton steps from the best runs.
 
-    A run with first derivatives gives value and gradient of every output at every time. For each minimum and maximum, a
-    quadratic about its best run predicts a better point of the box. The quadratic has secant curvature. The next runs
-    are those with the best predictions, and each run is also used for all other extremes. This takes the first half of
-    the budget. The other half is for runs without derivatives at the points that the last quadratics predict. The
-    bounds are attained. Their ``estimate`` is their distance from the prediction plus the last change of the
-    prediction; an extreme far from every run may be missed. The executor makes the runs without derivatives.
+    A run with first derivatives gives the value and the gradient of every output at every time. For each minimum and
+    maximum, a quadratic with secant curvature about its best run predicts a better point of the box. The next runs are
+    those with the best predictions, and each run also serves all other extremes. This takes the first half of the
+    budget. The other half is for runs without derivatives at the points that the last quadratics predict. Runs attain
+    the bounds. Their ``estimate`` is their distance from the prediction plus the last change of the prediction. An
+    extreme far from every run may be missed. The executor makes the runs without derivatives.
 
     Parameters
     ----------
     budget : most evaluations; a run with first derivatives in d parameters counts 1 + d
-    tolerance : predicted improvement below which no run is made, as a share of the width at that time
+    tolerance : no run is made if its predicted improvement, divided by the width at that time, is smaller
 
     Raises
     ------
     DeclarationError
-        If the budget is not a positive integer or the tolerance not between 0 and 1.
+        If the budget is not a positive integer, or the tolerance is not between 0 and 1.
     PropagationError
-        From ``bounds``: the simulator gives no derivatives, they are not finite, or the first half of the budget
-        is less than one run with them.
+        From ``bounds``: the simulator gives no derivatives, they are not finite, or the first half of the budget is
+        less than one run with derivatives.
     SimulationError
         From ``bounds``: a run with derivatives fails.
 
@@ -91,7 +91,7 @@ class Optimization(Method):
     def _descended(
         self, simulator: Simulator, box: Box, progress: Progress | None
     ) -> tuple[Quadratics, Array, Array, Array, int]:
-        """Last quadratics of the runs with derivatives, smallest values found, smallest gains, last prediction, and
+        """Last quadratics of the runs with derivatives, smallest values, smallest gains, last prediction, and
         evaluations. A maximum of y is a minimum of -y: the arrays contain all y, then all -y."""
         d, shape = len(box), (len(simulator.times), len(simulator.outputs))
         cost = 1 + d
@@ -118,8 +118,8 @@ class Optimization(Method):
             least = self.tolerance * np.tile(_widths(Y, G).ravel(), 2)
             before = attained if predicted is None else predicted
             predicted = attained - models.gain
-            # Number of runs with derivatives between two fits. A smaller number uses each run better, but each fit
-            # takes time.
+            # Number of runs with derivatives between two fits. Smaller numbers use runs better, but each fit takes
+            # time.
             new = models.promising(least, min(8, most - len(X)))
             if not len(new):
                 return models, attained, least, before, len(X) * cost
@@ -129,12 +129,12 @@ class Optimization(Method):
 
 
 def _widths(Y: Array, G: Array) -> Array:
-    """Widths (n_t, n_y) that are the scales of gains, from responses (N, n_t, n_y) and gradients (N, d, n_t, n_y).
+    """Widths (n_t, n_y), the scales of gains, from responses (N, n_t, n_y) and gradients (N, d, n_t, n_y).
 
     The width of a single run follows from its tangent. The width is inf if an output is always 0.
     """
     width = np.ptp(Y, axis=0) if len(Y) > 1 else 2 * np.abs(G[0]).sum(axis=0)
-    # Smallest width of an output at a time, over its largest width over all times.
+    # Smallest width of an output at a time, divided by its largest width over all times.
     least = np.maximum(1e-2 * width.max(axis=0), SAME * np.abs(Y).max(axis=(0, 1)))
     widths = np.maximum(width, least)
     return np.where(widths > 0, widths, np.inf)

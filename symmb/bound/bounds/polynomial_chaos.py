@@ -40,23 +40,24 @@ _CLENSHAW_CURTIS, _GAUSS, _TENSOR_DEGREE, _EXACT = ClenshawCurtis(), Gauss(), Te
 
 
 _Responses = tuple[Array, tuple[Array, Array], Mask, tuple[Failure, ...]]
-"""Coefficients (n_b, n_t n_y), extremes of the runs, each (n_t, n_y), which did not fail (N,), and the failed ones."""
+"""Coefficients (n_b, n_t n_y), extremes of the runs, each (n_t, n_y), mask (N,) of successful runs, failed runs."""
 
 
 @dataclass(frozen=True)
 class PolynomialChaos(Method):
     """Bounds of a Legendre expansion y(xi) = sum a_i phi_i(xi) fitted to runs at nodes of the box, eq. (20).
 
-    ``PolynomialChaos()`` chooses its nodes until the estimated error is small enough: tensor grids for up to three
-    parameters, and check runs at the extremes of the expansion. Runs near the kinks of one parameter decide them, and
-    the box is cut into pieces where they do not. For more parameters each output has a sparse grid of its own that
-    grows where it varies, and check runs. If that takes too many runs, corners and further runs near extremes attain
-    the bounds. Other simulators than scenes first try corners: they are the extremes of responses that rise or fall
-    with each parameter. Outputs with few times, up to eight numbers, are left to a Gaussian process that looks for
-    directions in which they vary. Bumps that are narrower than 0.2 of the half width of the box in two parameters, 0.4
-    in three or 0.5 in four (their standard deviation) may be missed without a warning. ``PolynomialChaos(probes=200)``
-    finds more of them. ``PolynomialChaos(order=4)`` has a given order: interpolation at Clenshaw-Curtis nodes and the
-    exact range of the interpolant. ``PolynomialChaos.paper(order=2)`` is the method of the paper.
+    ``PolynomialChaos()`` chooses nodes until the estimated error is small enough. For up to three parameters it uses
+    tensor grids, and check runs at the extremes of the expansion. For one parameter, runs near kinks reduce their
+    error. If this does not suffice, the box is cut into pieces. For more parameters, each output has a separate sparse
+    grid, which grows where the output varies, and check runs. If that takes too many runs, corners and further runs
+    near extremes attain the bounds. Simulators that are not scenes try corners first: these are the extremes of
+    responses that rise or fall with each parameter. Outputs with few times, up to eight values, use a Gaussian process
+    that finds the directions in which they vary. Narrow bumps may be missed without a warning: those with a standard
+    deviation below 0.2 of the half width of the box in two parameters, 0.4 in three or 0.5 in four.
+    ``PolynomialChaos(probes=200)`` finds more of them. ``PolynomialChaos(order=4)`` has a given order: interpolation at
+    Clenshaw-Curtis nodes and the exact range of the interpolant. ``PolynomialChaos.paper(order=2)`` is the method of
+    the paper.
 
     Parameters
     ----------
@@ -64,22 +65,22 @@ class PolynomialChaos(Method):
     nodes : ClenshawCurtis(), Gauss(), ChebyshevGauss(), Leja() or SparseGrid(...)
     basis : TensorDegree(), TotalDegree() or HyperbolicCross(q=...)
     range : Exact(...), Bernstein(...), ChebyshevInclusion(), or LegendreInclusion() as in the paper
-    tolerance : without order: estimated error at which to stop, as a share of the response width
-    budget : without order: most runs allowed
-    seconds : without order: most seconds beyond those of the runs; None: 1 s, and three times the seconds of the runs
-    probes : without order: further runs, evenly spread over the box, with which the surrogate must agree. They find
-        effects in small parts of the box
-    lockstep : advance all nodes together from one output time to the next and expand there (Fig. 4), which needs a
-        simulator that can march and does not use the executor; otherwise each node runs separately (Fig. 5)
+    tolerance : without order: estimated error at which the study stops, divided by the width of the response
+    budget : without order: largest number of runs
+    seconds : without order: longest time in addition to the runs [s]; None: 1 s plus three times the time of the runs
+    probes : without order: number of further runs, evenly spread over the box, with which the surrogate must agree.
+        They find effects in small parts of the box
+    lockstep : advance all nodes together from one output time to the next, and expand there (Fig. 4). This needs a
+        simulator that can march, and does not use the executor. Otherwise each node runs separately (Fig. 5)
 
     Raises
     ------
     DeclarationError
-        If an option is out of its range, or given where it has no meaning.
+        If an option is out of its range, or has no meaning with the other options.
     PropagationError
-        From ``bounds``: too many nodes failed for least squares over the others, or, without order, some of the first
-        ones (later ones are predicted); the nodes do not determine the basis; lockstep without a simulator that
-        can march; the budget is below the first level.
+        From ``bounds``: too many nodes failed for least squares over the others; without order, some of the first nodes
+        failed (later ones are predicted); the nodes do not determine the basis; the simulator cannot march in lockstep;
+        the budget is below the first level.
 
     Examples
     --------
@@ -170,10 +171,10 @@ class PolynomialChaos(Method):
         return self._result(simulator, lower, upper, len(P), **details)
 
     def _range(self, expansion: Expansion) -> tuple[Array, Array]:
-        """Lower and upper bounds, each (m,), of all responses. Products of very large or small numbers are avoided."""
+        """Lower and upper bounds (m,) of all responses. Products of very large or small numbers are avoided."""
         coefficients = expansion.coefficients.reshape(len(expansion.alpha), -1)
         power = np.frexp(np.maximum(coefficients.max(axis=0), -coefficients.min(axis=0)))[1]
-        # Powers of two between which coefficients are multiplied with each other as they are.
+        # Coefficients between these powers of two are multiplied with each other without scaling.
         if (np.abs(power) < 100).all():
             return self.range.bounds(expansion.alpha, coefficients)
         lower, upper = self.range.bounds(expansion.alpha, np.ldexp(coefficients, -power))

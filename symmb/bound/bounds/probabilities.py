@@ -34,14 +34,14 @@ _MOST_RUNS_NEAR_LIMIT = 1000
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Figures(Result):
-    """What quantiles and probabilities share.
+    """Attributes that quantiles and probabilities share.
 
     Attributes
     ----------
     output, unit : str
     t : (n_t,)             times [s]
-    laws : str             distributions of the parameters that have one
-    intervals : names      of the parameters that have none
+    laws : str             distributions of parameters, in words
+    intervals : names      of the parameters without a distribution
     samples : int
     runs : int             further runs that were made
     remarks : sentences
@@ -88,7 +88,7 @@ class Quantiles(Figures):
     ----------
     levels : (n_q,)                probabilities
     lower, upper : (n_q, n_t)      lowest and highest quantile, for all values of the parameters without a distribution;
-                                   they are the same if all parameters have one
+                                   equal if all parameters have one
     estimate : (n_q, n_t)          estimated error: that of the polynomials and of sampling
     """
 
@@ -128,10 +128,9 @@ class Probability(Figures):
     Attributes
     ----------
     event : str                the event
-    lower, upper : (n_t,)      lowest and highest probability at each time; the same if all parameters have
-                               distributions
+    lower, upper : (n_t,)      lowest and highest probability at each time; equal if all parameters have distributions
     estimate : (n_t,)          estimated error: that of the polynomials and of sampling
-    ever : (lower, upper, estimate)    of the event at any output time
+    ever : (lower, upper, estimate)    the same for the event at any output time
     """
 
     event: str
@@ -185,7 +184,7 @@ def _quantiles_and_scatter(values: Array, q: Array) -> tuple[Array, Array]:
     sets.sort(axis=2)  # np.quantile takes five times as long
     whole = sets.reshape(len(sets), -1).copy()
     whole.sort(axis=1)
-    # Number of samples next to a quantile that cannot be distinguished from it.
+    # Number of samples next to a quantile that cannot be distinguished from the quantile.
     near = 2.0 / whole.shape[1]
     quantiles, above, below = (_of_sorted(whole, np.clip(q + sign * near, 0, 1)) for sign in (0, 1, -1))
     sampling = scatter(np.moveaxis(_of_sorted(sets, q), 2, 0))
@@ -205,7 +204,7 @@ def probability_of(
 ) -> Probability:
     """Probability that an output is above one value or below another; see `Bounds.probability`.
 
-    If parameters without a distribution give a sample a range, the event is certain if the whole range is on one side.
+    Parameters without a distribution give a sample a range. The event is certain if the range is on one side.
     """
     owner = "Bounds.probability"
     k = responses.column(owner, output)
@@ -230,7 +229,7 @@ def probability_of(
 
 
 def _event(owner: str, responses: Responses, k: int, above: object, below: object) -> tuple[tuple[float, float], str]:
-    """The values below and above which the event happens, infinite if there is none, and the event in words."""
+    """The values below and above which the event happens, infinite if not given, and the event in words."""
     thresholds = [value for value in (below, above) if value is not None]
     unit = responses.units[k] if responses.units else ""
     ends = [number_in(owner, f"output {responses.names[k]!r}", value, unit) for value in thresholds]
@@ -322,7 +321,7 @@ def samples_of(
 
 
 def _values(responses: Responses, points: Array) -> Array:
-    """Responses (N, n_t, n_y) at these points, of polynomials that agree with some runs, or of runs."""
+    """Responses (N, n_t, n_y) at points, from polynomials that agree with some runs, or from runs."""
     surrogate, runs = responses.surrogate, responses.runs
     if surrogate is not None and responses.is_good.all():
         if runs is None:

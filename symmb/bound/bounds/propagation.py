@@ -39,23 +39,23 @@ def propagate(
     method : PolynomialChaos(...), Taylor(...), MonteCarlo(...), Scanning(...), ..., or its text on the command line,
         such as "pce:4"; default: PolynomialChaos()
     box : intervals of some or all parameters; the others keep their nominal values; default: that of the scene
-    solver : of a Scene, or its text such as "cvodes:1e-9"; default: chosen by pilot runs, mostly DormandPrince()
+    solver : solver of a Scene, or a text such as "cvodes:1e-9"; default: pilot runs choose it, usually DormandPrince()
     executor : anything with an ordered ``map`` (thread or process pool, Dask); the result does not depend
         on it
-    progress : called with the number of finished runs and of all runs, which grows for adaptive methods. These also
-        call its method ``estimate``, if it has one, with the estimated error so far. Default: a bar, in notebooks and
-        terminals
+    progress : called with the number of finished runs and of all runs. Adaptive methods increase the number of all
+        runs, and pass the estimated error so far to a method ``estimate`` of it, if it has one. Default: a bar, in
+        notebooks and terminals
 
     Returns
     -------
     Bounds
-        ``lower`` and ``upper`` (n_t, n_y). Their ``warnings`` say what is uncertain about them; Python issues a
-        SymmbWarning as well.
+        ``lower`` and ``upper`` (n_t, n_y). Their ``warnings`` state what is uncertain; Python issues a SymmbWarning
+        too.
 
     Raises
     ------
     DeclarationError
-        If method is not a method, there is no box, or it names an unknown parameter.
+        If method is not a method, or if there is no box, or if the box names an unknown parameter.
     PropagationError
         If the simulator lacks what the method needs, or too many runs fail.
 
@@ -75,7 +75,7 @@ def propagate(
             bounds = method.bounds(simulator, box, executor=executor, progress=progress)
         except PropagationError as error:
             causes = [*_far_intervals(simulator, box)]
-            if isinstance(simulator, SceneSimulator) and simulator.scene is not None:  # None in a copy from a pickle
+            if isinstance(simulator, SceneSimulator) and simulator.scene is not None:  # None in a pickled copy
                 causes += program_of(replace(simulator.scene, box=box)).bodies.start.doubts
             if not causes:
                 raise
@@ -86,7 +86,7 @@ def propagate(
 
 
 def _far_intervals(simulator: Simulator, box: Box) -> Iterator[str]:
-    """Sentences on intervals that differ from the nominal value by a factor of 100, as those in another unit do."""
+    """Sentences on intervals that differ from the nominal value by a factor of 100, such as those in another unit."""
     units = units_of_parameters(simulator.parameters)
     for name, (low, high) in zip(box.names, box.bounds, strict=True):
         nominal, largest = abs(float(simulator.parameters[name])), max(abs(low), abs(high))
@@ -105,7 +105,7 @@ def finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Exe
     bounds = checked(method, simulator, box, doubted(simulator, box, bounds), executor)
     nominal, own = getattr(simulator, "nominal", None), simulator.parameters
     values = ByName({k: float(v) for k, v in own.items()}, units_of_parameters(own))
-    if nominal is None:  # a black box: the study may have made a run there
+    if nominal is None:  # black box: the study may have made this run
         nominal = bounds.nominal
     known: dict[str, Any] = {"study": Study(simulator, box), "nominal": nominal, "nominal_parameters": values}
     of_scene = isinstance(simulator, SceneSimulator)

@@ -1,4 +1,4 @@
-"""Quadratic models of many functions about their own best points, from values and gradients at shared points."""
+"""Quadratic models of many functions, each about its best point, from values and gradients at shared points."""
 
 from dataclasses import dataclass, fields
 
@@ -14,7 +14,7 @@ class Quadratics:
 
     Attributes
     ----------
-    origin : (d, m) the points
+    origin : (d, m) point of each quadratic
     gradient : (d, m)
     hessian : (d, d, m)
     step : (d, m)
@@ -31,12 +31,11 @@ class Quadratics:
 
     @property
     def gain(self) -> Array:
-        """Decrease (m,) of the quadratics by the steps, which is at least 0."""
+        """Decrease (m,) of the quadratics by the steps, at least 0."""
         return np.maximum(-self.change(self.step), 0.0)
 
     def promising(self, least: Array, count: int) -> Array:
-        """At most ``count`` points (n, d) at which quadratics gain more than ``least`` (m,), with the largest gain
-        first.
+        """At most ``count`` points (n, d) at which quadratics gain more than ``least`` (m,), the largest gain first.
 
         After each choice, the gain of the other quadratics is measured from their values at the chosen point.
         """
@@ -45,7 +44,7 @@ class Quadratics:
         part = Quadratics(*(getattr(self, field.name)[..., some] for field in fields(self)))
         left, lowest, least = left[some], part.change(part.step), least[some]
         points = np.empty((min(count, len(some)), len(self.origin)))
-        for n in range(len(points)):  # no quadratic gains at its own point twice
+        for n in range(len(points)):  # no quadratic gains twice at its own point
             if not (left > 1.0).any():
                 return points[:n]
             best = left.argmax()
@@ -55,8 +54,8 @@ class Quadratics:
 
 
 def quadratics(X: Array, F: Array, G: Array) -> Quadratics:
-    """Quadratics about the lowest of N points X (N, d), for each of m functions with values F (N, m) and gradients G
-    (N, d, m)."""
+    """Quadratics of m functions about their lowest points among X (N, d), from values F (N, m) and slopes G (N, d,
+    m)."""
     N, d = X.shape
     lowest = F.argmin(axis=0)
     gradient, hessian = np.empty((d, F.shape[1])), np.empty((d, d, F.shape[1]))
@@ -64,8 +63,7 @@ def quadratics(X: Array, F: Array, G: Array) -> Quadratics:
     half[np.diag_indices(N)] = np.inf
     for k in np.unique(lowest):
         own = np.flatnonzero(lowest == k)
-        # Number of nearest points that determine a curvature, over d + 1. Points farther away change the curvature
-        # little.
+        # Number of nearest points that determine a curvature, divided by d + 1. Farther points change it little.
         near = half[k].argsort()[: min(N - 1, 4 * (d + 1))]
         offset = X[near] - X[k]
         g = G[k][:, own]
@@ -74,7 +72,7 @@ def quadratics(X: Array, F: Array, G: Array) -> Quadratics:
         hessian[..., own] = _curvatures(offset, rise, G[np.ix_(near, np.arange(d), own)] - g)
     origin = X[lowest].T
     step = _box_minima(gradient, hessian, -1.0 - origin, 1.0 - origin)
-    # Beyond half the distance to another point its quadratic is better.
+    # Beyond half the distance to another point, the quadratic of that point is better.
     along = X @ step - (origin * step).sum(axis=0)
     return Quadratics(origin, gradient, hessian, step / (along / half[:, lowest]).max(axis=0, initial=1.0))
 
@@ -82,8 +80,8 @@ def quadratics(X: Array, F: Array, G: Array) -> Quadratics:
 def _curvatures(offset: Array, rise: Array, turn: Array) -> Array:
     """Symmetric matrices (d, d, m) by least squares over the other points. Closer points have larger weights.
 
-    H offset = turn (N, d, m), the change of the gradient, and offset H offset / 2 = rise (N, m), the change of the
-    value beyond the linear one; the smallest H where these do not determine it.
+    The equations are H offset = turn (N, d, m), the change of the gradient, and offset H offset / 2 = rise (N, m). rise
+    is the change of the value beyond the linear one. If these do not determine H, the smallest H is returned.
     """
     N, d = offset.shape
     i, j = np.triu_indices(d)
@@ -96,7 +94,7 @@ def _curvatures(offset: Array, rise: Array, turn: Array) -> Array:
     right = np.concatenate([turn, (rise / length[:, None])[:, None]], axis=1)
     weight = length[:, None, None] ** -3
     H = np.empty((d, d, rise.shape[1]))
-    # Ratio to the largest singular value below which the points do not determine a curvature.
+    # The points do not determine a curvature if the ratio to the largest singular value is smaller.
     solve = np.linalg.pinv((weight * system).reshape(N * (d + 1), len(i)), SAME)
     H[i, j] = H[j, i] = solve @ (weight * right).reshape(N * (d + 1), rise.shape[1])
     return H

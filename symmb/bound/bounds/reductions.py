@@ -51,7 +51,7 @@ def gathered(simulator: Simulator, P: Array, executor: Executor | None) -> tuple
 
 
 def together(*reductions: Reduction[Any]) -> Reduction[tuple[Any, ...]]:
-    """Several reductions of the same runs. Their states are a tuple."""
+    """One reduction of several reductions of the same runs. Its state is a tuple of their states."""
     return Reduction(
         partial(_init_together, reductions),
         partial(_update_together, reductions),
@@ -71,13 +71,13 @@ def failure_records(simulator: Simulator, box: Box, P: Array, runs: FailedRuns) 
 
 
 def failure_details(simulator: Simulator, box: Box, points: Array, P: Array, runs: FailedRuns) -> dict[str, Any]:
-    """Attributes of Bounds: the failed runs, and their places in the box, for runs at points (N, d) with samples P."""
+    """Attributes of Bounds: the failed runs and the region of failures, for runs at points (N, d) with samples P."""
     region = failed_region(box, points, which_failed(runs, len(P)))
     return {"failed": failure_records(simulator, box, P, runs), "failed_region": region}
 
 
 def which_failed(runs: FailedRuns, number: int) -> Mask:
-    """Mask (number,) of the failed runs."""
+    """Mask (number,) of the failed runs among all runs."""
     return np.isin(np.arange(number), [index for index, _, _ in runs])
 
 

@@ -1,4 +1,4 @@
-"""The list of all bounding methods: a new one is registered here, in one entry.
+"""The list of all bounding methods. A new method is registered here, by one entry.
 
 The command line, `compare` and the shared tests read this list.
 """
@@ -19,7 +19,7 @@ from symmb.bound.nodes import ChebyshevGauss, Gauss, LatinHypercube, Leja, Sobol
 from symmb.bound.polynomials import HyperbolicCross, TotalDegree
 
 MOST_RUNS = 2000
-"""Most runs of a method in a comparison by default, except Monte Carlo: a comparison then takes seconds."""
+"""Default largest number of runs of a method in a comparison, which then takes seconds. Monte Carlo may make more."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class MethodEntry(Spec):
 
 
 def _adaptive(d: int) -> list[Method]:
-    budget = None if d <= 2 else MOST_RUNS  # in one or two parameters no level takes as many
+    budget = None if d <= 2 else MOST_RUNS  # with one or two parameters no level takes as many
     return [PolynomialChaos(tolerance=tolerance, budget=budget) for tolerance in (1e-1, 1e-2, 1e-3)]
 
 
@@ -130,5 +130,5 @@ def read_method(text: str) -> Method:
 
 
 def method_of(owner: str, method: object) -> Method:
-    """The method that is given, or that a text of the command line names; DeclarationError if it is neither."""
+    """The given method, or the method of a text as on the command line. Other values raise DeclarationError."""
     return read_method(method) if isinstance(method, str) else require_method(owner, method)

@@ -13,7 +13,7 @@ from symmb.bound.polynomials.ranges import Piecewise
 from symmb.equations.model import Box
 
 GOOD = 0.25
-"""Largest error of polynomials divided by the widths at which they are used. Answers contain their errors."""
+"""Largest error of polynomials, divided by the widths, at which they are used. Answers contain this error."""
 
 
 class Runs(Protocol):
@@ -47,16 +47,16 @@ class Responses:
     t : (n_t,)                 times [s]
     names, units : n_y outputs and their units; units may be empty
     box : Box
-    nominal : (d,)             nominal parameters in the unit box, or the closest point of it
-    lower, upper : (n_t, n_y)  their bounds
-    estimate : (n_t, n_y)      estimated error of these
+    nominal : (d,)             nominal parameters in the unit box, or the closest point of this box
+    lower, upper : (n_t, n_y)  bounds of the outputs
+    estimate : (n_t, n_y)      estimated error of the bounds
     floor : (n_y,)             errors that are noise or rounding
     surrogate : Piecewise      None if there is none
-    is_good : (n_y,)           for which outputs it is good enough, or has to do because no runs can be made
+    is_good : (n_y,)           mask of outputs with a good enough surrogate; all if no runs can be made
     runs : Runs                None if no runs can be made
-    method : str               where the surrogate comes from
-    extra_runs : int           further runs that were made for it
-    remarks : sentences        what else is known
+    method : str               method of the surrogate
+    extra_runs : int           number of further runs for the surrogate
+    remarks : sentences        further information
     """
 
     t: Array
@@ -84,7 +84,8 @@ class Responses:
         return self.surrogate.part(slice(None), [k]) if self.surrogate is not None and self.is_good[k] else None
 
     def are_good(self, error: Array, columns: Sequence[int]) -> Mask:
-        """Mask of outputs with polynomials whose error (n_t, n) is small beside the width, or is only noise."""
+        """Mask of outputs with an error (n_t, n) of polynomials that is small compared with the width, or only
+        noise."""
         lower, upper, floor = self.lower[:, columns], self.upper[:, columns], self.floor[[*columns]]
         power = np.frexp(np.abs([lower, upper]).max(axis=(0, 1), initial=0.0))[1]  # squares may overflow
         error, lower, upper, floor = (np.ldexp(each, -power) for each in (error, lower, upper, floor))
@@ -104,8 +105,7 @@ class Responses:
         return np.maximum(low, self.lower), np.minimum(high, self.upper), error
 
     def range_by_runs(self, free: Mask, label: str) -> tuple[Array, Array, Array, int]:
-        """The range of a study with some free parameters (d,) and nominal values of the others, its error and number of
-        runs."""
+        """The range of a study, its error and number of runs. Some parameters (d,) are free; others are nominal."""
         assert self.runs is not None
         if not free.any():
             value = self.runs.values(self.nominal[None])[0]

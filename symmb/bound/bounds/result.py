@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 class Bounds(Answers, Counted, Result, Saved):
     """Lower and upper bounds of every output at every time.
 
-    `print` shows their kind, extremes and widths, `plot` draws them, `save` and `load` keep them in a file.
+    `print` shows kind, extremes and widths. `plot` draws the bounds. `save` and `load` write and read files.
 
     Attributes
     ----------
@@ -53,30 +53,29 @@ class Bounds(Answers, Counted, Result, Saved):
     lower, upper : (n_t, n_y) best estimate of the bounds; `lower["x"]` is the lower bound of one output
     kind : "enclosure" (proved to contain the responses), "estimate" (from a surrogate: they may be too wide or too
         narrow) or "sampled" (attained by runs: the true bounds may be wider)
-    method : text of the method's constructor
-    evaluations, runs : number of runs; a run with derivatives counts as many as they cost
-    estimate : (n_t, n_y) estimated error of lower and upper, at least 0, or None where the method has none
-    noise : (n_y,) how far runs may be off by noise or rounding, or None where it is not known
-    inner : (lower, upper), each (n_t, n_y), attained by actual runs, or None
-    failed : the runs that failed
-    failed_region : where these lie in the box, in words; empty for less than two, and where it is not known
+    method : text of the call that made the method
+    evaluations, runs : number of runs; a run with derivatives counts as several runs, by its cost
+    estimate : (n_t, n_y) estimated error of lower and upper, at least 0; None if the method has none
+    noise : (n_y,) error of runs by noise or rounding; None if it is not known
+    inner : (lower, upper), each (n_t, n_y): extremes that runs attained; or None
+    failed : failed runs
+    failed_region : region of failed runs in the box, in words; empty for less than two, or if it is not known
     seconds : wall time of runs and bounding [s]
     expansion : polynomial chaos of a given order, or None
-    caution : from when on the method is not valid, and why; empty if it is valid
-    run_doubts : warnings about the runs, in sentences; `warnings` (or `doubts`) has all
-    remarks : what else is known about the bounds, in sentences: a tolerance that was not reached
-    units : n_y units of the outputs, '' where they are not known; empty if none is known
-    box : intervals of the parameters, or None where they are not known
-    surrogate : polynomials that replace the responses, with their error; None if the method has none, or a file
-        was read that does not hold them
-    study : simulator and box, for more runs; None if they were read or pickled
-    subject, solver : what was bounded, a scene by its name, and the solver of a scene in words; empty if not known
-    nominal : (n_t, n_y) outputs of the nominal run, or None where it is not known
+    caution : time from which the method is not valid, and the reason; empty if it is valid
+    run_doubts : warnings about the runs, in sentences; `warnings` (or `doubts`) contains all warnings
+    remarks : further information in sentences, such as a tolerance that was not reached
+    units : n_y units of the outputs, '' for unknown ones; empty if none is known
+    box : intervals of the parameters; None if they are not known
+    surrogate : polynomials that replace the responses, with their error; None if the method or the file has none
+    study : simulator and box, for more runs; None if the bounds were read or pickled
+    subject, solver : name of the scene or simulator, and the solver of a scene in words; empty if not known
+    nominal : (n_t, n_y) outputs of the nominal run; None if they are not known
     nominal_parameters : nominal values of all parameters; empty if they are not known
-    attaining : the runs that attain the bounds; None if they were read or pickled, or no runs are made
-    worst_cases : those over all times, of bounds that were read from a file
-    figures : names of the scalar outputs, which are one number per run; their bounds are the same at all times
-    range_of : whose range an adaptive method took, in words: interpolants, runs at corners; empty of other methods
+    attaining : the runs that attain the bounds; None if the bounds were read or pickled, or if there are no runs
+    worst_cases : worst cases over all times, if the bounds were read from a file
+    figures : names of the scalar outputs (one number per run); their bounds are the same at all times
+    range_of : source of the range of an adaptive method, in words: interpolants, runs at corners; empty for others
 
     Examples
     --------
@@ -97,20 +96,20 @@ class Bounds(Answers, Counted, Result, Saved):
         """Check whether outputs satisfy limits for all parameters of the box, at all times.
 
         A limit is satisfied if the bounds, widened by their estimated error at each time, are inside, and no warning
-        concerns the output. It is violated if a run is beyond it by more than rounding and noise. The nominal run
-        counts if its parameters are in the box, and is made if nothing else decides.
+        concerns the output. It is violated if a run exceeds it by more than rounding and noise. The nominal run counts
+        if its parameters are in the box. It is made if nothing else decides.
 
         If the bounds are closer to a limit than twice their estimated error, further runs search for a run beyond the
-        limit. For a scene they also do so if the bounds are closer than half of their width. The search makes at most
+        limit. For a scene this also happens if the bounds are closer than half of their width. The search makes at most
         600 runs, or as many as the study; with other simulators at most twice as many as the study. The limit is then
-        satisfied if the closest run is farther inside than the error of the search, and undecided otherwise.
+        satisfied if the closest run is farther inside than the error of the search. Otherwise it is undecided.
 
         An enclosure proves that a limit is satisfied. Samples alone can only show that a limit is violated.
 
         Parameters
         ----------
-        limits : mapping of output to (low, high), of which one may be None, in the unit of the output, or with another
-            that fits, as ("75 deg/s", None) and (0.2, 0.3, "mm")
+        limits : mapping of output to (low, high); one of them may be None. Numbers are in the unit of the output. Other
+            units are given as in ("75 deg/s", None) and (0.2, 0.3, "mm")
 
         Raises
         ------
@@ -126,16 +125,16 @@ class Bounds(Answers, Counted, Result, Saved):
         return LimitCheck(self.t, self.method, tuple(checked), draw, worst, remarks)
 
     def _about_nominal(self) -> tuple[str, ...]:
-        """A remark if the box leaves out nominal values."""
+        """A remark if the box does not contain the nominal values."""
         values = {name: f"{self.nominal_parameters[name]:.6g}" for name in self._left_out}
         listed = ", ".join(with_units(values, self.nominal_parameters))
         text = f"The box leaves out nominal values ({listed}), so that the nominal run is none of its cases."
         return (text,) if values else ()
 
     def _closest_to(self, limits: Sequence[KeptLimit]) -> WorstCase | None:
-        """The run that comes closest to one of some limits, if runs are known.
+        """The run that comes closest to one of the limits; None if no runs are known.
 
-        Limits are the same at all times, so that it is the worst case over all times, which files hold.
+        Limits are the same at all times. The run is thus a worst case over all times, which files contain.
         """
         limit = closest(limits)
         i, k, side = limit.row, self._column(limit.output), self._side(limit)
@@ -202,21 +201,21 @@ class Bounds(Answers, Counted, Result, Saved):
     ) -> "Figure":
         """Draw the bounds of outputs over time; write the picture to ``path`` if given.
 
-        Without names these are the first six outputs. The filled band lies between lower and upper; dashed lines are
-        ``outer``, dotted ones ``inner`` of bounds that are not sampled. The thin line is the nominal run. Scalar
-        outputs are bars without a time axis.
+        Without names, the first six outputs are drawn. The filled band is between lower and upper. Dashed lines are
+        ``outer``. Dotted lines are ``inner``, unless the bounds are sampled. The thin line is the nominal run. Scalar
+        outputs are bars.
 
         Parameters
         ----------
-        ax : matplotlib Axes to draw in, instead of a new figure, one an output
+        ax : matplotlib Axes to draw in, one for each output, instead of a new figure
         figsize : (width, height)  of a new figure [inch]
-        title : str                of a new figure, in place of its own
-        deviation : bool           draw deviations from the nominal run: bands may be too narrow to be seen beside it
-        label, color, legend       of the bounds: a text and a colour; and True or False
+        title : str                of a new figure, instead of the default title
+        deviation : bool           draw deviations from the nominal run, because bands may be too narrow to see
+        label, color, legend       of the bounds: a text, a colour, and True or False
 
         Raises
         ------
-        DeclarationError           if an option is wrong, or deviations are asked for and the nominal run is not known
+        DeclarationError           if an option is wrong, or deviations are requested and the nominal run is not known
         """
         require_truth("Bounds.plot", "deviation", deviation)
         if deviation and self.nominal is None:
@@ -241,15 +240,15 @@ class Bounds(Answers, Counted, Result, Saved):
         return plot.finish(figure, "Bounds.plot", path, ax, figsize, title)
 
     def report(self, path: str | Path, limits: Limits | None = None, **block: object) -> None:
-        """Write a report: one .html file that opens offline, and prints.
+        """Write a report: one .html file that can be opened offline and printed.
 
-        It first says in sentences whether limits are kept, and what to do next: which tolerance to tighten, and by how
-        much. Curves and the mechanism follow. An annex holds warnings, tables, worst cases, contributions by adaptive
-        methods, the equations, what is assumed, what it cost, and how to repeat it.
+        The report first states whether limits are satisfied, and what to do next: which tolerance to tighten, and by
+        how much. Curves and the mechanism follow. An annex contains warnings, tables, worst cases, contributions by
+        adaptive methods, the equations, the assumptions, the cost, and how to repeat the study.
 
         Parameters
         ----------
-        path : of the file
+        path : path of the file
         limits : those of `check`; default: none
         company, author, date, drawing, revision :
             the title block; parts that are not given are left out
@@ -257,9 +256,9 @@ class Bounds(Answers, Counted, Result, Saved):
         Raises
         ------
         DeclarationError
-            If the name has another suffix, an output or a part of the title block is unknown, or limits cross.
+            If the suffix is not .html, an output or a part of the title block is unknown, or limits cross.
         FileError
-            If the file cannot be written; the previous one is kept.
+            If the file cannot be written. A previous file is kept.
 
         Examples
         --------
@@ -290,7 +289,7 @@ class Bounds(Answers, Counted, Result, Saved):
         return [*lines, *(f"  remark       {remark}" for remark in self.remarks)]
 
     def _rows(self, names: Sequence[str]) -> list[list[str]]:
-        """Extremes of each output, the nominal run then, the largest width and estimated error. Rounding is 0."""
+        """Extremes of each output, nominal values at these times, largest width and estimated error. Rounding is 0."""
         then = [] if self.nominal is None else ["nominal then"]
         rows = [["output", "lowest", "at [s]", *then, "highest", "at [s]", *then, "width", "at [s]", "estimated error"]]
         with np.errstate(over="ignore"):
@@ -298,7 +297,7 @@ class Bounds(Answers, Counted, Result, Saved):
         width = np.where(np.isnan(width), np.inf, width)
         for k, name in enumerate(names):
             sizes = np.abs([self.lower[:, k], self.upper[:, k]])
-            # Share of the largest bound of an output up to which what is printed is rounding.
+            # Printed numbers count as rounding up to this share of the largest bound of an output.
             least = ROUNDING * sizes.max(initial=0.0, where=np.isfinite(sizes))
             places = int(self.lower[:, k].argmin()), int(self.upper[:, k].argmax())
             cells = [name]

@@ -1,4 +1,4 @@
-"""What the files of bounds hold, entries of a record, columns of a table, and labelled arrays."""
+"""Contents of files of bounds: entries of a record, columns of a table, and labelled arrays."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, cast
@@ -61,19 +61,19 @@ def parts_of(record: Record) -> dict[str, Any]:
 
 
 def doubts_entries(doubts: Sequence[str], names: Sequence[str]) -> dict[str, Any]:
-    """Entries of doubts about runs, and of the outputs that each of them concerns."""
+    """Entries of warnings about runs, and of the outputs that each warning concerns."""
     return {"run_doubts": doubts, "doubted": [{"outputs": concerned(doubt, names)} for doubt in doubts]}
 
 
 def _run_doubts(record: Record, names: Sequence[str]) -> tuple[str, ...]:
-    """Doubts about runs; those of earlier files concern all outputs."""
+    """Warnings about runs. In files of earlier versions they concern all outputs."""
     doubts, doubted = record.texts("run_doubts", default=()), record.records("doubted", "outputs")
     outputs = [each.texts("outputs") for each in doubted] or [tuple(names)] * len(doubts)
     return tuple(Doubt(*each) for each in zip(doubts, outputs, strict=True))
 
 
 def box_of(record: Record, name: str) -> Box:
-    """The box of a file, which holds its intervals by name."""
+    """The box of a file that contains its intervals by name."""
     return Box(**{own: tuple(ends.tolist()) for own, ends in record.arrays(name, 2).items()}).with_units(
         record.units(name)
     )
@@ -86,7 +86,7 @@ def box_entries(box: Box | None) -> dict[str, Any]:
 
 
 def record_of_table(table: Record) -> Record:
-    """The record of a .csv table, which has neither inner bounds nor failed runs, seconds and expansion."""
+    """The record of a .csv table. It has no inner bounds, failed runs, seconds and expansion."""
     headings, columns = table.texts("headings"), table.record("columns")
     own = headings[1:-3]
     parts = ("lower", "upper", "estimate")[: 3 if own and own[-1].endswith(" estimate") else 2]
@@ -104,7 +104,7 @@ def record_of_table(table: Record) -> Record:
 
 
 def kind_of(record: Record, name: str) -> Kind:
-    """What the bounds of a file are."""
+    """The kind of the bounds in a file: "enclosure", "estimate" or "sampled"."""
     return cast(Kind, record.text(name, *MEANING))
 
 
@@ -115,7 +115,7 @@ def _expansion(record: Record, n_t: int, n_y: int, names: tuple[str, ...] | None
 
 
 def surrogate_entries(surrogate: Piecewise | None) -> dict[str, Any]:
-    """Entries of polynomials: their error, and, if they are several, the pieces; a single one is the expansion."""
+    """Entries of polynomials: their error, and several pieces. A single piece is the entry of the expansion."""
     if surrogate is None:
         return {"surrogate_error": None}
     entries: dict[str, Any] = {"surrogate_error": surrogate.error}

@@ -26,23 +26,24 @@ _RANDOM = Random()
 class MonteCarlo(Method):
     """Extremes over random samples of the box.
 
-    They lie inside the range of the responses: the fewer the samples and the more the parameters, the farther. A few
-    check runs look for values beyond the bounds. More than a tenth of the width is a warning.
+    The bounds are inside the range of the responses, farther inside with fewer samples and more parameters. A few check
+    runs look for values beyond the bounds. More than a tenth of the width causes a warning.
 
     Parameters
     ----------
     samples : number of runs
-    seed : of the random numbers; the same seed gives the same samples
+    seed : seed of the random numbers; the same seed gives the same samples
     sampler : Random(), Sobol() or LatinHypercube()
-    laws : mapping of name to distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3), which is cut to its
-        interval; parameters without one are spread evenly
+    laws : mapping of name to distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3). It is cut to its
+        interval. Other parameters are spread evenly
     correlation : correlations of a Gaussian copula, in the order of the distributions; default: independent
-    distributions : another name of `laws`. The attribute `laws` has them
+    distributions : another name of `laws`; the attribute is `laws`
 
     Raises
     ------
     DeclarationError
-        If samples is not a positive integer or the seed is negative. Raised by `bounds`, as by `Bounds.quantiles`.
+        If samples is not a positive integer, or the seed is negative. `bounds` refuses distributions as
+        `Bounds.quantiles` does.
 
     Examples
     --------
@@ -60,7 +61,7 @@ class MonteCarlo(Method):
     kind: ClassVar[Kind] = "sampled"
 
     @property
-    def doubtful_miss(self) -> float:  # it is known that random samples end before the extremes, and laws far before
+    def doubtful_miss(self) -> float:  # random samples end before the extremes, and with distributions far before
         return 0.1 if self.laws is None else np.inf
 
     def __post_init__(self, distributions: Mapping[str, Any] | None) -> None:
@@ -128,7 +129,7 @@ class Scanning(Method):
 
 @dataclass(frozen=True)
 class Vertex(Method):
-    """Extremes over the 2^d corners of the box: exact where the response is monotonic in every parameter.
+    """Extremes over the 2^d corners of the box: exact if the response is monotonic in every parameter.
 
     Examples
     --------

@@ -32,7 +32,7 @@ class Study:
 
     @property
     def scene(self) -> Scene:
-        """The scene; None for other simulators, which have no mechanism."""
+        """The scene; None for other simulators."""
         return self.prepared.scene
 
     @property
@@ -72,8 +72,7 @@ class Study:
         return bounds.lower, bounds.upper, bounds.estimate, bounds.evaluations
 
     def sample(self, n: int) -> tuple[Array, Array]:
-        """The first n of the points that are spread over the unit box, and the responses there. All answers share these
-        runs.
+        """Points (n, d) spread over the unit box, and the responses (n, n_t, n_y) there. All answers share these runs.
 
         Points with failed runs are left out. PropagationError is raised if most runs fail.
         """
@@ -89,7 +88,7 @@ class Study:
 
     @cached_property
     def _sampled(self) -> list[Array]:
-        """Points and responses. Responses of failed runs are nan."""
+        """Points of runs so far, and responses. Responses of failed runs are nan."""
         shape = len(self.simulator.times), len(self.simulator.outputs)
         return [np.zeros((0, len(self.box))), np.zeros((0, *shape))]
 

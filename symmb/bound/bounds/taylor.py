@@ -24,24 +24,24 @@ from symmb.equations.model import Box
 _MOST_EVALUATIONS = 100_000
 """Largest number of evaluations of all parts. At 0.1 to 1 ms each they take up to two minutes."""
 _MOST_DIRECTIONS = 2000
-"""Largest number of directions of derivatives. Their system of equations takes ten seconds to solve."""
+"""Largest number of directions of derivatives. The solution of their equations takes ten seconds."""
 
 
 @dataclass(frozen=True)
 class Taylor(Method):
     """Bounds of the truncated Taylor expansion sum c_beta xi^beta, |beta| <= order, over xi in [-1, 1]^d.
 
-    The bounds follow by natural interval arithmetic with even powers in [0, 1]. The remainder is left out, so that they
-    are not proved. Expansions are not valid beyond kinks or jumps: ``caution`` says where runs at centres, and at the
-    ends of intervals through them, meet some. The mixed coefficients come from univariate jets along the directions
-    alpha / order, |alpha| = order: the j-th coefficient along a direction u is sum c_beta u^beta over |beta| = j. Each
-    part counts as C(d + order, d) evaluations, the coefficients of its expansion. The executor is not used.
+    The bounds follow by natural interval arithmetic with even powers in [0, 1]. The remainder is left out, so that the
+    bounds are not proved. Expansions are not valid beyond kinks or jumps. ``caution`` names those that runs meet, at
+    centres and at the ends of intervals through centres. Mixed coefficients follow from univariate jets along the
+    directions alpha / order, |alpha| = order. The j-th coefficient along a direction u is sum c_beta u^beta over |beta|
+    = j. Each part counts as C(d + order, d) evaluations, the number of its coefficients. The executor is not used.
 
     Parameters
     ----------
     order : highest total degree
-    subintervals : equal parts of the interval of each parameter; the bounds are the union of those of all
-        ``subintervals**d`` parts, each with its own expansion
+    subintervals : number of equal parts of the interval of each parameter. Each of the ``subintervals**d`` parts has an
+        expansion. The bounds are the union of their bounds
 
     Raises
     ------
@@ -128,7 +128,7 @@ class Taylor(Method):
 
 
 def _caution(kinks: list[tuple[float, str]]) -> str:
-    """The warning about kinks or jumps that runs pass."""
+    """The warning about kinks or jumps in runs."""
     if not kinks:
         return ""
     time, which = min(kinks)
@@ -136,7 +136,7 @@ def _caution(kinks: list[tuple[float, str]]) -> str:
 
 
 def _polynomials(parts: Sequence[Sequence[Array]], centers: Array, radius: float, box: Box) -> Piecewise:
-    """The expansions of all parts, with these centres (k, d) and half widths, as Legendre expansions.
+    """Legendre expansions of all parts, with centres (k, d) and a half width.
 
     Their expected error is the size of their last terms.
     """
@@ -151,15 +151,16 @@ def _polynomials(parts: Sequence[Sequence[Array]], centers: Array, radius: float
 
 
 def _mixed(beta: MultiIndices, unit: Array, along: Array) -> Array:
-    """Coefficients (n_b, n_t, n_y) of xi^beta from those ``along`` (m, n_t, n_y) directions ``unit`` (m, d), which
-    determine every homogeneous polynomial of degree up to the order: they are the principal lattice of a simplex."""
+    """Coefficients (n_b, n_t, n_y) of xi^beta from the coefficients ``along`` (m, n_t, n_y) directions ``unit`` (m, d).
+    The directions are the principal lattice of a simplex: they determine all homogeneous polynomials up to the
+    order."""
     monomials = np.prod(unit[:, None, :] ** beta[None, :, :], axis=2)
     return np.tensordot(np.asarray(np.linalg.pinv(monomials), dtype=float), along, axes=1)
 
 
 def _range(part: Sequence[Array]) -> tuple[Array, Array]:
-    """Bounds (n_t, n_y) of an expansion from its coefficients of each degree: xi^beta is in [0, 1] where all powers are
-    even, and else in [-1, 1]."""
+    """Bounds (n_t, n_y) of an expansion from its coefficients of each degree. xi^beta is in [0, 1] if all powers are
+    even, otherwise in [-1, 1]."""
     d = len(part[1])
     lower = upper = part[0][0]
     for degree, c in enumerate(part[1:], start=1):

@@ -27,42 +27,41 @@ _PARTS_OF_PROGRESS = 1000
 class TaylorModel(Method):
     """Proved bounds of the motions of mechanisms, as polynomials of the parameters with a remainder.
 
-    All solutions for all parameters in the box lie between lower and upper at every output time, in exact arithmetic of
-    the model as compiled to its expression graph.
+    All solutions for all parameters in the box are between lower and upper at every output time. This holds for the
+    expression graph of the model in exact arithmetic.
 
-    The motion x(xi, t) = u(xi, t) + B(xi, t) w is a polynomial u of time and of the parameters over each step, in
-    Chebyshev form, and a remainder in the coordinates w of a frame B, which follows the variational equation and is
-    itself a polynomial of the parameters. The polynomials need not be exact. The defect u' - f(u) is an analytic
-    function; it is interpolated at Chebyshev nodes, where values have bounds of their rounding, and the error of the
-    interpolation is bounded by the largest value on ellipses around the box. If the equations are polynomials, there is
-    no such error with enough nodes. With three or more parameters, the polynomials have a total degree, and the defect
-    is a Taylor model in the parameters at nodes of time. A box for w that the equation of w cannot leave is then
-    proved. Ranges of the outputs follow by Bernstein coefficients and halving.
+    Over each step, the motion x(xi, t) = u(xi, t) + B(xi, t) w has two parts. u is a polynomial of time and of the
+    parameters in Chebyshev form. The remainder has the coordinates w in a frame B. The frame follows the variational
+    equation, and is a polynomial of the parameters too. The polynomials need not be exact. The defect u' - f(u) is an
+    analytic function. It is interpolated at Chebyshev nodes, with bounds of rounding. The largest value on ellipses
+    around the box bounds the error of the interpolation. If the equations are polynomials, enough nodes give no error.
+    With three or more parameters, the polynomials have a total degree, and the defect is a Taylor model in the
+    parameters at nodes of time. It is then proved that w cannot leave a box. Ranges of the outputs follow by Bernstein
+    coefficients and halving.
 
-    It takes chains, trees and closed loops, first-order states, and scenes without bodies whose outputs are
-    expressions. In loops, the states are all coordinates, and as many velocities as are independent. These give the
-    other velocities. If other velocities suit the nominal run better, the states change to these. Frequencies and
-    damping of a `ModalSimulator` are proved as long as no two may cross in the box. Values of `critical` are proved as
-    values at which one eigenvalue is imaginary, or 0. A few points of the box check that no other eigenvalue comes
-    before them. This is not proved. Both need an equilibrium, or a steady motion in coordinates that do not turn.
-    Reactions and accelerations are outputs like others; multipliers of redundant rows are those of smallest norm.
-    Steps end at the instants of sampled values. Kinks and jumps of forces are passed where all of the box passes them
-    once, transversally and alone: drag by abs(w) w goes through w = 0. Laws that are not smooth on one side of a kink,
-    such as w abs(w)**0.5, end the proof there. Impacts, and rows that depend on others for some parameters only, are
-    refused. Proofs can end early: at a kink that only a part of the box meets, or close to a singular position of a
-    loop. Bounds are infinite from then on, and ``caution`` says until when they are proved. Outputs that are not
-    smooth, or have operations without a remainder, have infinite bounds. The executor is not used, and each box counts
-    as a run.
+    The method takes chains, trees and closed loops, first-order states, and scenes without bodies that have expressions
+    as outputs. In loops, the states are all coordinates and the independent velocities. These give the other
+    velocities. If other velocities suit the nominal run better, the states change to them. Frequencies and damping of a
+    `ModalSimulator` are proved as long as no two may cross in the box. Values of `critical` are proved as values at
+    which one eigenvalue is imaginary, or 0. Checks at a few points show that no other eigenvalue comes before; this is
+    not proved. Both need an equilibrium, or a steady motion in coordinates that do not turn. Reactions and
+    accelerations can be outputs. Multipliers of redundant rows are those of smallest norm. Steps end at the instants of
+    sampled values. Proofs pass kinks and jumps of forces if all of the box passes them once, transversally, and one at
+    a time: drag by abs(w) w passes w = 0. Laws that are not smooth on one side of a kink, such as w abs(w)**0.5, end
+    the proof there. Impacts, and rows that depend on others for some parameters only, are refused. Proofs can end
+    early: at a kink that only a part of the box meets, or close to a singular position of a loop. Bounds are infinite
+    from then on, and ``caution`` states this time. Outputs that are not smooth, or have operations without a remainder,
+    have infinite bounds. The executor is not used, and each box counts as a run.
 
     Parameters
     ----------
     order : highest degree in each parameter; of three parameters and more, highest total degree
-    boxes : most parts of the box. It is halved where and when the remainder grows, and the bounds are joined
+    boxes : largest number of parts of the box. Parts are halved if their remainder grows, and the bounds are joined
 
     Raises
     ------
     PropagationError
-        From ``bounds``: the scene has equations that it does not take, or too many uncertain parameters for the order.
+        From ``bounds``: equations of the scene are refused, or there are too many uncertain parameters for the order.
 
     Examples
     --------
@@ -87,16 +86,14 @@ class TaylorModel(Method):
     unit_of_work: ClassVar[str] = "parts of the time"
 
     def __post_init__(self) -> None:
-        # Highest order. Coefficients of smooth motions of higher order are rounding, and their number grows with the
-        # order.
+        # Highest order. Further coefficients of smooth motions are rounding, and their number grows with the order.
         require_whole(self, "order", 1, 60)
         require_whole(self, "boxes", 1)
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         problem = problem_of(self, simulator, box)
-        # Largest number of terms of a polynomial of the parameters. With this number a step takes a minute, and
-        # gigabytes for about ten states.
-        # Interpolations of expressions with a million terms take half a minute.
+        # Largest number of terms of a polynomial in the parameters. With this number a step takes a minute, and
+        # gigabytes for about ten states. Interpolations of expressions with a million terms take half a minute.
         self._require_room(problem.d, *((20_000, 1) if problem.n else (1_000_000, EXTRA_NODES + 1)))
 
         if problem.meeting:
@@ -135,8 +132,8 @@ class TaylorModel(Method):
 class _Outlook:
     """A message that reports once how long a proof takes, if it takes minutes.
 
-    The first steps are short and become longer, so that the last step tells more than all of them. Before a proof ends
-    early, steps become short again, and all of them tell more.
+    The first steps are short and become longer, so that the last step predicts better than all steps. Before a proof
+    ends early, steps become short again, and all steps predict better.
     """
 
     def __init__(self, method: TaylorModel) -> None:
@@ -147,7 +144,7 @@ class _Outlook:
         """Store the fraction of the horizon that is proved."""
         (before, last), now = self._last, time.monotonic()
         self._last = now, share
-        # Time after which the duration of a proof is predicted [s].
+        # The duration of a proof is predicted after this time [s].
         if not self._is_open or now < self._begin + 8.0 or not last < share < 1.0:
             return
         self._is_open = False
@@ -176,7 +173,7 @@ def _caution(found: Enclosure, remedy: str, times: Array, outputs: Sequence[str]
     is_infinite = ~np.isfinite(found.upper) & known
     if found.why:
         parts.append(f"proved up to t = {begin + found.until:g} s only and infinite later: {found.why}{remedy}")
-        is_infinite &= is_infinite.all(axis=0)  # others are, because the motion is not known
+        is_infinite &= is_infinite.all(axis=0)  # others are infinite because the motion is not known
     if is_infinite.any():
         names, when = _names(outputs, is_infinite), "" if is_infinite.all(axis=0).any() else " at some times"
         parts.append(
@@ -192,6 +189,6 @@ def _caution(found: Enclosure, remedy: str, times: Array, outputs: Sequence[str]
 
 
 def _names(outputs: Sequence[str], which: Mask) -> str:
-    """The outputs with a mark at any time (n_t, n_y), at most three of them."""
+    """At most three names of the outputs that a mask (n_t, n_y) selects at any time."""
     names = [name for name, marked in zip(outputs, np.any(which, axis=0).tolist(), strict=True) if marked]
     return ", ".join(names[:3]) + (f" and {len(names) - 3} more outputs" if len(names) > 3 else "")

@@ -12,7 +12,7 @@ they are averaged."""
 DOUBTFUL = 0.1
 """Ratio to the width above which an estimated error is a warning."""
 LEAST_WIDTH = 0.1
-"""Smallest width at some times, over the width over all times, because bounds may touch for a moment and responses
+"""Smallest width at some times, divided by the width over all times. Bounds may touch for a moment, and responses
 decay. An error below 1 % of the width over all times, the usual tolerance, is never a warning."""
 
 
@@ -24,7 +24,8 @@ def rms(values: Array) -> Array:
 def is_doubtful(estimate: Array, width: Array, floor: Array, share: float = DOUBTFUL) -> Mask:
     """Mask (n_t, n_y) of the times after which an estimated error exceeds a fraction of the width, and a floor (n_y,).
 
-    All are root mean squares from a time to the end. The width is at least LEAST_WIDTH of that over all times.
+    Error and width are root mean squares from a time to the end. The width is at least LEAST_WIDTH of that over all
+    times.
     """
     error, width = (np.cumsum(np.square(a)[::-1], axis=0)[::-1] for a in (estimate, width))
     n_left = np.arange(len(width), 0, -1)[:, None]
@@ -35,7 +36,7 @@ def is_doubtful(estimate: Array, width: Array, floor: Array, share: float = DOUB
 def is_doubtful_in_window(estimate: Array, width: Array, floor: Array, share: float = DOUBTFUL) -> Mask:
     """Mask (n_t, n_y) of the times at which an estimated error exceeds a fraction of the width, and a floor (n_y,).
 
-    All are root mean squares over a window, the width at least a share LEAST_WIDTH of that over all times.
+    Error and width are root mean squares over a window. The width is at least LEAST_WIDTH of that over all times.
     """
     squares = np.square(width)
     enough = np.maximum(average_over_window(squares), LEAST_WIDTH**2 * squares.mean(axis=0))
@@ -43,9 +44,9 @@ def is_doubtful_in_window(estimate: Array, width: Array, floor: Array, share: fl
 
 
 def rests_for_a_time(lowest: Array, highest: Array, noise: Array) -> bool:
-    """Whether some output (n_t, n_y) is the same in all runs, but for noise (n_y,) and rounding, throughout a window.
+    """Whether some output (n_t, n_y) is the same in all runs throughout a window, except for noise (n_y,) and rounding.
 
-    The first of several times does not count: there, motions have their start in common.
+    The first of several times does not count, because motions have the same start.
     """
     scale = np.abs([lowest, highest]).max(axis=(0, 1))
     varies = highest - lowest > np.maximum(ROUNDING * scale, 2 * noise)

@@ -21,19 +21,19 @@ from symmb.results.files import NOT_KEPT, Record
 from symmb.run.simulation import SceneSimulator, Trajectory, simulate
 
 _RUNS_TOGETHER = 64
-"""Samples of a block that is repeated: a multiple of those that share their steps."""
+"""Number of samples of a repeated block: a multiple of the number of samples that share steps."""
 SIDES: tuple[str, str] = ("lower", "upper")
 Place = tuple[str, int, int]
-"""A side, the number of a time, and that of an output."""
+"""A side, the number of a time, and the number of an output."""
 _SEVERAL_TIMES = 2
-"""Output times of bounds where their number is not known."""
+"""Number of output times of bounds if it is not known."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """A run of a study: its value of the output, and the parameters of itself and of those that ran beside it.
+    """A run of a study: its value of the output, its parameters, and those of the runs beside it.
 
-    A simulator chooses its steps for some samples together, so that run `index` of the block P (n, d) is repeated to
+    A simulator chooses its steps for several samples together. Run `index` of the block P (n, d) is thus repeated to
     the last bit only in its block.
     """
 
@@ -44,13 +44,13 @@ class Sample:
 
 @dataclass(frozen=True, eq=False)
 class AttainingRuns:
-    """Where a study attained the lowest and highest values of its outputs.
+    """The runs of a study that attained the lowest and highest values of its outputs.
 
     Attributes
     ----------
     simulator : Simulator
     blocks : tuple of (n, d)       samples that ran together
-    ends : dict                    "lower", "upper" -> these values (n_t, n_y)
+    ends : dict                    "lower", "upper" -> lowest, highest values (n_t, n_y)
     at : dict                      "lower", "upper" -> (n_t, n_y) numbers of the blocks that attain them
     """
 
@@ -61,7 +61,7 @@ class AttainingRuns:
 
     @classmethod
     def of(cls, simulator: Simulator, attained: Attained) -> "AttainingRuns | None":
-        """What a study noted; None if it noted nothing at some times."""
+        """The runs that a study recorded; None if it has no record for some times."""
         if not (attained.lower <= attained.upper).all():
             return None
         both = np.stack([attained.lower_at, attained.upper_at])
@@ -71,7 +71,7 @@ class AttainingRuns:
         return cls(simulator, tuple(attained.blocks[k] for k in used), ends, at)
 
     def samples(self, places: Sequence[Place]) -> list[Sample]:
-        """The runs that attain bounds at places. Blocks of several samples are run again, each once."""
+        """The runs that attain bounds at places. Each block of several samples is run again once."""
         numbers = [int(self.at[side][time, output]) for side, time, output in places]
         samples: dict[int, Sample] = {}
         for number in dict.fromkeys(numbers):
@@ -86,7 +86,7 @@ class AttainingRuns:
         return [samples[n] for n in range(len(places))]
 
     def _sample(self, side: str, P: Array, value: float, values: Array | None) -> Sample:
-        """The most extreme of samples P (n, d) with values (n,), or the only one, which has attained a value."""
+        """The most extreme of samples P (n, d) with values (n,); or the only one, with its attained value."""
         if values is None:
             return Sample(value, P, 0)
         if np.isnan(values).all():
@@ -103,13 +103,13 @@ class WorstCase:
     Attributes
     ----------
     output, side : str         side is "lower" or "upper"
-    value, time : float        the bound, and when it is reached [s]
+    value, time : float        the bound, and the time of the bound [s]
     parameters : dict          values of all parameters of the run
     attained : float           value of the output in the run at this time
     width : float              of the bounds at this time
-    varied : tuple of str      the parameters of the box that act on the output, which are printed
-    times : int                how many output times the bounds have, 1 of a figure: an only time of 0 is not printed
-    unit : str                 that tables and texts tell beside the output, '' if none
+    varied : tuple of str      parameters of the box that act on the output; these are printed
+    times : int                number of output times, 1 for a scalar output; a single time of 0 is not printed
+    unit : str                 unit of the output in tables and texts, or ''
     simulator : Simulator      None if the bounds were read from a file
     """
 
@@ -137,18 +137,18 @@ class WorstCase:
 
     @property
     def shortfall(self) -> float:
-        """How far the run stays inside of the bound."""
+        """Distance of the run from the bound, inside the bound."""
         return self.attained - self.value if self.side == "lower" else self.value - self.attained
 
     @property
     def is_short(self) -> bool:
-        """Whether the run misses the bound by more than pictures show."""
-        # Share of the width by which a run may miss a bound without a word: pictures do not show it.
+        """Whether the distance of the run from the bound is large enough to be visible in pictures."""
+        # Share of the width by which a run may miss a bound without a remark, because pictures do not show it.
         return self.shortfall > SMALL * self.width
 
     @property
     def scene(self) -> Scene:
-        """The scene, with the parameters of this run as its nominal ones.
+        """The scene with the parameters of this run as nominal values.
 
         Raises
         ------
@@ -230,7 +230,7 @@ class Worst(Result):
 
 
 def worst_rows(cases: Sequence[WorstCase]) -> list[list[str]]:
-    """Rows of a table of worst cases below its head, with the parameters that act on their outputs."""
+    """Rows of a table of worst cases, without a head, with the parameters that act on the outputs."""
     varied = list(dict.fromkeys(name for case in cases for name in case.varied))
     units = {name: unit for case in cases for name, unit in units_of_parameters(case.parameters).items()}
     rows = [["worst case", "bound", "at [s]", *(label(name, units.get(name, "")) for name in varied), "attained"]]
@@ -243,7 +243,7 @@ def worst_rows(cases: Sequence[WorstCase]) -> list[list[str]]:
 
 
 def row_of(owner: str, t: Array, time: object) -> int:
-    """Number of the output time that is closest to a time in s, or with a unit."""
+    """Index of the output time that is closest to a time: a number [s], or a text with a unit."""
     own, slack = number_in(f"{owner}: time", "a time", time, "s"), 1e-6 * (t[-1] - t[0])
     if not t[0] - slack <= own <= t[-1] + slack:
         raise DeclarationError(f"{owner}: time must be from {t[0]:g} to {t[-1]:g} s, got {shown(time)}.")

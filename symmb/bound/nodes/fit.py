@@ -15,7 +15,7 @@ from symmb.bound.polynomials import Basis, MultiIndices, TensorDegree, basis_val
 
 SMALLEST_EIGENVALUE = 0.01
 """Smallest eigenvalue of the normalised Gram matrix of a fit. It is 1 for an exact quadrature. Below this limit, the
-successful nodes determine some polynomial ten times less accurately than the others. tests/nodes/test_fit.py"""
+successful nodes determine a polynomial ten times less accurately than the others. tests/nodes/test_fit.py"""
 
 MOST_PRODUCTS = 10**6
 """Largest number of products of a basis. Their multi-indices take a second to compute."""
@@ -29,11 +29,11 @@ class Fit:
     """The linear map from node values to coefficients.
 
     With V the basis at the nodes and W the weights, projection divides V^T W y by the mean squares, eqs. (30)-(34).
-    Least squares solves (V^T W V) a = V^T W y. Both are the same if the quadrature is exact for products of basis
-    polynomials. With as many nodes as polynomials the fit is interpolation and solves V a = y, because the product
-    V^T W V would lose twice as many digits.
+    Least squares solves (V^T W V) a = V^T W y. Both give the same result if the quadrature is exact for products of
+    basis polynomials. With as many nodes as polynomials, the fit is interpolation. It solves V a = y, because V^T W V
+    would lose twice as many digits.
 
-    On a tensor grid with a tensor basis V is the Kronecker product of one matrix for each parameter. The map is then
+    On a tensor grid with a tensor basis, V is the Kronecker product of one matrix for each parameter. The map is then
     applied parameter by parameter, and no matrix of all nodes is formed.
 
     Attributes
@@ -111,8 +111,8 @@ class Fit:
         """Coefficients (n_b, m) from ``functionals @ y`` (n_b, m) over the nodes marked in ok (N,)."""
         if ok.all():
             return sums
-        # The sums are those of the full fit. Its Gram matrix is taken back, and that of the remaining nodes is solved:
-        # values at nodes can be dropped as soon as they are in the sums.
+        # The sums are those of the full fit. They are multiplied by its Gram matrix, and solved with that of the
+        # remaining nodes. Values at nodes are thus not needed after they are in the sums.
         norms = self._norms[:, None]
         return np.linalg.solve(self._gram(ok), self._gram() @ (sums * norms)) / norms
 

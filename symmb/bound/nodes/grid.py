@@ -1,9 +1,9 @@
-"""Interpolation on nested nodes, on tensor grids and on sparse grids: a set of degrees, and as many nodes.
+"""Interpolation on nested nodes, on tensor grids and on sparse grids: a set of degrees, with one node for each.
 
-Nodes of one parameter are numbered: the middle, the ends, then the nodes that halve the angles between them, so that
-the first 3, 5, 9, 17, ... are those of Clenshaw and Curtis. Within a halving the next node is that of Leja, which has
-the largest product of distances. Degree k has the first k + 1 nodes. A set of multi-indices that contains all smaller
-multi-indices thus has one node for each of its polynomials, with the same numbers.
+The nodes of one parameter have an order: the middle, the ends, then the nodes that halve the angles between them. The
+first 3, 5, 9, 17, ... are those of Clenshaw and Curtis. Within a halving, the next node has the largest product of
+distances (Leja). Degree k has the first k + 1 nodes. A set that contains all smaller multi-indices thus has one node
+for each of its polynomials, with the same numbers.
 """
 
 import itertools
@@ -22,7 +22,7 @@ class Grid:
 
     Attributes
     ----------
-    row : dict        multi-index -> its row, in the order of additions
+    row : dict        multi-index -> row, in the order of additions
     """
 
     def __init__(self, d: int) -> None:
@@ -30,7 +30,7 @@ class Grid:
         self.row: dict[Index, int] = {}
 
     def missing(self, indices: Iterable[Index]) -> set[Index]:
-        """The given indices and all smaller indices, without those of the set. They must be added together."""
+        """The given indices and all smaller indices that the set does not contain. They must be added together."""
         return with_lower(indices, self.row)
 
     def add(self, indices: set[Index]) -> None:
@@ -60,7 +60,7 @@ class Grid:
     def coefficients(self, *blocks: Array, rows: Indices | None = None) -> Array:
         """Legendre coefficients (N, m) of the interpolant from blocks of values (.., m).
 
-        `rows` (N,) are the rows of all blocks together that belong to the nodes, by default all rows.
+        `rows` (N,) are the rows of the nodes in all blocks together; by default all rows.
         """
         return interpolants(self._tensors, blocks, np.arange(len(self.row)) if rows is None else rows)
 
@@ -75,7 +75,7 @@ class Grid:
         return tensors
 
     def _signs(self) -> dict[Index, int]:
-        """Coefficient of each tensor interpolant in the sum of differences (Smolyak 1963). Most of them cancel."""
+        """Coefficient of each tensor interpolant in the sum of differences (Smolyak 1963). Most of these cancel."""
         signs: dict[Index, int] = {}
         for index in self.row:
             for steps in itertools.product(*[(0, 1) if k else (0,) for k in index]):
@@ -97,7 +97,7 @@ def line(n: int) -> Array:
         new = np.arange(-1 + step, 1, 2 * step)
         while new.size:
             distances = np.abs(np.subtract.outer(np.sin(np.pi / 2 * new), np.sin(np.pi / 2 * np.array(angles))))
-            # Mirror images have equal products. Rounded, the first of them is taken on every machine.
+            # Mirror images have equal products. Rounding makes the choice the same on every machine: the first one.
             best = int(np.argmax(np.log(distances).sum(axis=1).round(9)))
             angles.append(float(new[best]))
             new = np.delete(new, best)

@@ -50,7 +50,7 @@ class Rule(ABC):
 
     @abstractmethod
     def degree(self, level: int) -> int:
-        """Degree of a level of a sparse grid, whose rule is exact at least to 2 level + 1."""
+        """Degree of a level of a sparse grid. Its rule is exact at least to degree 2 level + 1."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Gauss(Rule):
 class ClenshawCurtis(Rule):
     """Tensor grid of the order + 1 extremes of the Chebyshev polynomial, with faces and corners.
 
-    Most responses have their extremes there, where an expansion from Gauss nodes extrapolates.
+    Most responses have their extremes at faces and corners. An expansion from Gauss nodes extrapolates there.
 
     Examples
     --------
@@ -165,13 +165,13 @@ class SparseGrid:
     """Smolyak's sparse grid (section 3.3 and Fig. 3): tensor grids of low total level, combined with signs.
 
     The grid is exact for total degree 2 level + 1. Weights may be negative. Large weights amplify errors of runs: for 6
-    parameters at level 4 the sum of their magnitudes is 681 with Gauss nodes, and 34 with Clenshaw-Curtis nodes. Leja
+    parameters at level 4, the sum of their magnitudes is 681 with Gauss nodes and 34 with Clenshaw-Curtis nodes. Leja
     nodes need the fewest runs: 33 for 2 parameters at level 4, while Gauss nodes need 53 and Clenshaw-Curtis nodes 65.
 
     Parameters
     ----------
     rule : Gauss() as in the paper, ClenshawCurtis(), Leja() or ChebyshevGauss()
-    level : by default the order of the expansion
+    level : level of the grid; default: the order of the expansion
 
     Examples
     --------
@@ -214,7 +214,7 @@ class SparseGrid:
         """Number of nodes. Equal nodes of several tensor grids are counted several times."""
         level = self._level(order)
         line = [self.rule.degree(i) + 1 for i in range(level + 1)]
-        totals = [1] + [0] * level  # grids of each total level, of one parameter after the other
+        totals = [1] + [0] * level  # number of nodes of each total level, one parameter after the other
         for _ in range(d):
             totals = [sum(line[i] * totals[total - i] for i in range(total + 1)) for total in range(level + 1)]
         return sum(totals[max(0, level - d + 1) :])
@@ -258,8 +258,8 @@ def _merged(nodes: Array, weights: Array) -> tuple[Array, Array]:
 def _symmetric_leja(n: int) -> Array:
     """The first n of the nodes 0, 1, -1, x, -x, ... (n,), read-only.
 
-    Each pair (x, -x) maximises the product of all distances, with its own distance 2x. The positive node is first. Of
-    equal maxima the leftmost is taken.
+    Each pair (x, -x) maximises the product of all distances, including its distance 2x. The positive node is first. If
+    maxima are equal, the leftmost one is taken.
 
     Bos and Caliari, Dolomites Research Notes on Approximation 8 (2015), Leja sequences of symmetric sets.
     """
@@ -275,7 +275,7 @@ def _symmetric_leja(n: int) -> Array:
 def _farthest(nodes: Array) -> float:
     """The x > 0 that maximises 2x prod (x - x_j)^2."""
     # Between two nodes the logarithm of the product is concave. Bisection on its slope finds the only maximum to the
-    # last digit, while values near a maximum differ by less than rounding. A number has fewer than 60 binary digits.
+    # last digit. Values near a maximum differ by less than rounding. A number has fewer than 60 binary digits.
     ends = np.sort(nodes[nodes >= 0])
     low, high = ends[:-1], ends[1:]
     for _ in range(60):

@@ -16,7 +16,7 @@ Tensor = tuple[Indices, list[Array], int]
 """Rows of the nodes of a tensor grid, a matrix for each parameter, and the factor of its interpolant in the sum."""
 
 _FEW_NUMBERS = 2**16
-"""Number of values, or of squared coefficients, up to which NumPy is used, because compilation takes longer."""
+"""NumPy is used up to this number of values or of squared coefficients, because compilation takes longer."""
 
 
 class _Tensors(ctypes.Structure):
@@ -60,7 +60,7 @@ def group_squares(coefficients: Array, groups: Sequence[Indices]) -> Array:
 
 def _compiled_interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows: Indices) -> Array:
     basis = _packed(tensors, len(rows))
-    # Addresses of rows instead of rows: blocks come from rounds of runs, and are too large to be copied together.
+    # Addresses of rows are used: blocks come from rounds of runs, and are too large to copy.
     blocks = [np.ascontiguousarray(Y, dtype=float) for Y in blocks]
     at = np.concatenate([Y.ctypes.data + Y.strides[0] * np.arange(len(Y)) for Y in blocks])[rows]
     m = blocks[0].shape[1]

@@ -14,13 +14,13 @@ class Basis(Protocol):
     """A choice of multi-indices."""
 
     def indices(self, d: int, order: int) -> MultiIndices:
-        """(n_b, d), the constant first."""
+        """Multi-indices (n_b, d) of d parameters, the constant first."""
         ...
 
 
 @dataclass(frozen=True)
 class TotalDegree:
-    """Products whose degrees sum to at most the order, eq. (21): the paper's choice.
+    """Products with a sum of degrees up to the order, eq. (21): the paper's choice.
 
     Examples
     --------
@@ -29,7 +29,7 @@ class TotalDegree:
     """
 
     def indices(self, d: int, order: int) -> MultiIndices:
-        """(n_b, d), the constant first."""
+        """Multi-indices (n_b, d) of products with degrees up to the order in sum, the constant first."""
         d, _, order = dimensions(self, d, order=order)
         return total_degree(d, order)
 
@@ -40,7 +40,7 @@ class TotalDegree:
 
 @dataclass(frozen=True)
 class TensorDegree:
-    """Products whose degrees are each at most the order: as many as a tensor grid has nodes.
+    """Products with each degree up to the order. A tensor grid has as many nodes.
 
     Examples
     --------
@@ -49,7 +49,7 @@ class TensorDegree:
     """
 
     def indices(self, d: int, order: int) -> MultiIndices:
-        """(n_b, d), the constant first."""
+        """Multi-indices (n_b, d) with each degree up to the order, the constant first."""
         d, _, order = dimensions(self, d, order=order)
         return tensor_degree(d, order)
 
@@ -60,12 +60,12 @@ class TensorDegree:
 
 @dataclass(frozen=True)
 class HyperbolicCross:
-    """Multi-indices whose quasi-norm (sum alpha_i^q)^(1/q) is at most the order: the full order in single
-    parameters, few products of several.
+    """Multi-indices with a quasi-norm (sum alpha_i^q)^(1/q) up to the order: the full order in single parameters, and
+    few products of several parameters.
 
     Parameters
     ----------
-    q : above 0 and at most 1, which is the total degree; smaller values give fewer products
+    q : exponent above 0 and up to 1. With 1 the norm is the total degree. Smaller values give fewer products
 
     Raises
     ------
@@ -88,12 +88,12 @@ class HyperbolicCross:
         require_between(self, "q", "(]", 0.0, 1.0)
 
     def indices(self, d: int, order: int) -> MultiIndices:
-        """(n_b, d), the constant first."""
+        """Multi-indices (n_b, d) with a quasi-norm up to the order, the constant first."""
         d, _, order = dimensions(self, d, order=order)
         alpha = total_degree(d, order)
         rounding = 1e-12  # rounding of the powers: indices on the border belong to the set
         return alpha[np.sum((alpha / max(order, 1)) ** self.q, axis=1) <= 1 + rounding]
 
     def size(self, d: int, order: int) -> int:
-        """Number of products of the total degree, from which these are taken."""
+        """Number of products of the total degree. The products of the hyperbolic cross are some of these."""
         return math.comb(d + order, d)

@@ -11,7 +11,7 @@ from symmb.bound.polynomials.legendre import MultiIndices, with_lower
 
 @dataclass(frozen=True, eq=False)
 class LowerSet:
-    """A set of multi-indices that contains all multi-indices below each of its members, in the order of rising sums.
+    """A set of multi-indices that contains all multi-indices below its members, in the order of increasing sums.
 
     If the range of a parameter is halved, or a parameter is fixed, the expansion needs no other products. This holds
     for Legendre and for Chebyshev polynomials.
@@ -43,9 +43,9 @@ class LowerSet:
 
     @cached_property
     def fibres(self) -> list[Indices]:
-        """For each axis (n_f, degree + 1): rows of products that differ in their degree along this axis only.
+        """For each axis (n_f, degree + 1): rows of products that differ only in their degree along this axis.
 
-        The row is n if the set has no product of a degree.
+        A row is n if the set has no product of this degree.
         """
         n, d = self.alpha.shape
         fibres = []
@@ -82,7 +82,7 @@ def _lower_set(shape: tuple[int, int], alpha: bytes) -> LowerSet:
 
 @cache
 def legendre_to_chebyshev(n: int) -> Array:
-    """(n + 1, n + 1) matrix from Legendre to Chebyshev coefficients. No entry is negative, so that no digits are lost.
+    """(n + 1, n + 1) matrix from Legendre to Chebyshev coefficients. No entry is negative, so no digits are lost.
 
     Examples
     --------
@@ -113,7 +113,7 @@ def halving(n: int) -> Array:
 
 
 def _times_x(coefficients: Array) -> Array:
-    """x times a Chebyshev series whose highest coefficient is 0: x T_i is the mean of T_(i - 1) and T_(i + 1)."""
+    """x times a Chebyshev series with a highest coefficient of 0. x T_i is the mean of T_(i - 1) and T_(i + 1)."""
     product = np.zeros_like(coefficients)
     product[1:] += 0.5 * coefficients[:-1]
     product[:-1] += 0.5 * coefficients[1:]

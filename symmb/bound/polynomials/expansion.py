@@ -78,7 +78,7 @@ class Moments(Saved):
     intervals.
 
     A first index is the fraction of the variance that a parameter alone explains. A total index adds the fractions that
-    it explains together with others. Indices are nan where the variance is rounding.
+    it explains together with others. Indices are nan if the variance is only rounding.
 
     Attributes
     ----------
@@ -137,8 +137,8 @@ class Moments(Saved):
 
 
 def moments(expansion: Expansion, t: Array, names: tuple[str, ...]) -> Moments:
-    """Moments of an expansion. The variance is the sum of squared coefficients times the mean squares of their
-    polynomials. An index is the part of the polynomials that contain the parameter, alone or with others.
+    """Moments of an expansion. The variance is the sum of squared coefficients times mean squares of polynomials. An
+    index is the part of the polynomials that contain the parameter, alone or with others.
 
     Examples
     --------
@@ -162,7 +162,7 @@ def moments(expansion: Expansion, t: Array, names: tuple[str, ...]) -> Moments:
     parts = mean_squares(expansion.alpha)[:, None, None] * np.ldexp(expansion.coefficients, -power) ** 2
     mean = expansion.coefficients[~varies].sum(axis=0)
     variance = parts[varies].sum(axis=0)
-    # A standard deviation is rounding if it is this small compared with the largest root mean square of the output.
+    # A smaller standard deviation, relative to the output's largest root mean square, counts as rounding.
     least = ROUNDING**2 * parts.sum(axis=0).max(axis=0)
     shares = np.full((2, len(involved), *variance.shape), np.nan)
     for share, chosen in zip(shares, (alone, involved), strict=True):

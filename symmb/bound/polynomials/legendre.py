@@ -1,7 +1,8 @@
 """Legendre polynomials on [-1, 1]^d with the uniform density 2^-d: values, norms, ranges, multi-indices.
 
 phi_n is eqs. (15)-(17) of Wang and Yang (2021), normalised to phi_n(1) = 1. Its mean square is 1/(2n+1), eq. (18) with
-W = 1/2. Polynomials of several parameters are products, eq. (22). The rows of ``alpha`` (n_b, d) are their degrees.
+W = 1/2. Polynomials of several parameters are products, eq. (22). The rows of ``alpha`` (n_b, d) are the degrees of the
+products.
 """
 
 from collections.abc import Container, Iterable
@@ -18,7 +19,7 @@ Index = tuple[int, ...]
 
 
 def below(index: Index) -> list[Index]:
-    """The indices of one degree less."""
+    """The indices with one degree lower by 1."""
     return [(*index[:i], k - 1, *index[i + 1 :]) for i, k in enumerate(index) if k]
 
 
@@ -74,7 +75,7 @@ def total_degree(d: int, order: int) -> MultiIndices:
 
 
 def homogeneous(d: int, degree: int) -> list[tuple[int, ...]]:
-    """Multi-indices of d entries with sum ``degree``, in the order of falling first entries."""
+    """Multi-indices of d entries with sum ``degree``, in the order of decreasing first entries."""
     if d == 1:
         return [(degree,)]
     return [(first, *rest) for first in range(degree, -1, -1) for rest in homogeneous(d - 1, degree - first)]

@@ -2,7 +2,7 @@
 
 A record is a mapping of names to texts, numbers, arrays, records and lists of records. Both formats store the same
 entries. JSON calls ``t`` times and ``names`` outputs, and stores None for numbers that are not finite. An archive has
-one array for each array of the record, and everything else as JSON in its array ``about``.
+one array for each array of the record, and all other entries as JSON in its array ``about``.
 """
 
 import csv
@@ -28,15 +28,15 @@ _VERSION = 1
 """Version of both formats. Files without a version also have this version."""
 
 Table = Mapping[str, Any]
-"""Columns by their headings. All have the same length."""
+"""Columns by their headings. All columns have the same length."""
 T = TypeVar("T")
 
 
 def save(path: str | PathLike[str], sources: Mapping[str, Callable[[], Mapping[str, Any]]]) -> None:
     """Write a result in the format that the suffix of the file selects.
 
-    `sources` are functions that give the "record", the "entries" of JSON and, if it exists, the "table". It raises
-    DeclarationError if the name has another suffix, and FileError if the file cannot be written.
+    `sources` are functions that give the "record", the "entries" of JSON and, if it exists, the "table".
+    DeclarationError is raised if the suffix is not known, and FileError if the file cannot be written.
     """
     form = _format_of(path, sources)
     contents = sources[form.source]()
@@ -51,7 +51,7 @@ def save_json(path: str | PathLike[str], entries: Mapping[str, Any]) -> None:
 
 
 def to_jsonable(value: Any) -> Any:
-    """Nested mappings, sequences, arrays and numbers in the types of JSON.
+    """Nested mappings, sequences, arrays and numbers, converted to the types of JSON.
 
     Examples
     --------
@@ -79,8 +79,8 @@ def load(
 ) -> T:
     """A result read from a file: built from the record, or from the ``headings`` and ``columns`` of the table.
 
-    It raises DeclarationError if the file has another suffix, is damaged or holds something else, and FileError if it
-    cannot be read.
+    DeclarationError is raised if the suffix is not known, or if the file is damaged or contains something else.
+    FileError is raised if it cannot be read.
     """
     form = _format_of(path, ("record", "entries", *(["table"] if from_table else [])))
     with told(path, "read"):
@@ -146,8 +146,8 @@ def require_usual_size(archive: zipfile.ZipFile | None) -> None:
     """DeclarationError if the data of an archive would be much larger than the archive."""
     members = archive.infolist() if archive else []
     size, packed = (sum(getattr(member, name) for member in members) for name in ("file_size", "compress_size"))
-    # Most bytes that one byte of an archive may become. Results with random last digits expand by a few times,
-    # constant results a thousand times.
+    # Largest number of bytes that one byte of an archive may become. Results with random last digits expand by a few
+    # times, and constant results a thousand times.
     if size > 2**26 and size > 200 * packed:  # up to 64 MB can be unpacked quickly
         raise DeclarationError(f"its {packed:.3g} bytes would become {size:.3g} bytes.")
 
@@ -191,13 +191,13 @@ def _column(cells: tuple[str, ...]) -> list[float] | list[str]:
 
 
 class Format(NamedTuple):
-    """How files with a suffix are written and read.
+    """Functions that write and read files with a suffix.
 
     Attributes
     ----------
     source : str        the stored form of the result: its "record", its "entries" of JSON or its "table"
     write : callable    takes an open file and the stored form
-    read : callable     takes the bytes of a file, the inverse of `write`
+    read : callable     takes the bytes of a file; it is the inverse of `write`
     """
 
     source: str

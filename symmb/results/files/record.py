@@ -1,4 +1,4 @@
-"""The contents of a file, checked when they are read."""
+"""The contents of a file. They are checked when they are read."""
 
 import math
 from collections.abc import Mapping
@@ -35,7 +35,7 @@ class Record:
         return value is not None and getattr(value, "shape", None) != (0, 0)
 
     def text(self, name: str, *allowed: str) -> str:
-        """A text; if allowed texts are given, one of these."""
+        """A text. If allowed texts are given, it is one of these."""
         value = self._value(name)
         if not isinstance(value, str):
             raise self._wrong(name, "a text", _kind(value))
@@ -75,7 +75,7 @@ class Record:
         return value
 
     def with_nan(self, name: str, *shape: int | None) -> Array:
-        """An array of real numbers. Some may be unknown. None stands for any length of an axis."""
+        """An array of real numbers; nan stands for unknown ones. In `shape`, None stands for any length of an axis."""
         entry = self._value(name)
         try:
             value = np.array(entry, dtype=float)
@@ -102,7 +102,7 @@ class Record:
         return ByName({key: record.array(key, *shape) for key in record.plain}, self.units(name))
 
     def mask(self, name: str) -> Mask:
-        """Truth values, one for each run or time."""
+        """Truth values (n,), one for each run or time."""
         return self.array(name, None).astype(bool)
 
     def size(self, name: str, *shape: int | None) -> Array:
@@ -155,11 +155,12 @@ class Record:
         return len(self._value(name))
 
     def record(self, name: str) -> "Record":
-        """Names with values."""
+        """A record in this record."""
         return self.of(self._value(name), self._named(name), self)
 
     def records(self, name: str, *fields: str) -> list["Record"]:
-        """A list of records; empty if the entry is missing. With fields, an item may be the list of their values."""
+        """A list of records; empty if the entry is missing. If `fields` are given, an item may be a list of their
+        values."""
         value = self._entries.get(name)
         if not isinstance(value, list | tuple | None):
             raise self._wrong(name, "a list", _kind(value))

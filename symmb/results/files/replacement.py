@@ -1,4 +1,4 @@
-"""A file that replaces the previous file when the new file is complete."""
+"""A file that replaces the previous file after it is complete."""
 
 import os
 import stat
@@ -21,7 +21,7 @@ def told(path: str | os.PathLike[str], what: str) -> Iterator[None]:
             kind = "pipe" if stat.S_ISFIFO(mode) else "device"
             raise FileError(f"{str(path)!r} cannot be read: it is a {kind}, which may never end.")
         yield
-    except (FileError, BrokenPipeError):  # the reader of a pipe, such as `head`, has closed it
+    except (FileError, BrokenPipeError):  # e.g. the reader `head` has closed the pipe
         raise
     except UnicodeEncodeError as error:
         raise FileError(f"{shown(str(path))} cannot be {what}: this is not the name of a file.") from error
@@ -35,8 +35,8 @@ def replacement(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     """A binary file to write to. It replaces the file at ``path`` if the block ends without an exception.
 
     Until then the data are in a temporary file in the same folder. If the process is killed or the disk is full, the
-    previous file stays. Links are followed, and permissions are kept. Devices and pipes are written directly. It raises
-    FileError if the disk is full, or the folder cannot be written to.
+    previous file is kept. Links are followed, and permissions are kept. Devices and pipes are written directly.
+    FileError is raised if the disk is full, or if the folder is not writable.
     """
     with told(path, "written"), _replacement(path) as file:
         yield file

@@ -1,4 +1,4 @@
-"""Results that can be saved as files. Their fields declare the check, the axes and the name of each entry."""
+"""Results that can be saved as files. Fields of a result declare the check, the axes and the name of each entry."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import Field, fields
@@ -18,7 +18,7 @@ _CHECKS: dict[Any, Callable[..., Any]] = {
     dict[str, float]: Record.numbers,
     Mapping[str, float]: Record.numbers,
 }
-"""How fields of these types are read if the field does not declare a check."""
+"""Functions that read fields of these types, if the field does not declare a check."""
 
 
 def entry(check: Callable[..., Any] | None = None, *axes: str | None, name: str = "") -> dict[str, Any]:
@@ -38,7 +38,7 @@ NOT_KEPT: Mapping[str, Any] = {"kept": False}
 """Metadata of a field that files do not store, or that the class stores in other entries."""
 TIMES, NAMES = entry(Record.times), entry(Record.names)
 _EMPTY = (None, "", (), {})
-"""Defaults of fields whose entries may be missing, for example in files of earlier versions."""
+"""A field with one of these defaults may have no entry, for example in files of earlier versions."""
 
 
 def entries(result: Any) -> dict[str, Any]:
@@ -49,7 +49,7 @@ def entries(result: Any) -> dict[str, Any]:
 
 
 def attributes(kind: Any, record: Record) -> dict[str, Any]:
-    """The fields of a dataclass from a record. Fields that give the lengths of arrays are read first."""
+    """The fields of a dataclass from a record. Fields that define lengths of arrays are read first."""
     return {own.name: _value(own, record) for own in sorted(_kept(kind), key=lambda own: bool(_axes(own)))}
 
 
@@ -99,26 +99,26 @@ class Saved:
         return {"result": type(self).__name__} | self._record()
 
     def save(self, path: str | Path) -> None:
-        """Write the complete result as .npz or .json, or a .csv table over time (runs and bounds only).
+        """Write the complete result as .npz or .json, or (only runs and bounds) a .csv table over time.
 
         Raises
         ------
         DeclarationError
-            If the name has another suffix
+            If the suffix is not one of these
         FileError
-            If the file cannot be written; the previous file stays
+            If the file cannot be written. A previous file is kept
         """
         sources = {"record": self._named_record, "entries": self.to_json}
         save(path, sources | ({"table": self._table} if _has_table(type(self)) else {}))
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read a file that `save` has written. A table holds times and outputs only.
+        """Read a file that `save` has written. A table contains only times and outputs.
 
         Raises
         ------
         DeclarationError
-            If the file is damaged or holds something else
+            If the file is damaged, or contains something else
         FileError
             If the file cannot be read
         """

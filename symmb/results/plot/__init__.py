@@ -1,6 +1,6 @@
 """Pictures of numbers, drawn with matplotlib from plain arrays.
 
-Results of later wings draw themselves with these functions.
+The plot methods of results use these functions.
 """
 
 from symmb.results.plot.bounds import Band, PlottedBounds, add_limits, family, plot_bounds

@@ -89,7 +89,7 @@ def plot_bounds(
                                                                that runs attained
     nominal : (n_t, n_y) or None       the nominal run, drawn as a thin line
     deviation                          draw deviations from the nominal run
-    timeless                           outputs with the same value at all times, drawn as bars
+    timeless                           outputs with one value for all times, drawn as bars
     """
     least = rounding(np.stack([band.lower, band.upper]), units)
     shown, own_names, own_units = outputs_of(names, units, chosen, MOST_PANELS if style.ax is None else None)
@@ -152,7 +152,7 @@ def draw_bounds(
 
 
 def _bars(axes: Axes, t: Array, n: int) -> list[Array]:
-    """Places of n bars side by side, for values without a time. Panels above show the times instead."""
+    """Places of n bars side by side, for values without a time. Panels above then show the times."""
     for panel in axes.get_shared_x_axes().get_siblings(axes):
         panel.tick_params(labelbottom=True)
     axes.xaxis.set_visible(False)
@@ -163,12 +163,12 @@ def _bars(axes: Axes, t: Array, n: int) -> list[Array]:
 def _draw_pairs(
     axes: Axes, x: Array, pairs: Sequence[tuple[Array, str | None, dict[str, Any]]], colour: object
 ) -> None:
-    """Draw pairs of curves (2, n) over places x. Parts of named curves that touch the first pair are left out."""
+    """Draw pairs of curves (2, n) over places x. Parts of labelled curves that touch the first pair are left out."""
     first = pairs[0][0]
     for own, name, look in pairs:
         if name is not None:
             with np.errstate(invalid="ignore"):  # infinite bounds
-                # Distance of curves, relative to the height of the band, below which they look like one thick line.
+                # Curves with a smaller distance, relative to the height of the band, look like one thick line.
                 own = np.where(np.abs(own - first) <= 0.015 * np.ptp(first), np.nan, own)
         _draw_pair(axes, x, *own, label=None if np.isnan(own).all() else name, color=colour, **look)
 
@@ -180,7 +180,7 @@ def _draw_pair(axes: Axes, x: Array, lower: Array, upper: Array, *, label: str |
 
 
 def _window(reference: Band, curves: Sequence[PlottedBounds], i: int) -> tuple[float, float]:
-    """Axis limits that show the reference and half its range on either side. Larger bounds extend beyond the panel."""
+    """Axis limits for the reference and half its range on both sides. Larger bounds extend beyond the panel."""
     low, high = np.nanmin(reference.lower[:, i]), np.nanmax(reference.upper[:, i])
     room = 0.5 * (high - low) if high > low else max(abs(high), 1.0) * 1e-3
     lows = np.concatenate([[low], *(curve.lower[:, i] for curve in curves)])

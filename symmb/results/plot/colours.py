@@ -3,7 +3,7 @@
 from zlib import crc32
 
 COLOURS = ("#0b6fb8", "#d1495b", "#2e8b57", "#e08e00", "#7a4fb5", "#4b5563", "#00929c", "#9c5a2d")
-"""Line style and marker differ as well, for readers who cannot distinguish red and green."""
+"""Colours of methods. Line style and marker differ too, for readers who cannot distinguish red and green."""
 _PALETTE = (*COLOURS, "#c2428d", "#7d8b1a", "#3d5a80", "#d9772b", "#5aa36f", "#8f9bb3")
 _METHODS = (
     "PolynomialChaos",
@@ -35,11 +35,11 @@ _SOLVERS = (
 )
 BAND_COLOUR = "#c9d3dd"
 RUN_COLOUR = "#1f2937"
-"""Colours of curves that no method made: reference bounds, and single runs."""
+"""Colour of curves that are not bounds by a method: reference bounds, and single runs."""
 
 
 def colour_of(family: str) -> str:
-    """The colour of a method or a solver. It depends on the name only, not on other curves of the picture.
+    """The colour of a method or a solver. It depends only on the name, not on other curves of the picture.
 
     Examples
     --------

@@ -52,16 +52,16 @@ def plot_comparison(
     Parameters
     ----------
     t : (n_t,)              times [s]
-    names : n_y names       of the outputs
-    curves                  the settings to draw; a family is one curve of the error diagram. Its most accurate
-                            setting is drawn above
-    measured : (n_y,)       which outputs count in the mean of the rms errors
-    uncertainty : (n_y,)    of the reference, in the norm of the error. Errors below its mean are drawn at its mean,
-                            with hollow markers
+    names : n_y names       names of the outputs
+    curves                  settings to draw. A family is one curve of the error diagram; its most accurate setting is
+                            drawn above
+    measured : (n_y,)       outputs that count in the mean of the rms errors
+    uncertainty : (n_y,)    uncertainty of the reference, in the norm of the error. Errors below its mean are drawn at
+                            this mean, with hollow markers
     units : n_y units       '' if not known
-    chosen : columns        of the outputs to draw; default: the outputs with the largest errors
-    style : options         axes of the caller: one for each output for bounds over time; a single one without chosen
-                            outputs is for the errors; labels and colours: one for each family
+    chosen : columns        columns of the outputs to draw; default: the outputs with the largest errors
+    style : options         axes of the caller for bounds over time, one for each output; a single axes without chosen
+                            outputs is for the errors; labels and colours, one for each family
     """
     families: dict[str, list[PlottedBounds]] = {}
     for curve in curves:
@@ -142,7 +142,7 @@ def _draw_family(
 def write_numbers(axes: Axes, numbers: Sequence[tuple[float, float, str, str]], clear: float = 16.0) -> None:
     """Write each number beside its point (x, y, text, colour), at the corner farthest from points and numbers.
 
-    Numbers at a distance of `clear` do not touch [point].
+    Numbers do not touch if their distance is at least `clear` [point].
     """
     from matplotlib.patheffects import withStroke
 
@@ -160,13 +160,13 @@ def write_numbers(axes: Axes, numbers: Sequence[tuple[float, float, str, str]], 
 
 
 def largest_error(curve: PlottedBounds, measured: Mask) -> float:
-    """Mean over the measured outputs of their rms errors; infinite if it is nan."""
+    """Mean of the rms errors of the measured outputs; infinite if it is nan."""
     error = np.nan_to_num(curve.error[measured], nan=np.inf, posinf=np.inf)
     return float(error.mean()) if error.size else 0.0
 
 
 def hardest_outputs(curves: Sequence[PlottedBounds], measured: Mask) -> list[int]:
-    """The outputs to draw, in their order: the outputs with the largest median error."""
+    """Columns of the outputs with the largest median errors, in the order of the outputs. These are drawn."""
     if len(measured) <= MOST_PANELS or not curves:
         return list(range(min(len(measured), MOST_PANELS)))
     median = np.median([np.nan_to_num(curve.error, nan=np.inf, posinf=np.inf) for curve in curves], axis=0)

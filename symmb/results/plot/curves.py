@@ -23,7 +23,7 @@ def plot_trajectory(
     """Draw values (n_t, n_y) over times t (n_t,) [s], one panel for each output; see `plot_comparison` for names,
     units, chosen and style.
 
-    In a single one of the caller's axes all outputs are drawn, in different colours.
+    If the caller gives a single axes, all outputs are drawn in it, in different colours.
     """
     columns, own_names, own_units = outputs_of(names, units, chosen)
     least = rounding(values, units)[columns]
@@ -52,8 +52,8 @@ def plot_family(
 ) -> Figure:
     """Draw curves (N, n_t, n_y) over times t (n_t,) [s], one panel for each output; see `plot_comparison` for the rest.
 
-    Up to eight curves each have a colour and a name. More curves are coloured in a sequence, and the legend
-    names the first, the middle and the last curve.
+    Each of up to eight curves has a colour and a name. The colours of more curves are a sequence, and the legend names
+    the first, the middle and the last curve.
     """
     from matplotlib import colormaps
 

@@ -23,7 +23,7 @@ class Panels:
     _left: ClassVar[Collection[int]] = (0,)
     """Columns of the table that are aligned on the left."""
     _most: ClassVar[int | None] = MOST_PANELS
-    """Most outputs that a notebook shows; None for all."""
+    """Largest number of outputs that a notebook shows; None: all."""
 
     def _head(self) -> str:
         raise NotImplementedError
@@ -33,7 +33,7 @@ class Panels:
         raise NotImplementedError
 
     def _figure(self, columns: list[int] | None, style: Style) -> "Figure":
-        """The picture of some outputs, or of all."""
+        """The picture of some outputs, or of all outputs."""
         raise NotImplementedError
 
     def _told_names(self) -> Sequence[str]:
@@ -78,7 +78,7 @@ class OverTime(Panels):
         title: str | None = None,
         **look: Any,
     ) -> "Figure":
-        """Draw outputs over time, as the class says. Write the picture to `path` if it is given.
+        """Draw outputs over time, as the class describes. Write the picture to `path` if it is given.
 
         Parameters
         ----------
@@ -87,9 +87,9 @@ class OverTime(Panels):
         ax : matplotlib Axes
             to draw in, instead of a new figure: one for each output; for a trajectory also one for all outputs
         figsize : (width, height)
-            of a new figure [inch]
+            size of a new figure [inch]
         title : str
-            of a new figure, instead of the default title
+            title of a new figure, instead of the default title
         label, color, legend
             of the curves: a text or a colour, or a list with one entry for each curve; and True or False
 
@@ -98,7 +98,7 @@ class OverTime(Panels):
         DeclarationError
             If an option is wrong
         FileError
-            If the file cannot be written; the previous file stays
+            If the file cannot be written. A previous file is kept
         """
         return self._drawn(path, outputs, ax, figsize, title, **look)
 
@@ -115,18 +115,18 @@ class OverTimeBesideGiven(Panels):
         ax: "Axes | Sequence[Axes] | None" = None,
         **look: Any,
     ) -> "Figure":
-        """Draw outputs over time, as the class says; options and errors are those of `Trajectory.plot`."""
+        """Draw outputs over time, as the class describes. Options and errors are those of `Trajectory.plot`."""
         return self._drawn(path, outputs, ax, figsize, title, **look)
 
 
 class ThreeDiagrams:
-    """A result that prints as text, and whose picture has three diagrams."""
+    """A result that prints as text, with a picture of three diagrams."""
 
     def __repr__(self) -> str:
         return str(self)
 
     def _figure(self, style: Style) -> "Figure":
-        """The picture, in up to three axes of the caller if given."""
+        """The picture, in up to three axes of the caller if these are given."""
         raise NotImplementedError
 
     def plot(
@@ -155,7 +155,7 @@ class ThreeDiagrams:
         DeclarationError
             If an option is wrong
         FileError
-            If the file cannot be written; the previous file stays
+            If the file cannot be written. A previous file is kept
         """
         owner = f"{type(self).__name__}.plot"
         return finish(self._figure(Style(owner, ax, **look)), owner, path, ax, figsize, title)

@@ -1,7 +1,7 @@
 """The common layout of all pictures: size, panels, legend, saving.
 
-Figures are drawn without pyplot, so that no global state changes. matplotlib loads on the first call. Notebooks show
-the figures directly.
+Figures are drawn without pyplot, so no global state changes. matplotlib loads on the first call. Notebooks show the
+figures directly.
 """
 
 import io
@@ -29,22 +29,24 @@ if TYPE_CHECKING:
 PICTURES = (".png", ".pdf", ".svg")
 """Formats of pictures."""
 MOST_PANELS = 6
-"""Most outputs whose bounds are drawn: with more outputs the panels are too small to read."""
+"""Largest number of outputs with panels. With more outputs the panels are too small to read."""
 ROW_HEIGHT, HEAD_HEIGHT, DIAGRAM_HEIGHT = 1.8, 0.3, 3.8
 """Heights of a row of panels, of the title and of a diagram [inch]."""
 _NARROW_LINE = 50
-"""Characters of a line in a picture for phones."""
+"""Number of characters of a line in a picture for phones."""
 _LEGEND_COLUMNS = 3
 DPI = 150
 """Resolution of saved pictures [1/inch]: sharp at the width of a text column."""
 MARKERS = "osD^vPX*"
 DASHES = ((0, ()), (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)), (0, (3, 1.5)), (0, (8, 3)))
 LEAST_ERROR = 1e-16
-"""Smallest drawn error, relative to the width: smaller errors are rounding, and 0 has no logarithm."""
+"""Smallest drawn error, relative to the width. Smaller errors are rounding, and 0 has no logarithm."""
 _RANDOM_TURNS, _ABOUT_ZERO = 0.2, 0.05
-"""Fraction of times at which random values turn; smooth curves turn seldom. And half the height of axes about 0."""
+"""Values are random if they turn at a larger fraction of times; smooth curves turn rarely. Half the height of axes
+about 0."""
 _LEGENDS = ((60, 8.0), (36, 8.0), (24, 7.0), (16, 6.0))
-"""Characters per line and font size [point] of legends in axes of the caller. The first pair that fits is used."""
+"""Pairs of characters per line and font size [point] for legends in axes of the caller. The first pair that fits is
+used."""
 
 
 def new_figure(height: float) -> Figure:
@@ -77,7 +79,7 @@ def narrow_png(figure: Figure) -> bytes:
 
 
 def _fitted(figure: Figure, legend: "Legend") -> float:
-    """Reduce the columns and the line length of the legend until it fits into the figure; return its height [inch]."""
+    """Reduce the columns and the line length of the legend until it fits into the figure. Return its height [inch]."""
     canvas: Any = figure.canvas
     handles = legend.legend_handles
     texts = ["\n".join(wrap(text.get_text(), _NARROW_LINE)) for text in legend.get_texts()]
@@ -96,12 +98,12 @@ def _shown(figure: Figure) -> tuple[bytes, dict[str, int]]:
 
 
 def save(figure: Figure, path: str | Path | None) -> Figure:
-    """Write the figure to a path, if a path is given. Its suffix selects the format."""
+    """Write the figure to a path, if it is given. The suffix selects the format."""
     if path is not None:
         suffix = require_suffix(path, *PICTURES)
         from matplotlib import rc_context
 
-        # Type 42 is TrueType: journals refuse type 3, matplotlib's default.
+        # Type 42 is TrueType. Journals refuse type 3, which is matplotlib's default.
         with replacement(path) as file, rc_context({"pdf.fonttype": 42}):
             figure.savefig(file, format=suffix[1:])
     return figure
@@ -117,7 +119,7 @@ def finish(
 ) -> Figure:
     """The picture of a result, with the size [inch] and the title that the caller requests; see `save` for path.
 
-    It raises DeclarationError if the size or the title is not valid, or the picture is in axes of the caller.
+    DeclarationError is raised if the size or the title is not valid, or if the picture is in axes of the caller.
     """
     for name, given in (("figsize", figsize), ("title", title)):
         if given is not None and ax is not None:
@@ -140,8 +142,8 @@ def finish(
 def rounding(values: Array, units: Sequence[str] = ()) -> Array:
     """Largest spreads (n_y,) of outputs (..., n_y) that are rounding.
 
-    They are relative to the largest value of the output, and to the largest value of all outputs of its unit. Values
-    that change at random from time to time, and are tiny beside other outputs or 1, are rounding of 0.
+    Spreads are relative to the largest value of the output, and to the largest value of all outputs of its unit. Values
+    that change at random from time to time, and are tiny compared with other outputs or with 1, are rounding of 0.
     """
     size = np.nan_to_num(np.abs(values), posinf=0.0).max(axis=tuple(range(np.ndim(values) - 1)), initial=0.0)
     change = np.sign(np.diff(np.nan_to_num(values, posinf=0.0, neginf=0.0), axis=-2))
@@ -153,7 +155,7 @@ def rounding(values: Array, units: Sequence[str] = ()) -> Array:
 
 
 def flatten(panels: Sequence[Axes], least: Array) -> None:
-    """Widen the axes of outputs whose spread is rounding (n,), so that the curves look flat."""
+    """Widen the axes of outputs if their spread is within rounding `least` (n,), so that the curves look flat."""
     for axes, spread in zip(panels, least.tolist(), strict=True):
         low, high = axes.dataLim.intervaly
         if 0 < high - low <= spread:
@@ -200,7 +202,7 @@ def _entitle(axes: Axes, title: str) -> None:
 def given_panels(
     owner: str, ax: GivenAxes, t: Array, names: Sequence[str], units: Sequence[str], *, overlay: bool = False
 ) -> list[Axes]:
-    """The caller's axes, one for each output, with labels. A single one is repeated if outputs may share axes."""
+    """The caller's axes, one for each output, with labels. A single axes is repeated if outputs may share axes."""
     panels = axes_in(owner, ax)
     if overlay and len(panels) == 1:
         panels *= len(names)
@@ -301,12 +303,12 @@ def _time_label(t: Array) -> str:
 
 
 def plain(text: str) -> str:
-    """A text whose dollar signs do not start mathematics."""
+    """The text with dollar signs that do not start mathematics."""
     return text.replace("$", r"\$")
 
 
 def abscissa(t: Array) -> Array:
-    """The times; a single time is drawn as a short interval."""
+    """The times for an axis. A single time becomes a short interval."""
     return t if len(t) > 1 else t + np.array([-0.5, 0.5])
 
 
@@ -360,7 +362,7 @@ def legends(figure: "FigureBase", panels: Sequence[Axes], style: Style, columns:
 
 
 def own_legend(axes: Axes, style: Style) -> None:
-    """A legend inside axes, at a free place, if there are several curves, or if a legend is requested."""
+    """Add a legend inside axes, at a free place, if there are several curves, or if it is requested."""
     handles = _handles([axes])
     if style.legend is False or len(handles) < (1 if style.legend else 2):
         return

@@ -12,7 +12,7 @@ from symmb.results.plot.layout import cyclic, finish_diagrams, plain, three_diag
 from symmb.results.plot.style import OWN, Style
 
 _OPACITY = 0.22
-"""Opacity of bands: other bands stay visible below a band."""
+"""Opacity of bands. Other bands are visible below a band."""
 
 
 def plot_root_locus(
@@ -31,7 +31,7 @@ def plot_root_locus(
     ----------
     values : (n,) values of the parameter
     eigenvalues : (n, m) complex       all eigenvalues [1/s]
-    curves : "f", "zeta", "re", "im" -> (n, k) of k oscillations, nan if the oscillation does not exist
+    curves : "f", "zeta", "re", "im" -> values (n, k) of k oscillations, nan if the oscillation does not exist
     bands : the same names -> lower and upper bounds (n, k); may be empty
     style : options                    with up to three axes of the caller, in this order of diagrams
     """
@@ -80,7 +80,7 @@ def _draw_plane(
 
 
 def _draw_area(axes: Axes, left: Array, right: Array, low: Array, high: Array, *, colour: str) -> None:
-    """Draw the area of the rectangles of all values, and the convex hulls of each two neighbouring rectangles."""
+    """Draw the area of the rectangles of all values, and of the convex hull of each pair of neighbouring rectangles."""
     from matplotlib.colors import to_rgb
 
     light = 1 - _OPACITY * (1 - np.array(to_rgb(colour)))  # opaque, so that overlapping areas have one colour

@@ -25,8 +25,8 @@ def plot_stability(
     Parameters
     ----------
     points : solver -> (run time [s], error) of each setting; empty if errors are not known
-    drift : solver -> (n_t,) of one setting
-    stress : solver -> variant of the scene -> error
+    drift : solver -> drift (n_t,) of one setting
+    stress : solver -> name of a variant of the scene -> error
     style : options            with up to three axes of the caller, in this order of diagrams
     """
     figure, panels = three_diagrams(style, 0.8)

@@ -1,4 +1,4 @@
-"""What a caller sets in a picture: axes to draw in, and labels, colours and a legend of the curves."""
+"""Options of a picture that a caller sets: axes, and labels, colours and a legend of the curves."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +13,8 @@ from symmb._types import GivenAxes
 class Style:
     """Options of the method `owner`. Options that are None are set by the picture.
 
-    `label` is a text, `color` a colour of matplotlib; either may be a list, one for each curve. `legend` is a bool.
+    `label` is a text, and `color` a colour of matplotlib. Both may be lists, with an entry for each curve. `legend` is
+    a bool.
     """
 
     owner: str = "plot"
@@ -27,7 +28,8 @@ class Style:
             raise DeclarationError(f"{self.owner}: legend must be True or False, got {shown(self.legend)}.")
 
     def labels(self, own: Sequence[str], apart: bool = False) -> list[str | None]:
-        """Labels of curves, by default their names. One text labels all curves in separate panels, or the first."""
+        """Labels of curves, by default their names. A single text labels all curves in separate panels, or otherwise
+        the first curve."""
         if isinstance(self.label, str):
             return [self.label if k == 0 or apart else None for k in range(len(own))]
         return self._each("label", own, lambda text: isinstance(text, str))

@@ -1,1 +1,1 @@
-"""The command line: compare methods on a scene, simulate it, show its equations, export it as C."""
+"""The command line: commands that compare methods on a scene, simulate it, show its equations, or export it as C."""

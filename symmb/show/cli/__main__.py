@@ -10,7 +10,7 @@ from symmb.show.cli.signals import INTERRUPTED, end_at_signals, end_now
 
 
 def run() -> int | str | None:
-    """Run the command of the arguments. Signals can end it from the start, also while modules load."""
+    """Run the command in the arguments. Signals can end it from the start, even while modules load."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # the stream is closed
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
@@ -21,7 +21,7 @@ def run() -> int | str | None:
         except SystemExit as end:  # raised by --help, and by wrong arguments
             status = end.code
         for number in SIGNALS:
-            signal.signal(number, signal.SIG_IGN)  # the work is done, so that signals must not change the exit status
+            signal.signal(number, signal.SIG_IGN)  # the work is done: signals must not change the exit status
     except KeyboardInterrupt:
         status = INTERRUPTED
     if status == INTERRUPTED:

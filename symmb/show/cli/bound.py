@@ -19,11 +19,11 @@ from symmb.show.report import BLOCK, write_bounds
 
 _NO_CONTRIBUTIONS = "Contributions of parameters need further runs here. Add --contributions."
 End = float | str | None
-"""Pattern for a number, a number with a unit, or an empty end."""
+"""An end of an interval: a number, a number with a unit, or None."""
 
 
 def add_bound(command: Callable[..., argparse.ArgumentParser], methods: str, solvers: str) -> None:
-    """Add the command."""
+    """Add the command `symmb bound`."""
     bound = command("bound", "bound outputs, and check limits", _bound, f"{methods}\n\n{solvers}")
     several: dict[str, Any] = {"nargs": "+", "action": "extend", "default": []}
     bound.add_argument("--box", metavar="k=1:2", **several, help="intervals, instead of the scene's")
@@ -67,19 +67,19 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
         write_bounds(bounds, paths["report"], limits or None, block, command=command, contributions=contributions)
     if check is None or check.kept:
         return bounds.doubts
-    # Exit status if a limit is violated, the same as for a failed test.
+    # Exit status if a limit is violated. It is that of a failed test.
     return 1 if check.kept is False else (*bounds.doubts, "A limit is not decided.")
 
 
 def _about_fixed(bounds: mb.Bounds, own: mb.Box | None) -> mb.Bounds:
-    """The bounds with a remark on parameters that vary in the box of the scene only."""
+    """The bounds with a remark on parameters that vary only in the box of the scene."""
     fixed = [name for name in own or () if name not in (bounds.box or ())]
     text = f"{', '.join(fixed)} keep their nominal values, because --box and --tolerances replace the scene's box."
     return replace(bounds, remarks=(*bounds.remarks, text)) if fixed else bounds
 
 
 def _tell_contributions(bounds: mb.Bounds, is_asked: bool) -> mb.Contributions | None:
-    """Contributions if they need no further runs, or are requested; otherwise how to get them."""
+    """Contributions if they need no further runs, or are requested. Otherwise a text explains how to get them."""
     contributions = bounds.contributions() if is_asked else bounds._known_contributions() if bounds.range_of else None
     if contributions is not None or bounds.range_of:
         print("", contributions or _NO_CONTRIBUTIONS, sep="\n")
@@ -87,7 +87,7 @@ def _tell_contributions(bounds: mb.Bounds, is_asked: bool) -> mb.Contributions |
 
 
 def _limits(options: argparse.Namespace) -> dict[str, tuple[End, End]]:
-    """The limits of outputs."""
+    """The limits of outputs, from the options."""
     limits = _ranges("--limit", options.limit)
     for name, ends in limits.items():
         if ends == (None, None):
@@ -114,7 +114,7 @@ def _box(options: argparse.Namespace, subject: mb.Scene | Simulator, own: mb.Box
 
 
 def _ranges(option: str, words: Sequence[str]) -> dict[str, tuple[End, End]]:
-    """The ends of texts such as k=1:2 and k=1:2mm, by name; None if an end is missing. A unit holds for both ends."""
+    """The ends of texts such as k=1:2 and k=1:2mm, by name; None if an end is missing. A unit applies to both ends."""
     ranges: dict[str, tuple[End, End]] = {}
     for word in words:
         name, _, text = word.partition("=")

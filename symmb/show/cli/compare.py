@@ -22,11 +22,11 @@ from symmb.show.cli.urdf_scene import parameter_name
 from symmb.show.report import write_comparison
 
 _OVER_TIME = "lower", "upper", "estimate", "inner_lower", "inner_upper"
-"""Entries of a method that its row of the table does not show. They are most of the file."""
+"""Entries of a method that its row of the table does not show. They are the largest part of the file."""
 
 
 def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, solvers: str) -> None:
-    """Add the command."""
+    """Add the command `symmb compare`."""
     compare = command(
         "compare", "bound outputs by several methods and measure each", _compare, f"{methods}\n\n{solvers}"
     )
@@ -81,7 +81,7 @@ def _compare(options: argparse.Namespace) -> tuple[str, ...]:
 
 
 def _table(comparison: mb.Comparison) -> dict[str, Any]:
-    """The entries of a file without bounds over time."""
+    """The entries of a file, without bounds over time."""
     entries = comparison.to_json()
     reference, *methods = (
         {name: value for name, value in part.items() if name not in _OVER_TIME}

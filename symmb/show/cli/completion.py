@@ -1,4 +1,4 @@
-"""The command `symmb completion`: a script with which shells complete commands, options and scenes."""
+"""The command `symmb completion`: a script for shells that completes commands, options and scenes."""
 
 import argparse
 from typing import Any
@@ -11,7 +11,7 @@ _SHELLS = ("bash", "zsh")
 
 
 def add_completion(commands: "argparse._SubParsersAction[Any]", parser: argparse.ArgumentParser) -> None:
-    """Add the command. It completes the commands of the parser."""
+    """Add the command `symmb completion`, which completes the commands of the parser."""
     text = "print a script that completes commands, options and scenes in a shell; needs symmb[completion]"
     completion = commands.add_parser(
         "completion", help=text, description=text + '. Use: eval "$(symmb completion bash)".'

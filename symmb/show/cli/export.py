@@ -18,7 +18,7 @@ from symmb.show.exchange import save_scene_c
 
 
 def add_export(command: Callable[..., argparse.ArgumentParser], solvers: str) -> None:
-    """Add the commands."""
+    """Add the commands `symmb codegen` and `symmb fmu`."""
     codegen = command(
         "codegen",
         "export equations and runs as C that builds without symmb",
@@ -45,7 +45,7 @@ def _codegen(options: argparse.Namespace) -> None:
         bodies = equations.bodies
         nominal = {**bodies.start.nominal(), "times": equations.times}
         files = dict.fromkeys(bodies.dae.save_c(folder, nominal))
-        if solver is None:  # no pilot runs, so that nothing is compiled
+        if solver is None:  # without pilot runs, nothing is compiled
             solver = mb.EventDriven() if bodies.dae.impacts is not None else mb.DormandPrince()
         try:
             files |= dict.fromkeys(save_scene_c(simulator_with(scene, solver), folder.resolve()))

@@ -11,7 +11,7 @@ from symmb.show.cli.scene_file import add_set, scene_and_parameters
 
 
 def add_linearize(command: Callable[..., argparse.ArgumentParser]) -> None:
-    """Add the command."""
+    """Add the command `symmb linearize`."""
     linearize = command("linearize", "print frequencies, damping, modes and stability of the scene", _linearize)
     add_set(linearize)
     linearize.add_argument(

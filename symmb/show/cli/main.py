@@ -51,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         result = options.run(options)  # warnings of the result, or an exit status
         sys.stdout.flush()
-        # Exit status of a command whose result has warnings.
+        # Exit status of a command if the result has warnings.
         return result if isinstance(result, int) else 3 if result else 0
     except SymmbError as error:
         print(f"symmb {options.command}: {error}", file=sys.stderr)

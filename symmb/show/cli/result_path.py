@@ -1,4 +1,4 @@
-"""Files of results. Their paths are checked before the work, and the files are written after it."""
+"""Files of results. Paths are checked before the work, and files are written after it."""
 
 import argparse
 from collections.abc import Mapping
@@ -22,13 +22,13 @@ _SUFFIXES = {
 
 
 def result_paths(options: argparse.Namespace) -> dict[str, Path]:
-    """The requested files of results, by their options; errors as in `result_path`."""
+    """The requested files of results, by their options. Errors are those of `result_path`."""
     paths = {name: result_path(getattr(options, name, None), *suffixes) for name, suffixes in _SUFFIXES.items()}
     return {name: path for name, path in paths.items() if path is not None}
 
 
 def write_results(paths: Mapping[str, Path], result: Any, more: Mapping[str, Any] = {}, drawn: Any = None) -> None:
-    """Write a result as JSON, with `more` entries, and as a table, and draw it or `drawn`, if requested."""
+    """Write a result as JSON (with the entries `more`) and as a table, and draw it or `drawn`, if requested."""
     if "json" in paths:
         save_json(paths["json"], result.to_json() | more)
     for name in {"csv", "save"} & {*paths}:
@@ -38,9 +38,9 @@ def write_results(paths: Mapping[str, Path], result: Any, more: Mapping[str, Any
 
 
 def result_path(name: str | None, *suffixes: str) -> Path | None:
-    """The path of a result, or None for None.
+    """The path of a result; None if the name is None.
 
-    It raises DeclarationError if the path is a folder, its folder does not exist, or its suffix is not allowed.
+    DeclarationError is raised if the path is a folder, its folder does not exist, or its suffix is not allowed.
     """
     if name is None:
         return None

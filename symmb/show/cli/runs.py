@@ -18,7 +18,7 @@ _PRUNED = {"failed": (1, 2, 3), "timed-out": (2,), "all": (0, 1, 2, 3)}
 
 
 def add_runs(commands: "argparse._SubParsersAction[Any]") -> None:
-    """Add the command."""
+    """Add the command `symmb runs`."""
     text = "list the studies in a file of stored runs"
     runs = commands.add_parser("runs", help=text, description=f"{text}, remove runs, or write them for xarray.")
     runs.add_argument("file", metavar="FILE", help="a file that StoredSimulator has made")
@@ -59,7 +59,7 @@ def _export(database: RunDatabase, number: int, path: Path) -> None:
     coordinates: dict[str, Named] = {"time": (("time",), study.times), "output": (("output",), np.array(study.outputs))}
     variables: dict[str, Named] = {"response": (("sample", "time", "output"), runs.Y)}
     variables["ok"] = ("sample",), runs.ok.astype(np.int8)
-    # NetCDF takes letters, digits and some signs in names, and SciPy writes those of Latin-1 alone.
+    # NetCDF takes letters, digits and some signs in names. SciPy only writes those of Latin-1.
     plain = [re.sub(r"[^\w.+-]", "_", name, flags=re.ASCII) for name in study.parameters]
     names = parameter_names(
         [name if name[0].isalpha() else f"_{name}" for name in plain], [*coordinates, *variables, "sample"]

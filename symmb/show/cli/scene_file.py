@@ -26,9 +26,9 @@ _MODELS = Path(models.__path__[0])
 def load_scene(given: str, numbers: Iterable[str] = ()) -> Scene:
     """The scene of a Python file, of a URDF file, or of a shipped model by its name.
 
-    The file runs with its own `__file__`, and it can import from its folder. `scene` is a Scene, or a function without
+    The file runs with `__file__` set, and can import from its folder. Its `scene` is a Scene, or a function without
     arguments. A scene without a name gets the name of the file. `numbers` of a URDF file become parameters.
-    It raises DeclarationError if the file or model does not exist, it defines no `scene()`, or running it raises.
+    DeclarationError is raised if the file or model does not exist, defines no `scene()`, or raises an exception.
     """
     path = _find(given)
     return urdf_scene(path, numbers) if is_urdf(given) else _scene(_module(path), path)
@@ -40,15 +40,15 @@ def is_urdf(given: str) -> bool:
 
 
 def add_set(command: argparse.ArgumentParser) -> None:
-    """Add the option to a command."""
+    """Add the option `--set` to a command."""
     text = "values of parameters that differ from the nominal values"
     command.add_argument("--set", metavar="l1=1.02", nargs="+", action="extend", default=[], help=text)
 
 
 def scene_and_parameters(options: argparse.Namespace) -> tuple[Scene, dict[str, Any]]:
-    """The scene of a command, and the parameters from --set; for a URDF file these are its numbers.
+    """The scene of a command, and the parameters from --set. For a URDF file, parameters are its numbers.
 
-    It raises DeclarationError if a text is not of the form name=number, or the scene cannot be loaded.
+    DeclarationError is raised if a text is not of the form name=number, or if the scene cannot be loaded.
     """
     values = dict[str, Any]()
     for text in options.set:
@@ -66,7 +66,7 @@ def scene_and_parameters(options: argparse.Namespace) -> tuple[Scene, dict[str, 
 def load_subject(given: str, numbers: Iterable[str] = ()) -> tuple[Scene | Simulator, Box | None]:
     """The scene or simulator in a file, and the box: from its `scene()`, or the pair returned by its `simulator()`.
 
-    It raises DeclarationError in the same cases as `load_scene`.
+    DeclarationError is raised in the same cases as by `load_scene`.
     """
     path = _find(given)
     if is_urdf(given):
@@ -86,7 +86,7 @@ def load_subject(given: str, numbers: Iterable[str] = ()) -> tuple[Scene | Simul
 
 
 def _module(path: Path) -> ModuleType:
-    """The module of a file. Other processes can import the module by its name, so that its functions can be sent."""
+    """The module of a file. Other processes can import the module by its name, so its functions can be sent to them."""
     spec = importlib.util.spec_from_file_location(path.stem, path)
     if spec is None or spec.loader is None:
         raise DeclarationError(f"{path} is not a scene file. Use a .py file that defines scene(), or a .urdf file.")
@@ -131,7 +131,7 @@ def _find(given: str) -> Path:
 
 @contextmanager
 def _foreign(path: Path) -> Iterator[None]:
-    """A context for the code of the file. The code can import from its folder; its exceptions become a sentence."""
+    """A context for the code of the file. The code can import from its folder. An exception becomes one sentence."""
     before, folder = sys.path, str(path.parent.resolve())
     sys.path = [folder, *before]
     try:

@@ -15,13 +15,13 @@ def solver(text: str | None) -> Solver | None:
 
 
 def table(title: str, specs: Sequence[Spec]) -> str:
-    """The forms and their meanings, for `--help`."""
+    """A table of the forms of methods or solvers, with their meanings, for `--help`."""
     width = max(len(spec.form) for spec in specs) + 2
     return "\n".join([f"{title}:", *(f"  {spec.form.ljust(width)}{spec.text}" for spec in specs)])
 
 
 def solver_table() -> str:
-    """The table of solvers, with the words for their options."""
+    """The table of solvers, with the texts of their options."""
     return f"{table('solvers', SOLVERS)}\n  Words that may follow: {', '.join(WORDS)}; as in dopri:1e-8:projection."
 
 

@@ -17,16 +17,16 @@ _TIMES = np.linspace(0.0, 2.0, 201)
 def urdf_scene(path: Path, numbers: Iterable[str]) -> mb.Scene:
     """The machine on its base under gravity for two seconds. It starts at rest in its zero pose, without motors.
 
-    Outputs are the coordinates of its joints, and the positions of bodies that move freely or in a plane.
-    `numbers` names the numbers of the file that become parameters; `parameter_name` gives their names. It raises
-    DeclarationError if the file has faults, a number does not exist, or no joint moves.
+    Outputs are the coordinates of its joints, and the positions of bodies that move freely or in a plane. `numbers` are
+    names of numbers of the file that become parameters; `parameter_name` gives the names of these. DeclarationError is
+    raised if the file has faults, a number does not exist, or no joint moves.
     """
     names = {name: parameter_name(name) for name in numbers}
     if len(set(names.values())) < len(names):
         raise DeclarationError(
             f"{path}: two of {', '.join(names)} give parameters of one name. Rename a link or joint."
         )
-    with warnings.catch_warnings():  # they are reported below
+    with warnings.catch_warnings():  # warnings are reported below
         warnings.simplefilter("ignore", mb.SymmbWarning)
         nominal = mb.load_urdf(path).numbers
     p = mb.Parameters(**{own: nominal.get(name, 0.0) for name, own in names.items()})

@@ -1,4 +1,4 @@
-"""The mechanism drawn: a run becomes a `Drawing` of shapes in numbers. It becomes a page, a still or a film."""
+"""Drawings of mechanisms. A run becomes a `Drawing`: shapes as numbers. This becomes a page, a still or a film."""
 
 from symmb.show.drawing import curves, forces, joints
 from symmb.show.drawing.draw import draw

@@ -30,13 +30,13 @@ from symmb.show.drawing.shapes import Shape
 from symmb.show.drawing.survey import Asked, Survey
 
 SOLID = "solid of the same inertia"
-"""Kind of the solids of bodies whose points also show their size."""
+"""Kind of the solid of a body if points show the size of the body too."""
 _ROUND = 0.03
-"""Relative difference of second moments of mass below which a solid is drawn as round."""
+"""A solid is drawn as round if the relative difference of its second moments of mass is smaller."""
 
 
 class BodySketch:
-    """A body to draw. After the numbers are computed, `reach` is its size."""
+    """A body for a drawing. After the numbers are computed, `reach` is its size."""
 
     def __init__(self, body: Body, colour: str, survey: Survey, own: BodyShapes | None) -> None:
         self.body, self.colour, self.survey = body, colour, survey
@@ -63,7 +63,7 @@ class BodySketch:
     def second_moments(self) -> tuple[Array, Array]:
         """Variances of the mass along its principal axes, (3,) [m^2], and these axes as columns, (3, 3).
 
-        For a link of a robot, they are limited by a smallest density and by the size of the robot.
+        For a link of a robot, a smallest density and the size of the robot limit the variances.
         """
         m, J = (0.0, np.zeros((3, 3))) if self.mass is None else (self.mass.first[0], self.inertia.first.reshape(3, 3))
         if m <= 0:
@@ -74,8 +74,8 @@ class BodySketch:
         axes[:, 2] *= np.sign(np.linalg.det(axes))
         variances = np.maximum(values.sum() / 2 - values, 0.0) / m
         if isinstance(self.body, Link) and variances.max() and self.survey.span:
-            # Smallest density [kg/m^3] and largest half length of the solid of a link, relative to the robot's span
-            # per link: inertias in files are often placeholders, such as 1 kg m^2 for a finger.
+            # Smallest density [kg/m^3], and largest half length of the solid of a link relative to the robot's span per
+            # link. Inertias in files are often placeholders, such as 1 kg m^2 for a finger.
             half, most = np.sqrt(3 * variances), m / 500.0
             links = sum(isinstance(body, Link) for body in self.survey.bodies)
             longest = 2.0 * self.survey.span / links
@@ -162,7 +162,7 @@ class BodySketch:
             yield self._bar(np.zeros(3), axes[:, 0] * half[0], 0.6 * u)
 
     def _joined(self, points: list[Array], u: float) -> Iterator[Shape]:
-        """A bar between two points; the edges of a plate for points in a plane; else the edges of their convex hull."""
+        """A bar between two points, the edges of a plate for points in a plane, or the edges of their convex hull."""
         if len(points) < 2:
             return
         cloud = np.array(points)
@@ -195,7 +195,7 @@ class BodySketch:
             yield self._bar(cloud[i], cloud[corner], 0.6 * u)
 
     def _net(self, u: float) -> Iterator[Shape]:
-        """The mesh of a flexible body, whose nodes move."""
+        """The mesh of a flexible body. Its nodes move."""
         assert isinstance(self.body, FlexibleBody)
         modes, eta = self.body.modes, self.eta()
         moved = np.einsum("kin,tn->tki", modes.shapes, eta) + modes.positions
@@ -224,11 +224,11 @@ def _edges(hull) -> set[tuple[int, int]]:
 
 
 def mesh_edges(positions: Array, nearest: int = 12, reach: float = 1.6) -> list[tuple[int, int]]:
-    """Pairs of nodes to join: the modes have nodes, but no elements.
+    """Pairs of nodes to join, because modes have nodes but no elements.
 
-    A pair is joined if no third node lies in the ball with the pair as its diameter (a Gabriel graph, which reproduces
-    chains and grids), and if the pair is not much longer than nearby edges of the minimum spanning tree. All edges of
-    the tree are joined. Pairs are sought among the `nearest` nodes, up to a `reach` relative to these edges.
+    All edges of the minimum spanning tree are joined. A pair is also joined if it is not much longer than nearby edges
+    of the tree, and if no third node is in the ball with the pair as its diameter. (This Gabriel graph reproduces
+    chains and grids.) Pairs are searched among the `nearest` nodes, up to a `reach` relative to edges of the tree.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import minimum_spanning_tree

@@ -78,7 +78,7 @@ def _(element: CurveContact | PointOnCurve, survey: Survey) -> Sketch:
 
 
 def _lines_of(curve: Curve) -> list[ca.SX]:
-    """Places (2,) on a curve. Straight lines between them draw the curve [m]."""
+    """Places (2,) on a curve [m]. Straight lines between them draw the curve."""
     return [ca.substitute(curve.place, curve.s, s) for s in np.linspace(*curve.ends, _LINES + 1).tolist()]
 
 
@@ -86,8 +86,8 @@ def _lines_of(curve: Curve) -> list[ca.SX]:
 def _(cam: CamFollower, survey: Survey) -> Sketch:
     """The cam that lifts the follower's tip by its law, and the tip.
 
-    The law states neither the size of the cam nor the contact point. The tip of a sliding follower is its point, or
-    two lifts from the shaft. A rocker has its tip at a right angle to the cam's radius.
+    The law contains neither the size of the cam nor the contact point. The tip of a sliding follower is its point, or
+    two lifts from the shaft. The tip of a rocker is at a right angle to the cam's radius.
     """
     shaft, rocker = cam.cam, cam.follower
     angle, moved = (getattr(joint, str(joint.coordinate)) for joint in (shaft, rocker))

@@ -22,9 +22,9 @@ _TURNED, _RAISED = np.radians(-28.0), np.radians(20.0)
 """Initial angles of view for a spatial mechanism: about the vertical, and above the horizontal."""
 
 
-# Approximate number of pictures of a page. For longer runs only every n-th output time is shown.
+# Approximate number of pictures of a page. For longer runs, only every n-th output time is shown.
 def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = None, most: int = 1001) -> Drawing:
-    """A run at its output times, or at every n-th time and those numbered in `also`, with the path of a point."""
+    """A run with the path of a point, at its output times, or at every n-th time and those numbered in `also`."""
     scene = run.scene
     if scene is None:
         raise DeclarationError("This run has no scene: it was read from a file. Use Trajectory.load(path, scene).")
@@ -48,7 +48,7 @@ def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = Non
     size = _size(survey.span, tracks, bodies)
     unit = _unit(size, bodies)
     shapes = _shapes(survey, bodies, sketches, unit)
-    planar = _is_planar(survey, g, size)  # before the given shapes, which may lie beside the plane of the motion
+    planar = _is_planar(survey, g, size)  # before given shapes, which may be beside the plane of motion
     shapes += chain.from_iterable(own.shapes() for own in given)
     if traced is not None:
         shapes.append(Shape("path", "path of the point", "path", "trace", (traced,), (0.35 * unit,)))
@@ -94,7 +94,7 @@ def _diagonal(tracks: Sequence[Array]) -> float:
 def _size(span: float, tracks: Sequence[Array], bodies: Sequence[BodySketch]) -> float:
     """Size of the mechanism [m], from the span of its attached points and centres of mass, and from its bodies.
 
-    It is at least 0.3 of the space of the motion, so that small mechanisms can be seen in long paths.
+    The size is at least 0.3 of the space of the motion, so that small mechanisms are visible in long paths.
     """
     travelled = _diagonal(tracks)
     own = max([span, *(body.reach for body in bodies)])
@@ -102,7 +102,7 @@ def _size(span: float, tracks: Sequence[Array], bodies: Sequence[BodySketch]) ->
 
 
 def _unit(size: float, bodies: Sequence[BodySketch]) -> float:
-    """Radius of a bar [m]: 1.1 % of the size. Bars are thinner in mechanisms that are larger than 7 of their bodies."""
+    """Radius of a bar [m]: 1.1 % of the size. Bars are thinner if the mechanism is larger than 7 of its bodies."""
     reaches = [reach for body in bodies if (reach := body.reach)]
     return 0.011 * min(size, 7.0 * float(np.median(reaches or [size])))
 
@@ -110,7 +110,7 @@ def _unit(size: float, bodies: Sequence[BodySketch]) -> float:
 def _shapes(
     survey: Survey, bodies: Sequence[BodySketch], sketches: Sequence[tuple[Element, Sketch | None]], unit: float
 ) -> list[Shape]:
-    """The shapes of bodies and of elements. The parts of a joint at its bodies are present while it is closed."""
+    """The shapes of bodies and of elements. Parts of a joint at its bodies are present while the joint is closed."""
     of_elements = [
         replace(shape, present=survey.closed(element))
         if isinstance(element, Joint) and shape.colour != GUIDE
@@ -124,7 +124,7 @@ def _shapes(
 
 
 def _once(shapes: Sequence[Shape]) -> list[Shape]:
-    """Shapes such as supports are drawn once, if several elements need them at the same place."""
+    """The shapes without repetitions: several elements may need a shape such as a support at the same place."""
     seen, rest = set(), []
     for shape in shapes:
         key = (shape.form, shape.places) if shape.form == "support" else id(shape)
@@ -146,7 +146,7 @@ def _is_planar(survey: Survey, g: Array, size: float) -> bool:
 
 
 def _right_and_up(g: Array, planar: bool) -> tuple[Array, Array]:
-    """World axes to the right and up in the picture, so that objects fall down."""
+    """World axes to the right and up in the picture. Objects fall down."""
     down = g if np.linalg.norm(g) else np.array([0.0, -1.0, 0.0] if planar else [0.0, 0.0, -1.0])
     main = np.abs(down).argmax()
     up = -np.sign(down[main]) * np.eye(3)[main]
@@ -154,7 +154,7 @@ def _right_and_up(g: Array, planar: bool) -> tuple[Array, Array]:
 
 
 def _camera(g: Array, planar: bool) -> Array:
-    """Rows: directions to the right, up and to the viewer."""
+    """Directions to the right, up and to the viewer, as rows (3, 3)."""
     right, up = _right_and_up(g, planar)
     camera = np.array([right, up, np.cross(right, up)])
     if planar:

@@ -14,24 +14,24 @@ from symmb.show.drawing.shapes import Shape
 from symmb.show.drawing.survey import Asked, Survey
 
 Sketch = Generator[Any, float, Any]
-"""An element being drawn. It requests numbers, pauses until it is sent the unit of length [m], and yields shapes."""
+"""A generator that draws an element. It requests numbers, waits for the unit of length [m], and yields shapes."""
 JOINT, GUIDE, SPRING, DAMPER, LOAD, CONTACT = "joint", "guide", "spring", "damper", "load", "contact"
 """Colours of elements; colours of bodies are numbers."""
 
 
 @singledispatch
 def sketch(element: Element, survey: Survey) -> Sketch:
-    """Draw an element. Without a place it ends before it pauses."""
+    """Draw an element. If the element has no place, the generator ends before it pauses."""
     yield from ()
 
 
 def begun(drawn: Sketch) -> Sketch | None:
-    """An element that has requested its numbers from the survey; None if it has no place."""
+    """The generator of an element after it has requested its numbers; None if the element has no place."""
     return drawn if next(drawn, False) is None else None
 
 
 def shapes_of(drawn: Sketch, unit: float) -> Iterator[Shape]:
-    """The shapes of an element. The survey must have computed the unit of length before."""
+    """The shapes of an element. The survey must have computed its numbers."""
     with suppress(StopIteration):  # some elements have no shape, such as forces that are always zero
         yield drawn.send(unit)
         yield from drawn

@@ -1,4 +1,4 @@
-"""What is shown together: a run, the runs that attain bounds, and the region of a point over the box."""
+"""Contents of one picture: a run, the runs that attain bounds, and the region of a point over the box."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,9 +24,9 @@ from symmb.show.drawing.shapes import Drawing
 LOWER, UPPER = "#b3541e", "#5b3fa0"
 """Colours of the runs that attain the lower and the upper bound."""
 _SAMPLES_PER_PARAMETER = 6
-"""Samples along each of one or two parameters, for the region of a point."""
+"""Number of samples along each of one or two parameters, for the region of a point."""
 _MOST_RUNS = 500
-"""Most runs of a page with sliders."""
+"""Largest number of runs of a page with sliders."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +40,8 @@ class Ghost:
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """The positions that a point takes for all parameters of the box: positions of n samples (n_f, n, 3), and corners
-    (3 m, 2) of triangles. The triangles cover the sweep in the xy plane, or the paths of samples that are far apart."""
+    """The positions of a point for all parameters of the box: n samples (n_f, n, 3), and corners (3 m, 2) of triangles.
+    These cover the sweep in the xy plane, or the paths of samples that are far apart."""
 
     name: str
     points: Array
@@ -71,7 +71,7 @@ class Slider:
 class Exhibit:
     """All contents of a page, a still or a film. `picture` is the initial picture.
 
-    `family` are the runs over the grid of sliders; the last slider changes fastest. The drawing is one of them.
+    `family` contains the runs over the grid of sliders. The last slider changes fastest. The drawing is one of them.
     """
 
     drawing: Drawing
@@ -109,7 +109,7 @@ def of_sweep(sweep: Sweep, time: float | str | None, point: Point | None) -> Exh
     samples = [Sample(np.nan, p[None], 0) for p in np.stack([*sweep.parameters.values()], axis=1)]
     runs = attaining_runs(Study(sweep.simulator, box), samples)
     row = 0 if time is None else row_of("view", sweep.t, time)
-    most = max(20_000 // len(runs), 101)  # pictures of a run, so that a page has about 10 MB
+    most = max(20_000 // len(runs), 101)  # pictures of a run, for a page of about 10 MB
     family = tuple(draw(run, also=[row], point=point, most=most) for run in runs)
     drawing = family[int(np.ravel_multi_index([s.at for s in sliders], [len(s.values) for s in sliders]))]
     return Exhibit(drawing, picture=_picture(drawing, runs[0].t[row]), sliders=sliders, family=family)
@@ -168,10 +168,10 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | str | None, poin
 
 
 def attaining_runs(study: Study, samples: Sequence[Sample]) -> list[Trajectory]:
-    """The runs of samples with all their states, bitwise repeated, without work and events.
+    """The runs of samples, repeated to the last bit, with all states but without work and events.
 
-    Their states are outputs of a second simulator, because studies store only the outputs of the scene. All runs use
-    the same simulator, because a large model compiles for half a minute.
+    Studies store only the outputs of the scene, so states are outputs of a second simulator. All runs use the same
+    simulator, because a large model takes half a minute to compile.
     """
     scene, solver = study.scene, study.solver
     system = scene.system
@@ -225,8 +225,8 @@ def _swept(points: Array, cells: Sequence[Indices], close: float, side: float, s
     """Corners (3 m, 2) of m triangles that cover the sweep of the cells of samples (n_t, n, 2) over time.
 
     The time is divided into spans. If the extent of a cell in a span is at most `close` [m], its convex hull is
-    covered. Larger hulls may contain places that no parameters reach, such as the inside of a circular path. Then the
-    path of each sample is covered, with the width `side` [m].
+    covered. A larger hull may contain places that no parameters reach, such as the inside of a circular path. The path
+    of each sample is then covered, with the width `side` [m].
     """
     triangles, ways = [np.zeros((0, 2))], []
     rows = np.unique(np.linspace(0, len(points) - 1, spans).astype(int))
@@ -245,7 +245,7 @@ def _swept(points: Array, cells: Sequence[Indices], close: float, side: float, s
 
 
 def _squares(ways: Array, side: float) -> Array:
-    """Corners (3 m, 2) of triangles that cover straight paths (n, 2, 2) by squares. Those of one column are merged."""
+    """Corners (3 m, 2) of triangles that cover straight paths (n, 2, 2) by squares. Squares in a column are merged."""
     begin, along = ways[:, 0], ways[:, 1] - ways[:, 0]
     count = int(np.ceil(np.abs(along).max() / side)) + 1
     cells = np.zeros((0, 2), dtype=int)
@@ -278,7 +278,7 @@ def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]
 
 
 def _widest(bounds: Bounds) -> int:
-    """The output with the largest width relative to its own range."""
+    """The output with the largest width relative to its range."""
     width = (bounds.upper - bounds.lower).max(axis=0)
     extent = bounds.upper.max(axis=0) - bounds.lower.min(axis=0)
     return int(np.argmax(width / np.maximum(extent, NOTHING)))

@@ -27,7 +27,7 @@ def film(exhibit: Exhibit, file: BinaryIO, suffix: str) -> None:
 
 def _pictures(exhibit: Exhibit, numbers: list[int]) -> Iterator[Array]:
     """Pixels (h, w, 3) of pictures."""
-    some = numbers[:: max(len(numbers) // 40, 1)]  # they determine the frame of the film
+    some = numbers[:: max(len(numbers) // 40, 1)]  # these determine the frame of the film
     figure, axes = canvas(exhibit, some, dpi=90)
     limits = axes.get_xlim(), axes.get_ylim()
     picture, shown = np.empty(0), None

@@ -1,4 +1,4 @@
-"""The forms and colours of shapes, for stills, films and pages. A form consists of parts in axes of its shape."""
+"""The forms and colours of shapes, for stills, films and pages. A form consists of parts in axes of the shape."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -26,9 +26,9 @@ COLOURS = {
 }
 """Colours of parts that are not bodies, of axes, of gravity and of the scale."""
 NOMINAL = ("guide", "load")
-"""Colours of shapes that are drawn for the nominal run only."""
+"""Colours of shapes that are drawn only for the nominal run."""
 LIGHT = {"direction": (-0.4, 0.6, 0.8), "everywhere": 0.42, "lit": 0.48, "in_front": 0.14}
-"""Direction to the light, seen by the viewer, and brightness of surfaces: base, towards light, and to the viewer."""
+"""Direction to the light as seen by the viewer, and brightness of surfaces: base, towards the light, to the viewer."""
 IN_WORLD = ("arrow", "twist", "support")
 """Forms with a direction in world axes."""
 
@@ -46,7 +46,7 @@ class Part:
                          scaled: y is the direction, and x and z have the same length;
                          ends: z is the distance from one place to the other, and x and y are unit vectors
     size, at : (3,)      sizes, and the place, along x, y and z
-    points : (n, 3)      of a line, whose radius is size[0]
+    points : (n, 3)      points of a line with the radius size[0]
     """
 
     what: str
@@ -62,14 +62,14 @@ def circle(turns: Array) -> Array:
 
 
 def parts(shape: Shape, flat: bool) -> Iterator[Part]:
-    """The parts of a shape; `flat`: for pictures in a plane. Forms that only follow their places have no parts."""
+    """The parts of a shape. `flat` is for pictures in a plane. Forms that only follow their places have no parts."""
     return _FORMS[shape.form](shape, flat) if shape.form in _FORMS else iter(())
 
 
 def directions(shape: Shape) -> Array | None:
-    """Directions in the order that parts need: rows of a track, or corners of a mesh; half axes one after the other.
+    """Directions in the order that parts need: rows of a track, corners of a mesh, or half axes one after the other.
 
-    The direction of a torque has the radius of its round arrow as its length.
+    The length of the direction of a torque is the radius of its round arrow.
     """
     track, r = shape.direction, shape.size[0]
     if track is None or shape.form not in ("solid", "twist"):

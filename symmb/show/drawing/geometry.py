@@ -15,15 +15,16 @@ from symmb.show.drawing.shapes import Shape
 from symmb.show.drawing.survey import Survey
 
 MOST_TRIANGLES = 12_000
-"""Most triangles of all meshes in a drawing; they take 1.2 MB of a page. All meshes are reduced by the same ratio."""
+"""Largest number of triangles of all meshes in a drawing (1.2 MB of a page). All meshes are reduced by the same
+ratio."""
 _SOLIDS = {"box": 0.0, "cylinder": 1.0, "sphere": 2.0}
 """Kinds of the form "solid"."""
 
 
 class BodyShapes:
-    """The shapes of a body to draw. `unread` has the titles of meshes that cannot be drawn, and the reasons.
+    """The given shapes of a body. `unread` contains titles of meshes that cannot be drawn, and the reasons.
 
-    `coarse` has the titles of meshes with fewer triangles than their file, and both numbers of triangles.
+    `coarse` contains titles of meshes with fewer triangles than in their file, and both numbers of triangles.
     """
 
     def __init__(self, body: AbstractBody, survey: Survey, most: int) -> None:
@@ -60,14 +61,15 @@ class BodyShapes:
         return float(np.ptp(points, axis=0).max())
 
     def _placed(self) -> Iterator[tuple[str, Array, Array, Array]]:
-        """Form, centre, half axes as columns, and corners of each shape (of its bounding box or triangles)."""
+        """Form, centre, half axes as columns, and corners of each shape. These are corners of its bounding box or
+        triangles."""
         for form, middle, axes, triangles in self._drawn:
             at, half = middle.first, axes.first.reshape(3, 3).T
             local = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
             yield form, at, half, at + (local if triangles is None else triangles) @ half.T
 
     def shapes(self) -> Iterator[Shape]:
-        """Its shapes."""
+        """The shapes of the body."""
         colour = str(self.frame - 1) if self.frame else GUIDE
         for form, at, half, corners in self._placed():
             if form == "mesh":
@@ -82,7 +84,7 @@ class BodyShapes:
 
 
 def shapes_of_bodies(survey: Survey, elements: Sequence[object]) -> list[BodyShapes]:
-    """The shapes of bodies, and of the grounds to which elements are attached."""
+    """The given shapes of bodies, and of the grounds to which elements are attached."""
     attached = [body.owner for e in elements if isinstance(e, Element) for body in e.bodies()]
     grounds = {id(body): body for body in attached if isinstance(body, Ground)}
     bodies = [body for body in (*grounds.values(), *survey.bodies[1:]) if body.shapes]
@@ -91,7 +93,7 @@ def shapes_of_bodies(survey: Survey, elements: Sequence[object]) -> list[BodySha
 
 
 def not_drawn(bodies: Sequence[BodyShapes]) -> Iterator[str]:
-    """Parts of meshes that are not drawn. Meshes with the same reason share a line."""
+    """Lines about parts of meshes that are not drawn. Meshes with the same reason share a line."""
     alike: dict[str, list[tuple[str, str]]] = {}
     for title, why in (unread for body in bodies for unread in body.unread):
         alike.setdefault(re.sub(r"\S*" + re.escape(title.split("'")[1]) + r"\S*", "", why), []).append((title, why))
@@ -104,7 +106,7 @@ def not_drawn(bodies: Sequence[BodyShapes]) -> Iterator[str]:
 
 
 def outward(corners: Array) -> tuple[Array, bool]:
-    """Corners (3 m, 3) of triangles, anticlockwise from outside if the surface is closed, and whether it is closed."""
+    """Corners (3 m, 3) of triangles, and whether the surface is closed. If so, they are anticlockwise from outside."""
     _, number = np.unique(corners, axis=0, return_inverse=True)
     triangles = number.reshape(-1, 3)
     edges = np.vstack([triangles[:, [i, k]] for i, k in ((0, 1), (1, 2), (2, 0))]) @ [1, len(corners)]

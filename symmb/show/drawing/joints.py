@@ -33,7 +33,7 @@ def _(joint: Revolute, survey: Survey) -> Sketch:
 
 
 def _axis(joint: AxisJoint, survey: Survey) -> Asked:
-    """The axis of a joint in the frame of body a. If the joint closes in the run, this is the axis after closing."""
+    """The axis of a joint in the frame of body a. If the joint closes in the run, it is the axis after closing."""
     return survey.direction(joint.point_a.body, joint.own_frames[0][:, 2])
 
 
@@ -82,7 +82,7 @@ def _(joint: AxisJoint, survey: Survey) -> Sketch:
         travel = np.broadcast_to(travel, len(closed))[closed[:, 0] > 0] if len(closed) > 1 else travel
     rail = [survey.shifted(a, s * along) for s in (travel.min() - 5 * u, travel.max() + 5 * u)]
     yield shape_of(joint, "bar", GUIDE, tuple(rail), (0.5 * u,))
-    # The block lies along the guide, in the axes of the frame that carries the block.
+    # The block is along the guide, in the axes of the frame that carries the block.
     seen = (pose[:, :, :3] @ along[:, :, None])[:, :, 0]
     inside = (np.swapaxes(survey.pose(slider)[:, :, :3], 1, 2) @ seen[:, :, None])[:, :, 0]
     size = (3.6 * u, 2.6 * u, 2.6 * u) if square else (1.6 * u, 5 * u)

@@ -25,9 +25,10 @@ _CONVEX = {"box": _BOX, "cylinder": np.vstack([_CIRCLE, _CIRCLE + [0, 0, 1]]), "
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """A filled polygon (n, 2), or a line of a `width` [m], in the camera's plane; `depth` increases to the viewer [m].
+    """A filled polygon (n, 2), or a line with a `width` [m], in the camera's plane. `depth` [m] increases to the
+    viewer.
 
-    With `light` (m,), the points are corners of m triangles, the front triangles last, and `light` is their brightness.
+    With `light` (m,), points are the corners of m triangles with this brightness. The front triangles are last.
     """
 
     points: Array
@@ -94,7 +95,7 @@ class Painter:
         return length * np.array([v, w, u]) if part.axes == "scaled" else np.array([u, v, w])
 
     def _sideways(self, along: Array) -> Array:
-        """A unit vector across a line, in the picture's plane."""
+        """A unit vector at a right angle to a line, in the picture's plane."""
         side = np.cross(self.camera[2], along)
         return side / (np.linalg.norm(side) or 1.0)
 
@@ -115,7 +116,7 @@ class Painter:
         return Outline(convex_hull(seen[:, :2]), float(seen[:, 2].mean()), shape)
 
     def triangles(self, shape: Shape, corners: Array, *, closed: bool) -> Outline:
-        """Shaded triangles with corners in space (3 m, 3). Of a closed surface, only triangles that face the viewer."""
+        """Shaded triangles with corners in space (3 m, 3). On closed surfaces, they are those that face the viewer."""
         seen = (corners @ self.camera.T).reshape(-1, 3, 3)
         normals = np.cross(seen[:, 1] - seen[:, 0], seen[:, 2] - seen[:, 0])
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), NOTHING)
@@ -134,7 +135,7 @@ class Painter:
 
 
 def _across(axis: Array) -> Array:
-    """A unit vector across an axis."""
+    """A unit vector at a right angle to an axis."""
     u = np.cross(np.eye(3)[0 if abs(axis[2]) > 0.9 * np.linalg.norm(axis) else 2], axis)
     return u / (np.linalg.norm(u) or 1.0)
 
@@ -187,4 +188,4 @@ _WHOLE: dict[str, Callable[[Painter, Shape, list[Array], Array], Iterator[Outlin
     "plate": _plate,
     "path": _path,
 }
-"""Forms that are painted as a whole, not by their parts."""
+"""Forms that are painted as a whole, not part by part."""

@@ -20,7 +20,7 @@ _SPEEDS = [1e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.
 
 
 class _Numbers:
-    """All numbers of a page. Equal arrays are stored once, and found by offset and number of rows."""
+    """All numbers of a page. Equal arrays are stored once. Offset and number of rows identify them."""
 
     def __init__(self) -> None:
         self._offsets: dict[bytes, int] = {}
@@ -112,7 +112,7 @@ def _shape(shape: Shape, planar: bool, numbers: _Numbers) -> dict[str, Any]:
 
 
 def speed(duration: float, shown: float = 8.0) -> float:
-    """Initial speed of the page, relative to real time. A run is shown in about 8 s; runs of 4 to 16 s in real time."""
+    """Initial speed of the page, relative to real time. A run takes about 8 s. Runs of 4 to 16 s are in real time."""
     if shown / 2 <= duration <= 2 * shown or not duration:
         return 1.0
     return min(_SPEEDS, key=lambda speed: abs(np.log(duration / speed / shown)))

@@ -1,6 +1,6 @@
 """The contents of a drawing: frames that move, places in frames, and shapes at places, as numbers only.
 
-Pages, stills and films are made from a `Drawing`. They use no bodies or joints.
+Pages, stills and films are made from a `Drawing`, without bodies or joints.
 """
 
 from dataclasses import dataclass, field
@@ -22,7 +22,7 @@ class MovingFrame:
 class FramePoint:
     """A point in a frame, in its axes [m]: `base` and, if it moves in the frame, `shift`, (1, 3) or (n_f, 3).
 
-    The shift in a flexible body (`elastic`) is its deformation at the point. A viewer may enlarge the deformation.
+    In a flexible body (`elastic`), the shift is the deformation at the point. A viewer may enlarge it.
     """
 
     frame: int
@@ -55,7 +55,7 @@ class Shape:
     support  a            -                                                 size: fixed to the ground
     path     a            -                                                 radius: the path of the place over the run
 
-    `present` (n_f, 1) or (1, 1) is 1 in pictures that have the shape, and 0 in others; None: all pictures have it.
+    `present` (n_f, 1) or (1, 1) is 1 in pictures with the shape, and 0 in others. None: it is in all pictures.
     """
 
     form: str
@@ -81,8 +81,8 @@ class Drawing:
     camera : (3, 3)            rows: directions to the right, up and to the viewer, in world axes
     planar : bool              whether all motion is in the xy plane
     up : (3,)                  direction against gravity, in world axes
-    size, unit : float         of the mechanism, and the radius of its bars [m]
-    gravity : (3,)             [m/s^2]
+    size, unit : float         size of the mechanism, and radius of its bars [m]
+    gravity : (3,)             acceleration of gravity [m/s^2]
     outputs, values            labels, and values (n_f, n_y)
     notes : tuple of str       elements that are not drawn, because they have no place
     """
@@ -108,7 +108,7 @@ class Drawing:
         return pose[min(k, len(pose) - 1)]
 
     def local(self, place: int, k: int, scale: float = 1.0) -> Array:
-        """Position (3,) of a place in its frame in picture k, deformations enlarged by `scale` [m]."""
+        """Position (3,) of a place in its frame in picture k, with deformations enlarged by `scale` [m]."""
         at = self.places[place]
         if at.shift is None:
             return at.base

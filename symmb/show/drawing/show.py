@@ -55,29 +55,29 @@ def view(
     Parameters
     ----------
     subject : Scene, Trajectory, Bounds or Sweep
-        a Scene, or a scene of `prepare`, is simulated at its nominal parameters; for Bounds, the runs that attain the
-        bounds are also drawn; the page of a Sweep over a grid has a slider for each parameter
+        a Scene, or a prepared scene, is simulated at its nominal parameters. For Bounds, the runs that attain the
+        bounds are also drawn. The page of a Sweep over a grid has a slider for each parameter
     path : str or Path
-        .html: an interactive page that plays and rotates, and needs no network; .png, .svg: a still; .gif, .mp4: a film
-        (.mp4 needs the program ffmpeg); default: a page that a notebook shows below its cell
+        .html: an interactive page that needs no network; .png, .svg: a still; .gif, .mp4: a film (.mp4 needs the
+        program ffmpeg); default: a page that a notebook shows below its cell
     output : str
-        for Bounds: the output whose lowest and highest values the runs attain; default: the widest
+        for Bounds: the output with the lowest and highest values that the runs attain; default: the widest output
     time : float or str
-        for a still, and for runs that attain bounds [s], or with a unit; default: the start, and the time of the
-        output's widest bounds, or the middle of the motion if the output is scalar
+        time of a still, and of the bounds that runs attain [s], or with a unit; default: the start, and the time of the
+        output's widest bounds, or the middle of the motion for a scalar output
     point : Point
-        a point whose path is drawn, and for Bounds also the region that it reaches over the box
+        a point; its path is drawn, and for Bounds also the region that it reaches over the box
 
     Returns
     -------
     Page or None
-        the page if no path is given; its `text` is HTML
+        the page if no path is given. Its `text` is HTML
 
     Raises
     ------
     DeclarationError
-        If the suffix is not supported, bounds cannot be drawn, the time is outside of the run, or the point belongs to
-        no body of the scene
+        If the suffix is not supported, if bounds cannot be drawn, if the time is outside of the run, or if the point is
+        not on a body of the scene
 
     Examples
     --------

@@ -34,7 +34,7 @@ def still(exhibit: Exhibit, file: BinaryIO, suffix: str) -> None:
 
 
 def canvas(exhibit: Exhibit, pictures: Sequence[int], dpi: float) -> "tuple[Figure, Axes]":
-    """An empty figure that has room for these pictures of the exhibit."""
+    """An empty figure and its axes, with room for some pictures of the exhibit."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -53,7 +53,7 @@ def canvas(exhibit: Exhibit, pictures: Sequence[int], dpi: float) -> "tuple[Figu
 
 
 def _limits(exhibit: Exhibit, pictures: Sequence[int]) -> tuple[Array, Array]:
-    """Smallest and largest coordinates (2,) in the camera's plane over these pictures [m]."""
+    """Smallest and largest coordinates (2,) in the camera's plane over some pictures [m]."""
     camera = exhibit.drawing.camera
     corners = [
         outline.points
@@ -143,7 +143,7 @@ def _rgb(colour: str) -> Array:
 
 
 def _furnish(axes: "Axes", drawing: Drawing, k: int) -> None:
-    """Write the name and beside it the time, and draw axes, gravity and scale."""
+    """Write the name and the time, and draw axes, gravity and scale."""
     name = {"fontsize": 10, "fontweight": "bold", "parse_math": False}
     axes.text(0.02, 0.975, _cut(drawing.name, 65), va="top", transform=axes.transAxes, **name)
     axes.text(0.98, 0.975, f"t = {drawing.t[k]:.4g} s", fontsize=9, va="top", ha="right", transform=axes.transAxes)

@@ -1,4 +1,4 @@
-"""The numbers of a run that a drawing needs. They are requested one by one, and evaluated all together."""
+"""The numbers of a run that a drawing needs. They are requested one by one, and evaluated together."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ from symmb.show.drawing.shapes import FramePoint, MovingFrame
 
 @dataclass(eq=False)
 class Asked:
-    """Values of an expression along the run, available after `evaluate`: (1, n) if constant, else (n_f, n)."""
+    """Values of an expression along the run, available after `evaluate`: (1, n) if constant, otherwise (n_f, n)."""
 
     values: Array | None = None
 
@@ -35,7 +35,8 @@ class Asked:
 class Survey:
     """Places, directions and expressions of a scene. `evaluate` computes their numbers along a run.
 
-    They determine `down`, and `span`, the diagonal of the box around attached points and centres of mass at the start.
+    `down` and `span` follow from them. `span` is the diagonal of the box around attached points and centres of mass at
+    the start [m].
     """
 
     def __init__(self, run: Trajectory, scene: Scene) -> None:
@@ -64,11 +65,11 @@ class Survey:
         return asked
 
     def acting(self, element: Element) -> Element:
-        """The element itself. A joint that closes in the run is replaced by the joint that holds the bodies then."""
+        """The element itself. If a joint closes in the run, the joint that then holds the bodies is returned."""
         return self._grips.get(element.name, element)
 
     def closed(self, joint: Element) -> Array | None:
-        """1 in pictures in which a joint is closed, else 0, (n_f, 1) or (1, 1); None if the joint cannot open."""
+        """1 in pictures in which a joint is closed, otherwise 0, (n_f, 1) or (1, 1); None if the joint cannot open."""
         gate = self._gates.get(joint.name)
         return None if gate is None else gate()
 
@@ -84,7 +85,7 @@ class Survey:
         """Number of the place of a point."""
         key = id(point.body), id(point.s)
         if key not in self._known:
-            self._keep.append(point)  # so that no other object gets the same id
+            self._keep.append(point)  # no other object can then have the same id
             number, owner = self.frame(point.body), point.body.owner
             if owner is point.body:
                 base, now = self.ask(point.s), None
@@ -108,7 +109,7 @@ class Survey:
         return self._add(0, world, None)
 
     def shifted(self, place: int, by: Array) -> int:
-        """Number of a place at a given distance (3,) or (n_f, 3) from another place, moving with it [m]."""
+        """Number of a place that moves with another place, at a distance (3,) or (n_f, 3) [m]."""
         frame, base, now = self._places[place]
         return self._add(frame, Asked(base() + by), None if now is None else Asked(now() + by))
 
@@ -117,7 +118,7 @@ class Survey:
         return len(self._places) - 1
 
     def direction(self, body: AbstractBody, axis: Expr) -> Asked:
-        """A vector fixed in a body's axes, given in the axes of the frame that carries it, (1, 3) or (n_f, 3)."""
+        """A vector that is fixed in a body, in the axes of the frame that carries it, (1, 3) or (n_f, 3)."""
         local = axis if isinstance(axis, ca.SX) else vector(axis)
         owner = body.owner
         return self.ask(local if owner is body else owner.frame.R.T @ body.frame.R @ local)
@@ -156,7 +157,8 @@ class Survey:
         return self._poses[frame]().reshape(-1, 4, 3).transpose(0, 2, 1)
 
     def away(self, place: int) -> Array:
-        """The direction from a place at the start to its support, (1, 3): down, or up if the bodies hang below it."""
+        """The direction from a place at the start to its support, (1, 3): down, or up if bodies hang below the
+        place."""
         centers = np.mean([self.pose(i)[0, :, 3] for i in range(1, len(self.bodies))], axis=0)
         return (self.down if self.down @ (centers - self.track(place)[0]) <= 0 else -self.down)[None]
 
@@ -169,7 +171,7 @@ class Survey:
         return tuple(MovingFrame(body.name, self.pose(i)) for i, body in enumerate(self.bodies))
 
     def places(self) -> tuple[FramePoint, ...]:
-        """All requested places, by their numbers."""
+        """All requested places, in the order of their numbers."""
         return tuple(_place(frame, base(), None if now is None else now()) for frame, base, now in self._places)
 
 

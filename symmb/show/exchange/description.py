@@ -28,7 +28,7 @@ class _Variable:
 
 
 def _variables(scene: Exported) -> list[_Variable]:
-    """All variables; their numbers are their value references."""
+    """All variables of an FMU. The number of a variable is its value reference."""
     nominal = dict(zip((*scene.parameters, *scene.inputs), scene.source.nominal.tolist(), strict=True))
     variables = [_Variable("time", "independent", "continuous", unit="s")]
     variables += [
@@ -51,7 +51,7 @@ def _variables(scene: Exported) -> list[_Variable]:
 
 
 def description(scene: Exported, version: int, identifier: str) -> bytes:
-    """modelDescription.xml of FMI 2 or 3. It raises DeclarationError if two variables have one name."""
+    """modelDescription.xml of FMI 2 or 3. DeclarationError is raised if two variables have the same name."""
     variables, three = _variables(scene), version == 3
     indicators = range(scene.source.n_switches if scene.source.has_rates else 0)
     if three:
@@ -113,7 +113,7 @@ def _add_variable(listed: ET.Element, variable: _Variable, number: int, three: b
 
 
 def _add_structure(root: ET.Element, variables: list[_Variable], three: bool) -> None:
-    """Numbers of outputs, of rates, and of variables that are calculated at the start. FMI 2 counts from 1."""
+    """Add the numbers of outputs, of rates, and of variables that are calculated at the start. FMI 2 counts from 1."""
     numbers = range(len(variables))
     outputs = [k for k in numbers if variables[k].causality == "output"]
     rates = [k for k in numbers if variables[k].state is not None]

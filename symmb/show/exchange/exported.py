@@ -1,4 +1,4 @@
-"""A scene as C code that runs it, with all data that its users need."""
+"""A scene as C code that simulates it, with all data that its users need."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,8 +23,8 @@ class Exported:
     name : str
     source : SceneSource
     parameters, inputs, outputs, states : tuple of str
-    units : tuple of str       of the outputs, '' if not known
-    parameter_units : dict     of the parameters that have a unit
+    units : tuple of str       units of the outputs, '' if not known
+    parameter_units : dict     units of the parameters that have a unit
     tolerance : float          relative tolerance of adaptive steps; 0 for fixed steps
     """
 
@@ -40,9 +40,9 @@ class Exported:
 
 
 def exported(subject: Scene | DAESimulator) -> Exported:
-    """The C code of a scene. Pilot runs select its solver, as for studies; a prepared scene has its own solver.
+    """The C code of a scene. Pilot runs select its solver, as for studies. A prepared scene already has a solver.
 
-    It raises DeclarationError if a part of the scene needs Python.
+    DeclarationError is raised if a part of the scene needs Python.
     """
     scene = scene_of(subject)
     if scene.figures:

@@ -22,29 +22,30 @@ _SYSTEMS = {"linux": ("linux", "linux", ".so"), "darwin": ("darwin", "darwin", "
 def save_fmu(scene: Scene | DAESimulator, path: str | Path, version: int = 3) -> None:
     """Write a scene as an FMU, for co-simulation and, if there are no constraints and impacts, for model exchange.
 
-    Programs may set its parameters, and read its outputs. Co-simulation runs the scene as in studies, with its events,
-    in compiled C. The start is computed from the parameters. The tolerance sets the steps; they are independent of
+    Programs can set its parameters, and read its outputs. Co-simulation runs the scene as in studies, with its events,
+    in compiled C. The start is computed from the parameters. The tolerance determines the steps, independently of
     communication steps. The FMU contains the sources. They need a C compiler, but neither symmb nor Python.
 
     Parameters
     ----------
     scene : Scene
-        pilot runs select its solver; or a scene of `prepare` with a solver: DormandPrince, EventDriven or Rosenbrock
+        pilot runs select its solver; or a prepared scene with one of the solvers DormandPrince, EventDriven and
+        Rosenbrock
     path : path
         `.fmu`
     version : int
-        of FMI: 2 or 3
+        version of FMI: 2 or 3
 
     Raises
     ------
     DeclarationError
-        If a part of the scene needs Python, two variables have one name, or the version or the suffix is unknown
+        If a part of the scene needs Python, two variables have the same name, or the version or suffix is unknown
     AssemblyError
         If the scene cannot be started
     NoCompilerError
         If no C compiler for the binary is installed
     FileError
-        If the file cannot be written; the previous file stays
+        If the file cannot be written. A previous file is kept
 
     Examples
     --------
@@ -80,14 +81,14 @@ def save_fmu(scene: Scene | DAESimulator, path: str | Path, version: int = 3) ->
     files[f"binaries/{folder}/{identifier}{suffix}"] = portable_library(texts, BINARY_FILES)
     with replacement(path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():
-            # The files of a ZipInfo have the date 1980-01-01, so that the same scene always gives the same FMU.
+            # Files of a ZipInfo have the date 1980-01-01. The same scene thus always gives the same FMU.
             archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_DEFLATED)
 
 
 def save_scene_c(scene: Scene | DAESimulator, folder: Path) -> tuple[Path, ...]:
-    """Write scene.h, scene.c and main.c, which runs the scene over its times, to an existing folder.
+    """Write scene.h, scene.c and main.c to an existing folder. main.c runs the scene over its times.
 
-    It raises DeclarationError if a part of the scene needs Python.
+    DeclarationError is raised if a part of the scene needs Python.
     """
     model = exported(scene)
     texts = scene_source(model.source) | {"main.c": (C_FOLDER / "main.c").read_text(encoding="utf-8")}

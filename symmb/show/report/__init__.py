@@ -1,6 +1,6 @@
 """Reports: a result, its meaning and its computation, in one HTML file that opens offline and can be printed.
 
-`Bounds.report` and `Comparison.report` load this room. It belongs to a later wing than these results.
+`Bounds.report` and `Comparison.report` load this package when they are called, because it depends on these results.
 """
 
 from symmb.show.report.bounds_report import write_bounds

@@ -38,7 +38,7 @@ def write_bounds(
 ) -> None:
     """Write the report of bounds; see `Bounds.report`.
 
-    The title block has texts by their names. If a `command` is given, the report repeats it instead of lines of Python.
+    The title block contains texts by name. If a `command` is given, the report shows it instead of lines of Python.
     Contributions that are not known may need runs.
     """
     require_suffix(path, ".html")
@@ -78,7 +78,7 @@ def _prepared(bounds: Bounds) -> DAESimulator | None:
 def _annex(
     bounds: Bounds, check: LimitCheck | None, command: str, shares: Contributions | None, why: str
 ) -> Iterator[str]:
-    """Warnings, tables, settings and equations. `why` is the reason if contributions are not known."""
+    """Warnings, tables, settings and equations. If contributions are not known, `why` is the reason."""
     yield section("Warnings and remarks", document.warnings(bounds.doubts, bounds.remarks))
     if check is not None:
         worst = [] if check.worst is None else [document.note(f"Worst case: {check.worst}")]
@@ -105,7 +105,7 @@ def _annex(
 
 
 def _shown(bounds: Bounds, check: LimitCheck | None) -> list[int]:
-    """Numbers of the outputs in pictures and tables of parameters: outputs with limits first."""
+    """Numbers of the outputs in pictures and tables of parameters. Outputs with limits are first."""
     names = [*([] if check is None else (limit.output for limit in by_urgency(check))), *bounds.names]
     return [bounds.names.index(name) for name in dict.fromkeys(names)][: plot.MOST_PANELS]
 
@@ -123,7 +123,7 @@ def _part(bounds: Bounds, check: LimitCheck | None) -> str:
 
 
 def _pictures(names: Sequence[str], draw: Callable[[str], Figure]) -> str:
-    """One picture for each output: a wide picture with many panels cannot be read on a phone."""
+    """One picture for each output, because a wide picture with many panels cannot be read on a phone."""
     return document.pictures((name, plot.narrow_png(draw(name))) for name in names)
 
 
@@ -142,7 +142,7 @@ def _contributions(bounds: Bounds, check: LimitCheck | None, shares: Contributio
     shown = _shown(bounds, check)
     width = bounds.upper - bounds.lower
     rows = {} if check is None else {bounds.names.index(limit.output): limit.row for limit in check.limits}
-    rows = {k: i for k, i in rows.items() if width[i, k] > SAME * width[:, k].max()}  # at the start it may be 0
+    rows = {k: i for k, i in rows.items() if width[i, k] > SAME * width[:, k].max()}  # the width may be 0 at the start
     notes = [_AT_MARGIN] if rows else []
     if left := len(bounds.names) - len(shown):
         notes.append(f"{left} of {len(bounds.names)} outputs are left out: `print(bounds.contributions())` shows them.")
@@ -155,7 +155,7 @@ def _contributions(bounds: Bounds, check: LimitCheck | None, shares: Contributio
 
 
 def _part_or_reason(part: Callable[[], str]) -> str:
-    """A part, or the reason why the part is missing: some runs cannot be repeated."""
+    """A part, or the reason why it is missing, because some runs cannot be repeated."""
     try:
         return part()
     except SymmbError as error:
@@ -193,7 +193,7 @@ def _settings(bounds: Bounds) -> list[tuple[str, str]]:
 
 
 def _repeated(command: str, bounds: Bounds, of_scene: bool, check: LimitCheck | None) -> list[str]:
-    """What the reader needs, and the command or the lines of Python that compute the bounds again."""
+    """Requirements, and the command or the lines of Python that compute the bounds again."""
     if command:
         return [document.note("Run this command in the folder with the files that it names:"), html.text(command)]
     solver = repr(bounds.study.solver) if of_scene and isinstance(bounds.study, Study) else ""

@@ -1,4 +1,4 @@
-"""The file of a report: its head, its sections, and their contents. All texts are escaped here or by `_html`."""
+"""The file of a report: head, sections, and their contents. All texts are escaped here or by `_html`."""
 
 import platform
 import re
@@ -39,7 +39,7 @@ def write(path: str | Path, title: str, parts: Iterable[str], block: Mapping[str
 
 
 def sentences(texts: Iterable[tuple[str, str]]) -> str:
-    """A list of sentences, each with its style."""
+    """A list of sentences, each with a style."""
     items = "".join(f'<li class="{style}">{_prose(text)}</li>' for style, text in texts)
     return f"<ul>{items}</ul>"
 
@@ -67,13 +67,13 @@ def note(text: str) -> str:
 
 
 def pictures(files: Iterable[tuple[str, bytes]]) -> str:
-    """PNG files with a description each. As many stand side by side as are legible."""
+    """PNG files, each with a description. They are side by side if they are legible."""
     figures = "".join(f"<figure>{html.picture(png, shown)}</figure>" for shown, png in files)
     return f'<div class="pictures">{figures}</div>'
 
 
 def moving(page: str, png: bytes, labels: Iterable[tuple[str, str]]) -> str:
-    """A page inside the report. Printed reports show a picture instead, below the colours and their labels.
+    """A page inside the report. Printed reports contain a picture instead, below the colours and their labels.
 
     The page runs its own scripts, and cannot access the report.
     """
@@ -83,7 +83,7 @@ def moving(page: str, png: bytes, labels: Iterable[tuple[str, str]]) -> str:
 
 
 def equations(text: str, page: int = 100) -> str:
-    """Equations that can be shown on demand. As many complete matrices as fit on one page of lines are printed."""
+    """Equations that readers can open. Prints contain as many complete matrices as fit on one page of lines."""
     blocks = text.split("\n\n")
     lengths = np.cumsum([block.count("\n") + 2 for block in blocks])
     printed = [html.text(block) for block in blocks[: int((lengths <= page).sum())]]
@@ -101,7 +101,8 @@ def assumed(box: Box, nominal: Mapping[str, float]) -> str:
 def settings_table(settings: Sequence[tuple[str, str]], is_own: bool = False) -> str:
     """Settings by name. Empty settings are left out.
 
-    Versions are those of this report. If it `is_own`, the result has the same versions: it was not read from a file.
+    Versions are those of this report. If `is_own`, the result has the same versions, because it was not read from a
+    file.
     """
     versions = "versions" if is_own else "versions (of this report)"
     packages = [f"{name} {version(name)}" for name in _PACKAGES]
@@ -131,7 +132,7 @@ def _number(value: float) -> str:
 
 
 def seed(method: str) -> str:
-    """The seed of the method with this text; '' if the method has no seed."""
+    """The seed in the text of a method; '' if the method has no seed."""
     kinds = {type(example).__name__: type(example) for entry in METHODS for example in entry.examples}
     match = re.search(r"\bseed=(\d+)", method)
     return match[1] if match else str(getattr(kinds.get(method.partition("(")[0]), "seed", ""))

@@ -1,4 +1,4 @@
-"""The first page of a report: sentences that say whether limits are satisfied, and what to do next."""
+"""The first page of a report: sentences about whether limits are satisfied, and what to do next."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,16 +15,16 @@ from symmb.bound.polynomials.ranges import Piecewise
 from symmb.equations.model import Box
 
 STATES = {False: "violated", None: "undecided", True: "satisfied"}
-"""Names of the results of limits, the most urgent first, and the words for one limit and for several limits."""
+"""Words for the results of limits, with the most urgent result first."""
 _SAID = {
     False: ("is violated in {} cases", "are violated in {} cases"),
     None: ("is not decided", "are not decided"),
     True: ("is satisfied", "are satisfied"),
 }
 _MOST_LISTED, _MOST_PARAMETERS = 6, 3
-"""Most limits or ranges with a sentence, and most parameters that one sentence names."""
+"""Largest number of limits or ranges with a sentence, and of parameters that one sentence names."""
 _LEAST_PART = 0.05
-"""Smallest effect, relative to the largest, of a parameter that is named, and smallest proposed tolerance factor."""
+"""Smallest effect of a named parameter, relative to the largest effect, and smallest proposed tolerance factor."""
 _CERTAIN = {
     "enclosure": "The bounds for these sentences are proved.",
     "sampled": "Only the {} cases that were run are known. Other cases may have more extreme values.",
@@ -39,7 +39,7 @@ _AGAIN = (
 
 
 def by_urgency(check: LimitCheck) -> list[KeptLimit]:
-    """Violated limits first, then undecided limits."""
+    """The limits, with violated limits first and undecided limits next."""
     return sorted(check.limits, key=lambda limit: [*STATES].index(limit.kept))
 
 
@@ -66,7 +66,7 @@ def verdict(bounds: Bounds, check: LimitCheck | None) -> list[tuple[str, str]]:
 
 
 def _headline(results: Sequence[bool | None], cases: str) -> str:
-    """How many limits are violated, undecided and satisfied. Limits are violated in "some" or "all" cases."""
+    """A sentence with the numbers of violated, undecided and satisfied limits. `cases` is "some" or "all"."""
     n, counts = len(results), {state: results.count(state) for state in STATES if state in results}
     words = [f"{count} {_SAID[state][count > 1].format(cases)}" for state, count in counts.items()]
     if len(words) > 1:
@@ -76,7 +76,7 @@ def _headline(results: Sequence[bool | None], cases: str) -> str:
 
 
 def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions | None) -> list[str]:
-    """How to decide limits, which tolerances to tighten and by how much, and the most important parameters."""
+    """Sentences: how to decide limits, which tolerances to tighten, by how much, and the most important parameters."""
     limits = [] if check is None else by_urgency(check)
     texts = _undecided(limits)
     ends = {limit: _end(bounds, limit) for limit in limits if not limit.kept}
@@ -141,7 +141,7 @@ def _inside(limit: KeptLimit) -> str:
 
 
 def _nominal_excess(bounds: Bounds, limit: KeptLimit) -> float:
-    """How far the nominal run is beyond the limit, negative inside; -inf if it is not known, or not in the box."""
+    """Excess of the nominal run over the limit, negative inside; -inf if the run is not known, or not in the box."""
     if bounds.nominal is None or bounds._left_out:
         return -np.inf
     values = bounds.nominal[:, _column(bounds, limit)]
@@ -149,8 +149,8 @@ def _nominal_excess(bounds: Bounds, limit: KeptLimit) -> float:
 
 
 def _least_excess(bounds: Bounds, limit: KeptLimit) -> tuple[float, int]:
-    """The largest excess over time that all cases have in common, on the closest side of the limit, and the number of
-    its time; -inf if it is not known."""
+    """The largest excess over time that all cases have, on the closest side of the limit, and the number of its time;
+    -inf if it is not known."""
     if bounds.failed or (bounds.estimate is None and bounds.kind != "enclosure"):
         return -np.inf, 0
     lower, upper = (end[:, _column(bounds, limit)] for end in bounds.outer)
@@ -187,7 +187,7 @@ def _sentence(bounds: Bounds, limit: KeptLimit) -> str:
 
 
 def _when(bounds: Bounds, limit: KeptLimit) -> str:
-    """Which parameters are high or low in the run that is closest to the limit."""
+    """Words for the parameters that are high or low in the run closest to the limit."""
     try:
         case, box = bounds._closest_to([limit]), bounds.box
         if case is None or box is None or case.is_short or case.width <= SAME * abs(case.value):
@@ -206,11 +206,11 @@ def _when(bounds: Bounds, limit: KeptLimit) -> str:
 
 
 def _acting(bounds: Bounds, k: int, i: int, place: Array) -> list[str]:
-    """Parameters, sorted by their effects on output number k at time number i. An effect is the change of the output if
-    one parameter moves from a place (d,) of the unit box to the middle of its interval.
+    """Parameters, sorted by their effects on output number k at time number i. One parameter moves from a place (d,) of
+    the unit box to the middle of its interval: its effect is the change of the output.
 
-    Effects are computed from accurate polynomials, or from one run for each parameter. These runs are not made if they
-    are expensive and the study made fewer runs.
+    Effects follow from accurate polynomials, or from one run for each parameter. These runs are not made if they are
+    expensive and the study made fewer runs.
     """
     box, study = bounds.box, bounds.study
     assert box is not None
@@ -242,7 +242,8 @@ def _spread(bounds: Bounds, rows: Mapping[int, int], shares: Contributions | Non
 
 
 def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
-    """Tolerances that satisfy limits, if the nominal values satisfy them, by the polynomials of the study."""
+    """Sentences about tolerances that satisfy limits, by the polynomials of the study, if the nominal values satisfy
+    them."""
     columns, box = [_column(bounds, limit) for limit in limits], bounds.box
     if limits and bounds._left_out:
         return ["Intervals that hold the nominal values are needed to find tolerances that satisfy the limits."]
@@ -254,9 +255,7 @@ def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
         part, one = surrogate.part(slice(None), [k]), np.ones(len(box))
         extremes = part.part([limit.row], [0]).range(-one, one)[2][:, 0, 0]
         names |= dict.fromkeys(_acting(bounds, k, limit.row, extremes[SIDES.index(bounds._side(limit))]))
-        rows = np.flatnonzero(
-            reduced.violated(limit, part, 1.0, ())
-        )  # other rows are inside for parts of the box as well
+        rows = np.flatnonzero(reduced.violated(limit, part, 1.0, ()))  # in other rows, parts are inside too
         reduced.parts.extend([(limit, part.part(rows, [0]))] if len(rows) else [])
     if not reduced.parts:  # runs violate limits that the polynomials satisfy
         return [_SEARCH]
@@ -265,9 +264,9 @@ def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
 
 @dataclass(frozen=True)
 class _Reduced:
-    """Tolerances multiplied by a factor, about the nominal values in the unit box, `middle` (d,).
+    """Tolerances multiplied by a factor about the nominal values, which are `middle` (d,) in the unit box.
 
-    `parts` are the limits that the whole box violates, with polynomials of their outputs at the violated times.
+    `parts` are the limits that the whole box violates, with polynomials of their outputs at these times.
     """
 
     box: Box
@@ -281,12 +280,12 @@ class _Reduced:
         return np.where(is_reduced, low, -1.0), np.where(is_reduced, high, 1.0)
 
     def violated(self, limit: KeptLimit, part: Piecewise, factor: float, names: Sequence[str]) -> Mask:
-        """Whether the output may violate its limit, at each time."""
+        """Mask of the times at which the output may violate its limit."""
         low, high, _ = part.range(*self.ends(factor, names))
         return ((low - part.error < limit.low) | (high + part.error > limit.high))[:, 0]
 
     def largest(self, names: Sequence[str]) -> float:
-        """The largest factor for the tolerances of some parameters that satisfies the limits; 0 if no factor does."""
+        """The largest factor for the tolerances of some parameters that satisfies the limits; 0 if there is none."""
         low, high, factor = 0.0, 1.0, 0.0
         for _ in range(12):
             if any(self.violated(*part, factor, names).any() for part in self.parts):
@@ -320,7 +319,7 @@ def _proposed(reduced: _Reduced, limits: Sequence[KeptLimit], some: Sequence[str
 
 
 def _tolerance(nominal: float, low: float, high: float) -> str:
-    """An interval as in drawings."""
+    """The text of an interval, as in engineering drawings."""
     above, below = high - nominal + 0.0, nominal - low + 0.0
     is_even = abs(above - below) <= SLIGHT * (high - low)
     return f"{nominal:.6g} ± {above:.3g}" if is_even else f"{nominal:.6g} +{above:.3g} −{below:.3g}"

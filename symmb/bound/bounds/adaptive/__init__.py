@@ -1,9 +1,9 @@
 """Polynomial chaos that chooses its runs and estimates its own error: the default `PolynomialChaos()`.
 
-adaptive_bounds    the way in: it chooses the kind of grid, and makes Bounds of the range that a grid estimates
+adaptive_bounds    entry point: chooses the kind of grid, and makes Bounds from the estimated range
 runs               all runs of a study, and measures of errors; `clock` ends a study that takes too long
 error_estimate     the truncation error of an interpolant, and its error at events: the first estimate
-check_points       where runs check an interpolant; `inflated_error` widens the estimate by the errors that they show
+check_points       points of check runs; `inflated_error` widens the estimate by the errors of these runs
 
 Up to three parameters:
 tensor_grids       refines grids, checks their ranges (`_check`) and ends when the error is small enough (`_confirmed`)
@@ -13,13 +13,13 @@ More parameters:
 many_parameters    one study for each output; a round of `requests` answers all of them
 output_study       sparse grids, corners and rounds for one output
 monotone           bounds at corners
-check_rounds       rounds of runs near extremes, whose gains are the error
+check_rounds       rounds of runs near extremes; the error follows from their gains
 continuation, response_surface   surrogates beside the sparse grids
 
-The estimate of an output at a time is set by `error_estimate` and raised by check runs in `tensor_grids`, or with more
-parameters in `check_rounds`, `output_study`, `monotone` and `response_surface`. `adaptive_bounds` raises it once more,
-to the distance of runs beyond the range, near failed runs, and to the noise. `bounds.method` then limits all bounds to
-the values that an output can have.
+`error_estimate` sets the estimated error of an output at a time. Check runs raise it in `tensor_grids`, or with more
+parameters in `check_rounds`, `output_study`, `monotone` and `response_surface`. `adaptive_bounds` raises it again: to
+the distance of runs beyond the range, near failed runs, and to the noise. `bounds.method` then limits all bounds to the
+values that an output can have.
 """
 
 from symmb.bound.bounds.adaptive.adaptive_bounds import adaptive_bounds

@@ -23,11 +23,11 @@ from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box
 
 MOST_RUNS, MOST_NUMBERS = 5000, 40_000_000
-"""The largest number of runs without a budget, and the largest number of stored values: 0.3 GB for values, and as much
-for coefficients."""
+"""The largest number of runs without a budget, and the largest number of stored values. These take 0.3 GB, and their
+coefficients take as much."""
 NOISY_SHARE = 0.2
-"""Bounds are uncertain if the measured noise is larger than this part of the width: the bounds of few runs with noise
-only are five times as wide."""
+"""Bounds are uncertain if the measured noise is larger than this part of the width. The bounds of a few runs that show
+only noise are five times as wide as the noise."""
 
 
 def adaptive_bounds(
@@ -43,9 +43,9 @@ def adaptive_bounds(
 ) -> Bounds:
     """Bounds by interpolants that are refined until their estimated error is below ``tolerance`` of the width.
 
-    The error is the root mean square over time over that of the width, of the output where this is largest. It is at
-    least the distance of the interpolant's range from what runs attained. Where it exceeds the width that runs
-    attained, and of outputs that are noise, the bounds are those attained by runs.
+    The error of an output is its root mean square over time, divided by that of the width; the largest one counts. It
+    is at least the distance of runs beyond the interpolant's range. The bounds are the extremes of runs if the error
+    exceeds their width, or if the output is only noise.
     """
     d, numbers = len(box), max(len(simulator.times) * len(simulator.outputs), 1)
     first = probes + (max(5, 3**d) if d <= MOST_PARAMETERS else 2 * d + 1)
@@ -96,10 +96,10 @@ def adaptive_bounds(
 
 
 def _estimated(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange | None:
-    """The range of a surrogate that is refined until it is accurate enough; None where the study has to begin anew.
+    """The range of a surrogate that is refined until it is accurate enough; None if the study must begin again.
 
-    Where a tensor grid takes too many runs the outputs are studied as those of many parameters are. For outputs of
-    which this leaves doubts the grid is refined after all, and for each output the better answer counts.
+    If a tensor grid takes too many runs, the outputs are studied by the method for many parameters. The grid is then
+    refined only for outputs that are still uncertain. For each output the better answer counts.
     """
     other: EstimatedRange | None = None
     try:
@@ -122,8 +122,8 @@ def _estimated(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange
 
 
 def _attained_or_estimated(runs: Runs, estimated: EstimatedRange, is_noise: Mask) -> tuple[Array, Array, Array]:
-    """Bounds and their estimated errors, each (n_t, n_y). The extremes of runs are used if their estimated error is not
-    larger."""
+    """Bounds and their estimated errors, each (n_t, n_y). The bounds are the extremes of runs if the error exceeds
+    their width."""
     lowest, highest = runs.extremes
     estimate = np.maximum(estimated.estimate, runs.beyond(estimated.lower, estimated.upper))
     below = above = False
@@ -150,7 +150,7 @@ def _of_accuracy(
     short = _SHORT.format(tolerance=tolerance, error=error)
     if is_enough or not runs.clock.is_cut:
         return (short,), ()
-    cut = Doubt(_CUT.format(tolerance=tolerance))  # the estimated error says what it costs each output
+    cut = Doubt(_CUT.format(tolerance=tolerance))  # the estimated error shows the effect on each output
     return ((short,), (cut,)) if error > DOUBTFUL else ((short, cut), ())
 
 
@@ -160,14 +160,14 @@ def _of_noise(runs: Runs) -> tuple[str, ...]:
     scale = np.maximum(rms(low), rms(high))
     is_large = runs.noise > np.maximum(NOISY_SHARE * rms(high - low), SLIGHT * scale)
     is_large &= scale > SAME * scale.max(initial=0.0)
-    if not is_large.any() or runs.rounding < SAME:  # the simulator has told its noise
+    if not is_large.any() or runs.rounding < SAME:  # the simulator states its noise
         return ()
     text = f"The measured noise of runs is above a fifth of the width of {_listed(runs, is_large)}."
     return (Doubt(text, np.array(runs.simulator.outputs)[is_large].tolist()),)
 
 
 def _listed(runs: Runs, which: Mask, most: int = 4) -> str:
-    """The first names of outputs (n_y,)."""
+    """The first names of the outputs that a mask (n_y,) selects, as text."""
     names = [name for name, is_one in zip(runs.simulator.outputs, which, strict=True) if is_one]
     return ", ".join(names[:most]) + (", ..." if len(names) > most else "")
 
@@ -175,7 +175,7 @@ def _listed(runs: Runs, which: Mask, most: int = 4) -> str:
 def _of_rounding(runs: Runs, is_noise: Mask) -> tuple[str, ...]:
     """A remark about outputs that vary by more than rounding, but so little that the variation counts as rounding."""
     lowest, highest = runs.extremes
-    if runs.rounding < SAME:  # the simulator has told its noise
+    if runs.rounding < SAME:  # the simulator states its noise
         return ()
     widths, sizes = highest - lowest, np.maximum(np.abs(lowest), np.abs(highest))
     listed = _listed(runs, is_noise & (widths > 16 * LAST_DIGITS * sizes).any(axis=0))
@@ -191,7 +191,7 @@ _CUT = (
     "The study ended before it reached the tolerance {tolerance:g}: beside its runs it took more than 1 s, and more "
     "than three times as long as they did. PolynomialChaos(seconds=...) allows more."
 )
-"""The warning if a study had no time to refine the bounds and the tolerance is far from reached."""
+"""The warning if a study had no time to refine the bounds and its error is far above the tolerance."""
 _SHORT = "The tolerance {tolerance:g} was not reached: the estimated error is {error:.2g} times the width."
 """A warning if the runs are too few, or if noise and rounding are too large."""
 

@@ -1,4 +1,4 @@
-"""Check runs at the points with the largest expected error of an interpolant, and the expected error elsewhere."""
+"""Check runs where the expected error of an interpolant is largest, and the expected error at other points."""
 
 from itertools import count
 
@@ -12,38 +12,36 @@ SAFETY = 2.5
 """Safety factor on measured errors and on the standard deviation of noise, because errors elsewhere may be larger. A
 smaller factor misses more, a larger factor takes more runs."""
 CANDIDATES = 150
-"""Number of extremes from which check points are chosen, since all pairs are compared. Also the number of starts of
-searches on surfaces. Larger numbers take more time and miss fewer extremes."""
+"""Number of extremes from which check points are chosen, since all pairs are compared. It is also the number of starts
+of searches on surfaces. Larger numbers take more time and miss fewer extremes."""
 WORTHWHILE = 0.3
-"""Ratio of a weight to the largest weight. An output chooses check points beside those of other outputs if its weight
-is larger. Smaller ratios take more runs."""
+"""Ratio of a weight to the largest weight. An output adds check points to those of other outputs if its ratio is
+larger. Smaller ratios take more runs."""
 FEW_SHAPES, SHAPE_SHARE = 3, 1e-2
-"""Number of independent functions of time that count like separate outputs, and the smallest ratio of their size to the
-largest. More functions take more check runs."""
+"""Number of independent functions of time that count like separate outputs, and the smallest ratio of a function's size
+to the largest size. More functions take more check runs."""
 SHAPE_RUNS = round(1 / WINDOW)
 """Largest number of runs from which independent functions of time are counted, and half the number of their times,
 because a window has two times."""
 PROBES = 6
-"""Number of quasi-random check points. Nodes are at the centre, ends and halves, where symmetric responses may be
-equal. More points find narrower peaks."""
+"""Number of quasi-random check points. Nodes are at the centre, the ends and the halves. Symmetric responses may be
+equal there. More points find narrower peaks."""
 PATIENCE = 30
-"""Number of runs per parameter after which a grid that does not converge is abandoned, and so are corners. Larger
-numbers take more runs and miss fewer extremes."""
+"""Largest number of runs per parameter of a grid that does not converge, and of corners. Larger numbers take more runs
+and miss fewer extremes."""
 ALL_CORNERS = 10
-"""Largest number of parameters for which all corners are run, if runs are computed side by side. Larger numbers take
-seconds."""
+"""Largest number of parameters with runs at all corners, if runs are computed side by side. More take seconds."""
 MOST_CORNERS = 32
 """Largest number of corners if no other information shows where a response varies. Larger numbers take more runs and
 miss fewer extremes."""
 
 
 def select_dispersed(places: Array, weights: Array, number: int, taken: Array | None = None) -> Array:
-    """At most a given number of places (n, d) with large weights, which are not close together, from places (2, n_t,
-    n_y, d).
+    """At most `number` places (n, d) with large weights, not close together, from places (2, n_t, n_y, d).
 
     Each choice maximises the weight in its neighbourhood, sum_j exp(-2 |x - x_j|^2 / d) w_j, and takes this weight from
-    its neighbours. Places that others have taken (m, d) do so before, and choices end at a share WORTHWHILE of the
-    largest weight without them.
+    its neighbours. Places `taken` (m, d) by others take weight first. Choices then end below the share WORTHWHILE of
+    the largest weight before this.
     """
     points, weights = places.reshape(-1, places.shape[-1]), weights.ravel()
     # All pairs are compared, so candidates are few. The heaviest places are mostly neighbours in time, with one extreme
@@ -75,7 +73,7 @@ def _nearness(a: Array, b: Array) -> Array:
 def quasi_random_points(number: int, d: int) -> Array:
     """Points (number, d) of the unit box without symmetry, closer to the corners than to the centre.
 
-    They are x = sign(u) sqrt(0.25 + 0.7 |u|) of evenly spread points u.
+    The points are x = sign(u) sqrt(0.25 + 0.7 |u|) for evenly spread points u.
     """
     u = evenly_spread_points(number, d)
     return np.asarray(np.sign(u) * np.sqrt(0.25 + 0.7 * np.abs(u)))
@@ -84,7 +82,7 @@ def quasi_random_points(number: int, d: int) -> Array:
 def evenly_spread_points(number: int, d: int) -> Array:
     """Points (number, d) of the unit box from Roberts' sequence.
 
-    They are the multiples of the powers of 1 / r modulo 1, with r^(d + 1) = r + 1. (Roberts 2018, The unreasonable
+    The coordinates are multiples of powers of 1 / r, modulo 1, with r^(d + 1) = r + 1. (Roberts 2018, The unreasonable
     effectiveness of quasirandom sequences)
     """
     ratio = 2.0
@@ -107,11 +105,11 @@ def screening_corners(d: int) -> Array:
 
 
 def corner_design(d: int) -> Array:
-    """All corners of the unit box. With more than ALL_CORNERS parameters, a subset of corners that contains all sign
-    combinations of any four parameters (resolution V).
+    """Corners (N, d) of the unit box: all, or with more than ALL_CORNERS parameters a subset of resolution V.
 
-    Parameters beyond the first r, which have all combinations, take products of their signs. No sum of four or fewer of
-    the vectors of factors may vanish modulo 2. (Box and Hunter 1961, The 2^(k-p) fractional factorial designs)
+    The subset contains all sign combinations of any four parameters. The first r parameters have all combinations. Each
+    other parameter takes a product of their signs. No sum of four or fewer vectors of factors may vanish modulo 2. (Box
+    and Hunter 1961, The 2^(k-p) fractional factorial designs)
     """
     if d <= ALL_CORNERS:
         return corners(d)
@@ -130,7 +128,7 @@ def corner_design(d: int) -> Array:
 
 
 def screening_points(d: int) -> Array:
-    """Points (N, d) for responses without other information: corners, and PROBES points inside.
+    """Points (N, d) for responses about which nothing else is known: corners, and PROBES points inside.
 
     If there are few corners, all are used, because a kink may affect one corner only.
     """
@@ -141,8 +139,8 @@ def screening_points(d: int) -> Array:
 def count_shapes(Y: Array) -> Indices:
     """Number of independent functions of time (...) in deviations Y (..., N, m) from the mean response.
 
-    Few functions would hide as much as few numbers, because all times together may contain one function only. Functions
-    count if their size is at least SHAPE_SHARE of the largest one.
+    Values at many times may follow one function only. They then show no more than one number does. Functions count if
+    their size is at least SHAPE_SHARE of the largest one.
     """
     # The products of N runs have the same nonzero eigenvalues as those of m times, and N is smaller.
     squares = np.linalg.eigvalsh(Y @ Y.swapaxes(-1, -2))
@@ -150,9 +148,8 @@ def count_shapes(Y: Array) -> Indices:
 
 
 def inflated_error(squares: Array, safety: float = SAFETY) -> Array:
-    """Expected errors (n_t, n_y) elsewhere, from the largest squared errors at check runs and a factor.
+    """Expected errors (n_t, n_y) at other points, from the largest squared errors at check runs and a factor.
 
-    Errors are averaged over a window, but are at least the error of the check run, because a pulse is shorter than a
-    window.
+    Errors are averaged over a window. They are at least those of the check run, because a pulse may be shorter.
     """
     return np.sqrt(np.maximum(safety**2 * average_over_window(squares), squares))

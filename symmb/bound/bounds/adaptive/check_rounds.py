@@ -1,5 +1,4 @@
-"""Rounds of check runs near extremes, which measure the errors of an interpolant's range and of the extremes of
-runs."""
+"""Rounds of check runs near extremes: they measure errors of an interpolant's range and of extremes of runs."""
 
 from dataclasses import dataclass, field
 from itertools import product
@@ -25,25 +24,25 @@ from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import Piecewise
 
 LEAST_ROUNDS = 2
-"""The smallest number of rounds, and the number of last rounds that measure how far runs exceed earlier extremes.
+"""The smallest number of rounds, and the number of last rounds that measure the excess of runs over earlier extremes.
 Larger numbers miss fewer extremes and take more runs."""
 FITTED_VALUES = 4, 12
 """Number of best runs per coefficient for a fit of parabolas. With too few runs, the fit only describes the best runs.
 With too many, it describes runs far from the extreme."""
 NEIGHBOURING_TIMES = 4
-"""Number of output times before and after a time. Between the extremes at these times, further extremes are searched.
+"""Number of output times before and after a time. Further extremes are searched between the extremes at these times.
 Larger numbers take more time, and miss fewer peaks that move far from run to run."""
 
 
 @dataclass
 class Foreseen:
-    """What is foreseen beyond former runs, and what runs attain: sums of squares over points and times.
+    """Predicted and attained excess beyond earlier runs: sums of squares over points and times.
 
     Attributes
     ----------
-    foreseen : of what is foreseen
-    unconfirmed : of the difference of runs from it
-    attained : of what runs bring beyond former ones there
+    foreseen : sum of the predicted excess
+    unconfirmed : sum of the differences between runs and predictions, where an excess is predicted
+    attained : sum of the excess that runs attain there
     """
 
     foreseen: float = 0.0
@@ -51,7 +50,7 @@ class Foreseen:
     attained: float = 0.0
 
     def add(self, predicted: Array, Y: Array, lowest: Array, highest: Array) -> None:
-        """Predicted and true responses (C, n_t, 1) at new points, and the extremes (n_t, 1) of earlier runs."""
+        """Add predicted and true responses (C, n_t, 1) at new points, with the extremes (n_t, 1) of earlier runs."""
         beyond = np.maximum(np.maximum(lowest - predicted, predicted - highest), 0.0)
         gain = np.maximum(np.maximum(lowest - Y, Y - highest), 0.0)
         self.foreseen += float(np.square(beyond).sum())
@@ -59,8 +58,8 @@ class Foreseen:
         self.attained += float(np.square(gain)[beyond > 0].sum())
 
     def add_at(self, places: Array, foreseen: Array, points: Array, gains: Array) -> None:
-        """The predicted excess (2, n_t, 1) at places (2, n_t, 1, d), and the attained excess if these places are among
-        the points (C, d)."""
+        """Add the predicted excess (2, n_t, 1) and the attained one, at places (2, n_t, 1, d) among the points (C,
+        d)."""
         distance = np.full(foreseen.shape, np.inf)
         for point in points:
             distance = np.minimum(distance, np.abs(places - point).max(axis=-1))
@@ -69,25 +68,26 @@ class Foreseen:
         self.attained += float(np.square(gains[is_run]).sum())
 
     def share(self, part: float) -> float:
-        """Square root of the ratio of a sum, `unconfirmed` or `attained`, to the predicted sum; 1 if nothing was
-        predicted yet."""
+        """Square root of the ratio of a sum, `unconfirmed` or `attained`, to the predicted sum; 1 if nothing is
+        predicted."""
         return min(part / self.foreseen, 1.0) ** 0.5 if self.foreseen else 1.0
 
 
 @dataclass
 class CheckRounds:
-    """The range of an expansion that is continued through check runs, or what runs attain, and the error of either.
+    """The range of an expansion continued through check runs, or the extremes of runs, and the error of either one.
 
-    The runs of a round show the error of the expansion that those before have corrected. Rounds end when it is small
-    enough or does not fall. An error at a place where the continuation leaves the share s(x) of the typical
-    error suggests the error e / s(x) elsewhere. The range may exceed all runs. Of this excess the bounds keep the share
-    that runs attained of former predictions. Its error is that share of the excess, or the share that runs did not
-    confirm if this is smaller.
+    The runs of a round show the error of the expansion, which earlier rounds have corrected. Rounds end when this error
+    is small enough or no longer falls. The continuation leaves a share s(x) of the typical error at x. An error e at x
+    thus suggests the error e / s(x) elsewhere. The range may exceed all runs. Runs attained a share of earlier
+    predicted excesses: the bounds keep this share of the excess. Its error is the same share, or the share that runs
+    did not confirm if this is smaller.
 
-    What runs attain is an answer where corners have been run. Its error is what the last rounds attained beyond those
-    before, what twice as many runs brought inside of the box, and what the range, and lines between peaks at other
-    times, have beyond all runs, by the share that runs have confirmed of such predictions. At times when no run differs
-    from the interpolant, its own error counts. The answer with the smaller error over all times counts.
+    If corners have been run, the extremes of runs are the other answer. Their error is the largest of four values. Two
+    are the gain of the last rounds, and the gain from twice as many runs inside the box. Two are the excess of the
+    range, and of lines between peaks at other times, each times the attained share. If no run differs from the
+    interpolant at a time, the error there is at most this range's excess. The answer with the smaller error over all
+    times counts.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ class CheckRounds:
     base, grid : the interpolant, and its grid
     sizes : expected sizes of coefficients ahead of the grid
     estimate : (n_t, 1) estimated error of the interpolant
-    tolerance : of the error, over the width
+    tolerance : largest accepted ratio of the error to the width
     has_corners : whether corners have been run
     """
 
@@ -123,7 +123,7 @@ class CheckRounds:
         while True:
             n_known, extremes, former = len(runs.points), runs.extremes, self._corrected
             if self.has_corners:
-                # These runs are near known ones. They come first, so that the runs that judge the error are the last.
+                # The next runs are near known ones. They come first: the last runs must be those that judge the error.
                 yield Checks(separable_extremes(*runs.attained()))
                 between, gaps = between_times(runs)
                 yield Places(between, self._between.share(self._between.attained) * gaps / runs.rms_widths())
@@ -140,14 +140,14 @@ class CheckRounds:
                 self._between.add_at(between, gaps, points, gains)
             self._gains.append(inflated_error(np.square(runs.beyond(*extremes))))
             errors = (Y - predicted) / self._remaining_share(points)[:, None, None]
-            errors = errors[n_beside:] if n_beside < len(errors) else errors  # those before are near known runs
+            errors = errors[n_beside:] if n_beside < len(errors) else errors  # earlier ones are near known runs
             self._observed = (1 + 1 / len(errors)) * inflated_error(np.mean(np.square(errors), axis=0))
             self._correct()
             share = self._remaining_share(self._places)
             self._remaining = share.max(axis=0) * np.maximum(self._observed, REMAINING_SHARE * self.estimate)
             error = min(relative_rms(each, runs.rms_widths()) for each in self._errors())
             n_worse = n_worse + 1 if error >= before else 0
-            is_cheap = runs.has_lanes and error > DOUBTFUL  # more of cheap runs may still decide what is doubtful
+            is_cheap = runs.has_lanes and error > DOUBTFUL  # cheap runs may still decide uncertain outputs
             is_done = error <= self.tolerance or (n_worse > self.has_corners and not is_cheap)
             n_rounds += 1
             if (is_done and n_rounds >= LEAST_ROUNDS) or runs.clock.is_late:
@@ -156,7 +156,7 @@ class CheckRounds:
         return self._better()
 
     def _correct(self) -> None:
-        """The expansion continued through all check runs, and its range."""
+        """Continue the expansion through all check runs, and compute its range."""
         self._corrected = Corrected(self.base, self._continuation, self.runs.points, self.runs.checks)
         self._lower, self._upper, self._places = self._corrected.range(SPARSE_RANGE * self.tolerance)
 
@@ -192,14 +192,14 @@ class CheckRounds:
             return Piecewise.whole(corrected.expansion(), spread_over_times(observed, width))
 
         (lowest, highest), (below, above) = runs.extremes, self._unattained()
-        # Where no run has met an event, as before the first one, all agree with the interpolant: nothing is paid there.
+        # Before the first event, all runs agree with the interpolant. The error is not raised there.
         seen = np.square(runs.checks - self.base.values(runs.points)).max(axis=0, initial=0.0)
         agreed = inflated_error(seen) + np.maximum(below, above)
         errors = [np.minimum(np.minimum(error, agreed), highest - lowest) for error in self._errors(spread=True)]
         best = int(np.argmin([relative_rms(error, runs.rms_widths()) for error in errors]))
         if best:
             return EstimatedRange(lowest, highest, errors[best], polynomials, "runs near extremes", self._places)
-        # Of what the interpolant has beyond all runs, others will attain the share that runs attained before.
+        # Further runs are expected to attain the same share of the interpolant's excess as earlier runs.
         share, name = self._foreseen.share(self._foreseen.attained), "an interpolant on a sparse grid"
         lower, upper = lowest - share * below, highest + share * above
         return EstimatedRange(lower, upper, errors[best], polynomials, name, self._places)
@@ -226,7 +226,7 @@ def between_times(runs: OutputRuns) -> tuple[Array, Array]:
 
 
 def growth_inside(runs: OutputRuns) -> Array:
-    """Expected errors (n_t, 1) of the extremes of runs, from the gain of the last half of all runs outside of corners.
+    """Expected errors (n_t, 1) of the extremes of runs, from the gain of twice as many runs outside of corners.
 
     The error is 0 if no run exceeds the extremes at corners.
     """
@@ -258,7 +258,7 @@ def separable_extremes(points: Array, Y: Array) -> Array:
 
 
 def spread_over_times(error: Array, width: Array) -> Array:
-    """Errors (n_t, n_y). One half of each squared error is a constant fraction of the squared width (n_t, n_y).
+    """Errors (n_t, n_y) spread over time: half of each squared error is a constant fraction of the squared width.
 
     A few check runs show the size of errors reliably, but not the times at which the errors are small.
     """

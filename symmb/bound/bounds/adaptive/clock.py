@@ -20,13 +20,13 @@ processors, such as ten times as many processes as processors."""
 class Clock:
     """A clock that stops during runs.
 
-    Seconds of runs and beyond them are those that pass, or those of all threads of this program on their processors if
-    these are less: other programs do not count. Runs that other programs make take the seconds that pass.
+    The clock counts the time that passes, or the processor time of this program's threads if this is less. Work of
+    other programs thus does not count. Runs in other processes count with the time that passes.
 
     Attributes
     ----------
-    seconds : those that are allowed; None: LEAST_SECONDS, and SECONDS_OF_RUNS times those of the runs
-    is_cut : whether the study was told that it is late
+    seconds : allowed seconds; None: LEAST_SECONDS plus SECONDS_OF_RUNS times those of the runs
+    is_cut : whether `is_late` has been true
     """
 
     def __init__(self, seconds: float | None) -> None:

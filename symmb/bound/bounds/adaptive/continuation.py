@@ -15,11 +15,11 @@ from symmb.bound.polynomials import Expansion, MultiIndices, basis_values
 from symmb.bound.polynomials.ranges import RANGE_WORK, Exact
 
 SPARSE_PROBES = 2
-"""Number of quasi-random check points. More points take more runs and miss fewer products of parameters, which runs
-along axes do not show."""
+"""Number of quasi-random check points. Runs along axes do not show products of parameters. More points miss fewer
+products and take more runs."""
 REMAINING_SHARE = 0.1
-"""Smallest ratio of the remaining error to the expected error at check runs, since the continuation does not
-interpolate, and of the estimated error after check runs. Smaller ratios miss more, larger ratios take more runs."""
+"""Smallest ratio of the remaining to the expected error at check runs, because the continuation does not interpolate.
+It limits the estimated error after check runs too. Smaller ratios miss more. Larger ones take more runs."""
 SPARSE_RANGE = 0.02
 """Ratio of the accuracy of a range to the tolerance. Smaller ratios take more time."""
 
@@ -28,13 +28,13 @@ SPARSE_RANGE = 0.02
 class Continuation:
     """Expected coefficients beyond those of a grid, before and after further runs are known.
 
-    The further coefficients are independent Gaussian variables with mean 0 and sizes that are extrapolated from the
-    grid. Given the interpolant's errors e at some points, their most likely values are
+    The further coefficients are independent Gaussian variables with mean 0. Their sizes are extrapolated from the grid.
+    Given the interpolant's errors e at some points, their most likely values are
 
         c = S F' (F F' + noise)^-1 e = S (F' F + noise)^-1 F' e,
 
-    where S are the sizes, and F (C, n_b) are the further polynomials at the points, less their interpolants, times S.
-    The form with the smaller matrix is computed. Nodes keep their values.
+    where S are the sizes. F (C, n_b) are the further polynomials at the points, minus their interpolants, times S. The
+    form with the smaller matrix is computed. The values at nodes do not change.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Continuation:
     @property
     def noise(self) -> float:
         """Variance of the noise of check runs."""
-        return EXPECTED_NOISE * float(np.square(self.sizes).sum()) or 1.0  # any, if nothing is expected
+        return EXPECTED_NOISE * float(np.square(self.sizes).sum()) or 1.0  # any value, if all sizes are 0
 
 
 def along_axes(d: int, degree: int) -> set[Index]:
@@ -74,14 +74,14 @@ def along_axes(d: int, degree: int) -> set[Index]:
 def extrapolated_sizes(grid: Grid, sizes: Array) -> dict[Index, float]:
     """Expected sizes of the coefficients next to a grid, if they decay like the coefficients of these indices (N,).
 
-    The size at index a is the least of |c_b| and |c_b| |c_(a-b+z)| / |c_z| over its lower neighbours b and theirs z.
+    The size at index a is the smallest of |c_b| and |c_b| |c_(a-b+z)| / |c_z|, for lower neighbours b of a, and z of b.
     """
     size = dict(zip(grid.row, sizes.tolist(), strict=True))
     return {index: _extrapolated(index, size) for index in sorted(grid.ahead())}
 
 
 def largest(sizes: dict[Index, float], number: int) -> set[Index]:
-    """A number of indices with the largest expected sizes."""
+    """The `number` indices with the largest expected sizes."""
     return set(sorted(sizes, key=lambda a: (-sizes[a], sum(a), a))[: max(number, 0)])
 
 
@@ -102,7 +102,7 @@ class Corrected:
     Attributes
     ----------
     base : expansion on the grid
-    continuation : of the base
+    continuation : continuation of the base
     points, checks : (C, d) and (C, n_t, n_y), the check runs
     """
 
@@ -129,7 +129,7 @@ class Corrected:
 
     def expected_error(self, places: Array) -> Array:
         """Root mean square (...) of the remaining error at places (..., d), rounded to multiples of 0.1."""
-        # Neighbouring times have almost the same places. Rounding makes them equal, so that they share one solution.
+        # Neighbouring times have almost the same places. Rounded places are equal and share one solution.
         places = places.round(1)
         flat, errors = places.reshape(-1, places.shape[-1]), np.empty(places.shape[:-1])
         for window in windows(len(flat), places.shape[-1]):
@@ -183,8 +183,8 @@ class Corrected:
     def range(self, tolerance: float) -> tuple[Array, Array, Array]:
         """Minima and maxima (n_t, n_y), and their places (2, n_t, n_y, d).
 
-        The range contains the best values of a search. A rigorous range would take longer than the runs, and the
-        response may exceed the range of the expansion in any case.
+        The minima and maxima are the best values of a search. A rigorous range would take longer than the runs. The
+        response may exceed the expansion's range in any case.
         """
         alpha, shape = self.alpha, self.base.coefficients.shape[1:]
         attained = Exact(tolerance, RANGE_WORK // len(alpha) + 1).attained

@@ -1,5 +1,4 @@
-"""The estimated error of an interpolant: the truncation error, from the decay of its last coefficients, and the error
-at events."""
+"""The estimated error of an interpolant: the truncation error (from its last coefficients), and the error at events."""
 
 import itertools
 from dataclasses import dataclass
@@ -14,14 +13,14 @@ from symmb.bound.nodes import group_squares, line
 from symmb.bound.polynomials import Expansion, MultiIndices
 
 SHELLS = 4
-"""Number of degree shells, of two degrees each, from which the decay is measured. Fewer shells trust a pair that is
-small by chance, more take more time."""
+"""Number of degree shells, of two degrees each, from which the decay is measured. With fewer shells, one pair that is
+small by chance counts more. More take more time."""
 DECAY_POWER, FAST_DECAY = 0.6, 0.8
 """Power of the measured decay that is assumed to continue: 1 assumes the same decay, 0 assumes none and takes more
 runs. On tensor grids the power is 1 - decay / FAST_DECAY if this is larger, because a fast decay usually continues."""
 NODE_SHARE = 0.4
-"""Ratio of the expected error at nodes to the largest error, over the degree (at most 4), because the places of
-extremes are known only approximately. Smaller ratios miss more, larger ratios take more runs."""
+"""Ratio of the expected error at nodes to the largest error, divided by the degree (at most 4). It is not 0 because the
+places of extremes are known only approximately. Smaller ratios miss more. Larger ones take more runs."""
 SMOOTH_DECAY = 0.6
 """Decay of coefficients in two degrees above which a response is not smooth. Smaller values divide the box earlier."""
 
@@ -35,18 +34,18 @@ class TruncationError:
 
         e_i = s_0 r^p,      r = s_0 / s_1 (sparse grids) or the largest of s_k / s_(k+1) (tensor grids),
 
-    where p < 1 allows for a slower decay than before. On sparse grids lines differ too much for the largest ratio.
+    where p < 1 allows for a slower decay than before. On sparse grids, lines differ too much for the largest ratio.
 
-    On a tensor grid the error vanishes at the nodes, where (1 - x^2) U(x) = 0, but for a share NODE_SHARE. The grid may
-    lack products with direction i. They are expected to be as large, relative to their factors, as the products that it
-    has: their size is `mixed`.
+    On a tensor grid, only a share NODE_SHARE of the error remains at the nodes, where (1 - x^2) U(x) = 0. The grid may
+    lack products with direction i. Relative to their factors, they are expected to be as large as the products in the
+    grid. Their size is `mixed`.
 
     Attributes
     ----------
     directions : (d, n_t, n_y)      largest error from each direction, e_i
     slow : (d, n_t, n_y)            whether r of each direction exceeds SMOOTH_DECAY
     mixed : (n_t, n_y)              error from products that are missing
-    degrees : (d,) or None          of a tensor grid; None for other grids, whose errors are the same everywhere
+    degrees : (d,) or None          of a tensor grid; None for other grids: their errors are equal everywhere
     """
 
     directions: Array
@@ -58,7 +57,7 @@ class TruncationError:
     def of(cls, alpha: MultiIndices, coefficients: Array, noise: Array | float = 0.0) -> "TruncationError":
         """The error for multi-indices (N, d) of a downward closed set, and Legendre coefficients (N, n_t, n_y).
 
-        The part of a coefficient that comes from errors of the runs up to `noise` (n_y,) is ignored.
+        The part of a coefficient that errors of runs up to `noise` (n_y,) cause is ignored.
         """
         degrees = alpha.max(axis=0)
         tensor = len(alpha) == int(np.prod(degrees + 1))
@@ -67,7 +66,7 @@ class TruncationError:
         mixed = np.zeros(coefficients.shape[1:])
         groups = _groups(tuple(map(tuple, alpha.tolist())), 1 if tensor else 0)
         each_rows = [each.rows for each in groups]
-        parts = [list(itertools.chain(*each_rows))] if tensor else each_rows  # of many directions one at a time: memory
+        parts = [list(itertools.chain(*each_rows))] if tensor else each_rows  # one direction at a time: memory
         sizes = itertools.chain.from_iterable(_sizes(coefficients, noise, rows) for rows in parts)
         for i, each in enumerate(groups):
             shells = list(itertools.islice(sizes, len(each.shells)))
@@ -133,7 +132,7 @@ class _Groups(NamedTuple):
     ----------
     shells : rows of the two highest degrees in this direction, of the two below, and so on
     unmixed : rows that have no product with this direction
-    products : rows of products of x_i with others, and of these others
+    products : rows of products of x_i with other parameters, and rows of these others
     """
 
     shells: list[Indices]
@@ -142,7 +141,7 @@ class _Groups(NamedTuple):
 
     @property
     def rows(self) -> list[Indices]:
-        """The shells and, unless all is mixed, products, factors and what is unmixed."""
+        """The shells, and the products, factors and unmixed rows unless all rows are mixed."""
         return [*self.shells, *self.products, self.unmixed] if self.unmixed.size else self.shells
 
 
@@ -165,8 +164,7 @@ def _degree_shells(alpha: MultiIndices, i: int, least: int) -> tuple[list[Indice
 
 
 def _products(alpha: MultiIndices, i: int) -> tuple[Indices, Indices]:
-    """Rows of products of x_i with other parameters, and rows of these other parameters. Without products, rows of x_i
-    and of all x_j."""
+    """Rows of products of x_i with others, and rows of these others. Without products, rows of x_i and of all x_j."""
     rows = {cast(tuple[int, ...], tuple(a)): k for k, a in enumerate(alpha.tolist())}
     first, base = [], []
     for a, k in rows.items():
@@ -183,8 +181,8 @@ def decay_ratios(expansion: Expansion, widths: Array, least: int) -> Array:
     """Decay (d,) of the coefficients of each direction over two degrees; 0 for directions with too low a degree.
 
     With S_k the norm of all coefficients of degrees k - 1 and k, relative to the widths (n_y,), and n the highest
-    degree, the decay is the larger of S_(n-2) / S_(n-4) and S_(n-4) / S_(n-6). The two highest degrees do not
-    count: an interpolant that does not resolve the response halves them.
+    degree, the decay is the larger of S_(n-2) / S_(n-4) and S_(n-4) / S_(n-6). The two highest degrees do not count,
+    because they are halved in an interpolant that does not resolve the response.
     """
     decay = np.zeros(expansion.alpha.shape[1])
     for i, degrees in enumerate(expansion.alpha.T):
@@ -199,8 +197,8 @@ def decay_ratios(expansion: Expansion, widths: Array, least: int) -> Array:
 def event_errors(nodes: Array, degrees: Indices, Y: Array, events: Indices) -> Array:
     """Expected errors along each parameter (d, n_t, n_y) if events happen between nodes; nan elsewhere.
 
-    Responses have kinks and jumps at events. Between nodes, an extreme exceeds the values at the nodes by at most the
-    change of the response over the distance of two nodes, with the largest slope away from events.
+    Responses have kinks and jumps at events. Let s be the largest slope away from events. Between two nodes, an extreme
+    exceeds the values at nodes by at most s times the distance of the nodes.
 
     Parameters
     ----------

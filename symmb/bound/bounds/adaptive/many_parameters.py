@@ -15,8 +15,7 @@ from symmb.bound.polynomials.ranges import Piecewise, joined
 
 
 def range_of_many(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange:
-    """The ranges of all outputs. The study of an output uses all runs, and requests runs until its range is accurate
-    enough."""
+    """The ranges of all outputs. The study of an output uses all runs, and requests runs until its error is small."""
     studies = [OutputStudy(OutputRuns(runs, k), tolerance, is_patient) for k in range(runs.shape[1])]
     steps = {k: study.steps() for k, study in enumerate(studies)}
     found = dict[int, EstimatedRange]()
@@ -67,8 +66,7 @@ def _distinct(points: Sequence[Array]) -> Array:
 
 
 def _together(arrays: Sequence[Array], n_t: int, axis: int) -> Array:
-    """Arrays of all outputs, joined along the axis of outputs. The axis before it has n_t times, or one for a scalar
-    output."""
+    """Arrays joined along the axis of outputs. The axis of times before it has length n_t, or 1 for a scalar output."""
     return np.concatenate([np.broadcast_to(a, (*a.shape[: axis - 1], n_t, *a.shape[axis:])) for a in arrays], axis=axis)
 
 

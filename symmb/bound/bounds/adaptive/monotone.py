@@ -1,5 +1,4 @@
-"""Bounds of responses that increase or decrease monotonically with each parameter. Runs at corners attain these
-bounds."""
+"""Bounds of responses that are monotonic in each parameter. Runs at corners attain these bounds."""
 
 from collections.abc import Callable, Generator, Iterator
 
@@ -15,9 +14,8 @@ from symmb.bound.nodes import corners
 from symmb.bound.polynomials.ranges import Piecewise
 
 MONOTONE_SHARE = 0.2
-"""Fraction of the tolerance that is the expected error of the extremes at corners, because effects of parameters may
-change their signs between runs. Responses may lose half of it at corners with other signs. Smaller values take more
-runs."""
+"""Expected error of the extremes at corners divided by the tolerance, because effects of parameters may change their
+signs between runs. Half of this error may come from corners with other signs. Smaller values take more runs."""
 
 
 def corner_range(
@@ -26,16 +24,15 @@ def corner_range(
     """The extremes of runs at the corners towards which all parameters increase or decrease the responses; None if an
     effect changes its sign.
 
-    The effect of a parameter is the change of a response when it alone changes. It is seen on both sides of the middle
-    of the box, and along edges. Corners are run to which effects with one sign lead: the response is taken as monotone.
-    A corner also serves the times whose own corners differ from it in parameters that hardly matter there.
+    The effect of a parameter is the change of a response if only this parameter changes. Runs on both sides of the
+    middle of the box, and along edges, show it. If effects have one sign, the response is taken as monotone, and they
+    lead to the corners to run. A corner also serves other times if its parameters with other signs hardly matter then.
 
-    The estimated error is that of corners that are not run, of effects with the other sign, of parabolas along the axes
-    that exceed their ends, and of how far any run exceeds the corner that should be the best one. If it is too large
-    because signs change, and corners are few, all of them are run: they are the extremes of responses that bend
-    little along each parameter, such as products.
+    The estimated error has four parts: corners that are not run, effects with the other sign, parabolas along the axes
+    that exceed their ends, and runs that exceed the best corner. If it is too large because signs change, all corners
+    are run if they are few. They are the extremes of responses that bend little along each parameter, such as products.
 
-    The polynomials are those through all runs.
+    `polynomials` returns polynomials through all runs.
     """
     error = yield from _error(runs, tolerance)
     if error is None:
@@ -62,7 +59,7 @@ def _error(runs: OutputRuns, tolerance: float) -> Generator[Request, None, Array
     def is_too_large(error: Array) -> bool:
         return relative_rms(error, runs.rms_widths()) > tolerance
 
-    # Parabolas along the axes need no further run, so they are asked first.
+    # Parabolas along the axes need no further run, so they come first.
     if is_too_large(_beyond_noise(runs, bulge)) or not runs.are_ok:
         return None
     if runs.may_hide():
@@ -72,7 +69,7 @@ def _error(runs: OutputRuns, tolerance: float) -> Generator[Request, None, Array
         error = yield from _error_at_own_corners(runs, slope, bulge, signs, own)
         if error is None or not is_too_large(error):
             return error
-    error = yield from _error_at_all_corners(runs, bulge)  # as of products, whose effects change their signs
+    error = yield from _error_at_all_corners(runs, bulge)  # e.g. effects in products change their signs
     return None if error is None or is_too_large(error) else error
 
 
@@ -100,7 +97,7 @@ def _error_at_own_corners(
         if at_ends is None or at_others is None:
             return None
         for x, y, at_x, at_y in zip(ends[:, i], others[:, i], at_ends, at_others, strict=True):
-            effect = (at_x - at_y) / (x - y)  # of which the part against the slope counts
+            effect = (at_x - at_y) / (x - y)  # its part against the slope counts
             against[i] = np.maximum(against[i], np.where(slope[i] < 0, effect, -effect))
     lost = (np.abs(slope).reshape(d, -1) * (np.sign(slope).reshape(d, -1) != signs[own].T)).sum(axis=0)
     return _beyond_noise(runs, against) + SAFETY * (lost.reshape(runs.shape) + runs.beyond(lowest, highest))
@@ -131,8 +128,8 @@ def _error_at_all_corners(runs: OutputRuns, bulge: Array) -> Generator[Request, 
 
 
 def _uncertain(corner: Array, slopes: Array) -> list[Array]:
-    """Corners (3, d) that differ from a corner, and from the opposite corner, in the two parameters with the smallest
-    slopes (d, m)."""
+    """Corners (3, d) that differ from a corner, and from its opposite, in the two parameters of smallest slopes (d,
+    m)."""
     first, second = np.argsort(slopes.max(axis=1))[:2]
     flips = np.ones((3, len(corner)))
     flips[[0, 2], first] = flips[[1, 2], second] = -1.0
@@ -150,8 +147,7 @@ def _bulge(lower: Array, upper: Array) -> Array:
 def _edges(corners: Array, corner: Array) -> Iterator[tuple[Array, Array]]:
     """For each parameter, points (n, d), and points that differ from these in this parameter only.
 
-    They are pairs of corners (K, d). Without corners they are halves of the edges at a corner and at the opposite
-    corner.
+    The points are pairs of corners (K, d). Without corners, they are halves of the edges at a corner and its opposite.
     """
     row = {tuple(each): k for k, each in enumerate(corners.tolist())}
     for i in range(len(corner)):
@@ -166,8 +162,7 @@ def _edges(corners: Array, corner: Array) -> Iterator[tuple[Array, Array]]:
 
 
 def _corners(slope: Array, allowed: Array, most: int) -> tuple[Array, Indices]:
-    """Corners (K, d) for slopes (m, d), and the corner (m,) of each response. No response loses more than the allowed
-    value.
+    """Corners (K, d) for slopes (m, d), and the corner (m,) of each response. No response loses more than allowed.
 
     Responses with the same signs of all slopes form a group. The most frequent signs give the first corner, which also
     serves groups that lose little there. The result is empty if more than `most` corners are needed.
@@ -176,7 +171,7 @@ def _corners(slope: Array, allowed: Array, most: int) -> tuple[Array, Indices]:
     _, first, group, count = np.unique(packed, axis=0, return_index=True, return_inverse=True, return_counts=True)
     signs, group = np.where(slope[first] < 0, -1.0, 1.0), group.ravel()
     share = np.zeros((len(signs), slope.shape[1]))
-    with np.errstate(invalid="ignore"):  # a constant response has no slope, and is allowed no loss
+    with np.errstate(invalid="ignore"):  # a constant response has slope 0 and an allowed loss of 0
         np.maximum.at(share, group, np.where(slope != 0, np.abs(slope) / allowed[:, None], 0.0))
     taken = np.full(len(signs), -1)
     corners: list[Array] = []

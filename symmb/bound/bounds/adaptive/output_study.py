@@ -1,5 +1,4 @@
-"""Bounds of one output over many parameters, from a sparse grid that grows adaptively, and from runs that correct
-it."""
+"""Bounds of one output over many parameters, from a sparse grid that grows, and from runs that correct it."""
 
 from collections.abc import Generator, Iterator
 
@@ -37,22 +36,22 @@ from symmb.bound.polynomials.ranges import Piecewise
 SURFACE_TIMES = 8
 """Largest number of times of an output with a response surface, because the extremes of each time require searches."""
 GROWTH = 0.25
-"""Fraction by which the grid grows in one round. Smaller fractions take more searches, larger ones more runs."""
+"""Fraction by which the grid grows in one round. Smaller fractions take more searches. Larger ones take more runs."""
 EARLY_CHECK = 5.0
 """Ratio of the estimated error to the tolerance at which check runs are made. Larger ratios take fewer nodes, and more
 check runs that do not help."""
 FEW_NODES = 7
-"""Number of nodes per parameter after which the decay of the error is judged. Smaller numbers abandon responses that
-converge later."""
+"""Number of nodes per parameter after which the decay of the error is judged. Smaller numbers abandon more
+responses."""
 
 
 class OutputStudy:
     """An interpolant on a grid that grows by the indices with the largest expected coefficients.
 
     Its error is estimated from its last coefficients. Runs at some of its extremes then check the estimate and correct
-    the expansion. Growth ends when it would take too many nodes to reach the tolerance, as with kinks. An output of few
-    times is then left to a response surface. For others corners and rounds of check runs follow. Simulators whose runs
-    do not share steps try corners before the grid grows.
+    the expansion. Growth ends when the tolerance would take too many nodes, as with kinks. A response surface then
+    serves an output of few times. For other outputs, corners and rounds of check runs follow. If the runs of a
+    simulator do not share steps, corners are tried before the grid grows.
     """
 
     def __init__(self, runs: OutputRuns, tolerance: float, is_patient: bool) -> None:
@@ -83,7 +82,7 @@ class OutputStudy:
                 step = largest({a: self.sizes[a] for a in step}, min(max(needed, 1), runs.left))
             if found := (yield from self._without_grid(is_stalled)):
                 return found
-            if is_stalled and not self._has_corners:  # then the runs are judged anew before the grid grows
+            if is_stalled and not self._has_corners:  # then the runs are judged again before the grid grows
                 self._has_corners = True
                 yield Checks(corner_design(d))
             elif not runs.noise_is_known and NOISE_RUNS < self._left:
@@ -130,7 +129,7 @@ class OutputStudy:
         without = Corrected(self.expansion, continuation, runs.points[SPARSE_PROBES:], runs.checks[SPARSE_PROBES:])
         errors = np.abs(without.values(runs.points[:SPARSE_PROBES]) - runs.checks[:SPARSE_PROBES]).max(axis=0)
         expansion = Corrected(self.expansion, continuation, runs.points, runs.checks).expansion()
-        for half in (0, 1):  # most check runs are at corners, where polynomials err most
+        for half in (0, 1):  # most check runs are at corners: polynomials err most there
             kept = np.arange(len(runs.points)) % 2 == half
             part = Corrected(self.expansion, continuation, runs.points[kept], runs.checks[kept])
             left_out = np.abs(part.values(runs.points[~kept]) - runs.checks[~kept])
@@ -140,7 +139,7 @@ class OutputStudy:
 
     @property
     def _left(self) -> int:
-        """Number of runs that are left for nodes."""
+        """Number of runs left for nodes."""
         return self.runs.left - 2 * len(self.runs.box)
 
     def _grown(self, step: set[Index]) -> Iterator[Request]:
@@ -154,7 +153,7 @@ class OutputStudy:
             self.grid, self.expansion = grid, self.runs.interpolant(grid)
 
     def _estimate_error(self) -> None:
-        """Expected sizes of the next coefficients of the grid, and the estimated error (n_t, n_y).
+        """Set the expected sizes of the next coefficients of the grid, and the estimated error (n_t, n_y).
 
         If the error at the first check points is far above the estimate, each next index may be the cause.
         """
@@ -185,7 +184,7 @@ class OutputStudy:
     def _searched(self, found: EstimatedRange) -> Steps:
         """The range after further check runs near extremes, which end when they do not exceed earlier runs.
 
-        The interpolant still shows where extremes may be, although it does not converge.
+        Even without convergence, the interpolant shows where extremes may be.
         """
         runs, tolerance, d = self.runs, self.tolerance, len(self.runs.box)
         number = runs.left if self.is_patient else len(runs) // 2
@@ -202,7 +201,7 @@ class OutputStudy:
 
     def _polled(self, found: EstimatedRange) -> Steps:
         """The range with the gain of runs at extremes of separable quadratics. Rounds end if the gain is small. The
-        last gain is an error."""
+        last gain counts as an error."""
         runs, estimate, size = self.runs, found.estimate, np.inf
         while runs.left and not runs.clock.is_late and size > self.tolerance / 2:
             yield Checks(separable_extremes(*runs.attained()))

@@ -15,22 +15,22 @@ from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import HIGHEST_DEGREE, RANGE_ERROR, attained_extremes
 
 REFINED_SHARE = 0.25
-"""Directions are refined together if their error is at least this fraction of the largest error. Smaller fractions
-take more runs and fewer rounds. The same fraction of the error remains after a rough piece was halved along every
+"""Directions are refined together if their error is at least this fraction of the largest error. Smaller fractions take
+more runs and fewer rounds. The same fraction of the error is expected after a rough piece is halved along every
 parameter."""
 JUDGED_DEGREE = 16
 """Smallest degree at which smoothness is judged. On halves the degree is doubled, because one half is usually rough. A
-smaller degree divides smooth responses, a larger degree takes more runs at kinks."""
+smaller degree divides smooth responses. A larger one takes more runs at kinks."""
 _DEGREES_OF_TAIL = 4
-"""Number of last degrees whose coefficients give the error at kinks, where coefficients decrease slowly. Larger numbers
-are safer."""
+"""Number of last degrees that give the error at kinks, because coefficients decrease slowly there. Larger numbers are
+safer."""
 
 Part = tuple[Array, Array, Array]
 """Centre and half width (d,) of a part of the box, and the degrees of an interpolant on this part."""
 
 
 def nodes_of(part: Part) -> Array:
-    """Nodes (N, d) in the unit box."""
+    """Nodes (N, d) of a part, in the unit box."""
     centre, half, degrees = part
     return centre + half * _grid(*degrees.tolist()).nodes
 
@@ -60,7 +60,7 @@ class Piece:
     nodes : (N, d) in coordinates of the piece
     runs, rows : all runs, and the rows (N,) of the responses at the nodes
     widths : (n_y,) rms widths, by which errors are measured; infinite for outputs that do not count
-    inherited : (n_t, n_y) error to expect where the response jumps; None of the whole box
+    inherited : (n_t, n_y) expected error where the response jumps; None for the whole box
     """
 
     centre: Array
@@ -79,7 +79,7 @@ class Piece:
         grid = _grid(*degrees.tolist())
         rows = runs.at(centre + half * grid.nodes, parent and parent.values)
         lost = rows[~runs.is_attained[rows]]
-        if 0 < len(lost) <= CHEAP_RUNS:  # more of them are a region of their own
+        if 0 < len(lost) <= CHEAP_RUNS:  # more failures form a region of their own
             runs.nodes[lost] += _smoothing(grid, runs.nodes, rows, lost)
         expansion = runs.interpolant(grid, rows)
         return cls(centre, half, expansion, grid.nodes, runs, rows, widths, parent and parent.inherited)
@@ -126,8 +126,7 @@ class Piece:
 
     @cached_property
     def jumps(self) -> Mask | None:
-        """Mask (n_t, n_y) of ranges from the values at nodes, because interpolants overshoot at jumps; None if there
-        are none."""
+        """Mask (n_t, n_y) of ranges by values at nodes, because interpolants overshoot at jumps; None without jumps."""
         has_event = None if self.event_errors is None else np.isfinite(self.event_errors[0])
         if has_event is not None or self.inherited is None or self.rough_direction is None:
             return has_event
@@ -155,13 +154,12 @@ class Piece:
 
     @property
     def checkable_error(self) -> Array:
-        """The part (2, n_t, n_y) of the errors of the range that runs at its places can measure; 0 at nodes."""
+        """The part of the errors (2, n_t, n_y) of the range that runs at its extremes can measure; 0 at nodes."""
         checkable = np.maximum(self.errors - self.truncation.least, 0.0)
         return checkable if self.jumps is None else np.where(self.jumps, 0.0, checkable)
 
     def expected_error(self, places: Array) -> Array:
-        """Expected errors (..., n_t, n_y) at places (..., n_t, n_y, d) of the box, or at places (..., 1, 1, d) for all
-        times."""
+        """Expected errors (..., n_t, n_y) at places (..., n_t, n_y, d), or at places (..., 1, 1, d) for all times."""
         smooth = self.truncation.at((places - self.centre) / self.half)
         if self.event_errors is not None:
             events = self.event_errors.sum(axis=0)
@@ -172,19 +170,17 @@ class Piece:
 
     @property
     def largest_error(self) -> Array:
-        """Expected error (n_t, n_y) at any point. At jumps it is the error between nodes, because interpolants
-        overshoot there.
+        """Expected error (n_t, n_y) at any point. At jumps it is that between nodes, because interpolants overshoot.
 
-        Extremes are mostly at nodes, where errors are less. Elsewhere the terms of the next degree are expected to be
-        smaller than the last ones by the same ratio as these are than those before; at kinks all of the last degrees
-        count.
+        Extremes are mostly at nodes, where errors are smaller. At other points, terms are expected to decrease by the
+        same ratio from degree to degree as the last ones. At kinks all of the last degrees count.
         """
         alpha, size = self.expansion.alpha, np.abs(self.expansion.coefficients)
         highest = alpha.max(axis=0)
         error = self.truncation.directions.sum(axis=0) + self.truncation.least
         for of_direction, n in zip(alpha.T, highest, strict=True):
             before, last = (size[of_direction == n - k].sum(axis=0) for k in (1, 0))
-            # Terms that continue with the ratio r of the last two sum to r / (1 - r) of the last one.
+            # Further terms with the ratio r of the last two have the sum r / (1 - r) times the last one.
             ratio = np.divide(last, before, out=np.ones_like(last), where=before > last)
             error = np.maximum(error, last * np.minimum(ratio / np.maximum(1 - ratio, ratio), 1.0))
         tail = size[(alpha > np.maximum(highest - _DEGREES_OF_TAIL, highest / 2)).any(axis=1)].sum(axis=0)
@@ -196,8 +192,7 @@ class Piece:
         return self.expansion.values((points - self.centre) / self.half)
 
     def observed_errors(self, points: Array, Y: Array) -> Array:
-        """Errors (C, n_t, n_y) of the interpolant at points (C, d) with runs Y; 0 if the values at nodes are used
-        instead."""
+        """Errors (C, n_t, n_y) of the interpolant at points (C, d) with runs Y; 0 if values at nodes are used."""
         errors = Y - self.values(points)
         return errors if self.event_errors is None else np.where(np.isnan(self.event_errors[0]), errors, 0.0)
 
@@ -212,7 +207,7 @@ class Piece:
             is_large = self._direction_errors >= REFINED_SHARE * self._direction_errors.max()
             higher = np.where(is_large, _higher(degrees), degrees)
             return [(self.centre, self.half, higher)] if (higher > degrees).any() else []
-        if self.half[rough] < RANGE_ERROR:  # what is narrower changes no range
+        if self.half[rough] < RANGE_ERROR:  # narrower pieces change no range
             return []
         is_along = np.arange(len(degrees)) == rough
         half = np.where(is_along, self.half / 2, self.half)
@@ -220,15 +215,14 @@ class Piece:
         return [(self.centre + sign * (self.half - half), half, degrees) for sign in (-1, 1)]
 
     def replaced(self, parts: list[Part], widths: Array) -> list["Piece"]:
-        """Pieces for the parts. Each half inherits a fraction of the error of this piece, or the measured error if it
-        is larger."""
+        """Pieces for the parts. Each half inherits a fraction of this piece's error, or a larger measured error."""
         pieces = [Piece.of(self.runs, part, widths, self) for part in parts]
         if len(pieces) > 1:
             own, new = self.Y, np.concatenate([piece.Y for piece in pieces])
             excess = np.maximum(own.min(axis=0) - new.min(axis=0), new.max(axis=0) - own.max(axis=0))
             missed = inflated_error(np.square(np.maximum(excess, 0.0)))
             for piece in pieces:
-                share = REFINED_SHARE ** (1 / len(self.half))  # of one halving among those along every parameter
+                share = REFINED_SHARE ** (1 / len(self.half))  # for one halving among those along every parameter
                 piece.inherited = np.maximum(missed, share * self.errors.max(axis=0))
         return pieces
 

@@ -1,8 +1,8 @@
 """Bounds of few responses over many parameters, from a Gaussian process that learns the directions of variation.
 
-Of the 370 functions of tests/benchmarks/known_ranges.py (seeds 5-9, 60 s each) 153 are left to it: they take 80 runs in
-the median, 10 have needless doubts, and none is missed silently. Without it, sparse grids take 328 runs, 80 functions
-have needless doubts, and three sums of kinks are missed silently.
+tests/benchmarks/known_ranges.py has 370 functions (seeds 5-9, 60 s each). The process serves 153 of them: they take 80
+runs in the median, 10 have needless warnings, and none is missed silently. With sparse grids instead, they take 328
+runs, 80 have needless warnings, and three sums of kinks are missed silently.
 """
 
 from collections.abc import Callable
@@ -27,41 +27,38 @@ from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import Piecewise
 
 SHORTEST_RIDGE = 0.7
-"""Length of a ridge. Searches start from this length and from 2, 4 and 8 times this length. Fewer starts may fail, more
-take time."""
+"""Length of a ridge. Searches start from 1, 2, 4 and 8 times this length. Fewer starts may fail. More take time."""
 REFIT_GROWTH, UNLIKELY = 1.4, 20.0
-"""Growth of the number of runs after which the kernel is chosen again, and logarithm of the likelihood ratio at which a
+"""Growth of the number of runs after which the kernel is chosen again. Logarithm of the likelihood ratio at which a
 kernel is abandoned. Smaller growth and larger ratios take more time and fewer runs."""
 DEVIATIONS, LATEST_RUNS = 2.0, 10
-"""Largest expected distance of a response from its mean, in standard deviations, unless this number of last runs shows
+"""Largest expected distance of a response from its mean, in standard deviations. Number of last runs that may show
 more. Larger numbers are safer and take more runs."""
 SPREAD_RUNS, FEWEST_SPREAD = 4, 12
-"""Number of runs of a round that are spread over the box, and smallest total number. The first runs of the spread are
+"""Number of runs of a round that are spread over the box, and their smallest total number. The first ones are at
 corners, because some effects occur only if several parameters are high together. Larger numbers are safer."""
 SLOPE_STEP = 0.15
-"""Distance from the centre at which slopes are measured. Also the distance from an extreme of the surface at which runs
-test in each parameter whether the response is flat. A small distance measures less, a large distance measures other
-slopes."""
+"""Distance from the centre at which slopes are measured. At the same distance from an extreme, runs test in each
+parameter whether the response is flat. A small distance shows less. A large one shows other slopes."""
 SEARCH_CANDIDATES, SEARCH_STARTS = 200, 3
-"""Number of points of the box, number of corners, and number of starts of searches. Larger numbers take more time and
-miss fewer extremes."""
+"""Number of points of the box (and as many corners), and number of starts of searches. Larger numbers take more time
+and miss fewer extremes."""
 _NAME = "a response surface"
 
 
 def surface_range(runs: OutputRuns, points: Array, tolerance: float, is_patient: bool) -> Steps:
-    """The range of a Gaussian process through runs, which is refined where extremes are or are not excluded.
+    """The range of a Gaussian process through runs, refined where extremes are, or may be.
 
-    Slopes in the middle give the direction of a first ridge. Each round then makes runs at the extremes of the mean, at
-    those of the mean and some standard deviations, and at points that are spread over the box, first of all at corners.
-    The estimated error is what these deviations allow beyond the extremes, or a share of the error that the latest runs
-    showed, and, if the runs do not suffice, what runs show that are left out. Where it remains large the bounds are
-    those that runs attained.
+    Slopes in the middle give the direction of a first ridge. Each round makes runs at the extremes of the mean, without
+    and with some standard deviations. Further runs are at points spread over the box, corners first. The estimated
+    error is the excess that these deviations allow, or a share of the error that the latest runs showed. If the runs do
+    not suffice, errors of cross-validation count too. If the error remains large, the bounds are extremes of runs.
 
     Parameters
     ----------
-    points : (N, d) of runs that it is made of at first
-    tolerance : of the error, over the width
-    is_patient : whether it goes on until no runs are left
+    points : (N, d) of the first runs of the process
+    tolerance : largest accepted ratio of the error to the width
+    is_patient : whether rounds continue until no runs are left
     """
     d = len(runs.box)
     most = runs.most if is_patient else PATIENCE * d
@@ -77,7 +74,7 @@ def surface_range(runs: OutputRuns, points: Array, tolerance: float, is_patient:
         if len(data.points) >= REFIT_GROWTH * n_fit:
             kernels, n_fit = _kernels(kernels, data), len(data.points)
         surface = GaussianProcess(kernels[0], data.points, data.Y)
-        # At an extreme the errors of all kinks of a sum have one sign.
+        # At an extreme, the errors of all kinks of a sum have the same sign.
         factor = DEVIATIONS * (d**0.5 if kernels[0].is_sum else 1.0)
         places, ends = _extremes(surface, factor * max(1.0, float(rms(surface.left_out_deviations()[-LATEST_RUNS:]))))
         attained, width = np.stack([data.Y.min(axis=0), data.Y.max(axis=0)]), np.ptp(data.Y, axis=0)
@@ -94,7 +91,7 @@ def surface_range(runs: OutputRuns, points: Array, tolerance: float, is_patient:
             return found._replace(is_enough=is_enough)
         if not runs.noise_is_known and len(data.points) > CHEAP_RUNS:
             yield Noise()
-            kernels, n_fit = [], 0  # noise of one response spoils the kernel of all
+            kernels, n_fit = [], 0  # noise of one response spoils the kernel of all responses
             continue
         spread = corners.pop() if corners else quasi_random_points(n_spread + SPREAD_RUNS, d)[-SPREAD_RUNS:]
         n_spread += SPREAD_RUNS
@@ -111,14 +108,14 @@ def surface_range(runs: OutputRuns, points: Array, tolerance: float, is_patient:
 
 @dataclass(frozen=True, eq=False)
 class _Responses:
-    """Runs that did not fail, and those of their responses that vary, relative to their mean and standard deviation.
+    """Successful runs, and their responses that vary, minus the mean and divided by the standard deviation.
 
     Attributes
     ----------
     points, Y : (N, d) and (N, m)
-    mean, deviation : (n_t n_y,) of all responses
-    varies : (n_t n_y,) which of these are the m responses
-    noise : (m,) of these
+    mean, deviation : (n_t n_y,) mean and standard deviation of all responses
+    varies : (n_t n_y,) mask of the m responses that vary
+    noise : (m,) of the responses that vary
     """
 
     points: Array
@@ -154,10 +151,9 @@ class _Responses:
         attained: Array,
         estimate: Array,
     ) -> EstimatedRange:
-        """The range by the places (2, m, d) of the extremes of the mean, and ends (2, 2, m): of the mean, and of the
-        mean with deviations.
+        """The range, from places (2, m, d) of extremes of the mean, and ends (2, 2, m) without and with deviations.
 
-        If a response is doubtful, its ends are the values (2, m) that runs attained.
+        If the bounds of a response are uncertain, its ends are the values (2, m) that runs attained.
         """
         at, ends = extremes
         places = np.zeros((2, len(self.mean), at.shape[2]))
@@ -184,8 +180,7 @@ class _Responses:
 
 
 def _is_plateau(data: _Responses, attained: Array) -> Mask:
-    """Mask (2, m) of minima and maxima that several runs inside the box attain. The response is constant there, as
-    between jumps."""
+    """Mask (2, m) of minima and maxima that several runs inside the box attain. The response is constant there."""
     inside = (np.abs(data.points) < 1).all(axis=1) & data.points.all(axis=1)
     shared = np.abs(data.Y[inside] - attained[:, None]) <= SAME * np.ptp(attained, axis=0)
     return np.asarray(shared.sum(axis=1) > 1)
@@ -201,10 +196,9 @@ def _left_out(surface: GaussianProcess, noise: Array) -> Array:
 
 
 def _kernels(kernels: list[Kernel], data: _Responses) -> list[Kernel]:
-    """Likely kernels of a smooth response, of responses with one or two ridges, and of a sum, with the most likely
-    kernel first.
+    """Likely kernels of a smooth response, of responses with one or two ridges, and of a sum. The most likely is first.
 
-    The first ridge is along the slope at the centre. The second ridge is along the direction of the largest remaining
+    The first ridge is along the slope at the centre. The second one is along the direction of the largest remaining
     variation.
     """
     slope, plain = _slope(data), Kernel.of(data.points.shape[1])
@@ -218,7 +212,7 @@ def _kernels(kernels: list[Kernel], data: _Responses) -> list[Kernel]:
         second = _with_ridge(first.kernel, first.rest_direction(), data)
         fits.append(GaussianProcess(second, data.points, data.Y).most_likely())
     fits.sort(key=_unlikeliness)
-    likely: dict[tuple[int, bool], Kernel] = {}  # the best one of each number of ridges, and of sums
+    likely: dict[tuple[int, bool], Kernel] = {}  # the best one for each number of ridges, and for sums
     for fit in fits:
         kernel = fit.kernel
         if _unlikeliness(fit) < _unlikeliness(fits[0]) + UNLIKELY:
@@ -248,8 +242,7 @@ def _with_ridge(kernel: Kernel, direction: Array, data: _Responses) -> Kernel:
 
 
 def _extremes(surface: GaussianProcess, factor: float) -> tuple[Array, Array]:
-    """Places (2, 2, m, d) of minima and maxima (first axis), of the mean and of the mean with deviations, and the
-    values there.
+    """Places (2, 2, m, d) of minima and maxima (first axis), of the mean without and with deviations, and values there.
 
     Local searches start from the best points of the box, corners and runs. One more start combines the best value of
     each parameter, because a sum of functions of one parameter has many local extremes.
@@ -279,10 +272,9 @@ def _best_of_each_parameter(surface: GaussianProcess, response: int, sign: float
 
 
 def _beside(places: Array, number: int) -> Array:
-    """A point near each place (n, d). Runs at these points test whether the response is as flat as the surface at its
-    extremes.
+    """A point near each place (n, d). Runs there test whether the response is as flat as the surface.
 
-    The directions depend on the number of the round.
+    `number` is the number of the round. The directions depend on it.
     """
     directions = np.sign(quasi_random_points(number + len(places), places.shape[1])[number:])
     return np.clip(places + SLOPE_STEP * np.where(np.abs(places) < 1, directions, -np.sign(places)), -1.0, 1.0)
@@ -300,7 +292,7 @@ def _distinct(points: list[Array], known: Array) -> Array:
 def _polynomials(surface: Callable[[Array], Array], runs: OutputRuns, error: Array) -> Piecewise | None:
     """An interpolant of a surface (N, d) -> (N, n_t n_y) with an error (n_t, n_y); None if it is not accurate."""
     d = len(runs.box)
-    # Degree 2 does not tell x^3 from x.
+    # Degree 2 does not distinguish x^3 from x.
     grid, step = Grid(d), along_axes(d, 4)
     points = quasi_random_points(4 * d, d)
     expected = surface(points)

@@ -21,20 +21,18 @@ from symmb.equations.model import Box
 from symmb.run.simulation import SceneSimulator
 
 TRUST = 0.6
-"""Smallest ratio of the error of an interpolant to its estimate after check runs, and ratio of the error of extremes of
-a surface to the error of the latest runs. Smaller ratios miss more, larger ratios take more runs."""
+"""Smallest ratio of an interpolant's error after check runs to its estimate before. It is also the ratio of the error
+of a surface's extremes to that of the latest runs. Smaller ratios miss more. Larger ones take more runs."""
 CHEAP_RUNS = 60
-"""Number of runs up to which uncertain bounds are refined further. Above this number, the noise is measured by a few
-runs."""
+"""Number of runs up to which uncertain bounds are refined further. Above this number, a few runs measure the noise."""
 NOISE_RUNS, NOISE_SPACING = 5, 1e-7
 """Number of runs on a short line from which noise is measured, and their distance in the unit box. The response is
 straight along this line. Fewer runs measure the noise less reliably."""
 UNKNOWN_SHARE = 1.2 * DOUBTFUL
-"""Smallest error divided by the width near failed runs, and of extremes that searches attain, because nothing measures
-this error. Smaller values miss more without a warning, larger values warn more often than needed."""
+"""Smallest error divided by the width, near failed runs and at extremes that searches attain. Nothing measures these
+errors. Smaller values miss more without a warning. Larger values warn more often than needed."""
 _ORDINARY_POWER = 300
-"""Powers of two, 1e90, by which numbers may grow, because they are squared. Numbers are scaled if they exceed half of
-the exponent."""
+"""Exponent of two up to which numbers may grow (1e90), because they are squared. Above half, they are scaled."""
 
 
 class OutgrownError(Exception):
@@ -43,25 +41,25 @@ class OutgrownError(Exception):
 
 @dataclass
 class Runs:
-    """All runs of a study: at nodes, none of which is run twice, and at check points.
+    """All runs of a study, at nodes and at check points. No node is run twice.
 
-    A node whose run failed has the value that an interpolant predicts. Check points that failed are left out.
-    Responses are those of the simulator over 2^power.
+    If the run at a node fails, its value is predicted by an interpolant. Check points with failed runs are left out.
+    Responses are those of the simulator divided by 2^power.
 
     Attributes
     ----------
-    most : the runs that are allowed
-    probes : the number of further check runs that the study is asked for, evenly spread over the box
-    clock : tells how long the study may take
-    power : (n_y,) powers of two; 0 for outputs whose squares neither overflow nor underflow
-    before : runs of the study before it began anew with larger powers
-    rounding : share of an output's scale below which its width is rounding
+    most : allowed number of runs
+    probes : requested number of further check runs, evenly spread over the box
+    clock : limits the time of the study
+    power : (n_y,) powers of two; 0 for outputs with squares that neither overflow nor underflow
+    before : number of runs before the study began again with larger powers
+    rounding : width divided by an output's scale below which the width is only rounding
     is_attained : (N,) which nodes have run without failure
-    events : (N, n_t) numbers of events at nodes up to each time; -1 where not known, None where there are none
+    events : (N, n_t) numbers of events at nodes up to each time; -1 if not known. None if there are no events
     places : (N, d) nodes
     checks, points : (C, n_t, n_y) responses at other points, (C, d)
     tried, ok : (M, d) all points that were run, (M,) which of the runs did not fail
-    noise : (n_y,) how far responses may be off: the simulator tells it, or it is measured; 0 before
+    noise : (n_y,) error of responses, stated by the simulator or measured; 0 before it is measured
     extremes : smallest and largest responses of all runs (n_t, n_y)
     """
 
@@ -78,7 +76,7 @@ class Runs:
 
     def __post_init__(self) -> None:
         self.shape = len(self.simulator.times), len(self.simulator.outputs)
-        self._blocks: list[Array] = []  # interpolants need no copy of them
+        self._blocks: list[Array] = []  # interpolants need no copy of these arrays
         self.checks = np.empty((0, *self.shape))
         self.extremes = np.full(self.shape, np.inf), np.full(self.shape, -np.inf)
         self.points = self.places = self.tried = np.empty((0, len(self.box)))
@@ -88,7 +86,7 @@ class Runs:
         self._largest = np.zeros(self.shape[1])
         self._widths: Array | None = None
         self._scale = np.full(self.shape[1], np.inf)  # root mean square (n_y,) of the extremes
-        with self.clock.of_runs():  # that of a scene takes runs, for which it is compiled
+        with self.clock.of_runs():  # the rounding of a scene takes runs, and compiles the scene
             self._told = noise_from_runs(self.simulator)
         self.noise_is_known = self._told is not None
         self.noise = np.zeros(self.shape[1])
@@ -155,7 +153,7 @@ class Runs:
                     + failure_text(self.failed)
                 )
             if not ok.all():
-                # An interpolant needs a value at each node. One that continues the others keeps its coefficients small.
+                # An interpolant needs a value at each node. One that continues the others keeps coefficients small.
                 predict = predict or _quadratic(points[new][ok], Y[ok])
                 Y[~ok] = predict(points[new][~ok])
             if events is not None:
@@ -167,7 +165,7 @@ class Runs:
         return np.array([self._row[key] for key in keys], dtype=np.intp)
 
     def check(self, points: Array) -> tuple[Array, Array]:
-        """Run check points (C, d). Return the new points whose runs do not fail, and their responses."""
+        """Run check points (C, d). Return the new points with successful runs, and their responses (C, n_t, n_y)."""
         known = self._row.keys() | set(_keys(self.points))
         points = points[[key not in known for key in _keys(points)]]
         Y, ok, _ = self._run(points)
@@ -194,7 +192,7 @@ class Runs:
         return np.maximum(self.noise, self.rounding * self._scale)
 
     def is_near_lost(self, places: Array) -> Mask:
-        """Mask (...) of places (..., d) whose nearest run failed, or around which most runs fail."""
+        """Mask (...) of places (..., d): whether the nearest run failed, or most runs around the place fail."""
         if self.ok.all():
             return np.zeros(places.shape[:-1], dtype=bool)
         near, which = np.unique(places.reshape(-1, places.shape[-1]).round(2), axis=0, return_inverse=True)
@@ -250,7 +248,7 @@ class Runs:
         failed_runs = tuple(zip(bad.tolist(), ensemble.t_failed[bad].tolist(), ensemble.messages, strict=True))
         self.failed += failure_records(self.simulator, self.box, P, failed_runs)
         low, high = ensemble.extremes()
-        depend = isinstance(self.simulator, SceneSimulator)  # they share steps
+        depend = isinstance(self.simulator, SceneSimulator)  # its runs share steps
         note_attained(low, high, P, None if depend else ensemble.Y)
         if not ensemble.ok.any():
             return ensemble.Y, ensemble.ok, ensemble.events
@@ -271,7 +269,7 @@ class Runs:
     def _choose_powers(self, largest: Array) -> None:
         """Scale outputs that were 0 so far by their largest values (n_y,) in new runs.
 
-        OutgrownError is raised if other outputs exceed earlier values so far that their squares overflow.
+        OutgrownError is raised if other outputs are so far above earlier values that their squares overflow.
         """
         varies = self._largest > 0
         self._largest = np.maximum(self._largest, largest)
@@ -284,7 +282,7 @@ class Runs:
 
 
 class OutputRuns:
-    """Runs of a study as one of its outputs sees them. A figure has one time."""
+    """Runs of a study, for one of its outputs. A scalar output has one time."""
 
     def __init__(self, runs: Runs, column: int) -> None:
         is_figure = runs.simulator.outputs[column] in getattr(runs.simulator, "figures", ())
@@ -334,7 +332,7 @@ class OutputRuns:
 
     @property
     def noise(self) -> Array:
-        """Error (1,) of responses by noise; 0 before it is known."""
+        """Error (1,) of responses that noise causes; 0 before it is known."""
         return self._runs.noise[self._own[-1]]
 
     @property
@@ -373,13 +371,13 @@ class OutputRuns:
         return self.points[rows], self.checks[rows]
 
     def checked(self, points: Array) -> Array | None:
-        """Responses (C, n_t, 1) at check points; None if some points were not run, or failed."""
+        """Responses (C, n_t, 1) at check points; None if some points were not run, or if runs failed."""
         found, Y = self.known(points)
         return Y if len(found) == len(points) else None
 
     def may_hide(self) -> bool:
-        """Whether the runs contain as little information as a few numbers, because the responses have few independent
-        functions of time."""
+        """Whether runs contain as little information as a few numbers: responses have few independent functions of
+        time."""
         Y = _some_deviations([self.nodes], self.rms_widths())
         return int(count_shapes(Y.reshape(len(Y), -1))) <= FEW_SHAPES or rests_for_a_time(*self.extremes, self.noise)
 
@@ -405,8 +403,8 @@ def relative_errors(error: Array, widths: Array) -> Array:
 
 
 def _some_deviations(blocks: list[Array], widths: Array) -> Array:
-    """Deviations of first runs from their mean at some times, divided by the widths (n_y,): an array (n, n_s, n_y) with
-    n at most SHAPE_RUNS."""
+    """Deviations (n, n_s, n_y) of the first n <= SHAPE_RUNS runs from their mean at some times, over the widths
+    (n_y,)."""
     some = slice(None, None, max(1, blocks[0].shape[1] // (2 * SHAPE_RUNS)))
     Y = np.concatenate([Y[:SHAPE_RUNS, some] for Y in blocks])[:SHAPE_RUNS]
     return (Y - Y.mean(axis=0)) / widths

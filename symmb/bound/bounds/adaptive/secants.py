@@ -7,24 +7,24 @@ from symmb._types import Array
 from symmb.bound.bounds.adaptive.check_points import SAFETY
 
 LEAST_SHARE_BESIDE_CUSP = 0.2
-"""Smallest distance of a vertex from the ends of an interval divided by its length, if slopes increase towards it, as
-at cusps."""
+"""Smallest distance of a vertex from the ends of an interval, divided by its length. It applies if slopes increase
+towards the vertex, as at cusps."""
 
 
 def secant_extremes(points: Array, Y: Array, noise: Array) -> tuple[Array, Array]:
-    """Places (2, n_t, n_y, 1) of possible minima and maxima, and their largest possible distance beyond all responses.
+    """Places (2, n_t, n_y, 1) of possible minima and maxima, and their largest distance beyond responses (2, n_t, n_y).
 
-    The secants through the two runs on the left of an interval and through those on its right bound what is between,
-    where a response bends one way. Where the interval is steeper or flatter than both, or at an end of the box, each of
-    them may go on to the other side.
+    Two secants pass through the two runs on the left of an interval, and through those on its right. They bound a
+    response between them that bends one way. If the interval is steeper or flatter than both, or at an end of the box,
+    each secant may continue to the other side.
 
     Parameters
     ----------
     points : (N, 1)         of the unit box, three or more
     Y : (N, n_t, n_y)       responses there
-    noise : (n_y,)          of the responses, which is no slope
+    noise : (n_y,)          of the responses; it does not count as slope
     """
-    _, order = np.unique(points[:, 0].round(9), return_index=True)  # slopes of less are rounding
+    _, order = np.unique(points[:, 0].round(9), return_index=True)  # slopes over shorter distances are rounding
     x = points[order, 0]
     n_t, n_y = Y.shape[1:]
     places, beyond = np.empty((2, n_t, n_y, 1)), np.empty((2, n_t, n_y))
@@ -39,16 +39,15 @@ def secant_extremes(points: Array, Y: Array, noise: Array) -> tuple[Array, Array
 
 
 def _lowest(x: Array, y: Array, noise: Array) -> tuple[Array, Array]:
-    """The largest excess in each interval of points x (N,) that secants through responses y (N, ...) allow, and its
-    place."""
+    """The largest excess that secants through responses y (N, ...) allow between points x (N,), and its place."""
     h = np.diff(x)[:, None, None]
     slope = np.diff(y, axis=0) / h
     # Noise of both ends tilts a secant by up to 2 noise / h, most in short intervals. Only the remainder is a slope.
     sure = np.sign(slope) * np.maximum(np.abs(slope) - 2 * noise / h, 0.0)
     (before, growth_before), (after, growth_after) = _outer(sure), (each[::-1] for each in _outer(sure[::-1]))
     left, right = before * growth_before, after * growth_after
-    # An interval with a slope between those beside it belongs to a response that bends one way: its minimum is inside
-    # only if the slopes beside it have opposite signs. Intervals at an end of the box have a secant on one side only.
+    # If the slope of an interval is between the slopes beside it, the response bends one way. Its minimum is then
+    # inside only if the slopes beside it have opposite signs. At an end of the box, there is one secant.
     bends = (np.minimum(left, right) <= slope) & (slope <= np.maximum(left, right))
     bends[[0, -1]] = False
     is_valley = bends & (left < 0) & (right > 0)
@@ -63,11 +62,10 @@ def _lowest(x: Array, y: Array, noise: Array) -> tuple[Array, Array]:
 
 
 def _outer(slope: Array) -> tuple[Array, Array]:
-    """Slopes (N, ...) of the intervals to the left, and the factors, at least 1, by which these slopes have
-    increased."""
+    """Slopes (N, ...) of the intervals to the left, and the factors (at least 1) of their increase."""
     outer, growth = np.zeros_like(slope), np.ones_like(slope)
     outer[1:] = slope[:-1]
     last, first = slope[1:-1], slope[:-2]
     grows = (last * first > 0) & (np.abs(last) > np.abs(first))
     np.divide(last, first, out=growth[2:], where=grows)
-    return outer, np.minimum(growth, SAFETY)  # unequal intervals exaggerate it
+    return outer, np.minimum(growth, SAFETY)  # unequal intervals exaggerate the growth

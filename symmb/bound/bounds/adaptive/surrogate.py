@@ -13,9 +13,9 @@ from symmb.bound.polynomials.ranges import Piecewise
 class EstimatedRange(NamedTuple):
     """Range of a surrogate, its estimated error, each (n_t, n_y), and polynomials that are close to it everywhere.
 
-    The polynomials are made on call: they are as large as the runs, which are not needed any more then. `places` are
-    those of the minima and the maxima, (2, n_t, n_y, d), if they are known. `is_enough` tells whether the tolerance is
-    reached. `surrogate` names whose range it is.
+    A call of `polynomials` makes the polynomials. They are as large as the runs, which are not needed any more then.
+    `places` (2, n_t, n_y, d) are those of the minima and maxima, if known. `is_enough` tells whether the tolerance is
+    reached. `surrogate` names the surrogate.
     """
 
     lower: Array
@@ -27,7 +27,7 @@ class EstimatedRange(NamedTuple):
     is_enough: bool = False
 
     def better(self, other: "EstimatedRange", widths: Array, tolerance: float) -> "EstimatedRange":
-        """For each output the range with the smaller error over the width (n_y,), and the polynomials of this range."""
+        """For each output the range with the smaller error divided by the width (n_y,), and its polynomials."""
         own, its = (rms(each.estimate) / widths for each in (self, other))
         is_other = its < own
         if is_other.all():

@@ -1,5 +1,4 @@
-"""Bounds over few parameters, from tensor grids, from pieces of the box if the response is not smooth, and from check
-runs."""
+"""Bounds over few parameters, from tensor grids, pieces of the box for rough responses, and check runs."""
 
 import math
 from collections.abc import Sequence
@@ -27,17 +26,16 @@ from symmb.bound.bounds.time_windows import DOUBTFUL, average_over_window, is_do
 from symmb.bound.polynomials.ranges import RANGE_ERROR, Piecewise
 
 MANY_VALUES = 1000
-"""Number of values of a run above which the output is a field. A mean over fewer values is less reliable, and misses
-more with fewer runs."""
+"""Number of values of a run above which the output is a field. A mean over fewer values is less reliable."""
 FIELD_TRUST, FIELD_SAFETY = 0.18, 1.6
-"""TRUST and SAFETY of fields, whose check runs show errors at many times. Smaller values take fewer runs and miss
+"""TRUST and SAFETY of fields, because check runs show errors at many times. Smaller ones take fewer runs and miss
 more."""
 KINK_GAIN = 0.9
-"""Fraction of the error that may remain after half of all rounds of runs near kinks. Larger fractions take more runs
-that do not help."""
+"""Fraction of the error that may remain after half of all rounds near kinks. Larger fractions take more runs that do
+not help."""
 NARROW, MOST_AT_KINKS = 0.01, 8
-"""Distance of kinks that share a run divided by the distance of other check runs, and largest number of runs of a round
-there."""
+"""Distance of kinks that share a run, divided by that of other check runs. Largest number of runs of a round at
+kinks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +46,9 @@ class _Union:
     ----------
     lower, upper : (n_t, n_y) range
     places : (2, n_t, n_y, d) of its minima and maxima
-    errors : (k, n_t, n_y) how far each piece may exceed the range
+    errors : (k, n_t, n_y) possible excess of each piece over the range
     checkable_error : (2, n_t, n_y) the part of the errors that runs at the places can show: none at nodes
-    trust : (n_t, n_y) least share of the largest error that check runs leave; 1 where it comes from events
+    trust : (n_t, n_y) smallest share of the largest error that remains after check runs; 1 for errors at events
     """
 
     pieces: list[Piece]
@@ -96,19 +94,20 @@ class _Union:
 
 
 class TensorGrids:
-    """Interpolants on tensor grids, whose degrees rise in the directions with the largest errors.
+    """Interpolants on tensor grids. Their degrees increase in the directions with the largest errors.
 
-    Where the response is not smooth the box is halved. Each half is refined by itself as long as it may hold an
+    If the response is not smooth, the box is halved. Each half is refined separately as long as it may contain an
     extreme, at some time and for some output. Errors are estimated from the last coefficients, at the places of the
-    extremes. Runs at some of these places then check the estimate. Of one parameter, secants suspect extremes at kinks.
-    Runs there tell the largest share (n_y,) of a suspicion that was right: so much of the others counts as an error.
+    extremes. Runs at some of these places then check the estimate. For one parameter, secants predict extremes at
+    kinks. Runs there show the largest share (n_y,) of a prediction that was right. The same share of the other
+    predictions counts as an error.
     """
 
     def __init__(self, runs: Runs, tolerance: float) -> None:
         d = len(runs.box)
         self._runs, self._tolerance, self._counts = runs, tolerance, np.full(runs.shape[1], True)
         part = (np.zeros(d), np.ones(d), np.full(d, 4 if d == 1 else 2))
-        runs.at(nodes_of(part))  # widths are those of runs
+        runs.at(nodes_of(part))  # widths follow from runs
         self._pieces = [Piece.of(runs, part, self._widths)]
         self._chosen, self._parts, self._has_fields = self._pieces[0], list[Part](), False
         self._share_of_secants = np.zeros(runs.shape[1])
@@ -116,13 +115,13 @@ class TensorGrids:
     def bounded(self) -> EstimatedRange | None:
         """The range, if its error is small enough or cannot be reduced.
 
-        The error is small enough if a share of the estimate, which check runs may leave of it, is, and then what they
-        leave. Bounds that are doubtful are refined further as long as that takes few runs.
+        Check runs may reduce the estimated error to a share of it. If this share is small enough, they are made, and
+        the remaining error must be small enough. Uncertain bounds are refined further as long as that takes few runs.
         """
         runs, tolerance, first = self._runs, self._tolerance, self._pieces[0]
         widths, is_field = self._widths, self._is_field()
         measure = typical_error if is_field else relative_rms
-        if len(self._pieces) == 1 and first.jumps is None:  # no range is needed where errors are large everywhere
+        if len(self._pieces) == 1 and first.jumps is None:  # no range is needed if errors are large everywhere
             least = (FIELD_TRUST if is_field else TRUST) * first.truncation.least
             if measure(least, widths) > tolerance and self._chooses(first):
                 return None
@@ -165,10 +164,10 @@ class TensorGrids:
         return EstimatedRange(union.lower, union.upper, estimate, union.polynomials, name, union.places, is_enough)
 
     def _at_kinks(self, union: _Union, estimate: Array) -> EstimatedRange | None:
-        """The range from runs near kinks of one parameter and the estimated range, if its error is small enough.
+        """The range from runs near kinks of one parameter and from the estimated range, if its error is small enough.
 
-        The next runs are at the intersections of secants from both sides, as at the vertex of a V. Rounds continue
-        while they reduce the error.
+        The next runs are at intersections of secants, such as the vertex of a V. Rounds continue while the error
+        decreases.
         """
         runs, tolerance, widths, sizes = self._runs, self._tolerance, self._widths, list[float]()
         has_events = any(piece.event_errors is not None for piece in union.pieces)
@@ -188,21 +187,20 @@ class TensorGrids:
             sizes.append(size)
             large = np.where(errors > tolerance / 2 * widths, errors / widths, 0.0)
             has_helped = size <= KINK_GAIN * sizes[(len(sizes) - 1) // 2] or len(sizes) == 1
-            # Larger distances make the kernel of the choice narrower: kinks close to each other get runs of their own.
+            # Larger distances make the kernel of the choice narrower. Kinks close to each other then get separate runs.
             chosen = select_dispersed(places / NARROW, large, MOST_AT_KINKS)[: runs.left] * NARROW
             if not has_helped or not self._check_secants(union, *self._unseen(union), chosen):
                 break
         return None
 
     def _unseen(self, union: _Union) -> tuple[Array, Array]:
-        """Places at which secants suggest extremes, and how far these exceed all runs and the range, (2, n_t, n_y)."""
+        """Places (2, n_t, n_y, 1) of extremes by secants, and their excess (2, n_t, n_y) over runs and the range."""
         (places, beyond), (lowest, highest) = self._secant_extremes(), self._runs.extremes
         foreseen = np.maximum(np.stack([lowest - union.lower, union.upper - highest]), 0.0)
         return places, np.maximum(beyond - foreseen, 0.0)
 
     def _check_secants(self, union: _Union, places: Array, unseen: Array, chosen: Array) -> int:
-        """Run chosen points, and store their gain at possible extremes from secants. Return the number of new
-        points."""
+        """Run chosen points, store their gain at extremes by secants, and return the number of new points."""
         runs = self._runs
         lower, upper = np.minimum(runs.extremes[0], union.lower), np.maximum(runs.extremes[1], union.upper)
         points, _ = runs.check(chosen)
@@ -220,7 +218,7 @@ class TensorGrids:
         return secant_extremes(points, np.concatenate([runs.nodes[ok], runs.checks]), runs.noise)
 
     def _probes(self, number: int) -> Array:
-        """Check points: the requested ones, and as many others as needed, closer to corners if there are corners."""
+        """Check points: the requested ones, and `number` others, which are closer to corners if there are corners."""
         d = len(self._runs.box)
         n_even = self._runs.probes + (number if d == 1 else 0)  # a kink may be anywhere
         points = np.concatenate([evenly_spread_points(n_even, d), quasi_random_points(number if d > 1 else 0, d)])
@@ -232,7 +230,7 @@ class TensorGrids:
         is_worth_it = self._cost() >= 3 * NOISE_RUNS or len(runs) >= CHEAP_RUNS
         if not runs.noise_is_known and is_worth_it:
             runs.measure_noise()
-            self._pieces = [replace(piece, widths=self._widths) for piece in self._pieces]  # with new errors
+            self._pieces = [replace(piece, widths=self._widths) for piece in self._pieces]  # errors change too
         else:
             self._pieces = [piece for piece in self._pieces if piece is not old] + old.replaced(
                 self._parts, self._widths
@@ -259,9 +257,9 @@ class TensorGrids:
 
     @property
     def is_costly(self) -> bool:
-        """Whether the next step takes too many runs for its gain, as halves along three parameters and large grids do.
+        """Whether the next step takes too many runs, such as halves along three parameters and large grids.
 
-        Over two parameters, pieces take some hundred runs, and resolve fronts that move in time better than searches.
+        Over two parameters, pieces take some hundred runs. They resolve moving fronts better than searches do.
         """
         d = len(self._runs.box)
         return d > 2 and (len(self._parts) > 1 or self._cost() > PATIENCE * d)
@@ -271,8 +269,7 @@ class TensorGrids:
         return self._runs.unknown(np.concatenate([nodes_of(part) for part in self._parts]))
 
     def _is_field(self) -> bool:
-        """Whether each output with many values has many independent functions of time, so that check runs measure its
-        error better."""
+        """Whether all outputs with many values have many functions of time. Check runs then measure errors better."""
         if math.prod(self._runs.shape) < MANY_VALUES:
             return False
         if len(self._pieces) > 1 or self._pieces[0].jumps is not None:
@@ -285,9 +282,9 @@ class TensorGrids:
     def _check(self, union: _Union, worst: Piece, safety: float) -> tuple[Array, Array, Piece]:
         """Make check runs at some of the extremes, and at quasi-random points.
 
-        A run with the error e where the estimate of a piece is E(x) suggests the error e E / E(x) where it is E. Told
-        are the error (n_t, n_y) that check runs show, the ratio (n_y,) of the root mean squares of errors and of
-        estimates there, and the piece with the largest error that they show, the worst one without them.
+        If the estimate of a piece is E(x) at a run with the error e, it suggests the error e E / E(x) for an estimate
+        E. Return the error (n_t, n_y) that check runs show, and the ratio (n_y,) of the root mean squares of errors and
+        estimates there. The third value is the piece with the largest shown error; without check runs, the worst piece.
         """
         runs, widths = self._runs, self._widths
         n_known, d = len(runs.points), len(runs.box)
@@ -307,7 +304,7 @@ class TensorGrids:
         squares, largest = np.zeros(runs.shape), -1.0
         seen, foreseen = np.zeros((2, runs.shape[1]))
         rows = np.arange(len(runs.points))
-        if len(union.pieces) > 1:  # near a jump, former check runs say nothing about the pieces that lie there now
+        if len(union.pieces) > 1:  # near a jump, earlier check runs show nothing about the new pieces there
             rows = rows[(rows < len(probes)) | (rows >= n_known)]
         distances = [(np.abs(runs.points[rows] - piece.centre) / piece.half).max(axis=1) for piece in union.pieces]
         home = np.argmin(distances, axis=0)  # the first piece that holds a point
@@ -332,7 +329,7 @@ def _stacked(arrays: Sequence[Array]) -> Array:
 
 
 def _select(alternatives: np.ndarray, numbers: Indices) -> np.ndarray:
-    """At each place, the alternative of k (k, ...) with the number at this place."""
+    """At each place, one of k alternatives (k, ...), by its number at this place."""
     if len(alternatives) == 1:
         return alternatives[0]
     return np.take_along_axis(alternatives, numbers[None], axis=0)[0]

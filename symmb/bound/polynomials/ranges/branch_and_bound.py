@@ -1,4 +1,4 @@
-"""Branch and bound in compiled C, c/polynomial_ranges.h: its tables and its call."""
+"""Tables and calls of branch and bound in compiled C, c/polynomial_ranges.h."""
 
 import ctypes
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from symmb.bound.polynomials.legendre import MultiIndices
 from symmb.run.codegen import c_fields, c_number, c_source, load, on_threads
 
 _FULL_MATRIX_TERMS = 64
-"""Number of coefficients up to which one full matrix is the fastest change of basis."""
+"""Up to this number of coefficients, one full matrix is the fastest change of basis."""
 _LANES = int(c_number("polynomial_ranges", "W"))
 
 
@@ -55,7 +55,7 @@ def compiled_ranges(
     products = LowerSet.of(alpha)
     tables = _tables(products)
     b, change, (n_given, m) = tables.basis, tables.change, legendre.shape
-    # C changes a small basis: the threads of NumPy's matrix product would go on waiting actively beside those below.
+    # C changes a small basis, because threads of NumPy's matrix product would keep waiting actively beside those below.
     C = np.ascontiguousarray(legendre, dtype=float)
     if change is None:
         C = np.zeros((m, b.padded))
@@ -79,7 +79,7 @@ def compiled_ranges(
 
 @lru_cache(maxsize=64)
 def _tables(products: LowerSet) -> _Tables:
-    """The tables of a lower set, the same for all polynomials on it."""
+    """The tables of a lower set. All polynomials on the set use the same tables."""
     alpha, number = products.alpha, products.number
     n, d = alpha.shape
     order, degree = int(alpha.max()), alpha.sum(axis=1)
@@ -102,8 +102,8 @@ def _tables(products: LowerSet) -> _Tables:
     )
     x = np.cos(np.pi * np.arange(2 * order + 1) / max(2 * order, 1))
     samples = np.column_stack([x, np.polynomial.chebyshev.chebvander(x, order)])
-    # The rows have at least one zero behind the products, which stands for all products outside of the set. The slope
-    # of T_j is at most j^2. The linear terms are left out, because the other terms are compared with them.
+    # The rows have at least one zero after the products, for all products outside of the set. The slope of T_j is at
+    # most j^2. The linear terms are left out, because the other terms are compared with them.
     padded, sums = _LANES * (n // _LANES + 1), _LANES * (d // _LANES + 1)
     weights = np.zeros((padded, sums))
     weights[:n, :d] = np.where(degree[:, None] == 1, 0, alpha**2)

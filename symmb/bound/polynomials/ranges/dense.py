@@ -13,10 +13,10 @@ from symmb.run.codegen import c_fields, c_number, c_source, load, on_threads
 MOST_PARAMETERS = int(c_number("dense_search", "DIRECTIONS"))
 HIGHEST_DEGREE = int(c_number("dense_search", "HIGHEST_DEGREE"))
 SAMPLES_PER_DEGREE = 4
-"""Samples for each degree along a parameter: enough to find the deepest of several valleys, unless others are nearly as
-deep."""
+"""Number of samples for each degree along a parameter. They find the deepest of several valleys, unless others are
+nearly as deep."""
 _WAVY_DEGREE = 8
-"""Degree above which the valleys along a parameter may all be alike. This parameter gets twice as many samples, and
+"""Above this degree, all valleys along a parameter may be similar. The parameter then has twice as many samples, and
 Newton's method starts in each of `_PIECES` pieces. tests/polynomials/test_ranges.py"""
 _PIECES = int(c_number("dense_search", "PIECES"))
 
@@ -54,7 +54,7 @@ def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Arr
         grid.x[k], grid.values[k], grid.single[k] = x.ctypes.data, values.ctypes.data, single.ctypes.data
     grid.factors, grid.rows = _FACTORS.ctypes.data, rows.ctypes.data
     extremes, places = np.empty((2, m)), np.empty((2, m, d))
-    for window in windows(m, 8):  # 8 numbers for each polynomial beside its coefficients
+    for window in windows(m, 8):  # 8 numbers for each polynomial in addition to its coefficients
         extremes[:, window], points = _searched(grid, coefficients[:, window])
         places[:, window, order] = points[:, MOST_PARAMETERS - d :].swapaxes(1, 2)
     return extremes[0], extremes[1], places[0], places[1]
@@ -76,7 +76,7 @@ def _searched(grid: _Grid, coefficients: Array) -> tuple[Array, Array]:
 
 
 def _reach(per_degree: list[int]) -> float:
-    """Fraction of the range by which an extreme may go beyond the nearest sample."""
+    """Fraction of the range by which an extreme may exceed the nearest sample."""
     # With x_i = cos(theta_i), a polynomial of degrees n_i is trigonometric in the angles. Its second derivative along v
     # is at most (sum n_i |v_i|)^2 times its size (Bernstein). The range is at most 1 / prod cos(h_i) times the range of
     # samples at distances of 2 h_i / n_i (Ehlich and Zeller 1964).

@@ -16,8 +16,8 @@ from symmb.run.codegen import with_compiler
 RANGE_ERROR = 1e-5
 """Error of a range by branch and bound divided by the width of the range."""
 RANGE_WORK = 200_000
-"""Largest number of coefficients in all boxes of a search by branch and bound. Ranges over many parameters remain
-unproved anyway, and the best values found are used."""
+"""Largest number of coefficients in all boxes of a search by branch and bound. With many parameters ranges are not
+proved, and the best values found are used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +28,7 @@ class Extremes:
     ----------
     lower, upper : (m,) bounds, never narrower than the range except for rounding
     at_lower, at_upper : (m, d) points of [-1, 1]^d with values within tolerance and gap of the bounds
-    below, above : (m,) distance of lower and upper from the values at their points if the budget was used up; 0 if
-        they are within tolerance
+    below, above : (m,) distance of lower and upper from the values at their points; 0 if it is within tolerance
     """
 
     lower: Array
@@ -51,21 +50,19 @@ class Exact:
 
     Parameters
     ----------
-    tolerance : largest excess of either bound over the true extreme, as a fraction of the polynomial's range; for a
-        constant 1e-13 of the coefficients. The bounds are never narrower than the range, except for rounding.
-    budget : largest number of boxes for each extreme of a polynomial; then its tolerance is relaxed as far as necessary
+    tolerance : largest excess of a bound over the true extreme, divided by the polynomial's range; for a constant 1e-13
+        of the coefficients. The bounds are never narrower than the range, except for rounding.
+    budget : largest number of boxes for each extreme of a polynomial; after it, the tolerance is relaxed as needed
 
     Raises
     ------
     DeclarationError
-        If the tolerance is below 1e-12, or not below 1, or the budget is not a positive whole number.
+        If the tolerance is below 1e-12 or at least 1, or the budget is not a positive whole number.
 
-    Notes
-    -----
-    Two parameters take about ten boxes, six some hundreds, and ten or more may use up the budget. Errors fall with the
-    cube of the box size, so that a tolerance of 1e-8 takes less than twice as long as 1e-3. Without a C compiler the
-    bounds are those of Bernstein or ChebyshevInclusion, which are wider. The points then come from a search along one
-    parameter after the other.
+    Notes ----- Two parameters take about ten boxes, six some hundreds, and ten or more may use up the budget. Errors
+    decrease with the cube of the box size: a tolerance of 1e-8 takes less than twice as long as 1e-3. Without a C
+    compiler the bounds are those of Bernstein or ChebyshevInclusion, which are wider. The points then come from a
+    search along one parameter after the other.
 
     Examples
     --------
@@ -101,7 +98,7 @@ class Exact:
         return with_compiler(lambda: self._searched(alpha, coefficients, True), lambda: _enclosed(alpha, coefficients))
 
     def attained(self, alpha: MultiIndices, coefficients: Array) -> Extremes:
-        """Values at the best points found. Without a proof the search ends when the budget is used up."""
+        """Values at the best points found. The search ends without a proof when the budget is used up."""
 
         def compiled() -> tuple[Array, Array, Array, Array]:
             found = self._searched(alpha, coefficients, False)
@@ -122,7 +119,7 @@ def _enclosed(alpha: MultiIndices, coefficients: Array) -> Extremes:
     """Bounds without a C compiler, by other methods, and points found by a search along the parameters."""
     least, most, at_lower, at_upper = searched_extremes(alpha, coefficients)
     size = float(np.prod(alpha.max(axis=0, initial=0) + 1.0))
-    # As many boxes as 2^14 Bernstein coefficients allow, because NumPy computes all of them for each polynomial.
+    # The boxes have at most 2^14 Bernstein coefficients, because NumPy computes all of them for each polynomial.
     fitting = [boxes for boxes in (2, 1) if size * boxes ** alpha.shape[1] <= 2**14]
     method: Range = Bernstein(fitting[0]) if fitting else ChebyshevInclusion()
     lower, upper = method.bounds(alpha, coefficients)

@@ -15,7 +15,7 @@ from symmb.bound.polynomials.chebyshev import LowerSet
 from symmb.bound.polynomials.legendre import MultiIndices, basis_ranges
 
 MOST_NUMBERS = 2**24
-"""Largest number of coefficients of a polynomial. They take 128 MB."""
+"""Largest number of coefficients of a polynomial; they take 128 MB."""
 
 
 class Range(Protocol):
@@ -80,7 +80,8 @@ class ChebyshevInclusion:
 class Bernstein:
     """The smallest and the largest Bernstein coefficient, for a few parameters.
 
-    These coefficients enclose the range of the expansion. The excess falls with the square of the number of boxes.
+    Bernstein coefficients enclose the range of the expansion. The excess decreases with the square of the number of
+    boxes.
 
     Parameters
     ----------
@@ -155,7 +156,7 @@ def _power(t: float, n: int) -> Array:
 
 def _from_legendre(n: int) -> Array:
     """(n + 1, n + 1) matrix from Legendre to Bernstein coefficients (Farouki 2012)."""
-    # Terms of alternating signs cancel, so that they are summed in integers, without rounding.
+    # Terms with alternating signs cancel. They are summed as integers, without rounding.
     comb = math.comb
 
     def entry(j: int, k: int) -> float:

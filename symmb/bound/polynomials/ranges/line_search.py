@@ -19,8 +19,8 @@ def searched_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, 
 
 def _minima(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array]:
     """The best minima (m,) of several searches, and their points (m, d)."""
-    # The starts are the middle, the corner to which the slopes in the middle lead, and the opposite corner. Three
-    # random points find most valleys that these miss.
+    # The starts are the middle, the corner to which its slopes lead, the opposite corner, and three random points. The
+    # random points find most other valleys.
     m, d = coefficients.shape[1], alpha.shape[1]
     slopes = np.zeros((m, d))
     for k in range(d):

@@ -16,7 +16,7 @@ from symmb.run.codegen import with_compiler
 
 def attained_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Array, Array]:
     """Minima and maxima (m,), and their points (m, d), of polynomials with Legendre coefficients (n_b, m)."""
-    # Samples in lanes are the fastest search for few parameters and full tensors. Branch and bound takes all others.
+    # Samples in lanes are the fastest search for few parameters and full tensors. Branch and bound is used otherwise.
     d, degrees = alpha.shape[1], alpha.max(axis=0, initial=0)
     if d == 0:
         point = np.zeros((coefficients.shape[1], 0))
@@ -38,9 +38,9 @@ class Piecewise:
     Attributes
     ----------
     centres, halves : (k, d)       centres and half widths of the parts
-    expansions : k Expansions      in coordinates of the parts, on sets of degrees that contain all smaller degrees
+    expansions : k Expansions      in coordinates of the parts, with all degrees below each degree
     error : (n_t, n_y)             expected error of the polynomials at any point
-    exact : bool                   whether bounds are the range of the polynomials, or may be wider
+    exact : bool                   True: bounds are the range of the polynomials; False: they may be wider
     """
 
     centres: Array
@@ -56,7 +56,7 @@ class Piecewise:
         return cls(np.zeros((1, d)), np.ones((1, d)), (expansion,), error, exact)
 
     def changed(self, change: Callable[[Expansion], Expansion], error: Array) -> "Piecewise":
-        """The same parts with changed expansions, and another error."""
+        """Polynomials on the same parts, with changed expansions and a new error (n_t, n_y)."""
         return replace(self, expansions=tuple(map(change, self.expansions)), error=error)
 
     def part(self, rows: slice | Indices | Sequence[int], outputs: Sequence[int]) -> "Piecewise":
@@ -89,8 +89,8 @@ class Piecewise:
         return lows.min(axis=0), highs.max(axis=0), np.take_along_axis(places, best[None, ..., None], axis=0)[0]
 
     def acting(self, floor: Array) -> Mask:
-        """Parameters (d,) that may change a response by more than its floor (n_y,). Parameters without terms are
-        included, and all parameters if the error of an output is infinite."""
+        """Mask (d,) of parameters that may change a response by more than its floor (n_y,). It includes parameters
+        without terms, and all parameters if the error of an output is infinite."""
         acts, has_terms = np.zeros((2, self.centres.shape[1]), dtype=bool)
         for own in self.expansions:
             for i, degrees in enumerate(own.alpha.T):
@@ -112,8 +112,8 @@ class Piecewise:
         shape, free = own.coefficients.shape[1:], half > 0
         alpha, c = own.alpha, own.coefficients.reshape(len(own.alpha), -1)
         moves = (centre - self.centres[k]) / self.halves[k], half / self.halves[k]
-        # The polynomial in coordinates of the box. The last parameter comes first, because a fixed one is removed and
-        # would change the numbers of those behind it.
+        # The polynomial in coordinates of the box. The last parameter is first, because the removal of a fixed one
+        # changes the numbers of later ones.
         for i, (move, scale) in reversed([*enumerate(zip(*moves, strict=True))]):
             if (move, scale) != (0.0, 1.0):
                 alpha, c = _in_other_coordinates(alpha, c, i, move, scale)
@@ -124,7 +124,7 @@ class Piecewise:
         return low.reshape(shape), high.reshape(shape), places
 
     def ranges(self, points: Array, free: Mask) -> tuple[Array, Array]:
-        """Minima and maxima (N, n_t, n_y) over the free parameters (d,). Others have the values of points (N, d)."""
+        """Minima and maxima (N, n_t, n_y) over the free parameters (d,). The others have values of points (N, d)."""
         low, high = np.full((2, len(points), *self.error.shape), [[[[np.inf]]], [[[-np.inf]]]])
         for centre, half, own in zip(self.centres, self.halves, self.expansions, strict=True):
             x = (points[:, ~free] - centre[~free]) / half[~free]
@@ -144,7 +144,7 @@ class Piecewise:
 
 
 def joined(parts: Sequence[Piecewise | None], n_t: int) -> Piecewise | None:
-    """One polynomial on the whole box for all outputs, from the polynomials of single outputs, or None without any.
+    """One polynomial on the whole box for all outputs, from the polynomials of single outputs; None if there are none.
 
     The error of outputs without a polynomial is infinite. A scalar output has the same values at all n_t times.
     """
@@ -163,7 +163,7 @@ def joined(parts: Sequence[Piecewise | None], n_t: int) -> Piecewise | None:
 
 
 def last_terms(own: Expansion) -> Array:
-    """Sizes (n_t, n_y) of the terms of the highest degree in any parameter. Missing terms are hardly larger."""
+    """Sizes (n_t, n_y) of the terms of the highest degree in any parameter. Missing terms are usually not larger."""
     highest = own.alpha.max(axis=0, initial=0)
     is_last = ((own.alpha == highest) & (highest > 0)).any(axis=1)
     return np.abs(own.coefficients[is_last]).sum(axis=0)
