@@ -28,6 +28,7 @@ class Grid:
     def __init__(self, d: int) -> None:
         self.d = d
         self.row: dict[Index, int] = {}
+        self._signs: dict[Index, int] = {}  # those of the tensor interpolants
 
     def missing(self, indices: Iterable[Index]) -> set[Index]:
         """The given indices and all smaller indices that the set does not contain. They must be added together."""
@@ -37,8 +38,19 @@ class Grid:
         """Add indices, in the order of their degrees."""
         for index in sorted(indices, key=lambda a: (sum(a), a)):
             self.row[index] = len(self.row)
+            # The sum of differences of one parameter each (Smolyak 1963) has these tensor interpolants. Most cancel.
+            for steps in itertools.product(*[(0, 1) if k else (0,) for k in index]):
+                lowered = tuple(k - z for k, z in zip(index, steps, strict=True))
+                self._signs[lowered] = self._signs.get(lowered, 0) + (-1) ** sum(steps)
         for derived in ("alpha", "nodes", "_tensors"):
             self.__dict__.pop(derived, None)
+
+    def grown(self, indices: set[Index]) -> "Grid":
+        """A set with further indices."""
+        grid = Grid(self.d)
+        grid.row, grid._signs = dict(self.row), dict(self._signs)
+        grid.add(indices)
+        return grid
 
     def ahead(self) -> set[Index]:
         """Indices that may be added, because the set contains all smaller ones."""
@@ -68,20 +80,13 @@ class Grid:
     def _tensors(self) -> list[Tensor]:
         """The tensor grids of the sparse interpolant, with their factors."""
         tensors = []
-        for index, sign in self._signs().items():
+        for index, sign in self._signs.items():
+            if not sign:
+                continue
             shape = tuple(k + 1 for k in index)
             rows = np.array([self.row[n] for n in itertools.product(*map(range, shape))])
             tensors.append((rows, [_line_fit(n) for n in shape], sign))
         return tensors
-
-    def _signs(self) -> dict[Index, int]:
-        """Coefficient of each tensor interpolant in the sum of differences (Smolyak 1963). Most of these cancel."""
-        signs: dict[Index, int] = {}
-        for index in self.row:
-            for steps in itertools.product(*[(0, 1) if k else (0,) for k in index]):
-                lowered = tuple(k - z for k, z in zip(index, steps, strict=True))
-                signs[lowered] = signs.get(lowered, 0) + (-1) ** sum(steps)
-        return {index: sign for index, sign in signs.items() if sign}
 
 
 def _above(index: Index) -> list[Index]:

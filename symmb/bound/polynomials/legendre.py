@@ -37,9 +37,14 @@ def with_lower(indices: Iterable[Index], known: Container[Index] = ()) -> set[In
 
 def basis_values(alpha: MultiIndices, points: Array) -> Array:
     """Values (N, n_b) of the polynomials ``alpha`` (n_b, d) at points (N, d)."""
+    # NumPy's legvander for each parameter takes ten times as long, because most calls are for a few points.
+    table = np.ones((int(alpha.max(initial=1)) + 1, *points.shape))
+    table[1] = points
+    for n in range(2, len(table)):
+        table[n] = (table[n - 1] * points * (2 * n - 1) - table[n - 2] * (n - 1)) / n
     values = np.ones((len(points), len(alpha)))
-    for k in range(alpha.shape[1]):
-        values *= legendre.legvander(points[:, k], int(alpha[:, k].max()))[:, alpha[:, k]]
+    for k, degrees in enumerate(alpha.T):
+        values *= table[:, :, k].T[:, degrees]
     return values
 
 

@@ -144,9 +144,7 @@ class OutputStudy:
 
     def _grown(self, step: set[Index]) -> Iterator[Request]:
         """The interpolant on the larger grid; the same interpolant if too few runs are left."""
-        n_known, grid = len(self.grid.row), Grid(self.grid.d)
-        grid.row = dict(self.grid.row)
-        grid.add(step)
+        n_known, grid = len(self.grid.row), self.grid.grown(step)
         request = Nodes(grid.nodes[n_known:])
         yield request
         if request.are_run:
