@@ -15,7 +15,7 @@ drives the forward whirl. Two massless slides and two massless hinges carry the 
 axes.
 
 Source: Genta, Dynamics of Rotating Systems (2005), sec. 3.2 to 3.5; own values. Reference for a disc in the middle:
-whirl grows above the speed omega (1 + external damping / internal damping), omega the bending frequency.
+whirl grows above the speed omega (1 + external damping / internal damping). Here omega is the bending frequency.
 """
 
 import numpy as np
@@ -93,7 +93,7 @@ def scene(*, speed: float = 300.0, share: float = 0.3) -> mb.Scene:
 
 
 def _stiffness(p: mb.Parameters) -> list[list]:
-    """Force and moment at the disc for its deflection and slope, from the flexibility of a simply supported beam."""
+    """Stiffness matrix (2, 2) for deflection [m] and slope [rad] of the disc on a simply supported beam."""
     a, b = p.share * p.length, (1 - p.share) * p.length
     scale = 3 * p.modulus * (np.pi * p.diameter**4 / 64) * p.length
     ww, wt, tt = a**2 * b**2, a * b * (b - a), a**2 - a * b + b**2

@@ -30,7 +30,7 @@ def steady_spin(alpha: float, precession: float, radius: float = 0.5, g: float =
     ----------
     alpha : float          tilt of the axis from the vertical, pi/2 for an upright disc [rad]
     precession : float     angular velocity about the vertical [rad/s]
-    radius, g : float      [m], [m/s^2]
+    radius, g : float      radius of the disc [m], acceleration of gravity [m/s^2]
     """
     A, C = radius**2 / 4, radius**2 / 2  # for 1 kg
     return (A * precession**2 * np.sin(alpha) - g * radius) / ((C + radius**2) * precession * np.tan(alpha))

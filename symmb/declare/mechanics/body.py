@@ -22,7 +22,7 @@ plates, rounded to three digits, reach this excess."""
 
 
 def _component(vector: str, k: int, doc: str) -> Any:
-    """The property of component k of a vector (3,) that is an attribute."""
+    """A property that returns component k of an attribute of shape (3,)."""
     return property(lambda self: getattr(self, vector)[k], doc=doc)
 
 

@@ -89,7 +89,7 @@ class _Hertzian(ContactLaw):
 
 @dataclass(frozen=True, eq=False)
 class HuntCrossley(_Hertzian):
-    """F = k d^n (1 + chi d') with chi = 3 (1 - e) / (2 v): for restitutions near 1.
+    """F = k d^n (1 + chi d') for a penetration d, with chi = 3 (1 - e) / (2 v): for restitutions near 1.
 
     Parameters
     ----------
@@ -121,12 +121,12 @@ class HuntCrossley(_Hertzian):
 
 @dataclass(frozen=True, eq=False)
 class LankaraniNikravesh(_Hertzian):
-    """F = k d^n (1 + chi d') with chi = 3 (1 - e^2) / (4 v): for restitutions near 1.
+    """F = k d^n (1 + chi d') for a penetration d, with chi = 3 (1 - e^2) / (4 v): for restitutions near 1.
 
     Parameters
     ----------
     stiffness, restitution, speed, exponent : Expr
-        as of `HuntCrossley`
+        k, e, v and n as for `HuntCrossley`
 
     Examples
     --------
@@ -148,12 +148,12 @@ class LankaraniNikravesh(_Hertzian):
 
 @dataclass(frozen=True, eq=False)
 class Flores(_Hertzian):
-    """F = k d^n (1 + chi d') with chi = 8 (1 - e) / (5 e v): for all restitutions, soft bodies included.
+    """F = k d^n (1 + chi d') for a penetration d, with chi = 8 (1 - e) / (5 e v): for all restitutions and soft bodies.
 
     Parameters
     ----------
     stiffness, restitution, speed, exponent : Expr
-        as of `HuntCrossley`
+        k, e, v and n as for `HuntCrossley`
 
     Examples
     --------
@@ -175,7 +175,7 @@ class Flores(_Hertzian):
 
 @dataclass(frozen=True, eq=False)
 class KelvinVoigt(ContactLaw):
-    """F = k d + c d', a spring and a damper in parallel.
+    """F = k d + c d' for a penetration d: a spring and a damper in parallel.
 
     With damping the force jumps at the start of the contact, and becomes 0 before the surfaces separate.
 
@@ -213,7 +213,7 @@ class KelvinVoigt(ContactLaw):
 
 @dataclass(frozen=True, eq=False)
 class Tabulated(ContactLaw):
-    """A force from a table of penetrations, with a damper in parallel. It is never negative.
+    """A force from a table of penetrations, with a damper in parallel. The total force is never negative.
 
     Parameters
     ----------

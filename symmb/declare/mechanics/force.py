@@ -99,7 +99,7 @@ class PairForce(ForceElement):
     point_b: Point
 
     def pair_loads(self, force: ca.SX) -> tuple[Load, ...]:
-        """Loads of a force (3,) in world axes on point a, and of its opposite on point b."""
+        """Loads of a force (3,) in world axes on point a, and of the opposite force on point b."""
         return force_at(self.point_a, force), force_at(self.point_b, -force)
 
 
@@ -142,9 +142,9 @@ class SpringDamper(PairForce):
     stiffness : Expr
         k [N/m]
     damping : Expr
-        c [N s/m]; negative damping adds energy, as in models of vibrations that a flow or friction causes
+        c [N s/m]; negative damping adds energy, as in models of vibrations caused by flow or friction
     length : Expr
-        length without load [m]; a negative length is that of a spring that is preloaded when it is closed
+        length without load [m]; negative for a preloaded spring, which pulls even at distance 0
 
     Examples
     --------
@@ -370,7 +370,7 @@ def mount_matrices(element: Element, bind: Bind) -> list[ca.SX]:
 
 
 def mount(point_a: Point, point_b: Point, K: ca.SX, C: ca.SX, K_turn: ca.SX, C_turn: ca.SX) -> Iterator[Action]:
-    """Elastic mount between two points. Matrices (3, 3) in the axes of body a [N/m, N s/m, N m/rad, N m s/rad]."""
+    """Mount between two points. The matrices (3, 3) are in axes of body a [N/m, N s/m, N m/rad, N m s/rad]."""
     a, b = point_a.body, point_b.body
     d = a.frame.R.T @ (point_b.r - point_a.r)
     if not is_zero(K):

@@ -72,8 +72,8 @@ class Coulomb(FrictionLaw):
 
     def resistance(self, name: str, slip: ca.SX, normal_force: ca.SX) -> tuple[ca.SX, tuple[Symbol, ...]]:
         w = slip / self.speed
-        # The root keeps the direction of the slip, and its derivatives, finite at rest. Smallest slip divided by the
-        # transition speed that has a direction. It reduces the slope of mu at rest by 5e-8 only.
+        # The root keeps the direction of the slip, and its derivatives, finite at rest. It has an effect on slips near
+        # 1e-4 of the transition speed only, and reduces the slope of mu at rest by 5e-8.
         size = ca.sqrt(ca.sumsqr(w) + 1e-4**2)
         mu_over_u = self.kinetic * ca.tanh(4 * size) / size
         if self.static is not None:
@@ -83,7 +83,7 @@ class Coulomb(FrictionLaw):
 
 @dataclass(frozen=True, eq=False)
 class Bristle(FrictionLaw):
-    """Stick and slip by elastic bristles that bend with the slip, F = N (k z + d(z')), until they break away.
+    """Friction by elastic bristles that bend with the slip until they break away: F = N (k z + d(z')).
 
     The deflection z of a bristle is a first-order state called `name.bristle`. It follows the slip up to 0.7 of its
     largest value z_s = mu(v) / k, with mu(v) = mu_k + (mu_s - mu_k) exp(-(v / speed)^2). Larger deflections yield, and

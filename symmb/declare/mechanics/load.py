@@ -92,8 +92,7 @@ class GasSpring(Law):
 
 
 _SMALLEST_VOLUME = 0.01
-"""Smallest volume divided by the given volume. The pressure then stays finite if a motion compresses the gas to
-nothing."""
+"""Smallest volume divided by the given volume. It keeps the pressure finite for all motions."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +100,7 @@ class Orifice(Law):
     """Fluid that a piston pushes through an opening, as in recoil brakes: a law of `NonlinearSpring`.
 
     F = rho A^3 / (2 (Cd a)^2) v |v|, the quadratic loss of the flow A v through the opening a. The expression
-    v sqrt(v^2 + speed^2) replaces v |v|. It is smooth, and laminar flow at low speeds.
+    v sqrt(v^2 + speed^2) replaces v |v|. It is smooth, and describes laminar flow at low speeds.
 
     Parameters
     ----------
@@ -147,7 +146,7 @@ class Orifice(Law):
 class Soil(ForceElement):
     """Soil under a foot. It pushes along the normal, and springs and dampers act in the other directions.
 
-    The springs across the normal also act without a normal force, because spades and ribs stay in the soil.
+    The tangential springs also act without a normal force, because spades and ribs stay in the soil.
 
     Parameters
     ----------
@@ -161,7 +160,7 @@ class Soil(ForceElement):
     law : ContactLaw
         law along the normal: `KelvinVoigt(...)`, or `Tabulated(...)` for measured forces
     stiffness, damping : scalar or (x, y, z)
-        stiffness and damping across the normal [N/m], [N s/m]
+        stiffness [N/m] and damping [N s/m] in the tangential directions
     rotational_stiffness, rotational_damping : scalar or (x, y, z)
         [N m/rad], [N m s/rad], see `Bushing`
 

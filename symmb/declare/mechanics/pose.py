@@ -127,7 +127,7 @@ class Planar(Pose):
 
 
 class Spatial(Pose):
-    """Free motion in space: q = (r, e), v = (r', omega), e a unit quaternion, scalar first, omega in body axes.
+    """Free motion in space: q = (r, e), v = (r', omega). e is a unit quaternion, scalar first. omega is in body axes.
 
     Examples
     --------

@@ -92,7 +92,7 @@ class Tag:
         return re.sub(f"[{re.escape(_NOT_IN_NAMES)}]", "_", self.text(attribute))
 
     def numbers(self, attribute: str, default: tuple[float, ...]) -> tuple[float, ...]:
-        """The numbers of an attribute, as many as the default has. A missing attribute has the default."""
+        """The numbers of an attribute, as many as the default has. The default replaces a missing attribute."""
         if attribute not in self.attributes:
             return default
         text, values, count = self.attributes[attribute], [], len(default)
@@ -111,7 +111,7 @@ class Tag:
         return tuple(values)
 
     def number(self, attribute: str, default: float | None = None) -> float:
-        """The number of an attribute. A missing attribute has the default; without a default it is an error."""
+        """The number of an attribute. The default replaces a missing attribute. Without a default this is an error."""
         if default is None:
             self.text(attribute)
         return self.numbers(attribute, (default or 0.0,))[0]
