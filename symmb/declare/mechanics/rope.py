@@ -24,7 +24,7 @@ Wrap = Point | tuple[Point, Expr]
 
 @dataclass(frozen=True, eq=False)
 class Rope(ForceElement):
-    """A rope that pulls k (l - length) + c (l' - length') if its path l is longer than its length, and never pushes.
+    """A rope. If its path l is longer than its length, it pulls with k (l - length) + c (l' - length'). It never pushes.
 
     The rope slides without friction over the points between its ends, and round pulleys in the xy plane. The pull is
     the same everywhere in the rope. A slack rope has no force. The rope leaves a pulley if contact would require the
@@ -150,7 +150,7 @@ class Rope(ForceElement):
 
     @cached_property
     def _turns(self) -> dict[int, tuple[Symbol, ca.SX]]:
-        """The states of the pulleys, and for each an angle that differs from its wrap by less than half a turn."""
+        """For each pulley, its state and an angle that differs from its wrap by less than half a turn."""
         return {}
 
     def doubtful(self, bind: Bind) -> Iterator[tuple[ca.SX, str]]:
@@ -207,7 +207,7 @@ class Straight:
     def between(cls, a: ca.SX, b: ca.SX, r: ca.SX, s: ca.SX) -> "Straight":
         """The straight part between the circles of radii r and s about the centres a and b (3,).
 
-        Its angle to the line of the centres has the sine (r - s) / |b - a|.
+        The sine of its angle to the line of the centres is (r - s) / |b - a|.
         """
         d, across = b - a, s - r
         squared = ca.fmax(ca.sumsqr(d), MEETING**2 + across**2)  # inside a pulley the length stays real: it is 0

@@ -15,7 +15,7 @@ Solve = Callable[[Sparse, Sparse], tuple[Array, Array]]
 def spanning(
     matrices: Sequence[tuple[Sparse, Sparse]], places: Sequence[str], solve: Solve, rigid: Array, axes: Sparse
 ) -> tuple[Array, Array, float]:
-    """λ (n,) and X (d, n): modes of the first structure in a span of the modes of all structures; and the error.
+    """λ (n,) and X (d, n) of the first structure in a span of the modes of all structures, and the error.
 
     The method is greedy: in each step, the missing parts of the modes with the largest error are added to the shapes.
     `solve` returns the wanted λ and X for a stiffness and a mass matrix, and `places` are the names of the structures

@@ -142,7 +142,7 @@ class Robot:
 
 
 def checked_path(owner: str, path: object, stop: object, **truths: object) -> Path:
-    """The path of a file. Raises DeclarationError for an invalid path or stop, and for `truths` that are not booleans."""
+    """The path of a file. Raises DeclarationError for an invalid path or stop, or if `truths` are not booleans."""
     if not isinstance(path, str | Path):
         raise DeclarationError(f"{owner}: expected the path of a file, got {shown(path)}.")
     for name, value in truths.items():
