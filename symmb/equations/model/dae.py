@@ -40,8 +40,8 @@ class DAE:
     """Compiled equations of motion of a system; see `system` for the notation.
 
     Every Function takes (q, v, p, t), or (q, v, s, p, t) if there are first-order states, unless said otherwise. A part
-    that the scene does not have is None. The Functions in `equations` and the scales are made at their first use,
-    because most of the time goes to the formulation that a scene does not use.
+    that the scene does not have is None. The Functions in `equations` and the scales are made at their first use.
+    Otherwise most of the time would go to a formulation that the scene does not use.
     """
 
     q_names: tuple[str, ...]
@@ -63,7 +63,7 @@ class DAE:
     positive_names: tuple[str, ...]
     impacts: Impacts | None = None  # gaps that close, and velocities that jump then
     measured: Lazy[Scales] = field(default_factory=lambda: known(Scales()))
-    s_rest: Array | None = None  # (n_s,), states at the start next to which angles count their turns; None: 0
+    s_rest: Array | None = None  # (n_s,), states at the start from which angles count their turns; None: 0
     sampling: Sampling | None = None  # values that are held between instants
 
     rhs = Equation[ca.Function]()  # -> q', v' [, s']
@@ -97,7 +97,7 @@ class DAE:
 
     @cached_property
     def memory(self) -> dict[Any, Any]:
-        """Results that were derived from the equations for any nominal parameters."""
+        """Results derived from the equations. They hold for all nominal parameters."""
         return {}
 
     def remembered(self, derive: Callable[["DAE", Array], T], times: Array = NO_TIMES, *more: float) -> T:
@@ -125,7 +125,7 @@ class DAE:
         return self.measured()
 
     def scaled(self, measure: Callable[[], Scales]) -> "DAE":
-        """A copy with other scales. They are measured at their first use."""
+        """A copy with other scales. The scales are measured at their first use."""
         return replace(self, measured=Lazy(measure))
 
     @cached_property

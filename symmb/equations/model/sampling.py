@@ -49,7 +49,7 @@ class Sampling:
         return np.unique(np.asarray(instants, dtype=np.float64))
 
     def missed(self, times: Array) -> Array:
-        """The instants (k,) up to the last of the times (n_t,) that are not among them [s]."""
+        """The instants (k,) [s] that are not among the times (n_t,), up to the last time."""
         instants = self.instants(times)
         behind = np.minimum(np.searchsorted(times, instants), len(times) - 1)
         nearest = np.minimum(np.abs(times[behind] - instants), np.abs(times[behind - 1] - instants))

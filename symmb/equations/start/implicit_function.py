@@ -1,4 +1,4 @@
-"""Maps u(w) given by R(u, w) = 0: Newton for many samples at once, and their Taylor coefficients.
+"""Maps u(w) given by R(u, w) = 0: Newton's method for many samples at once, and Taylor coefficients of the maps.
 
 The matrices of all samples have the same sparsity pattern, so all samples have the same block-triangular form.
 """

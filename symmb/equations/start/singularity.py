@@ -1,4 +1,4 @@
-"""Singular positions of a motion. There, otherwise independent constraint rows depend on each other."""
+"""Singular positions of a motion: positions at which independent constraint rows become dependent."""
 
 from dataclasses import dataclass
 from typing import cast

@@ -59,7 +59,7 @@ class Start:
         return not self.is_equilibrium and n_u <= n_x <= 100
 
     def states(self, P: Array) -> tuple[Array, tuple[str, ...]]:
-        """Start states x = (q, v, s) of samples P (N, n_p), nan for failed starts, and reasons ('' for others)."""
+        """Start states (N, n_x) of samples P (N, n_p), nan for failed starts, and reasons of failures ('' for others)."""
         u, ok = self.position.solve(P)
         x = batch(self.state, u, P)[0]
         ok = ok & (batch(self.holds, x, u, P)[0] > 0).all(axis=1)

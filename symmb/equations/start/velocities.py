@@ -245,7 +245,7 @@ class _Rates:
         return own / np.where(norm > 0, norm, 1.0)
 
     def _root(self, columns: list[int]) -> Array:
-        """W with W W' = M^-1 for some velocities; their scales if a body has no mass."""
+        """Matrix W with W W' = M^-1 for velocities in `columns`; diagonal with their scales if a body has no mass."""
         if is_singular(self.M[columns, columns], self._sizes(columns)):
             return np.diag(self.dae.displacement_scales[columns])
         values, vectors = np.linalg.eigh(self.M_nominal[np.ix_(columns, columns)])
