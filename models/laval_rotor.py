@@ -8,9 +8,9 @@ r"""Laval (Jeffcott) rotor: a disc on an elastic shaft with internal damping, at
      bearing       |_|            bearing     +--- x      z to the viewer
                    disc
 
-The shaft is massless, of circular section, and simply supported at its ends. If the disc is not at its middle, the disc
-tilts when the shaft bends, and gyroscopic moments split the whirl into a forward and a backward whirl. Air damps the
-disc (external damping). The material of the shaft damps changes in axes that turn with the shaft. Above some speed this
+The shaft is massless, of circular section, and simply supported at its ends. If the disc is not in the middle, it tilts
+when the shaft bends. Gyroscopic moments then split the whirl into a forward and a backward whirl. Air damps the disc
+(external damping). The material of the shaft damps changes in axes that turn with the shaft. Above some speed this
 drives the forward whirl. Two massless slides and two massless hinges carry the disc, so that the shaft bends in fixed
 axes.
 

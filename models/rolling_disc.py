@@ -8,8 +8,8 @@
     ==========c/============  g = 9.81 m/s^2 along -z
 
 One holonomic row: height of the contact = 0. Two velocity-only rows: no slip of the material point at the contact.
-Steady rolling on a circle with precession W and angular velocity w along n (A and C are the moments of inertia across
-and along n):
+Steady rolling on a circle with precession W and angular velocity w along n. The moments of inertia across and along n
+are A and C:
 
     (C + m R^2) w W sin(alpha) - A W^2 sin(alpha) cos(alpha) + m g R cos(alpha) = 0
 

@@ -51,7 +51,7 @@ class AbstractBody(Located):
 
     @property
     def owner(self) -> "AbstractBody":
-        """The body whose coordinates determine the frame."""
+        """The body with the coordinates that determine the frame."""
         return self
 
     @kept_interrupts()
@@ -83,7 +83,7 @@ class AbstractBody(Located):
 
     @property
     def omega(self) -> ca.SX:
-        """Angular velocity [rad/s]: about z for a planar body, (3,) in body axes for a spatial one."""
+        """Angular velocity [rad/s]: about z for a planar body, (3,) in body axes for a spatial body."""
         return self.frame.omega[2] if isinstance(self.pose, Planar) else self.frame.omega
 
 

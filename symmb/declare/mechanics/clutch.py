@@ -37,7 +37,7 @@ class Clutch(PairTorque, Constraint):
         torque of the slipping clutch [N m]: an expression of `t`, coordinates, velocities, states and parameters.
         Negative values count as 0
     static_ratio : Expr
-        largest torque of the sticking clutch over the torque of the slipping clutch, at least 1 [-]
+        largest torque of the sticking clutch divided by the torque of the slipping clutch, at least 1 [-]
     axis : tuple
         direction of the axis, with the same components in the axes of both bodies
 

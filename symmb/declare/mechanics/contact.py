@@ -229,7 +229,7 @@ class TorsionContact(PairTorque):
     backlash : Expr
         play from stop to stop, half of it to each side [rad]
     law : ContactLaw
-        contact law of each stop: torque [N m] over penetration [rad]
+        contact law of each stop: torque [N m] for a penetration [rad]
     angle : Expr
         angle of b relative to a halfway between the stops [rad]
     axis : tuple

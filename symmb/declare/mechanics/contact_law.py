@@ -28,7 +28,7 @@ class ContactLaw(Law):
 
     @abstractmethod
     def force(self, penetration: ca.SX, rate: ca.SX) -> ca.SX:
-        """Force [N] from the penetration [m] and its rate [m/s]. It is never negative, and 0 without contact."""
+        """Force [N] from the penetration [m] and its rate [m/s]: never negative, and 0 without contact."""
 
     def potential(self, penetration: ca.SX) -> ca.SX | None:
         """Stored energy [J]; None if the law has losses."""
@@ -218,7 +218,7 @@ class Tabulated(ContactLaw):
     Parameters
     ----------
     table : Table
-        table of the force [N] over the penetration [m]
+        table of forces [N] for penetrations [m]
     damping : Expr
         c [N s/m]
 

@@ -1,4 +1,4 @@
-"""The base classes of constraints, forces and their laws. They check the values of all fields."""
+"""The base classes of constraints, forces and their laws. These classes check the values of all fields."""
 
 import math
 from abc import ABC

@@ -18,7 +18,7 @@ _CATCH_UP = 100.0
 _SAMPLES, ALL_SAMPLES = 12, 64
 """Samples of a part, and of a whole curve, from which Newton's method for a foot starts."""
 _AT_REST = SLIGHT
-"""Added to the speed [m/s] of the point, so that the error of a foot also decreases if the point is at rest."""
+"""Speed [m/s] that is added to the speed of the point. The error of a foot then decreases for a point at rest, too."""
 
 
 class Bounds(NamedTuple):

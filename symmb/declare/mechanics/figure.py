@@ -163,7 +163,7 @@ def first_time(condition: Expr, window: Window = None) -> Figure:
     ----------
     condition : SX
         comparison of expressions, or several comparisons joined by `casadi.logic_and` and `logic_or`. If the condition
-        never holds, the scalar output of a run is nan, with a warning, and the run of a study fails
+        never holds, the scalar output of a run is nan, with a warning. A run of a study then fails
     window : (2,)
         first and last time [s] that count; None for the start and the end of the run
 

@@ -7,8 +7,8 @@ the frame's axes. f, J and G are polynomials in eta with constant coefficients (
     T = m r'.r' / 2 + r'.R (omega x f + f_eta eta') + omega.J omega / 2 + omega.G eta' + eta'.m_eta eta' / 2
 
 and the Boltzmann-Hamel equations give all inertia forces. The modal part m_eta of the mass matrix is the identity.
-Structures with parameters are an exception: their inertia and stiffness are sums of such polynomials, each multiplied
-by an expression of parameters.
+Structures with parameters are an exception: their inertia and stiffness are sums of these polynomials. An expression of
+parameters multiplies each polynomial.
 """
 
 from collections.abc import Callable
@@ -120,7 +120,7 @@ class FlexibleBody(Body):
         return len(self.modes.stiffness)
 
     def node(self, number: int) -> Point:
-        """The point of a node. It moves and turns with the node.
+        """The point of a node. The point moves and turns with the node.
 
         Raises
         ------

@@ -20,7 +20,7 @@ from symmb.declare.mechanics.pose import Planar, Spatial
 from symmb.declare.symbolic import Kind, Symbol, components, ddt, is_time, is_zero, records_in, unit, vector
 
 _LARGE_TURN = 0.5
-"""Angle [rad] at which the moment of a Bushing, which uses the sine, is 4 % smaller than that of a linear spring."""
+"""Angle [rad] at which the moment of a Bushing is 4 % smaller than that of a linear spring. A Bushing uses the sine."""
 
 
 @dataclass(frozen=True, eq=False)

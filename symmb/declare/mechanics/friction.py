@@ -40,8 +40,9 @@ class FrictionLaw(Law):
 class Coulomb(FrictionLaw):
     """Coulomb friction, smooth in the slip: mu(v) = mu_k tanh(4 u) + (mu_s - mu_k) u / (u^2 / 4 + 3 / 4)^2.
 
-    u is the slip speed over `speed`. At u = 1, mu is about mu_s. At lower speeds the force is about proportional to the
-    slip. A body under a force f below the limit creeps at about `speed` f / (4 mu_k N). Use `Bristle` if bodies stick.
+    Here u is the slip speed divided by `speed`. At u = 1, mu is about mu_s. At lower speeds the force is about
+    proportional to the slip: a force f below the limit causes a creep of about `speed` f / (4 mu_k N). Use `Bristle` if
+    bodies stick.
 
     Parameters
     ----------
@@ -85,10 +86,10 @@ class Coulomb(FrictionLaw):
 class Bristle(FrictionLaw):
     """Friction by elastic bristles that bend with the slip until they break away: F = N (k z + d(z')).
 
-    The deflection z of a bristle is a first-order state called `name.bristle`. It follows the slip up to 0.7 of its
-    largest value z_s = mu(v) / k, with mu(v) = mu_k + (mu_s - mu_k) exp(-(v / speed)^2). Larger deflections yield, and
-    in steady sliding z is z_s. Forces below 0.7 of the breakaway force cause no creep, even if they vibrate. d is c z'
-    for small rates and at most mu, because linear damping would stop a fast body at once.
+    The deflection z of a bristle is a first-order state called `name.bristle`. It follows the slip up to 0.7 z_s. The
+    largest deflection is z_s = mu(v) / k, with mu(v) = mu_k + (mu_s - mu_k) exp(-(v / speed)^2). Deflections above
+    0.7 z_s yield, and in steady sliding z is z_s. Forces below 0.7 of the breakaway force cause no creep, even if they
+    vibrate. d is c z' for small rates and at most mu, because linear damping would stop a fast body at once.
 
     Parameters
     ----------

@@ -64,7 +64,7 @@ class GasSpring(Law):
     area : Expr
         area of the piston [m^2]; negative if the gas is compressed when the distance grows, as in a recuperator
     length : Expr
-        distance of the points for which pressure and volume are given [m]
+        distance of the points [m] at the given pressure and volume
     exponent : Expr
         polytropic exponent n: 1 for slow and 1.4 for fast changes of air [-]
 

@@ -24,7 +24,7 @@ Wrap = Point | tuple[Point, Expr]
 
 @dataclass(frozen=True, eq=False)
 class Rope(ForceElement):
-    """A rope. If its path l is longer than its length, the pull is k (l - length) + c (l' - length'), else 0.
+    """A rope that never pushes. If its path l is longer than its length, it pulls k (l - length) + c (l' - length').
 
     The rope slides without friction over the points between its ends, and round pulleys in the xy plane. The pull is
     the same everywhere in the rope. A slack rope has no force. The rope leaves a pulley if contact would require the
@@ -131,9 +131,9 @@ class Rope(ForceElement):
     def _wrap(self, pulley: int, before: "Straight", behind: "Straight", radius: ca.SX) -> ca.SX:
         """Angle [rad] by which the path turns at a pulley between two straight parts; negative if the rope has left it.
 
-        Directions determine the angle up to whole turns. A first-order state such as `name.wrap1` (1 is the number of
-        the pulley's point) follows the angle between the lines to the centres of its neighbours. The state only chooses
-        the number of turns.
+        Directions determine the angle up to whole turns. A first-order state only chooses the number of turns. Its name
+        is `name.wrap1` for the pulley of point 1. It follows the angle between the lines to the centres of the pulley's
+        neighbours.
         """
         side, (u, v) = ca.sign(radius), (before.direction, behind.direction)
         sine, cosine = side * (u[0] * v[1] - u[1] * v[0]), ca.dot(u, v)
@@ -238,8 +238,8 @@ class Course:
     ) -> "Course":
         """The path over `places` (3,) that touches only the pulleys that it must touch.
 
-        On this path no wrap is negative. A pulley that the path leaves out would have no positive wrap. There is one
-        such path. `faults` are sums of the violations of these conditions from the first point up to a straight part.
+        On this path no wrap is negative. A pulley that the path leaves out would have no positive wrap. Exactly one
+        path has these properties. `faults` are sums of violations from the first point up to a straight part.
         """
         lengths = {pair: ca.SX.sym("length") for pair in straights}
         faults: dict[tuple[int, int], ca.SX] = {}

@@ -18,11 +18,11 @@ class Table:
     """A curve through points (x, y): cubic pieces with continuous slopes, and no overshoot between the points.
 
     The curve is monotone between points, and constant between points of equal y. A spline with continuous curvature
-    would oscillate beside a steep front, and a positive quantity could become negative. The value is constant before
-    the first point and after the last point.
+    would oscillate near a steep front, and a positive quantity could become negative. The value is constant before the
+    first point and after the last point.
 
     Bisection finds the piece, so a table of 100,000 points costs little more than a table of ten. If x is time, steps
-    of solvers end at each point. If x depends on the state, steps end at points where the slope changes by half or
+    of solvers end at each point. If x depends on the state, steps end at points at which the slope changes by half or
     more.
 
     Parameters

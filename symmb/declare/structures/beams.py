@@ -179,8 +179,8 @@ class AxialForces:
     def forces(self, displacements: Array, loads: Array) -> Array:
         """Axial forces (e, g) [N] under loads (e g, 3) [N] on the samples. The loads are linear along an element.
 
-        By equilibrium, the load of an element changes the uniform force by p₁ at the first end and by -p₂ at the second
-        end, where p₁ and p₂ are the parts of the load at both ends.
+        The load of an element has the parts p₁ and p₂ at both ends. By equilibrium, the load changes the uniform force
+        by p₁ at the first end and by -p₂ at the second end.
         """
         along = np.einsum("ega,ea->eg", loads.reshape(len(self.axis), -1, 3), self.axis)
         first, second = (along @ (1 - XI))[:, None], (along @ XI)[:, None]

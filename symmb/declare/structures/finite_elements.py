@@ -31,9 +31,9 @@ from symmb.declare.structures.validation import is_law, numbers, positive
 class FiniteElements:
     """A linear elastic structure that is free in space: K u + M ü = f.
 
-    The degrees of freedom are ordered by node. Each node has three translations [m] and, if it has six degrees of
-    freedom, three small rotations [rad], in the axes of the mesh. `FiniteElements.beams` and `FiniteElements.matrices`
-    create a structure.
+    The degrees of freedom are ordered by node, in the axes of the mesh. Each node has three translations [m]. A node
+    with six degrees of freedom also has three small rotations [rad]. `FiniteElements.beams` and
+    `FiniteElements.matrices` create a structure.
 
     Parameters
     ----------
@@ -137,9 +137,9 @@ class FiniteElements:
         with GRID cards, or any file that the package meshio can read. Nodes of Nastran are matched by their numbers;
         all other nodes must have the order of the matrices.
 
-        Mass, centre of mass, inertia, S and G0 follow from M. The parts of first and second order in the deformation
-        (J1, J2, G1) follow from node masses, which are the row sums of M. With parameters, K and M are sums: lists of
-        pairs (factor, matrix), such as [(p.h, membrane), (p.h**3, plate)], and `at` gives values as in `beams`.
+        Mass, centre of mass, inertia, S and G0 follow from M. J1, J2 and G1, of first and second order in the
+        deformation, follow from node masses: the row sums of M. With parameters, K and M are sums: lists of pairs
+        (factor, matrix), such as [(p.h, membrane), (p.h**3, plate)]. `at` then gives values as in `beams`.
 
         Raises
         ------

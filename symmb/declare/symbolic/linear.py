@@ -260,7 +260,7 @@ def saddle_solver(
 
     Range-space method: the sparse S = G M^-1 G' is factorised by LDL' with a fill-reducing order. M (n_v, n_v) has
     diagonal blocks with the given `sizes`. If a block is structurally singular, as for a massless body, M + G'w G
-    replaces M, where w is the mean mass. `coupled` means that blocks are nearly singular, as for flexible bodies with
+    replaces M. Here w is the mean mass. `coupled` means that blocks are nearly singular, as for flexible bodies with
     modes that almost contain the motion of the frame. Then w is the effective mass of each row.
 
     Parameters

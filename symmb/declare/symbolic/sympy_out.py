@@ -182,7 +182,7 @@ def _add(a: Any, b: Any) -> Any:
 
 
 def _remainder(a: Any, b: Any) -> Any:
-    """IEEE remainder a - n b, where n is a / b rounded to the nearest integer, ties to even."""
+    """IEEE remainder a - n b. n is a / b, rounded to the nearest integer, with ties to even."""
     import sympy
 
     twice = 2 * a / b

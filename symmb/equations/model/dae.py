@@ -1,4 +1,4 @@
-"""The DAE bundle for solvers: compiled functions. They can be pickled, unlike SX expressions."""
+"""The DAE bundle for solvers: compiled functions, which can be pickled, unlike SX expressions."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -212,9 +212,9 @@ class DAE:
     def save_c(self, folder: str | Path, start: Mapping[str, Array] | None = None) -> tuple[Path, ...]:
         """Write the Functions as C with a header and a small main program. The files need only a C compiler.
 
-        The main program has no events: with impacts and sampled values, the functions of their equations are written
-        instead. The program integrates from "q" (n_q,), "v" (n_v,), "s" (n_s,) and "p" (n_p,) over "times" (n_t,) in
-        `start`, by default from neutral coordinates at rest for one second. The method returns the paths of the files.
+        The main program has no events: with impacts or sampled values, the functions of their equations replace it. The
+        program integrates from "q" (n_q,), "v" (n_v,), "s" (n_s,) and "p" (n_p,) in `start` over "times" (n_t,). The
+        default is one second from neutral coordinates at rest. The method returns the paths of the files.
         """
         exported = ("rhs", "M", "Q", "Phi", "Phi_q", "Phi_t", "gamma", "forward", "energy")
         functions = {name: f for name in exported if (f := getattr(self, name)) is not None}

@@ -64,7 +64,7 @@ class JointSpace:
         return ca.substitute(ca.substitute(with_nodes(of_bodies, nodes), e, -e), old, new)
 
     def expressions(self, of_bodies: Sequence[ca.SX]) -> list[ca.SX]:
-        """Convert expressions from body to joint coordinates. One call is faster than one for each expression."""
+        """Convert expressions from body to joint coordinates. One call is faster than a call for each expression."""
         entries = [e.nz[:] for e in of_bodies]
         ends = np.cumsum([0, *[e.numel() for e in entries]]).tolist()
         parts = ca.vertsplit(self.expression(ca.vertcat(ca.SX(0, 1), *entries)), ends)

@@ -5,7 +5,7 @@
     Phi_v v + Phi_t = 0,  Psi(q, v, p, t) = 0    velocities; Psi are velocity-only rows, linear in v
     G v' = gamma                                 accelerations, G = [Phi_v; Psi_v], Phi_v = Phi_q N
 
-q (n_q,) are coordinates, v (n_v,) velocities, s (n_s,) first-order states with s' = f(q, v, s, p, t), lam one
+q (n_q,) are coordinates, v (n_v,) velocities, and s (n_s,) first-order states with s' = f(q, v, s, p, t). lam has a
 multiplier for every row of Phi and Psi. Planar bodies have v = q' and N = I; spatial bodies have v = (r', omega) with
 omega in body axes. M is block-diagonal with a block for each body. Parts that a scene does not need are left out.
 """
@@ -34,7 +34,7 @@ from symmb.equations.model.summary import system_text
 from symmb.equations.model.validation import sign_faults
 
 _DECLARED = "elements", "parameters", "collected", "nullity", "_added", "_joints", "_is_driven"
-"""Attributes that a copy of a system takes over. All other attributes are derived from these attributes."""
+"""Attributes that are copied with a system. All other attributes are derived from these attributes."""
 
 
 class System(FilledByBlock, ReadEquations):

@@ -301,7 +301,7 @@ def positive(
 def _triangle_minors(body: Body, J: ca.SX) -> list[ca.SX]:
     """Three expressions that are positive if no principal moment of a spatial body exceeds the sum of the others.
 
-    They are the leading minors of tr(J) / 2 - J, which are the second moments of the mass, with an allowance for
+    The expressions are the leading minors of tr(J) / 2 - J, the second moments of the mass, with an allowance for
     rounding. The first minor is half of the sum of two moments minus the third moment.
     """
     if not isinstance(body.pose, Spatial) or is_zero(J):

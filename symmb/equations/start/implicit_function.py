@@ -23,8 +23,8 @@ class _Block:
     """Equations that determine an equal number of unknowns after the unknowns of earlier blocks are known.
 
     `own` are the indices of the matrix entries at (`i`, `j`) of the block. `others` are the indices of the remaining
-    entries in its rows, `unknowns` are the unknowns that these entries multiply, and `sums` (n, k) adds the products by
-    row.
+    entries in its rows. These entries multiply the unknowns with the indices `unknowns`, and `sums` (n, k) adds the
+    products by row.
     """
 
     rows: Indices

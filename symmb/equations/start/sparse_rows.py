@@ -11,7 +11,7 @@ from symmb._types import Array, Indices
 from symmb.equations.start.tolerances import SOLVED
 
 LARGE = 150
-"""From this number of rows or columns on, sparse factors are faster than dense ones. tests/benchmarks/scaling.py"""
+"""From this number of rows or columns on, sparse factors are faster than dense factors. tests/benchmarks/scaling.py"""
 
 
 def determining_columns(A: Array, clear: float = 1e-5, strong: float = 0.3) -> Indices | None:

@@ -30,7 +30,7 @@ class Tag:
 
     @property
     def title(self) -> str:
-        """The element with its name, or else with the name of the closest enclosing element that has a name."""
+        """The element with its name. Without a name, the closest enclosing element that has a name is added."""
         own = self.attributes.get("name", "").strip()
         if own:
             return f"<{self.name} name={own!r}>"
@@ -162,7 +162,7 @@ def _meant(name: str, known: Collection[str], similarity: float = 0.75) -> str:
 
 
 def told(passed: dict[str, list[Tag]]) -> list[str]:
-    """A list with one sentence: each kind of harmless fault, its first line, and its count. Empty without faults."""
+    """A list with one sentence: kinds of harmless faults, each with first line and number. Empty without faults."""
     kinds = []
     for what, tags in passed.items():
         more = f" and {len(tags) - 1} more" if len(tags) > 1 else ""

@@ -264,7 +264,7 @@ def _dynamics(tag: Tag, name: str) -> dict[str, float]:
 
 
 def _reference_faults(links: Mapping[str, LinkData], joints: Mapping[str, JointData]) -> Iterator[str]:
-    """Faults of the names by which joints refer to links and to each other."""
+    """Faults of the names with which joints refer to links and to each other."""
     carried: dict[str, JointData] = {}
     for joint in joints.values():
         for end, link in (("parent", joint.parent), ("child", joint.child)):
