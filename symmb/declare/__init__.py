@@ -1,4 +1,4 @@
-"""Declarations of users: frozen values with expressions. This wing does not contain equations of motion.
+"""Declarations of users: frozen values with expressions. This package does not contain equations of motion.
 
 In:   numbers, expressions of CasADi or SymPy, and files of robots, meshes and finite elements.
 Out:  parameters, bodies, joints, forces, contacts and states, each with its own part of the equations.

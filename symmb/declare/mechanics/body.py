@@ -96,8 +96,8 @@ class Body(AbstractBody):
     name : str
         without dots; coordinates are called `name.x`, ...
     mass : Expr
-        [kg], not negative; 0 is a massless body. If the mass changes along the motion, mass that joins or leaves has
-        the body's velocity
+        mass [kg], not negative; 0 for a massless body. If the mass changes along the motion, mass that joins or leaves
+        has the body's velocity
     inertia : Expr
         inertia about the centre of mass [kg m^2]: a scalar about z for `Planar()`, three principal values or a
         symmetric 3x3 matrix in body axes for `Spatial()`, none for `Particle()`

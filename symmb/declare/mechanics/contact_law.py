@@ -94,13 +94,13 @@ class HuntCrossley(_Hertzian):
     Parameters
     ----------
     stiffness : Expr
-        k [N/m^n]
+        stiffness k [N/m^n]
     restitution : Expr
         coefficient of restitution e, above 0 and at most 1 [-]; with 1 there are no losses
     speed : Expr
         speed of approach v at the start of the contact [m/s]
     exponent : Expr
-        n, by default 3/2 as in Hertz's law [-]
+        exponent n, by default 3/2 as in Hertz's law [-]
 
     Examples
     --------
@@ -182,9 +182,9 @@ class KelvinVoigt(ContactLaw):
     Parameters
     ----------
     stiffness : Expr
-        k [N/m]
+        stiffness k [N/m]
     damping : Expr
-        c [N s/m]
+        damping c [N s/m]
 
     Examples
     --------
@@ -220,7 +220,7 @@ class Tabulated(ContactLaw):
     table : Table
         table of forces [N] for penetrations [m]
     damping : Expr
-        c [N s/m]
+        damping c of the parallel damper [N s/m]
 
     Examples
     --------

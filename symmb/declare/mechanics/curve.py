@@ -182,7 +182,7 @@ class Measured:
         return side * (u[0] * v[1] - u[1] * v[0]) > SLIGHT * np.hypot(*u) * np.hypot(*v)
 
     def _parts(self, a: float, b: float, side: float) -> list[Part]:
-        """The parts of a smooth piece from a to b: the curvature keeps its sign, and the turn is a quarter at most."""
+        """The parts of a smooth piece from a to b: the curvature keeps its sign, the tangent turns by 90° at most."""
         inset = ROUNDING * (b - a)  # derivatives jump at the ends
         s = np.linspace(a + inset, b - inset, _SAMPLES + 1)
         _, d, dd = self._numbers(s)

@@ -140,9 +140,9 @@ class SpringDamper(PairForce):
     name : str
     point_a, point_b : Point
     stiffness : Expr
-        k [N/m]
+        stiffness k [N/m]
     damping : Expr
-        c [N s/m]; negative damping adds energy, as in models of vibrations caused by flow or friction
+        damping c [N s/m]; negative damping adds energy, as in models of vibrations caused by flow or friction
     length : Expr
         length without load [m]; negative for a preloaded spring, which pulls even at distance 0
 
@@ -274,9 +274,9 @@ class TorsionSpring(PairTorque):
     name : str
     body_a, body_b : Body or Ground
     stiffness : Expr
-        [N m/rad]
+        stiffness [N m/rad]
     damping : Expr
-        [N m s/rad]
+        damping [N m s/rad]
     angle : Expr
         angle without load [rad]
     axis : tuple
@@ -318,9 +318,9 @@ class Bushing(PairForce):
     name : str
     point_a, point_b : Point
     stiffness, damping : scalar or (x, y, z)
-        [N/m], [N s/m]
+        stiffness [N/m] and damping [N s/m] along the axes
     rotational_stiffness, rotational_damping : scalar or (x, y, z)
-        [N m/rad], [N m s/rad]; for small rotations of b relative to a: the moments use the sine of the angle
+        stiffness [N m/rad] and damping [N m s/rad] about the axes, for small angles: the moments use the sine
 
     Examples
     --------

@@ -46,7 +46,7 @@ _NONE = Turn(ca.SX.eye(3), ca.SX(ca.sparsify(ca.DM([1, 0, 0, 0]))), ca.SX(3, 1),
 
 
 def about_two(q: ca.SX, u: ca.SX) -> Turn:
-    """The rotation about the axis of body a, and then about the axis of body b. The two axes are normal."""
+    """The rotation about the axis of body a, and then about the axis of body b. The axes are normal to each other."""
     first, second = about_z(q[0], u[0]), about_z(q[1], u[1])
     between = product(quaternion_of(_QUARTER), second.quaternion)
     E = _QUARTER @ second.matrix

@@ -24,7 +24,7 @@ Wrap = Point | tuple[Point, Expr]
 
 @dataclass(frozen=True, eq=False)
 class Rope(ForceElement):
-    """A rope that never pushes. If its path l is longer than its length, it pulls k (l - length) + c (l' - length').
+    """A rope that never pushes. If its path l is longer than `length`, it pulls with k (l - length) + c (l' - length').
 
     The rope slides without friction over the points between its ends, and round pulleys in the xy plane. The pull is
     the same everywhere in the rope. A slack rope has no force. The rope leaves a pulley if contact would require the

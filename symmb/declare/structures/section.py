@@ -24,7 +24,7 @@ class Section:
     Parameters
     ----------
     area : Expr
-        A [m^2]
+        area A [m^2]
     Iy, Iz : Expr
         second moments ∫ z² dA and ∫ y² dA [m^4]: bending in the x-z and in the x-y plane
     J : Expr

@@ -57,7 +57,7 @@ class Ranges:
         return Ranges({name: (low - near[name], high + near[name]) for name, (low, high) in self.intervals.items()})
 
     def points(self, names: Iterable[str], most_corners: int = 32, inner: int = 32) -> list[dict[str, float]]:
-        """The middle, corners and inner points for the parameters with these names. Others have their middle values."""
+        """Middle, corners and inner points for parameters with these names. Other parameters have middle values."""
         middle = {name: low + 0.5 * (high - low) for name, (low, high) in self.intervals.items()}
         names, random = list(names), np.random.default_rng(0)
         if not names:

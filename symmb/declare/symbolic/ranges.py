@@ -284,7 +284,7 @@ def _with_sign(a: SymbolicRange, b: SymbolicRange) -> SymbolicRange:
 
 
 def _chosen(condition: SymbolicRange, a: SymbolicRange) -> SymbolicRange:
-    """The range of a value that is a if the condition holds, and 0 otherwise; the union of both if this is open."""
+    """The range of a value that is a if a condition holds, else 0. For an uncertain condition, the union of both."""
     if condition.is_point:
         return SymbolicRange(*(ca.if_else(condition.low, end, 0) for end in a[:2]))
     either = SymbolicRange(*(ca.if_else(condition.high, end, 0) for end in (ca.fmin(a.low, 0), ca.fmax(a.high, 0))))

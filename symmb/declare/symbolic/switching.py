@@ -186,7 +186,7 @@ _POWERS = {ca.OP_SQ, ca.OP_MUL, ca.OP_POW, ca.OP_CONSTPOW}
 
 
 def _power(code: Any, of: Sequence[_Power[T]], constant: float | None) -> _Power[T] | None:
-    """The result of an operation of `_POWERS` as a power; None if it is none. The exponent of `pow` may be constant."""
+    """The result of an operation of `_POWERS` as a power; None for others. The exponent of `pow` may be constant."""
     base, exponent = of[0]
     if code == ca.OP_MUL:
         return _Power(base, exponent + of[1].exponent) if base == of[1].base else None
@@ -320,7 +320,7 @@ def _levels(argument: ca.SX) -> dict[tuple[int, float], ca.SX]:
 
 
 def laws(expression: ca.SX, p: ca.SX, t: ca.SX) -> ca.SX:
-    """The largest parts (n,) of an expression that depend on time, or on time and parameters only, without time itself.
+    """Largest parts (n,) of an expression that depend only on time, or on time and parameters, except time itself.
 
     Examples
     --------

@@ -180,7 +180,7 @@ class ArticulatedBodies:
 
 
 class Loads:
-    """Inertia (6, 6) and forces (6,) of bodies on a tree of joints, in W at their origins.
+    """Inertia (6, 6) and forces (6,) of bodies on a tree of joints, in working axes W and at origins of the bodies.
 
     The articulated-body algorithm computes accelerations, and the composite-rigid-body algorithm computes the mass
     matrix. (Featherstone 2008, Rigid Body Dynamics Algorithms, chapters 6 and 7)

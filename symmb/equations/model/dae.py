@@ -114,7 +114,7 @@ class DAE:
         return {**self.__dict__, "memory": memory}
 
     def around(self, p: Array) -> "DAE":
-        """A copy for runs with parameters p (n_p,). Both share the derived results."""
+        """A copy for runs with parameters p (n_p,). The copy shares the derived results."""
         copy = replace(self, p_nominal=p)
         vars(copy)["memory"] = self.memory
         return copy

@@ -153,7 +153,7 @@ class _Rates:
         return rows
 
     def kept(self, v: Array) -> ca.SX:
-        """Velocities (n_v,) that satisfy listed values and independent rows. The change of v has least kinetic energy."""
+        """Velocities (n_v,) that satisfy listed values and independent rows. The change has least kinetic energy."""
         all_columns = list(range(self.dae.n_v))
         begin = ca.vertcat(*[self.listed.get(i, ca.SX(v[i])) for i in all_columns]) if all_columns else ca.SX(0, 1)
         free = [i for i in all_columns if i not in self.listed]

@@ -290,7 +290,7 @@ def _none(what: str, name: str | None, known: Mapping[str, object]) -> str:
 
 
 def _free_mimic(joint: JointData, joints: dict[str, JointData]) -> None:
-    """Record a <mimic> that cannot act as a harmless fault: a joint is missing, has no value, or follows itself. The
+    """Record a <mimic> without effect as a harmless fault: a joint is missing, has no value, or follows itself. The
     joint then moves freely if it has a value."""
     # Follow the leaders until one is missing or repeats. Only the first joint of a circle is freed: the others then
     # follow it.
