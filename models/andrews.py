@@ -27,7 +27,7 @@ import symmb as mb
 
 
 def scene() -> mb.Scene:
-    """The mechanism over 0.03 s with the benchmark's angles, their rates and its six multipliers."""
+    """The mechanism over 0.03 s. Outputs are the benchmark's seven angles, their rates and six multipliers."""
     # fmt: off
     p = mb.Parameters(
         m1=0.04325, m2=0.00365, m3=0.02373, m4=0.00706, m5=0.07050, m6=0.00706, m7=0.05498,     # masses [kg]

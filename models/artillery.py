@@ -20,11 +20,11 @@ before the shot, and brings the barrel back after it.
 The breech pressure is a given curve. The pull of the muzzle brake is proportional to it while the gases leave. A rigid
 mass on the breech stands for the recoiling parts; its eccentricities across the bore are uncertain.
 
-Barrel and top carriage have Craig-Bampton modes for the bushes and the joints, the cradle has free modes. Geometric
-stiffening is neglected. Its effect on the muzzle's angle at 14 ms is about 0.002 deg.
+The barrel has Craig-Bampton modes for the bushes, the top carriage for its joints. The cradle has free modes.
+Geometric stiffening is neglected: its effect on the muzzle's angle at 14 ms is about 0.002 deg.
 
-Source: Wang and Yang, Nonlinear Dynamics (2021), section 5, for the parts and the targets. The values are our own, for
-a generic gun of 52 calibres, not for the gun measured there. Values tuned by hand:
+Source: Wang and Yang, Nonlinear Dynamics (2021), section 5, for the parts and the targets. The values are our own.
+They describe a generic gun of 52 calibres, not the gun of the paper. Values tuned by hand:
 
     parameter                            target                                           reached
     scale of PRESSURE                    largest breech pressure 366.56 MPa               366.56 MPa
@@ -104,7 +104,7 @@ def cradle_elements() -> mb.FiniteElements:
 
 
 def top_carriage_elements() -> mb.FiniteElements:
-    """Two cheeks that carry the trunnion, on a foot that also carries the pinion, in world axes."""
+    """Two cheeks that carry the trunnion, and a foot that carries cheeks and pinion, in world axes."""
     foot, top = (0.0, 0.85, 0.0), TRUNNION[:2]
     cheeks = [(0, 0.85, -0.4), (*top, -0.4), (*top, 0.0), (*top, 0.4), (0, 0.85, 0.4)]
     return mb.FiniteElements.beams(

@@ -12,8 +12,8 @@ The rear and front contact stay on the ground (two holonomic rows) and do not sl
 upright motion at the speed v is a steady motion.
 
 Source: Meijaard, Papadopoulos, Ruina & Schwab (2007), Linearized dynamics equations for the balance and steer of a
-bicycle: a benchmark and review, Proc. R. Soc. A 463; benchmark parameters of table 1. There z points down and y to the
-right. Reference: weave is stable above 4.292 m/s, capsize is unstable above 6.024 m/s.
+bicycle: a benchmark and review, Proc. R. Soc. A 463; benchmark parameters of table 1. In the paper, z points down and y
+points to the right. Reference: weave is stable above 4.292 m/s, capsize is unstable above 6.024 m/s.
 """
 
 import casadi as ca
@@ -27,7 +27,7 @@ def scene(*, speed: float = 4.6) -> mb.Scene:
 
     Parameters
     ----------
-    speed : float          [m/s]
+    speed : float          forward speed at the start [m/s]
     """
     p = mb.Parameters(
         v=speed,
@@ -102,7 +102,7 @@ def scene(*, speed: float = 4.6) -> mb.Scene:
 
 
 def _rolling(name: str, wheel: mb.Body, radius: ca.SX) -> tuple[mb.Motion, mb.VelocityConstraint]:
-    """A wheel with a radius. It turns about its y axis, touches the ground and does not slip."""
+    """Constraints of a wheel that turns about its y axis. The wheel touches the ground and does not slip."""
     n = wheel.rotation[:, 1]
     level = ca.sqrt(n[0] ** 2 + n[1] ** 2)
     arm = -radius * ca.vertcat(-n[0] * n[2], -n[1] * n[2], level**2) / level  # from the centre to the contact

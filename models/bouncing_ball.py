@@ -1,4 +1,4 @@
-"""Ball dropped onto a floor. An impact returns a fraction of its speed.
+"""Ball dropped onto a floor. Each impact returns a fraction of the ball's speed.
 
         o   . height          v+ = -e v-  at each impact
         :  .'.

@@ -9,8 +9,8 @@
 
 The left spring stays perpendicular to the line between the wheels.
 
-Source: Test Set for IVP Solvers, car axis problem (index 3), 0 <= t <= 3. Its lam1 and lam2 belong to the rows
-x_l x_b + y_l y_b = 0 and (x_l - x_r)^2 + (y_l - y_r)^2 - L^2 = 0, and act with the opposite sign.
+Source: Test Set for IVP Solvers, car axis problem (index 3), 0 <= t <= 3. In the test set, lam1 and lam2 belong to the
+rows x_l x_b + y_l y_b = 0 and (x_l - x_r)^2 + (y_l - y_r)^2 - L^2 = 0. They act with the opposite sign.
 """
 
 import casadi as ca
@@ -20,7 +20,7 @@ import symmb as mb
 
 
 def scene() -> mb.Scene:
-    """The benchmark over three seconds, with its ten unknowns."""
+    """The benchmark over three seconds. Outputs are its ten unknowns."""
     p = mb.Parameters(L=1.0, L0=0.5, eps=0.01, M=10.0, r=0.1, omega=10.0)
     y_b = p.r * ca.sin(p.omega * mb.t)
     x_b = ca.sqrt(p.L**2 - y_b**2)

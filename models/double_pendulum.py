@@ -17,7 +17,7 @@ import symmb as mb
 
 
 def scene() -> mb.Scene:
-    """The paper's scene with its twelve states over ten seconds."""
+    """The double pendulum of the paper over ten seconds. Outputs are its twelve states."""
     p = mb.Parameters(l1=1.0, l2=1.0)
     ground = mb.Ground()
     rod1 = mb.Body("rod1", mass=p.l1, inertia=p.l1**3 / 12)

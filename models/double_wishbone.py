@@ -24,7 +24,7 @@ import symmb as mb
 
 
 def scene() -> mb.Scene:
-    """One second at rest. Hard points are given in the drawn position, from the middle of the car on the road."""
+    """One second at rest. Hard points [m] are given as drawn, from the middle of the car at the height of the road."""
     p = mb.Parameters(
         lower_x=0.30,  # inner hinges of the arms [m]
         lower_y=0.22,

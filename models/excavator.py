@@ -1,4 +1,4 @@
-r"""An excavator digs with three hydraulic cylinders, and swings out an unknown load.
+r"""An excavator with three hydraulic cylinders moves an unknown load.
 
                      boom
                   ___----o elbow
@@ -27,11 +27,11 @@ import symmb as mb
 BOOM, STICK, PERIOD = 5.0, 2.6, 8.0
 """Lengths [m], and period of the motion [s]."""
 MASSES = {"boom": 1900.0, "stick": 1100.0, "bucket": 700.0}
-"""[kg]"""
+"""Masses of the parts [kg]."""
 AREA, VOLUME, LEAK = 0.03, 0.02, 1e-10
 """Area of a piston [m^2], volume of compressed oil [m^3], and leakage [m^3/s/Pa]."""
 GAIN = 2.0
-"""Speed of a piston for an error of its length [1/s]. Leakage damps the control if this is below E LEAK / V."""
+"""Speed of a piston per error of the length [1/s]. Leakage damps the control if GAIN is below E LEAK / V."""
 
 
 def scene(*, load: float = 1000.0) -> mb.Scene:

@@ -8,7 +8,7 @@
               `-.
                  `o     bob            g along -y
 
-The rod's frame is clamped at the hinge. Its modes are for loads at the bob; these loads also stiffen the rod.
+The rod's frame is clamped at the hinge. The rod has modes for loads at the bob. These loads also stiffen the rod.
 
 Source: textbook mechanism, e.g. Shabana, Dynamics of Multibody Systems, ch. 5 (flexible pendulum).
 """
@@ -26,8 +26,8 @@ def scene(*, count: int = 2, angle: float = np.pi / 2) -> mb.Scene:
 
     Parameters
     ----------
-    count : int            modes of the rod
-    angle : float          of the rod from the downward vertical at the start [rad]
+    count : int            number of modes of the rod
+    angle : float          angle of the rod from the downward vertical at the start [rad]
     """
     p = mb.Parameters(bob=BOB, stiffness=2.0)
     ground = mb.Ground()

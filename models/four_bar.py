@@ -34,7 +34,7 @@ def scene(
     Parameters
     ----------
     crank, coupler, rocker, base : float     lengths; `base` is between the pivots on the ground [m]
-    masses : (3,) floats                     of crank, coupler and rocker [kg]
+    masses : (3,) floats                     masses of crank, coupler and rocker [kg]
     theta, omega : float                     angle [rad] and speed [rad/s] of the crank at the start
     """
     p = mb.Parameters(crank=crank, coupler=coupler, rocker=rocker, base=base)

@@ -8,14 +8,14 @@ r"""Laval (Jeffcott) rotor: a disc on an elastic shaft with internal damping, at
      bearing       |_|            bearing     +--- x      z to the viewer
                    disc
 
-The shaft is massless, of circular section, and simply supported at its ends. If the disc is not at its middle, the disc
-tilts when the shaft bends, and gyroscopic moments split the whirl into a forward and a backward whirl. Air damps the
-disc (external damping). The material of the shaft damps changes in axes that turn with the shaft. Above some speed this
+The shaft is massless, of circular section, and simply supported at its ends. If the disc is not in the middle, it tilts
+when the shaft bends. Gyroscopic moments then split the whirl into a forward and a backward whirl. Air damps the disc
+(external damping). The material of the shaft damps changes in axes that turn with the shaft. Above some speed this
 drives the forward whirl. Two massless slides and two massless hinges carry the disc, so that the shaft bends in fixed
 axes.
 
 Source: Genta, Dynamics of Rotating Systems (2005), sec. 3.2 to 3.5; own values. Reference for a disc in the middle:
-whirl grows above the speed omega (1 + external damping / internal damping), omega the bending frequency.
+whirl grows above the speed omega (1 + external damping / internal damping). Here omega is the bending frequency.
 """
 
 import numpy as np
@@ -93,7 +93,7 @@ def scene(*, speed: float = 300.0, share: float = 0.3) -> mb.Scene:
 
 
 def _stiffness(p: mb.Parameters) -> list[list]:
-    """Force and moment at the disc for its deflection and slope, from the flexibility of a simply supported beam."""
+    """Stiffness matrix (2, 2) for deflection [m] and slope [rad] of the disc on a simply supported beam."""
     a, b = p.share * p.length, (1 - p.share) * p.length
     scale = 3 * p.modulus * (np.pi * p.diameter**4 / 64) * p.length
     ww, wt, tt = a**2 * b**2, a * b * (b - a), a**2 - a * b + b**2

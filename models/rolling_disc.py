@@ -8,8 +8,8 @@
     ==========c/============  g = 9.81 m/s^2 along -z
 
 One holonomic row: height of the contact = 0. Two velocity-only rows: no slip of the material point at the contact.
-Steady rolling on a circle with precession W and angular velocity w along n (A and C are the moments of inertia across
-and along n):
+Steady rolling on a circle with precession W and angular velocity w along n. The moments of inertia across and along n
+are A and C:
 
     (C + m R^2) w W sin(alpha) - A W^2 sin(alpha) cos(alpha) + m g R cos(alpha) = 0
 
@@ -30,7 +30,7 @@ def steady_spin(alpha: float, precession: float, radius: float = 0.5, g: float =
     ----------
     alpha : float          tilt of the axis from the vertical, pi/2 for an upright disc [rad]
     precession : float     angular velocity about the vertical [rad/s]
-    radius, g : float      [m], [m/s^2]
+    radius, g : float      radius of the disc [m], acceleration of gravity [m/s^2]
     """
     A, C = radius**2 / 4, radius**2 / 2  # for 1 kg
     return (A * precession**2 * np.sin(alpha) - g * radius) / ((C + radius**2) * precession * np.tan(alpha))

@@ -6,8 +6,8 @@
     ===o. . . . . . . .`[m3]. . > x        no gravity
        |                =======
 
-The rod's frame is clamped to the crank pin and points to the wrist pin. Its shapes are two sine functions across the
-rod and, along the rod, the two quadratic functions of a finite element with a node at half length.
+The rod's frame is clamped to the crank pin and points to the wrist pin. The rod has four shapes. Two are sine functions
+across the rod. Two are quadratic functions along the rod, of a finite element with a node at half length.
 
 Source: Simeon, Modelling a flexible slider crank mechanism by a mixed system of DAEs and PDEs, Math. Modelling of
 Systems 2 (1996); problem "crank" of the Test Set for IVP Solvers. The program of this problem omits the factor 1/15 in
@@ -32,7 +32,7 @@ def rod_modes(*, published: bool = False) -> tuple[mb.Modes, np.ndarray]:
 
     Parameters
     ----------
-    published : bool       True: as in the program that computed the published solution
+    published : bool       True: modes as in the program that computed the published solution
     """
     pi, share = (3.1415927, 1.0) if published else (np.pi, 1 / 15)
     mass = DENSITY * WIDTH * HEIGHT * L2
@@ -86,9 +86,9 @@ def scene(
 
     Parameters
     ----------
-    published : bool       see `rod_modes`
-    amplitudes, rates      of the four shapes of the rod at the start [m], [m/s]
-    offset : float         of the wrist pin along the guide, from the slider's centre [m]
+    published : bool       True: modes as in the program that computed the published solution
+    amplitudes, rates      amplitudes [m] and rates [m/s] of the four shapes of the rod at the start
+    offset : float         position of the wrist pin along the guide, from the slider's centre [m]
     """
     p = mb.Parameters(m3=M3)
     modes, shapes = rod_modes(published=published)

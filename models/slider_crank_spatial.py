@@ -7,8 +7,8 @@
         |                 ` .
         +------------------[ ]---- x        g = 9.81 m/s^2 along -z
 
-The rod is free to spin about its own axis, but nothing drives this spin, and it is 0 at the start. (In the library's
-version of this benchmark the slider has a universal joint, and the rod's spin is a part of the motion.)
+The rod is free to spin about its own axis, but nothing drives this spin, and it is 0 at the start. In the library's
+version of this benchmark, the slider has a universal joint. The rod's spin is then a part of the motion.
 
 Source: Haug (1989), Computer Aided Kinematics and Dynamics of Mechanical Systems, vol. 1, spatial slider-crank;
 dimensions as in the IFToMM library of computational benchmarks.

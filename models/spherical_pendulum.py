@@ -24,7 +24,7 @@ def scene(*, theta: float = 1.0, phi_dot: float = 2.0) -> mb.Scene:
     Parameters
     ----------
     theta : float        angle from the downward vertical at the start [rad]
-    phi_dot : float      its initial speed about the vertical [rad/s]
+    phi_dot : float      angular velocity about the vertical at the start [rad/s]
     """
     p = mb.Parameters(length=1.0, mass=1.0, phi_dot=phi_dot)
     ball = mb.Body("ball", mass=p.mass, pose=mb.Particle())

@@ -22,7 +22,7 @@ SPEED, RISE = 6.0, 15.0
 
 
 def modes(count: int, *, stiffening: bool = True) -> mb.Modes:
-    """Cantilever modes in the plane."""
+    """Modes of the cantilever in the plane."""
     area = 1.0  # any value: stiffnesses and mass per metre define the beam
     section = mb.Section(area, BENDING / AXIAL, BENDING / AXIAL, 2 * BENDING / AXIAL).without_shear()
     material = mb.Material(E=AXIAL / area, density=LINE_MASS / area, nu=0.3)
@@ -35,7 +35,7 @@ def scene(*, count: int = 3, stiffening: bool = True) -> mb.Scene:
 
     Parameters
     ----------
-    count : int            modes of the beam
+    count : int            number of modes of the beam
     stiffening : bool      whether bending shortens the beam (geometric stiffening)
     """
     p = mb.Parameters(omega_s=SPEED)

@@ -25,7 +25,7 @@ BASE, TOP, HEIGHT = 1.0, 0.6, 1.2
 MASS, INERTIA = 50.0, (5.0, 5.0, 9.0)
 """Mass and inertia of the platform without load [kg], [kg m^2]."""
 PART = 0.7
-"""Lengths of a cylinder and of a rod. The leg is longer than each of them and shorter than their sum [m]."""
+"""Length of a cylinder, and of a rod [m]. A leg is longer than PART and shorter than 2 PART."""
 SPEED = np.pi
 """Angular frequency of the required motion [rad/s]."""
 

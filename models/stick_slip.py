@@ -34,15 +34,15 @@ def scene(
 
     Parameters
     ----------
-    mass : float               of the block [kg]
-    stiffness : float          of the spring [N/m]
-    speed : float              of the belt [m/s]
-    normal_force : float       between block and belt [N]
+    mass : float               mass of the block [kg]
+    stiffness : float          stiffness of the spring [N/m]
+    speed : float              speed of the belt [m/s]
+    normal_force : float       force between block and belt [N]
     static, kinetic : float    coefficients of friction [-]
-    bristles : float           stiffness [1/m]
-    stribeck : float           speed of slip at which friction falls to kinetic friction [m/s]
+    bristles : float           stiffness of the bristles [1/m]
+    stribeck : float           speed of slip at which friction decreases to kinetic friction [m/s]
 
-    The period above is for stiff bristles and a sudden fall. With the default values the period is 0.3 % shorter.
+    The period of the module's docstring is for stiff bristles and sudden slip. By default it is 0.3 % shorter.
     """
     p = mb.Parameters(stiffness=stiffness, speed=speed)
     wall = mb.Ground().point(0, 0)

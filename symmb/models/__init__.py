@@ -1,6 +1,6 @@
-"""Scenes as functions `scene(...) -> Scene`, in a checkout: their files lie in `models` beside the package.
+"""Scenes as functions `scene(...) -> Scene`. In a checkout, their files are in the folder `models` beside the package.
 
-An installed wheel has the files of that folder in the place of this one.
+In an installed wheel, the files of that folder replace this file.
 """
 
 from pathlib import Path

@@ -1,6 +1,6 @@
 """Parameters, bodies, points, joints, forces and contacts, as users declare them.
 
-All are frozen values. The wing `equations` derives the equations of motion.
+All are frozen values. The package `symmb.equations` derives the equations of motion.
 """
 
 from symmb.declare.mechanics.actuator import Actuator, Stop

@@ -19,7 +19,7 @@ from symmb.declare.symbolic import ddt
 
 @dataclass(frozen=True, eq=False)
 class JointForce(ForceElement):
-    """A force along the coordinate of a joint. It acts on body b at the joint's point, and its opposite on body a."""
+    """A force along the coordinate of a joint. It acts on body b at the joint's point. The reaction acts on body a."""
 
     name: str
     joint: Joint
@@ -72,8 +72,8 @@ class JointForce(ForceElement):
 class Actuator(JointForce):
     """A motor or a cylinder in a joint: a torque [N m] about the joint's axis, or a force [N] along the axis.
 
-    The load acts on body b in the direction of increasing `angle` or `displacement` of the joint, and with the opposite
-    sign on body a. In a `Screw` the load is a torque about the axis.
+    The load acts on body b in the direction of increasing `angle` or `displacement` of the joint. The opposite load
+    acts on body a. In a `Screw` the load is a torque about the axis.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ class Stop(JointForce):
     lower, upper : Expr
         limits of the joint's `angle` [rad] or `displacement` [m]; None: no limit at this end
     law : ContactLaw
-        torque [N m] over penetration [rad], or force [N] over penetration [m]: `KelvinVoigt(...)`, ...
+        torque [N m] for a penetration [rad], or force [N] for a penetration [m]: `KelvinVoigt(...)`, ...
     restitution : Expr
         coefficient of restitution in place of a law: the limits are impacts `name.lower` and `name.upper`, see `Impact`
     coordinate : str

@@ -150,7 +150,7 @@ class AxisJoint(Joint):
 
     @cached_property
     def alignment(self) -> ca.SX:
-        """Matrix (3, 3) that converts components in axes of body a to axes of body b if the joint is at its zero.
+        """Matrix (3, 3) that converts components from axes of body a to axes of body b, at the zero of the joint.
 
         Without `zero` it is the smallest rotation that makes the axes coincide. Planar bodies turn in their plane.
         """

@@ -22,7 +22,7 @@ plates, rounded to three digits, reach this excess."""
 
 
 def _component(vector: str, k: int, doc: str) -> Any:
-    """The property of component k of a vector (3,) that is an attribute."""
+    """A property that returns component k of an attribute of shape (3,)."""
     return property(lambda self: getattr(self, vector)[k], doc=doc)
 
 
@@ -51,7 +51,7 @@ class AbstractBody(Located):
 
     @property
     def owner(self) -> "AbstractBody":
-        """The body whose coordinates determine the frame."""
+        """The body with the coordinates that determine the frame."""
         return self
 
     @kept_interrupts()
@@ -83,7 +83,7 @@ class AbstractBody(Located):
 
     @property
     def omega(self) -> ca.SX:
-        """Angular velocity [rad/s]: about z for a planar body, (3,) in body axes for a spatial one."""
+        """Angular velocity [rad/s]: about z for a planar body, (3,) in body axes for a spatial body."""
         return self.frame.omega[2] if isinstance(self.pose, Planar) else self.frame.omega
 
 
@@ -96,8 +96,8 @@ class Body(AbstractBody):
     name : str
         without dots; coordinates are called `name.x`, ...
     mass : Expr
-        [kg], not negative; 0 is a massless body. If the mass changes along the motion, mass that joins or leaves has
-        the body's velocity
+        mass [kg], not negative; 0 for a massless body. If the mass changes along the motion, mass that joins or leaves
+        has the body's velocity
     inertia : Expr
         inertia about the centre of mass [kg m^2]: a scalar about z for `Planar()`, three principal values or a
         symmetric 3x3 matrix in body axes for `Spatial()`, none for `Particle()`

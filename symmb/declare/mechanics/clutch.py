@@ -37,7 +37,7 @@ class Clutch(PairTorque, Constraint):
         torque of the slipping clutch [N m]: an expression of `t`, coordinates, velocities, states and parameters.
         Negative values count as 0
     static_ratio : Expr
-        largest torque of the sticking clutch over the torque of the slipping clutch, at least 1 [-]
+        largest torque of the sticking clutch divided by the torque of the slipping clutch, at least 1 [-]
     axis : tuple
         direction of the axis, with the same components in the axes of both bodies
 
@@ -76,7 +76,7 @@ class Clutch(PairTorque, Constraint):
             )
 
     def _jumps_with_slip(self, states: int = 4) -> bool:
-        """Whether the capacities just above and just below zero slip differ at all of some random states."""
+        """Whether the capacity jumps at zero slip, at each of some random states."""
         if not isinstance(self.capacity, ca.SX) or self.capacity.numel() != 1:
             return False
         symbols = ca.vertcat(*ca.symvar(ca.vertcat(self.capacity, self.slip)))

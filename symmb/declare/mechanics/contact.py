@@ -72,7 +72,7 @@ def distance_and_direction(d: ca.SX, least: ca.SX | float = 0.0) -> tuple[ca.SX,
 
 
 class SurfaceContact(ForceElement):
-    """A contact with a law along the normal, and optional friction across it."""
+    """A contact with a law along the normal, and optional friction in the tangential directions."""
 
     law: ContactLaw
     friction: FrictionLaw | None
@@ -175,7 +175,7 @@ class BushContact(PairForce):
 
 @dataclass(frozen=True, eq=False)
 class ToothContact(PairForce):
-    """A tooth between two flanks. It is free over the backlash, and each flank pushes it back.
+    """A tooth between two flanks. The tooth is free within the backlash, and each flank pushes it back.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ class ToothContact(PairForce):
 
 @dataclass(frozen=True, eq=False)
 class TorsionContact(PairTorque):
-    """A coupling with backlash. It turns freely over the backlash, and each stop pushes it back.
+    """A coupling with backlash. The coupling turns freely within the backlash, and each stop pushes it back.
 
     If the axes of the bodies do not stay parallel, the angle is the twist, as in `TorsionSpring`.
 
@@ -229,7 +229,7 @@ class TorsionContact(PairTorque):
     backlash : Expr
         play from stop to stop, half of it to each side [rad]
     law : ContactLaw
-        contact law of each stop: torque [N m] over penetration [rad]
+        contact law of each stop: torque [N m] for a penetration [rad]
     angle : Expr
         angle of b relative to a halfway between the stops [rad]
     axis : tuple

@@ -28,7 +28,7 @@ class ContactLaw(Law):
 
     @abstractmethod
     def force(self, penetration: ca.SX, rate: ca.SX) -> ca.SX:
-        """Force [N] from the penetration [m] and its rate [m/s]. It is never negative, and 0 without contact."""
+        """Force [N] from the penetration [m] and its rate [m/s]: never negative, and 0 without contact."""
 
     def potential(self, penetration: ca.SX) -> ca.SX | None:
         """Stored energy [J]; None if the law has losses."""
@@ -89,18 +89,18 @@ class _Hertzian(ContactLaw):
 
 @dataclass(frozen=True, eq=False)
 class HuntCrossley(_Hertzian):
-    """F = k d^n (1 + chi d') with chi = 3 (1 - e) / (2 v): for restitutions near 1.
+    """F = k d^n (1 + chi d') for a penetration d, with chi = 3 (1 - e) / (2 v): for restitutions near 1.
 
     Parameters
     ----------
     stiffness : Expr
-        k [N/m^n]
+        stiffness k [N/m^n]
     restitution : Expr
         coefficient of restitution e, above 0 and at most 1 [-]; with 1 there are no losses
     speed : Expr
         speed of approach v at the start of the contact [m/s]
     exponent : Expr
-        n, by default 3/2 as in Hertz's law [-]
+        exponent n, by default 3/2 as in Hertz's law [-]
 
     Examples
     --------
@@ -121,12 +121,12 @@ class HuntCrossley(_Hertzian):
 
 @dataclass(frozen=True, eq=False)
 class LankaraniNikravesh(_Hertzian):
-    """F = k d^n (1 + chi d') with chi = 3 (1 - e^2) / (4 v): for restitutions near 1.
+    """F = k d^n (1 + chi d') for a penetration d, with chi = 3 (1 - e^2) / (4 v): for restitutions near 1.
 
     Parameters
     ----------
     stiffness, restitution, speed, exponent : Expr
-        as of `HuntCrossley`
+        k, e, v and n as for `HuntCrossley`
 
     Examples
     --------
@@ -148,12 +148,12 @@ class LankaraniNikravesh(_Hertzian):
 
 @dataclass(frozen=True, eq=False)
 class Flores(_Hertzian):
-    """F = k d^n (1 + chi d') with chi = 8 (1 - e) / (5 e v): for all restitutions, soft bodies included.
+    """F = k d^n (1 + chi d') for a penetration d, with chi = 8 (1 - e) / (5 e v): for all restitutions and soft bodies.
 
     Parameters
     ----------
     stiffness, restitution, speed, exponent : Expr
-        as of `HuntCrossley`
+        k, e, v and n as for `HuntCrossley`
 
     Examples
     --------
@@ -175,16 +175,16 @@ class Flores(_Hertzian):
 
 @dataclass(frozen=True, eq=False)
 class KelvinVoigt(ContactLaw):
-    """F = k d + c d', a spring and a damper in parallel.
+    """F = k d + c d' for a penetration d: a spring and a damper in parallel.
 
     With damping the force jumps at the start of the contact, and becomes 0 before the surfaces separate.
 
     Parameters
     ----------
     stiffness : Expr
-        k [N/m]
+        stiffness k [N/m]
     damping : Expr
-        c [N s/m]
+        damping c [N s/m]
 
     Examples
     --------
@@ -213,14 +213,14 @@ class KelvinVoigt(ContactLaw):
 
 @dataclass(frozen=True, eq=False)
 class Tabulated(ContactLaw):
-    """A force from a table of penetrations, with a damper in parallel. It is never negative.
+    """A force from a table of penetrations, with a damper in parallel. The total force is never negative.
 
     Parameters
     ----------
     table : Table
-        table of the force [N] over the penetration [m]
+        table of forces [N] for penetrations [m]
     damping : Expr
-        c [N s/m]
+        damping c of the parallel damper [N s/m]
 
     Examples
     --------

@@ -31,7 +31,7 @@ class Curve:
     closed : bool
         whether the end of the curve is its start
     corners : sequence
-        values of s, or numbers of points, at which the direction of the curve jumps
+        values of s, or indices of points, at which the direction of the curve jumps
 
     Examples
     --------
@@ -91,7 +91,7 @@ class Curve:
         return tuple(ca.substitute([self.place, first, ca.jacobian(first, self.s)], [self.s], [s]))  # type: ignore
 
     def nearest(self, P: ca.SX, low: float, high: float, samples: int, follow: Callable[[ca.SX], ca.SX]) -> ca.SX:
-        """The s of the point of the curve nearest to P (2,): the best of `samples`, improved by Newton's steps."""
+        """The s of the point of the curve nearest to P (2,): the best of n `samples`, improved by Newton's steps."""
         ends = low, high - (high - low) / samples * self.closed
         best, squared = ca.SX(low), ca.sumsqr(P - ca.substitute(self.place, self.s, ca.SX(low)))
         for value in np.linspace(*ends, samples).tolist()[1:]:
@@ -114,7 +114,7 @@ class Curve:
 _SAMPLES = 400
 """Samples of a smooth piece for its curvature. Feet are exact for any parts, so a fixed count suffices."""
 _OVERLAP = 0.1
-"""Overlap of successive parts over the length of a part: where one part ends, the foot on the next part is nearer."""
+"""Overlap of successive parts, relative to the length of a part. At the end of a part, the next foot is nearer."""
 
 
 Part = tuple[float, float]
@@ -176,13 +176,13 @@ class Measured:
         return groups
 
     def _is_concave(self, before: float, behind: float, side: float) -> bool:
-        """Whether the curve turns toward the side at a corner, from the s before the corner to the s behind it."""
+        """Whether the curve turns toward the side at a corner. `before` and `behind` are the s on its two sides."""
         inset = ROUNDING * self.period  # derivatives jump at the corner itself
         (u, v) = self._numbers(np.array([before - inset, behind + inset]))[1]
         return side * (u[0] * v[1] - u[1] * v[0]) > SLIGHT * np.hypot(*u) * np.hypot(*v)
 
     def _parts(self, a: float, b: float, side: float) -> list[Part]:
-        """The parts of a smooth piece from a to b: the curvature keeps its sign, and the turn is a quarter at most."""
+        """The parts of a smooth piece from a to b: the curvature keeps its sign, the tangent turns by 90° at most."""
         inset = ROUNDING * (b - a)  # derivatives jump at the ends
         s = np.linspace(a + inset, b - inset, _SAMPLES + 1)
         _, d, dd = self._numbers(s)
@@ -229,7 +229,7 @@ class Measured:
         return float((-side * (d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / np.hypot(*d.T) ** 3).min())
 
     def require_room(self, group: list[Part], side: float, radius: float, circle: str) -> None:
-        """DeclarationError if a circle that touches a group of parts at one point intersects it at another."""
+        """Raise DeclarationError if a circle touches a group of parts at a point and intersects it at another."""
         ends = [(a, b) if np.isfinite(a) else (0.0, self.period) for a, b in group]
         sampled = [self._numbers(np.linspace(a, b, 100)) for a, b in ends]
         x, d, _ = (np.vstack(part) for part in zip(*sampled, strict=True))

@@ -55,8 +55,8 @@ class CurveContact(ShapeContact):
 
     A foot is the point of the curve that is nearest to the circle. First-order states, `name.foot`, follow the feet.
     The curve is divided into parts that bend to one side by at most a quarter of a turn. Each part has a foot, and the
-    nearest foot counts. In a concave corner, the circle can touch at two points, with a force at each point. An open
-    curve is thin: a circle may touch it from both sides. A point may be below it.
+    nearest foot counts. In a concave corner, the circle can touch at two points, with a force at each point. A circle
+    may touch an open curve from both sides. A point (radius 0) that is below an open curve is in contact.
 
     Two curves have a foot on each curve, `name.foot.a` and `name.foot.b`, for each pair of parts. Closed curves touch
     with their outsides, open curves with their left sides. If one curve bends inward, the other curve must bend more
@@ -197,7 +197,7 @@ class PointOnCurve(Joint):
     inside : bool
         see `CurveContact`
     unilateral : bool
-        True: a warning says when the curve would have to pull, so that a roller on a cam would lift off
+        True: a warning says when the curve would have to pull. A roller on a cam would then lift off
 
     Examples
     --------

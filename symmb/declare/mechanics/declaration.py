@@ -27,7 +27,7 @@ class Block:
 
 
 class FilledByBlock(Block):
-    """An object of `elements` and `parameters` that gets more elements by a `with`. It cannot be used inside."""
+    """An object to which a `with` block adds elements. The object cannot be used inside the block."""
 
     elements: tuple[Any, ...]
     parameters: Any

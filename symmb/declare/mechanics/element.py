@@ -1,4 +1,4 @@
-"""The base classes of constraints, forces and their laws. They check the values of all fields."""
+"""The base classes of constraints, forces and their laws. These classes check the values of all fields."""
 
 import math
 from abc import ABC
@@ -33,9 +33,9 @@ class Bind(Protocol):
 class Element(ABC):
     """A constraint or a force, with its name, its bodies and the faults of its declaration.
 
-    Types and metadata of the fields determine the values that are accepted: types those of points, bodies, laws and
-    curves, metadata such as `DIRECTION` and `POSITIVE` those of directions, numbers and truth values. `poses` lists
-    for each body the accepted poses. If `poses` is empty, every pose is accepted.
+    The type of a field determines which points, bodies, laws and curves are accepted. The metadata of a field, such as
+    `DIRECTION` and `POSITIVE`, determine the accepted directions, numbers and truth values. `poses` lists the accepted
+    poses of each body. If `poses` is empty, every pose is accepted.
     """
 
     poses: ClassVar[tuple[tuple[type[Pose], ...], ...]] = ()
@@ -70,8 +70,8 @@ class Element(ABC):
         return ()
 
     def doubtful(self, bind: Bind) -> Iterator[tuple[ca.SX, str]]:
-        """Expressions that become negative if a run leaves the range of validity of the element's law. Each has the
-        sentence of its warning, in which {} is replaced by the time."""
+        """Expressions that become negative if a run leaves the range of validity of the element's law. Each comes with
+        the text of its warning. The time replaces {} in the text."""
         yield from ()
 
     def place_faults(self) -> list[str]:

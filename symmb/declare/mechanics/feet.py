@@ -12,13 +12,13 @@ from symmb.declare.mechanics.curve import Curve, Measured, Part
 from symmb.declare.symbolic import SOFT, Kind, Symbol, ddt, declare
 
 _CLOSE = 0.2
-"""Lowest slope of the foot's condition over that of a straight line. The slope is 0 at a centre of curvature."""
+"""Lowest slope of the foot's condition, relative to a straight line. The slope is 0 at a centre of curvature."""
 _CATCH_UP = 100.0
 """The error of a foot decreases by the factor e while the point moves by 1 / 100 of the curve's length."""
 _SAMPLES, ALL_SAMPLES = 12, 64
 """Samples of a part, and of a whole curve, from which Newton's method for a foot starts."""
 _AT_REST = SLIGHT
-"""Added to the speed [m/s] of the point, so that the error of a foot also decreases if the point is at rest."""
+"""Speed [m/s] that is added to the speed of the point. The error of a foot then decreases for a point at rest, too."""
 
 
 class Bounds(NamedTuple):
@@ -51,7 +51,7 @@ class Foot(NamedTuple):
 
     @classmethod
     def at(cls, curve: Curve, s: ca.SX, P: ca.SX, bounds: Bounds | None = None) -> "Foot":
-        """The condition at s, on the curve, or on the tangents at the ends of a part."""
+        """The condition for a foot at s, on the curve or on the tangents at the ends of a part."""
         on, beyond = s, ca.SX(0)
         if bounds is not None:
             on, beyond = bounds.inside(s), ca.logic_or(bounds.before, bounds.behind)
@@ -93,7 +93,7 @@ class Side(NamedTuple):
         return (*self.part, _SAMPLES) if np.isfinite(self.part[0]) else (*self.measured.curve.ends, ALL_SAMPLES)
 
     def spot(self, s: ca.SX, bounds: Bounds | None) -> "Spot":
-        """The point of the part at s. Beyond an end the point stays there, and its tangent turns as at a corner."""
+        """The point of the part at s. If s is beyond an end, the point is the end, and the tangent turns with s."""
         # Beyond an end, s turns the tangent: a whole range of s is a whole turn. So the foot on the other curve passes
         # the corner without a jump.
         fan = -self.side * 2 * np.pi / self.measured.period
@@ -134,7 +134,7 @@ class Feet(NamedTuple):
 
     @classmethod
     def at(cls, a: Side, b: Side, s: ca.SX, bounds: Sequence[Bounds | None], motion: "Motion") -> "Feet":
-        """The points at s, and Newton's step for the feet: offset normal to the mean tangent, tangents opposite."""
+        """The points at s. At feet, the offset is normal to the mean tangent, and the tangents are opposite."""
         p, q = (side.spot(s[k], bounds[k]) for k, side in enumerate((a, b)))
         u, v, R = p.tangent, motion.R @ q.tangent, motion.R
         offset, middle = motion.P + R @ q.place - p.place, (u - v) / 2
@@ -269,7 +269,7 @@ def _start(a: Side, b: Side, motion: Motion) -> ca.SX:
 
 
 def require_room(group: Sequence[Side], others: Sequence[Sequence[Side]] | None, radius: float) -> None:
-    """DeclarationError if a circle or another curve may touch a group of parts at several points.
+    """Raise DeclarationError if a circle or another curve may touch a group of parts at several points.
 
     In place of the other curve, its largest circle of curvature is checked.
     """

@@ -22,7 +22,7 @@ class Figure:
 
     Attributes
     ----------
-    kind : str            the name of the function that declared it
+    kind : str            the name of the function that declared the output
     expression : SX       expression over time; None for `first_time`
     condition : SX        comparison; None without a comparison
     window : (2,)         first and last time [s]; None for the start and the end of the run
@@ -156,14 +156,14 @@ def first_time(condition: Expr, window: Window = None) -> Figure:
     """The first time [s] at which a condition holds.
 
     A condition also holds if it is an equality for an instant, such as `gap <= 0` at an impact. If the condition holds
-    at the start of the window, the result is the start. If a `<` is an equality at the start, it holds there only if it
-    holds just after the start, too.
+    at the start of the window, the result is the start. If both sides of a `<` are equal at the start, the condition
+    holds at the start only if it holds just after it.
 
     Parameters
     ----------
     condition : SX
         comparison of expressions, or several comparisons joined by `casadi.logic_and` and `logic_or`. If the condition
-        never holds, the scalar output of a run is nan, with a warning, and the run of a study fails
+        never holds, the scalar output of a run is nan, with a warning. A run of a study then fails
     window : (2,)
         first and last time [s] that count; None for the start and the end of the run
 

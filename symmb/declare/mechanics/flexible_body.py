@@ -1,14 +1,14 @@
 """Flexible bodies: a floating frame, and small deformations relative to it in modal coordinates.
 
-A material point of the body is at r + R (s + u), u = sum of its mode shapes times the modal coordinates eta. The
-first moment f(eta), the inertia J(eta) about the frame's origin, and G(eta), which gives the angular momentum
-G eta', are in the frame's axes. They are polynomials in eta with constant coefficients (`Modes`). The kinetic energy is
+A material point of the body is at r + R (s + u). Its displacement u is the sum of mode shapes times modal coordinates
+eta. The first moment f(eta), the inertia J(eta) about the frame's origin, and the angular momentum G(eta) eta' are in
+the frame's axes. f, J and G are polynomials in eta with constant coefficients (`Modes`). The kinetic energy is
 
     T = m r'.r' / 2 + r'.R (omega x f + f_eta eta') + omega.J omega / 2 + omega.G eta' + eta'.m_eta eta' / 2
 
 and the Boltzmann-Hamel equations give all inertia forces. The modal part m_eta of the mass matrix is the identity.
-Structures with parameters are an exception: their inertia and stiffness are sums of such polynomials, each multiplied
-by an expression of parameters.
+Structures with parameters are an exception: their inertia and stiffness are sums of these polynomials. An expression of
+parameters multiplies each polynomial.
 """
 
 from collections.abc import Callable
@@ -120,7 +120,7 @@ class FlexibleBody(Body):
         return len(self.modes.stiffness)
 
     def node(self, number: int) -> Point:
-        """The point of a node. It moves and turns with the node.
+        """The point of a node. The point moves and turns with the node.
 
         Raises
         ------
@@ -169,7 +169,7 @@ class FlexibleBody(Body):
         return Point(self._carrier(number), vector(arm.tolist()))
 
     def _beyond(self, number: int, arm: Array, short: float = 0.051) -> int | None:
-        """The other node of the beam element that contains the end of a long arm from a node; None if there is none."""
+        """The far node of the beam element that contains the end of a long arm from a node; None without an element."""
         structure, size = self.modes.flexibility, np.linalg.norm(np.ptp(self.modes.positions, axis=0))
         # An arm of up to half an element of a beam of ten bends little: it may be rigid.
         if structure is None or np.linalg.norm(arm) <= short * size:

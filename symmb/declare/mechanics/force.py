@@ -20,7 +20,7 @@ from symmb.declare.mechanics.pose import Planar, Spatial
 from symmb.declare.symbolic import Kind, Symbol, components, ddt, is_time, is_zero, records_in, unit, vector
 
 _LARGE_TURN = 0.5
-"""Angle [rad] at which the moment of a Bushing, which uses the sine, is 4 % smaller than that of a linear spring."""
+"""Angle [rad] at which the moment of a Bushing is 4 % smaller than that of a linear spring. A Bushing uses the sine."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +99,7 @@ class PairForce(ForceElement):
     point_b: Point
 
     def pair_loads(self, force: ca.SX) -> tuple[Load, ...]:
-        """Loads of a force (3,) in world axes on point a, and of its opposite on point b."""
+        """Loads of a force (3,) in world axes on point a, and of the opposite force on point b."""
         return force_at(self.point_a, force), force_at(self.point_b, -force)
 
 
@@ -140,11 +140,11 @@ class SpringDamper(PairForce):
     name : str
     point_a, point_b : Point
     stiffness : Expr
-        k [N/m]
+        stiffness k [N/m]
     damping : Expr
-        c [N s/m]; negative damping adds energy, as in models of vibrations that a flow or friction causes
+        damping c [N s/m]; negative damping adds energy, as in models of vibrations caused by flow or friction
     length : Expr
-        length without load [m]; a negative length is that of a spring that is preloaded when it is closed
+        length without load [m]; negative for a preloaded spring, which pulls even at distance 0
 
     Examples
     --------
@@ -274,9 +274,9 @@ class TorsionSpring(PairTorque):
     name : str
     body_a, body_b : Body or Ground
     stiffness : Expr
-        [N m/rad]
+        stiffness [N m/rad]
     damping : Expr
-        [N m s/rad]
+        damping [N m s/rad]
     angle : Expr
         angle without load [rad]
     axis : tuple
@@ -318,9 +318,9 @@ class Bushing(PairForce):
     name : str
     point_a, point_b : Point
     stiffness, damping : scalar or (x, y, z)
-        [N/m], [N s/m]
+        stiffness [N/m] and damping [N s/m] along the axes
     rotational_stiffness, rotational_damping : scalar or (x, y, z)
-        [N m/rad], [N m s/rad]; for small rotations of b relative to a: the moments use the sine of the angle
+        stiffness [N m/rad] and damping [N m s/rad] about the axes, for small angles: the moments use the sine
 
     Examples
     --------
@@ -370,7 +370,7 @@ def mount_matrices(element: Element, bind: Bind) -> list[ca.SX]:
 
 
 def mount(point_a: Point, point_b: Point, K: ca.SX, C: ca.SX, K_turn: ca.SX, C_turn: ca.SX) -> Iterator[Action]:
-    """Elastic mount between two points. Matrices (3, 3) in the axes of body a [N/m, N s/m, N m/rad, N m s/rad]."""
+    """Mount between two points. The matrices (3, 3) are in axes of body a [N/m, N s/m, N m/rad, N m s/rad]."""
     a, b = point_a.body, point_b.body
     d = a.frame.R.T @ (point_b.r - point_a.r)
     if not is_zero(K):

@@ -40,8 +40,9 @@ class FrictionLaw(Law):
 class Coulomb(FrictionLaw):
     """Coulomb friction, smooth in the slip: mu(v) = mu_k tanh(4 u) + (mu_s - mu_k) u / (u^2 / 4 + 3 / 4)^2.
 
-    u is the slip speed over `speed`. At u = 1, mu is about mu_s. At lower speeds the force is about proportional to the
-    slip. A body under a force f below the limit creeps at about `speed` f / (4 mu_k N). Use `Bristle` if bodies stick.
+    Here u is the slip speed divided by `speed`. At u = 1, mu is about mu_s. At lower speeds the force is about
+    proportional to the slip: a force f below the limit causes a creep of about `speed` f / (4 mu_k N). Use `Bristle` if
+    bodies stick.
 
     Parameters
     ----------
@@ -72,8 +73,8 @@ class Coulomb(FrictionLaw):
 
     def resistance(self, name: str, slip: ca.SX, normal_force: ca.SX) -> tuple[ca.SX, tuple[Symbol, ...]]:
         w = slip / self.speed
-        # The root keeps the direction of the slip, and its derivatives, finite at rest. Smallest slip divided by the
-        # transition speed that has a direction. It reduces the slope of mu at rest by 5e-8 only.
+        # The root keeps the direction of the slip, and its derivatives, finite at rest. It has an effect on slips near
+        # 1e-4 of the transition speed only, and reduces the slope of mu at rest by 5e-8.
         size = ca.sqrt(ca.sumsqr(w) + 1e-4**2)
         mu_over_u = self.kinetic * ca.tanh(4 * size) / size
         if self.static is not None:
@@ -83,12 +84,12 @@ class Coulomb(FrictionLaw):
 
 @dataclass(frozen=True, eq=False)
 class Bristle(FrictionLaw):
-    """Stick and slip by elastic bristles that bend with the slip, F = N (k z + d(z')), until they break away.
+    """Friction by elastic bristles that bend with the slip until they break away: F = N (k z + d(z')).
 
-    The deflection z of a bristle is a first-order state called `name.bristle`. It follows the slip up to 0.7 of its
-    largest value z_s = mu(v) / k, with mu(v) = mu_k + (mu_s - mu_k) exp(-(v / speed)^2). Larger deflections yield, and
-    in steady sliding z is z_s. Forces below 0.7 of the breakaway force cause no creep, even if they vibrate. d is c z'
-    for small rates and at most mu, because linear damping would stop a fast body at once.
+    The deflection z of a bristle is a first-order state called `name.bristle`. It follows the slip up to 0.7 z_s. The
+    largest deflection is z_s = mu(v) / k, with mu(v) = mu_k + (mu_s - mu_k) exp(-(v / speed)^2). Deflections above
+    0.7 z_s yield, and in steady sliding z is z_s. Forces below 0.7 of the breakaway force cause no creep, even if they
+    vibrate. d is c z' for small rates and at most mu, because linear damping would stop a fast body at once.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Shapes of bodies for drawings. They have no part in the equations."""
+"""Shapes of bodies for drawings. Shapes have no effect on the equations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,8 +23,8 @@ class Geometry:
     ----------
     at : (3,)              centre of the shape, or origin of a mesh, in body axes, from the origin of the body's
                            points [m]
-    axes : (3, 3)          columns from the centre to the surface along the axes of the shape, in body axes [m]; of a
-                           mesh the columns are the directions x, y, z of the file times the scale
+    axes : (3, 3)          columns from the centre to the surface along the axes of the shape, in body axes [m]; the
+                           columns of a mesh are the directions x, y, z of the file times the scale
     """
 
     form: ClassVar[str]
@@ -102,7 +102,7 @@ class Cylinder(Geometry):
     Parameters
     ----------
     radius, length : Expr
-        [m]
+        radius and length of the cylinder [m]
     axis : tuple
         direction of the cylinder's axis, in body axes
     at : tuple
@@ -143,7 +143,7 @@ class Sphere(Geometry):
     Parameters
     ----------
     radius : Expr
-        [m]
+        radius of the sphere [m]
     at : tuple
         centre of the sphere in body axes, from the origin of the body's points [m]
 
@@ -222,7 +222,7 @@ class Mesh(Geometry):
 
 
 def shapes_of(owner: str, shapes: Any) -> tuple[Geometry, ...]:
-    """The shapes of a body as a tuple. DeclarationError if they are not a list of shapes."""
+    """The shapes of a body as a tuple. Raises DeclarationError if they are not a list of shapes."""
     if not isinstance(shapes, list | tuple) or not all(isinstance(shape, Geometry) for shape in shapes):
         raise DeclarationError(
             f"{owner}: shapes must be a list of Box3, Cylinder, Sphere or Mesh, got {shown(shapes)}."

@@ -56,7 +56,7 @@ class Revolute(TurningJoint):
 
 
 class Cylindrical(TurningJoint, SlidingJoint):
-    """The bodies turn about and slide along a common axis.
+    """Cylindrical joint: the bodies turn about a common axis, and slide along it.
 
     Examples
     --------
@@ -141,7 +141,7 @@ class Prismatic(SlidingJoint):
 
 
 class Weld(AxisJoint):
-    """The points coincide, and the frames stay parallel, with `axis_b` on `axis`.
+    """Rigid connection: the points coincide, and the frames stay parallel, with `axis_b` on `axis`.
 
     Examples
     --------
@@ -367,7 +367,7 @@ class Gear(AxisJoint):
 
 @dataclass(frozen=True, eq=False)
 class CamFollower(Constraint):
-    """A follower that a cam moves: its displacement or angle is a function of the cam's angle, the lift.
+    """A follower that a cam moves. Its displacement or angle is the lift, a function of the cam's angle.
 
     The lift includes the shape of the follower, flat or with a roller. The constraint is exact, and as smooth as the
     lift. The multiplier is minus the force of the cam on the follower [N, N m]. A warning of the run says when the cam

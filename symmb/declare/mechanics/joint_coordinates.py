@@ -46,7 +46,7 @@ _NONE = Turn(ca.SX.eye(3), ca.SX(ca.sparsify(ca.DM([1, 0, 0, 0]))), ca.SX(3, 1),
 
 
 def about_two(q: ca.SX, u: ca.SX) -> Turn:
-    """The rotation about the axis of body a, followed by a rotation about the normal axis of body b."""
+    """The rotation about the axis of body a, and then about the axis of body b. The axes are normal to each other."""
     first, second = about_z(q[0], u[0]), about_z(q[1], u[1])
     between = product(quaternion_of(_QUARTER), second.quaternion)
     E = _QUARTER @ second.matrix
@@ -75,12 +75,12 @@ def quaternion_of(F: ca.SX) -> ca.SX:
 
 
 def angle_of(pose: RelativePose) -> ca.SX:
-    """The angle [rad] of a pose that `about_z` gives."""
+    """The angle [rad] with which `about_z` gives a pose."""
     return ca.atan2(pose.turn[1, 0], pose.turn[0, 0]) if pose.angle is None else pose.angle
 
 
 def angles_of(pose: RelativePose) -> ca.SX:
-    """The two angles (2,) [rad] of a pose that `about_two` gives."""
+    """The two angles (2,) [rad] with which `about_two` gives a pose."""
     E = pose.turn
     return ca.vertcat(ca.atan2(E[0, 2], -E[1, 2]), ca.atan2(E[2, 0], E[2, 1]))
 
@@ -89,8 +89,8 @@ def angles_of(pose: RelativePose) -> ca.SX:
 class JointCoordinates:
     """Coordinates q (k,) and velocities u (n,) of the motion of body b relative to body a.
 
-    `turn(q, u)` is the rotation of the frame on body b relative to the frame on body a. `shift(joint, q, bind)` is its
-    position (3,) [m] in axes of the frame on body a. `measured(pose)` returns the coordinates (k,) of a pose.
+    `turn(q, u)` is the rotation of the frame on body b relative to the frame on body a. `shift(joint, q, bind)` is the
+    relative position (3,) [m] in axes of the frame on body a. `measured(pose)` returns the coordinates (k,) of a pose.
     """
 
     q_names: tuple[str, ...] = ()

@@ -169,7 +169,7 @@ class Latch(JointEvent):
 
     @cached_property
     def _grip(self) -> tuple[Joint, tuple[tuple[Symbol, ca.SX], ...]]:
-        """The joint with the point and the frame of body a moved to those of body b, and the states of this motion."""
+        """The joint, with its point and frame on body a moved to those on body b, and the states of this motion."""
         joint = self.joint
         if isinstance(joint, Distance):
             return joint, ((event_state(f"{self.name}.length", 1.0), ca.norm_2(joint.d)),)

@@ -51,7 +51,7 @@ class NonlinearSpring(PairForce):
 
 @dataclass(frozen=True, eq=False)
 class GasSpring(Law):
-    """Gas that pushes two points apart by a piston, with p V^n constant: a law of `NonlinearSpring`.
+    """Gas that pushes two points apart by a piston, with p V^n constant: a law for a `NonlinearSpring`.
 
     Below a hundredth of `volume` the pressure stays constant.
 
@@ -64,7 +64,7 @@ class GasSpring(Law):
     area : Expr
         area of the piston [m^2]; negative if the gas is compressed when the distance grows, as in a recuperator
     length : Expr
-        distance of the points for which pressure and volume are given [m]
+        distance of the points [m] at the given pressure and volume
     exponent : Expr
         polytropic exponent n: 1 for slow and 1.4 for fast changes of air [-]
 
@@ -83,7 +83,7 @@ class GasSpring(Law):
     exponent: Expr = field(default=1.4, metadata=POSITIVE)
 
     def __call__(self, length: ca.SX, rate: ca.SX) -> ca.SX:
-        """The pull [N]."""
+        """The force [N] that pulls the points together, for a length [m] and its rate [m/s]."""
         law = bound(self, scalar, "GasSpring")
         share = 1 + law.area * (scalar(length, "GasSpring: length") - law.length) / law.volume
         return (
@@ -92,28 +92,27 @@ class GasSpring(Law):
 
 
 _SMALLEST_VOLUME = 0.01
-"""Smallest volume divided by the given volume. The pressure then stays finite if a motion compresses the gas to
-nothing."""
+"""Smallest volume divided by the given volume. It keeps the pressure finite for all motions."""
 
 
 @dataclass(frozen=True, eq=False)
 class Orifice(Law):
-    """Fluid that a piston pushes through an opening, as in recoil brakes: a law of `NonlinearSpring`.
+    """Fluid that a piston pushes through an opening, as in recoil brakes: a law for a `NonlinearSpring`.
 
     F = rho A^3 / (2 (Cd a)^2) v |v|, the quadratic loss of the flow A v through the opening a. The expression
-    v sqrt(v^2 + speed^2) replaces v |v|. It is smooth, and laminar flow at low speeds.
+    v sqrt(v^2 + speed^2) replaces v |v|. It is smooth, and describes laminar flow at low speeds.
 
     Parameters
     ----------
     area : Expr
         area A of the piston [m^2]
     opening : Expr
-        a [m^2], positive, or a function of (stroke [m], rate [m/s]), both SX, such as `lambda stroke, rate:
-        ring(stroke)` with a `Table` for a throttling ring
+        area a of the opening [m^2], positive, or a function of (stroke [m], rate [m/s]), both SX, such as
+        `lambda stroke, rate: ring(stroke)` with a `Table` for a throttling ring
     length : Expr
         distance of the points at stroke 0 [m]
     density : Expr
-        rho [kg/m^3]
+        density rho of the fluid [kg/m^3]
     discharge : Expr
         coefficient of discharge Cd [-]
     speed : Expr
@@ -135,7 +134,7 @@ class Orifice(Law):
     speed: Expr = field(default=1e-3, metadata=NOT_NEGATIVE)
 
     def __call__(self, length: ca.SX, rate: ca.SX) -> ca.SX:
-        """The pull [N]."""
+        """The force [N] that pulls the points together, for a length [m] and its rate [m/s]."""
         law = bound(self, scalar, "Orifice")
         length, rate = scalar(length, "Orifice: length"), scalar(rate, "Orifice: rate")
         opening = law.opening(length - law.length, rate) if callable(law.opening) else law.opening
@@ -147,7 +146,7 @@ class Orifice(Law):
 class Soil(ForceElement):
     """Soil under a foot. It pushes along the normal, and springs and dampers act in the other directions.
 
-    The springs across the normal also act without a normal force, because spades and ribs stay in the soil.
+    The tangential springs also act without a normal force, because spades and ribs stay in the soil.
 
     Parameters
     ----------
@@ -161,9 +160,9 @@ class Soil(ForceElement):
     law : ContactLaw
         law along the normal: `KelvinVoigt(...)`, or `Tabulated(...)` for measured forces
     stiffness, damping : scalar or (x, y, z)
-        stiffness and damping across the normal [N/m], [N s/m]
+        stiffness [N/m] and damping [N s/m] in the tangential directions
     rotational_stiffness, rotational_damping : scalar or (x, y, z)
-        [N m/rad], [N m s/rad], see `Bushing`
+        stiffness [N m/rad] and damping [N m s/rad] about the axes, see `Bushing`
 
     Examples
     --------

@@ -13,7 +13,7 @@ from symmb._magnitudes import LARGEST, SAME
 from symmb._types import Array
 
 _HEAD = 84
-"""Bytes before the triangles of a binary STL file: 80 of the header, and 4 of the count of triangles."""
+"""Bytes before the triangles of a binary STL file: 80 for the header, and 4 for the number of triangles."""
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
 _VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 _LARGEST_FILE = 2**28
@@ -21,7 +21,7 @@ _LARGEST_FILE = 2**28
 
 
 def read_mesh(path: Path) -> Array:
-    """Corners of the triangles of a mesh file, (m, 3, 3). DeclarationError if the file is not a mesh, or is damaged."""
+    """Corners (m, 3, 3) of the triangles of a mesh file. Raises DeclarationError for other or damaged files."""
     try:
         found = os.stat(path)
     except (OSError, ValueError):
@@ -51,7 +51,7 @@ def _read(path: Path, changed: int, size: int) -> Array:
 
 
 def _stl(data: bytes) -> Array:
-    """Triangles (m, 3, 3) of a binary or ASCII STL file. ValueError if the file is damaged."""
+    """Triangles (m, 3, 3) of a binary or ASCII STL file. Raises ValueError if the file is damaged."""
     if not data.strip():
         raise ValueError("is empty")
     count = int.from_bytes(data[_HEAD - 4 : _HEAD], "little") if len(data) >= _HEAD else -1
@@ -82,7 +82,7 @@ def _stl(data: bytes) -> Array:
 
 
 def _by_trimesh(path: Path) -> Array:
-    """Triangles (m, 3, 3) of a file in another format. ValueError if the file cannot be read."""
+    """Triangles (m, 3, 3) of a file in another format than STL. Raises ValueError if the file cannot be read."""
     try:
         import trimesh  # pyright: ignore[reportMissingImports]
     except ImportError:

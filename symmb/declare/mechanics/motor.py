@@ -30,19 +30,19 @@ class Motor(JointForce):
     joint : Joint
         Revolute, Prismatic, Cylindrical or Screw
     voltage : Expr
-        V [V]: any expression of coordinates, velocities, states, parameters and `t`, such as a controller
+        voltage V [V]: any expression of coordinates, velocities, states, parameters and `t`, such as a controller
     resistance : Expr
-        R [ohm]
+        resistance R [ohm]
     torque_constant : Expr
-        k_t [N m/A]
+        torque per current, k_t [N m/A]
     inductance : Expr
-        L [H]; with 0 the equations are not stiff
+        inductance L [H]; with 0 the equations are not stiff
     gear : Expr
-        n [-]
+        turns n of the rotor per turn of the joint [-]
     friction : Expr
         coefficient b of viscous friction of the rotor [N m s/rad]
     emf_constant : Expr
-        k_e [V s/rad]; by default k_t
+        induced voltage per rotor speed, k_e [V s/rad]; by default k_t
     coordinate : str
         "angle" or "displacement", for joints that have both
 

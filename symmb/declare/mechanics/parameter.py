@@ -83,7 +83,7 @@ class Parameters(Mapping[str, float]):
         return self._with(self._nominal | dict.fromkeys((symbol.name for symbol in inputs), 0.0), inputs)
 
     def with_nominal(self, nominal: Mapping[str, float]) -> "Parameters":
-        """Parameters with the symbols of this object and other nominal values: numbers in their units, or "240 mm"."""
+        """Parameters with the same symbols and other nominal values: numbers in the parameters' units, or "240 mm"."""
         nominal = normal_keys("with_nominal", nominal)
         if not isinstance(nominal, Mapping) or not self._nominal.keys() <= nominal.keys():
             names = ", ".join(self._nominal)
@@ -138,13 +138,13 @@ class Parameters(Mapping[str, float]):
 
 
 def _quantities(symbols: ca.SX, names: Iterable[str], units: Mapping[str, str]) -> ca.SX:
-    """The quantities (n_p,) in SI units of symbols, which are numbers in the units of the parameters."""
+    """The symbols (n_p,) of parameters, converted from the units of the parameters to SI units."""
     ratios = (unit_of(name, units.get(name, "")) for name in names)
     return ca.vertcat(ca.SX(0, 1), *(scaled(symbols[i], ratio) for i, ratio in enumerate(ratios))) if units else symbols
 
 
 def with_si_symbols(parameters: Parameters, expression: ca.SX) -> ca.SX:
-    """An expression with symbols of parameters that are quantities in SI units, as in textbooks."""
+    """An expression in which the symbol of each parameter is a quantity in SI units, as in textbooks."""
     units, symbols = units_of_parameters(parameters), parameters.symbols
     ratios = [unit_of(name, units.get(name, "")) for name in parameters]
     numbers = [scaled(symbols[i], ratio, inverse=True) for i, ratio in enumerate(ratios)]

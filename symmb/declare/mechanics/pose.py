@@ -1,8 +1,8 @@
 """The poses of bodies: coordinates, velocities, and the frame that depends on them.
 
-All poses have the same kinematics: position r (3,), rotation R (3, 3) body to world, and the twist (r', omega) = S v,
-(6,), with r' in world axes, omega in body axes, and a matrix S that selects velocities. A planar pose is a spatial pose
-with structural zeros. A flexible body has the coordinates of its floating frame, followed by modal coordinates.
+All poses have the same kinematics: position r (3,), rotation R (3, 3) body to world, and twist (r', omega) = S v, (6,).
+r' is in world axes, and omega is in body axes. The matrix S selects velocities. A planar pose is a spatial pose with
+structural zeros. A flexible body has the coordinates of its floating frame, followed by modal coordinates.
 """
 
 from abc import ABC, abstractmethod
@@ -127,7 +127,7 @@ class Planar(Pose):
 
 
 class Spatial(Pose):
-    """Free motion in space: q = (r, e), v = (r', omega), e a unit quaternion, scalar first, omega in body axes.
+    """Free motion in space: q = (r, e), v = (r', omega). e is a unit quaternion, scalar first. omega is in body axes.
 
     Examples
     --------

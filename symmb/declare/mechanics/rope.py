@@ -24,7 +24,7 @@ Wrap = Point | tuple[Point, Expr]
 
 @dataclass(frozen=True, eq=False)
 class Rope(ForceElement):
-    """A rope that pulls k (l - length) + c (l' - length') if its path l is longer than its length, and never pushes.
+    """A rope that never pushes. If its path l is longer than `length`, it pulls with k (l - length) + c (l' - length').
 
     The rope slides without friction over the points between its ends, and round pulleys in the xy plane. The pull is
     the same everywhere in the rope. A slack rope has no force. The rope leaves a pulley if contact would require the
@@ -131,9 +131,9 @@ class Rope(ForceElement):
     def _wrap(self, pulley: int, before: "Straight", behind: "Straight", radius: ca.SX) -> ca.SX:
         """Angle [rad] by which the path turns at a pulley between two straight parts; negative if the rope has left it.
 
-        Directions determine the angle up to whole turns. A first-order state such as `name.wrap1` (1 is the number of
-        the pulley's point) follows the angle between the lines to the centres of its neighbours. The state only chooses
-        the number of turns.
+        Directions determine the angle up to whole turns. A first-order state only chooses the number of turns. Its name
+        is `name.wrap1` for the pulley of point 1. It follows the angle between the lines to the centres of the pulley's
+        neighbours.
         """
         side, (u, v) = ca.sign(radius), (before.direction, behind.direction)
         sine, cosine = side * (u[0] * v[1] - u[1] * v[0]), ca.dot(u, v)
@@ -150,7 +150,7 @@ class Rope(ForceElement):
 
     @cached_property
     def _turns(self) -> dict[int, tuple[Symbol, ca.SX]]:
-        """The states of the pulleys, and for each an angle that differs from its wrap by less than half a turn."""
+        """For each pulley, its state and an angle that differs from its wrap by less than half a turn."""
         return {}
 
     def doubtful(self, bind: Bind) -> Iterator[tuple[ca.SX, str]]:
@@ -207,7 +207,7 @@ class Straight:
     def between(cls, a: ca.SX, b: ca.SX, r: ca.SX, s: ca.SX) -> "Straight":
         """The straight part between the circles of radii r and s about the centres a and b (3,).
 
-        Its angle to the line of the centres has the sine (r - s) / |b - a|.
+        The sine of its angle to the line of the centres is (r - s) / |b - a|.
         """
         d, across = b - a, s - r
         squared = ca.fmax(ca.sumsqr(d), MEETING**2 + across**2)  # inside a pulley the length stays real: it is 0
@@ -238,8 +238,8 @@ class Course:
     ) -> "Course":
         """The path over `places` (3,) that touches only the pulleys that it must touch.
 
-        On this path no wrap is negative. A pulley that the path leaves out would have no positive wrap. There is one
-        such path. `faults` are sums of the violations of these conditions from the first point up to a straight part.
+        On this path no wrap is negative. A pulley that the path leaves out would have no positive wrap. Exactly one
+        path has these properties. `faults` are sums of violations from the first point up to a straight part.
         """
         lengths = {pair: ca.SX.sym("length") for pair in straights}
         faults: dict[tuple[int, int], ca.SX] = {}

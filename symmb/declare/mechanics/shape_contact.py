@@ -31,7 +31,7 @@ class ShapeContact(SurfaceContact):
         return self.point_a.body.frame.R.T @ (self.point_b.r - self.point_a.r)
 
     def round(self, bind: Bind, d: ca.SX, *fixed: ca.SX, inside: bool) -> Iterator[Action]:
-        """Actions between round shapes whose centres are apart by d (3,) [m] in the axes of body a."""
+        """Actions between round shapes. d (3,) [m] leads from centre a to centre b, in the axes of body a."""
         radius_a, radius_b = (self.number(bind, what) for what in ("radius_a", "radius_b"))
         # The centre has no direction to the wall. A lower limit of the distance at half the play, where no force acts
         # yet, keeps derivatives finite there.
@@ -65,9 +65,9 @@ class CircleContact(RoundContact):
     ----------
     name : str
     point_a, point_b : Point
-        centres
+        centres of the circles
     radius_a, radius_b : Expr
-        [m]
+        radii of the circles [m]
     law, friction
         see `Contact`
     inside : bool

@@ -78,7 +78,7 @@ class Sampled(OwnState):
     name : str
         without dots
     period : float
-        a number [s]
+        time between two sampling instants [s], a number
     law : Expr
         expression of coordinates, velocities, states, parameters and `t`; or a function of the held value, SX, that
         returns such an expression and is called once. The held value is 0 before the start, or the value in

@@ -18,11 +18,11 @@ class Table:
     """A curve through points (x, y): cubic pieces with continuous slopes, and no overshoot between the points.
 
     The curve is monotone between points, and constant between points of equal y. A spline with continuous curvature
-    would oscillate beside a steep front, and a positive quantity could become negative. The value is constant before
-    the first point and after the last point.
+    would oscillate near a steep front, and a positive quantity could become negative. The value is constant before the
+    first point and after the last point.
 
     Bisection finds the piece, so a table of 100,000 points costs little more than a table of ten. If x is time, steps
-    of solvers end at each point. If x depends on the state, steps end at points where the slope changes by half or
+    of solvers end at each point. If x depends on the state, steps end at points at which the slope changes by half or
     more.
 
     Parameters
@@ -74,7 +74,7 @@ class Table:
         object.__setattr__(self, "_pieces", Pieces(np.zeros(len(begins)), begins, np.column_stack(columns)))
 
     def _points(self) -> tuple[Array, Array]:
-        """The arrays x and y; DeclarationError if they are not valid points of a curve."""
+        """The arrays x (n,) and y (n,). Raises DeclarationError if they are not valid points of a curve."""
         x, y = numbers_of(self.x), numbers_of(self.y)
         if any(isinstance(entry, ca.SX) for entry in (*_entries(self.x), *_entries(self.y))):
             raise DeclarationError("Table: x and y must be numbers. Multiply the table by parameters instead.")
@@ -113,7 +113,7 @@ class Table:
         return ca.reshape(ca.vertcat(*values), *at.shape)
 
     def _value(self, at: ca.SX, over_state: bool) -> ca.SX:
-        """The value of the curve at an expression. If it depends on the state, steps end at points of large bends."""
+        """The value of the curve at an expression `at`. If `at` depends on the state, steps end at large bends."""
         pieces, group = self._pieces, ca.SX(0)
         if over_state:
             sides, pieces = self._grouped
@@ -132,7 +132,7 @@ class Table:
         x, y = np.array(self.x, dtype=float), np.array(self.y, dtype=float)
         slope = np.diff(y) / np.diff(x)
         steeper = np.maximum(np.abs(slope[1:]), np.abs(slope[:-1]))
-        # Change of the slope at a point over the steeper of both slopes: steps end at points with larger changes.
+        # Steps end at points where the slope changes by more than half of the steeper of both slopes.
         bends = np.concatenate([[True], np.abs(np.diff(slope)) > 0.5 * steeper, [True]])
         data = self._pieces.data
         return Sides.of(x[bends]), Pieces(np.concatenate([[0], np.cumsum(bends)]), data[1], data[2:-1].T)
@@ -144,7 +144,7 @@ def _entries(values: object) -> Sequence[object]:
 
 
 _MOST_POINTS = 1_000_000
-"""Largest number of points. They take 100 MB, and some seconds to declare."""
+"""Largest number of points. A table of this size takes 100 MB, and some seconds to declare."""
 
 
 def _slopes(h: Array, slope: Array) -> Array:

@@ -1,6 +1,6 @@
 """The two-node Timoshenko beam element in space. Without shear deformation it is the Euler-Bernoulli element.
 
-Its shape functions are the static solutions of the uniform or tapered element under forces at its ends. Nodal
+The shape functions are the static solutions of the uniform or tapered element under forces at its ends. Nodal
 displacements under static loads at nodes are therefore exact. For a uniform element the shape functions are the cubic
 polynomials of Hermite, or of Timoshenko.
 
@@ -29,9 +29,9 @@ PLANES = ((1, 5, BENDING_XY, np.array([1, 1, 1, 1]), 1), (2, 4, BENDING_XZ, np.a
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """e elements in global axes, with 12 degrees of freedom each: three translations and three rotations a node.
+    """e elements in global axes. Each has 12 degrees of freedom: three translations and three rotations of two nodes.
 
-    Matrices map them to fields at the g Gauss points. `weights` contain the lengths.
+    Matrices map the degrees of freedom to fields at the g Gauss points. `weights` contain the lengths.
     """
 
     weights: Array  # (e, g) [m]

@@ -136,8 +136,7 @@ class Beam:
         return replace(self, section=sections[0] if one else sections, material=Material(E=E, density=density, G=G))
 
     def laws(self) -> list[list[Expr]]:
-        """Stiffness and mass of each section: EA, GA_y, GA_z, GJ, EI_y, EI_z [N, N m^2] and ρA, ρI_y, ρI_z [kg/m, kg
-        m].
+        """Stiffness EA, GA_y, GA_z, GJ, EI_y, EI_z [N, N m^2] and mass ρA, ρI_y, ρI_z [kg/m, kg m] of each section.
 
         For a section that is rigid in shear, the bending stiffness replaces the shear stiffness.
         """
@@ -169,7 +168,7 @@ def properties_of(section: Section) -> list[Expr]:
 
 @dataclass(frozen=True, eq=False)
 class AxialForces:
-    """Axial forces in beams and their effect. The e elements with g Gauss points are the first e g samples."""
+    """Axial forces in beams and their effect. The g Gauss points of the e elements are the first e g mass samples."""
 
     dofs: Indices  # (e, 12)
     axis: Array  # (e, 3), unit vectors along the elements
@@ -180,8 +179,8 @@ class AxialForces:
     def forces(self, displacements: Array, loads: Array) -> Array:
         """Axial forces (e, g) [N] under loads (e g, 3) [N] on the samples. The loads are linear along an element.
 
-        By equilibrium, the load of an element changes the uniform force by p₁ at the first end and by -p₂ at the second
-        end, where p₁ and p₂ are the parts of the load at both ends.
+        The load of an element has the parts p₁ and p₂ at both ends. By equilibrium, the load changes the uniform force
+        by p₁ at the first end and by -p₂ at the second end.
         """
         along = np.einsum("ega,ea->eg", loads.reshape(len(self.axis), -1, 3), self.axis)
         first, second = (along @ (1 - XI))[:, None], (along @ XI)[:, None]
@@ -202,7 +201,7 @@ class Mesh:
 def mesh(beams: Sequence[Beam], shares: Array | None = None) -> Mesh:
     """Assemble beams. Coincident nodes of beams are joined rigidly.
 
-    `shares` (b, 9) are factors of the stiffness and mass that the `laws` of each beam cause, by default 1.
+    `shares` (b, 9) multiply the stiffness and mass of the 9 `laws` of each beam. By default they are 1.
     """
     from scipy.sparse import csc_array
 

@@ -18,7 +18,7 @@ INDEFINITE = "the mass matrix is not positive definite. Check its signs and the 
 
 
 def factorized(K: Sparse) -> Callable[[Array], Array]:
-    """The function f -> K⁻¹ f for a sparse K and f (d,) or (d, m); DeclarationError unless K is positive definite."""
+    """The function f -> K⁻¹ f for f (d,) or (d, m). Raises DeclarationError unless K is positive definite."""
     scale = stiffness_scale(K)
     lu, pivots = _pivots(K, scale)
     if lu is None or pivots.min(initial=1.0) <= FACTORS:
@@ -100,10 +100,10 @@ def _all(K: Sparse, M: Sparse, rigid: Array) -> tuple[Array, Array]:
 
 
 def _some(K: Sparse, M: Sparse, rigid: Array, count: int | None, below: float) -> tuple[Array, Array]:
-    """Modes of a large structure in batches. Each batch is orthogonal to earlier batches, until a mode is above the
-    request.
+    """Modes of a large structure in batches, until all modes of a batch are above the requested modes.
 
-    Lanczos' method may find only one mode of a multiple frequency. The next batch then finds the other modes.
+    Each batch is orthogonal to earlier batches. Lanczos' method may find only one mode of a multiple frequency. The
+    next batch then finds the other modes.
     """
     from scipy.sparse.linalg import LinearOperator, eigsh
 

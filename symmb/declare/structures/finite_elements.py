@@ -31,9 +31,9 @@ from symmb.declare.structures.validation import is_law, numbers, positive
 class FiniteElements:
     """A linear elastic structure that is free in space: K u + M ü = f.
 
-    The degrees of freedom are ordered by node. Each node has three translations [m] and, if it has six degrees of
-    freedom, three small rotations [rad], in the axes of the mesh. `FiniteElements.beams` and `FiniteElements.matrices`
-    create a structure.
+    The degrees of freedom are ordered by node, in the axes of the mesh. Each node has three translations [m]. A node
+    with six degrees of freedom also has three small rotations [rad]. `FiniteElements.beams` and
+    `FiniteElements.matrices` create a structure.
 
     Parameters
     ----------
@@ -137,9 +137,9 @@ class FiniteElements:
         with GRID cards, or any file that the package meshio can read. Nodes of Nastran are matched by their numbers;
         all other nodes must have the order of the matrices.
 
-        Mass, centre of mass, inertia, S and G0 follow from M. The parts of first and second order in the deformation
-        (J1, J2, G1) follow from node masses, which are the row sums of M. With parameters, K and M are sums: lists of
-        pairs (factor, matrix), such as [(p.h, membrane), (p.h**3, plate)], and `at` gives values as in `beams`.
+        Mass, centre of mass, inertia, S and G0 follow from M. J1, J2 and G1, of first and second order in the
+        deformation, follow from node masses: the row sums of M. With parameters, K and M are sums: lists of pairs
+        (factor, matrix), such as [(p.h, membrane), (p.h**3, plate)]. `at` then gives values as in `beams`.
 
         Raises
         ------
@@ -234,7 +234,7 @@ class FiniteElements:
             whether axial loads (centrifugal forces, gravity, forces at the ends) stiffen or soften beams. It needs a
             clamped node. Without stiffening, a fast rotor is too soft
         planar : bool
-            only motion in the xy plane, for bodies whose pose is `Planar()`
+            True: only motion in the xy plane, for bodies with the pose `Planar()`
 
         Raises
         ------
@@ -310,7 +310,7 @@ class FiniteElements:
         nodal = X.reshape(k, self.per_node, n)
         shapes, rotations = nodal[:, :3], nodal[:, 3:] if self.per_node == 6 else np.zeros_like(nodal)
         nodal2 = np.zeros((k, 3, n, n)) if D is None else D[0].reshape(k, self.per_node, n, n)[:, :3]
-        # Size of each mode. Smaller values by many digits are rounding.
+        # Size of each mode. Values that are smaller by many digits are rounding.
         size = np.maximum(np.abs(shapes).max(axis=(0, 1)), length * np.abs(rotations).max(axis=(0, 1)))
         ratio = self._terms.middle(zeta) if is_law(zeta) else zeta
         modes = Modes(
@@ -346,7 +346,7 @@ class FiniteElements:
             raise DeclarationError(f"{OWNER}: stiffening requires a structure of beams with a clamped node.")
 
     def _freedom(self, fixed: Sequence[int], locked: Sequence[int]) -> tuple[Indices, Indices]:
-        """Free and clamped degrees of freedom. Motions locked at all nodes are in neither."""
+        """The free and the clamped degrees of freedom. Neither contains motions that are `locked` at all nodes."""
         every, held = np.arange(self.K.shape[0]), self._dofs(fixed)
         moving = every[~np.isin(every % self.per_node, locked)]
         return np.setdiff1d(moving, held), np.intersect1d(moving, held)

@@ -21,7 +21,7 @@ class Responses:
 
 @dataclass(frozen=True, eq=False)
 class Flexibility:
-    """A structure with its modes. Loads at nodes deform the structure more than the modes."""
+    """A structure with its modes. Loads at nodes deform the structure more than the modes show."""
 
     K: Sparse  # (d, d), stiffness matrix
     M: Sparse  # (d, d), mass matrix

@@ -32,7 +32,7 @@ class MassSamples:
 
 
 def joined(parts: Sequence[MassSamples]) -> MassSamples:
-    """All samples of several sets over the same degrees of freedom."""
+    """All samples of several sets that have the same degrees of freedom."""
     from scipy.sparse import vstack
 
     return MassSamples(

@@ -20,7 +20,7 @@ from symmb.results.files import told
 
 OWNER = "FiniteElements.matrices"
 ASYMMETRY, STRAIN = 1e-8, SLIGHT
-"""Asymmetry and strain of rigid motions, relative to the largest entries, caused by rounded numbers in files."""
+"""Asymmetry, and strain of rigid motions, that rounded numbers in files may cause, relative to the largest entries."""
 
 
 def loaded(
@@ -50,7 +50,7 @@ def loaded(
 
 
 def _positions(source: npt.ArrayLike | str | PathLike[str], numbered: list[int]) -> Array:
-    """Positions (k, 3) from an array or a mesh. From a Nastran file, only `numbered` nodes are taken, if any."""
+    """Positions (k, 3) from an array or a mesh. `numbered` are the nodes to read from a Nastran file; empty for all."""
     if not isinstance(source, str | PathLike):
         return numbers(source, OWNER, "positions", ("k", 3))
     if is_nastran(source):
@@ -104,7 +104,7 @@ def read(source: Sparse | str | PathLike[str], name: str, k: int) -> Sparse:
 
 
 def _require_size(shape: Any, name: str, k: int) -> None:
-    """DeclarationError unless a matrix fits k nodes."""
+    """Raise a DeclarationError unless a matrix fits k nodes."""
     if shape not in ((3 * k, 3 * k), (6 * k, 6 * k)):
         raise DeclarationError(
             f"{OWNER}: {name} has the shape {shape}, but {k} nodes have 3 or 6 degrees of freedom each: "

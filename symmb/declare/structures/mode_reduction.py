@@ -14,8 +14,7 @@ from symmb.declare.structures.mass_samples import Sparse
 def reduced(
     K: Sparse, M: Sparse, rigid: Array, axes: Sparse, interface: Indices, count: int | None, below: float | None
 ) -> tuple[Array, Array]:
-    """λ (n,) and X (d, n), orthonormal in M, of the span of fixed-interface modes and static shapes of interface
-    motions.
+    """λ (n,) and X (d, n) with Xᵀ M X = 1, in the span of fixed-interface modes and static shapes of the interface.
 
     K and M (d, d) are sparse; `rigid` (d, r) and `axes` are explained in `lowest`. Static shapes of the degrees of
     freedom `interface` (b,) are exact. `count` is the total number of modes, and `below` is a bound of λ for
@@ -57,7 +56,7 @@ def reduced(
 
 
 def chosen(nodes: Sequence[int], total: int, owner: str) -> list[int]:
-    """The node numbers as a list; DeclarationError if one is not valid."""
+    """The node numbers as a list. Raises DeclarationError if a number is not valid."""
     if numbers_of(nodes) is None or np.ndim(nodes) != 1:  # pyright: ignore[reportArgumentType]
         raise DeclarationError(f"{owner}: expected a list of node numbers, got {shown(nodes)}.")
     for node in nodes:

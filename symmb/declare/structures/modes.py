@@ -60,9 +60,9 @@ class Family:
 class Modes:
     """Inertia invariants, stiffness and shapes of n mass-normalised modes at k nodes.
 
-    In the floating frame a material point is x = s + u(s), with the elastic displacement u = Σ φ_j η_j + Σ η_i η_j D_ij
-    and D is the foreshortening of beams in bending, if requested. With the frame's velocity v and angular
-    velocity ω in its own axes, the energies are
+    In the floating frame a material point is at x = s + u(s). The displacement is u = Σ φ_j η_j + Σ η_i η_j D_ij. D is
+    the foreshortening of beams in bending, if requested, else 0. With the frame's velocity v and angular velocity ω in
+    its own axes, the energies are
 
         T = ½ m v² + v·(ω × f(η)) + v·df(η)/dt + ½ ω·J(η) ω + ω·(G0 + Σ η_i G1_i) η̇ + ½ η̇·η̇
         V = ½ Σ stiffness_j η_j²
@@ -80,9 +80,9 @@ class Modes:
     J0 : (3, 3)
         inertia of the undeformed body about the frame's origin [kg m^2]
     J1 : (n, 3, 3)
-        its first derivative by η [kg^½ m]
+        first derivative of the inertia by η [kg^½ m]
     J2 : (n, n, 3, 3)
-        its second-order part [1], J2[i, j] = J2[j, i]
+        second-order part of the inertia [1], J2[i, j] = J2[j, i]
     S, S2 : (3, n), (3, n, n)
         linear and quadratic part of the first moment [kg^½], [1/m]; S is 0 in the floating frame
     G0, G1 : (3, n), (n, 3, n)
@@ -175,9 +175,9 @@ class Modes:
     def error(self) -> float:
         """Relative error of squared frequencies, and of deflections under loads at interfaces, caused by parameters.
 
-        It is twice the largest difference to modes that are computed at points of the box. A frequency below the
-        frequency of these modes is no error, because it is closer to the frequency of the full structure. The error is
-        0 if no parameter changes the shapes.
+        The error is twice the largest difference to modes that are computed at points of the box. A frequency below the
+        frequency of these modes is not an error, because it is closer to the frequency of the full structure. The error
+        is 0 if no parameter changes the shapes.
         """
         return 0.0 if self.family is None else self.family.error
 
@@ -195,7 +195,7 @@ class Modes:
         return _STRUCTURES.get(self)
 
     def of_structure(self, structure: Flexibility) -> "Modes":
-        """These modes, after their structure is remembered. Files do not contain the structure."""
+        """These modes, which then have the structure as `flexibility`. Files do not contain the structure."""
         _STRUCTURES[self] = structure
         return self
 
@@ -216,15 +216,13 @@ class Modes:
         return np.linalg.norm(turned, axis=2).max(axis=1, initial=0.0)
 
     def carried(self, nodes: list[int], eta: Array) -> Array:
-        """Displacements and rotations (N, m, 6, 6) of m nodes for unit motions of the frame, at modal coordinates (N,
-        n)."""
+        """Motions (N, m, 6, 6) of m nodes for unit motions of the frame, at modal coordinates (N, n)."""
         positions = self.positions[nodes] + np.einsum("kan,Nn->Nka", self.shapes[nodes], eta)
         return rigid_motions(positions.reshape(-1, 3), 6).reshape(*positions.shape[:2], 6, 6)
 
     @cached_property
     def _turning_lines(self) -> Array:
-        """Estimated rotations (k, 3, n) for bodies without nodal rotations, from the chords between nodes and one of
-        two far ends."""
+        """Estimated rotations (k, 3, n) of nodes without rotations, from the chord of each node to a far end."""
         s, first = self.positions, int(np.argmax(np.linalg.norm(self.positions - self.positions.mean(axis=0), axis=1)))
         ends = np.array([first, int(np.argmax(np.linalg.norm(s - s[first], axis=1)))])
         other = ends[np.linalg.norm(s[:, None] - s[ends], axis=2).argmax(axis=1)]
@@ -261,7 +259,7 @@ class Modes:
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> "Modes":
-        """Read a file that `save`, or another program in the same layout, has written.
+        """Read a file that `save` has written, or another program in the same layout.
 
         Raises
         ------

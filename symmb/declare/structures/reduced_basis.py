@@ -15,11 +15,11 @@ Solve = Callable[[Sparse, Sparse], tuple[Array, Array]]
 def spanning(
     matrices: Sequence[tuple[Sparse, Sparse]], places: Sequence[str], solve: Solve, rigid: Array, axes: Sparse
 ) -> tuple[Array, Array, float]:
-    """λ (n,) and X (d, n): modes of the first structure in a span of the modes of all structures; and the error.
+    """λ (n,) and X (d, n) of the first structure in a span of the modes of all structures, and the error.
 
     The method is greedy: in each step, the missing parts of the modes with the largest error are added to the shapes.
-    `solve` returns the wanted λ and X for a stiffness and a mass matrix, and `places` are the names of the structures
-    in messages. `rigid` and `axes` are explained in `lowest`.
+    `solve` returns the wanted λ and X for a stiffness and a mass matrix. `places` are the names of the structures in
+    messages. `rigid` and `axes` are explained in `lowest`.
     """
     K, M = matrices[0]
     values, X = solve(K, M)
@@ -32,9 +32,9 @@ def spanning(
     while True:
         lost = [_lost(B, *some, pair, rigid) for some, pair in zip(wanted, matrices, strict=True)]
         error, directions = max(lost, key=lambda pair: pair[0])
-        # Allowed error: the fraction of the strain energy of any mode in the box that the shapes do not represent
-        # (this is the error of deflections under loads at interfaces), and the relative excess of squared
-        # frequencies.
+        # The error is the relative excess of squared frequencies, or the fraction of a mode's strain energy that the
+        # shapes do not represent. This fraction is the error of deflections under loads at interfaces. It may be 1e-5
+        # for any mode in the box.
         if error <= 1e-5 or not directions.size or B.shape[1] + directions.shape[1] > most:
             break
         B = _independent(np.hstack([B, _without(directions, rigid, M)]), K)

@@ -24,7 +24,7 @@ class Section:
     Parameters
     ----------
     area : Expr
-        A [m^2]
+        area A [m^2]
     Iy, Iz : Expr
         second moments ∫ z² dA and ∫ y² dA [m^4]: bending in the x-z and in the x-y plane
     J : Expr
@@ -62,8 +62,8 @@ class Section:
     def circle(cls, radius: Expr, inner: Expr = 0.0) -> "Section":
         """Solid or hollow circle of outer and inner radius [m].
 
-        Shear areas after G. R. Cowper, The shear coefficient in Timoshenko's beam theory, J. Appl. Mech. 33 (1966),
-        at Poisson's ratio 0.3.
+        Shear areas follow from Cowper's formula at Poisson's ratio 0.3 (G. R. Cowper, The shear coefficient in
+        Timoshenko's beam theory, J. Appl. Mech. 33 (1966)).
         """
         R = positive_law(radius, "Section.circle", "radius")
         r = inner if is_law(inner) else float(numbers(inner, "Section.circle", "inner"))
@@ -77,8 +77,8 @@ class Section:
     def rectangle(cls, width: Expr, height: Expr) -> "Section":
         """Solid rectangle, width along y and height along z [m].
 
-        Torsion constant by Saint-Venant's series (S. P. Timoshenko, J. N. Goodier, Theory of Elasticity, art. 109),
-        shear areas after Cowper as for the circle.
+        The torsion constant follows from Saint-Venant's series (S. P. Timoshenko, J. N. Goodier, Theory of Elasticity,
+        art. 109). Shear areas follow from Cowper's formula, as for `circle`.
         """
         b, h = positive_law(width, "Section.rectangle", "width"), positive_law(height, "Section.rectangle", "height")
         law = is_law(b) or is_law(h)

@@ -19,7 +19,7 @@ from symmb.declare.symbolic import batch
 
 OWNER = "FiniteElements.modes"
 _SAME = 1e-11
-"""Relative difference of laws that is rounding."""
+"""Relative difference of laws that counts as rounding."""
 _PROPORTIONAL = ([0], [3], [4, 2], [5, 1], [6], [7], [8])
 """Groups of laws of a beam with constant proportions along the beam and in each group. Element shapes depend on these
 proportions."""
@@ -51,13 +51,13 @@ class Ranges:
 
     @property
     def widened(self) -> "Ranges":
-        """The ranges, in which every parameter has an interval with a width above 0."""
+        """The ranges, widened so that the interval of every parameter has a width above 0."""
         # A parameter without an interval is varied a little, to see what depends on it.
         near = {name: (SMALL * abs(low) or SAME) * (low == high) for name, (low, high) in self.intervals.items()}
         return Ranges({name: (low - near[name], high + near[name]) for name, (low, high) in self.intervals.items()})
 
     def points(self, names: Iterable[str], most_corners: int = 32, inner: int = 32) -> list[dict[str, float]]:
-        """The middle, corners and inner points for the parameters with these names. Others have their middle values."""
+        """Middle, corners and inner points for parameters with these names. Other parameters have middle values."""
         middle = {name: low + 0.5 * (high - low) for name, (low, high) in self.intervals.items()}
         names, random = list(names), np.random.default_rng(0)
         if not names:
@@ -70,7 +70,7 @@ class Ranges:
         return [middle, *(middle | dict(zip(names, place.tolist(), strict=True)) for place in places)]
 
     def values(self, laws: Sequence[Expr], points: Sequence[dict[str, float]], owner: str) -> Array:
-        """Values (N, m) of laws at points; DeclarationError if a symbol has no value, or if a value is not finite."""
+        """Values (N, m) of laws at points. Raises DeclarationError for missing values, or if a value is not finite."""
         stacked = ca.vertcat(*map(ca.SX, laws))
         symbols = ca.symvar(stacked)
         for name in names_in(laws):
@@ -149,7 +149,7 @@ class Terms:
         return box
 
     def matrices(self, free: Indices, names: Iterable[str]) -> tuple[list[tuple[Sparse, Sparse]], list[str]]:
-        """K and M of the `free` degrees of freedom at points of the box of parameters, and the points' names."""
+        """K and M of the `free` degrees of freedom at points of the box of parameters, and texts of these points."""
         points, sums, laws = self.ranges.points(names), [], []
         for terms in (self.stiffness, self.mass):
             own = [law for law, *_ in terms]

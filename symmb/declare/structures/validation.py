@@ -39,7 +39,7 @@ LARGEST = 1e60
 
 
 def positive(value: npt.ArrayLike, owner: str, name: str) -> float:
-    """A number above zero with finite powers; DeclarationError for other values."""
+    """A number above zero with finite powers. Raises DeclarationError for other values."""
     number = float(numbers(value, owner, name))
     if number <= 0:
         raise DeclarationError(f"{owner}: {name} must be above 0, got {number:g}.")
@@ -54,7 +54,7 @@ def is_law(value: Any) -> bool:
 
 
 def positive_law(value: Any, owner: str, name: str) -> Any:
-    """A number above zero, or an expression of parameters; DeclarationError for other values."""
+    """A number above zero, or an expression of parameters. Raises DeclarationError for other values."""
     return value if is_law(value) else positive(value, owner, name)
 
 

@@ -18,8 +18,8 @@ class Margin:
 def margin_of(condition: ca.SX) -> Margin:
     """The margin of a comparison, or of comparisons that `logic_and`, `logic_or` and `logic_not` combine.
 
-    DeclarationError if the expression is not a comparison, is constant, or requires equality, because a motion
-    satisfies an equality only for an instant.
+    Raises DeclarationError if the expression is not a comparison, is constant, or requires equality. A motion satisfies
+    an equality only for an instant.
     """
     fault = f"the condition is not a comparison, or is constant. {EXAMPLE}"
     if condition.numel() != 1 or condition.is_constant() or condition.is_symbolic():

@@ -43,8 +43,8 @@ def interpret(
     `inputs` and the result are the structural nonzeros of each input and output, in column-major order.
     ``operation(code, arguments)`` gets one of CasADi's ``OP_`` numbers or an `Entry`, with one or two arguments (none
     for a free symbol, ``OP_PARAMETER``). `known` are values of scalar outputs by index; they also replace these values
-    in later outputs. DeclarationError if f is not an SX Function or calls another Function, or if the inputs do not
-    fit.
+    in later outputs. Raises DeclarationError if f is not an SX Function or calls another Function, or if the inputs do
+    not fit.
 
     Examples
     --------

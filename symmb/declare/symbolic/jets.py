@@ -21,7 +21,7 @@ def jets(expression: ca.SX, curve: Sequence[Sequence[ca.SX]]) -> list[ca.SX]:
 
     A curve has the coefficients x_0, ..., x_k, symbols with the same shape. With x(eps) = x_0 + x_1 eps + x_2 eps^2 +
     ... the coefficients satisfy j f_j = D f_{j-1}. Here D is the directional derivative in which every x_i changes by
-    (i + 1) x_{i+1}. PropagationError if the coefficients have too many operations.
+    (i + 1) x_{i+1}. Raises PropagationError if the coefficients have too many operations.
     """
     order = len(curve[0]) - 1
     coefficients, sizes = [expression], [0.0]

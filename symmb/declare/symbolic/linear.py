@@ -71,10 +71,10 @@ nonzero eigenvalues. One refinement squares the relative error. tests/symbolic/t
 
 
 def singular_solver(S: ca.SX, nullity: int, usual: ca.SX | None = None) -> Callable[[ca.SX], ca.SX]:
-    """Solver of S z = r at rank n - nullity, for a semidefinite S (n, n) with this rank or close to this rank.
+    """Solver of S z = r for a semidefinite S (n, n), which is treated as a matrix of rank n - nullity.
 
     The vanishing combinations of rows come from inverse iteration, and are removed from right sides and solutions. Rows
-    are measured by the diagonal, so units have no effect. Some rows may vanish at some states: `usual` (n,) are the
+    are scaled by the diagonal, so units have no effect. Some rows may vanish at some states: `usual` (n,) are the
     relative sizes of the rows, by default equal.
     """
     size = _row_sizes(ca.diag(S), usual)
@@ -107,7 +107,7 @@ def vanishing_rows(G: ca.SX, nullity: int, usual: ca.SX | None = None) -> ca.SX:
 def least_multipliers(G: ca.SX, force: ca.SX, units: ca.SX) -> ca.SX:
     """Least-norm multipliers lam (n_r,) with G' lam = force (n_v,), for G of any rank, if a solution exists.
 
-    The norm is the norm of the multipliers in `units` (n_r,).
+    The norm is that of multipliers divided by their `units` (n_r,).
     """
     G = ca.sparsify(ca.diag(units) @ G)
     size = ca.sqrt(ca.sum1(G * G).T + NOTHING)  # avoids 0 for velocities without rows
@@ -119,7 +119,7 @@ def least_multipliers(G: ca.SX, force: ca.SX, units: ca.SX) -> ca.SX:
 
 
 def gated_solver(S: ca.SX, gates: ca.SX) -> Callable[[ca.SX], ca.SX]:
-    """Solver of S z = r for a semidefinite S (n, n) with zero rows and columns for gates (n,) of 0.
+    """Solver of S z = r for a semidefinite S (n, n), in which rows and columns with gates (n,) of 0 are zero.
 
     z is 0 in these rows. Rows with a gate of 1 may depend on other rows. They are lifted, and z is refined once.
     """
@@ -144,7 +144,7 @@ def _row_sizes(squares: ca.SX, usual: ca.SX | None) -> ca.SX:
 
 
 def independent(rows: ca.SX, multipliers: ca.SX, vanishing: ca.SX) -> ca.SX:
-    """Rows (n,) with vanishing combinations (n, k), with the same combinations of their multipliers added.
+    """Rows (n,) plus the part of their multipliers (n,) in the `vanishing` combinations (n, k).
 
     The sum is zero only if the rows are zero and the multipliers have no part in these combinations.
     """
@@ -241,7 +241,7 @@ def _halved(A: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
 
 
 def least_factorization(G: ca.Function) -> int:
-    """A lower bound of the operations of `saddle_solver`, from the sparsity pattern of the factors for G (n_c, n_v)."""
+    """Lower bound of the number of operations of `saddle_solver`, from the sparsity of the factors for G (n_c, n_v)."""
     pattern = ca.DM(G.sparsity_out(0), 1)
     factor = (pattern @ pattern.T).sparsity().ldl()[0]
     return int((np.diff(factor.colind()) ** 2).sum())
@@ -260,7 +260,7 @@ def saddle_solver(
 
     Range-space method: the sparse S = G M^-1 G' is factorised by LDL' with a fill-reducing order. M (n_v, n_v) has
     diagonal blocks with the given `sizes`. If a block is structurally singular, as for a massless body, M + G'w G
-    replaces M, where w is the mean mass. `coupled` means that blocks are nearly singular, as for flexible bodies with
+    replaces M. Here w is the mean mass. `coupled` means that blocks are nearly singular, as for flexible bodies with
     modes that almost contain the motion of the frame. Then w is the effective mass of each row.
 
     Parameters
@@ -311,9 +311,9 @@ def saddle_solver(
 
 
 def _rotors(G: ca.SX, sizes: Sequence[int]) -> dict[int, int]:
-    """Velocities of rotors, and the indices of the rows that determine them from the velocities of one other block.
+    """For each velocity of a rotor, the row that determines it from the velocities of one other block, by indices.
 
-    Such a velocity is a block of its own, appears in only one row, and has a constant factor there.
+    A velocity of a rotor is a block of its own. It appears in only one row, and has a constant factor there.
     """
     there, block = pattern(G.sparsity()), np.repeat(np.arange(len(sizes)), sizes)
     found: dict[int, int] = {}

@@ -72,7 +72,7 @@ def ranges_along(values: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX) -> tuple[ca.SX, ca
 
     The symbols (4 n + 3,) are the smallest and largest x, the smallest and largest rates of x times the duration,
     start, end and duration. The expressions (4 m,) are the smallest and largest values, and the smallest and largest
-    rates times the duration. The latter are infinite across a jump.
+    rates times the duration. Rates across a jump are infinite.
     """
     n = x.numel()
     dx, dt, box = ca.SX.sym("dx", n), ca.SX.sym("dt"), ca.SX.sym("box", 4 * n + 3)
@@ -266,7 +266,7 @@ def _angle(y: SymbolicRange, x: SymbolicRange) -> SymbolicRange:
 def _within_period(
     rounded: Callable[[ca.SX], ca.SX], a: SymbolicRange, b: SymbolicRange, share: float
 ) -> SymbolicRange:
-    """The range of a - b rounded(a / b), at most a fraction of b. It jumps if the rounded number jumps."""
+    """The range of a - b rounded(a / b), at most `share` times b. The value jumps if the rounded number jumps."""
     if not b.is_point:
         size = share * _size(b).high
         return SymbolicRange(-size, size, ca.SX(1))
@@ -284,7 +284,7 @@ def _with_sign(a: SymbolicRange, b: SymbolicRange) -> SymbolicRange:
 
 
 def _chosen(condition: SymbolicRange, a: SymbolicRange) -> SymbolicRange:
-    """The range of a value that is a if the condition holds, and 0 otherwise; the union if uncertain."""
+    """The range of a value that is a if a condition holds, else 0. For an uncertain condition, the union of both."""
     if condition.is_point:
         return SymbolicRange(*(ca.if_else(condition.low, end, 0) for end in a[:2]))
     either = SymbolicRange(*(ca.if_else(condition.high, end, 0) for end in (ca.fmin(a.low, 0), ca.fmax(a.high, 0))))

@@ -1,4 +1,4 @@
-"""Short forms of the entries of matrices, if few operations find these forms."""
+"""Short forms of the entries of matrices that are small enough to be simplified fast."""
 
 from collections.abc import Sequence
 from typing import Any

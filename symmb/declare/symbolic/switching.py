@@ -73,7 +73,7 @@ _POSITIVE = {ca.OP_SQRT, ca.OP_LOG, ca.OP_POW, ca.OP_CONSTPOW}
 
 
 class On(IntEnum):
-    """A value depends on the state, or else on time, or else on parameters only."""
+    """What a value depends on: the state, or else time, or else parameters only."""
 
     PARAMETERS = 0
     TIME = 1
@@ -186,7 +186,7 @@ _POWERS = {ca.OP_SQ, ca.OP_MUL, ca.OP_POW, ca.OP_CONSTPOW}
 
 
 def _power(code: Any, of: Sequence[_Power[T]], constant: float | None) -> _Power[T] | None:
-    """The result of one of these operations as a power; None otherwise. The exponent of `pow` may be constant."""
+    """The result of an operation of `_POWERS` as a power; None for others. The exponent of `pow` may be constant."""
     base, exponent = of[0]
     if code == ca.OP_MUL:
         return _Power(base, exponent + of[1].exponent) if base == of[1].base else None
@@ -320,7 +320,7 @@ def _levels(argument: ca.SX) -> dict[tuple[int, float], ca.SX]:
 
 
 def laws(expression: ca.SX, p: ca.SX, t: ca.SX) -> ca.SX:
-    """The largest parts (n,) that depend only on time, or on time and parameters. Time itself is not included.
+    """Largest parts (n,) of an expression that depend only on time, or on time and parameters, except time itself.
 
     Examples
     --------

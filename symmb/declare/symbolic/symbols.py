@@ -23,7 +23,7 @@ _casadi_bool = ca.SX.__bool__
 
 
 class TruthValueError(DeclarationError, RuntimeError):
-    """Python needs the truth value of a symbolic expression. The class is also the RuntimeError of CasADi."""
+    """Python needs the truth value of a symbolic expression. This error is also a RuntimeError, as in CasADi."""
 
 
 def _truth_value(expression: ca.SX) -> bool:
@@ -57,7 +57,7 @@ class Symbol:
     """A declared symbol: dotted name, kind, rate of a variable, and start `value` of a state.
 
     Missing properties are empty. `owner` is the name of the element that must be in the System. A state without owner
-    belongs to each system with an expression of the state.
+    belongs to each system that uses it in an expression.
     """
 
     name: str
@@ -202,7 +202,7 @@ def ddt(expression: ca.SX) -> ca.SX:
 
 
 def rate(expression: ca.SX, accelerations: Mapping[int, ca.SX]) -> ca.SX:
-    """The result of `ddt`, also for velocities. `accelerations` has their rates by the hashes of the velocities."""
+    """The result of `ddt`, also for velocities. `accelerations` are the rates of velocities by hashes of velocities."""
     value = given(expression)
     if value is None or (value.is_constant() and not value.is_regular()):
         raise DeclarationError(f"ddt: expected a finite number or CasADi SX, got {shown(expression)}.")

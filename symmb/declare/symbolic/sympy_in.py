@@ -30,8 +30,8 @@ def is_sympy(value: object) -> bool:
 def from_sympy(expression: Any, symbols: Mapping[str, ca.SX]) -> ca.SX:
     """SX of a SymPy expression, truth value or matrix. Symbols are bound by name: "l1", "rod1.theta", "t".
 
-    Zero entries become structural zeros. DeclarationError for unknown names, for functions without a counterpart in
-    CasADi, for NaN, and for a Piecewise without a final branch.
+    Zero entries become structural zeros. Raises DeclarationError for unknown names, for functions without a counterpart
+    in CasADi, for NaN, and for a Piecewise without a final branch.
 
     Examples
     --------

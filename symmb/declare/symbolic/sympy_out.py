@@ -26,8 +26,8 @@ def to_sympy(expr: ca.SX, symbols: Sequence[ca.SX], names: Sequence[str]) -> Any
     "rod1.theta".
 
     Structural zeros are 0. Floats that are simple fractions, or simple fractions of pi, become exact numbers; all other
-    floats become a Float with the same bits. DeclarationError for a symbol that is not listed, a NaN constant, or an
-    operation without counterpart in SymPy.
+    floats become a Float with the same bits. Raises DeclarationError for a symbol that is not listed, a NaN constant,
+    or an operation without counterpart in SymPy.
 
     Examples
     --------
@@ -182,7 +182,7 @@ def _add(a: Any, b: Any) -> Any:
 
 
 def _remainder(a: Any, b: Any) -> Any:
-    """IEEE remainder a - n b, where n is a / b rounded to the nearest integer, ties to even."""
+    """IEEE remainder a - n b. n is a / b, rounded to the nearest integer, with ties to even."""
     import sympy
 
     twice = 2 * a / b

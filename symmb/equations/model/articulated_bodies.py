@@ -1,8 +1,8 @@
 """Motion and forces along a tree of joints: recursions from body to body.
 
-Every body has working axes W and an origin. They are the joint frame for a spatial body on a joint; the axes of a
-planar body are parallel to the world axes. Accelerations (a, alpha) are accelerations of the origin in working axes,
-and forces (f, n) act at the origin.
+Every body has working axes W and an origin. For a spatial body on a joint, these are axes and origin of the joint
+frame. The axes W of a planar body are parallel to the world axes. Accelerations (a, alpha) are accelerations of the
+origin in working axes, and forces (f, n) act at the origin.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -180,7 +180,7 @@ class ArticulatedBodies:
 
 
 class Loads:
-    """Inertia (6, 6) and forces (6,) of bodies on a tree of joints, in W at their origins.
+    """Inertia (6, 6) and forces (6,) of bodies on a tree of joints, in working axes W and at origins of the bodies.
 
     The articulated-body algorithm computes accelerations, and the composite-rigid-body algorithm computes the mass
     matrix. (Featherstone 2008, Rigid Body Dynamics Algorithms, chapters 6 and 7)

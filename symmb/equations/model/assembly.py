@@ -225,7 +225,7 @@ class _Equations:
 
     @property
     def forces(self) -> dict[str, ca.SX | None]:
-        """The law of each force element by name. A force at several places is the sum."""
+        """The law of each force element, by name. For an element with several forces, it is their sum."""
         own = {f.name: [a.force for a in actions if a.force is not None] for f, actions in self.actions.items()}
         return {name: sum(forces[1:], forces[0]) if forces else None for name, forces in own.items()}
 
@@ -273,7 +273,7 @@ def _write_equations(
 
 
 def _gate_rows(equations: _Equations, bind: Binding) -> None:
-    """Rewrite the rows of joints that open or close: 0 while open, relative to the place of closing after a Latch."""
+    """Rewrite the rows of joints that open or close. Rows of open joints are 0. A Latch keeps the pose at closing."""
     for name in row_gates(event for event, _ in equations.joint_events):
         parts, own = [], equations.positions[name]
         for event, _ in equations.joint_events:

@@ -58,8 +58,8 @@ class Binding:
     def __call__(self, law: Expr, what: str, also: Collection[int] = (), any_size: bool = False) -> ca.SX:
         """The law as SX with one component, or with any number of components for `any_size`.
 
-        DeclarationError if the law contains NaN, infinity or a symbol that is neither known nor in `also`. `what` names
-        the owner in messages.
+        Raises DeclarationError if the law contains NaN, infinity or a symbol that is neither known nor in `also`. The
+        text `what` names the owner in messages.
         """
         if is_sympy(law):
             with faults_of(what):

@@ -141,13 +141,13 @@ class Box:
         Parameters
         ----------
         parameters : mapping of name to nominal value
-        **tolerances : by name, a number (for both sides), a pair (lower, upper) of signed deviations, a percentage
-            such as "1%", or a size in mm with its deviations, such as "40 ±0.1", "40 +/- 0.1", "40 ±1%" or "40
-            +0.1/-0.2", or with its grade by ISO 286 or ISO 2768, such as "40 H7" or "120 ISO 2768-m". The nominal value
-            must then be equal to this size. It may be in m or mm, and for an angle such as "30° ±0.5°" in rad or
-            degrees. For a parameter with a unit, sizes and deviations may have other units of the same kind, as in
-            "±0.1 mm" and "23.5 cm +1/-2 mm". Sizes and deviations without a unit are in the unit of the parameter;
-            sizes with a grade are in mm
+        **tolerances : by name, a number (for both sides), a pair (lower, upper) of signed deviations, or a percentage
+            such as "1%"; or a size in mm with its deviations, such as "40 ±0.1", "40 +/- 0.1", "40 ±1%" or
+            "40 +0.1/-0.2"; or a size with its grade by ISO 286 or ISO 2768, such as "40 H7" or "120 ISO 2768-m". The
+            nominal value must be equal to the size, in m or mm; for an angle such as "30° ±0.5°", in rad or degrees.
+            For a parameter with a unit, sizes and deviations may have other units of the same kind, as in "±0.1 mm" and
+            "23.5 cm +1/-2 mm". Sizes and deviations without a unit are in the unit of the parameter; sizes with a grade
+            are in mm
 
         Raises
         ------
@@ -185,7 +185,7 @@ class Box:
         Raises
         ------
         DeclarationError
-            If the file is not such a table, or if a nominal value differs from the nominal value of the parameter.
+            If the file is not a table of tolerances, or if a nominal value differs from that of the parameter.
         FileError
             If the file cannot be read.
         """
@@ -295,7 +295,7 @@ class Box:
 
 
 def _nominal(owner: str, parameters: object) -> dict[str, float]:
-    """Nominal values by the normal forms of their names; DeclarationError if they are not valid."""
+    """Nominal values by the normal forms of their names. Raises DeclarationError if they are not valid."""
     if not isinstance(parameters, Mapping) or not all(map(is_finite_number, parameters.values())):
         raise DeclarationError(f"{owner}: parameters must be nominal values by name, got {shown(parameters)}.")
     return {name: float(value) for name, value in normal_keys(owner, parameters).items()}

@@ -24,7 +24,7 @@ _EXAMPLE = Path(__file__).with_name("example.c.in")
 def save_c(
     functions: Mapping[str, ca.Function], folder: str | Path, *, name: str = "model", example: str | None = None
 ) -> tuple[Path, ...]:
-    """Write `<name>.c`, `<name>.h` and, for the text of an example, `main.c`. Existing files are replaced.
+    """Write `<name>.c`, `<name>.h` and, if there is the text of an example, `main.c`. Existing files are replaced.
 
     The names of the C functions are `<name>_<key>`, because a function `gamma` would clash with math.h.
     """
@@ -102,7 +102,7 @@ def example_c(
 
 
 def _require_start(rhs: ca.Function, start: Mapping[str, Sized], coordinates: Sequence[str]) -> None:
-    """DeclarationError unless the start has the sizes of the inputs of rhs."""
+    """Raise DeclarationError unless the start has the sizes of the inputs of rhs."""
     has_states = rhs.n_in() != 4
     sizes = {key: len(values) for key, values in start.items() if has_states or key != "s"}
     expected = {key: rhs.nnz_in(i) for i, key in enumerate(sizes)}

@@ -32,8 +32,8 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
     rows : sequence of int, optional
         indices of the constraint rows to keep if the other rows are redundant
     nullities : (int, int)
-        numbers of linear combinations of these rows, and of the position rows among them, that vanish at all positions
-        that satisfy the constraints
+        numbers of linear combinations that vanish at all positions that satisfy the constraints: combinations of these
+        rows, and of the position rows among them
 
     Returns
     -------

@@ -5,8 +5,8 @@ With gaps g, their rates g' = W v + g_t, and the effects B, L of unit forces alo
     M B + G' L = W',    G B = 0,    D = W B,
 
 the forces f >= 0 in closed contacts follow from g'' = W (v'_free + B f) + zeta = 0, and velocities jump by B P.
-States c are 1 for closed contacts and 0 for open contacts. With (c D c + 1 - c) f = -c (W v'_free + zeta) the forces in
-open contacts are 0, so one set of equations holds for all combinations.
+States c are 1 for closed contacts and 0 for open contacts. In (c D c + 1 - c) f = -c (W v'_free + zeta) the forces of
+open contacts are 0. So one set of equations holds for all combinations.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""The DAE bundle for solvers: compiled functions. They can be pickled, unlike SX expressions."""
+"""The DAE bundle for solvers: compiled functions, which can be pickled, unlike SX expressions."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -40,8 +40,8 @@ class DAE:
     """Compiled equations of motion of a system; see `system` for the notation.
 
     Every Function takes (q, v, p, t), or (q, v, s, p, t) if there are first-order states, unless said otherwise. A part
-    that the scene does not have is None. The Functions in `equations` and the scales are made at their first use,
-    because most of the time goes to the formulation that a scene does not use.
+    that the scene does not have is None. The Functions in `equations` and the scales are made at their first use.
+    Otherwise most of the time would go to a formulation that the scene does not use.
     """
 
     q_names: tuple[str, ...]
@@ -63,7 +63,7 @@ class DAE:
     positive_names: tuple[str, ...]
     impacts: Impacts | None = None  # gaps that close, and velocities that jump then
     measured: Lazy[Scales] = field(default_factory=lambda: known(Scales()))
-    s_rest: Array | None = None  # (n_s,), states at the start next to which angles count their turns; None: 0
+    s_rest: Array | None = None  # (n_s,), states at the start from which angles count their turns; None: 0
     sampling: Sampling | None = None  # values that are held between instants
 
     rhs = Equation[ca.Function]()  # -> q', v' [, s']
@@ -97,7 +97,7 @@ class DAE:
 
     @cached_property
     def memory(self) -> dict[Any, Any]:
-        """Results that were derived from the equations for any nominal parameters."""
+        """Results derived from the equations. They hold for all nominal parameters."""
         return {}
 
     def remembered(self, derive: Callable[["DAE", Array], T], times: Array = NO_TIMES, *more: float) -> T:
@@ -114,7 +114,7 @@ class DAE:
         return {**self.__dict__, "memory": memory}
 
     def around(self, p: Array) -> "DAE":
-        """A copy for runs with parameters p (n_p,). Both share the derived results."""
+        """A copy for runs with parameters p (n_p,). The copy shares the derived results."""
         copy = replace(self, p_nominal=p)
         vars(copy)["memory"] = self.memory
         return copy
@@ -125,7 +125,7 @@ class DAE:
         return self.measured()
 
     def scaled(self, measure: Callable[[], Scales]) -> "DAE":
-        """A copy with other scales. They are measured at their first use."""
+        """A copy with other scales. The scales are measured at their first use."""
         return replace(self, measured=Lazy(measure))
 
     @cached_property
@@ -212,9 +212,9 @@ class DAE:
     def save_c(self, folder: str | Path, start: Mapping[str, Array] | None = None) -> tuple[Path, ...]:
         """Write the Functions as C with a header and a small main program. The files need only a C compiler.
 
-        The main program has no events: with impacts and sampled values, the functions of their equations are written
-        instead. The program integrates from "q" (n_q,), "v" (n_v,), "s" (n_s,) and "p" (n_p,) over "times" (n_t,) in
-        `start`, by default from neutral coordinates at rest for one second. The method returns the paths of the files.
+        The main program has no events: with impacts or sampled values, the functions of their equations replace it. The
+        program integrates from "q" (n_q,), "v" (n_v,), "s" (n_s,) and "p" (n_p,) in `start` over "times" (n_t,). The
+        default is one second from neutral coordinates at rest. The method returns the paths of the files.
         """
         exported = ("rhs", "M", "Q", "Phi", "Phi_q", "Phi_t", "gamma", "forward", "energy")
         functions = {name: f for name in exported if (f := getattr(self, name)) is not None}

@@ -147,7 +147,7 @@ class ReadEquations:
 
 
 def equations_of(system: Any) -> Equations:
-    """The equations of a System, in short forms if few operations find these."""
+    """The equations of a System, simplified if this takes few operations."""
     c, symbols = system.collected, system.names
     of = [*symbols.values()], [*symbols]
     q, v, rows, n_c = [*c.q_names], [*c.v_names], [*c.row_names], system.Phi.numel()
@@ -174,7 +174,7 @@ def equations_of(system: Any) -> Equations:
 
 
 def matrices_of(system: Any, names: Sequence[str]) -> dict[str, Any]:
-    """Parts of a System as SymPy matrices by name, in short forms if few operations find these."""
+    """Parts of a System as SymPy matrices by name, simplified if this takes few operations."""
     symbols, (parts, matrices) = system.names, _parts_of(system, names)
     of = [*symbols.values()], [*symbols]
     return {name: to_sympy(parts[name], *of) if m is None else m for name, m in matrices.items()}

@@ -68,7 +68,7 @@ _GENERAL_CLASS = re.compile(r"\s*(\d+(?:\.\d+)?)\s+(?:(?i:ISO)\s*)?2768\s*-?\s*(
 
 
 def sizes_of_grade(text: str) -> tuple[float, float, float]:
-    """The nominal, the least and the largest size [mm] of a text such as "40 H7", "25 js6" or "120 ISO 2768-m"."""
+    """The nominal, smallest and largest size [mm] of a text such as "40 H7", "25 js6" or "120 ISO 2768-m"."""
     if match := _FIT.fullmatch(text):
         size, letters, grade = float(match[1]), match[2], int(match[3])
         lower, upper = _deviations(text, size, letters, grade)

@@ -58,13 +58,13 @@ class JointSpace:
         self._others = [k for k in range(len(c.bodies)) if k not in rigid]
 
     def expression(self, of_bodies: ca.SX) -> ca.SX:
-        """Convert an expression from body coordinates to joint coordinates. Multipliers and accelerations stay."""
+        """Convert an expression from body to joint coordinates. Multipliers and accelerations are not changed."""
         nodes, old, new = self._replacements
         e = ca.vertcat(ca.SX(0, 1), *[self._bodies.bodies[k].frame.q[3:7] for k in self._turned])
         return ca.substitute(ca.substitute(with_nodes(of_bodies, nodes), e, -e), old, new)
 
     def expressions(self, of_bodies: Sequence[ca.SX]) -> list[ca.SX]:
-        """Convert expressions from body to joint coordinates. One call is faster than one for each expression."""
+        """Convert expressions from body to joint coordinates. One call is faster than a call for each expression."""
         entries = [e.nz[:] for e in of_bodies]
         ends = np.cumsum([0, *[e.numel() for e in entries]]).tolist()
         parts = ca.vertsplit(self.expression(ca.vertcat(ca.SX(0, 1), *entries)), ends)
@@ -179,8 +179,8 @@ class JointSpace:
         )
 
     def retract(self, q: ca.SX, delta: ca.SX) -> ca.SX:
-        """Coordinates (n_q,) after the small displacement delta (n_v,), the product of a velocity and a time.
-        Quaternions keep norm 1."""
+        """Coordinates (n_q,) after a small displacement delta (n_v,), the product of a velocity and a time. Quaternions
+        keep the norm 1."""
         moved, at_q, at_v = [], 0, 0
         for body, part in self._parts:
             n_q, n_v = part.q.numel(), part.v.numel()
@@ -316,7 +316,7 @@ def _measured(bodies: Sequence[Body], link: Link, by: Carrying, counts_turns: bo
 
 
 def _quaternion(frame: Frame) -> ca.SX:
-    """The quaternion of a spatial body, of a planar one, or of the ground, (4,)."""
+    """The quaternion (4,) of the frame of a spatial body, a planar body or the ground."""
     if frame.q.numel() > 3:
         return frame.q[3:7]
     return ca.vertcat(ca.cos(frame.angle / 2), 0, 0, ca.sin(frame.angle / 2))

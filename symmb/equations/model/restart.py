@@ -73,7 +73,7 @@ _WHERE = "Scene.starting_at"
 
 
 def _require_same_system(system: System, run: EndedRun) -> None:
-    """DeclarationError if a run has other coordinates or parameters, or if a state is missing in the run."""
+    """Raise DeclarationError if a run has other coordinates or parameters, or if a state is missing in the run."""
     c, (q_names, v_names, s_names) = system.collected, run.state_names
     of_run = [*q_names, *v_names, *_untouched(run.scene.system), *run.parameters]
     of_scene = [*c.q_names, *c.v_names, *_untouched(system), *system.parameters]

@@ -22,7 +22,7 @@ class Sampling:
     begin: float = 0.0  # the first instant [s]
 
     def held(self, q: ca.SX, v: ca.SX, s: ca.SX, p: ca.SX, time: ca.SX) -> ca.SX:
-        """States s (n_s,) after the laws of all instants that are reached at a time. Each instant counts once."""
+        """States s (n_s,) with new values for instants that are reached at a time. Each instant acts once."""
         s = ca.SX(s)
         for period, (value, count), law in zip(self.periods, self.states, self.laws, strict=True):
             # Rounding moves the ends of steps, so an instant is reached a little early.
@@ -49,7 +49,7 @@ class Sampling:
         return np.unique(np.asarray(instants, dtype=np.float64))
 
     def missed(self, times: Array) -> Array:
-        """The instants (k,) up to the last of the times (n_t,) that are not among them [s]."""
+        """The instants (k,) [s] that are not among the times (n_t,), up to the last time."""
         instants = self.instants(times)
         behind = np.minimum(np.searchsorted(times, instants), len(times) - 1)
         nearest = np.minimum(np.abs(times[behind] - instants), np.abs(times[behind - 1] - instants))

@@ -32,8 +32,8 @@ Output = Expr | Figure | tuple[Expr | Figure, str]
 
 
 class _Fitting(str):
-    """A unit that fits its output. The unit is checked once, because the expressions of a pickle share no nodes and
-    fewer units are known."""
+    """A unit that fits its output. The unit is not checked again: expressions in a pickle share no nodes, so that fewer
+    of their units are known."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -49,8 +49,8 @@ class Scene:
         of `State`s. These values hold exactly. Other values follow from Phi = 0 and its rate. Relative rates of joints
         that nothing determines are 0
     times : (n_t,) array
-        or a list; increasing times of the outputs [s], or a pair with a unit, as (..., "ms"). The run starts at the
-        first time. Default: 0 only
+        or a list; increasing times of the outputs [s], or a pair with a unit, such as ([0, 5], "ms"). The run starts at
+        the first time. Default: 0 only
     outputs : mapping
         name -> expression of coordinates, velocities, multipliers, parameters and `t`, or a scalar output such
         as `maximum(expression)`; default: all coordinates and velocities, or the joint values of robots from files. A
@@ -244,7 +244,7 @@ class Scene:
         return {name: output if _has_unit(output) else (output, "") for name, output in given}
 
     def _require_fitting_units(self) -> None:
-        """DeclarationError if a requested unit does not fit the unit of the output. Outputs with unknown units pass."""
+        """Raise DeclarationError if a requested unit does not fit the unit of the output. Unknown units are allowed."""
         for name, (_, asked) in self.asked.items():
             what, known = f"output {name!r}", self._inferred[name] if asked and type(asked) is str else ""
             if known and dimensions(what, known) != dimensions(what, asked):
@@ -380,8 +380,8 @@ class Scene:
         """A copy that continues a run. The parameters of the run become the nominal parameters.
 
         Positions, velocities, states, turns of angles, held values and closed contacts are taken from the end of the
-        run. The times are shifted to start at this end, so functions of `t` continue. For other parameters, the
-        smallest change of coordinates and velocities satisfies the constraints.
+        run. The times are shifted to start at this end, so functions of `t` continue. With other parameters,
+        coordinates and velocities change by the smallest amount that satisfies the constraints.
 
         Parameters
         ----------

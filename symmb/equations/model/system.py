@@ -5,7 +5,7 @@
     Phi_v v + Phi_t = 0,  Psi(q, v, p, t) = 0    velocities; Psi are velocity-only rows, linear in v
     G v' = gamma                                 accelerations, G = [Phi_v; Psi_v], Phi_v = Phi_q N
 
-q (n_q,) are coordinates, v (n_v,) velocities, s (n_s,) first-order states with s' = f(q, v, s, p, t), lam one
+q (n_q,) are coordinates, v (n_v,) velocities, and s (n_s,) first-order states with s' = f(q, v, s, p, t). lam has a
 multiplier for every row of Phi and Psi. Planar bodies have v = q' and N = I; spatial bodies have v = (r', omega) with
 omega in body axes. M is block-diagonal with a block for each body. Parts that a scene does not need are left out.
 """
@@ -34,7 +34,7 @@ from symmb.equations.model.summary import system_text
 from symmb.equations.model.validation import sign_faults
 
 _DECLARED = "elements", "parameters", "collected", "nullity", "_added", "_joints", "_is_driven"
-"""Attributes that a copy of a system takes over. All other attributes are derived from these attributes."""
+"""Attributes that are copied with a system. All other attributes are derived from these attributes."""
 
 
 class System(FilledByBlock, ReadEquations):
@@ -47,7 +47,7 @@ class System(FilledByBlock, ReadEquations):
     ----------
     *elements : Body, Constraint, ForceElement or Impact, in the order of coordinates and rows
     parameters : Parameters
-        default: the parameters whose symbols are in the elements
+        default: the parameters with symbols in the elements
 
     Raises
     ------
@@ -93,14 +93,14 @@ class System(FilledByBlock, ReadEquations):
 
     @cached_property
     def with_inputs(self) -> "System":
-        """The system whose inputs are the last parameters."""
+        """The system with its inputs as the last parameters."""
         if not self._is_driven:
             return self
         system = self.with_elements((), self.parameters.with_inputs([*self.inputs.values()]))
         return system if self._joints is None else system.joint_space()
 
     def _driven(self, name: str) -> ca.SX:
-        """A part of the equations, in which the symbols of inputs are replaced by their values."""
+        """A part of the equations in the coordinates of this system, with inputs as symbols."""
         own = self.with_inputs
         part = getattr(own.collected, name) if name != "s_rate" else own.s_rate
         if own is self:
@@ -132,7 +132,7 @@ class System(FilledByBlock, ReadEquations):
         """The same system in coordinates of its joints: q, v, M, Q, and the remaining rows of Phi and Psi.
 
         A spanning tree of joints carries the bodies. Joints that close loops keep their rows. Bodies without a carrying
-        joint, flexible bodies and particles keep their coordinates. `turns`, as in `JointSpace`, are rarely needed.
+        joint, flexible bodies and particles keep their coordinates. `turns` (see `JointSpace`) are rarely needed.
 
         Examples
         --------
@@ -310,7 +310,7 @@ class System(FilledByBlock, ReadEquations):
 
     @cached_property
     def solve(self) -> Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]:
-        """Solver (f, g) -> (a, lam) of M a + G' lam = f, G a = g. Factorised once, see `saddle_solver`."""
+        """Solver (f, g) -> (a, lam) of M a + G' lam = f, G a = g, with one factorisation. See `saddle_solver`."""
         if self._joints is not None and not self.G.shape[0]:
             return self._joints.solve
         coupled = any(body.nearly_singular for body in self.bodies)
@@ -359,8 +359,7 @@ class System(FilledByBlock, ReadEquations):
         return reaction([e for e in self.elements if isinstance(e, Joint)], name, self.Phi, self.lam)
 
     def force(self, name: str) -> ca.SX:
-        """Force of the element with this name [N] or [N m]: pull of a spring or a rope, push of a contact, law of a
-        motor.
+        """Force of the element with this name [N, N m]: pull of a spring or rope, push of a contact, law of a motor.
 
         The force of a contact at several places is the sum without friction.
 

@@ -199,7 +199,7 @@ def _share(owner: str, name: str, nominal: float, text: str, percent: float) -> 
 
 
 def _unit(owner: str, name: str, nominal: float, text: str, size: float) -> float:
-    """Factor from the size in a text [mm or °] to the nominal value, which is in m or mm, or in rad or °."""
+    """Factor from the size in a text [mm or °] to the nominal value [m or mm, rad or °]."""
     units = _ANGLE if _DEGREE in text else _LENGTH
     own, other = units
     if size == 0:

@@ -87,7 +87,7 @@ def _handles(system: System) -> list[tuple[ca.SX, Unit]]:
 
 
 def _forces(system: System, y: ca.SX) -> list[tuple[ca.SX, Unit]]:
-    """The forces of elements among expressions (n_y,), with units that stiffnesses without units do not give."""
+    """Forces of elements among expressions (n_y,), with units that stiffnesses without a unit cannot give."""
     forces, whole = system.collected.forces, {entry.element_hash() for entry in ca.vertsplit(ca.SX(y))}
     torques = {e.name for e in system.elements if isinstance(e, ForceElement) and e.turns}
     return [

@@ -256,7 +256,7 @@ def _is_particle(body: AbstractBody) -> bool:
 
 
 def require_inertia(M: ca.Sparsity, G: ca.SX, v_names: Sequence[str]) -> None:
-    """DeclarationError if a velocity has neither an entry in M (n_v, n_v) nor a row in G (n_r, n_v)."""
+    """Raise DeclarationError if a velocity has neither an entry in M (n_v, n_v) nor a row in G (n_r, n_v)."""
     columns = ca.horzsplit(ca.vertcat(ca.DM(M, 1), ca.DM(G.sparsity(), 1)))
     free = [name for name, column in zip(v_names, columns, strict=True) if not column.nnz()]
     if free:
@@ -267,7 +267,7 @@ def require_inertia(M: ca.Sparsity, G: ca.SX, v_names: Sequence[str]) -> None:
 
 
 def sign_faults(names: Sequence[str], positive: ca.Function, parameters: Parameters, box: Box) -> list[str]:
-    """Messages for masses and lengths not positive at a corner of the box. `positive` maps parameters to values."""
+    """Messages for values that are not positive at a corner of the box. `positive` maps parameters to the values."""
     order, parts = list(parameters), {}
     # More than about a thousand corners are not checked: then samples fail one by one.
     for corner in product(*box.bounds) if len(box) <= 10 else ():
@@ -301,7 +301,7 @@ def positive(
 def _triangle_minors(body: Body, J: ca.SX) -> list[ca.SX]:
     """Three expressions that are positive if no principal moment of a spatial body exceeds the sum of the others.
 
-    They are the leading minors of tr(J) / 2 - J, which are the second moments of the mass, with an allowance for
+    The expressions are the leading minors of tr(J) / 2 - J, the second moments of the mass, with an allowance for
     rounding. The first minor is half of the sum of two moments minus the third moment.
     """
     if not isinstance(body.pose, Spatial) or is_zero(J):

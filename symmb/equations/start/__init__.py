@@ -1,6 +1,6 @@
 """Consistent starts: positions, velocities and equilibria that satisfy the constraints.
 
-The rank of the constraints is decided here, at the start of the nominal scene.
+The rank of the constraints is determined at the start of the nominal scene.
 """
 
 from symmb.equations.start.joint_start import start_in_joints

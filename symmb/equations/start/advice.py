@@ -53,7 +53,7 @@ def reminder(scene: Scene, joint: str) -> str:
 
 
 def _to_free(scene: Scene, near: list[str], others: list[str], tries: int, assembles: Assembles) -> Iterator[str]:
-    """Texts of listed coordinates: the scene assembles without one of them, or without two together."""
+    """Texts that name listed coordinates to remove. The scene assembles without one of them, or without a pair."""
 
     def helps(*keys: str) -> bool:
         return assembles(replace(scene, start={k: v for k, v in scene.start.items() if k not in keys}))

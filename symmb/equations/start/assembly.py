@@ -25,7 +25,7 @@ from symmb.equations.start.tolerances import SOLVED
 
 
 def assemble(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
-    """Coordinates and states with Phi = 0 at the nominal parameters, near the guess.
+    """Coordinates (n_q,) and states (n_s,) with Phi = 0 at the nominal parameters, near the guess.
 
     Forward kinematics along the joints is followed by damped Gauss-Newton steps. If the constraints are still violated,
     full steps are tried, and then other whole turns of angles. If all attempts fail, an AssemblyError names the worst
@@ -72,7 +72,7 @@ def _guess(scene: Scene, dae: DAE) -> Array:
 
 
 def _assembled(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
-    """Assembled coordinates and states. FailedAssembly is raised if no attempt succeeds."""
+    """Assembled coordinates and states. Raises FailedAssembly if no attempt succeeds."""
     s = listed_states(scene)
     dae = with_position_rows(scene.system, with_states(scene, dae, s), of_positions(scene.prescribed))
     free = free_displacements(scene, dae)
@@ -114,7 +114,7 @@ def _position_rows(scene: Scene, dae: DAE, q: Array, t0: float) -> PositionRows:
 def _reached(
     scene: Scene, rows: PositionRows, q: Array, s: Array, free: Indices, is_damped: bool
 ) -> tuple[Array, Array]:
-    """Coordinates and states that satisfy the constraints, from q and s. FailedAssembly without convergence."""
+    """Coordinates and states that satisfy the constraints, from q and s. Raises FailedAssembly without convergence."""
     dae, limit = rows.dae, SOLVED * rows.size(q)
     q, s, r = rows.reach(q, s, free, is_damped)
     violation = np.abs(r)

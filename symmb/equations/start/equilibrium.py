@@ -33,8 +33,8 @@ def find_equilibrium(dae: DAE, q: Array, t0: float, free: Indices, rows: Indices
     """Coordinates (n_q,), multipliers of the rows and the largest stiffness in equilibrium at the nominal parameters.
 
     The first attempt is Newton's method. If it fails or ends in an unstable equilibrium, a second attempt adds a drag
-    proportional to the masses, which decreases with the forces. The system then moves into a stable equilibrium.
-    AssemblyError if there is no equilibrium near q, or if no force opposes some displacement.
+    proportional to the masses. The drag decreases with the forces. The system then moves into a stable equilibrium.
+    Raises AssemblyError if there is no equilibrium near q, or if no force opposes some displacement.
     """
     n, m = len(free), len(rows)
     at, delta, lam = ca.SX.sym("q", dae.n_q), ca.SX.sym("delta", n), ca.SX.sym("lam", m)

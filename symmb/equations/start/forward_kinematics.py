@@ -1,8 +1,8 @@
-"""Forward kinematics: bodies turned, and then moved, along a spanning tree of joints.
+"""Forward kinematics: bodies are first turned and then moved, along a spanning tree of joints.
 
 Joints get their listed or guessed values, or zero if their zero is declared. Other joints move a body as little as
 possible: a hinge turns the body until the axes are parallel, and moves its point to the joint. Listed and guessed
-rotations and positions of bodies stay. Loops stay open.
+rotations and positions of bodies are kept. Loops stay open.
 """
 
 from collections import defaultdict
@@ -89,7 +89,7 @@ class _Kinematics:
                         yield joint, body
 
     def _beside(self, joints: list[J], handle: str) -> dict[int, list[tuple[bool, bool, int, int]]]:
-        """The sort keys of the joints of each body: moves as little as possible, has a value, minus its rows, index."""
+        """Sort keys of each body's joints: makes a smallest move, has a value, minus the number of rows, index."""
         beside: dict[int, list[tuple[bool, bool, int, int]]] = defaultdict(list)
         for number, joint in enumerate(joints):
             has_value = handle in self._values.get(joint, {})

@@ -22,7 +22,7 @@ def with_fewest_turns(
 ) -> Array:
     """Values x (n,) in which whole turns are added to the angles (indices) to minimise a violation.
 
-    Changes of the violation up to `least` are rounding.
+    Changes of the violation up to `least` count as rounding.
     """
     x = x.copy()
     for k in angles:
@@ -95,7 +95,7 @@ class PositionRows:
         """Coordinates, states and violations after the smallest free displacements that satisfy the rows.
 
         Angles count turns from states s. Damped steps always reduce the violation. Full steps may leave a local minimum
-        of the violation. FailedAssembly if rows are not finite.
+        of the violation. Raises FailedAssembly if rows are not finite.
         """
         units, rounding = self.dae.displacement_scales[free], LAST_DIGITS * self.size(q)
         s = self._counted(q, s)

@@ -1,4 +1,4 @@
-"""Maps u(w) given by R(u, w) = 0: Newton for many samples at once, and their Taylor coefficients.
+"""Maps u(w) given by R(u, w) = 0: Newton's method for many samples at once, and Taylor coefficients of the maps.
 
 The matrices of all samples have the same sparsity pattern, so all samples have the same block-triangular form.
 """
@@ -23,8 +23,8 @@ class _Block:
     """Equations that determine an equal number of unknowns after the unknowns of earlier blocks are known.
 
     `own` are the indices of the matrix entries at (`i`, `j`) of the block. `others` are the indices of the remaining
-    entries in its rows, `unknowns` are the unknowns that these entries multiply, and `sums` (n, k) adds the products by
-    row.
+    entries in its rows. These entries multiply the unknowns with the indices `unknowns`, and `sums` (n, k) adds the
+    products by row.
     """
 
     rows: Indices

@@ -108,7 +108,7 @@ def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.F
     """A start that is computed in joint coordinates.
 
     Listed and constant displacements of bodies are held. Together with the loop rows they determine the joint
-    coordinates. None if they do not, for example close to singular positions.
+    coordinates. None if the rows do not suffice, for example close to singular positions.
     """
     bodies, space, p = scene.system, joints.joints, scene.system.p
     p_nominal = start.dae.p_nominal

@@ -39,8 +39,8 @@ from symmb.equations.start.velocities import start_velocities
 def prepare_start(scene: Scene, dae: DAE) -> Start:
     """Compute the start at the nominal parameters, and choose the unknowns for all samples.
 
-    AssemblyError if listed values contradict the constraints, if no assembly is found near the guess, if a joint is
-    assembled the wrong way round, or if the start is a singular position.
+    Raises AssemblyError if listed values contradict the constraints, if no assembly is found near the guess, if a joint
+    is assembled the wrong way round, or if the start is a singular position.
     """
     prescribed, system = scene.prescribed, scene.system
     t0, p0 = float(np.asarray(scene.times)[0]), dae.p_nominal
@@ -98,8 +98,8 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
 def with_gated_rows(start: Start, dae: DAE, gated: Collection[str]) -> Start:
     """A start for scenes in which the joints `gated` open or close in a run.
 
-    It keeps all rows of these joints, and independent rows of the other constraints. Rows of gated joints may depend on
-    the other rows.
+    The start keeps all rows of these joints, and independent rows of the other constraints. Rows of gated joints may
+    depend on the other rows.
     """
     own = start.dae
     dae = replace(dae, s_rest=own.s_rest, s_start=own.s_start, sampling=own.sampling)
@@ -159,7 +159,7 @@ def _unstretched(scene: Scene) -> Iterator[str]:
 
 
 def _redundancy(rows: _Rows, independent: Indices) -> dict[str, Any]:
-    """The fields of `Start` on redundant rows."""
+    """The fields of `Start` that describe redundant rows."""
     dae, rank = rows.dae, len(independent)
     if rank == dae.n_r:
         return {"ranks": (rank, dae.n_c), "rows": None, "nullities": (0, 0), "redundant": ()}

@@ -39,7 +39,7 @@ def independent_rows_and_columns(
 
 
 def strong_rows(A: Array, weakest: float) -> Indices:
-    """Indices of independent rows of A (norms up to 1). Their number: singular values above `weakest`."""
+    """Indices of independent rows of A (norms up to 1), as many as A has singular values above `weakest`."""
     if not A.size:
         return np.arange(0, dtype=np.intp)
     sigma = np.linalg.svd(A, compute_uv=False)
@@ -75,8 +75,8 @@ def redundant_names(G: Array, rank: int, rows: Mapping[str, slice]) -> tuple[str
 def independent_rows(dae: DAE, q: Array, t0: float, sizes: Array) -> Indices:
     """Indices of independent rows of the velocity Jacobian at the start.
 
-    The Jacobian is measured in the DAE's scales, and its rows in `sizes` (n_r,). AssemblyError if rows depend on each
-    other at q (n_q,) but not close to q: this is a singular position.
+    The Jacobian is measured in the DAE's scales, and its rows in `sizes` (n_r,). Raises AssemblyError at a singular
+    position: rows depend on each other at q (n_q,), but not close to q.
     """
     G = jacobian_at_rest(dae, q, t0) * dae.displacement_scales
     rows, _ = independent_rows_and_columns(G, sizes)

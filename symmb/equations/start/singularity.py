@@ -1,4 +1,4 @@
-"""Singular positions of a motion. There, otherwise independent constraint rows depend on each other."""
+"""Singular positions of a motion: positions at which independent constraint rows become dependent."""
 
 from dataclasses import dataclass
 from typing import cast
@@ -72,8 +72,8 @@ def _closest(dae: DAE, X: Array, p: Array, times: Array) -> int | None:
     singular.
 
     Singular values change at most by the norm of the change of the matrix (Weyl). The Frobenius norm is an upper bound
-    of this norm. A matrix is skipped if it is so close to a matrix with known singular values that its ratio cannot be
-    below the limit and below the smallest ratio so far.
+    of this norm. A matrix close to a matrix with known singular values is skipped if its ratio cannot be below the
+    limit and below the smallest ratio so far.
     """
     rows, where = dae.remembered(_unit_rows)
     entries, rank = nonzeros(rows, X, p, times[:, None]).T, dae.rank + dae.lasting.size - dae.n_r  # (n, m)

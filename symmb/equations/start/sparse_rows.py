@@ -11,7 +11,7 @@ from symmb._types import Array, Indices
 from symmb.equations.start.tolerances import SOLVED
 
 LARGE = 150
-"""From this number of rows or columns on, sparse factors are faster than dense ones. tests/benchmarks/scaling.py"""
+"""From this number of rows or columns on, sparse factors are faster than dense factors. tests/benchmarks/scaling.py"""
 
 
 def determining_columns(A: Array, clear: float = 1e-5, strong: float = 0.3) -> Indices | None:
@@ -58,7 +58,7 @@ def determining_columns(A: Array, clear: float = 1e-5, strong: float = 0.3) -> I
 def normal_solver(A: Array, regular: float = 1e-11) -> Callable[[Array], Array] | None:
     """Solver of A A' z = r for a large sparse matrix A (m, n); None if the rows are not independent.
 
-    They are independent if the ratio of the pivots of A A' is above `regular`.
+    The rows count as independent if the ratio of the smallest to the largest pivot of A A' is above `regular`.
     """
     if not LARGE < A.shape[0] <= A.shape[1]:
         return None

@@ -59,7 +59,7 @@ class Start:
         return not self.is_equilibrium and n_u <= n_x <= 100
 
     def states(self, P: Array) -> tuple[Array, tuple[str, ...]]:
-        """Start states x = (q, v, s) of samples P (N, n_p), nan for failed starts, and reasons ('' for others)."""
+        """Start states (N, n_x) of samples P (N, n_p), nan for failed starts, and reasons for failures (else '')."""
         u, ok = self.position.solve(P)
         x = batch(self.state, u, P)[0]
         ok = ok & (batch(self.holds, x, u, P)[0] > 0).all(axis=1)
@@ -126,8 +126,8 @@ def start_functions(
     """The Functions `state` and `holds` of a start with coordinates q (n_q,) and velocities v (n_v,).
 
     Coordinates and velocities are expressions of the `unknowns` u and the parameters p. The conditions `holds` check
-    all constraint rows, the Function (q, v, p) `listed` and the expressions `implied`, because Newton's method solves
-    only independent rows. Newton's method may also converge to the flipped root.
+    all constraint rows, the Function (q, v, p) `listed` and the expressions `implied`. Newton's method solves only
+    independent rows, and may converge to the flipped root.
     """
     u, p = unknowns
     x = ca.densify(ca.vertcat(q, v, *([dae.s_start(q, p)] if dae.s_start is not None else [])))

@@ -153,7 +153,7 @@ class _Rates:
         return rows
 
     def kept(self, v: Array) -> ca.SX:
-        """Velocities v (n_v,), changed with least kinetic energy to satisfy listed ones and all independent rows."""
+        """Velocities (n_v,) that satisfy listed values and independent rows. The change has least kinetic energy."""
         all_columns = list(range(self.dae.n_v))
         begin = ca.vertcat(*[self.listed.get(i, ca.SX(v[i])) for i in all_columns]) if all_columns else ca.SX(0, 1)
         free = [i for i in all_columns if i not in self.listed]
@@ -245,7 +245,7 @@ class _Rates:
         return own / np.where(norm > 0, norm, 1.0)
 
     def _root(self, columns: list[int]) -> Array:
-        """W with W W' = M^-1 for some velocities; their scales if a body has no mass."""
+        """Matrix W with W W' = M^-1 for velocities in `columns`; diagonal with their scales if a body has no mass."""
         if is_singular(self.M[columns, columns], self._sizes(columns)):
             return np.diag(self.dae.displacement_scales[columns])
         values, vectors = np.linalg.eigh(self.M_nominal[np.ix_(columns, columns)])

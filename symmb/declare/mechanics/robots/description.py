@@ -60,7 +60,7 @@ class JointData:
 
 @dataclass(frozen=True, eq=False)
 class Description:
-    """A file: its links and joints by name. A joint comes after the joint that carries its parent."""
+    """The content of a file: links and joints by name. A joint comes after the joint that carries its parent."""
 
     name: str
     path: Path
@@ -71,7 +71,7 @@ class Description:
 
     @cached_property
     def tops(self) -> dict[str, str]:
-        """For each link the link that represents its body: fixed joints hold the two together. Parents come first."""
+        """For each link, the link that represents its body. Fixed joints connect the two links. Parents come first."""
         tops = {self.root: self.root}
         for joint in self.joints.values():
             tops[joint.child] = tops[joint.parent] if joint.kind == "fixed" else joint.child

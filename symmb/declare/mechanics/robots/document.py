@@ -30,7 +30,7 @@ class Tag:
 
     @property
     def title(self) -> str:
-        """The element with its name, or else with the name of the closest enclosing element that has a name."""
+        """The element with its name. Without a name, the closest enclosing element that has a name is added."""
         own = self.attributes.get("name", "").strip()
         if own:
             return f"<{self.name} name={own!r}>"
@@ -92,7 +92,7 @@ class Tag:
         return re.sub(f"[{re.escape(_NOT_IN_NAMES)}]", "_", self.text(attribute))
 
     def numbers(self, attribute: str, default: tuple[float, ...]) -> tuple[float, ...]:
-        """The numbers of an attribute, as many as the default has. A missing attribute has the default."""
+        """The numbers of an attribute, as many as the default has. The default replaces a missing attribute."""
         if attribute not in self.attributes:
             return default
         text, values, count = self.attributes[attribute], [], len(default)
@@ -111,7 +111,7 @@ class Tag:
         return tuple(values)
 
     def number(self, attribute: str, default: float | None = None) -> float:
-        """The number of an attribute. A missing attribute has the default; without a default it is an error."""
+        """The number of an attribute. The default replaces a missing attribute. Without a default this is an error."""
         if default is None:
             self.text(attribute)
         return self.numbers(attribute, (default or 0.0,))[0]
@@ -162,7 +162,7 @@ def _meant(name: str, known: Collection[str], similarity: float = 0.75) -> str:
 
 
 def told(passed: dict[str, list[Tag]]) -> list[str]:
-    """A list with one sentence: each kind of harmless fault, its first line, and its count. Empty without faults."""
+    """A list with one sentence: kinds of harmless faults, each with first line and number. Empty without faults."""
     kinds = []
     for what, tags in passed.items():
         more = f" and {len(tags) - 1} more" if len(tags) > 1 else ""

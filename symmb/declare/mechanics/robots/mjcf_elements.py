@@ -147,7 +147,7 @@ def _way(source: MjcfModel, tendon: int) -> list[tuple[str, int, float]]:
 
 @dataclass(frozen=True, eq=False)
 class _Length:
-    """The value of a joint, or the length of a tendon, with its rate. `push` returns elements of a force along it."""
+    """The value of a joint, or the length of a tendon, with its rate. `push` returns elements that exert a force."""
 
     value: ca.SX
     rate: ca.SX
@@ -273,7 +273,7 @@ class MjcfElements:
         return Weld(name, a, b, zero=rotation(zero))
 
     def _led(self, kind: str, name: str, first: int, second: int) -> Element:
-        """A constraint: the change of one joint or tendon from the file's pose is a polynomial of that of another."""
+        """A constraint between two joints or tendons: one change from the file's pose is a polynomial of the other."""
         m = self.source.model
         moves = []
         for end in (first, second):

@@ -263,7 +263,7 @@ def _mesh(source: MjcfModel, mesh: int, file: str, at: tuple[float, ...], e: Vec
 
 
 def _moved(at: tuple[float, ...], e: Vector, way: Vector) -> tuple[float, ...]:
-    """The position `at` plus the vector `way`, whose components are in axes turned by the quaternion e."""
+    """The position `at` plus the vector `way`. The components of `way` are in axes turned by the quaternion e."""
     return tuple(map(float, add(at, turned(matrix(e), way))))
 
 

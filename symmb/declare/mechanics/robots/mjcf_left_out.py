@@ -16,7 +16,7 @@ def left_out(source: MjcfModel, has_stops: bool) -> list[str]:
 
 
 def _listed(what: str, names: list[str], where: Iterable[Any], most: int = 6) -> Iterator[str]:
-    """The text `what` with the names for which `where` is not zero; nothing if there are none."""
+    """The text `what` with the names that have a nonzero entry in `where`; nothing without such names."""
     hit = [name for name, value in zip(names, where, strict=True) if np.any(value)]
     if hit:
         more = f" and {len(hit) - most} more" if len(hit) > most else ""
@@ -93,7 +93,7 @@ def _of_the_rest(source: MjcfModel) -> Iterator[str]:
 
 
 def _may_touch(source: MjcfModel) -> bool:
-    """Whether MuJoCo would search contacts of two bodies. It ignores contacts of a body with its parent."""
+    """Whether MuJoCo would search for contacts of any two bodies, except those of a body with its parent."""
     m = source.model
     body = m.body_weldid[m.geom_bodyid]
     parent = m.body_weldid[m.body_parentid[body]]

@@ -86,7 +86,7 @@ class MjcfModel:
 
 
 def _free(name: str, end: str, taken: set[str]) -> str:
-    """The name with as many endings as make it unique. It is added to `taken`."""
+    """The name, with endings added until it is unique. The result is added to `taken`."""
     while name in taken:
         name += end
     taken.add(name)

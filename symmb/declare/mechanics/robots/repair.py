@@ -17,8 +17,8 @@ from symmb.declare.mechanics.robots.robot import ORIGIN, Building
 def repaired(building: Building) -> tuple[Building, list[str]]:
     """The building with possible inertias of all bodies, and a sentence about the repaired links.
 
-    A link on the fixed base, or on a body with a possible total inertia, keeps its inertia. DeclarationError if a
-    repair would change the motion much.
+    A link on the fixed base, or on a body with a possible total inertia, keeps its inertia. DeclarationError is raised
+    if a repair would have a large effect on the motion.
     """
     description, values = building.description, building.values
     numbers = {name: description.numbers[name] if isinstance(x, ca.SX) else x for name, x in values.items()}
@@ -54,7 +54,7 @@ def repaired(building: Building) -> tuple[Building, list[str]]:
 def nearest_possible(moments: tuple[float, ...]) -> tuple[float, ...]:
     """Entries xx, xy, xz, yy, yz, zz of the nearest possible inertia matrix in the Frobenius norm.
 
-    Each principal moment is the sum of two of three second moments of mass, and none of these is negative.
+    Each principal moment is the sum of two second moments of mass. None of the three second moments is negative.
     """
     # A projection onto a cone with three edges: for each subset of edges the least squares solution is a candidate if
     # its coefficients are not negative, and the nearest candidate is the projection.
@@ -69,7 +69,7 @@ def nearest_possible(moments: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _mass_matrix(building: Building) -> Array:
-    """Mass matrix (n, n) of a tree at the pose of the file, in joint rates. Planar joints count as free joints."""
+    """Mass matrix (n, n) of a tree for joint rates, at the pose of the file. Planar joints count as free joints."""
     root, values = building.description.root, building.values
     places, screws = {root: ORIGIN}, {root: np.eye(6)[:, : 0 if building.fixed_base else 6]}
     count = screws[root].shape[1]

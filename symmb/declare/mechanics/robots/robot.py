@@ -142,7 +142,7 @@ class Robot:
 
 
 def checked_path(owner: str, path: object, stop: object, **truths: object) -> Path:
-    """The path of a file. DeclarationError for an invalid path, an invalid stop, or options that are not booleans."""
+    """The path of a file. Raises DeclarationError for an invalid path or stop, or if `truths` are not booleans."""
     if not isinstance(path, str | Path):
         raise DeclarationError(f"{owner}: expected the path of a file, got {shown(path)}.")
     for name, value in truths.items():
@@ -195,7 +195,7 @@ def _idle_fault(description: Description, name: str, stop: object, fixed: str | 
 
 
 def _value_fault(name: str, value: Any) -> str:
-    """A sentence if a number is not finite, or negative where the name does not allow this; else empty."""
+    """A sentence if a number is not finite, or if a quantity such as a mass is negative; else empty."""
     if not is_real(value):
         return ""
     if not is_finite_number(value):
@@ -319,8 +319,8 @@ class Building:
         if not is_nought(damping):
             yield Actuator(f"{name}:damping", joint, -damping * rate)
         if not is_nought(friction):
-            # Rate at which dry friction is fully there [rad/s, m/s], a hundredth of usual rates of joints. A smaller
-            # one is closer to Coulomb's law, and stiffer.
+            # Above 0.01 [rad/s, m/s], a hundredth of usual joint rates, dry friction has its full value. A smaller
+            # limit is closer to Coulomb's law, and makes the equations stiffer.
             force, _ = Coulomb(1.0, 0.01).resistance(name, rate, ca.SX(friction))
             yield Actuator(f"{name}:friction", joint, force)
         stiffness, armature = (self.values.get(f"{name}.{what}", 0.0) for what in ("stiffness", "armature"))

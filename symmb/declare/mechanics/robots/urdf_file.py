@@ -67,7 +67,7 @@ def load_urdf(
     strict : bool
         whether all faults are errors. By default one SymmbWarning names harmless faults: attributes of other programs,
         <mimic> of joints that cannot follow, dots in names, and inertias that no body can have. Such an inertia is
-        replaced by the nearest possible inertia, unless this changes the motion much
+        replaced by the nearest possible inertia, unless this has a large effect on the motion
 
     Returns
     -------
@@ -76,8 +76,8 @@ def load_urdf(
     Raises
     ------
     DeclarationError
-        If the file has faults: the message has one sentence for each fault, with its line and element. If `replace`
-        contains unknown names
+        If the file has faults, or if `replace` contains unknown names. The message has one sentence for each fault of
+        the file, with its line and element
 
     Examples
     --------
@@ -264,7 +264,7 @@ def _dynamics(tag: Tag, name: str) -> dict[str, float]:
 
 
 def _reference_faults(links: Mapping[str, LinkData], joints: Mapping[str, JointData]) -> Iterator[str]:
-    """Faults of the names by which joints refer to links and to each other."""
+    """Faults of the names with which joints refer to links and to each other."""
     carried: dict[str, JointData] = {}
     for joint in joints.values():
         for end, link in (("parent", joint.parent), ("child", joint.child)):
@@ -290,8 +290,8 @@ def _none(what: str, name: str | None, known: Mapping[str, object]) -> str:
 
 
 def _free_mimic(joint: JointData, joints: dict[str, JointData]) -> None:
-    """Record a <mimic> that cannot act as a harmless fault: a joint has no value, or follows itself. A joint with a
-    value then moves freely."""
+    """Record a <mimic> without effect as a harmless fault: a joint is missing, has no value, or follows itself. The
+    joint then moves freely if it has a value."""
     # Follow the leaders until one is missing or repeats. Only the first joint of a circle is freed: the others then
     # follow it.
     row, leader = [joint.name], joint.mimic
@@ -317,7 +317,7 @@ def _free_mimic(joint: JointData, joints: dict[str, JointData]) -> None:
 
 
 def _tree(top: Tag, links: Mapping[str, LinkData], joints: Mapping[str, JointData]) -> tuple[str, dict[str, JointData]]:
-    """The base link, and the joints in an order from the base outward: a joint comes after the joint of its parent."""
+    """The base link, and the joints from the base outward: a joint comes after the joint that carries its parent."""
     carrier = {joint.child: joint for joint in joints.values()}
     roots = [name for name in links if name not in carrier]
     if not roots:
