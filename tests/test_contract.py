@@ -1,5 +1,8 @@
 """Every signature that scene files and scripts outside this repository rely on, executed."""
 
+import ast
+import builtins
+import doctest
 import inspect
 import re
 import tomllib
@@ -271,6 +274,36 @@ def test_public_names_have_examples_and_numpydoc_layout():
         for title, section in re.findall(r"^(\w+)\n-{3,}\n(.*?)(?=\n\n|\Z)", text, re.MULTILINE | re.DOTALL):
             entries = [line for line in section.split("\n") if title != "Examples" and not line.startswith(" ")]
             assert not [line for line in entries if re.search(r"\S {2,}\S", line)], f"{name}: {title}"
+
+
+def names_without_import(text):
+    """Names that the examples of a docstring use, and neither import nor define."""
+    known, missing = {*dir(builtins)}, set()
+    for example in doctest.DocTestParser().get_examples(text):
+        nodes = [*ast.walk(ast.parse(example.source))]
+        names = [node for node in nodes if isinstance(node, ast.Name)]
+        known |= {name.id for name in names if isinstance(name.ctx, ast.Store)}
+        known |= {node.arg for node in nodes if isinstance(node, ast.arg)}
+        known |= {node.name for node in nodes if isinstance(node, ast.ExceptHandler | ast.FunctionDef)}
+        known |= {(node.asname or node.name).split(".")[0] for node in nodes if isinstance(node, ast.alias)}
+        missing |= {name.id for name in names} - known
+    return missing
+
+
+def test_names_without_import_are_found():
+    assert names_without_import(">>> import numpy as np\n>>> y = np.sin(x)\n>>> f = lambda a: a + y") == {"x"}
+
+
+def test_examples_of_public_names_run_alone():
+    """A reader copies them: what they use is imported by them."""
+    missing = {}
+    for name in mb.__all__:
+        public = getattr(mb, name)
+        methods = vars(public) if inspect.isclass(public) else {}
+        own = {f"{name}.{k}": getattr(v, "__func__", v) for k, v in methods.items() if not k.startswith("_")}
+        for place, value in {name: public, **own}.items():
+            missing[place] = names_without_import(inspect.getdoc(value) or "")
+    assert not {place: names for place, names in missing.items() if names}
 
 
 def _parts(version):

@@ -82,9 +82,9 @@ class CommandSimulator(BlackBox):
 
     Examples
     --------
-    >>> import sys
+    >>> import symmb as mb, sys
     >>> code = "k = {k}; print('time,x', *[f'{t},{k * t}' for t in (0, 1)], sep='\\\\n', file=open('out.csv', 'w'))"
-    >>> line = CommandSimulator([sys.executable, "in.py"], {"k": 2.0}, [0, 1], ["x"], {"in.py": code}, "out.csv")
+    >>> line = mb.CommandSimulator([sys.executable, "in.py"], {"k": 2.0}, [0, 1], ["x"], {"in.py": code}, "out.csv")
     >>> line.run([[3.0]]).Y.tolist()
     [[[0.0], [3.0]]]
     """

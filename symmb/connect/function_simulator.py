@@ -36,9 +36,9 @@ class FunctionSimulator(BlackBox):
 
     Examples
     --------
-    >>> import numpy as np
+    >>> import numpy as np, symmb as mb
     >>> t = np.linspace(0.0, 1.0, 3)
-    >>> decay = FunctionSimulator(lambda k: np.exp(-k * t), {"k": 1.0}, t, ["x"])
+    >>> decay = mb.FunctionSimulator(lambda k: np.exp(-k * t), {"k": 1.0}, t, ["x"])
     >>> decay.run(np.array([[0.0], [2.0]])).Y[:, :, 0].round(3)
     array([[1.   , 1.   , 1.   ],
            [1.   , 0.368, 0.135]])

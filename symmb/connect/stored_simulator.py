@@ -65,7 +65,7 @@ class StoredSimulator(WithWarnings):
     >>> import tempfile, numpy as np, symmb as mb
     >>> t, calls = np.linspace(0.0, 1.0, 3), []
     >>> decay = mb.FunctionSimulator(lambda k: calls.append(k) or np.exp(-k * t), {"k": 1.0}, t, ["x"])
-    >>> stored = StoredSimulator(decay, tempfile.mkdtemp() + "/runs.db")
+    >>> stored = mb.StoredSimulator(decay, tempfile.mkdtemp() + "/runs.db")
     >>> for method in (mb.Vertex(), mb.Scanning(3)):
     ...     bounds = method.bounds(stored, mb.Box(k=(0.5, 2.0)))
     >>> len(calls)

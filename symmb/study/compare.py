@@ -86,7 +86,7 @@ def compare(
     >>> import numpy as np, symmb as mb
     >>> t = np.linspace(0.0, 1.0, 3)
     >>> decay = mb.FunctionSimulator(lambda k: np.exp(-k * t), {"k": 1.0}, t, ["x"])
-    >>> comparison = compare(decay, [mb.Vertex(), mb.PolynomialChaos.paper(2)], mb.Box(k=(0.9, 1.1)))
+    >>> comparison = mb.compare(decay, [mb.Vertex(), mb.PolynomialChaos.paper(2)], mb.Box(k=(0.9, 1.1)))
     >>> [row.evaluations for row in comparison.rows]
     [2, 3]
     """

@@ -196,7 +196,7 @@ def root_locus(
     >>> mass = mb.Body("mass", mass=1.0, pose=mb.Particle())
     >>> law = mb.Force("law", mass.point(0, 0, 0), (-p.k * mass.x - p.c * mass.vx, 0, 0))
     >>> scene = mb.Scene(mb.System(mass, law, parameters=p), box=mb.Box(k=(4.0, 16.0)))
-    >>> locus = root_locus(scene, "c", (0.0, 2.0), mb.Vertex(), count=3)
+    >>> locus = mb.root_locus(scene, "c", (0.0, 2.0), mb.Vertex(), count=3)
     >>> locus.damping[:, 0].round(6)
     array([0.      , 0.166667, 0.333333])
     >>> locus.bands["zeta"][1][:, 0].round(6)

@@ -33,7 +33,8 @@ class IntervalArithmetic(Method):
 
     Examples
     --------
-    >>> IntervalArithmetic()
+    >>> import symmb as mb
+    >>> mb.IntervalArithmetic()
     IntervalArithmetic()
 
     References

@@ -50,7 +50,8 @@ class Optimization(Method):
 
     Examples
     --------
-    >>> Optimization(budget=500)
+    >>> import symmb as mb
+    >>> mb.Optimization(budget=500)
     Optimization(budget=500)
 
     References

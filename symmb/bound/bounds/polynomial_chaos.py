@@ -84,9 +84,10 @@ class PolynomialChaos(Method):
 
     Examples
     --------
-    >>> PolynomialChaos.paper(order=2)
+    >>> import symmb as mb
+    >>> mb.PolynomialChaos.paper(order=2)
     PolynomialChaos.paper(order=2)
-    >>> PolynomialChaos(order=4)
+    >>> mb.PolynomialChaos(order=4)
     PolynomialChaos(order=4)
 
     References

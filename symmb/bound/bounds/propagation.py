@@ -64,7 +64,7 @@ def propagate(
     >>> import numpy as np, symmb as mb
     >>> t = np.array([0.0, 1.0])
     >>> decay = mb.FunctionSimulator(lambda k: np.exp(-k * t), {"k": 1.0}, t, ["x"])
-    >>> result = propagate(decay, mb.Vertex(), mb.Box(k=(0.5, 2.0)))
+    >>> result = mb.propagate(decay, mb.Vertex(), mb.Box(k=(0.5, 2.0)))
     >>> result.upper[:, 0].round(3)
     array([1.   , 0.607])
     """

@@ -79,8 +79,9 @@ class Bounds(Answers, Counted, Result, Saved):
 
     Examples
     --------
+    >>> import numpy as np, symmb as mb
     >>> t = np.array([0.0, 1.0])
-    >>> Bounds(t, ("x",), np.array([[0.0], [1.0]]), np.array([[0.0], [3.0]]), "sampled", "Vertex()", 4)["x"]
+    >>> mb.Bounds(t, ("x",), np.array([[0.0], [1.0]]), np.array([[0.0], [3.0]]), "sampled", "Vertex()", 4)["x"]
     (array([0., 1.]), array([0., 3.]))
     """
 
@@ -262,7 +263,7 @@ class Bounds(Answers, Counted, Result, Saved):
 
         Examples
         --------
-        >>> import symmb as mb, tempfile, pathlib
+        >>> import numpy as np, pathlib, symmb as mb, tempfile
         >>> t = np.linspace(0.0, 1.0, 3)
         >>> decay = mb.FunctionSimulator(lambda k: np.exp(-k * t), {"k": 1.0}, t, ["x"])
         >>> bounds = mb.propagate(decay, mb.PolynomialChaos(), mb.Box(k=(0.5, 2.0)))

@@ -47,7 +47,8 @@ class MonteCarlo(Method):
 
     Examples
     --------
-    >>> MonteCarlo(10_000)
+    >>> import symmb as mb
+    >>> mb.MonteCarlo(10_000)
     MonteCarlo(10000)
     """
 
@@ -106,7 +107,8 @@ class Scanning(Method):
 
     Examples
     --------
-    >>> Scanning(21)
+    >>> import symmb as mb
+    >>> mb.Scanning(21)
     Scanning(21)
     """
 
@@ -133,7 +135,8 @@ class Vertex(Method):
 
     Examples
     --------
-    >>> Vertex()
+    >>> import symmb as mb
+    >>> mb.Vertex()
     Vertex()
     """
 

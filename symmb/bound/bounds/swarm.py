@@ -40,7 +40,8 @@ class Swarm(Method):
 
     Examples
     --------
-    >>> Swarm(particles=20)
+    >>> import symmb as mb
+    >>> mb.Swarm(particles=20)
     Swarm(particles=20)
 
     References

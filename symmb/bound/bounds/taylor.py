@@ -50,7 +50,8 @@ class Taylor(Method):
 
     Examples
     --------
-    >>> Taylor(order=2)
+    >>> import symmb as mb
+    >>> mb.Taylor(order=2)
     Taylor(order=2)
 
     References

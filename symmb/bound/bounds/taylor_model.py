@@ -65,7 +65,8 @@ class TaylorModel(Method):
 
     Examples
     --------
-    >>> TaylorModel(), TaylorModel(order=12, boxes=4)
+    >>> import symmb as mb
+    >>> mb.TaylorModel(), mb.TaylorModel(order=12, boxes=4)
     (TaylorModel(order=8), TaylorModel(order=12, boxes=4))
 
     References

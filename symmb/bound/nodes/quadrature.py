@@ -59,7 +59,8 @@ class Gauss(Rule):
 
     Examples
     --------
-    >>> nodes, weights = Gauss().points(1, order=1)
+    >>> import symmb as mb
+    >>> nodes, weights = mb.Gauss().points(1, order=1)
     >>> nodes.ravel().round(4), weights
     (array([-0.5774,  0.5774]), array([0.5, 0.5]))
     """
@@ -84,7 +85,8 @@ class ClenshawCurtis(Rule):
 
     Examples
     --------
-    >>> nodes, weights = ClenshawCurtis().points(1, order=2)
+    >>> import symmb as mb
+    >>> nodes, weights = mb.ClenshawCurtis().points(1, order=2)
     >>> nodes.ravel(), weights.round(4)
     (array([-1.,  0.,  1.]), array([0.1667, 0.6667, 0.1667]))
     """
@@ -108,7 +110,8 @@ class ChebyshevGauss(Rule):
 
     Examples
     --------
-    >>> nodes, weights = ChebyshevGauss().points(1, order=2)
+    >>> import symmb as mb
+    >>> nodes, weights = mb.ChebyshevGauss().points(1, order=2)
     >>> nodes.ravel().round(4), weights.round(4)
     (array([-0.866,  0.   ,  0.866]), array([0.2222, 0.5556, 0.2222]))
 
@@ -136,7 +139,8 @@ class Leja(Rule):
 
     Examples
     --------
-    >>> nodes, weights = Leja().points(1, order=4)
+    >>> import symmb as mb
+    >>> nodes, weights = mb.Leja().points(1, order=4)
     >>> nodes.ravel().round(4), weights.round(4)
     (array([ 0.    ,  1.    , -1.    ,  0.6547, -0.6547]), array([0.2, 0.2, 0.2, 0.2, 0.2]))
 
@@ -175,7 +179,8 @@ class SparseGrid:
 
     Examples
     --------
-    >>> nodes, weights = SparseGrid().points(2, order=2)
+    >>> import symmb as mb
+    >>> nodes, weights = mb.SparseGrid().points(2, order=2)
     >>> len(nodes), bool(weights.min() < 0)
     (13, True)
 

@@ -33,7 +33,8 @@ class Random:
 
     Examples
     --------
-    >>> Random().points(2, 3, seed=0).shape
+    >>> import symmb as mb
+    >>> mb.Random().points(2, 3, seed=0).shape
     (2, 3)
     """
 

@@ -24,7 +24,8 @@ class TotalDegree:
 
     Examples
     --------
-    >>> TotalDegree().indices(2, 2).tolist()
+    >>> import symmb as mb
+    >>> mb.TotalDegree().indices(2, 2).tolist()
     [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2]]
     """
 
@@ -44,7 +45,8 @@ class TensorDegree:
 
     Examples
     --------
-    >>> len(TensorDegree().indices(2, 2))
+    >>> import symmb as mb
+    >>> len(mb.TensorDegree().indices(2, 2))
     9
     """
 
@@ -74,7 +76,8 @@ class HyperbolicCross:
 
     Examples
     --------
-    >>> len(HyperbolicCross().indices(6, 4)), len(TotalDegree().indices(6, 4))
+    >>> import symmb as mb
+    >>> len(mb.HyperbolicCross().indices(6, 4)), len(mb.TotalDegree().indices(6, 4))
     (40, 210)
 
     References

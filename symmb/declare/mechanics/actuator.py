@@ -90,7 +90,7 @@ class Actuator(JointForce):
     >>> import symmb as mb
     >>> rod = mb.Body("rod", mass=1.0, inertia=0.1)
     >>> hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), rod.point(-0.5, 0))
-    >>> hold = Actuator("motor", hinge, -20 * hinge.angle - 2 * hinge.angle_rate)
+    >>> hold = mb.Actuator("motor", hinge, -20 * hinge.angle - 2 * hinge.angle_rate)
     >>> mb.System(rod, hinge, hold).Q
     SX(@1=0, [@1, @1, ((-20*rod.theta)-(2.*rod.omega))])
     """
@@ -125,7 +125,7 @@ class Stop(JointForce):
     >>> import symmb as mb
     >>> cart = mb.Body("cart", mass=1.0, inertia=1.0)
     >>> rail = mb.Prismatic("rail", mb.Ground().point(0, 0), cart.point(0, 0), axis=(1, 0, 0))
-    >>> system = mb.System(cart, rail, Stop("buffer", rail, None, 2.0, restitution=0.5))
+    >>> system = mb.System(cart, rail, mb.Stop("buffer", rail, None, 2.0, restitution=0.5))
     >>> run = mb.simulate(mb.Scene(system, {"cart.vx": 4.0}, [0.0, 1.0]))
     >>> float(run["cart.x"][-1].round(9)), run.events[0].name
     (1.0, 'buffer.upper')

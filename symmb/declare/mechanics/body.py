@@ -111,7 +111,8 @@ class Body(AbstractBody):
 
     Examples
     --------
-    >>> rod = Body("rod", mass=2.0, inertia=0.5, pose=Planar())
+    >>> import symmb as mb
+    >>> rod = mb.Body("rod", mass=2.0, inertia=0.5, pose=mb.Planar())
     >>> rod.point(0.5, 0).x
     SX((rod.x+(0.5*cos(rod.theta))))
     """

@@ -201,7 +201,7 @@ class PointOnCurve(Joint):
 
     Examples
     --------
-    >>> import symmb as mb
+    >>> import numpy as np, symmb as mb
     >>> bead = mb.Body("bead", 1.0, pose=mb.Particle())
     >>> wire = mb.PointOnCurve("wire", mb.Ground().point(0, 0), bead.point(0, 0), mb.Curve(lambda s: (s, s**2), -2, 2))
     >>> system = mb.System(bead, wire, mb.Gravity(0, -10.0))

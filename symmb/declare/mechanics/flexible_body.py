@@ -50,7 +50,7 @@ class FlexibleBody(Body):
     >>> import symmb as mb
     >>> steel = mb.Material(E=2.1e11, nu=0.3, density=7850.0)
     >>> beam = mb.Beam([(0, 0, 0), (1, 0, 0)], mb.Section.circle(0.02), steel, elements=8)
-    >>> rod = FlexibleBody("rod", mb.FiniteElements.beams(beam).modes(count=4))
+    >>> rod = mb.FlexibleBody("rod", mb.FiniteElements.beams(beam).modes(count=4))
     >>> rod.point(0.5, 0).body.name, rod.pose.coordinates[-1]
     ('rod.node4', 'eta4')
 

@@ -54,7 +54,7 @@ class Impact(Element):
     --------
     >>> import symmb as mb
     >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
-    >>> system = mb.System(ball, mb.Gravity(0, -9.81), Impact("floor", ball.y, restitution=0.5))
+    >>> system = mb.System(ball, mb.Gravity(0, -9.81), mb.Impact("floor", ball.y, restitution=0.5))
     >>> fall = mb.Scene(system, start={"ball.y": 4.905, "ball.vx": 1.0}, times=[0.0, 1.5])
     >>> traj = mb.simulate(fall)
     >>> first = traj.events[0]

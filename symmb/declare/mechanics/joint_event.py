@@ -94,7 +94,7 @@ class Release(JointEvent):
     >>> import symmb as mb
     >>> bob = mb.Body("bob", mass=1.0, pose=mb.Particle())
     >>> sling = mb.Distance("sling", mb.Ground().point(0, 0), bob.point(0, 0), 1.0)
-    >>> system = mb.System(bob, sling, Release(sling, bob.x < 0))
+    >>> system = mb.System(bob, sling, mb.Release(sling, bob.x < 0))
     >>> run = mb.simulate(mb.Scene(system, {"bob.x": 1.0, "bob.y": 0.0, "bob.vy": 1.0}, [0.0, 3.0]))
     >>> (event,) = run.events
     >>> event.name, event.what, round(event.time, 6)
@@ -132,7 +132,7 @@ class Latch(JointEvent):
     >>> import symmb as mb
     >>> a, b = (mb.Body(name, mass=1.0, pose=mb.Particle()) for name in "ab")
     >>> hook = mb.Spherical("hook", a.point(0, 0), b.point(0, 0))
-    >>> system = mb.System(a, b, hook, Latch(hook, b.x - a.x < 0.1))
+    >>> system = mb.System(a, b, hook, mb.Latch(hook, b.x - a.x < 0.1))
     >>> run = mb.simulate(mb.Scene(system, {"a.x": 0.0, "a.vx": 2.0, "b.x": 1.1}, [0.0, 1.0]))
     >>> (event,) = run.events
     >>> round(event.time, 6), round(event.work, 6), round(event.impulse[0], 6)

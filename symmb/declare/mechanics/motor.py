@@ -51,7 +51,7 @@ class Motor(JointForce):
     >>> import symmb as mb
     >>> wheel = mb.Body("wheel", mass=1.0, inertia=0.01)
     >>> shaft = mb.Revolute("shaft", mb.Ground().point(0, 0), wheel.point(0, 0))
-    >>> motor = Motor("motor", shaft, voltage=12.0, resistance=2.0, torque_constant=0.1, inductance=1e-3)
+    >>> motor = mb.Motor("motor", shaft, voltage=12.0, resistance=2.0, torque_constant=0.1, inductance=1e-3)
     >>> run = mb.simulate(mb.Scene(mb.System(wheel, shaft, motor), times=[0.0, 40.0], outputs={"i": motor.current}))
     >>> run["wheel.omega"].round(3), run["i"].round(3)
     (array([  0., 120.]), array([0., 0.]))

@@ -41,10 +41,11 @@ class Parameters(Mapping[str, float]):
 
     Examples
     --------
-    >>> p = Parameters(l1=1.0, m1=2.5)
+    >>> import symmb as mb
+    >>> p = mb.Parameters(l1=1.0, m1=2.5)
     >>> p.l1, p["m1"]
     (SX(l1), 2.5)
-    >>> p = Parameters(arm=(235, "mm"), rate="2.5 N/mm")
+    >>> p = mb.Parameters(arm=(235, "mm"), rate="2.5 N/mm")
     >>> p.arm, p["arm"]
     (SX((arm/1000)), 235.0)
     """

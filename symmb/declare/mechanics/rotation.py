@@ -46,8 +46,8 @@ def rotation(axis: tuple[Expr, ...], angle: Expr) -> Rotation:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> turn = rotation(axis=(0, 0, 2), angle=np.pi / 3)
+    >>> import casadi as ca, numpy as np, symmb as mb
+    >>> turn = mb.rotation(axis=(0, 0, 2), angle=np.pi / 3)
     >>> np.array(ca.DM((turn @ turn).quaternion)).ravel().round(3)
     array([0.5  , 0.   , 0.   , 0.866])
     """

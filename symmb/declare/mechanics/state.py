@@ -48,7 +48,7 @@ class State(OwnState):
     --------
     >>> import symmb as mb
     >>> cart = mb.Body("cart", mass=1.0, pose=mb.Particle())
-    >>> slow = State("slow", rate=lambda z: (cart.x - z) / 0.5)
+    >>> slow = mb.State("slow", rate=lambda z: (cart.x - z) / 0.5)
     >>> scene = mb.Scene(mb.System(cart, slow), {"cart.x": 1.0, "slow": 2.0}, [0.0, 0.5], {"slow": slow.value})
     >>> float(mb.simulate(scene)["slow"][-1].round(6))
     1.367879
@@ -88,7 +88,7 @@ class Sampled(OwnState):
     --------
     >>> import symmb as mb
     >>> cart = mb.Body("cart", mass=1.0, pose=mb.Particle())
-    >>> brake = Sampled("brake", period=0.5, law=-cart.vx)
+    >>> brake = mb.Sampled("brake", period=0.5, law=-cart.vx)
     >>> push = mb.Force("push", cart.point(0, 0), (brake.value, 0))
     >>> scene = mb.Scene(mb.System(cart, brake, push), {"cart.vx": 8.0}, [0.0, 1.0], {"v": cart.vx})
     >>> float(mb.simulate(scene)["v"][-1].round(9))

@@ -90,23 +90,22 @@ class FiniteElements:
 
         Examples
         --------
-        >>> from symmb import Material, Section
-        >>> steel = Material(E=2.1e11, nu=0.3, density=7850)
-        >>> elements = FiniteElements.beams(Beam([(0, 0, 0), (1, 0, 0)], Section.rectangle(0.02, 0.01), steel))
+        >>> import symmb as mb
+        >>> steel = mb.Material(E=2.1e11, nu=0.3, density=7850)
+        >>> elements = mb.FiniteElements.beams(mb.Beam([(0, 0, 0), (1, 0, 0)], mb.Section.rectangle(0.02, 0.01), steel))
         >>> modes = elements.modes(clamped=0, count=2)
         >>> print(modes.frequencies.round(2))
         [ 8.35 16.71]
 
         A modulus and a height as parameters:
 
-        >>> import symmb as mb
         >>> p = mb.Parameters(E=2.1e11, h=0.01)
-        >>> bar = Beam(
+        >>> bar = mb.Beam(
         ...     [(0, 0, 0), (1, 0, 0)],
-        ...     Section.rectangle(0.02, p.h).without_shear(),
-        ...     Material(E=p.E, nu=0.3, density=7850),
+        ...     mb.Section.rectangle(0.02, p.h).without_shear(),
+        ...     mb.Material(E=p.E, nu=0.3, density=7850),
         ... )
-        >>> elements = FiniteElements.beams(bar, at=mb.Box(E=(2.0e11, 2.2e11), h=(0.008, 0.012)))
+        >>> elements = mb.FiniteElements.beams(bar, at=mb.Box(E=(2.0e11, 2.2e11), h=(0.008, 0.012)))
         >>> modes = elements.modes(clamped=0, count=2)
         >>> modes.error < 1e-5
         True

@@ -40,7 +40,8 @@ class Section:
 
     Examples
     --------
-    >>> bar = Section.circle(0.01)
+    >>> import symmb as mb
+    >>> bar = mb.Section.circle(0.01)
     >>> f"{bar.area:.4e}", f"{bar.J / bar.Iy:.1f}", bar.without_shear().shear_y
     ('3.1416e-04', '2.0', inf)
     """
@@ -119,7 +120,8 @@ class Material:
 
     Examples
     --------
-    >>> Material(E=200e9, density=7850, nu=0.25).shear_modulus
+    >>> import symmb as mb
+    >>> mb.Material(E=200e9, density=7850, nu=0.25).shear_modulus
     80000000000.0
     """
 

@@ -45,9 +45,10 @@ class Box:
 
     Examples
     --------
-    >>> Box(arm="235 mm ±0.5 mm")
+    >>> import symmb as mb
+    >>> mb.Box(arm="235 mm ±0.5 mm")
     Box(arm=(234.5, 235.5, 'mm'))
-    >>> box = Box(l1=(0.95, 1.05), m=(2.0, 4.0))
+    >>> box = mb.Box(l1=(0.95, 1.05), m=(2.0, 4.0))
     >>> box.center
     array([1., 3.])
     >>> box.from_unit([[-1.0, 1.0]])
@@ -107,7 +108,8 @@ class Box:
 
         Examples
         --------
-        >>> Box.around({"l1": 1.0, "m": -2.0}, 0.05)
+        >>> import symmb as mb
+        >>> mb.Box.around({"l1": 1.0, "m": -2.0}, 0.05)
         Box(l1=(0.95, 1.05), m=(-2.1, -1.9))
         """
         units, nominal = units_of_parameters(parameters), _nominal("Box.around", parameters)
@@ -156,7 +158,8 @@ class Box:
 
         Examples
         --------
-        >>> Box.plus_minus({"crank": 0.05, "pin": 0.01, "bore": 0.04}, crank="1%", pin=(-1e-5, 3e-5), bore="40 H7")
+        >>> import symmb as mb
+        >>> mb.Box.plus_minus({"crank": 0.05, "pin": 0.01, "bore": 0.04}, crank="1%", pin=(-1e-5, 3e-5), bore="40 H7")
         Box(crank=(0.0495, 0.0505), pin=(0.00999, 0.01003), bore=(0.04, 0.040025))
         """
         owner, units = "Box.plus_minus", units_of_parameters(parameters)

@@ -151,8 +151,8 @@ _HEADER = """\
  *     int flag = f(arg, res, iw, w, mem);                flag is 0 if all went well
  *
  * arg[i] points to the numbers of input i, res[i] to the place for those of output i (0: not wanted).
- * Matrices are stored column by column. Where entries are listed as stored below, only those are, in that
- * order, as (row, column) counted from 0; f_sparsity_out(i) gives the same in compressed columns:
+ * Matrices are stored column by column. If entries of a matrix are listed below, only they are stored, in this
+ * order. (row, column) are counted from 0. f_sparsity_out(i) gives the same in compressed columns:
  * {rows, columns, start of each column..., total, row of each nonzero...}, or {rows, columns, 1} if all
  * entries are stored. f_work tells how long arg, res, iw and w must be; mem comes from f_checkout() and goes
  * back with f_release(mem).

@@ -48,7 +48,7 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
     --------
     >>> import symmb as mb
     >>> ball = mb.Body("ball", mass=2.0, pose=mb.Particle())
-    >>> dae = compile_dae(mb.System(ball, mb.Gravity(0, -9.81), mb.Force("push", ball.point(0, 0), (1, 0))))
+    >>> dae = mb.compile_dae(mb.System(ball, mb.Gravity(0, -9.81), mb.Force("push", ball.point(0, 0), (1, 0))))
     >>> dae.rhs([0, 0], [3, 4], [], 0.0)[1]
     DM([0.5, -9.81])
     """

@@ -12,7 +12,7 @@ from symmb import _html as html
 from symmb._errors import DeclarationError, Faults, SymmbError
 from symmb._interrupts import kept_interrupts
 from symmb._magnitudes import SLIGHT
-from symmb._names import did_you_mean, name_fault, name_faults, normal_keys
+from symmb._names import counted, did_you_mean, name_fault, name_faults, normal_keys
 from symmb._options import numbers_of, require_instance, require_truth, shown
 from symmb._presentation import presentation
 from symmb._types import Array, Expr
@@ -86,7 +86,7 @@ class Scene:
     >>> system = mb.System(bob, spring, parameters=p)
     >>> scene = mb.Scene(system, {"bob.x": 1.0}, [0.0, 1.0, 2.0], {"x": bob.x}, mb.Box(k=(3.9, 4.1)))
     >>> print(scene)
-    Scene('scene', 1 outputs at 3 times, 0 to 2 s)
+    Scene('scene', 1 output at 3 times, 0 to 2 s)
     >>> mb.simulate(scene)["x"].round(4)
     array([ 1.    , -0.4161, -0.6536])
     """
@@ -328,7 +328,8 @@ class Scene:
 
     def __repr__(self) -> str:
         span = f"{self.times[0]:g} to {self.times[-1]:g} s"
-        return f"Scene({self.name!r}, {len(self.output_names)} outputs at {len(self.times)} times, {span})"
+        outputs, times = counted(len(self.output_names), "output"), counted(len(self.times), "time")
+        return f"Scene({self.name!r}, {outputs} at {times}, {span})"
 
     def _repr_html_(self) -> str:
         declared = self._bound_outputs | {name: self.asked[name][0] for name in self.figures}

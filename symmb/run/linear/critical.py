@@ -42,12 +42,12 @@ def critical(scene: Scene, parameter: str, range: tuple[float, float]) -> "Criti
 
     Examples
     --------
-    >>> import symmb as mb
+    >>> import numpy as np, symmb as mb
     >>> p = mb.Parameters(k=9.0, load=1.0)
     >>> rod = mb.Body("rod", mass=1.0, inertia=1.0)
     >>> pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(0, 0))
     >>> spring = mb.Torque("spring", rod, -p.k * rod.theta + p.load * rod.theta - rod.omega)
-    >>> buckling = critical(mb.Scene(mb.System(rod, pin, spring, parameters=p)), "load", (0.0, 20.0))
+    >>> buckling = mb.critical(mb.Scene(mb.System(rod, pin, spring, parameters=p)), "load", (0.0, 20.0))
     >>> buckling.run(np.array([[9.0], [4.0]])).Y.ravel().round(9)
     array([9., 4.])
     """

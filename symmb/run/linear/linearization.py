@@ -57,11 +57,11 @@ def linearize(
 
     Examples
     --------
-    >>> import symmb as mb
+    >>> import numpy as np, symmb as mb
     >>> rod = mb.Body("rod", mass=3.0, inertia=1.0)
     >>> pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(0, 1))
     >>> scene = mb.Scene(mb.System(rod, pin, mb.Gravity(0, -9.81)), equilibrium=True)
-    >>> lin = linearize(scene)
+    >>> lin = mb.linearize(scene)
     >>> float((2 * np.pi * lin.frequencies[0]) ** 2 * 4 / 3 / 9.81)  # inertia 4 kg m^2 about the pin
     1.0
     """

@@ -35,11 +35,11 @@ class ModalSimulator(BlackBox):
 
     Examples
     --------
-    >>> import symmb as mb
+    >>> import numpy as np, symmb as mb
     >>> p = mb.Parameters(k=100.0)
     >>> mass = mb.Body("mass", mass=1.0, pose=mb.Particle())
     >>> spring = mb.Force("spring", mass.point(0, 0, 0), (-p.k * mass.x, -4 * p.k * mass.y, -9 * p.k * mass.z))
-    >>> modal = ModalSimulator(mb.Scene(mb.System(mass, spring, parameters=p)), count=2)
+    >>> modal = mb.ModalSimulator(mb.Scene(mb.System(mass, spring, parameters=p)), count=2)
     >>> (2 * np.pi * modal.run(np.array([[100.0], [25.0]])).Y[:, 0, :2]).round(9)
     array([[10., 20.],
            [ 5., 10.]])

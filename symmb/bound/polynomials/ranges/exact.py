@@ -68,9 +68,9 @@ class Exact:
     --------
     The cubic of eq. (13), expanded in eq. (25), has the range [0, 4/27], with the maximum at x = 1/3, xi = -1/3:
 
-    >>> import numpy as np
+    >>> import numpy as np, symmb as mb
     >>> coefficients = np.array([[1 / 12], [-1 / 20], [-1 / 12], [1 / 20]])
-    >>> found = Exact(tolerance=1e-12).search(np.arange(4)[:, None], coefficients)
+    >>> found = mb.Exact(tolerance=1e-12).search(np.arange(4)[:, None], coefficients)
     >>> bool(abs(found.lower[0]) < 1e-12), bool(abs(found.upper[0] - 4 / 27) < 1e-12)
     (True, True)
     >>> found.at_upper.round(3)

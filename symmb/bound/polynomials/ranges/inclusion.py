@@ -36,8 +36,9 @@ class LegendreInclusion:
     --------
     The cubic of eq. (13), expanded in eq. (25), gives eq. (27), [-1/10, 9/40]:
 
+    >>> import numpy as np, symmb as mb
     >>> coefficients = np.array([[1 / 12], [-1 / 20], [-1 / 12], [1 / 20]])
-    >>> low, high = LegendreInclusion().bounds(np.arange(4)[:, None], coefficients)
+    >>> low, high = mb.LegendreInclusion().bounds(np.arange(4)[:, None], coefficients)
     >>> low.round(12), high.round(12)
     (array([-0.1]), array([0.225]))
     """
@@ -59,8 +60,9 @@ class ChebyshevInclusion:
     --------
     The cubic of eq. (13) gives [-1/16, 3/16]:
 
+    >>> import numpy as np, symmb as mb
     >>> coefficients = np.array([[1 / 12], [-1 / 20], [-1 / 12], [1 / 20]])
-    >>> low, high = ChebyshevInclusion().bounds(np.arange(4)[:, None], coefficients)
+    >>> low, high = mb.ChebyshevInclusion().bounds(np.arange(4)[:, None], coefficients)
     >>> low.round(12), high.round(12)
     (array([-0.0625]), array([0.1875]))
 
@@ -100,9 +102,10 @@ class Bernstein:
     --------
     The cubic of eq. (13), whose range is [0, 4/27], gives [0, 1/3], and [0, 1/6] over two halves:
 
+    >>> import numpy as np, symmb as mb
     >>> coefficients = np.array([[1 / 12], [-1 / 20], [-1 / 12], [1 / 20]])
     >>> for boxes in (1, 2):
-    ...     low, high = Bernstein(boxes).bounds(np.arange(4)[:, None], coefficients)
+    ...     low, high = mb.Bernstein(boxes).bounds(np.arange(4)[:, None], coefficients)
     ...     print(low.round(12) + 0.0, high.round(12))
     [0.] [0.33333333]
     [0.] [0.16666667]
