@@ -5,6 +5,7 @@ import pickle
 import numpy as np
 import pytest
 from conftest import ALL_METHODS
+from faults import refused
 from oscillators import BOX, TIMES, Wave, wave, wave_bounds
 
 import symmb
@@ -87,20 +88,16 @@ def test_function_simulator_serves_every_method_or_says_why_not(method):
             propagate(simulator, method, BOX).upper, propagate(Wave(), method, BOX).upper, atol=1e-12
         )
         return
-    with pytest.raises(errors.PropagationError, match=message):
-        propagate(simulator, method, BOX)
+    refused(message, propagate, simulator, method, BOX, error=errors.PropagationError)
 
 
 def test_unknown_parameter_is_named_with_the_nearest():
-    with pytest.raises(errors.DeclarationError, match=r"no parameter 'amplitud'.*'amplitude'"):
-        propagate(Wave(), Vertex(), Box(amplitud=(0, 1)))
+    refused(r"no parameter 'amplitud'.*'amplitude'", propagate, Wave(), Vertex(), Box(amplitud=(0, 1)))
 
 
 def test_not_a_method():
-    with pytest.raises(errors.DeclarationError, match="expected a method"):
-        propagate(Wave(), 0.5, BOX)
-    with pytest.raises(errors.DeclarationError, match="propagate: got the class Vertex; call it"):
-        propagate(Wave(), Vertex, BOX)
+    refused("expected a method", propagate, Wave(), 0.5, BOX)
+    refused("propagate: got the class Vertex; call it", propagate, Wave(), Vertex, BOX)
 
 
 @pytest.mark.parametrize(
@@ -122,8 +119,7 @@ def test_not_a_method():
     ],
 )
 def test_options_out_of_range(make, message):
-    with pytest.raises(errors.DeclarationError, match=message):
-        make()
+    refused(message, make)
 
 
 def test_a_method_of_ones_own_needs_one_function():

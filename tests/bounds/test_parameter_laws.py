@@ -196,8 +196,7 @@ def test_other_malformed_calls():
     refused("below is not the larger one", bounds.probability, "y", above=1.0, below=2.0, laws=NORMAL)
     with pytest.raises(mb.DeclarationError, match="error must be above 0 and below 1"):
         bounds.probability("y", above=1.0, laws=NORMAL, error=0.0)
-    with pytest.raises(mb.DeclarationError, match="need a distribution of every parameter"):
-        bounds.samples(3, {"a": st.norm()})
+    refused("need a distribution of every parameter", bounds.samples, 3, {"a": st.norm()})
     refused("n must be", bounds.samples, 0, NORMAL)
     refused("correlation", mb.MonteCarlo, 3, correlation=[[1.0]])
 

@@ -230,8 +230,7 @@ def test_what_cannot_be_sent_is_told():
 
 @pytest.mark.parametrize("executor", [3, "threads", object(), int])
 def test_what_is_no_executor_is_refused(executor):
-    with pytest.raises(mb.DeclarationError, match="is not supported"):
-        run_blocks(simulator(quick), SAMPLES, executor)
+    refused("is not supported", run_blocks, simulator(quick), SAMPLES, executor)
 
 
 def test_an_exception_in_a_worker_is_told():
@@ -283,8 +282,7 @@ def test_dask_gives_the_same_and_ends_where_runs_kill_their_workers():
         shared = run_blocks(simulator(deadly_in_dask), SAMPLES, client)
     assert (shared.ok == ~killed).all() and shared.Y[~killed].tobytes() == quick_alone.Y[~killed].tobytes()
     assert "KilledWorker" in "".join(shared.messages)
-    with pytest.raises(mb.SimulationError, match="executor: "):
-        run_blocks(simulator(quick), SAMPLES, client)
+    refused("executor: ", run_blocks, simulator(quick), SAMPLES, client, error=mb.SimulationError)
 
 
 def test_loky():

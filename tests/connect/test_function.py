@@ -12,6 +12,7 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from faults import refused
 from processes import in_time, runs
 
 from symmb import DeclarationError, FunctionSimulator, simulate
@@ -94,14 +95,12 @@ def test_an_exception_without_a_text_is_a_failed_sample():
 
 @pytest.mark.parametrize("times", [[0.0, 0.0], [1.0, 0.0], [0.0, np.nan], [], [[0.0]]])
 def test_times_must_increase(times):
-    with pytest.raises(DeclarationError, match="times must be finite and increase"):
-        FunctionSimulator(lambda a: 0, {"a": 1.0}, times, ["x"])
+    refused("times must be finite and increase", FunctionSimulator, lambda a: 0, {"a": 1.0}, times, ["x"])
 
 
 @pytest.mark.parametrize("outputs", [[], ["x", "x"]])
 def test_outputs_must_differ(outputs):
-    with pytest.raises(DeclarationError, match="one or more different names"):
-        _simulator(lambda a: TIMES, outputs)
+    refused("one or more different names", _simulator, lambda a: TIMES, outputs)
 
 
 # -- Timeouts ----------------------------------------------------------------------------------------------
@@ -271,5 +270,4 @@ def test_a_call_that_is_interrupted_ends_the_study():
 
 
 def test_simulate_takes_no_simulator():
-    with pytest.raises(DeclarationError, match="is a simulator"):
-        simulate(_simulator(_hangs))
+    refused("is a simulator", simulate, _simulator(_hangs))

@@ -13,7 +13,7 @@ from contextlib import closing
 import kill_studies
 import numpy as np
 import pytest
-from faults import told_in_a_line
+from faults import refused, told_in_a_line
 
 import symmb as mb
 from models import double_pendulum
@@ -273,8 +273,7 @@ def test_what_has_no_identity_is_refused(tmp_path):
     class Plain:
         parameters, times, outputs = {"a": 1.0}, TIMES, ("x",)
 
-    with pytest.raises(mb.DeclarationError, match="has no method identity"):
-        mb.StoredSimulator(Plain(), tmp_path / "runs.db")
+    refused("has no method identity", mb.StoredSimulator, Plain(), tmp_path / "runs.db")
 
 
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
@@ -320,8 +319,7 @@ def test_runs_are_exported_whatever_parameters_are_called(names, tmp_path, capsy
 
 def test_a_store_of_a_store_is_refused(tmp_path):
     stored = mb.StoredSimulator(simulator(response), tmp_path / "runs.db")
-    with pytest.raises(mb.DeclarationError, match="is already a StoredSimulator"):
-        mb.StoredSimulator(stored, tmp_path / "other.db")
+    refused("is already a StoredSimulator", mb.StoredSimulator, stored, tmp_path / "other.db")
 
 
 class Dies:
@@ -372,8 +370,7 @@ def test_a_store_that_cannot_be_written_is_read_and_listed(tmp_path, monkeypatch
     assert run_blocks(stored, P).Y.tobytes() == known.Y.tobytes()
     assert main(["runs", str(path)]) == 0
     assert capsys.readouterr().out.splitlines()[1].split()[-6:] == ["2", "0", "0", "0", "a,", "b"]
-    with pytest.raises(mb.SimulationError, match=r"runs\.db cannot be written: .*readonly"):
-        run_blocks(stored, P + 0.01)
+    refused(r"runs\.db cannot be written: .*readonly", run_blocks, stored, P + 0.01, error=mb.SimulationError)
     assert os.listdir(tmp_path) == ["runs.db"]
 
 

@@ -6,6 +6,7 @@ from io import BytesIO
 import casadi as ca
 import numpy as np
 import pytest
+from faults import refused
 
 import symmb as mb
 from models import double_pendulum, flexible_pendulum, spherical_pendulum
@@ -71,8 +72,7 @@ def test_every_format(suffix, tmp_path):
 def test_mp4(tmp_path):
     scene = double_pendulum.scene().with_times([0.0, 0.1])
     if shutil.which("ffmpeg") is None:
-        with pytest.raises(mb.DeclarationError, match="needs the program ffmpeg"):
-            mb.view(scene, tmp_path / "scene.mp4")
+        refused("needs the program ffmpeg", mb.view, scene, tmp_path / "scene.mp4")
     else:
         mb.view(scene, tmp_path / "scene.mp4")
         assert b"ftyp" in (tmp_path / "scene.mp4").read_bytes()[:16]
@@ -98,8 +98,7 @@ def test_symmb_view(tmp_path, capsys):
 def test_a_run_without_a_scene(tmp_path):
     run = mb.simulate(spherical_pendulum.scene(), times=[0.0, 0.1])
     run.save(tmp_path / "run.npz")
-    with pytest.raises(mb.DeclarationError, match="has no scene"):
-        mb.view(mb.Trajectory.load(tmp_path / "run.npz"), tmp_path / "run.html")
+    refused("has no scene", mb.view, mb.Trajectory.load(tmp_path / "run.npz"), tmp_path / "run.html")
     mb.view(mb.Trajectory.load(tmp_path / "run.npz", spherical_pendulum.scene()), tmp_path / "run.html")
 
 

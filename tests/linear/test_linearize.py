@@ -209,14 +209,12 @@ def test_refusals():
     with pytest.raises(mb.DeclarationError, match="Impact 'floor' is closed"):
         mb.linearize(mb.Scene(mb.System(mass, floor, mb.Gravity(0, 0, -9.81)), {"mass.z": 0.0}))
     kink = mb.Force("kink", at, (-ca.fabs(mass.x), 0, 0))
-    with pytest.raises(mb.DeclarationError, match=r"the state is on a switch of the equations \(fabs\)"):
-        mb.linearize(mb.Scene(mb.System(mass, kink)))
+    refused(r"the state is on a switch of the equations \(fabs\)", mb.linearize, mb.Scene(mb.System(mass, kink)))
     assert mb.linearize(mb.Scene(mb.System(mass, kink), {"mass.x": 1.0})).frequencies.size == 1
     smooth = mb.Force("smooth", at, (-ca.fabs(mass.x) * mass.x, 0, 0))
     assert mb.linearize(mb.Scene(mb.System(mass, smooth))).frequencies.size == 0
     held = mb.Sampled("u", period=0.1, law=-mass.x)
-    with pytest.raises(mb.DeclarationError, match="Sampled values"):
-        mb.linearize(mb.Scene(mb.System(mass, held, mb.Force("f", at, (held.value, 0, 0)))))
+    refused("Sampled values", mb.linearize, mb.Scene(mb.System(mass, held, mb.Force("f", at, (held.value, 0, 0)))))
     p = mb.Parameters(length=1.0)
     rod = mb.Body("rod", mass=1.0, inertia=1.0)
     pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(0, p.length))

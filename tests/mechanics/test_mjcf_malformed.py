@@ -71,8 +71,7 @@ OPTIONS = [
 def test_options_of_other_kinds(options, message, tmp_path):
     path = tmp_path / "machine.xml"
     path.write_text(scene(ARM))
-    with pytest.raises(mb.DeclarationError, match=message):
-        mb.load_mjcf(**({"path": path} | options))
+    refused(message, mb.load_mjcf, **{"path": path} | options)
 
 
 def test_without_the_package(monkeypatch, tmp_path):

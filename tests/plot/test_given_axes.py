@@ -222,8 +222,7 @@ def test_wrong_sizes_and_titles_are_refused(pictured, wrong):
 
 @RESULTS
 def test_a_size_does_not_go_with_given_axes(result):
-    with pytest.raises(mb.DeclarationError, match="figsize sets a new figure"):
-        result.plot(outputs="x", ax=Figure().subplots(), figsize=(4, 3))
+    refused("figsize sets a new figure", result.plot, outputs="x", ax=Figure().subplots(), figsize=(4, 3))
 
 
 def test_the_nominal_run_is_drawn_beside_its_bounds():
@@ -242,8 +241,7 @@ def test_deviations_from_the_nominal_run():
     assert not lines[-1].any()
     unknown = mb.Bounds(a_run().t, ("x",), a_run().values[:, :1], a_run().values[:, :1], "sampled", "Vertex()", 4)
     refused("deviation needs the nominal run", unknown.plot, deviation=True)
-    with pytest.raises(mb.DeclarationError, match="deviation must be True or False"):
-        some_bounds().plot(deviation="yes")
+    refused("deviation must be True or False", some_bounds().plot, deviation="yes")
 
 
 def test_labels_colours_and_legends_of_every_picture(pictured):

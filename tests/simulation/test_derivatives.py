@@ -78,8 +78,7 @@ def test_torch_has_values_and_gradients_of_batches():
     np.testing.assert_allclose(y.detach()[0], by_hand(POINTS[0]).real, rtol=1e-8, atol=1e-8)
     np.testing.assert_allclose(u.grad[0], np.einsum("ty,typ->p", weights, slopes), rtol=1e-8)
     assert f(u.detach()).requires_grad is False
-    with pytest.raises(mb.DeclarationError, match=r"expected an array \(..., 2\) of a, l"):
-        f(torch.ones(3))
+    refused(r"expected an array \(..., 2\) of a, l", f, torch.ones(3))
 
 
 TRUE = np.array([0.97, 2.93, 2.56, 3.04])
@@ -193,8 +192,7 @@ def test_what_gives_no_derivatives(make, package):
     package = pytest.importorskip(package)
     box = mb.FunctionSimulator(lambda u: np.outer(np.arange(2.0), u), {"k": 1.0}, times=[0.0, 1.0], outputs=["y"])
     refused(r"has no derivatives. Pass a Scene.", make, box, error=mb.SimulationError)
-    with pytest.raises(mb.DeclarationError, match="lenght"):
-        make(coupler_curve(), ["lenght"])
+    refused("lenght", make, coupler_curve(), ["lenght"])
     f, too_long = make(coupler_curve()), [9.0, 1.0, 1.0, 1.0]
     with pytest.raises(Exception, match="the start could not be solved for"):
         f(package.tensor(too_long) if make is mb.torch_function else np.array(too_long))

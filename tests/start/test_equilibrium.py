@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from faults import refused
 
 import symmb as mb
 
@@ -91,13 +92,11 @@ def test_what_no_force_opposes_is_named():
     ground = mb.Ground()
     rail = mb.Prismatic("rail", ground.point(0, 0), cart.point(0, 0), axis=(1, 0, 0))
     scene = mb.Scene(mb.System(cart, rail, mb.Gravity(0, -G)), times=[0.0, 1.0], equilibrium=True)
-    with pytest.raises(mb.AssemblyError, match=r"no force opposes cart\.x"):
-        mb.simulate(scene)
+    refused(r"no force opposes cart\.x", mb.simulate, scene, error=mb.AssemblyError)
 
 
 def test_without_equilibrium_the_fault_is_told():
     ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
     scene = mb.Scene(mb.System(ball, mb.Gravity(0, -G), mb.Force("f", ball.point(0, 0), (ca.sin(ball.x), 0))),
                      times=[0.0, 1.0], equilibrium=True)  # fmt: skip
-    with pytest.raises(mb.AssemblyError, match="No static equilibrium"):
-        mb.simulate(scene)
+    refused("No static equilibrium", mb.simulate, scene, error=mb.AssemblyError)

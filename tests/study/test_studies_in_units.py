@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from faults import refused
 
 import symmb as mb
 
@@ -302,11 +303,9 @@ def test_times_have_units(both):
     seconds = mb.simulate(scene, SOLVER, times=[0.0, 0.1])
     for times in (([0.0, 100.0], "ms"), ["0 s", "100 ms"], [0.0, "0.1 s"]):
         np.testing.assert_array_equal(mb.simulate(scene, SOLVER, times=times).values, seconds.values)
-    with pytest.raises(mb.DeclarationError, match="'mm' does not fit a time, which is in s"):
-        scene.with_times(([0.0, 1.0], "mm"))
+    refused("'mm' does not fit a time, which is in s", scene.with_times, ([0.0, 1.0], "mm"))
     for times in (2, 2.0, "2 s"):
-        with pytest.raises(mb.DeclarationError, match="expected a list of times in s, such as numpy"):
-            scene.with_times(times)
+        refused("expected a list of times in s, such as numpy", scene.with_times, times)
 
 
 def test_values_of_sweeps_have_units(both):
@@ -323,8 +322,7 @@ def test_values_of_sweeps_have_units(both):
     runs = mb.simulate(scene, SOLVER, parameters=[{"arm": "24 cm"}, {"arm": (0.25, "m")}])
     np.testing.assert_allclose(runs.values, own.values, rtol=1e-12)
     for wrong in (["24 kg"], ([24], "kg"), [24, "kg"]):
-        with pytest.raises(mb.DeclarationError, match="kg"):
-            mb.sweep(scene, {"arm": wrong})
+        refused("kg", mb.sweep, scene, {"arm": wrong})
 
 
 @pytest.mark.parametrize(
