@@ -20,8 +20,7 @@ from symmb._options import numbers_of
 @cache
 def malformed():
     """The benchmark, whose import makes runs."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         return import_module("malformed")
 
 
@@ -80,8 +79,7 @@ class _Maps:
 
 @pytest.mark.parametrize("name", CALLS)
 def test_calls_that_ended_in_foreign_exceptions(name):
-    with warnings.catch_warnings(), pytest.raises(mb.SymmbError) as error:
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"), pytest.raises(mb.SymmbError) as error:
         CALLS[name]()
     assert str(error.value).endswith((".", ")", "'")) and len(str(error.value)) < 1000
 

@@ -139,8 +139,8 @@ def test_the_number_of_check_runs_is_told(method, d):
         return sum(x) + 0.1 * x[0] ** 2
 
     simulator, box = function(f, d)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)  # 50 samples end far before the corners of four parameters
+    # 50 samples end far before the corners of four parameters
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         bounds = mb.propagate(simulator, method, box)
     assert bounds.evaluations == method.planned_runs(d) < calls
     (told,) = [remark for remark in bounds.remarks if "checked these bounds" in remark]

@@ -26,8 +26,7 @@ def study(f, box, times=T, method=None):
         return f(**p)[:, None]
 
     simulator = mb.FunctionSimulator(response, {name: 0.5 * sum(ends) for name, ends in box.items()}, times, ["y"])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         bounds = mb.propagate(simulator, method or mb.PolynomialChaos(), mb.Box(**box))
     return bounds, calls
 

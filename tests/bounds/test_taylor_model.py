@@ -309,8 +309,7 @@ def _steep_rod(upper, times):
 @pytest.mark.parametrize(("upper", "boxes", "enough"), [(0.4999, 1, False), (0.499, 8, True), (0.4995, 16, True)])
 def test_a_start_is_proved_in_parts(upper, boxes, enough):
     scene = _steep_rod(upper, [0.0, 0.05, 0.1])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         bounds = mb.propagate(scene, mb.TaylorModel(order=6, boxes=boxes))
     assert np.isfinite(bounds.upper).all() == enough
     if enough:
@@ -357,8 +356,7 @@ def test_laws_of_time_that_switch(begin, law):
     scene = state(lambda p, z: -p.k * z + law(p, mb.t), times, 2.0, k=(0.9, 1.1), s=(0.58, 0.62))
     if not ca.depends_on(law(scene.system.parameters, mb.t), scene.system.parameters.s):
         scene = scene.with_box(mb.Box(k=(0.9, 1.1)))
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as told:
         bounds = mb.propagate(scene, mb.TaylorModel(order=6, boxes=4))
     assert not told
     require_sharp(bounds, scanned(scene, 5), 1e-10, 1e-4, size=1.0)

@@ -15,8 +15,7 @@ from symmb.bound.bounds.adaptive.check_points import screening_corners
 def bounds_of(f, d, n_t, n_y=1, probes=0):
     """Bounds of f(x) (n_t, n_y), d parameters from -1 to 1."""
     simulator, box = unit_function(f, d, np.arange(float(n_t)), [f"y{k}" for k in range(n_y)])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         return mb.propagate(simulator, mb.PolynomialChaos(probes=probes), box)
 
 
@@ -67,8 +66,7 @@ def test_probes_beyond_the_budget_are_refused():
 def test_a_narrow_window_of_the_slider_crank_is_refined_or_doubtful():
     """At 4.58 s, a scan of 101 x 101 runs finds the angular velocity 2.562 of the rod."""
     box = mb.Box(l1=(0.9, 1.1), l2=(1.8, 2.2))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         bounds = mb.propagate(slider_crank.scene(), mb.PolynomialChaos(), box)
     highest = bounds.outer[1][:, bounds.names.index("phi_dot")]
     assert highest[np.argmin(np.abs(bounds.t - 4.58))] > 2.562 or bounds.doubts

@@ -29,8 +29,7 @@ FIXED = mb.RungeKutta(steps=1000), mb.GeneralizedAlpha(0.01), mb.HHT(0.01), mb.N
 def test_fixed_steps_are_doubted_where_they_are_longer_than_a_pulse(solver, width):
     scene = driven(1 / (1 + ((mb.t - 5.0123) / width) ** 2), np.array([0.0, 10.0]))
     assert longest_step(mb.compile_dae(scene.system), scene.times) < (0.01 if width < 0.01 else np.inf)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         doubts = mb.simulate(scene, solver).doubts
     assert ("Steps of 0.01 s may miss a pulse" in "".join(doubts)) == (width < 0.01)
 

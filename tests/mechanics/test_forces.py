@@ -271,8 +271,7 @@ def test_a_bushing_that_turns_far_is_doubted(angle, stiffness, doubted):
     hinge = mb.Revolute("hinge", mb.Ground().point(0, 0, 0), body.point(0, 0, 0))
     mount = mb.Bushing("mount", mb.Ground().point(0, 0, 0), body.point(0, 0, 0), 5.0, 0.0, stiffness, 0.0)
     scene = mb.Scene(mb.System(body, hinge, mount), {"hinge.angle": angle})
-    with warnings.catch_warnings(record=True) as found:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as found:
         mb.simulate(scene)
     assert (
         any("Bushing 'mount': the mount turns by more than 0.5 rad at t = 0 s" in str(w.message) for w in found)

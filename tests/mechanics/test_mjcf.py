@@ -25,8 +25,7 @@ def write(tmp_path, inside, outside="", name="machine.xml"):
 
 def told(path, **options):
     """The robot of a file and the text of its warning."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as caught:
         robot = mb.load_mjcf(path, **options)
     return robot, " ".join(str(warning.message) for warning in caught)
 

@@ -236,8 +236,8 @@ def test_the_state_of_a_pulley_is_the_turn_of_the_line_through_the_points(side, 
     rope = mb.Rope("rope", [GROUND.point(-1, 0), (GROUND.point(0, 0), side * 0.1), load.point(0, 0)], 10.0, 9.0)
     drives = [mb.Motion("x", load.x, 2 * ca.cos(angle)), mb.Motion("y", load.y, 2 * ca.sin(angle))]
     scene = mb.Scene(mb.System(load, rope, *drives), {"load.z": 0.0}, [0.0, 0.5, 7.0])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)  # some come from the side where the pulley does not lie
+    # some come from the side where the pulley does not lie
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         assert_allclose(mb.simulate(scene, mb.CVODES())["rope.wrap1"], turn + np.array([0.0, 0.5, 7.0]), atol=1e-6)
 
 
@@ -248,7 +248,6 @@ def test_a_doubt_between_two_output_times_is_told(depth, count):
     rope = mb.Rope("rope", [GROUND.point(-1, 0), (GROUND.point(0, 0), 0.3), load.point(0, 0)], 1e4, 9.0)
     way = mb.Motion("way", load.x, depth + ca.cos(2 * ca.pi * mb.t) ** 2)
     scene = mb.Scene(mb.System(load, rope, way), {"load.y": 0.0, "load.z": 0.0}, np.linspace(0, 1.5, count + count % 2))
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as told:
         mb.simulate(scene)
     assert [("an end has reached a pulley" in str(w.message)) for w in told] == [True] * (depth < 0.3)

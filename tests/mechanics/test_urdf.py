@@ -302,8 +302,7 @@ def test_the_nearest_possible_inertia_stands_for_one_that_no_body_has(seed, is_m
     if change > 0.5:
         refused("energy of a motion by", load, path)
         return
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as told:
         robot = load(path)
     assert len(told) == (not np.allclose(J, nearest, rtol=0, atol=1e-9 * np.abs(J).max()))
     found = np.zeros((3, 3))

@@ -16,8 +16,7 @@ TIMES = np.linspace(0.0, 1.0, 21)
 
 def proved(law, start, nominal, box, order=6, times=TIMES):
     """Bounds of a mass of 1 kg, and the text of its doubts."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         scene = switch_proofs.mass(times, law, start, nominal)
         bounds = mb.propagate(scene, mb.TaylorModel(order=order), mb.Box(**box))
     return bounds, " ".join(bounds.doubts)

@@ -163,8 +163,7 @@ def drag(law, spread):
     start = {"hinge.angle": -1.0, "hinge.angle_rate": p.w0}
     outputs = {"angle": hinge.angle, "off": ca.fabs(p.w0 - 2.0), "late": ca.fabs(mb.t - 0.3)}
     scene = mb.Scene(system, start, np.linspace(0, 0.5, 11), outputs, mb.Box.around(p, spread))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         return mb.propagate(scene, mb.TaylorModel(order=8))
 
 

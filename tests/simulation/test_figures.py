@@ -154,8 +154,7 @@ def test_a_condition_that_never_holds_is_doubted_in_a_run_and_fails_it_in_a_stud
         assert np.isnan(one["high"]) and one["top"] == pytest.approx(0.2039, abs=1e-4)
         assert sum("'high'" in doubt for doubt in one.doubts) == 1
     scene = thrown(lambda ball: {"high": mb.first_time(ball.y > 0.2)})
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         bounds = mb.propagate(scene, mb.MonteCarlo(60))
     assert "Runs fail for speed < 1.98" in "".join(bounds.doubts)
     assert "the condition of output 'high' never holds" in bounds.failed[0].message

@@ -74,8 +74,7 @@ def test_the_other_way_is_another_solver(solver):
 def test_errors_of_a_checked_run_are_those_of_the_closed_form(solver, rate):
     times = np.linspace(0, 12 / rate, 41)
     solver = replace(solver, step=solver.step / rate) if isinstance(solver, mb.GeneralizedAlpha) else solver
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         run = mb.simulate(oscillator(times, rate**2), solver, check=True)
     error = np.abs(run["x"] - np.cos(rate * times))
     assert run.error.ravel() == pytest.approx(error, rel=1e-2, abs=1e-6)
