@@ -9,7 +9,7 @@ import pytest
 import random_proofs
 from enclosure_samples import require_sharp
 from enclosure_scenes import pendulum, van_der_pol
-from faults import refused
+from faults import refused, warned
 from small_scenes import formulas, particle, state
 
 import symmb as mb
@@ -65,8 +65,7 @@ def test_a_lost_proof_is_doubtful_and_infinite(tmp_path):
 def test_wide_bounds_are_doubtful():
     """A phase that the parameter moves by 9 rad is beyond the order 2."""
     scene = state(lambda p, z: ca.cos(30 * p.k * mb.t) * z, np.linspace(0, 3, 7), 1.0, k=(0.9, 1.1))
-    with pytest.warns(mb.SymmbWarning, match="proved, but wide from t = [012]"):
-        bounds = mb.propagate(scene, mb.TaylorModel(order=2))
+    bounds = warned("proved, but wide from t = [012]", mb.propagate, scene, mb.TaylorModel(order=2))
     assert bounds.upper[-1, 0] > 2.0 and (bounds.upper[:2] < 1.1).all()
 
 
@@ -187,8 +186,7 @@ def test_a_change_point_is_not_passed():
     lengths, times = (0.5, 0.8, 0.5, 0.8), np.linspace(0, 0.5, 26)
     start = {"crank.theta": 0.8, "crank.omega": -3.0}
     scene = _four_bar(lambda p: start, mb.Box(spin=(0.9, 1.1)), times, lengths=lengths)
-    with pytest.warns(mb.SymmbWarning, match=r"proved up to t = 0\.[12]"):
-        bounds = mb.propagate(scene, mb.TaylorModel(order=4))
+    bounds = warned(r"proved up to t = 0\.[12]", mb.propagate, scene, mb.TaylorModel(order=4))
     assert np.isfinite(bounds.upper[:5]).all() and not np.isfinite(bounds.upper[15:]).any()
 
 
@@ -264,8 +262,7 @@ def test_one_time_is_enough():
 
 def test_infinite_bounds_make_a_comparison_doubtful():
     scene = state(lambda p, z: p.k * z**2, np.linspace(0.0, 1.5, 4), 0.6, k=(0.9, 1.1))
-    with pytest.warns(mb.SymmbWarning, match="not proved|infinite later"):
-        found = mb.compare(scene, [mb.TaylorModel(order=2)], reference=mb.Scanning(11))
+    found = warned("not proved|infinite later", mb.compare, scene, [mb.TaylorModel(order=2)], reference=mb.Scanning(11))
     assert found.doubts
 
 
@@ -330,8 +327,7 @@ def test_parameters_without_a_start_need_smaller_intervals():
 def test_an_output_without_a_remainder_leaves_others_their_bounds(operation):
     both = lambda z: {"steps": operation(3 * z), "z": z}  # noqa: E731
     scene = state(lambda p, z: -p.k * z, [0.0, 1.0], 2.0, both, k=(0.9, 1.1))
-    with pytest.warns(mb.SymmbWarning, match=r"are infinite for steps, since \w+ has no remainder\."):
-        bounds = mb.propagate(scene, mb.TaylorModel())
+    bounds = warned(r"are infinite for steps, since \w+ has no remainder\.", mb.propagate, scene, mb.TaylorModel())
     assert np.isinf(bounds.upper[:, 0]).all()
     np.testing.assert_allclose([bounds.lower[1, 1], bounds.upper[1, 1]], 2 * np.exp([-1.1, -0.9]), rtol=1e-6)
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from faults import refused
+from faults import refused, warned
 from mechanisms import double_pendulum
 from processes import in_time, program
 
@@ -450,8 +450,7 @@ def test_a_bad_folder_for_temporary_files_gives_way_to_cvodes(folder, compilers,
     else:
         monkeypatch.setattr(Path, "write_text", refuse)
     scene = double_pendulum(np.linspace(0.0, 0.1, 3), box=mb.Box(l1=(0.95, 1.05)))
-    with pytest.warns(mb.SymmbWarning, match="is not used: .*(No space left|No such file)|No C compiler found"):
-        bounds = mb.propagate(scene, mb.Vertex())
+    bounds = warned("is not used: .*(No space left|No such file)|No C compiler found", mb.propagate, scene, mb.Vertex())
     monkeypatch.undo()
     build._UNUSABLE.clear()
     build._compiler.cache_clear()

@@ -6,7 +6,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 import pytest
-from faults import refused
+from faults import refused, warned
 from numpy.testing import assert_allclose
 
 import symmb as mb
@@ -72,8 +72,7 @@ def test_a_rod_for_a_rope_says_when_it_pushes():
     rod = mb.Distance("rod", GROUND.point(0, 0), bob.point(0, 0), 1.0, unilateral=True)
     start = {"bob.x": 0.0, "bob.vx": 5.5}
     scene = mb.Scene(mb.System(bob, rod, mb.Gravity(0, -9.81)), start, np.linspace(0, 1, 201), guess={"bob.y": -1.0})
-    with pytest.warns(mb.SymmbWarning, match=r"Distance 'rod': its force changes sign at t = 0\.4"):
-        run = mb.simulate(scene)
+    run = warned(r"Distance 'rod': its force changes sign at t = 0\.4", mb.simulate, scene)
     slack = (5.5**2 - 2 * 9.81) / (3 * 9.81)  # its height
     time = float(run.doubts[0].split("t = ")[1].split()[0])
     assert run["bob.y"][run.t.searchsorted(time) - 1] < slack <= run["bob.y"][run.t.searchsorted(time)] + 1e-9
@@ -120,10 +119,7 @@ def test_a_winch_that_winds_its_load_into_the_pulley_is_told(over, y):
     rope = mb.Rope("rope", [GROUND.point(-1, 0.1), over, load.point(0, 0)], 1e4, 1.8 - mb.t, 50.0)
     system = mb.System(load, rope, mb.Gravity(0, -9.81))
     scene = mb.Scene(system, {"load.x": 0.1, "load.y": y, "load.vy": 1.0}, np.linspace(0, 0.9, 19))
-    with pytest.warns(
-        mb.SymmbWarning, match=r"Rope 'rope': the rope is too short at t = 0\.[678].*Stop the winch earlier"
-    ):
-        mb.simulate(scene)
+    warned(r"Rope 'rope': the rope is too short at t = 0\.[678].*Stop the winch earlier", mb.simulate, scene)
 
 
 def retracting(speed, r, k=1000.0):

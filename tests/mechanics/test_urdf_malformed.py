@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from faults import refused
+from faults import refused, warned
 
 import symmb as mb
 
@@ -269,8 +269,7 @@ def test_of_joints_that_follow_each_other_in_a_circle_one_is_free(tmp_path):
     joints = [own.replace("</joint>", f"{inside}</joint>") for own, inside in zip(joints, follow, strict=True)]
     path = tmp_path / "circle.urdf"
     path.write_text(robot(BASE, ARM, ARM.replace("arm", "hand"), *joints))
-    with pytest.warns(mb.SymmbWarning, match="follow themselves, so the followers move freely"):
-        machine = mb.load_urdf(path)
+    machine = warned("follow themselves, so the followers move freely", mb.load_urdf, path)
     assert set(machine.start) == {"elbow.angle"}
     system = mb.System(*machine.elements)
     run = mb.simulate(mb.Scene(system, {"elbow.angle": 0.2}, [0.0], {"wrist": machine.joints["wrist"].angle}))

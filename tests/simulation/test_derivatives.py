@@ -5,7 +5,7 @@ from functools import partial
 import casadi as ca
 import numpy as np
 import pytest
-from faults import refused
+from faults import refused, warned
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize
 from small_scenes import particle
@@ -162,8 +162,7 @@ def test_jumps_away_from_the_nominal_parameters_are_told_as_well():
     f = mb.jax_function(particle(law, np.linspace(0.0, 0.25, 6), {"mass.vx": 1.5}, a=(0.3, 0.5)))
     last = jax.grad(lambda u: f(u)[-1, 0])
     assert last(np.array([0.39])) == 0.0  # the run ends before
-    with pytest.warns(mb.SymmbWarning, match="Derivatives for a are not valid from t = 0.13"):
-        last(np.array([0.2]))
+    warned("Derivatives for a are not valid from t = 0.13", last, np.array([0.2]))
 
 
 @pytest.mark.parametrize(("make", "package"), [(mb.jax_function, "jax"), (mb.torch_function, "torch")])

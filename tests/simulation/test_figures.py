@@ -7,7 +7,7 @@ from concurrent.futures import ProcessPoolExecutor
 import casadi as ca
 import numpy as np
 import pytest
-from faults import refused
+from faults import refused, warned
 from figure_motions import KINDS, MOTIONS, figure, motion
 
 import symmb as mb
@@ -138,8 +138,7 @@ def test_a_force_begins_when_it_leaves_zero(law):
     outputs = {"begin": mb.first_time(begins), "speed": mb.value_at(ball.vy, begins)}
     run = mb.simulate(mb.Scene(system, {"ball.y": 1.0}, [0.0, 0.6], outputs))
     assert abs(run["begin"] - np.sqrt(2 / G)) < 1e-7 and abs(run["speed"] + np.sqrt(2 * G)) < 1e-6
-    with pytest.warns(mb.SymmbWarning, match="Output 'begin' is nan"):
-        never = mb.simulate(mb.Scene(system, {"ball.y": 1.0}, [0.0, 0.4], outputs))
+    never = warned("Output 'begin' is nan", mb.simulate, mb.Scene(system, {"ball.y": 1.0}, [0.0, 0.4], outputs))
     assert np.isnan(never["begin"]) and np.isnan(never["speed"])
 
 
@@ -147,8 +146,7 @@ def test_a_force_begins_when_it_leaves_zero(law):
 @pytest.mark.parametrize("file", ["a.npz", "a.json"])
 def test_a_condition_that_never_holds_is_doubted_in_a_run_and_fails_it_in_a_study(check, file, tmp_path):
     scene = thrown(lambda ball: {"y": ball.y, "top": mb.maximum(ball.y), "high": mb.first_time(ball.y > 5)})
-    with pytest.warns(mb.SymmbWarning, match="Output 'high' is nan: its condition does not hold in the run"):
-        run = mb.simulate(scene, check=check)
+    run = warned("Output 'high' is nan: its condition does not hold in the run", mb.simulate, scene, check=check)
     run.save(tmp_path / file)
     for one in (run, mb.Trajectory.load(tmp_path / file)):
         assert np.isnan(one["high"]) and one["top"] == pytest.approx(0.2039, abs=1e-4)

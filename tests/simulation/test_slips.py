@@ -1,7 +1,7 @@
 """What is given in the place of a scene, a box or a solver, and told with the remedy."""
 
 import pytest
-from faults import refused
+from faults import refused, warned
 from mechanisms import explosion
 
 import symmb as mb
@@ -34,7 +34,6 @@ def test_boxes():
 
 
 def test_a_failed_run_of_a_scene_tells_its_parameters_and_time_once():
-    with pytest.warns(mb.SymmbWarning, match="1 of 2 runs failed"):
-        bounds = mb.propagate(SCENE, mb.Vertex(), mb.Box(a=(0.2, 1.0)), mb.CVODES(rtol=1e-9))
+    bounds = warned("1 of 2 runs failed", mb.propagate, SCENE, mb.Vertex(), mb.Box(a=(0.2, 1.0)), mb.CVODES(rtol=1e-9))
     assert str(bounds.failed[0]).startswith("t = 0.99")
     assert str(bounds.failed[0]).count("0.99") == 1

@@ -6,7 +6,7 @@ import casadi as ca
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from faults import refused
+from faults import refused, warned
 from scipy.optimize import curve_fit
 
 import symmb as mb
@@ -84,8 +84,7 @@ def test_outputs_have_times_and_noise_of_their_own_and_gaps():
 
 def test_what_the_data_do_not_determine_is_told():
     scene = oscillator()
-    with pytest.warns(mb.SymmbWarning, match="'m', 'k', 'c' together"):
-        found = mb.calibrate(scene, {"x": swing(T, 6.3, 0.21)}, ["m", "k", "c"])
+    found = warned("'m', 'k', 'c' together", mb.calibrate, scene, {"x": swing(T, 6.3, 0.21)}, ["m", "k", "c"])
     assert found.parameters["k"] / found.parameters["m"] == pytest.approx(6.3, rel=1e-4)
     refused("do not determine", found.box)
     with pytest.warns(mb.SymmbWarning, match="'unused': the outputs do not depend on it"):
@@ -103,8 +102,7 @@ def test_what_is_determined_beside_an_undetermined_pair_is_as_without_it(name, n
     data = {"x": 0.38 * np.cos(np.sqrt(7.6 / 1.3) * T) + 0.01 * np.random.default_rng(1).standard_normal(41)}
     given = noise and {"x": noise}
     exact = mb.calibrate(scene, data, ["k", "a"], noise=given)
-    with pytest.warns(mb.SymmbWarning, match="'m', 'k' together"):
-        found = mb.calibrate(scene, data, noise=given)
+    found = warned("'m', 'k' together", mb.calibrate, scene, data, noise=given)
     m, k, a = found.parameters.values()
     assert k / m == pytest.approx(exact.parameters["k"] / 1.3, rel=1e-6)
     share = np.array([1.0, k / m * 1.3 / 7.0])
@@ -186,8 +184,7 @@ def test_what_is_no_noise_is_doubted(noise, tmp_path):
     found.save(tmp_path / "a.npz")
     assert mb.Calibration.load(tmp_path / "a.npz").doubts == found.doubts
     why = "the given noise" if noise else "resemble their neighbours in time"
-    with pytest.warns(mb.SymmbWarning, match=why):
-        mb.calibrate(particle(), {"x": y + 0.1 * np.sin(3 * T)}, noise=given)
+    warned(why, mb.calibrate, particle(), {"x": y + 0.1 * np.sin(3 * T)}, noise=given)
     with pytest.warns(mb.SymmbWarning, match="given noise" if noise else "explains little of x"):
         mb.calibrate(particle(), {"x": rng.standard_normal(41)}, noise=given)
     assert not mb.calibrate(particle(), {"x": y}, noise=given).doubts
@@ -207,8 +204,7 @@ def test_an_outlier_among_few_values_is_told(number):
 
 
 def test_nothing_determined_stays_nominal():
-    with pytest.warns(mb.SymmbWarning, match="'unused'"):
-        found = mb.calibrate(oscillator(), {"x": swing(T, 6.3, 0.21)}, ["unused"])
+    found = warned("'unused'", mb.calibrate, oscillator(), {"x": swing(T, 6.3, 0.21)}, ["unused"])
     assert found.parameters == {"unused": 2.0} and found.deviations == {"unused": np.inf}
     assert "1 parameter from 41 values" in str(found)
 
