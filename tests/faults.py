@@ -8,9 +8,10 @@ import symmb as mb
 
 
 def refused(match, call, /, *arguments, error=mb.DeclarationError, **options):
-    """A call ends by an error whose message matches."""
-    with pytest.raises(error, match=match):
+    """The message of the error that ends a call. It matches, unless that is None."""
+    with pytest.raises(error, match=match) as caught:
         call(*arguments, **options)
+    return str(caught.value)
 
 
 @contextmanager

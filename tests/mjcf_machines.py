@@ -352,10 +352,8 @@ def largest_deviation(mujoco, path, seconds=1.0, step=2e-4):
         names = ["world" if k == 0 else m.body(k).name or f"body{k}" for k in range(m.nbody)]
         points = {k: robot.bodies[names[k].replace(" ", "_")].point(*PLACE) for k in counted}
         outputs = {f"{x}{k}": getattr(point, x) for k, point in points.items() for x in "xyz"}
-        run = mb.simulate(
-            mb.Scene(mb.System(*robot.elements), robot.start, [0.0, seconds], outputs),
-            mb.DormandPrince(rtol=1e-10, atol=1e-10),
-        )
+        scene = mb.Scene(mb.System(*robot.elements), robot.start, [0.0, seconds], outputs)
+        run = mb.simulate(scene, mb.DormandPrince(rtol=1e-10, atol=1e-10))
     mujoco.mj_forward(m, d)
     first = places(d)
     for _ in range(round(seconds / step)):

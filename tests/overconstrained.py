@@ -75,9 +75,8 @@ class Linkage:
     def scene(self, times: np.ndarray, rate: float = 0.0) -> mb.Scene:
         """The first hinge starts at a rate. Outputs are the coordinates of all centres."""
         ground = mb.Ground()
-        bars = [
-            mb.Body(f"bar{k}", m, (J, J, J), mb.Spatial()) for k, (m, J) in enumerate(zip(self.m, self.J, strict=True))
-        ]
+        inertias = zip(self.m, self.J, strict=True)
+        bars = [mb.Body(f"bar{k}", m, (J, J, J), mb.Spatial()) for k, (m, J) in enumerate(inertias)]
         around = [ground, *bars, ground]
         origins = [np.zeros(3), *self.centres, np.zeros(3)]
         hinges = [

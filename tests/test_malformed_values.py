@@ -3,7 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
-from faults import refused
+from faults import refused, told_in_a_line
 
 import symmb as mb
 
@@ -47,9 +47,7 @@ def test_directions_that_are_not_finite_are_refused_by_name(element, direction):
 def test_points_that_are_not_finite_are_refused_by_name(body):
     ball = mb.Body("ball", 1.0, pose=mb.Particle())
     contact = mb.Contact("e", ball.point(0, 0, 0), body.point(0, NAN, 0), (0, 0, 1), STIFF)
-    with pytest.raises(
-        mb.DeclarationError, match=f"Contact 'e'.*a point of body '{body.name}' contains NaN or infinity"
-    ):
+    with told_in_a_line(f"Contact 'e'.*a point of body '{body.name}' contains NaN or infinity"):
         mb.System(ball, *([body] if body is not GROUND else []), contact)
 
 

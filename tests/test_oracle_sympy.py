@@ -54,9 +54,7 @@ def test_the_double_pendulum_has_the_paper_s_equations():
     signs = [TURNED[i, i] for i in range(6)]
     for names, paper in ((NAMES, PAPER_Q), (RATES, PAPER_V)):
         mine |= {symbols[n]: sign * s for n, sign, s in zip(names, signs, paper, strict=True) if n in symbols}
-    M, Q, Phi, Phi_q, gamma = (
-        sp.nsimplify(ours[k].subs(mine), rational=True) for k in ("M", "Q", "Phi", "Phi_q", "gamma")
-    )
+    M, Q, Phi, Phi_q, gamma = (sp.nsimplify(ours[k].subs(mine), rational=True) for k in "M Q Phi Phi_q gamma".split())
     assert ROWS.det() == 1
     g = sp.Rational(981, 100)
     paper_M = sp.diag(L1, L1, L1**3 / 12, L2, L2, L2**3 / 12)

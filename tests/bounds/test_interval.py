@@ -95,8 +95,7 @@ def _values(name, *arguments):
     else:
         expression = ca.SX.binary(code, *symbols)
     f = ca.Function("f", symbols, [expression])
-    flat = [np.ravel(a)[None, :] for a in arguments]
-    return np.asarray(f(*flat)).ravel()
+    return np.asarray(f(*[np.ravel(a)[None, :] for a in arguments])).ravel()
 
 
 def _intervals(low, high, n, rng):
@@ -125,9 +124,8 @@ def test_binary_operation_encloses_and_is_tight(name):
         with np.errstate(all="ignore"):
             values = _values(name, x, y)
         values = values[np.isfinite(values)]
-        lower, upper = operate(
-            getattr(ca, name), (Interval(np.array(a), np.array(b)), Interval(np.array(c), np.array(d)))
-        )
+        both = (Interval(np.array(a), np.array(b)), Interval(np.array(c), np.array(d)))
+        lower, upper = operate(getattr(ca, name), both)
         if not len(values):
             continue
         assert lower <= values.min() and values.max() <= upper

@@ -139,9 +139,8 @@ def test_outputs_without_width_promise_nothing():
 
     result = propagate(Constant(), Optimization(), BOX)
     assert result.evaluations == 15  # the centre and the corners
-    np.testing.assert_array_equal(
-        [result.lower, result.upper, result.estimate], np.full((3, 61, 1), [[[5]], [[5]], [[0]]])
-    )
+    expected = np.full((3, 61, 1), [[[5]], [[5]], [[0]]])
+    np.testing.assert_array_equal([result.lower, result.upper, result.estimate], expected)
 
 
 def test_failed_runs_are_told():

@@ -38,9 +38,8 @@ def test_quantiles_of_sums_of_normal_parameters(rho, method):
 
 
 def test_parameters_without_a_law_give_two_quantiles():
-    found = mb.propagate(sums(), mb.PolynomialChaos(), mb.Box(a=(-9, 9), b=(-1, 3))).quantiles(
-        "y", LEVELS, laws={"a": NORMAL["a"]}
-    )
+    bounds = mb.propagate(sums(), mb.PolynomialChaos(), mb.Box(a=(-9, 9), b=(-1, 3)))
+    found = bounds.quantiles("y", LEVELS, laws={"a": NORMAL["a"]})
     exact = 0.5 + st.norm.ppf(LEVELS)[:, None]
     assert (np.abs(found.lower - (exact - T)) <= found.estimate).all()
     assert (np.abs(found.upper - (exact + 3 * T)) <= found.estimate).all()
@@ -186,8 +185,7 @@ def test_monte_carlo_draws_from_laws():
 )  # fmt: skip
 def test_what_is_malformed_is_told_in_a_sentence(change, text):
     bounds = mb.propagate(sums(), mb.PolynomialChaos(), WIDE)
-    arguments = {"output": "y", "levels": 0.5, "laws": NORMAL} | change
-    refused(text, bounds.quantiles, **arguments)
+    refused(text, bounds.quantiles, **{"output": "y", "levels": 0.5, "laws": NORMAL} | change)
 
 
 def test_other_malformed_calls():

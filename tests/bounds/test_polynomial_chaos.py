@@ -48,9 +48,8 @@ def test_equation_25_coefficients(nodes):
 
 
 def test_paper_preset_is_what_it_says():
-    assert mb.PolynomialChaos.paper(order=2) == mb.PolynomialChaos(
-        order=2, nodes=mb.Gauss(), basis=mb.TotalDegree(), range=mb.LegendreInclusion()
-    )
+    given = {"nodes": mb.Gauss(), "basis": mb.TotalDegree(), "range": mb.LegendreInclusion()}
+    assert mb.PolynomialChaos.paper(order=2) == mb.PolynomialChaos(order=2, **given)
     assert mb.propagate(Wave(), mb.PolynomialChaos.paper(order=2), BOX).evaluations == 9
 
 
@@ -110,9 +109,8 @@ def test_fit_around_a_failed_node(f, time):
 def test_too_few_nodes_left_is_an_error_that_lists_them(method):
     simulator = mb.FunctionSimulator(_breaks, {"amplitude": 1.0, "w": 1.0}, TIMES, ["x"])
     box = mb.Box(amplitude=(0.8, 1.2), w=(0.8, 1.2))
-    with pytest.raises(
-        mb.PropagationError, match=r"failed(.|\n)*  RuntimeError: no convergence \(amplitude=1\.\d+, w=1\.\d+\)"
-    ):
+    told = r"failed(.|\n)*  RuntimeError: no convergence \(amplitude=1\.\d+, w=1\.\d+\)"
+    with pytest.raises(mb.PropagationError, match=told):
         mb.propagate(simulator, method, box)
 
 

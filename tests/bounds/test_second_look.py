@@ -34,8 +34,7 @@ def test_what_is_wrong_in_one_way_is_a_doubt(method, at_nominal):
 
 
 def test_right_studies_have_no_doubt():
-    scene = double_pendulum.scene().with_times(TIMES)
-    bounds = mb.propagate(scene, mb.PolynomialChaos())
+    bounds = mb.propagate(double_pendulum.scene().with_times(TIMES), mb.PolynomialChaos())
     assert not bounds.doubts and not bounds.remarks
 
 
@@ -48,8 +47,7 @@ def swinging(amplitude, periods, spread):
     k = np.sin(amplitude / 2) ** 2
     times = np.linspace(0, periods * 4 * ellipk(k) / np.sqrt(1.5 * 9.81), 307)[:-3]
     box = mb.Box(l=(1 - spread, 1 + spread))
-    outputs = {"angle": rod.theta}
-    scene = mb.Scene(system, start={"rod.theta": amplitude}, times=times, outputs=outputs, box=box)
+    scene = mb.Scene(system, start={"rod.theta": amplitude}, times=times, outputs={"angle": rod.theta}, box=box)
     lengths = np.linspace(1 - spread, 1 + spread, 201)[:, None]
     angles = 2 * np.arcsin(np.sqrt(k) * ellipj(ellipk(k) - np.sqrt(1.5 * 9.81 / lengths) * times, k)[0])
     return scene, np.array([angles.min(axis=0), angles.max(axis=0)])

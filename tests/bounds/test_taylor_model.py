@@ -72,9 +72,7 @@ def test_wide_bounds_are_doubtful():
 def test_fast_oscillations_and_outputs_that_are_never_smooth():
     scene = formulas(lambda p: {"f": ca.cos(100 * p.k * mb.t)}, [0.0, 0.5, 1.0], k=(0.9, 1.1))
     bounds = mb.propagate(scene, mb.TaylorModel())
-    np.testing.assert_allclose(
-        [bounds.lower[:, 0], bounds.upper[:, 0]], [[1.0, -1.0, -1.0], [1.0, 1.0, 1.0]], atol=1e-6
-    )
+    np.testing.assert_allclose(bounds["f"], [[1.0, -1.0, -1.0], [1.0, 1.0, 1.0]], atol=1e-6)
     scene = formulas(lambda p: {"f": ca.fabs(p.k - 1)}, k=(0.9, 1.1))
     with pytest.warns(mb.SymmbWarning, match="not proved at any time: .* over the box; try smaller intervals"):
         assert np.isinf(mb.propagate(scene, mb.TaylorModel()).upper).all()
@@ -90,9 +88,8 @@ def test_one_of_two_formulas_that_is_not_smooth():
 def test_a_long_proof_tells_early_how_long_it_takes(monkeypatch):
     seconds = itertools.count(0.0, 20.0)
     monkeypatch.setattr("symmb.bound.bounds.taylor_model.time.monotonic", lambda: next(seconds))
-    with pytest.warns(
-        mb.SymmbWarning, match=r"^TaylorModel\(order=8\): .* % of the time is proved; the rest takes about \d+ minutes"
-    ) as told:
+    text = r"^TaylorModel\(order=8\): .* % of the time is proved; the rest takes about \d+ minutes"
+    with pytest.warns(mb.SymmbWarning, match=text) as told:
         mb.propagate(van_der_pol(), mb.TaylorModel())
     assert len(told) == 1
 
@@ -122,12 +119,9 @@ def test_what_is_refused(scene, message):
 def _door_on_two_hinges(**box):
     p = mb.Parameters(mass=2.0, offset=0.0)
     door, ground = mb.Body("door", p.mass, (0.1, 0.2, 0.3), pose=mb.Spatial()), mb.Ground()
-    hinges = [
-        mb.Revolute(name, ground.point(x, 0, z), door.point(-0.5, 0, z), axis=(0, 0, 1))
-        for name, x, z in (("lower", 0, -0.4), ("upper", p.offset, 0.4))
-    ]
-    push = mb.Force("push", door.point(0.5, 0, 0), (0, 1, 0))
-    system = mb.System(door, *hinges, push, parameters=p)
+    places = (("lower", 0, -0.4), ("upper", p.offset, 0.4))
+    hinges = [mb.Revolute(name, ground.point(x, 0, z), door.point(-0.5, 0, z), axis=(0, 0, 1)) for name, x, z in places]
+    system = mb.System(door, *hinges, mb.Force("push", door.point(0.5, 0, 0), (0, 1, 0)), parameters=p)
     start = {"lower.angle_rate": 1.0}
     return mb.Scene(system, start, [0.0, 0.1], {"x": door.x}, guess={"door.x": 0.5}, box=mb.Box(**box))
 

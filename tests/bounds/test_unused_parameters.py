@@ -86,9 +86,7 @@ def test_shipped_scenes_use_their_parameters(model):
 
 def test_parameters_of_a_function_that_change_nothing_are_named():
     """The square of b is even, so that no polynomial of first degree sees it: it is not named."""
-    function = mb.FunctionSimulator(
-        lambda a, b, c, d: np.atleast_1d(a + b**2), dict.fromkeys("abcd", 0.0), [0.0], ["y"]
-    )
+    function = mb.FunctionSimulator(lambda a, b, c, d: [a + b**2], dict.fromkeys("abcd", 0.0), [0.0], ["y"])
     box = mb.Box(a=(-1, 1), b=(-1, 1), c=(-1, 1), d=(0, 0))
     for method in (mb.PolynomialChaos(), mb.PolynomialChaos(order=1), mb.PolynomialChaos(order=2)):
         with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):

@@ -87,10 +87,8 @@ def test_an_interrupted_comparison_carries_the_methods_so_far():
         mb.compare(Interrupted(10**9), methods, BOX, mb.Scanning(3), progress=progress)
     partial = caught.value.partial
     assert [row.name for row in partial.rows] == ["Vertex()"]
-    assert [(left.name, left.reason) for left in partial.not_run] == [
-        ("MonteCarlo(10000)", "interrupted"),
-        ("Scanning(5)", "interrupted"),
-    ]
+    left = [(method.name, method.reason) for method in partial.not_run]
+    assert left == [("MonteCarlo(10000)", "interrupted"), ("Scanning(5)", "interrupted")]
     assert "interrupted" in str(partial)
 
 
@@ -226,9 +224,8 @@ with temporary_folder() as folder:
 
 def left_folder(place):
     """A temporary folder of a process that was killed."""
-    told = subprocess.run(
-        [sys.executable, "-c", LEFT], env={**os.environ, "TMPDIR": str(place)}, capture_output=True, text=True
-    )
+    environment = {**os.environ, "TMPDIR": str(place)}
+    told = subprocess.run([sys.executable, "-c", LEFT], env=environment, capture_output=True, text=True)
     return Path(told.stdout.strip())
 
 

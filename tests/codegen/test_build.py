@@ -334,12 +334,8 @@ def test_a_compiler_that_does_not_answer_in_time_is_named(folder, compilers, mon
     let_hang_briefly(monkeypatch)
     monkeypatch.setattr(build, "_candidates", lambda: iter([(shutil.which("sh"), "-c", "sleep 5", "sh")]))
     with pytest.warns(mb.SymmbWarning, match="longer than 20 s to print its version"):
-        refused(
-            "^A study needs a C compiler, .*sleep 5.*longer than 20 s",
-            build.require_compiler,
-            "A study",
-            error=build.NoCompilerError,
-        )
+        told = "^A study needs a C compiler, .*sleep 5.*longer than 20 s"
+        refused(told, build.require_compiler, "A study", error=build.NoCompilerError)
 
 
 def test_the_oldest_files_leave_a_cache_that_is_too_large(folder, monkeypatch):

@@ -114,8 +114,7 @@ def test_the_run_that_kills_its_worker_is_found():
     assert (ensemble.ok == ~killed).all() and killed.sum() == len(ensemble.messages) == 2
     for message, k in zip(ensemble.messages, SAMPLES[killed, 0], strict=True):
         assert "its worker process died each of 3 times" in message and f"(k={k:.6g})" in message
-    good = run_blocks(simulator(decay), SAMPLES)
-    assert ensemble.Y[~killed].tobytes() == good.Y[~killed].tobytes()
+    assert ensemble.Y[~killed].tobytes() == run_blocks(simulator(decay), SAMPLES).Y[~killed].tobytes()
 
 
 def test_a_broken_executor_that_was_handed_in_ends_the_study_in_a_sentence():
@@ -414,9 +413,5 @@ def test_a_worker_of_dask_with_another_version_is_told(name, there, is_same):
     if is_same:
         _require_same_versions(versions)
         return
-    refused(
-        f"worker tcp://a has {name} .*, but this process has",
-        _require_same_versions,
-        versions,
-        error=mb.SimulationError,
-    )
+    told = f"worker tcp://a has {name} .*, but this process has"
+    refused(told, _require_same_versions, versions, error=mb.SimulationError)

@@ -41,10 +41,8 @@ def test_wrong_shape_names_both():
 def test_what_is_no_array_of_numbers_is_a_failed_sample(result):
     ensemble = _simulator(lambda a: TIMES if a > 0 else result).run(np.array([[1.0], [-1.0]]))
     assert ensemble.ok.tolist() == [True, False]
-    assert (
-        "the function returned" in ensemble.messages[0]
-        and "expected numbers of the shape (3, 1)" in ensemble.messages[0]
-    )
+    assert "the function returned" in ensemble.messages[0]
+    assert "expected numbers of the shape (3, 1)" in ensemble.messages[0]
 
 
 def test_exception_is_a_failed_sample():

@@ -136,8 +136,7 @@ def test_scenes_are_known_in_other_processes(tmp_path):
     stored = mb.StoredSimulator(made, tmp_path / "runs.db")
     first = mb.Scanning(3).bounds(stored, scene.box)
     assert bits(mb.Scanning(3).bounds(stored, scene.box)) == bits(first)
-    plain = mb.Scanning(3).bounds(made, scene.box)
-    assert np.abs(plain.upper - first.upper).max() < 1e-8
+    assert np.abs(mb.Scanning(3).bounds(made, scene.box).upper - first.upper).max() < 1e-8
 
 
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
@@ -172,10 +171,8 @@ def test_a_killed_study_goes_on_where_it_stopped(tmp_path):
     (tmp_path / "study.py").write_text(STUDY)
 
     def study(name):
-        return [
-            sys.executable,
-            *(str(tmp_path / part) for part in ("study.py", f"{name}.db", f"{name}.txt", f"{name}.npz")),
-        ]
+        paths = (tmp_path / part for part in ("study.py", f"{name}.db", f"{name}.txt", f"{name}.npz"))
+        return [sys.executable, *map(str, paths)]
 
     subprocess.run(study("whole"), check=True)
     calls = tmp_path / "killed.txt"
@@ -350,8 +347,7 @@ def test_lost_runs_are_made_again(tmp_path):
 @pytest.mark.parametrize(("timeout", "calls"), [(0.1, 0), (0.05, 0), (2.0, 1), (10.0, 1), (None, 1)])
 def test_runs_that_timed_out_are_made_again_with_more_time(timeout, calls, tmp_path, capsys):
     def stored(timeout):
-        made = simulator(Dies(tmp_path / "how"), timeout=timeout)
-        return mb.StoredSimulator(made, tmp_path / "runs.db")
+        return mb.StoredSimulator(simulator(Dies(tmp_path / "how"), timeout=timeout), tmp_path / "runs.db")
 
     (tmp_path / "how").write_text("wait")
     P = np.array([[0.5, 1.0]])

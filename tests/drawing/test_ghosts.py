@@ -127,8 +127,7 @@ def test_bounds_that_cannot_be_drawn(tmp_path):
 def test_pictures_of_long_runs_hold_the_time_and_the_extremes():
     block = mb.Body("block", mass=1.0, pose=mb.Particle())
     t = np.linspace(0, 1, 5001)
-    peak = 1 / (1e-4 + (mb.t - t[2501]) ** 2 * 1e4)
-    outputs = {"x": block.x, "peak": peak}
+    outputs = {"x": block.x, "peak": 1 / (1e-4 + (mb.t - t[2501]) ** 2 * 1e4)}
     run = mb.simulate(mb.Scene(mb.System(block), start={"block.vx": 1.0}, times=t, outputs=outputs))
     exhibit = of_run(run, t[2503], None)
     assert exhibit.drawing.t[exhibit.picture] == t[2503]

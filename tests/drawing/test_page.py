@@ -231,8 +231,7 @@ def test_curves_have_a_time_axis(browser, pendulum):
         CanvasRenderingContext2D.prototype.fillText = fill;
         return texts;
     })()"""  # noqa: E501
-    texts = browser.run(ticks)
-    assert texts[:6] == ["0", "2", "4", "6", "8", "10 s"]
+    assert browser.run(ticks)[:6] == ["0", "2", "4", "6", "8", "10 s"]
 
 
 @pytest.mark.parametrize("has_figure", [False, True])

@@ -41,8 +41,7 @@ def by_scipy(times, length, drive, until):
         return [x[1], torque / (0.01 + length**2)]
 
     exact = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
-    first = times[times < until]
-    begin = solve_ivp(rates, (0.0, until), [0.4, 0.0], t_eval=[*first, until], **exact).y
+    begin = solve_ivp(rates, (0.0, until), [0.4, 0.0], t_eval=[*times[times < until], until], **exact).y
     rest = solve_ivp(rates, (until, times[-1]), begin[:, -1], t_eval=times[times >= until], **exact).y
     return np.hstack([begin[:, :-1], rest]).T
 
@@ -93,9 +92,8 @@ def test_a_pendulum_agrees_with_scipy(version, tmp_path):
     parameters = {"length": 1.3, "drive": 0.7, "until": 1.03}
     expected = by_scipy(scene.times, **parameters)
     for kind, error in (("CoSimulation", 1e-9), ("ModelExchange", 1e-6)):
-        Y = run_fmu(
-            path, scene.times, ["angle", "rod.omega", "lowest <point>"], parameters, kind, relative_tolerance=1e-10
-        )
+        names = ["angle", "rod.omega", "lowest <point>"]
+        Y = run_fmu(path, scene.times, names, parameters, kind, relative_tolerance=1e-10)
         np.testing.assert_allclose(Y[:, :2], expected, atol=error)
         np.testing.assert_allclose(Y[:, 2], -1.3 * np.cos(expected[:, 0]), atol=error)
 
@@ -128,16 +126,13 @@ def test_an_impact_in_a_communication_step_is_exact(tmp_path):
     """A ball that falls from 1.25 m at 10 m/s^2 is at the floor after 0.5 s."""
     p = mb.Parameters(e=0.8)
     ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    floor = mb.Impact("floor", gap=ball.y, restitution=p.e)
-    system = mb.System(ball, floor, mb.Gravity(0, -10.0), parameters=p)
-    mb.save_fmu(
-        mb.Scene(system, {"ball.y": 1.25}, np.linspace(0, 1, 5), {"y": ball.y, "vy": ball.vy}), tmp_path / "ball.fmu"
-    )
+    system = mb.System(ball, mb.Impact("floor", gap=ball.y, restitution=p.e), mb.Gravity(0, -10.0), parameters=p)
+    outputs = {"y": ball.y, "vy": ball.vy}
+    mb.save_fmu(mb.Scene(system, {"ball.y": 1.25}, np.linspace(0, 1, 5), outputs), tmp_path / "ball.fmu")
     times = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
     Y = run_fmu(tmp_path / "ball.fmu", times, ["y", "vy"], {"e": 0.6})
-    np.testing.assert_allclose(
-        Y[:, 0], [1.25, 0.9375, 0, 0.6 * 5 * 0.25 - 5 * 0.25**2, 0.6 * 5 * 0.5 - 5 * 0.5**2], atol=1e-12
-    )
+    heights = [1.25, 0.9375, 0, 0.6 * 5 * 0.25 - 5 * 0.25**2, 0.6 * 5 * 0.5 - 5 * 0.5**2]
+    np.testing.assert_allclose(Y[:, 0], heights, atol=1e-12)
     np.testing.assert_allclose(Y[3:, 1], [0.5, -2.0], atol=1e-12)
     with pytest.raises(Exception, match="fmi3ExitInitializationMode"):  # FMPy tells the call
         run_fmu(tmp_path / "ball.fmu", times, ["y"], {"e": 1.6})
@@ -169,11 +164,9 @@ def test_sources_build_elsewhere(version, tmp_path):
 def test_an_fmu_is_bounded_as_its_scene(tmp_path):
     scene, box = pendulum(), mb.Box(length=(0.9, 1.1), drive=(0.4, 0.6))
     mb.save_fmu(scene, tmp_path / "pendulum.fmu")
+    names = ["angle", "rod.omega", "lowest <point>"]
     simulator = mb.FMUSimulator(
-        tmp_path / "pendulum.fmu",
-        {"length": 1.0, "drive": 0.5},
-        times=scene.times,
-        outputs=["angle", "rod.omega", "lowest <point>"],
+        tmp_path / "pendulum.fmu", {"length": 1.0, "drive": 0.5}, times=scene.times, outputs=names
     )
     method = mb.PolynomialChaos(order=4)
     of_fmu, of_scene = mb.propagate(simulator, method, box), mb.propagate(scene, method, box)
@@ -192,10 +185,8 @@ def test_inputs_hold_between_communication_points(tmp_path):
     assert not mb.simulate(scene).values.any()
     mb.save_fmu(scene, tmp_path / "cart.fmu")
     assert validate_fmu(str(tmp_path / "cart.fmu")) == []
-    signals = np.array(
-        [(0.0, 0, 0), (0.5, 0, 0), (0.5, 1, 0), (1.0, 1, 0), (1.0, 1, -2), (2.0, 1, -2)],
-        dtype=[("time", float), ("push", float), ("wind", float)],
-    )
+    columns = [("time", float), ("push", float), ("wind", float)]
+    signals = np.array([(0.0, 0, 0), (0.5, 0, 0), (0.5, 1, 0), (1.0, 1, 0), (1.0, 1, -2), (2.0, 1, -2)], dtype=columns)
     since = 1.5
     expected = (since - 0.3 * (1 - np.exp(-since / 0.3)) - 2 * 1.0) / 2
     for kind, error in (("CoSimulation", 1e-8), ("ModelExchange", 1e-6)):

@@ -39,8 +39,7 @@ def exact_acceleration():
 def test_the_ram_of_a_crank_accelerates_as_its_closed_form(solver):
     system, ram, guess = driven_crank()
     outputs = {"a": system.ddt(ram.vx), "twice": system.ddt(mb.ddt(2 * ram.x))}
-    scene = mb.Scene(system, {}, TIMES, outputs, guess=guess)
-    run = mb.simulate(scene, solver)
+    run = mb.simulate(mb.Scene(system, {}, TIMES, outputs, guess=guess), solver)
     assert_allclose(run["a"], exact_acceleration(), atol=1e-6)
     assert_allclose(run["twice"], 2 * run["a"], atol=1e-9)
     assert_allclose(run(system.ddt(ram.vx**2)), 2 * run["ram.vx"] * run["a"], atol=1e-9)
@@ -69,6 +68,5 @@ def test_free_bodies_and_what_nothing_moves():
 
 def test_rates_of_what_is_unknown_or_solved_for_are_errors():
     system, _, _ = driven_crank()
-    stranger = mb.Body("stranger", 1.0, 0.1)
-    refused(r"ddt: symbol 'stranger\.vx' does not belong", system.ddt, stranger.vx)
+    refused(r"ddt: symbol 'stranger\.vx' does not belong", system.ddt, mb.Body("stranger", 1.0, 0.1).vx)
     refused(r"ddt: 'main\.lam", system.ddt, system.lam("main")[0])

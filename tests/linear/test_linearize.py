@@ -76,9 +76,8 @@ def test_inputs_outputs_and_states_of_a_damped_motor():
     lag = mb.State("lag", rate=lambda z: (hinge.angle - z) / 0.1)
     motor = mb.Actuator("motor", hinge, -p.k * hinge.angle - p.c * hinge.angle_rate - 5 * lag.value)
     outputs = {"torque": -p.k * hinge.angle, "rate": hinge.angle_rate}
-    lin = mb.linearize(
-        mb.Scene(mb.System(rotor, hinge, lag, motor, parameters=p), outputs=outputs), inputs=["motor", "k"]
-    )
+    scene = mb.Scene(mb.System(rotor, hinge, lag, motor, parameters=p), outputs=outputs)
+    lin = mb.linearize(scene, inputs=["motor", "k"])
     assert lin.states == ("hinge.angle", "hinge.angle_rate", "lag")
     np.testing.assert_allclose(lin.A, [[0, 1, 0], [-1.5, -0.2, -2.5], [10, 0, -10]], atol=1e-15)
     np.testing.assert_allclose(lin.B, [[0, 0], [0.5, 0], [0, 0]], atol=1e-15)
@@ -166,8 +165,7 @@ def test_a_run_at_a_time_is_its_state():
     """A pendulum at its lowest point, swinging: frozen equations, and a doubt."""
     rod = mb.Body("rod", mass=3.0, inertia=1.0)
     pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(0, 1))
-    scene = mb.Scene(mb.System(rod, pin, mb.Gravity(0, -9.81)), {"rod.theta": 0.7}, [0.0, 0.5, 1.0])
-    run = mb.simulate(scene)
+    run = mb.simulate(mb.Scene(mb.System(rod, pin, mb.Gravity(0, -9.81)), {"rod.theta": 0.7}, [0.0, 0.5, 1.0]))
     lin = warned("A changes along the motion", mb.linearize, run, 0.5)
     angle = run["rod.theta"][1]
     np.testing.assert_allclose(lin.A, [[0, 1], [-3 * 9.81 * np.cos(angle) / 4, 0]], atol=1e-12)

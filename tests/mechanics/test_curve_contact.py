@@ -76,8 +76,7 @@ def test_a_bead_slides_on_a_wire():
     wire = mb.PointOnCurve("wire", GROUND.point(0, 0), bead.point(0, 0), mb.Curve(lambda s: (s, s**2), -2, 2))
     times = np.linspace(0, 2, 21)
     system = mb.System(bead, wire, mb.Gravity(0, -10.0))
-    scene = mb.Scene(system, {"bead.x": 1.0}, times, guess={"bead.y": 1.0})
-    run = mb.simulate(scene, FINE)
+    run = mb.simulate(mb.Scene(system, {"bead.x": 1.0}, times, guess={"bead.y": 1.0}), FINE)
 
     def rates(t, y):
         return [y[1], -(4 * y[0] * y[1] ** 2 + 20 * y[0]) / (1 + 4 * y[0] ** 2)]

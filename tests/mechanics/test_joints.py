@@ -76,10 +76,8 @@ def test_both_points_on_one_body_or_on_the_ground_are_refused(joint):
 @pytest.mark.parametrize(("joint", "a", "b"), ADMITTED)
 def test_rows_are_independent_where_the_joint_is_assembled(joint, a, b):
     bodies = make_body(a, "a"), make_body(b, "b")
-    scene = mb.Scene(
-        mb.System(*bodies, joint.between(*bodies)),
-        guess={f"{body.name}.x": 0.3 for body in bodies if body.name in "ab"},
-    )
+    guess = {f"{body.name}.x": 0.3 for body in bodies if body.name in "ab"}
+    scene = mb.Scene(mb.System(*bodies, joint.between(*bodies)), guess=guess)
     simulator = mb.DAESimulator(scene)  # redundant rows would be an AssemblyError
     dae = simulator.dae
     (x,), _ = simulator.start.states(np.zeros((1, 0)))

@@ -33,8 +33,7 @@ def told(path, **options):
 def value(robot, expression, start=(), parameters=None):
     """An expression at the start."""
     system = mb.System(*robot.elements, parameters=parameters)
-    scene = mb.Scene(system, robot.start | dict(start), outputs={"e": expression(system)})
-    return mb.simulate(scene)["e"][0]
+    return mb.simulate(mb.Scene(system, robot.start | dict(start), outputs={"e": expression(system)}))["e"][0]
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -181,16 +180,14 @@ def test_a_weld_between_sites(tmp_path):
     path = write(tmp_path, inside, '<equality><weld site1="p" site2="q"/></equality>')
     robot = mb.load_mjcf(path)
     place = robot.bodies["b"].point(0, 0, 0)
-    scene = mb.Scene(
-        mb.System(*robot.elements), {"j.angle": 0.5}, outputs={x: getattr(place, x) for x in "xyz"}, guess=robot.start
-    )
+    outputs = {x: getattr(place, x) for x in "xyz"}
+    scene = mb.Scene(mb.System(*robot.elements), {"j.angle": 0.5}, outputs=outputs, guess=robot.start)
     run = mb.simulate(scene)
     assert_allclose([run[x][0] for x in "xyz"], [np.cos(0.5), -0.1, 1 - np.sin(0.5)], atol=1e-9)
 
 
 def test_limits_act_on_request(tmp_path):
-    arm = f'<body name="arm"><joint name="j" axis="0 1 0" range="-90 40"/>{ROD}</body>'
-    path = write(tmp_path, arm)
+    path = write(tmp_path, f'<body name="arm"><joint name="j" axis="0 1 0" range="-90 40"/>{ROD}</body>')
     idle, text = told(path)
     assert "limits of joints, because stop=... is missing (j)" in text
     stopped, text = told(path, stop=0.0)

@@ -16,8 +16,7 @@ GROUND = mb.Ground()
 
 def hanging(*rope, start=None, times=(0.0, 1.0), mass=2.0):
     load = mb.Body("load", mass, pose=mb.Particle())
-    line = mb.Rope("rope", [*rope[0], load.point(0, 0)], *rope[1:])
-    system = mb.System(load, line, mb.Gravity(0, -10.0))
+    system = mb.System(load, mb.Rope("rope", [*rope[0], load.point(0, 0)], *rope[1:]), mb.Gravity(0, -10.0))
     return mb.Scene(system, start, list(times), {"x": load.x, "y": load.y, "vy": load.vy})
 
 
@@ -28,10 +27,8 @@ def test_a_slack_rope_has_no_force_and_catches_its_load():
     phase = np.pi - np.arctan2(v / w, m * g / k)  # where the rope has its length again
     taut = 2 * phase / w
     times = [0.0, 0.5, 0.5 + taut / 2, 0.5 + taut, 0.7 + taut]
-    run = mb.simulate(
-        hanging([GROUND.point(0, 1.25)], k, 1.25 + 1.25, start={"load.y": 0.0}, times=times),
-        mb.DormandPrince(rtol=1e-11),
-    )
+    scene = hanging([GROUND.point(0, 1.25)], k, 1.25 + 1.25, start={"load.y": 0.0}, times=times)
+    run = mb.simulate(scene, mb.DormandPrince(rtol=1e-11))
     deepest = -1.25 - m * g / k - np.hypot(v / w, m * g / k)
     assert_allclose(run["y"], [0, -1.25, deepest, -1.25, -1.25 + 0.2 * v - 0.2], atol=1e-6)
     assert_allclose(run["vy"][[1, 3]], [-v, v], atol=1e-6)
@@ -40,9 +37,8 @@ def test_a_slack_rope_has_no_force_and_catches_its_load():
 
 def test_damping_never_pushes():
     """A load that flies up from a stretched rope: the damper would push it down."""
-    run = mb.simulate(
-        hanging([GROUND.point(0, 0)], 1e-3, 1.0, 50.0, start={"load.y": -1.2, "load.vy": 4.0}, times=[0, 0.1])
-    )
+    start = {"load.y": -1.2, "load.vy": 4.0}
+    run = mb.simulate(hanging([GROUND.point(0, 0)], 1e-3, 1.0, 50.0, start=start, times=[0, 0.1]))
     assert_allclose(run["vy"][-1], 3.0, atol=1e-6)
 
 

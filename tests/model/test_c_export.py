@@ -46,12 +46,10 @@ def _filtered(t, x):
 @pytest.mark.parametrize("rhs, s, oracle", [(PLAIN, [], _plain), (FILTERED, S0, _filtered)])
 def test_example_builds_alone_and_agrees_with_scipy(tmp_path, rhs, s, oracle):
     t0, t1, steps = 0.5, 5.5, 2000
-    text = example_c(
-        rhs, q=Q0, v=V0, s=s, parameters=PARAMETERS, coordinates=["rod.theta", "clock.x"], t0=t0, t1=t1, steps=steps
-    )
+    names = ["rod.theta", "clock.x"]
+    text = example_c(rhs, q=Q0, v=V0, s=s, parameters=PARAMETERS, coordinates=names, t0=t0, t1=t1, steps=steps)
     # gamma as a bare C name would clash with the function of math.h
-    functions = {"rhs": rhs, "gamma": PLAIN, "M": ca.Function("M", [P], [ca.diag(P)])}
-    save_c(functions, tmp_path / "c", example=text)
+    save_c({"rhs": rhs, "gamma": PLAIN, "M": ca.Function("M", [P], [ca.diag(P)])}, tmp_path / "c", example=text)
     head, *rows = printed_lines(tmp_path / "c")
     table = np.array([line.split() for line in rows], dtype=float)
     assert head.split() == ["t", "rod.theta", "clock.x"]

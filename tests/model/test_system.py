@@ -109,8 +109,7 @@ def test_latex_shows_names():
 
 def test_coordinates_stand_in_the_order_of_declaration():
     a, b = mb.Body("a", 1.0, 0.1), mb.Body("b", 1.0, (1, 2, 3), mb.Spatial())
-    ball = mb.Spherical("ball", a.point(0, 0), b.point(0, 0))
-    system, dae = bundle(b, a, mb.Gravity(0, -9.81), ball)
+    system, dae = bundle(b, a, mb.Gravity(0, -9.81), mb.Spherical("ball", a.point(0, 0), b.point(0, 0)))
     assert dae.q_names == ("b.x", "b.y", "b.z", "b.e0", "b.e1", "b.e2", "b.e3", "a.x", "a.y", "a.theta")
     assert dae.v_names == ("b.vx", "b.vy", "b.vz", "b.omega_x", "b.omega_y", "b.omega_z", "a.vx", "a.vy", "a.omega")
     assert dae.row_names == ("ball.lam[0]", "ball.lam[1]", "ball.lam[2]")

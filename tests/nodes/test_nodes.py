@@ -106,8 +106,7 @@ def test_sparse_grids_of_leja_nodes_take_the_fewest_runs():
     "choice", [mb.Gauss(), mb.ClenshawCurtis(), mb.Leja(), mb.SparseGrid(), mb.TotalDegree(), mb.HyperbolicCross()]
 )
 def test_sizes_that_are_no_whole_numbers_are_refused(choice, wrong):
-    method = getattr(choice, "points", None) or choice.indices
-    refused("must be an integer", method, *wrong)
+    refused("must be an integer", getattr(choice, "points", None) or choice.indices, *wrong)
 
 
 @pytest.mark.parametrize("sampler", [mb.Random(), mb.Sobol(), mb.LatinHypercube()])

@@ -174,8 +174,7 @@ def test_figures_show_themselves_and_can_be_pickled():
     figure = a_run().plot()
     data, size = figure._repr_png_()
     assert data.startswith(b"\x89PNG") and size["width"] == 800
-    again = pickle.loads(pickle.dumps(figure))
-    assert again._repr_png_()[0].startswith(b"\x89PNG")
+    assert pickle.loads(pickle.dumps(figure))._repr_png_()[0].startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize("outputs", [3, {"x": 1}, [3], ["z"]])
@@ -207,8 +206,7 @@ def test_size_and_title_of_every_picture(pictured, tmp_path):
     _, result = pictured
     figure = result.plot(tmp_path / "p.png", figsize=(4, 3.5), title="of $x$")
     assert figure.get_size_inches().tolist() == [4, 3.5]
-    titles = [part.get_suptitle() for part in (figure, *figure.subfigs) if part.get_suptitle()]
-    assert titles == [r"of \$x\$"]
+    assert [part.get_suptitle() for part in (figure, *figure.subfigs) if part.get_suptitle()] == [r"of \$x\$"]
     assert (tmp_path / "p.png").stat().st_size > 1000
 
 
@@ -249,9 +247,8 @@ def test_labels_colours_and_legends_of_every_picture(pictured):
     name, result = pictured
     figure = result.plot(label="mine $", color="#ff1493", legend=False)
     lines = [line for axes in figure.axes for line in axes.lines]
-    drawn = {to_hex(line.get_color()) for line in lines} | {
-        to_hex(patch.get_facecolor()) for axes in figure.axes for patch in axes.patches
-    }
+    drawn = {to_hex(line.get_color()) for line in lines}
+    drawn |= {to_hex(patch.get_facecolor()) for axes in figure.axes for patch in axes.patches}
     legends = [*figure.legends, *(axes.get_legend() for axes in figure.axes), *(p.legends for p in figure.subfigs)]
     assert not any(legends)
     if name != "Stability":  # this one has no trials

@@ -77,9 +77,7 @@ def test_the_cubic_to_twelve_digits():
     assert found.gap[0] == 0
 
 
-@pytest.mark.parametrize(
-    ("matrix", "least"), [([[3, 1], [1, 2]], 0.0), ([[1, 2], [2, 1]], -2.0), ([[1, 1], [1, 1]], 0.0)]
-)
+@pytest.mark.parametrize("matrix, least", [([[3, 1], [1, 2]], 0.0), ([[1, 2], [2, 1]], -2.0), ([[1, 1], [1, 1]], 0.0)])
 def test_quadratic_forms(matrix, least):
     alpha = total_degree(2, 2)
     points = np.random.default_rng(0).uniform(-1, 1, (30, 2))

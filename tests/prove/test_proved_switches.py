@@ -157,9 +157,8 @@ def test_motions_that_begin_on_switches_and_leave_them(law, v, a):
     runs = [np.stack([v * times + a(F) * times**2 / 2, v + a(F) * times], 1) for F in (0.9, 1.0, 1.1)]
     for own, extreme in ((bounds.lower, np.min), (bounds.upper, np.max)):
         np.testing.assert_allclose(own[:, :2], extreme(runs, axis=0), atol=1e-12)
-    np.testing.assert_allclose(
-        [bounds.lower[1:, 2], bounds.upper[1:, 2]], np.sort([[a(0.9)], [a(1.1)]], axis=0) + 0 * times[1:]
-    )
+    known = np.sort([[a(0.9)], [a(1.1)]], axis=0)
+    np.testing.assert_allclose([bounds.lower[1:, 2], bounds.upper[1:, 2]], known + 0 * times[1:])
 
 
 def test_a_motion_that_sticks_at_the_start_is_not_proved():

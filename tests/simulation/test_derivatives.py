@@ -38,8 +38,7 @@ def by_hand(u):
         return np.array([vx, vy, -pull * x / r, -pull * y / r - 9.81])
 
     start = np.array([a, -length, 0, 0], dtype=complex)
-    run = solve_ivp(rates, (0, TIMES[-1]), start, "DOP853", TIMES, rtol=1e-13, atol=1e-15)
-    return run.y[:3].T
+    return solve_ivp(rates, (0, TIMES[-1]), start, "DOP853", TIMES, rtol=1e-13, atol=1e-15).y[:3].T
 
 
 def slopes_by_hand(u):

@@ -21,8 +21,7 @@ def split(scene, solver=TIGHT, k=None, parameters=None):
     times, k = scene.times, len(scene.times) // 2 if k is None else k
     whole = mb.simulate(scene, solver, parameters)
     first = mb.simulate(scene, solver, parameters, times=times[: k + 1])
-    again = mb.simulate(scene.starting_at(first).with_times(times[k:]), solver)
-    return whole.values[k:], again.values
+    return whole.values[k:], mb.simulate(scene.starting_at(first).with_times(times[k:]), solver).values
 
 
 def assert_goes_on(scene, rtol, **options):

@@ -18,8 +18,7 @@ def oscillator(scale: float = 1.0) -> mb.Scene:
     ball = mb.Body("ball", p.m, pose=mb.Particle())
     spring = mb.SpringDamper("spring", mb.Ground().point(-1, 0), ball.point(0, 0), p.k, 0.0, 1.0)
     system = mb.System(ball, spring, parameters=p)
-    outputs = {"x": ball.x, "vx": ball.vx}
-    return mb.Scene(system, {"ball.x": p.a, "ball.y": 0.0}, T, outputs, name="oscillator")
+    return mb.Scene(system, {"ball.x": p.a, "ball.y": 0.0}, T, {"x": ball.x, "vx": ball.vx}, name="oscillator")
 
 
 def exact(m, k, a):
