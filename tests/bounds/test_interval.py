@@ -148,11 +148,8 @@ def test_vectorised_over_times_and_sparse_outputs():
     np.testing.assert_allclose(result.lower[:, 2], np.sin(simulator.times), atol=1e-14)
 
 
-def test_operation_without_extension_is_named():
+def test_operations_without_extension_and_arguments_outside_the_domain_are_named():
     with pytest.raises(PropagationError, match="no interval extension of erfinv"):
         _bounds(ca.erfinv, x=(0, 0.5))
-
-
-def test_argument_outside_the_domain():
     with pytest.raises(PropagationError, match=r"argument of sqrt is in \[-2, -1\], outside the domain \(0.0, inf\)"):
         _bounds(lambda x: ca.sqrt(x), x=(-2, -1))

@@ -90,11 +90,8 @@ def test_function_simulator_serves_every_method_or_says_why_not(method):
     refused(message, propagate, simulator, method, BOX, error=errors.PropagationError)
 
 
-def test_unknown_parameter_is_named_with_the_nearest():
+def test_what_is_no_parameter_and_no_method_is_told():
     refused(r"no parameter 'amplitud'.*'amplitude'", propagate, Wave(), Vertex(), Box(amplitud=(0, 1)))
-
-
-def test_not_a_method():
     refused("expected a method", propagate, Wave(), 0.5, BOX)
     refused("propagate: got the class Vertex; call it", propagate, Wave(), Vertex, BOX)
 

@@ -30,13 +30,9 @@ def test_curvatures_of_quadratics_are_exact(d, N):
     X = rng.uniform(-1, 1, (N, d))
     models = quadratics(X, value(X), gradient(X))
     np.testing.assert_allclose(models.hessian, np.broadcast_to(H, models.hessian.shape), atol=1e-9)
-    np.testing.assert_allclose(models.change(models.step), _change(models, value), atol=1e-9)
+    change = np.diag(value((models.origin + models.step).T) - value(models.origin.T))
+    np.testing.assert_allclose(models.change(models.step), change, atol=1e-9)
     assert (np.abs(models.origin + models.step) <= 1 + 1e-12).all() and models.gain.max() > 0.1
-
-
-def _change(models, value):
-    ends = (models.origin + models.step).T
-    return np.diag(value(ends) - value(models.origin.T))
 
 
 def test_one_point_predicts_the_corner_of_steepest_descent():

@@ -11,10 +11,6 @@ from symmb.bound.polynomials.legendre import basis_ranges, basis_values, total_d
 CUBIC = mb.FunctionSimulator(lambda x: [[x**3 - 2 * x**2 + x]], {"x": 0.5}, [0.0], ["f"])
 
 
-def _coefficients(fit, f):
-    return fit.coefficients(fit.functionals @ f(fit.nodes), np.ones(len(fit.nodes), bool))
-
-
 # -- The paper ---------------------------------------------------------------------------------------------
 
 
@@ -43,7 +39,9 @@ def test_equation_21_number_of_terms():
     "nodes", [mb.Gauss(), mb.ClenshawCurtis(), mb.SparseGrid(), mb.SparseGrid(mb.ClenshawCurtis())], ids=repr
 )
 def test_equation_25_coefficients(nodes):
-    coefficients = _coefficients(Fit.of(nodes, mb.TotalDegree(), 1, 3), lambda xi: CUBIC.run((xi + 1) / 2).Y[:, :, 0])
+    fit = Fit.of(nodes, mb.TotalDegree(), 1, 3)
+    values = CUBIC.run((fit.nodes + 1) / 2).Y[:, :, 0]
+    coefficients = fit.coefficients(fit.functionals @ values, np.ones(len(fit.nodes), bool))
     np.testing.assert_allclose(coefficients[:, 0], [1 / 12, -1 / 20, -1 / 12, 1 / 20], atol=1e-14)
 
 

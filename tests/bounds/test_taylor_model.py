@@ -260,18 +260,6 @@ def test_infinite_bounds_make_a_comparison_doubtful():
     assert found.doubts
 
 
-def _pair(start, mass=1.0, arm=0.5, end=0.3):
-    """Two bodies on a hinge that fly freely; "tilt" in the start is a parameter."""
-    p = mb.Parameters(tilt=0.7, mass=mass)
-    a, b = mb.Body("a", 1.0, 0.1), mb.Body("b", p.mass, 0.1)
-    hinge = mb.Revolute("j", a.point(arm, 0), b.point(-arm, 0))
-    system = mb.System(a, b, hinge, mb.Gravity(0, -9.81), parameters=p)
-    tilt = {"tilt": (0.69, 0.71)} if "tilt" in start.values() else {}
-    start = {name: p.tilt if value == "tilt" else value for name, value in start.items()}
-    box = mb.Box(mass=(0.9 * mass, 1.1 * mass), **tilt)
-    return mb.Scene(system, start, np.linspace(0.0, end, 3), {"y": b.y, "angle": b.theta}, box=box)
-
-
 @pytest.mark.parametrize(
     ("start", "mass", "arm"),
     [
@@ -283,7 +271,15 @@ def _pair(start, mass=1.0, arm=0.5, end=0.3):
     ],
 )
 def test_a_free_body_that_carries_a_hinge(start, mass, arm):
-    scene = _pair(start, mass, arm)
+    """Two bodies on a hinge that fly freely; "tilt" in the start is a parameter."""
+    p = mb.Parameters(tilt=0.7, mass=mass)
+    a, b = mb.Body("a", 1.0, 0.1), mb.Body("b", p.mass, 0.1)
+    hinge = mb.Revolute("j", a.point(arm, 0), b.point(-arm, 0))
+    system = mb.System(a, b, hinge, mb.Gravity(0, -9.81), parameters=p)
+    tilt = {"tilt": (0.69, 0.71)} if "tilt" in start.values() else {}
+    start = {name: p.tilt if value == "tilt" else value for name, value in start.items()}
+    box = mb.Box(mass=(0.9 * mass, 1.1 * mass), **tilt)
+    scene = mb.Scene(system, start, np.linspace(0.0, 0.3, 3), {"y": b.y, "angle": b.theta}, box=box)
     bounds = mb.propagate(scene, mb.TaylorModel(order=4))
     assert not bounds.doubts
     require_sharp(bounds, scanned(scene), 1e-11, 1e-3, size=1.0)

@@ -132,9 +132,9 @@ PLATE = mb.Body("plate", 1.0, 0.1)
 POINT = PLATE.point(1.0, 2.0)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupt_is_not_lost_where_casadi_asks_for_a_shape(number, monkeypatch):
-    """CasADi drops what Python raises while it converts its arguments."""
+@contextmanager
+def interrupt_where_casadi_asks_for_a_shape(number, monkeypatch):
+    """A signal is sent at the first time, and is an interrupt; yields what was asked."""
     asked = []
 
     def shape(matrix):
@@ -143,19 +143,23 @@ def test_an_interrupt_is_not_lost_where_casadi_asks_for_a_shape(number, monkeypa
             signal.raise_signal(number)
         return matrix.size1(), matrix.size2()
 
-    def stop(number, frame):
-        raise KeyboardInterrupt
-
     monkeypatch.setattr(ca.SX, "shape", property(shape))
-    before = signal.signal(number, stop)
-    x = ca.SX.sym("x", 2, 2)
+    before = signal.signal(number, signal.default_int_handler)
     try:
-        with pytest.raises(KeyboardInterrupt), kept_interrupts():
-            x @ x
-            assert asked
-            time.sleep(1.0)
+        with pytest.raises(KeyboardInterrupt):
+            yield asked
     finally:
         signal.signal(number, before)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_is_not_lost_where_casadi_asks_for_a_shape(number, monkeypatch):
+    """CasADi drops what Python raises while it converts its arguments."""
+    x = ca.SX.sym("x", 2, 2)
+    with interrupt_where_casadi_asks_for_a_shape(number, monkeypatch) as asked, kept_interrupts():
+        x @ x
+        assert asked
+        time.sleep(1.0)
 
 
 @pytest.mark.parametrize(
@@ -172,23 +176,10 @@ def test_an_interrupt_is_not_lost_where_casadi_asks_for_a_shape(number, monkeypa
 )
 def test_an_interrupt_of_a_short_declaration_is_raised_at_its_end(declared, monkeypatch):
     """It comes where CasADi drops it, and the work ends before it is sent again."""
-    asked = []
-
-    def shape(matrix):
-        if not asked:
-            asked.append(matrix)
-            signal.raise_signal(signal.SIGINT)
-        return matrix.size1(), matrix.size2()
-
-    monkeypatch.setattr(ca.SX, "shape", property(shape))
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            declared()
-            assert not asked
-            raise KeyboardInterrupt  # it asks for no shape
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with interrupt_where_casadi_asks_for_a_shape(signal.SIGINT, monkeypatch) as asked:
+        declared()
+        assert not asked
+        raise KeyboardInterrupt  # it asks for no shape
     time.sleep(0.003)  # nothing is sent any more
 
 

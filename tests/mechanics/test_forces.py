@@ -40,11 +40,6 @@ def sides_of(a, b):
     return (0.4, 0.3) if planar(a, b) else (0.4, 0.3, 0.35)
 
 
-def a_rope(a, b, *law):
-    end, over = points(a, b)
-    return mb.Rope("s", [end, over, mb.Ground().point(0.1, 0.3), a.point(0.1, 0.3)], *law)
-
-
 HERTZ = mb.HuntCrossley(30.0, 1.0, 1.0)
 LINEAR = mb.KelvinVoigt(30.0)
 LOSSY = mb.HuntCrossley(30.0, 0.9, 5.0)
@@ -69,7 +64,7 @@ CONSERVATIVE = {
     "box on a plane": lambda a, b: mb.BoxContact(
         "s", points(a, b)[0], sides_of(a, b), b.point(*np.multiply(4, normal_of(a, b))), HERTZ, normal=normal_of(a, b)
     ),
-    "rope": lambda a, b: a_rope(a, b, 30.0, 0.1),
+    "rope": lambda a, b: mb.Rope("s", [*points(a, b), mb.Ground().point(0.1, 0.3), a.point(0.1, 0.3)], 30.0, 0.1),
 }
 PAIRS = [
     *(("Planar", b) for b in ("Planar", "Ground")),

@@ -23,12 +23,9 @@ def test_solvers(solver, message):
     refused(message, mb.propagate, SCENE, mb.Vertex(), BOX, solver=solver)
 
 
-def test_systems_are_no_scenes():
+def test_systems_are_no_scenes_and_intervals_no_boxes():
     refused(r"Expected a Scene, got System. Scene\(system, times=...\)", mb.simulate, SCENE.system)
     refused(r"Expected a Scene or a simulator, got System. Scene\(", mb.propagate, SCENE.system, mb.Vertex(), BOX)
-
-
-def test_boxes():
     refused(r"box: \{'a': \(0.1, 0.2\)\} is not a Box", mb.propagate, SCENE, mb.Vertex(), {"a": (0.1, 0.2)})
     refused("No box", mb.propagate, SCENE.with_box(None), mb.Vertex())
 
