@@ -114,16 +114,9 @@ def _linkage(
     bars = len(points) - 1
     middles = (points[1:] + points[:-1]) / 2
     size = np.abs(points).max()
-    return Linkage(
-        points,
-        axes,
-        turns,
-        theta,
-        least,
-        random.uniform(0.5, 2, bars),
-        size**2 * random.uniform(0.05, 0.3, bars),
-        middles + size * random.uniform(-0.1, 0.1, middles.shape),
-    )
+    m, J = random.uniform(0.5, 2, bars), size**2 * random.uniform(0.05, 0.3, bars)
+    centres = middles + size * random.uniform(-0.1, 0.1, middles.shape)
+    return Linkage(points, axes, turns, theta, least, m, J, centres)
 
 
 def bennett(seed: int) -> Linkage:

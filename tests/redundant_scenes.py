@@ -316,11 +316,9 @@ def _cranks(seed: int, spatial: bool, coordinates: Any) -> mb.Scene:
         foot, half = R @ [*pin, 0.0], length / 2 * p.L
         feet = ground.point(*(float(v) * p.L for v in foot))
         bar = mb.Body(f"c{i}", crank * p.m, (0.1 * inertia, inertia, inertia), mb.Spatial())
-        elements += [
-            bar,
-            mb.Revolute(f"A{i}", feet, bar.point(-half, 0, 0), axis=tuple(R[:, 2]), axis_b=(0, 0, 1)),
-            mb.Revolute(f"B{i}", bar.point(half, 0, 0), table.point(*(float(v) * p.L for v in (*pin, 0.0)))),
-        ]
+        over = table.point(*(float(v) * p.L for v in (*pin, 0.0)))
+        low = mb.Revolute(f"A{i}", feet, bar.point(-half, 0, 0), axis=tuple(R[:, 2]), axis_b=(0, 0, 1))
+        elements += [bar, low, mb.Revolute(f"B{i}", bar.point(half, 0, 0), over)]
         guess |= {f"c{i}.{c}": float(v) for c, v in zip("xyz", foot + R @ along / 2, strict=True)}
         guess[f"c{i}.rotation"] = turn @ mb.rotation((0, 0, 1), angle)
     start = {"c0.rotation": guess.pop("c0.rotation"), "A0.angle_rate": rate}

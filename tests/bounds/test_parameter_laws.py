@@ -133,9 +133,8 @@ def test_an_error_of_a_probability_that_is_asked_for_takes_more_samples():
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 def test_intervals_without_good_polynomials_give_two_quantiles():
     """y = |a| + b with jumps of 0.2 in a: quantiles by the law of a, and b from -1 to 1."""
-    stairs = mb.FunctionSimulator(
-        lambda a, b: np.atleast_1d(np.abs(a) + 0.2 * np.sign(np.sin(9 * a)) + b), {"a": 0.1, "b": 0.0}, [0.0], ["y"]
-    )
+    f = lambda a, b: np.atleast_1d(np.abs(a) + 0.2 * np.sign(np.sin(9 * a)) + b)  # noqa: E731
+    stairs = mb.FunctionSimulator(f, {"a": 0.1, "b": 0.0}, [0.0], ["y"])
     bounds = mb.propagate(stairs, mb.PolynomialChaos(budget=27), mb.Box(a=(-1, 1), b=(-1, 1)))
     law = st.uniform(-1, 2)
     found = bounds.quantiles("y", LEVELS, {"a": law})

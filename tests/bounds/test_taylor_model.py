@@ -151,12 +151,8 @@ def _four_bar(start, box, times=(0.0, 0.1, 0.2), coordinates=None, lengths=(0.3,
 
 @pytest.mark.parametrize("times", [(0.0,), (0.0, 0.1, 0.2)])
 def test_a_loop_against_runs_in_coordinates_of_bodies(times):
-    scene, in_bodies = (
-        _four_bar(
-            lambda p: {"crank.theta": p.tilt, "crank.omega": p.spin}, mb.Box(a=(0.298, 0.302)), times, coordinates
-        )
-        for coordinates in (None, "body")
-    )
+    start, box = lambda p: {"crank.theta": p.tilt, "crank.omega": p.spin}, mb.Box(a=(0.298, 0.302))
+    scene, in_bodies = (_four_bar(start, box, times, coordinates) for coordinates in (None, "body"))
     bounds = mb.propagate(scene, mb.TaylorModel(order=5))
     assert not bounds.doubts
     runs = mb.propagate(in_bodies, mb.Scanning(9), solver=mb.CVODES(rtol=1e-12, atol=1e-13))

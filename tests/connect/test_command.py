@@ -332,9 +332,8 @@ def test_columns_of_a_frame_are_taken_by_name():
     pandas = pytest.importorskip("pandas")
 
     def simulator(*names):
-        return mb.FunctionSimulator(
-            lambda k: pandas.DataFrame({name: [k + ord(name)] for name in names}), {"k": 1.0}, [0.0], ["x", "y"]
-        )
+        read = lambda k: pandas.DataFrame({name: [k + ord(name)] for name in names})  # noqa: E731
+        return mb.FunctionSimulator(read, {"k": 1.0}, [0.0], ["x", "y"])
 
     assert simulator("y", "x").run(np.array([[0.0]])).Y.tolist() == [[[ord("x"), ord("y")]]]
     (message,) = simulator("x", "z").run(np.array([[0.0]])).messages

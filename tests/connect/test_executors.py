@@ -272,10 +272,8 @@ def test_dask_gives_the_same_and_ends_where_runs_kill_their_workers():
     distributed = pytest.importorskip("distributed")
     alone, quick_alone = run_blocks(simulator(decay), SAMPLES), run_blocks(simulator(quick), SAMPLES)
     killed = (SAMPLES[:, 0] > 0.9) & (SAMPLES[:, 0] < 0.92)
-    with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster,
-        distributed.Client(cluster) as client,
-    ):
+    cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0")
+    with cluster, distributed.Client(cluster) as client:
         for given in client, client.get_executor():
             assert run_blocks(simulator(decay), SAMPLES, given).Y.tobytes() == alone.Y.tobytes()
         shared = run_blocks(simulator(deadly_in_dask), SAMPLES, client)

@@ -81,12 +81,10 @@ def test_a_finer_study_and_another_method_use_what_is_there(tmp_path):
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 def test_other_functions_times_outputs_and_versions_are_other_studies(tmp_path):
     path = tmp_path / "runs.db"
-    many = [
-        simulator(response),
-        simulator(lambda a, b: 2 * response(a, b)),
-        mb.FunctionSimulator(response, {"a": 1.0, "b": 1.0}, TIMES + 1, ["x", "y"]),
-        mb.FunctionSimulator(response, {"a": 1.0, "b": 1.0}, TIMES, ["x", "z"]),
-    ]
+    nominal = {"a": 1.0, "b": 1.0}
+    many = [simulator(response), simulator(lambda a, b: 2 * response(a, b))]
+    many += [mb.FunctionSimulator(response, nominal, TIMES + 1, ["x", "y"])]
+    many += [mb.FunctionSimulator(response, nominal, TIMES, ["x", "z"])]
     for factor in (2, 3):
         many.append(simulator(lambda a, b, factor=factor: factor * response(a, b)))
     for k, one in enumerate(many):

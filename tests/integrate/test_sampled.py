@@ -274,9 +274,8 @@ def arm_by_scipy(stiffness, damping, friction):
     for begin in np.arange(0, 0.41, HELD):
         u = float(np.clip(-5 * y[0] - y[1], -LIMIT, LIMIT))
         due = times[(times >= begin - 1e-9) & (times < begin + HELD - 1e-9)]
-        run = solve_ivp(
-            rates, (begin, begin + HELD), y, "LSODA", dense_output=True, args=(u,), rtol=1e-9, atol=1e-12, max_step=5e-3
-        )
+        options = {"dense_output": True, "args": (u,), "rtol": 1e-9, "atol": 1e-12, "max_step": 5e-3}
+        run = solve_ivp(rates, (begin, begin + HELD), y, "LSODA", **options)
         rows += [[run.sol(t)[0], u] for t in due]
         y = run.y[:, -1]
     return np.array(rows)

@@ -27,12 +27,10 @@ def binary(triangles, head=b"made by hand", count=None):
 
 
 def text(triangles, name="cube"):
-    facets = [
-        "facet normal 0 0 0\n outer loop\n"
-        + "".join("  vertex {!r} {!r} {!r}\n".format(*map(float, corner)) for corner in corners)
-        + " endloop\nendfacet\n"
-        for corners in triangles
+    rows = [
+        "".join("  vertex {!r} {!r} {!r}\n".format(*map(float, corner)) for corner in corners) for corners in triangles
     ]
+    facets = [f"facet normal 0 0 0\n outer loop\n{row} endloop\nendfacet\n" for row in rows]
     return f"solid {name}\n{''.join(facets)}endsolid {name}\n".encode()
 
 

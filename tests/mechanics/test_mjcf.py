@@ -122,10 +122,8 @@ def test_a_planar_four_bar_that_connect_closes(tmp_path):
 
 
 def test_a_joint_that_another_one_leads(tmp_path):
-    inside = "".join(
-        f'<body name="{name}" pos="0 {k} 0"><joint name="{name}_j" axis="1 0 0"/>{ROD}</body>'
-        for k, name in enumerate("ab")
-    )
+    text = '<body name="{0}" pos="0 {1} 0"><joint name="{0}_j" axis="1 0 0"/>{2}</body>'
+    inside = text.format("a", 0, ROD) + text.format("b", 1, ROD)
     path = write(tmp_path, inside, '<equality><joint joint1="a_j" joint2="b_j" polycoef="0.1 2 0.5 0 0"/></equality>')
     robot = mb.load_mjcf(path, replace={"equality0.polycoef.0": 0.2})
     assert "a_j.angle" not in robot.start

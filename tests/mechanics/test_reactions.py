@@ -41,9 +41,8 @@ def test_cantilever_in_space(ground_is_b):
     ends, axes = ((foot, at), ((1, 0, 0), (0, 0, 1))) if ground_is_b else ((at, foot), ((0, 0, 1), (1, 0, 0)))
     clamp = mb.Weld("clamp", *ends, *axes)
     f, tau, weight = np.array([3.0, 5.0, -7.0]), np.array([0.1, -0.2, 0.4]), np.array([0.5, 0.0, -2 * G])
-    system = mb.System(
-        b, clamp, mb.Gravity(0.25, 0, -G), mb.Force("tip", b.point(1, 0), tuple(f)), mb.Torque("twist", b, tuple(tau))
-    )
+    loads = mb.Force("tip", b.point(1, 0), tuple(f)), mb.Torque("twist", b, tuple(tau))
+    system = mb.System(b, clamp, mb.Gravity(0.25, 0, -G), *loads)
     force, torque = reaction(system, "clamp", {"beam.rotation": mb.rotation((0, 1, 0), -np.pi / 2)})
     by_hand = -(np.cross([0, 0, 1], weight) + np.cross([0, 0, 2], f) + tau)
     sign = -1 if ground_is_b else 1

@@ -26,15 +26,9 @@ def curve(label, n_y=1, excess=0.1, error=0.1, runs=9, seconds=0.1):
 
 def draw(curves, n_y=1, measured=None, uncertainty=0.0, **more):
     reference = plot.Band("reference: best", np.zeros((5, n_y)), np.ones((5, n_y)))
-    return plot.plot_comparison(
-        T,
-        [f"y{i}" for i in range(n_y)],
-        reference,
-        curves,
-        measured=np.ones(n_y, dtype=bool) if measured is None else measured,
-        uncertainty=np.full(n_y, uncertainty),
-        **more,
-    )
+    names, measured = [f"y{i}" for i in range(n_y)], np.ones(n_y, dtype=bool) if measured is None else measured
+    uncertainty = np.full(n_y, uncertainty)
+    return plot.plot_comparison(T, names, reference, curves, measured=measured, uncertainty=uncertainty, **more)
 
 
 def error_axes(figure):

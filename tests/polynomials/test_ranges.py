@@ -81,10 +81,8 @@ def test_the_cubic_to_twelve_digits():
 def test_quadratic_forms(matrix, least):
     alpha = total_degree(2, 2)
     points = np.random.default_rng(0).uniform(-1, 1, (30, 2))
-    coefficients = np.linalg.solve(
-        basis_values(alpha, points).T @ basis_values(alpha, points),
-        basis_values(alpha, points).T @ np.einsum("ni,ij,nj->n", points, np.array(matrix), points),
-    )
+    values, exact = basis_values(alpha, points), np.einsum("ni,ij,nj->n", points, np.array(matrix), points)
+    coefficients = np.linalg.solve(values.T @ values, values.T @ exact)
     found = Exact(1e-9).search(alpha, coefficients[:, None])
     assert_allclose([found.lower[0], found.upper[0]], [least, np.sum(matrix)], rtol=0, atol=1e-7)
 

@@ -108,12 +108,8 @@ def test_friction_that_is_almost_dry():
 
 
 def test_halves_of_the_box_are_joined():
-    problem = ode(
-        lambda x, p, t: [x[1], -p[0] * ca.sin(x[0])],
-        lambda p: [p[1], 0.0],
-        [(8.0, 12.0), (1.0, 2.0)],
-        np.linspace(0, 3, 7),
-    )
+    box = [(8.0, 12.0), (1.0, 2.0)]
+    problem = ode(lambda x, p, t: [x[1], -p[0] * ca.sin(x[0])], lambda p: [p[1], 0.0], box, np.linspace(0, 3, 7))
     one, four = enclose(problem, 3, 1), enclose(problem, 3, 4)
     assert four.boxes > 1 and check(problem, four, count=20).outside <= INSIDE
     finite = np.isfinite(one.upper)
@@ -360,10 +356,8 @@ def test_shared_reactions_of_bars_of_uncertain_length_are_enclosed():
     """The unit in which forces and moments compare depends on the length."""
     p, ground = mb.Parameters(L=0.5), mb.Ground()
     rod = mb.Body("rod", 1.0, (0.01, 0.1, 0.1), mb.Spatial())
-    hinges = [
-        mb.Revolute(name, ground.point(0, 0, z), rod.point(-p.L, 0, z), axis=(0, 0, 1))
-        for name, z in (("low", -0.2), ("high", 0.3))
-    ]
+    heights = (("low", -0.2), ("high", 0.3))
+    hinges = [mb.Revolute(name, ground.point(0, 0, z), rod.point(-p.L, 0, z), axis=(0, 0, 1)) for name, z in heights]
     system = mb.System(rod, *hinges, mb.Gravity(0, -9.81, 0), parameters=p)
     outputs = {"low": system.lam("low")[1]}
     scene = mb.Scene(

@@ -152,9 +152,8 @@ def test_a_report_makes_no_runs_of_a_black_box(tmp_path, function, is_shown):
 def test_contributions_are_at_the_least_margin(tmp_path):
     """The widest time is another one, 2 s; 0 of these comes from k at 1 s, where the limit is close."""
     t = np.array([0.0, 1.0, 2.0])
-    simulator = mb.FunctionSimulator(
-        lambda k, m: np.stack([[k, 5 + m, 3 * k + m], [k, m, 2 * m]], 1), {"k": 1.0, "m": 1.0}, t, ["x", "y"]
-    )
+    f = lambda k, m: np.stack([[k, 5 + m, 3 * k + m], [k, m, 2 * m]], 1)  # noqa: E731
+    simulator = mb.FunctionSimulator(f, {"k": 1.0, "m": 1.0}, t, ["x", "y"])
     bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(k=(0.9, 1.1), m=(0.9, 1.1)))
     text, *_ = reported(bounds, tmp_path, {"x": (None, 7)})
     assert "x at 1 s alone" in text and "x at 2 s alone" not in text and "y at 2 s alone" in text

@@ -135,11 +135,8 @@ def linkage(pose):
         mb.Revolute("b", crank.point(1, 0), coupler.point(0, 0)),
         mb.Revolute("d", GROUND.point(2, 0), rocker.point(0, 0)),
     ]
-    closing = (
-        mb.Revolute("c", coupler.point(2, 0), rocker.point(1.5, 0))
-        if isinstance(pose, mb.Planar)
-        else mb.Spherical("c", coupler.point(2, 0), rocker.point(1.5, 0))
-    )
+    kind = mb.Revolute if isinstance(pose, mb.Planar) else mb.Spherical
+    closing = kind("c", coupler.point(2, 0), rocker.point(1.5, 0))
     return mb.System(crank, coupler, rocker, *joints, closing), {j.name: j for j in joints}
 
 

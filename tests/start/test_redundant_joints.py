@@ -145,10 +145,9 @@ def test_hinges_that_fit_at_the_nominal_parameters_only_are_told(coordinates):
     above = GROUND.point(up[0] + p.e, up[1], up[2])
     aside = leaf.point(up[0], up[1] + p.e, up[2])
     length = ((up[0] - 1) ** 2 + (up[1] + p.e) ** 2 + up[2] ** 2) ** 0.5
-    for second, told in (
-        (mb.Revolute("upper", above, leaf.point(*up), axis=tuple(axis)), "contradict each other"),
-        (mb.Distance("upper", GROUND.point(1, 0, 0), aside, length), "leave fewer degrees of freedom"),
-    ):
+    apart = mb.Revolute("upper", above, leaf.point(*up), axis=tuple(axis)), "contradict each other"
+    locked = mb.Distance("upper", GROUND.point(1, 0, 0), aside, length), "leave fewer degrees of freedom"
+    for second, told in (apart, locked):
         system = mb.System(leaf, hinge, second, mb.Gravity(*GRAVITY), parameters=p)
         scene = mb.Scene(system, times=TIMES, coordinates=coordinates, box=mb.Box(e=(-0.01, 0.01)))
         simulator = mb.DAESimulator(scene)

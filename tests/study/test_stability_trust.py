@@ -52,10 +52,8 @@ def told(trials, stress=()):
 def test_a_single_run_that_finishes_is_no_reference():
     """Of these, the Rosenbrock run alone finishes; its energy is off by factors."""
     scene = stiffer(spring_pendulum(1e8), 1e4)
-    stress = [
-        *runs(scene, mb.Rosenbrock(step=0.0125), name="hard", family="Rosenbrock"),
-        *runs(scene, mb.CVODES(rtol=1e-10), name="hard"),
-    ]
+    stress = runs(scene, mb.Rosenbrock(step=0.0125), name="hard", family="Rosenbrock")
+    stress += runs(scene, mb.CVODES(rtol=1e-10), name="hard")
     standard = standard_of(stress, ("m", "m"))
     assert standard.fault.startswith("no solver finishes at two tolerances") and np.isnan(standard.uncertainty)
     assert all(standard.error(t) is None for t in stress)
@@ -86,9 +84,8 @@ def test_a_run_of_many_steps_between_two_output_times_is_no_breakdown(solver):
     spring = mb.Spring("spring", mb.Ground().point(0, 0), ball.point(0, 0), stiffness, 0.0)
     scene = mb.Scene(mb.System(ball, spring), {"ball.x": 1.0}, np.linspace(0, 1, 1001), {"x": ball.x})
     (found,) = runs(scene, solver)
-    exact = solve_ivp(
-        lambda t, z: [z[1], -burst(t) * z[0]], (0, 1), [1.0, 0.0], "DOP853", scene.times, rtol=1e-12, max_step=1e-3
-    ).y[0]
+    options = {"t_eval": scene.times, "rtol": 1e-12, "max_step": 1e-3}
+    exact = solve_ivp(lambda t, z: [z[1], -burst(t) * z[0]], (0, 1), [1.0, 0.0], "DOP853", **options).y[0]
     assert not found.reason
     np.testing.assert_allclose(found.values[:, 0], exact, atol=1e-4 * np.abs(exact).max())
 

@@ -137,9 +137,8 @@ def test_runs_that_fail_bound_the_box():
 def test_the_cheapest_box_with_accurate_polynomials_is_told(at, jump, costs, most, is_far):
     """Polynomials do not follow a jump that the limit allows. If it is far, the box is cheaper than the common one."""
     sign = np.sign(at - 2.0)
-    stepped = mb.FunctionSimulator(
-        lambda a, b: [[a + 0.1 * (b - 2.0) + jump * (sign * (b - at) > 0)]], {"a": 1.0, "b": 2.0}, [0.0], ["y"]
-    )
+    f = lambda a, b: [[a + 0.1 * (b - 2.0) + jump * (sign * (b - at) > 0)]]  # noqa: E731
+    stepped = mb.FunctionSimulator(f, {"a": 1.0, "b": 2.0}, [0.0], ["y"])
     box = mb.Box(a=(0.95, 1.05), b=(1.99, 2.01))
     largest, found = (mb.tolerances(stepped, {"y": (None, most)}, box, own) for own in (None, costs))
     assert found.check.kept

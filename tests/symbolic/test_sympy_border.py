@@ -69,11 +69,8 @@ def _sympy(expr, point):
 
 
 def _cases(smooth, corners):
-    return [
-        pytest.param(expr, points, id=name)
-        for group, points in [(smooth, SMOOTH), (corners, CORNERS)]
-        for name, expr in group.items()
-    ]
+    groups = (smooth, SMOOTH), (corners, CORNERS)
+    return [pytest.param(expr, points, id=name) for group, points in groups for name, expr in group.items()]
 
 
 @pytest.mark.parametrize("expr, points", _cases(OUT_SMOOTH, OUT_CORNERS))
