@@ -38,13 +38,10 @@ def test_a_study_without_a_method_is_by_polynomial_chaos():
 @pytest.mark.parametrize(
     ("text", "method"),
     [
-        ("pce:3", mb.PolynomialChaos(order=3)),
-        ("vertex", mb.Vertex()),
-        ("mc:13", mb.MonteCarlo(13)),
-        ("scan:7", mb.Scanning(7)),
-        ("pce:2:paper", mb.PolynomialChaos.paper(order=2)),
+        ("pce:3", mb.PolynomialChaos(order=3)), ("vertex", mb.Vertex()), ("mc:13", mb.MonteCarlo(13)),
+        ("scan:7", mb.Scanning(7)), ("pce:2:paper", mb.PolynomialChaos.paper(order=2)),
     ],
-)
+)  # fmt: skip
 def test_methods_by_their_texts(text, method):
     assert same(mb.propagate(DECAY, text, BOX), mb.propagate(DECAY, method, BOX))
     comparison = mb.compare(DECAY, [text, "vertex"], BOX, reference="scan:9")

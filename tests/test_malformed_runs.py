@@ -113,21 +113,12 @@ def test_lists_of_stores(name, folder, capsys):
 
 
 COMMANDS = [
-    ["runs", ""],
-    ["runs", "."],
-    ["runs", "x" * 300],
-    ["runs", "empty.db"],
-    ["runs", "runs.db/runs.db"],
-    ["runs", "runs.db", "--study", "0"],
-    ["runs", "runs.db", "--export", ""],
-    ["runs", "runs.db", "--export", "out.csv"],
-    ["runs", "runs.db", "--export", "no/folder/out.nc"],
-    ["runs", "runs.db", "--study", "x"],
-    ["runs", "runs.db", "--prune", "some"],
-    ["runs", "runs.db", "--study"],
-    ["runs", "runs.db", "--keep"],
-    ["runs"],
-]
+    ["runs", ""], ["runs", "."], ["runs", "x" * 300], ["runs", "empty.db"], ["runs", "runs.db/runs.db"],
+    ["runs", "runs.db", "--study", "0"], ["runs", "runs.db", "--export", ""],
+    ["runs", "runs.db", "--export", "out.csv"], ["runs", "runs.db", "--export", "no/folder/out.nc"],
+    ["runs", "runs.db", "--study", "x"], ["runs", "runs.db", "--prune", "some"], ["runs", "runs.db", "--study"],
+    ["runs", "runs.db", "--keep"], ["runs"],
+]  # fmt: skip
 TOLD = [
     (["runs", "no_such.db"], "does not exist"),
     (["runs", "text.db"], "is not a run store"),

@@ -15,13 +15,9 @@ import symmb as mb
 from symmb._names import name_faults, normal
 
 SAME = [
-    ("\u00b5", "\u03bc"),
-    ("\u212a", "K"),
-    ("\ufb01", "fi"),
-    ("e\u0301", "\u00e9"),
-    ("\u017f", "s"),
+    ("\u00b5", "\u03bc"), ("\u212a", "K"), ("\ufb01", "fi"), ("e\u0301", "\u00e9"), ("\u017f", "s"),
     ("\u1d65", "v"),
-]
+]  # fmt: skip
 TIMES = np.array([0.0, 1.0])
 
 

@@ -28,9 +28,8 @@ RATES = [f"rod{i}.{c}" for i in (1, 2) for c in ("vx", "vy", "omega")]
 X1, Y1, T1, X2, Y2, T2 = PAPER_Q = sp.symbols("x1 y1 t1 x2 y2 t2")
 PAPER_V = sp.symbols("vx1 vy1 w1 vx2 vy2 w2")
 TURNED = sp.diag(1, 1, -1, 1, 1, -1)  # the paper's angles count the other way
-ROWS = sp.Matrix(
-    [[1, 0, 0, 0], [0, 1, 0, 0], [1, 0, 1, 0], [0, 1, 0, 1]]
-)  # its second joint is written from the origin
+# Its second joint is written from the origin.
+ROWS = sp.Matrix([[1, 0, 0, 0], [0, 1, 0, 0], [1, 0, 1, 0], [0, 1, 0, 1]])
 PAPER_PHI = sp.Matrix([
     X1 - L1 / 2 * sp.sin(T1),
     Y1 - L1 / 2 * sp.cos(T1),

@@ -90,10 +90,7 @@ def _values(name, *arguments):
     """CasADi's own evaluation of one operation at many points."""
     code = getattr(ca, name)
     symbols = [ca.SX.sym(f"x{k}") for k in range(len(arguments))]
-    if len(arguments) == 1:
-        expression = ca.SX.unary(code, *symbols)
-    else:
-        expression = ca.SX.binary(code, *symbols)
+    expression = (ca.SX.unary if len(arguments) == 1 else ca.SX.binary)(code, *symbols)
     f = ca.Function("f", symbols, [expression])
     return np.asarray(f(*[np.ravel(a)[None, :] for a in arguments])).ravel()
 

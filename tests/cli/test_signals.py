@@ -165,15 +165,10 @@ def test_an_interrupt_is_not_lost_where_casadi_asks_for_a_shape(number, monkeypa
 @pytest.mark.parametrize(
     "declared",
     [
-        lambda: mb.Body("b", 1.0, 0.1),
-        lambda: mb.Body("c", 1.0, (1, 1, 1), mb.Spatial()),
-        mb.Ground,
-        lambda: PLATE.point(1.0, 2.0),
-        lambda: POINT.r,
-        lambda: POINT.velocity,
-        lambda: mb.Parameters(a=1.0, b=2.0),
+        lambda: mb.Body("b", 1.0, 0.1), lambda: mb.Body("c", 1.0, (1, 1, 1), mb.Spatial()), mb.Ground,
+        lambda: PLATE.point(1.0, 2.0), lambda: POINT.r, lambda: POINT.velocity, lambda: mb.Parameters(a=1.0, b=2.0),
     ],
-)
+)  # fmt: skip
 def test_an_interrupt_of_a_short_declaration_is_raised_at_its_end(declared, monkeypatch):
     """It comes where CasADi drops it, and the work ends before it is sent again."""
     with interrupt_where_casadi_asks_for_a_shape(signal.SIGINT, monkeypatch) as asked:

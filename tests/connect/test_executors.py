@@ -34,11 +34,11 @@ def quick(k):
     return np.exp(-k * TIMES)
 
 
-def deadly(k):
+def deadly(k, end=0.95, other=decay):
     """A run that kills its process for some parameters."""
-    if 0.9 < k < 0.95:
+    if 0.9 < k < end:
         os.kill(os.getpid(), signal.SIGKILL)
-    return decay(k)
+    return other(k)
 
 
 def simulator(f):
@@ -261,13 +261,6 @@ def test_runs_go_out_one_by_one_where_they_are_slow():
         assert len(pool.sizes) < 200
 
 
-def deadly_in_dask(k):
-    """A run that kills its workers."""
-    if 0.9 < k < 0.92:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return quick(k)
-
-
 def test_dask_gives_the_same_and_ends_where_runs_kill_their_workers():
     distributed = pytest.importorskip("distributed")
     alone, quick_alone = run_blocks(simulator(decay), SAMPLES), run_blocks(simulator(quick), SAMPLES)
@@ -276,7 +269,7 @@ def test_dask_gives_the_same_and_ends_where_runs_kill_their_workers():
     with cluster, distributed.Client(cluster) as client:
         for given in client, client.get_executor():
             assert run_blocks(simulator(decay), SAMPLES, given).Y.tobytes() == alone.Y.tobytes()
-        shared = run_blocks(simulator(deadly_in_dask), SAMPLES, client)
+        shared = run_blocks(simulator(partial(deadly, end=0.92, other=quick)), SAMPLES, client)
     assert (shared.ok == ~killed).all() and shared.Y[~killed].tobytes() == quick_alone.Y[~killed].tobytes()
     assert "KilledWorker" in "".join(shared.messages)
     refused("executor: ", run_blocks, simulator(quick), SAMPLES, client, error=mb.SimulationError)

@@ -101,15 +101,12 @@ def test_a_pendulum_agrees_with_scipy(version, tmp_path):
 @pytest.mark.parametrize(
     ("make", "solver"),
     [
-        (double_pendulum.scene, mb.DormandPrince(1e-10)),
-        (four_bar.scene, mb.Rosenbrock()),
-        (bouncing_ball.scene, mb.EventDriven()),
-        (release, mb.EventDriven()),
-        (controlled, mb.DormandPrince()),
+        (double_pendulum.scene, mb.DormandPrince(1e-10)), (four_bar.scene, mb.Rosenbrock()),
+        (bouncing_ball.scene, mb.EventDriven()), (release, mb.EventDriven()), (controlled, mb.DormandPrince()),
         (bumpy, mb.DormandPrince()),
     ],
     ids=["double_pendulum", "four_bar", "bouncing_ball", "release", "controlled", "bumpy"],
-)
+)  # fmt: skip
 def test_fmus_run_as_their_scenes(make, solver, tmp_path):
     simulator, path = mb.DAESimulator(make(), solver), tmp_path / "model.fmu"
     mb.save_fmu(simulator, path)

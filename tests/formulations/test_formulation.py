@@ -162,13 +162,10 @@ def test_the_steering_of_the_bicycle_carries_the_fork():
 @pytest.mark.parametrize(
     ("axis", "axis_b", "theta"),
     [
-        ((1, 0), (-1, 0), np.pi),
-        ((1, 0), (-1, 0), -np.pi),
-        ((0, 1), (0, -1), 3 * np.pi),
-        ((0.6, 0.8), (-0.8, 0.6), 1.5 * np.pi),
-        ((-1, 0), (-1, 0), 2 * np.pi),
+        ((1, 0), (-1, 0), np.pi), ((1, 0), (-1, 0), -np.pi), ((0, 1), (0, -1), 3 * np.pi),
+        ((0.6, 0.8), (-0.8, 0.6), 1.5 * np.pi), ((-1, 0), (-1, 0), 2 * np.pi),
     ],
-)
+)  # fmt: skip
 def test_planar_slides_with_axes_of_their_own_carry_a_body_with_its_turns(axis, axis_b, theta):
     """A law of the angle itself, which is not the same after a turn."""
     slider, rod = mb.Body("slider", 1.0, 0.1), mb.Body("rod", 1.0, 0.1)

@@ -53,10 +53,8 @@ def assert_derivatives(system, dae, seed):
 def test_a_joint_has_the_rows_theory_gives_it_and_their_derivatives(joint, a, b):
     system, dae = declared(joint, a, b)
     assert_derivatives(system, dae, seed=1)
-    if {a, b} <= {"Planar", "Ground"}:
-        expected = joint.planar_rows
-    else:  # the other side of a planar body may leave the plane, so all rows stay
-        expected = joint.spatial_rows
+    # The other side of a planar body may leave the plane, so that all rows stay.
+    expected = joint.planar_rows if {a, b} <= {"Planar", "Ground"} else joint.spatial_rows
     assert system.Phi.numel() == expected
     assert system.Phi_q.shape == (expected, system.q.numel())
 

@@ -203,14 +203,9 @@ def four_bar_of_joints():
 
 
 BOOKS = [
-    point_pendulum,
-    compound_pendulum,
-    double_pendulum,
-    spherical_pendulum,
-    cart_pole,
-    four_bar_of_bodies,
+    point_pendulum, compound_pendulum, double_pendulum, spherical_pendulum, cart_pole, four_bar_of_bodies,
     four_bar_of_joints,
-]
+]  # fmt: skip
 
 
 def terms(expression):

@@ -249,13 +249,10 @@ def test_inputs_stand_in_the_equations(law):
 @pytest.mark.parametrize(
     ("law", "coordinates"),
     [
-        (lambda u, b: (u, 0), "x"),
-        (lambda u, b: (0, -1.7 * u**2), "y"),
-        (lambda u, b: (u * b.vx, 0), "x"),
-        (lambda u, b: (0, u * ca.sin(b.x)), "xy"),
-        (lambda u, b: (0 * u, 0), ""),
+        (lambda u, b: (u, 0), "x"), (lambda u, b: (0, -1.7 * u**2), "y"), (lambda u, b: (u * b.vx, 0), "x"),
+        (lambda u, b: (0, u * ca.sin(b.x)), "xy"), (lambda u, b: (0 * u, 0), ""),
     ],
-)
+)  # fmt: skip
 def test_coordinates_that_only_inputs_drive_stay(law, coordinates):
     u, ball, other = mb.Input("u"), mb.Body("ball", 2.0, pose=mb.Particle()), mb.Body("other", 3.0, pose=mb.Particle())
     force = law(u.value, ball)

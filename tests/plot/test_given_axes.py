@@ -302,16 +302,10 @@ def test_fonts_of_pdf_files_are_of_type_42_and_settings_stay(tmp_path):
 @pytest.mark.parametrize(
     ("unit", "printed"),
     [
-        ("m/s^2", "m/s²"),
-        ("kg m^2/s^3", "kg m²/s³"),
-        ("m^-12", "m⁻¹²"),
-        ("deg/s", "°/s"),
-        ("um", "µm"),
-        ("degree of use", "degree of use"),
-        ("us/rad^2", "µs/rad²"),
-        ("N m", "N m"),
+        ("m/s^2", "m/s²"), ("kg m^2/s^3", "kg m²/s³"), ("m^-12", "m⁻¹²"), ("deg/s", "°/s"), ("um", "µm"),
+        ("degree of use", "degree of use"), ("us/rad^2", "µs/rad²"), ("N m", "N m"),
     ],
-)
+)  # fmt: skip
 def test_units_are_typeset(unit, printed):
     values = np.zeros((2, 2))
     assert plot.labels(["y"], [unit]) == (f"y [{printed}]",)

@@ -129,13 +129,10 @@ def test_double_pendulum(share):
 @pytest.mark.parametrize(
     ("inclusion", "low", "high"),
     [
-        (LegendreInclusion(), -1 / 10, 9 / 40),
-        (ChebyshevInclusion(), -1 / 16, 3 / 16),
-        (Bernstein(), 0, 1 / 3),
-        (Bernstein(2), 0, 1 / 6),
-        (Bernstein(200), 0, 4 / 27),
+        (LegendreInclusion(), -1 / 10, 9 / 40), (ChebyshevInclusion(), -1 / 16, 3 / 16), (Bernstein(), 0, 1 / 3),
+        (Bernstein(2), 0, 1 / 6), (Bernstein(200), 0, 4 / 27),
     ],
-)
+)  # fmt: skip
 def test_the_cubic_by_every_inclusion(inclusion, low, high):
     lower, upper = inclusion.bounds(*CUBIC)
     assert_allclose([lower[0], upper[0]], [low, high], rtol=0, atol=1e-12 if inclusion != Bernstein(200) else 1e-5)

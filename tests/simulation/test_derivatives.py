@@ -147,9 +147,8 @@ def test_jumps_whose_time_moves_are_told():
     scene = partial(particle, times=times, start={"mass.vx": 1.0}, outputs=("vx",), F=(1.0, 3.0), a=(0.0, 1.0))
     with pytest.warns(mb.SymmbWarning, match="Derivatives for a are not valid from t = 0.5 s on: they ignore the"):
         mb.sensitivities(scene(lambda p, mass: ca.if_else(mass.x > p.a, -p.F, 0)))
-    slopes = mb.sensitivities(
-        scene(lambda p, mass: -p.F * ca.fmax(mass.x - p.a, 0))
-    )  # v = cos(w t) with w^2 = F and x = a at t = a
+    # v = cos(w t) with w^2 = F and x = a at t = a
+    slopes = mb.sensitivities(scene(lambda p, mass: -p.F * ca.fmax(mass.x - p.a, 0)))
     w, late = np.sqrt(2.0), np.maximum(times - 0.5, 0.0)
     np.testing.assert_allclose(slopes["vx", "a"], w * np.sin(w * late), atol=1e-6)
     np.testing.assert_allclose(slopes["vx", "F"], -late * np.sin(w * late) / (2 * w), atol=1e-6)

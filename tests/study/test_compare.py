@@ -211,15 +211,11 @@ def test_the_reference_of_slow_runs_is_smaller(caplog):
 @pytest.mark.parametrize(
     ("solver", "number"),
     [
-        (mb.RungeKutta(steps=1), 101),
-        (mb.RungeKutta(steps=110), 101),
-        (mb.Collocation(degree=2, steps=1), 101),
-        (mb.NSTIFFSI2(step=1.0), 501),
-        (mb.NSTIFFSI2(step=1.0, rtol=0.1), 501),
-        (mb.Rosenbrock(rtol=1e-2), 1001),
+        (mb.RungeKutta(steps=1), 101), (mb.RungeKutta(steps=110), 101), (mb.Collocation(degree=2, steps=1), 101),
+        (mb.NSTIFFSI2(step=1.0), 501), (mb.NSTIFFSI2(step=1.0, rtol=0.1), 501), (mb.Rosenbrock(rtol=1e-2), 1001),
     ],
     ids=repr,
-)
+)  # fmt: skip
 def test_the_solvers_own_error_is_known_where_output_times_limit_its_steps(solver, number):
     scene = double_pendulum(np.linspace(0.0, 3.0, number), box=mb.Box(l1=(0.95, 1.05), l2=(0.76, 0.84)))
     precise = isinstance(solver, mb.Rosenbrock)

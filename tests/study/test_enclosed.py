@@ -77,9 +77,8 @@ def test_runs_outside_of_proved_bounds_are_told():
     told = r"Runs of Wrong\(off=0.01, said=0.0\) are outside .*: z by 1.0e-02 at t = "
     found = warned(told, mb.compare, _decay(), [mb.TaylorModel(order=6), Wrong(off=0.01), mb.Vertex()])
     assert len(found.doubts) == 1
-    assert (
-        found.reference.upper <= TRUE[:, 1:] + 1e-6
-    ).all()  # runs of methods belong to the reference, up to the limit
+    # Runs of methods belong to the reference, up to the limit.
+    assert (found.reference.upper <= TRUE[:, 1:] + 1e-6).all()
 
 
 def test_runs_of_the_reference_are_checked_as_well():

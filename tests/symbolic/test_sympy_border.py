@@ -111,18 +111,11 @@ def test_every_scalar_operation_of_casadi_has_a_counterpart_but_printing():
 @pytest.mark.parametrize(
     "value, expected",
     [
-        (0.5, sp.Rational(1, 2)),
-        (1 / 12, sp.Rational(1, 12)),
-        (9.81, sp.Rational(981, 100)),
-        (-7.0, sp.Integer(-7)),
-        (math.pi, sp.pi),
-        (-math.pi / 6, -sp.pi / 6),
-        (math.radians(2.5), sp.pi / 72),
-        (math.inf, sp.oo),
-        (math.sqrt(2), sp.Float(math.sqrt(2))),
-        (1e-20, sp.Float(1e-20)),
+        (0.5, sp.Rational(1, 2)), (1 / 12, sp.Rational(1, 12)), (9.81, sp.Rational(981, 100)),
+        (-7.0, sp.Integer(-7)), (math.pi, sp.pi), (-math.pi / 6, -sp.pi / 6), (math.radians(2.5), sp.pi / 72),
+        (math.inf, sp.oo), (math.sqrt(2), sp.Float(math.sqrt(2))), (1e-20, sp.Float(1e-20)),
     ],
-)
+)  # fmt: skip
 def test_constants(value, expected):
     assert to_sympy(ca.SX(value), [], []) == sp.Matrix([expected])
 
