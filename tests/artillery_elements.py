@@ -108,10 +108,8 @@ class Gun:
         self.K += stiffness * np.outer(row, row)
 
     def _springs(self):
-        for place, law, turning in (
-            (np.zeros(3), gun.FOOT, gun.PLATE),
-            *((np.array(spade), gun.SPADE, 0.0) for spade in gun.SPADES),
-        ):
+        spades = ((np.array(spade), gun.SPADE, 0.0) for spade in gun.SPADES)
+        for place, law, turning in ((np.zeros(3), gun.FOOT, gun.PLATE), *spades):
             rows = self.at("base", place)
             for row, stiffness in zip(rows, (gun.GROUND[0], law.stiffness, gun.GROUND[2], *3 * [turning]), strict=True):
                 self._add(stiffness, row)

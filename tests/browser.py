@@ -10,7 +10,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+import pytest
+
 PROGRAM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+NEEDED = pytest.mark.skipif(PROGRAM is None, reason="needs Chromium")
 _FLAGS = (
     "--headless=new --no-sandbox --no-first-run --disable-extensions --hide-scrollbars --use-gl=angle "
     "--use-angle=swiftshader --enable-unsafe-swiftshader --window-size=1280,760 --remote-debugging-pipe"

@@ -141,12 +141,9 @@ def cardan_shaft(rng: np.random.Generator) -> DrivenLoop:
     hinge = mb.Revolute("in", ground.point(0, 0, 0), first.point(0, 0, 0), axis=z)
     out = mb.Revolute("out", ground.point(*drive.at(*slanted)), last.point(0, 0, 0), axis=z)
     pins = {"axis": across, "axis_b": drive.at(*pin)}
-    joints = [
-        hinge,
-        mb.Universal("U", first.point(0, 0, 0), middle.point(0, 0, 0), **pins),
-        mb.Universal("V", last.point(0, 0, 0), middle.point(*drive.at(*slanted)), **pins),
-        out,
-    ]
+    before = mb.Universal("U", first.point(0, 0, 0), middle.point(0, 0, 0), **pins)
+    behind = mb.Universal("V", last.point(0, 0, 0), middle.point(*drive.at(*slanted)), **pins)
+    joints = [hinge, before, behind, out]
     law = drive.law - drive.begin
     system = _system(rng, [first, middle, last], joints, mb.Motion("motor", hinge.angle, law))
     outputs = {"in": hinge.angle, "out": out.angle, "x": drive.along(last.point(*across), 1, 0, 0)}

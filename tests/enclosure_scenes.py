@@ -50,10 +50,8 @@ def chain_of_four(spread=0.05, end=1.0):
     masses = [mb.Body(f"m{i}", mass=1.0, pose=mb.Particle()) for i in range(1, 5)]
     stretches = [b.x - a for a, b in zip([0.0, *(m.x for m in masses)], masses, strict=False)]
     pulls = [k * s for k, s in zip((p.k1, p.k2, p.k3, p.k4), stretches, strict=True)]
-    forces = [
-        mb.Force(f"force{i}", mass.point(0, 0), (after - before, 0))
-        for i, (mass, before, after) in enumerate(zip(masses, pulls, [*pulls[1:], 0.0], strict=True))
-    ]
+    loads = enumerate(zip(masses, pulls, [*pulls[1:], 0.0], strict=True))
+    forces = [mb.Force(f"force{i}", mass.point(0, 0), (after - before, 0)) for i, (mass, before, after) in loads]
     system = mb.System(*masses, *forces, parameters=p)
     outputs = {m.name: m.x for m in masses}
     return _scene("chain of four", system, {"m4.x": 1.0}, outputs, end, mb.Box.around(p, spread))

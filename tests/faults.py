@@ -1,4 +1,4 @@
-"""Calls that are refused, and what is told of them."""
+"""Calls that are refused or warn, and what is told of them."""
 
 from contextlib import contextmanager
 
@@ -8,9 +8,10 @@ import symmb as mb
 
 
 def refused(match, call, /, *arguments, error=mb.DeclarationError, **options):
-    """A call ends by an error whose message matches."""
-    with pytest.raises(error, match=match):
+    """The message of the error that ends a call. It matches, unless that is None."""
+    with pytest.raises(error, match=match) as caught:
         call(*arguments, **options)
+    return str(caught.value)
 
 
 @contextmanager
@@ -19,3 +20,9 @@ def told_in_a_line(match, error=mb.DeclarationError):
     with pytest.raises(error, match=match) as caught:
         yield
     assert "\n" not in str(caught.value)
+
+
+def warned(match, call, /, *arguments, **options):
+    """What a call returns that warns: the text of a warning matches."""
+    with pytest.warns(mb.SymmbWarning, match=match):
+        return call(*arguments, **options)

@@ -77,9 +77,8 @@ def highest(curve, pieces, k, c, window):
         i = int(values.argmax())
         best = max(best, values[i])
         if 0 < i < len(t) - 1:
-            found = minimize_scalar(
-                lambda t, f=f: -f(t), bounds=(t[i - 1], t[i + 1]), method="bounded", options={"xatol": 1e-12}
-            )
+            ends = (t[i - 1], t[i + 1])
+            found = minimize_scalar(lambda t, f=f: -f(t), bounds=ends, method="bounded", options={"xatol": 1e-12})
             best = max(best, -found.fun)
     return best
 
@@ -150,20 +149,14 @@ def figure(motion, kind, random):
         return Drawn(getattr(mb, kind)(sx, window=own), values[kind])
     low, high = (s * highest(lambda *a, s=s: s * g(*a), pieces, 1.0, 1.0, window) for s in (-1.0, 1.0))
     level, sign = low + (high - low) * random.uniform(0.2, 0.8), random.choice([-1.0, 1.0])
-
-    def margin(t, y, k, c):
-        return sign * (g(t, y, k, c) - level)
-
     condition = other <= level if sign > 0 else other >= level
 
     def time(pieces, k, c):
-        return passage(margin, pieces, k, c, window)
+        return passage(lambda t, y, k, c: sign * (g(t, y, k, c) - level), pieces, k, c, window)
 
     if kind == "first_time":
         return Drawn(mb.first_time(condition, window=own), time)
-    return Drawn(
-        mb.value_at(sx, condition, window=own), lambda pieces, k, c: at(curve, pieces, k, c, time(pieces, k, c))
-    )
+    return Drawn(mb.value_at(sx, condition, window=own), lambda parts, k, c: at(curve, parts, k, c, time(parts, k, c)))
 
 
 def motion(name, random):

@@ -45,8 +45,7 @@ class Structure:
     def frequencies(self) -> np.ndarray:
         """All [Hz], rising."""
         Z = self._free
-        squares = eigh(Z.T @ self.K @ Z, Z.T @ self.M @ Z, eigvals_only=True)
-        return np.sqrt(squares) / (2 * np.pi)
+        return np.sqrt(eigh(Z.T @ self.K @ Z, Z.T @ self.M @ Z, eigvals_only=True)) / (2 * np.pi)
 
     @property
     def _free(self) -> np.ndarray:
@@ -144,9 +143,8 @@ class Builder:
         output = sum(c * (r - x) for c, r, x in zip(direction, (point.x, point.y), place, strict=True))
         g = self.gravity if gravity else 0.0
         elements = [*self.elements, *([mb.Gravity(0, -g)] if gravity else [])]
-        scene = mb.Scene(
-            mb.System(*elements), times=np.array([0.0, 1e-6]), outputs={"d": output}, guess=self.guess, equilibrium=True
-        )
+        times = np.array([0.0, 1e-6])
+        scene = mb.Scene(mb.System(*elements), times=times, outputs={"d": output}, guess=self.guess, equilibrium=True)
         u = self.structure.deflections(g)[beam.first + 3 * node :][:2]
         words = "; ".join(self.words) + (", gravity" if gravity else "")
         return Assembly(f"{name}: {words}", scene, float(np.dot(u, direction)), self.structure.frequencies())

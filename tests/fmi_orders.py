@@ -184,9 +184,8 @@ def compile_orders(scene, version, folder, compiler="gcc"):
     driver.write_text(DRIVER.replace("Boolean_", "int" if version == 2 else "bool"))
     program = Path(folder) / f"program{version}"
     scene_c = sources / "sources" / "scene.c"
-    scene_c.write_text(
-        re.sub("(#define STEPS_AT_MOST) .*", r"\1 3000", scene_c.read_text())
-    )  # steps of 1e300 s end soon
+    # Steps of 1e300 s end soon.
+    scene_c.write_text(re.sub("(#define STEPS_AT_MOST) .*", r"\1 3000", scene_c.read_text()))
     command = [compiler, *SANITIZED, f"-DVERSION={version}", f"-I{sources / 'sources'}"]
     subprocess.run([*command, driver, scene_c, "-o", program, "-lm"], check=True)
     return program

@@ -237,9 +237,7 @@ def description(version, token="a token", extra="", co_simulation="", experiment
         head = f'fmiVersion="3.0" instantiationToken="{token}"'
         types = '<Float64Type name="Damping" unit="N.s/m"/>'
         structure = "".join(f'<Output valueReference="{index[name]}"/>' for name in ("x", "v", "passes"))
-        structure += "".join(
-            f'<ContinuousStateDerivative valueReference="{index[name]}"/>' for name in ("der(x)", "der(v)")
-        )
+        structure += "".join(f'<ContinuousStateDerivative valueReference="{index[x]}"/>' for x in ("der(x)", "der(v)"))
         structure += f'<EventIndicator valueReference="{index["x"]}"/>'
     steps = "" if version == 2 else 'needsCompletedIntegratorStep="true"'
     co_simulation = co_simulation or 'canHandleVariableCommunicationStepSize="true"'

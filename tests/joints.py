@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -46,20 +47,8 @@ def _example(joint, spatial, planar=0, a=ORIENTED, b=ORIENTED, **more):
     return JointExample(joint.__name__, joint, spatial, planar, frozenset(a), frozenset(b), **more)
 
 
-def _distance(name, a, b):
-    return mb.Distance(name, a, b, 0.9)
-
-
 def _on_curve(name, a, b):
     return mb.PointOnCurve(name, a, b, mb.Curve(lambda s: (s, 0.1 * s**2), -4, 4))
-
-
-def _gear(name, a, b, **axes):
-    return mb.Gear(name, a, b, ratio=-1.5, **axes)
-
-
-def _screw(name, a, b, **axes):
-    return mb.Screw(name, a, b, pitch=0.4, **axes)
 
 
 _SLIDE = {"planar_axes": (("axis", IN_PLANE), ("axis_b", (0, 1, 0)))}
@@ -71,11 +60,11 @@ ALL_JOINTS = (
     _example(mb.Universal, 4, a=SPATIAL, b=SPATIAL),
     _example(mb.PlanarJoint, 3, a=SPATIAL, b=SPATIAL),
     _example(mb.Weld, 6, 3),
-    JointExample("Distance", _distance, 1, 1, frozenset(ANY), frozenset(ANY), axes=()),
+    JointExample("Distance", partial(mb.Distance, length=0.9), 1, 1, frozenset(ANY), frozenset(ANY), axes=()),
     _example(mb.PointOnLine, 2, 1, b=ANY, axes=(("axis", SKEW),), planar_axes=(("axis", IN_PLANE),)),
     JointExample("PointOnCurve", _on_curve, 1, 1, frozenset(ORIENTED), frozenset(ANY), axes=()),
-    JointExample("Gear", _gear, 1, 1),
-    JointExample("Screw", _screw, 5, 0, frozenset(SPATIAL), frozenset(SPATIAL)),
+    JointExample("Gear", partial(mb.Gear, ratio=-1.5), 1, 1),
+    JointExample("Screw", partial(mb.Screw, pitch=0.4), 5, 0, frozenset(SPATIAL), frozenset(SPATIAL)),
 )
 ALL_POSES = (mb.Planar, mb.Spatial, mb.Particle)
 KINDS = ("Planar", "Spatial", "Particle", "Ground")

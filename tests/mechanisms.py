@@ -57,9 +57,8 @@ def spinning_body(times=TIMES, **more):
     system = mb.System(top, tip, mb.Gravity(0, 0, -G), parameters=p)
     tilt = mb.rotation((0, 1, 0), 0.5)
     outputs = {c: getattr(top, c) for c in "xyz"} | {f"w{c}": top.omega[i] for i, c in enumerate("xyz")}
-    return mb.Scene(
-        system, {"top.rotation": tilt, "top.omega": (0.2, -0.5, 15.0)}, times, outputs, name="spinning body", **more
-    )
+    start = {"top.rotation": tilt, "top.omega": (0.2, -0.5, 15.0)}
+    return mb.Scene(system, start, times, outputs, name="spinning body", **more)
 
 
 def spinning_body_by_hand(p, times=TIMES):
@@ -102,10 +101,8 @@ class Mechanism:
     nominal: tuple[float, ...]
 
 
-MECHANISMS = {
-    "planar": Mechanism(double_pendulum, double_pendulum_by_hand, (1.0, 0.8)),
-    "spatial": Mechanism(spinning_body, spinning_body_by_hand, (1.5, 0.0)),
-}
+PLANAR = Mechanism(double_pendulum, double_pendulum_by_hand, (1.0, 0.8))
+MECHANISMS = {"planar": PLANAR, "spatial": Mechanism(spinning_body, spinning_body_by_hand, (1.5, 0.0))}
 
 
 def explosion(times=None):

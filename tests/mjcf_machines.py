@@ -158,8 +158,7 @@ class Twin:
         self.data = mujoco.MjData(self.model)
         names = [self.model.actuator(k).name for k in range(self.model.nu)]
         self.controls = dict(zip(names, self.rng.uniform(-1, 1, len(names)), strict=True))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", mb.SymmbWarning)
+        with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
             self.robot = mb.load_mjcf(path, replace={f"{name}.ctrl": value for name, value in self.controls.items()})
         self.system = mb.System(*self.robot.elements)
         self.names = [self.model.joint(k).name for k in range(self.model.njnt)]
@@ -234,8 +233,7 @@ class Twin:
         """Accelerations of symmb in the state of MuJoCo, in its order."""
         outputs = {f"a{k}": self.system.ddt(rate) for k, rate in enumerate(self.rates())}
         scene = mb.Scene(self.system, self.start(), outputs=outputs)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", mb.SymmbWarning)
+        with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
             run = mb.simulate(scene)
         return np.array([run[name][0] for name in outputs])
 
@@ -340,8 +338,7 @@ def largest_deviation(mujoco, path, seconds=1.0, step=2e-4):
             joint.armature = 0.0
     m = spec.compile()
     d = mujoco.MjData(m)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         numbers = mb.load_mjcf(path).numbers
         controls = {name: 0.1 for name in numbers if name.endswith(".ctrl")}
         still = {name: 0.0 for name, value in numbers.items() if name.endswith(".friction") and value}
@@ -355,10 +352,8 @@ def largest_deviation(mujoco, path, seconds=1.0, step=2e-4):
         names = ["world" if k == 0 else m.body(k).name or f"body{k}" for k in range(m.nbody)]
         points = {k: robot.bodies[names[k].replace(" ", "_")].point(*PLACE) for k in counted}
         outputs = {f"{x}{k}": getattr(point, x) for k, point in points.items() for x in "xyz"}
-        run = mb.simulate(
-            mb.Scene(mb.System(*robot.elements), robot.start, [0.0, seconds], outputs),
-            mb.DormandPrince(rtol=1e-10, atol=1e-10),
-        )
+        scene = mb.Scene(mb.System(*robot.elements), robot.start, [0.0, seconds], outputs)
+        run = mb.simulate(scene, mb.DormandPrince(rtol=1e-10, atol=1e-10))
     mujoco.mj_forward(m, d)
     first = places(d)
     for _ in range(round(seconds / step)):

@@ -75,9 +75,8 @@ class Linkage:
     def scene(self, times: np.ndarray, rate: float = 0.0) -> mb.Scene:
         """The first hinge starts at a rate. Outputs are the coordinates of all centres."""
         ground = mb.Ground()
-        bars = [
-            mb.Body(f"bar{k}", m, (J, J, J), mb.Spatial()) for k, (m, J) in enumerate(zip(self.m, self.J, strict=True))
-        ]
+        inertias = zip(self.m, self.J, strict=True)
+        bars = [mb.Body(f"bar{k}", m, (J, J, J), mb.Spatial()) for k, (m, J) in enumerate(inertias)]
         around = [ground, *bars, ground]
         origins = [np.zeros(3), *self.centres, np.zeros(3)]
         hinges = [
@@ -115,16 +114,9 @@ def _linkage(
     bars = len(points) - 1
     middles = (points[1:] + points[:-1]) / 2
     size = np.abs(points).max()
-    return Linkage(
-        points,
-        axes,
-        turns,
-        theta,
-        least,
-        random.uniform(0.5, 2, bars),
-        size**2 * random.uniform(0.05, 0.3, bars),
-        middles + size * random.uniform(-0.1, 0.1, middles.shape),
-    )
+    m, J = random.uniform(0.5, 2, bars), size**2 * random.uniform(0.05, 0.3, bars)
+    centres = middles + size * random.uniform(-0.1, 0.1, middles.shape)
+    return Linkage(points, axes, turns, theta, least, m, J, centres)
 
 
 def bennett(seed: int) -> Linkage:

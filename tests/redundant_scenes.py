@@ -47,9 +47,7 @@ def mechanism(seed: int) -> Mechanism:
     kind = ("tree", "tree", "tree", "planar", "four-bar", "cranks")[int(np.random.default_rng([seed, 1]).integers(6))]
     if kind in ("four-bar", "cranks"):
         scene = _four_bar if kind == "four-bar" else _cranks
-        return Mechanism(
-            kind, False, lambda coordinates: scene(seed, True, coordinates), lambda: scene(seed, False, "body")
-        )
+        return Mechanism(kind, False, lambda given: scene(seed, True, given), lambda: scene(seed, False, "body"))
     tree = _Tree(seed, kind == "planar", None, 0)
     return Mechanism(
         tree.kind,
@@ -240,12 +238,8 @@ def _four_bar(seed: int, spatial: bool, coordinates: Any) -> mb.Scene:
     p, ground = mb.Parameters(m=1.0, L=1.0), mb.Ground()
     tilt = _unit(rng), float(rng.uniform(-3, 3))
     turn, R = mb.rotation(tuple(tilt[0]), tilt[1]), Rotation.from_rotvec(tilt[0] * tilt[1]).as_matrix()
-    a, b, c, d, angle, rate = (
-        *rng.uniform((0.2, 0.8, 0.7), (0.35, 1.0, 0.9)),
-        1.0,
-        rng.uniform(0.3, 2.8),
-        rng.uniform(2, 6),
-    )
+    a, b, c = rng.uniform((0.2, 0.8, 0.7), (0.35, 1.0, 0.9))
+    d, angle, rate = 1.0, rng.uniform(0.3, 2.8), rng.uniform(2, 6)
     pull = np.array([*rng.uniform(-9, 9, 2), 0.0])
     A, D = a * np.array([np.cos(angle), np.sin(angle)]), np.array([d, 0.0])
     r = np.linalg.norm(D - A)
@@ -322,11 +316,9 @@ def _cranks(seed: int, spatial: bool, coordinates: Any) -> mb.Scene:
         foot, half = R @ [*pin, 0.0], length / 2 * p.L
         feet = ground.point(*(float(v) * p.L for v in foot))
         bar = mb.Body(f"c{i}", crank * p.m, (0.1 * inertia, inertia, inertia), mb.Spatial())
-        elements += [
-            bar,
-            mb.Revolute(f"A{i}", feet, bar.point(-half, 0, 0), axis=tuple(R[:, 2]), axis_b=(0, 0, 1)),
-            mb.Revolute(f"B{i}", bar.point(half, 0, 0), table.point(*(float(v) * p.L for v in (*pin, 0.0)))),
-        ]
+        over = table.point(*(float(v) * p.L for v in (*pin, 0.0)))
+        low = mb.Revolute(f"A{i}", feet, bar.point(-half, 0, 0), axis=tuple(R[:, 2]), axis_b=(0, 0, 1))
+        elements += [bar, low, mb.Revolute(f"B{i}", bar.point(half, 0, 0), over)]
         guess |= {f"c{i}.{c}": float(v) for c, v in zip("xyz", foot + R @ along / 2, strict=True)}
         guess[f"c{i}.rotation"] = turn @ mb.rotation((0, 0, 1), angle)
     start = {"c0.rotation": guess.pop("c0.rotation"), "A0.angle_rate": rate}

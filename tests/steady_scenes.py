@@ -38,12 +38,8 @@ def rolling_disc(rng: np.random.Generator) -> SteadyMotion:
     level = ca.sqrt(n[0] ** 2 + n[1] ** 2)
     arm = -R * ca.vertcat(-n[0] * n[2], -n[1] * n[2], level**2) / level
     slip = ca.vertcat(disc.vx, disc.vy, disc.vz) + ca.cross(disc.rotation @ disc.omega, arm)
-    system = mb.System(
-        disc,
-        mb.Motion("contact", disc.z + arm[2], 0),
-        mb.VelocityConstraint("rolling", (slip[0], slip[1])),
-        mb.Gravity(0, 0, -G),
-    )
+    rolling = mb.VelocityConstraint("rolling", (slip[0], slip[1]))
+    system = mb.System(disc, mb.Motion("contact", disc.z + arm[2], 0), rolling, mb.Gravity(0, 0, -G))
     heading = mb.rotation((0, 0, 1), rng.uniform(-3, 3))
     start = {
         "disc.x": 0.3, "disc.y": 0.0,
@@ -51,9 +47,7 @@ def rolling_disc(rng: np.random.Generator) -> SteadyMotion:
     }  # fmt: skip
     square = -(2 * A * (2 * A + m * R * R) * w**2 - A * m * G * R) / (A * (A + m * R * R))
     root = np.emath.sqrt(square)
-    return SteadyMotion(
-        "rolling disc", mb.Scene(system, start, [0.0, 1.0], guess={"disc.z": R}), np.array([root, -root])
-    )
+    return SteadyMotion("rolling disc", mb.Scene(system, start, [0, 1], guess={"disc.z": R}), np.array([root, -root]))
 
 
 def _top(rng, tilt: float, spin: float, precession: float, A: float, C: float, m: float, h: float) -> mb.Scene:
@@ -148,8 +142,7 @@ def _pendulum_beside_a_spring(rng: np.random.Generator, angle: float) -> tuple[m
         mb.SpringDamper("spring", GROUND.point(3, 1), other.point(0, 0), k, 0.0, 1 - G / k),
         mb.Gravity(0, -G),
     )  # fmt: skip
-    start = {"rod.theta": angle - np.pi / 2, "other.y": 0.0}
-    return mb.Scene(system, start, [0.0, 1.0]), np.sqrt(1.5 * G / L)
+    return mb.Scene(system, {"rod.theta": angle - np.pi / 2, "other.y": 0.0}, [0.0, 1.0]), np.sqrt(1.5 * G / L)
 
 
 def swing(rng: np.random.Generator) -> SteadyMotion:

@@ -144,22 +144,16 @@ def test_additions_touch_the_files_that_contributing_names(tmp_path):
 
     (symmb / "run/integrate/midpoint.py").write_text(SOLVER, encoding="utf-8")
     registry = symmb / "run/integrate/registry.py"
-    replace(
-        registry,
-        "from symmb.run.integrate.solver",
-        "from symmb.run.integrate.midpoint import Midpoint\nfrom symmb.run.integrate.solver",
-    )
+    solver = "from symmb.run.integrate.solver"
+    replace(registry, solver, f"from symmb.run.integrate.midpoint import Midpoint\n{solver}")
     entry = '    SolverEntry("mid[:STEPS]", "Midpoint(steps=STEPS)", Midpoint),\n'
     replace(registry, ")\nWORDS", f"{entry})\nWORDS")
     append(names, "from .run.integrate.midpoint import Midpoint as Midpoint\n")
 
     (symmb / "bound/bounds/ends.py").write_text(METHOD, encoding="utf-8")
     registry = symmb / "bound/bounds/registry.py"
-    replace(
-        registry,
-        "from symmb.bound.bounds.interval",
-        "from symmb.bound.bounds.ends import Ends\nfrom symmb.bound.bounds.interval",
-    )
+    interval = "from symmb.bound.bounds.interval"
+    replace(registry, interval, f"from symmb.bound.bounds.ends import Ends\n{interval}")
     replace(registry, "] = (\n", '] = (\n    MethodEntry("ends", "Ends()", Ends),\n')
     append(names, "from .bound.bounds.ends import Ends as Ends\n")
 
@@ -175,11 +169,6 @@ def test_additions_touch_the_files_that_contributing_names(tmp_path):
     replace(formats, "FORMATS = {\n", f"{write}FORMATS = {{\n{form}")
 
     path = os.pathsep.join([str(tmp_path), str(PACKAGE.parent)])
-    done = subprocess.run(
-        [sys.executable, "-c", USES],
-        env=os.environ | {"PYTHONPATH": path},
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-    )
+    environment = os.environ | {"PYTHONPATH": path}
+    done = subprocess.run([sys.executable, "-c", USES], env=environment, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-2000:]

@@ -109,5 +109,4 @@ def frequencies(run):
     left = dae.Q(moved, v, s, p, t) - dae.G(moved, v, s, p, t).T @ lam
     K = -ca.Function("K", [delta], [ca.jacobian(left, delta)])(0).full()
     Z = null_space(dae.G(*at).full())
-    squares = eig(Z.T @ K @ Z, Z.T @ dae.M(*at).full() @ Z)[0]
-    return np.sqrt(np.sort(np.real(squares))) / (2 * np.pi)
+    return np.sqrt(np.sort(np.real(eig(Z.T @ K @ Z, Z.T @ dae.M(*at).full() @ Z)[0]))) / (2 * np.pi)

@@ -91,8 +91,7 @@ def test_disc_wobbles_as_its_rates_of_angular_momentum_say():
 
 def test_half_car_over_a_bump():
     """Equations written by hand in the state (x, y, theta, front x and y, rear x and y), integrated by SciPy."""
-    scene = half_car.scene()
-    run = mb.simulate(scene, mb.DormandPrince(rtol=1e-9))
+    run = mb.simulate(half_car.scene(), mb.DormandPrince(rtol=1e-9))
     mass, inertia, axle, g, tyre, radius = 690.0, 1200.0, 40.0, 9.81, 190e3, half_car.RADIUS
     bump = PchipInterpolator(0.6 * np.linspace(0, 1, 9), 0.08 * np.sin(np.pi * np.linspace(0, 1, 9)) ** 2)
     K, C = np.diag([300e3, 22e3]), np.diag([3e3, 1.6e3])

@@ -84,8 +84,7 @@ def test_compiled_functions_take_q_v_p_t(scene, tmp_path):
     for f in (dae.M, dae.Q, dae.Phi, dae.Phi_q, dae.gamma, dae.rhs):
         assert f.n_in() == 4
         f(q, v, [1.0, 1.0], 0.0)
-    files = dae.save_c(tmp_path / "c")
-    assert {file.name for file in files} >= {"model.c", "model.h", "main.c"}
+    assert {file.name for file in dae.save_c(tmp_path / "c")} >= {"model.c", "model.h", "main.c"}
 
 
 def test_simulate_takes_solver_parameters_times_outputs(scene):
@@ -129,9 +128,7 @@ def test_adaptive_polynomial_chaos_meets_its_tolerance_or_budget(scene):
 
 
 def test_function_simulator_and_scene_without_bodies():
-    simulator = mb.FunctionSimulator(
-        lambda k: np.exp(-k * SHORT)[:, None], parameters={"k": 1.0}, times=SHORT, outputs=["x"]
-    )
+    simulator = mb.FunctionSimulator(lambda k: np.exp(-k * SHORT)[:, None], {"k": 1.0}, SHORT, ["x"])
     assert mb.propagate(simulator, mb.Scanning(5), mb.Box(k=(0.5, 2.0))).upper[-1, 0] == pytest.approx(np.exp(-0.25))
     p = mb.Parameters(x=0.5)
     cubic = mb.Scene(mb.System(parameters=p), outputs={"f": p.x**3 - 2 * p.x**2 + p.x + 0 * mb.t}, box=mb.Box(x=(0, 1)))
@@ -251,9 +248,7 @@ def test_extras_that_texts_name_are_declared_and_all_has_those_of_runs():
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
     files = [*(ROOT / "symmb").rglob("*.py"), *(ROOT / "examples").rglob("*.md"), ROOT / "README.md", ROOT / ".ci/run"]
     texts = [path.read_text(encoding="utf-8") for path in files]
-    named = {
-        name for text in texts for found in re.findall(r"(?:symmb|\.)\[([a-z,]+)\]'", text) for name in found.split(",")
-    }
+    named = {n for text in texts for part in re.findall(r"(?:symmb|\.)\[([a-z,]+)\]'", text) for n in part.split(",")}
     assert {"all", "compiler", "data", "fmu"} <= named <= set(extras)
     assert extras["all"] == [f"symmb[{','.join(sorted(set(extras) - {'all', 'docs', 'test'}))}]"]
 

@@ -38,13 +38,10 @@ def test_a_study_without_a_method_is_by_polynomial_chaos():
 @pytest.mark.parametrize(
     ("text", "method"),
     [
-        ("pce:3", mb.PolynomialChaos(order=3)),
-        ("vertex", mb.Vertex()),
-        ("mc:13", mb.MonteCarlo(13)),
-        ("scan:7", mb.Scanning(7)),
-        ("pce:2:paper", mb.PolynomialChaos.paper(order=2)),
+        ("pce:3", mb.PolynomialChaos(order=3)), ("vertex", mb.Vertex()), ("mc:13", mb.MonteCarlo(13)),
+        ("scan:7", mb.Scanning(7)), ("pce:2:paper", mb.PolynomialChaos.paper(order=2)),
     ],
-)
+)  # fmt: skip
 def test_methods_by_their_texts(text, method):
     assert same(mb.propagate(DECAY, text, BOX), mb.propagate(DECAY, method, BOX))
     comparison = mb.compare(DECAY, [text, "vertex"], BOX, reference="scan:9")
@@ -105,12 +102,8 @@ def test_tolerances_go_to_the_default_solver(tolerances):
 
 def test_tolerances_of_impacts_figures_and_several_runs():
     ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    falls = mb.Scene(
-        mb.System(ball, mb.Gravity(0, -9.81), mb.Impact("floor", ball.y, 0.5)),
-        {"ball.y": 0.3},
-        [0.0, 0.5],
-        {"y": ball.y},
-    )
+    floor = mb.Impact("floor", ball.y, 0.5)
+    falls = mb.Scene(mb.System(ball, mb.Gravity(0, -9.81), floor), {"ball.y": 0.3}, [0.0, 0.5], {"y": ball.y})
     assert mb.simulate(falls, rtol=1e-7).solver == repr(mb.EventDriven(rtol=1e-7))
     mass, spring = oscillator()
     peak = mb.Scene(mb.System(mass, spring), {"mass.x": 0.4}, [0.0, 2.0], {"peak": mb.maximum(mass.vx)})
@@ -174,8 +167,7 @@ def test_elements_made_inside_belong_to_the_system():
     assert system.parameters is P
     for part in ("M", "Q", "q"):
         assert ca.is_equal(getattr(system, part), getattr(listed, part), 20)
-    again = pickle.loads(pickle.dumps(system))
-    assert [e.name for e in again.elements] == ["mass", "spring"]
+    assert [e.name for e in pickle.loads(pickle.dumps(system)).elements] == ["mass", "spring"]
 
 
 def test_blocks_within_each_other_and_those_that_end_by_an_error():

@@ -20,8 +20,7 @@ from symmb._options import numbers_of
 @cache
 def malformed():
     """The benchmark, whose import makes runs."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         return import_module("malformed")
 
 
@@ -80,8 +79,7 @@ class _Maps:
 
 @pytest.mark.parametrize("name", CALLS)
 def test_calls_that_ended_in_foreign_exceptions(name):
-    with warnings.catch_warnings(), pytest.raises(mb.SymmbError) as error:
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"), pytest.raises(mb.SymmbError) as error:
         CALLS[name]()
     assert str(error.value).endswith((".", ")", "'")) and len(str(error.value)) < 1000
 
@@ -227,9 +225,8 @@ def test_a_budget_without_end_costs_no_memory():
 
 
 def test_errors_are_no_longer_than_a_screen():
-    with pytest.raises(mb.DeclarationError) as error:
-        malformed().SCENE.with_name("a" * 10_000)
-    assert len(str(error.value)) < 2000 and str(error.value).startswith("name 'aaa")
+    error = refused(None, malformed().SCENE.with_name, "a" * 10_000)
+    assert len(error) < 2000 and error.startswith("name 'aaa")
 
 
 NUMBERS = {

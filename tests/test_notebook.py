@@ -91,9 +91,8 @@ def test_small_results_are_tables(shown, name):
 
 
 def test_a_drawing_is_a_page_of_its_own(shown):
-    frame = re.fullmatch(
-        '<iframe srcdoc="([^"<>]*)" title="drawing of rod on a spring"[^<>]*></iframe>', shown("drawing")["text/html"]
-    )
+    html = shown("drawing")["text/html"]
+    frame = re.fullmatch('<iframe srcdoc="([^"<>]*)" title="drawing of rod on a spring"[^<>]*></iframe>', html)
     assert frame is not None
     page = unescape(frame[1])
     assert page.startswith("<!DOCTYPE html>") and "rod on a spring" in page and page.rstrip().endswith("</html>")

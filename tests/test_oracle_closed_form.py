@@ -57,8 +57,7 @@ def test_a_skate_runs_in_a_circle():
     """Blade under the centre of mass: spin and speed stay, the track is a circle of radius v / w."""
     skate = mb.Body("skate", 1.0, 0.1, mb.Planar())
     blade = mb.VelocityConstraint("blade", (-ca.sin(skate.theta) * skate.vx + ca.cos(skate.theta) * skate.vy,))
-    start = {"skate.vx": 2.0, "skate.omega": 4.0}
-    run = mb.simulate(mb.Scene(mb.System(skate, blade), start, TIMES), TIGHT)
+    run = mb.simulate(mb.Scene(mb.System(skate, blade), {"skate.vx": 2.0, "skate.omega": 4.0}, TIMES), TIGHT)
     assert_allclose(run["skate.x"], 0.5 * np.sin(4 * TIMES), atol=1e-9)
     assert_allclose(run["skate.y"], 0.5 * (1 - np.cos(4 * TIMES)), atol=1e-9)
     assert_allclose(run["skate.vy"][0], 0, atol=1e-15)
@@ -89,8 +88,7 @@ def test_a_bead_runs_out_on_a_turning_wire():
         mb.Motion("turn", wire.theta, w * mb.t),
         mb.PointOnLine("thread", wire.point(0, 0), bead.point(0, 0), axis=(1, 0, 0)),
     )  # fmt: skip
-    scene = mb.Scene(system, {"bead.x": r0, "bead.vx": 0.0}, TIMES)
-    run = mb.simulate(scene, PROJECTED)
+    run = mb.simulate(mb.Scene(system, {"bead.x": r0, "bead.vx": 0.0}, TIMES), PROJECTED)
     assert_allclose(np.hypot(run["bead.x"], run["bead.y"]), r0 * np.cosh(w * TIMES), atol=1e-8)
     force, _ = run.reaction("thread")
     across = np.stack([-np.sin(w * TIMES), np.cos(w * TIMES)], axis=1)

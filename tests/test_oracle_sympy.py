@@ -28,9 +28,8 @@ RATES = [f"rod{i}.{c}" for i in (1, 2) for c in ("vx", "vy", "omega")]
 X1, Y1, T1, X2, Y2, T2 = PAPER_Q = sp.symbols("x1 y1 t1 x2 y2 t2")
 PAPER_V = sp.symbols("vx1 vy1 w1 vx2 vy2 w2")
 TURNED = sp.diag(1, 1, -1, 1, 1, -1)  # the paper's angles count the other way
-ROWS = sp.Matrix(
-    [[1, 0, 0, 0], [0, 1, 0, 0], [1, 0, 1, 0], [0, 1, 0, 1]]
-)  # its second joint is written from the origin
+# Its second joint is written from the origin.
+ROWS = sp.Matrix([[1, 0, 0, 0], [0, 1, 0, 0], [1, 0, 1, 0], [0, 1, 0, 1]])
 PAPER_PHI = sp.Matrix([
     X1 - L1 / 2 * sp.sin(T1),
     Y1 - L1 / 2 * sp.cos(T1),
@@ -54,9 +53,7 @@ def test_the_double_pendulum_has_the_paper_s_equations():
     signs = [TURNED[i, i] for i in range(6)]
     for names, paper in ((NAMES, PAPER_Q), (RATES, PAPER_V)):
         mine |= {symbols[n]: sign * s for n, sign, s in zip(names, signs, paper, strict=True) if n in symbols}
-    M, Q, Phi, Phi_q, gamma = (
-        sp.nsimplify(ours[k].subs(mine), rational=True) for k in ("M", "Q", "Phi", "Phi_q", "gamma")
-    )
+    M, Q, Phi, Phi_q, gamma = (sp.nsimplify(ours[k].subs(mine), rational=True) for k in "M Q Phi Phi_q gamma".split())
     assert ROWS.det() == 1
     g = sp.Rational(981, 100)
     paper_M = sp.diag(L1, L1, L1**3 / 12, L2, L2, L2**3 / 12)

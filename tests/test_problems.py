@@ -6,6 +6,7 @@ from contextlib import nullcontext
 import numpy as np
 import problems
 import pytest
+from faults import told_in_a_line, warned
 from small_scenes import particle
 
 import symmb as mb
@@ -45,8 +46,7 @@ def test_digits(problem, solver, limit):
 def test_the_crank_meets_the_published_end():
     """To six digits in every position, as does any solution of index 2 with the published start."""
     published = np.array(problems.read("slider_crank_flexible")["published_end"])
-    problem = problems.flexible_crank()
-    run = mb.simulate(problem.make())
+    run = mb.simulate(problems.flexible_crank().make())
     largest = np.abs(problems.read("slider_crank_flexible")["index_2"]["values"]).max(axis=0)
     assert (run.values[-1] * largest)[:6] == pytest.approx(published, rel=1e-6)
 
@@ -136,9 +136,7 @@ def test_studies_go_through_singular_positions():
 
 def test_what_nothing_gets_through_is_told_with_every_reason():
     burst = particle(lambda p, mass: 2 * mass.vx**2, [0.0, 1.0], {"mass.vx": 1.0})
-    with pytest.raises(
-        mb.SimulationError, match=r"breaks down at t = .*DormandPrince.*breaks down: .*CVODES\(stiff=True"
-    ):
+    with told_in_a_line(r"breaks down at t = .*DormandPrince.*breaks down: .*CVODES\(stiff=True", mb.SimulationError):
         mb.simulate(burst)
 
 
@@ -156,13 +154,11 @@ def test_runs_that_drift_are_told(monkeypatch):
     """A small fast pendulum: three hundred turns, over which a solver without projection leaves its circle."""
     bob, pivot = problems.pendulum(1e-3)
     system = mb.System(bob, pivot, mb.Gravity(0, -9.81))
-    start = {"bob.theta": 1.0, "bob.omega": 300.0}
-    scene = mb.Scene(system, start, np.linspace(0, 20, 11), coordinates="body")
+    scene = mb.Scene(system, {"bob.theta": 1.0, "bob.omega": 300.0}, np.linspace(0, 20, 11), coordinates="body")
     run = mb.simulate(scene)
     assert run.solver == PAIR and run.position_drift < 1e-9 and run.energy_drift < 1e-4
     monkeypatch.setattr(pilots, "has_compiler", lambda: False)
-    with pytest.warns(mb.SymmbWarning, match="The run violates its constraints by"):
-        run = mb.simulate(scene)
+    run = warned("The run violates its constraints by", mb.simulate, scene)
     assert run.reason.startswith("CVODES(): positions violate the constraints") and run.reason.count(";") >= 2
 
 

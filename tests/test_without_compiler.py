@@ -5,7 +5,7 @@ import sys
 import casadi as ca
 import numpy as np
 import pytest
-from faults import refused
+from faults import refused, warned
 from numpy.testing import assert_allclose, assert_array_equal
 
 import symmb as mb
@@ -77,8 +77,7 @@ def test_switches_are_left_to_the_control_of_steps():
 def test_studies_run_and_say_that_they_are_slow():
     k = np.linspace(3, 5, 2001)
     lower, upper = known(k).min(axis=0), known(k).max(axis=0)
-    with pytest.warns(mb.SymmbWarning, match=TOLD):
-        bounds = mb.propagate(spring(), mb.PolynomialChaos())
+    bounds = warned(TOLD, mb.propagate, spring(), mb.PolynomialChaos())
     assert_allclose([bounds["x"][0], bounds["x"][1]], [lower, upper], atol=2e-3)
     with pytest.warns(mb.SymmbWarning, match=TOLD):
         swept = mb.sweep(spring(), {"k": [3.0, 4.0, 5.0]})

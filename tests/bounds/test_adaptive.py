@@ -58,8 +58,7 @@ def test_polynomials_of_a_grid_are_found_again(d, indices):
 
 
 def test_grids_grow_by_indices_whose_lower_ones_are_there():
-    grid = grown(2, [(2, 0), (0, 1)])
-    assert grid.ahead() == {(3, 0), (1, 1), (0, 2)}
+    assert grown(2, [(2, 0), (0, 1)]).ahead() == {(3, 0), (1, 1), (0, 2)}
 
 
 # -- What is left out --------------------------------------------------------------------------------------
@@ -163,8 +162,7 @@ def test_many_parameters_with_few_runs():
     errors = np.abs([bounds.lower[0, 0] - extremes[0], bounds.upper[0, 0] - extremes[1]])
     assert bounds.evaluations < 400 and errors.max() < 0.02 * np.ptp(extremes)
     assert errors.max() <= bounds.estimate[0, 0]
-    moments = bounds.moments()
-    assert_allclose(moments.mean[0, 0], np.prod(np.sinh(weights / 2) / (weights / 2)), rtol=1e-2)
+    assert_allclose(bounds.moments().mean[0, 0], np.prod(np.sinh(weights / 2) / (weights / 2)), rtol=1e-2)
 
 
 def test_budgets_are_spent_on_nodes_and_checks():

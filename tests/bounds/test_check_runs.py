@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from faults import warned
 from small_scenes import particle
 from unit_functions import unit_function
 
@@ -30,8 +31,7 @@ POLYNOMIALS = [mb.PolynomialChaos.paper(2), mb.PolynomialChaos(order=8)]
 @pytest.mark.parametrize("method", LONG + POLYNOMIALS, ids=repr)
 @pytest.mark.parametrize("periods", [130, 200])
 def test_long_horizons_are_doubted(method, periods):
-    with pytest.warns(mb.SymmbWarning, match=FOUND):
-        bounds = mb.propagate(oscillator(periods), method)
+    bounds = warned(FOUND, mb.propagate, oscillator(periods), method)
     assert len(bounds.doubts) == 1 and bounds.evaluations == method.planned_runs(1)
 
 
@@ -50,23 +50,20 @@ def test_corners_are_right_where_responses_are_monotone(d):
 @pytest.mark.parametrize("at", [-0.4, 0.0, 0.3])
 def test_extremes_inside_are_found_beyond_corners(d, at):
     simulator, box = function(lambda *x: -((x[0] - at) ** 2) + 0.5 * sum(x[1:]), d)
-    with pytest.warns(mb.SymmbWarning, match="outside of the bounds"):
-        mb.propagate(simulator, mb.Vertex(), box)
+    warned("outside of the bounds", mb.propagate, simulator, mb.Vertex(), box)
 
 
 @pytest.mark.parametrize("method", [mb.PolynomialChaos(order=4), mb.PolynomialChaos.paper(3), mb.Vertex()], ids=repr)
 @pytest.mark.parametrize("frequency", [17.0, 29.0, 31.0])
 def test_waves_between_the_nodes_are_doubted(method, frequency):
     simulator, box = function(lambda a, b: np.sin(frequency * a + T) + b)
-    with pytest.warns(mb.SymmbWarning, match=FOUND):
-        mb.propagate(simulator, method, box)
+    warned(FOUND, mb.propagate, simulator, method, box)
 
 
 @pytest.mark.parametrize("factor", [1e-200, 1e-20, 1.0, 1e20, 1e200])
 def test_doubts_do_not_depend_on_units(factor):
     simulator, box = function(lambda a, b: factor * np.cos(3 * a + T) * (2 + b))
-    with pytest.warns(mb.SymmbWarning, match=FOUND):
-        wide = mb.propagate(simulator, mb.Vertex(), box)
+    wide = warned(FOUND, mb.propagate, simulator, mb.Vertex(), box)
     other, box = function(lambda a, b: np.cos(3 * a + T) * (2 + b))
     with pytest.warns(mb.SymmbWarning, match=FOUND):
         assert mb.propagate(other, mb.Vertex(), box).doubts == wide.doubts
@@ -75,8 +72,7 @@ def test_doubts_do_not_depend_on_units(factor):
 def test_noise_that_is_told_is_no_disagreement():
     rng = np.random.default_rng(1)
     simulator, box = function(lambda a, b: 1e-3 * a + rng.uniform(-1e-2, 1e-2), noise={"y": 2e-2})
-    with pytest.warns(mb.SymmbWarning, match="noise of the runs is larger than the width"):
-        bounds = mb.propagate(simulator, mb.Vertex(), box)
+    bounds = warned("noise of the runs is larger than the width", mb.propagate, simulator, mb.Vertex(), box)
     assert len(bounds.doubts) == 1
 
 
@@ -121,8 +117,7 @@ def test_a_comparison_doubts_what_its_studies_doubt(budget):
     scene, method = oscillator(200), mb.PolynomialChaos(budget=budget)
     with pytest.warns(mb.SymmbWarning, match="The estimated error is above 10 % of the width"):
         own = mb.propagate(scene, method).doubts
-    with pytest.warns(mb.SymmbWarning, match="The estimated error is above 10 % of the width"):
-        found = mb.compare(scene, [method, mb.Scanning(21)])
+    found = warned("The estimated error is above 10 % of the width", mb.compare, scene, [method, mb.Scanning(21)])
     assert found.doubts == tuple(f"{method!r}: {doubt}" for doubt in own)
 
 
@@ -139,8 +134,8 @@ def test_the_number_of_check_runs_is_told(method, d):
         return sum(x) + 0.1 * x[0] ** 2
 
     simulator, box = function(f, d)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)  # 50 samples end far before the corners of four parameters
+    # 50 samples end far before the corners of four parameters
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         bounds = mb.propagate(simulator, method, box)
     assert bounds.evaluations == method.planned_runs(d) < calls
     (told,) = [remark for remark in bounds.remarks if "checked these bounds" in remark]

@@ -81,8 +81,7 @@ def test_metrics_of_the_paper_with_its_solver(method, spread, runs, error, early
 def check_metrics(result, spread, runs, error, early, late):
     assert result.evaluations == runs and result.kind == "estimate"
     true = digits(spread, "true")
-    score = yardstick(*true).score(result.lower, result.upper)
-    assert score.error.mean() == pytest.approx(error, rel=0.03)
+    assert yardstick(*true).score(result.lower, result.upper).error.mean() == pytest.approx(error, rel=0.03)
     for half, (over, under) in ((TIMES < 5, early), (TIMES >= 5, late)):
         part = yardstick(true[0][half], true[1][half]).score(result.lower[half], result.upper[half])
         assert 100 * part.over.mean() == pytest.approx(over, rel=0.05)

@@ -119,8 +119,7 @@ def response(a, b, c, d):
 
 
 def simulator(d):
-    nominal = {name: 1.0 for name in NAMES[:4]}
-    return mb.FunctionSimulator(response, nominal, TIMES, ["x"]), box(d)
+    return mb.FunctionSimulator(response, {name: 1.0 for name in NAMES[:4]}, TIMES, ["x"]), box(d)
 
 
 METHODS = [mb.PolynomialChaos(), mb.MonteCarlo(200), mb.Scanning(4), mb.Swarm(2, steps=5)]
@@ -128,9 +127,8 @@ METHODS = [mb.PolynomialChaos(), mb.MonteCarlo(200), mb.Scanning(4), mb.Swarm(2,
 
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_methods_tell_where_runs_fail(method):
-    with pytest.warns(
-        mb.SymmbWarning, match=r"Runs fail for a > 1\.0\d+ \(\d+ of \d+ runs there, 0 of \d+ elsewhere\)"
-    ):
+    pattern = r"Runs fail for a > 1\.0\d+ \(\d+ of \d+ runs there, 0 of \d+ elsewhere\)"
+    with pytest.warns(mb.SymmbWarning, match=pattern):
         bounds = mb.propagate(simulator(2)[0], method, simulator(2)[1])
     assert bounds.failed_region in str(bounds)
 

@@ -82,8 +82,7 @@ def test_figures_are_bars(bounds):
 
 def test_figures_alone_have_no_times():
     peak = lambda p: {"peak": mb.maximum(p.a * ca.sin(mb.t), window=(0.0, 3.0))}  # noqa: E731
-    scene = formulas(peak, [0.0, 4.0], a=(0.9, 1.1))
-    bounds = mb.propagate(scene, mb.PolynomialChaos())
+    bounds = mb.propagate(formulas(peak, [0.0, 4.0], a=(0.9, 1.1)), mb.PolynomialChaos())
     assert bounds.t.tolist() == [0.0]
     assert bounds["peak"] == pytest.approx((0.9, 1.1), rel=1e-6)
     assert "at [s]" not in str(bounds)
@@ -112,8 +111,7 @@ def test_a_first_time_that_jumps_is_seen():
 
 def test_answers_about_figures_tell_no_time():
     outputs = lambda p: {"peak": mb.maximum(p.a * hill(mb.t, 0.5)), "height": p.a * hill(mb.t, 0.5)}  # noqa: E731
-    scene = formulas(outputs, [0.0, 0.5, 2.0], a=(0.8, 1.3))
-    bounds = mb.propagate(scene, mb.PolynomialChaos())
+    bounds = mb.propagate(formulas(outputs, [0.0, 0.5, 2.0], a=(0.8, 1.3)), mb.PolynomialChaos())
     laws = {"a": scipy.stats.uniform(0.8, 0.5)}
     for answers, times in (("peak", False), ("height", True)):
         limit = bounds.check({answers: (None, 2.0)})

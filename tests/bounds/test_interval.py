@@ -90,13 +90,9 @@ def _values(name, *arguments):
     """CasADi's own evaluation of one operation at many points."""
     code = getattr(ca, name)
     symbols = [ca.SX.sym(f"x{k}") for k in range(len(arguments))]
-    if len(arguments) == 1:
-        expression = ca.SX.unary(code, *symbols)
-    else:
-        expression = ca.SX.binary(code, *symbols)
+    expression = (ca.SX.unary if len(arguments) == 1 else ca.SX.binary)(code, *symbols)
     f = ca.Function("f", symbols, [expression])
-    flat = [np.ravel(a)[None, :] for a in arguments]
-    return np.asarray(f(*flat)).ravel()
+    return np.asarray(f(*[np.ravel(a)[None, :] for a in arguments])).ravel()
 
 
 def _intervals(low, high, n, rng):
@@ -125,9 +121,8 @@ def test_binary_operation_encloses_and_is_tight(name):
         with np.errstate(all="ignore"):
             values = _values(name, x, y)
         values = values[np.isfinite(values)]
-        lower, upper = operate(
-            getattr(ca, name), (Interval(np.array(a), np.array(b)), Interval(np.array(c), np.array(d)))
-        )
+        both = (Interval(np.array(a), np.array(b)), Interval(np.array(c), np.array(d)))
+        lower, upper = operate(getattr(ca, name), both)
         if not len(values):
             continue
         assert lower <= values.min() and values.max() <= upper
@@ -150,11 +145,8 @@ def test_vectorised_over_times_and_sparse_outputs():
     np.testing.assert_allclose(result.lower[:, 2], np.sin(simulator.times), atol=1e-14)
 
 
-def test_operation_without_extension_is_named():
+def test_operations_without_extension_and_arguments_outside_the_domain_are_named():
     with pytest.raises(PropagationError, match="no interval extension of erfinv"):
         _bounds(ca.erfinv, x=(0, 0.5))
-
-
-def test_argument_outside_the_domain():
     with pytest.raises(PropagationError, match=r"argument of sqrt is in \[-2, -1\], outside the domain \(0.0, inf\)"):
         _bounds(lambda x: ca.sqrt(x), x=(-2, -1))

@@ -95,9 +95,8 @@ def test_kinks_that_move_are_found_or_told_at_each_time(power, n_t, most, at, sp
 
 @pytest.mark.parametrize("level", [0.13, -0.4])
 def test_a_jump_of_three_parameters_takes_few_runs(level):
-    simulator = mb.FunctionSimulator(
-        lambda a, b, c: [[float(a - 0.7 * b + 0.4 * c > level)]], dict.fromkeys("abc", 0.0), [0.0], ["y"]
-    )
+    nominal = dict.fromkeys("abc", 0.0)
+    simulator = mb.FunctionSimulator(lambda a, b, c: [[float(a - 0.7 * b + 0.4 * c > level)]], nominal, [0.0], ["y"])
     bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**dict.fromkeys("abc", (-1.0, 1.0))))
     assert bounds.evaluations < 150 and not bounds.doubts
     assert (bounds.lower[0, 0], bounds.upper[0, 0]) == (0, 1)

@@ -32,8 +32,7 @@ def test_a_hard_output_among_smooth_ones_is_bounded(law, d, seed):
         return Y
 
     simulator, box = unit_function(f, d, T, [f"y{k}" for k in range(20)])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         bounds = mb.propagate(simulator, mb.PolynomialChaos(seconds=600.0), box)
     values = law(np.linspace(-1, 1, 20_001) - c)
     error = np.abs([bounds.lower[-1, 0] / 2 - values.min(), bounds.upper[-1, 0] / 2 - values.max()]).max()
@@ -53,8 +52,7 @@ def test_a_smooth_output_does_not_pay_for_a_kink(d, seed):
         simulator, box = unit_function(f, d, T, outputs)
         return mb.propagate(simulator, mb.PolynomialChaos(seconds=600.0), box)
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         both = study(f, ["smooth", "kink"])
         own = study(lambda x: f(x)[:, :1], ["smooth"])
     width = own.upper - own.lower

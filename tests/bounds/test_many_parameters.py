@@ -26,8 +26,7 @@ def study(f, box, times=T, method=None):
         return f(**p)[:, None]
 
     simulator = mb.FunctionSimulator(response, {name: 0.5 * sum(ends) for name, ends in box.items()}, times, ["y"])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         bounds = mb.propagate(simulator, method or mb.PolynomialChaos(), mb.Box(**box))
     return bounds, calls
 
@@ -202,13 +201,9 @@ def test_a_range_beyond_what_runs_attain_is_checked(kinds, d):
     rng = np.random.default_rng(d)
     weights = rng.uniform(-1, 1, (d, 1)) * np.cos(rng.uniform(0, 8, (d, 1)) * t + rng.uniform(-1, 1, (d, 1)))
     half = [np.abs(part).sum(axis=0) for part in (weights[:3], weights[3:])]
-
-    def f(x):
-        return np.sin(steepness * x[:3] @ weights[:3] + phase) + x[3:] @ weights[3:]
-
     values = np.sin(steepness * np.linspace(-1, 1, 2001)[:, None] * half[0] + phase)
     lower, upper = values.min(axis=0) - half[1], values.max(axis=0) + half[1]
-    bounds, _ = unit_study(f, d, t)
+    bounds, _ = unit_study(lambda x: np.sin(steepness * x[:3] @ weights[:3] + phase) + x[3:] @ weights[3:], d, t)
     error = np.maximum(np.abs(bounds.lower[:, 0] - lower), np.abs(bounds.upper[:, 0] - upper))
     assert error.max() < 0.02 * (upper - lower).max() and not bounds.doubts
 

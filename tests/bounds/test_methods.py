@@ -5,6 +5,7 @@ import pickle
 import numpy as np
 import pytest
 from conftest import ALL_METHODS
+from faults import refused, warned
 from oscillators import BOX, TIMES, Wave, wave, wave_bounds
 
 import symmb
@@ -83,24 +84,16 @@ def test_function_simulator_serves_every_method_or_says_why_not(method):
     elif "Interval" in repr(method):
         message = r"plain expressions of parameters and time, but FunctionSimulator\(wave\)"
     else:
-        np.testing.assert_allclose(
-            propagate(simulator, method, BOX).upper, propagate(Wave(), method, BOX).upper, atol=1e-12
-        )
+        expected = propagate(Wave(), method, BOX).upper
+        np.testing.assert_allclose(propagate(simulator, method, BOX).upper, expected, atol=1e-12)
         return
-    with pytest.raises(errors.PropagationError, match=message):
-        propagate(simulator, method, BOX)
+    refused(message, propagate, simulator, method, BOX, error=errors.PropagationError)
 
 
-def test_unknown_parameter_is_named_with_the_nearest():
-    with pytest.raises(errors.DeclarationError, match=r"no parameter 'amplitud'.*'amplitude'"):
-        propagate(Wave(), Vertex(), Box(amplitud=(0, 1)))
-
-
-def test_not_a_method():
-    with pytest.raises(errors.DeclarationError, match="expected a method"):
-        propagate(Wave(), 0.5, BOX)
-    with pytest.raises(errors.DeclarationError, match="propagate: got the class Vertex; call it"):
-        propagate(Wave(), Vertex, BOX)
+def test_what_is_no_parameter_and_no_method_is_told():
+    refused(r"no parameter 'amplitud'.*'amplitude'", propagate, Wave(), Vertex(), Box(amplitud=(0, 1)))
+    refused("expected a method", propagate, Wave(), 0.5, BOX)
+    refused("propagate: got the class Vertex; call it", propagate, Wave(), Vertex, BOX)
 
 
 @pytest.mark.parametrize(
@@ -122,8 +115,7 @@ def test_not_a_method():
     ],
 )
 def test_options_out_of_range(make, message):
-    with pytest.raises(errors.DeclarationError, match=message):
-        make()
+    refused(message, make)
 
 
 def test_a_method_of_ones_own_needs_one_function():
@@ -133,6 +125,5 @@ def test_a_method_of_ones_own_needs_one_function():
         def _bounds(self, simulator, box, executor, progress):
             return Vertex()._bounds(simulator, Box(amplitude=(1, 1)), executor, progress)
 
-    with pytest.warns(symmb.SymmbWarning, match="Runs at 9 of 9 other points are outside of the bounds"):
-        result = propagate(Wave(), Nominal(), BOX)
+    result = warned("Runs at 9 of 9 other points are outside of the bounds", propagate, Wave(), Nominal(), BOX)
     np.testing.assert_array_equal(result.lower, result.upper)

@@ -56,9 +56,8 @@ def test_noise_is_not_refined(level):
 
 
 def test_a_box_of_no_width_is_bounded_by_its_point():
-    bounds = mb.propagate(
-        simulator(lambda a, b: a * T, outputs=("x",)), mb.PolynomialChaos(), mb.Box(a=(1.0, 1.0), b=(1.0, 1.0))
-    )
+    box = mb.Box(a=(1.0, 1.0), b=(1.0, 1.0))
+    bounds = mb.propagate(simulator(lambda a, b: a * T, outputs=("x",)), mb.PolynomialChaos(), box)
     assert not bounds.doubts and bounds.evaluations < 20
     assert_allclose(bounds.lower[:, 0], T)
 
@@ -121,8 +120,7 @@ def test_what_has_died_out_is_not_doubtful():
 def test_a_doubt_names_no_time_at_which_bounds_have_no_error():
     """The width and the error are 0 up to 1 s, as at a start that is known."""
     upper = np.array([[0.0], [0.0], [1.0], [1.0]])
-    bounds = estimated(upper / 2, upper)
-    assert bounds.doubts == ("The estimated error is above 10 % of the width: x from 2 s.",)
+    assert estimated(upper / 2, upper).doubts == ("The estimated error is above 10 % of the width: x from 2 s.",)
 
 
 @pytest.mark.parametrize(("first", "text"), [(40, "x from 3. to 6. s"), (150, "x from 0 s")])
@@ -154,9 +152,7 @@ def test_failed_points_are_run_once_and_those_near_them_bounded_by_what_runs_att
 def test_a_told_noise_above_the_response_is_doubtful():
     for method in mb.PolynomialChaos(), mb.PolynomialChaos(order=3), mb.MonteCarlo(20, seed=0):
         with pytest.warns(mb.SymmbWarning, match="than the width of x. The true width is not known.$"):
-            mb.propagate(
-                simulator(lambda a, b: np.stack([a * T, b * T], axis=1), {"x": 5.0, "other": 0.01}), method, BOX
-            )
+            mb.propagate(simulator(lambda a, b: np.stack([a * T, b * T], 1), {"x": 5.0, "other": 0.01}), method, BOX)
 
 
 def test_an_estimate_that_is_the_noise_itself_is_not_doubtful():
@@ -229,9 +225,7 @@ def test_noise_of_one_parameter_is_measured(tolerance):
 
 @pytest.mark.parametrize("d", [1, 3, 6])
 def test_noise_of_an_output_does_not_spoil_another(d):
-    simulator, box = unit_function(
-        lambda x: [np.exp(np.mean(x)), 1 + 1e-9 * uniform(*x)], d, outputs=["smooth", "noisy"]
-    )
+    simulator, box = unit_function(lambda x: [np.exp(x.mean()), 1 + 1e-9 * uniform(*x)], d, outputs=["smooth", "noisy"])
     bounds = mb.propagate(simulator, mb.PolynomialChaos(seconds=600.0), box)
     assert bounds.evaluations < 200 and not bounds.doubts
     assert_allclose(bounds.upper[0], [np.e, 1], rtol=1e-2)

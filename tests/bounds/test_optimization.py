@@ -30,13 +30,9 @@ def test_curvatures_of_quadratics_are_exact(d, N):
     X = rng.uniform(-1, 1, (N, d))
     models = quadratics(X, value(X), gradient(X))
     np.testing.assert_allclose(models.hessian, np.broadcast_to(H, models.hessian.shape), atol=1e-9)
-    np.testing.assert_allclose(models.change(models.step), _change(models, value), atol=1e-9)
+    change = np.diag(value((models.origin + models.step).T) - value(models.origin.T))
+    np.testing.assert_allclose(models.change(models.step), change, atol=1e-9)
     assert (np.abs(models.origin + models.step) <= 1 + 1e-12).all() and models.gain.max() > 0.1
-
-
-def _change(models, value):
-    ends = (models.origin + models.step).T
-    return np.diag(value(ends) - value(models.origin.T))
 
 
 def test_one_point_predicts_the_corner_of_steepest_descent():
@@ -139,9 +135,8 @@ def test_outputs_without_width_promise_nothing():
 
     result = propagate(Constant(), Optimization(), BOX)
     assert result.evaluations == 15  # the centre and the corners
-    np.testing.assert_array_equal(
-        [result.lower, result.upper, result.estimate], np.full((3, 61, 1), [[[5]], [[5]], [[0]]])
-    )
+    expected = np.full((3, 61, 1), [[[5]], [[5]], [[0]]])
+    np.testing.assert_array_equal([result.lower, result.upper, result.estimate], expected)
 
 
 def test_failed_runs_are_told():

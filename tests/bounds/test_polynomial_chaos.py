@@ -11,10 +11,6 @@ from symmb.bound.polynomials.legendre import basis_ranges, basis_values, total_d
 CUBIC = mb.FunctionSimulator(lambda x: [[x**3 - 2 * x**2 + x]], {"x": 0.5}, [0.0], ["f"])
 
 
-def _coefficients(fit, f):
-    return fit.coefficients(fit.functionals @ f(fit.nodes), np.ones(len(fit.nodes), bool))
-
-
 # -- The paper ---------------------------------------------------------------------------------------------
 
 
@@ -43,14 +39,15 @@ def test_equation_21_number_of_terms():
     "nodes", [mb.Gauss(), mb.ClenshawCurtis(), mb.SparseGrid(), mb.SparseGrid(mb.ClenshawCurtis())], ids=repr
 )
 def test_equation_25_coefficients(nodes):
-    coefficients = _coefficients(Fit.of(nodes, mb.TotalDegree(), 1, 3), lambda xi: CUBIC.run((xi + 1) / 2).Y[:, :, 0])
+    fit = Fit.of(nodes, mb.TotalDegree(), 1, 3)
+    values = CUBIC.run((fit.nodes + 1) / 2).Y[:, :, 0]
+    coefficients = fit.coefficients(fit.functionals @ values, np.ones(len(fit.nodes), bool))
     np.testing.assert_allclose(coefficients[:, 0], [1 / 12, -1 / 20, -1 / 12, 1 / 20], atol=1e-14)
 
 
 def test_paper_preset_is_what_it_says():
-    assert mb.PolynomialChaos.paper(order=2) == mb.PolynomialChaos(
-        order=2, nodes=mb.Gauss(), basis=mb.TotalDegree(), range=mb.LegendreInclusion()
-    )
+    given = {"nodes": mb.Gauss(), "basis": mb.TotalDegree(), "range": mb.LegendreInclusion()}
+    assert mb.PolynomialChaos.paper(order=2) == mb.PolynomialChaos(order=2, **given)
     assert mb.propagate(Wave(), mb.PolynomialChaos.paper(order=2), BOX).evaluations == 9
 
 
@@ -117,9 +114,8 @@ def test_fit_around_a_failed_node(f, time):
 def test_too_few_nodes_left_is_an_error_that_lists_them(method):
     simulator = mb.FunctionSimulator(_breaks, {"amplitude": 1.0, "w": 1.0}, TIMES, ["x"])
     box = mb.Box(amplitude=(0.8, 1.2), w=(0.8, 1.2))
-    with pytest.raises(
-        mb.PropagationError, match=r"failed(.|\n)*  RuntimeError: no convergence \(amplitude=1\.\d+, w=1\.\d+\)"
-    ):
+    told = r"failed(.|\n)*  RuntimeError: no convergence \(amplitude=1\.\d+, w=1\.\d+\)"
+    with pytest.raises(mb.PropagationError, match=told):
         mb.propagate(simulator, method, box)
 
 

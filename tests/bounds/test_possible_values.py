@@ -23,8 +23,7 @@ OUTPUTS = {
 @pytest.mark.parametrize("method", [mb.PolynomialChaos(), mb.PolynomialChaos(order=4)], ids=repr)
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 def test_bounds_stay_within_what_outputs_can_be(method):
-    push = mb.Force("floor", BALL.point(0, 0), (0, FLOOR))
-    system = mb.System(BALL, mb.Gravity(0, -9.81), push, parameters=P)
+    system = mb.System(BALL, mb.Gravity(0, -9.81), mb.Force("floor", BALL.point(0, 0), (0, FLOOR)), parameters=P)
     outputs = {name: y for name, (y, *_) in OUTPUTS.items()}
     scene = mb.Scene(system, {"ball.y": 0.5}, np.linspace(0, 3, 61), outputs, box=mb.Box(k=(90, 110), c=(0.9, 1.1)))
     bounds = mb.propagate(scene, method)

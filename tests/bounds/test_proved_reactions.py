@@ -42,10 +42,8 @@ def test_a_copy_of_a_simulator_proves_the_same():
     """A pickle has no scene."""
     scene = _tension().with_times([0.0, 0.1])
     simulator = mb.DAESimulator(scene)
-    bounds, copied = (
-        mb.propagate(each, mb.TaylorModel(order=4), box=scene.box)
-        for each in (simulator, pickle.loads(pickle.dumps(simulator)))
-    )
+    both = (simulator, pickle.loads(pickle.dumps(simulator)))
+    bounds, copied = (mb.propagate(each, mb.TaylorModel(order=4), box=scene.box) for each in both)
     np.testing.assert_allclose([copied.lower, copied.upper], [bounds.lower, bounds.upper], atol=1e-6)
 
 
@@ -105,10 +103,8 @@ def test_multipliers_that_are_not_determined_are_those_of_least_norm():
     """Two hinges share the weight of a door."""
     p, ground = mb.Parameters(mass=2.0), mb.Ground()
     door = mb.Body("door", p.mass, (0.1, 0.2, 0.3), pose=mb.Spatial())
-    hinges = [
-        mb.Revolute(name, ground.point(0, 0, z), door.point(-0.5, 0, z), axis=(0, 0, 1))
-        for name, z in (("lower", -0.4), ("upper", 0.4))
-    ]
+    places = (("lower", -0.4), ("upper", 0.4))
+    hinges = [mb.Revolute(name, ground.point(0, 0, z), door.point(-0.5, 0, z), axis=(0, 0, 1)) for name, z in places]
     system = mb.System(door, *hinges, mb.Gravity(0, 0, -9.81), parameters=p)
     outputs = {name: system.reaction(name).fz for name in ("lower", "upper")}
     start, box = {"lower.angle_rate": 1.0}, mb.Box(mass=(1.9, 2.1))

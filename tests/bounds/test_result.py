@@ -217,8 +217,7 @@ def test_a_tolerance_that_is_not_reached_is_told(tmp_path, f, noise, method):
 def test_bounds_tell_whose_range_they_are(tmp_path, f, d, n_t, name):
     times, names = np.linspace(1.0, 2.0, n_t), [f"p{i}" for i in range(d)]
     simulator = mb.FunctionSimulator(lambda **p: f(list(p.values()), times), dict.fromkeys(names, 0.0), times, ["x"])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**dict.fromkeys(names, (-1.0, 1.0))))
     assert re.fullmatch(name, bounds.range_of) and bounds.range_of in str(bounds)
     bounds.save(tmp_path / "b.json")

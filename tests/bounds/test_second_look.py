@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from faults import warned
 from scipy.special import ellipj, ellipk
 
 import symmb as mb
@@ -26,16 +27,14 @@ def wrong_simulator(at_nominal):
 def test_what_is_wrong_in_one_way_is_a_doubt(method, at_nominal):
     simulator, box = wrong_simulator(at_nominal), mb.Box(l1=(0.95, 1.05), l2=(0.95, 1.05))
     where = "l1 = 1, l2 = 1" if at_nominal else "l1 = 1.05, l2 = 0.95"
-    with pytest.warns(mb.SymmbWarning, match="exceed a thousandth of their range"):
-        bounds = mb.propagate(simulator, method, box)
+    bounds = warned("exceed a thousandth of their range", mb.propagate, simulator, method, box)
     assert sum(f"s and {where}, " in doubt and "CVODES" in doubt for doubt in bounds.doubts) == 1
     with pytest.warns(mb.SymmbWarning, match=where):
         assert any(where in doubt for doubt in mb.compare(simulator, method, box, reference=mb.Vertex()).doubts)
 
 
 def test_right_studies_have_no_doubt():
-    scene = double_pendulum.scene().with_times(TIMES)
-    bounds = mb.propagate(scene, mb.PolynomialChaos())
+    bounds = mb.propagate(double_pendulum.scene().with_times(TIMES), mb.PolynomialChaos())
     assert not bounds.doubts and not bounds.remarks
 
 
@@ -48,8 +47,7 @@ def swinging(amplitude, periods, spread):
     k = np.sin(amplitude / 2) ** 2
     times = np.linspace(0, periods * 4 * ellipk(k) / np.sqrt(1.5 * 9.81), 307)[:-3]
     box = mb.Box(l=(1 - spread, 1 + spread))
-    outputs = {"angle": rod.theta}
-    scene = mb.Scene(system, start={"rod.theta": amplitude}, times=times, outputs=outputs, box=box)
+    scene = mb.Scene(system, start={"rod.theta": amplitude}, times=times, outputs={"angle": rod.theta}, box=box)
     lengths = np.linspace(1 - spread, 1 + spread, 201)[:, None]
     angles = 2 * np.arcsin(np.sqrt(k) * ellipj(ellipk(k) - np.sqrt(1.5 * 9.81 / lengths) * times, k)[0])
     return scene, np.array([angles.min(axis=0), angles.max(axis=0)])
@@ -64,8 +62,7 @@ def miss(bounds, truth):
 @pytest.mark.parametrize(("amplitude", "periods", "spread"), [(2.5, 90, 1e-6), (2.0, 150, 1e-7), (2.8, 60, 1e-6)])
 def test_errors_of_runs_that_are_large_beside_the_width_are_a_doubt(method, amplitude, periods, spread):
     scene, truth = swinging(amplitude, periods, spread)
-    with pytest.warns(mb.SymmbWarning, match=r"errors of angle exceed 2% of the width of their bounds: at t = "):
-        bounds = mb.propagate(scene, method)
+    bounds = warned(r"errors of angle exceed 2% of the width of their bounds: at t = ", mb.propagate, scene, method)
     assert miss(bounds, truth) > 0.02
     bounds = mb.propagate(scene, method, solver=mb.DormandPrince(rtol=1e-12))
     assert miss(bounds, truth) < 0.02 and not bounds.doubts

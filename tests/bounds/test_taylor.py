@@ -102,8 +102,7 @@ def test_union_over_subintervals(names, order, subintervals):
 
 def test_equation_27_range_of_the_paper_s_cubic():
     x = sp.Symbol("x")
-    cubic = Symbolic((x**3 - 2 * x**2 + x,), (x,), {"x": 0.0})
-    result = Taylor(order=3).bounds(cubic, Box(x=(0, 1)))
+    result = Taylor(order=3).bounds(Symbolic((x**3 - 2 * x**2 + x,), (x,), {"x": 0.0}), Box(x=(0, 1)))
     np.testing.assert_allclose(result.lower, -1 / 4, atol=1e-12)
     np.testing.assert_allclose(result.upper, 3 / 8, atol=1e-12)
 

@@ -9,7 +9,7 @@ import pytest
 import random_proofs
 from enclosure_samples import require_sharp
 from enclosure_scenes import pendulum, van_der_pol
-from faults import refused
+from faults import refused, warned
 from small_scenes import formulas, particle, state
 
 import symmb as mb
@@ -65,17 +65,14 @@ def test_a_lost_proof_is_doubtful_and_infinite(tmp_path):
 def test_wide_bounds_are_doubtful():
     """A phase that the parameter moves by 9 rad is beyond the order 2."""
     scene = state(lambda p, z: ca.cos(30 * p.k * mb.t) * z, np.linspace(0, 3, 7), 1.0, k=(0.9, 1.1))
-    with pytest.warns(mb.SymmbWarning, match="proved, but wide from t = [012]"):
-        bounds = mb.propagate(scene, mb.TaylorModel(order=2))
+    bounds = warned("proved, but wide from t = [012]", mb.propagate, scene, mb.TaylorModel(order=2))
     assert bounds.upper[-1, 0] > 2.0 and (bounds.upper[:2] < 1.1).all()
 
 
 def test_fast_oscillations_and_outputs_that_are_never_smooth():
     scene = formulas(lambda p: {"f": ca.cos(100 * p.k * mb.t)}, [0.0, 0.5, 1.0], k=(0.9, 1.1))
     bounds = mb.propagate(scene, mb.TaylorModel())
-    np.testing.assert_allclose(
-        [bounds.lower[:, 0], bounds.upper[:, 0]], [[1.0, -1.0, -1.0], [1.0, 1.0, 1.0]], atol=1e-6
-    )
+    np.testing.assert_allclose(bounds["f"], [[1.0, -1.0, -1.0], [1.0, 1.0, 1.0]], atol=1e-6)
     scene = formulas(lambda p: {"f": ca.fabs(p.k - 1)}, k=(0.9, 1.1))
     with pytest.warns(mb.SymmbWarning, match="not proved at any time: .* over the box; try smaller intervals"):
         assert np.isinf(mb.propagate(scene, mb.TaylorModel()).upper).all()
@@ -91,9 +88,8 @@ def test_one_of_two_formulas_that_is_not_smooth():
 def test_a_long_proof_tells_early_how_long_it_takes(monkeypatch):
     seconds = itertools.count(0.0, 20.0)
     monkeypatch.setattr("symmb.bound.bounds.taylor_model.time.monotonic", lambda: next(seconds))
-    with pytest.warns(
-        mb.SymmbWarning, match=r"^TaylorModel\(order=8\): .* % of the time is proved; the rest takes about \d+ minutes"
-    ) as told:
+    text = r"^TaylorModel\(order=8\): .* % of the time is proved; the rest takes about \d+ minutes"
+    with pytest.warns(mb.SymmbWarning, match=text) as told:
         mb.propagate(van_der_pol(), mb.TaylorModel())
     assert len(told) == 1
 
@@ -123,12 +119,9 @@ def test_what_is_refused(scene, message):
 def _door_on_two_hinges(**box):
     p = mb.Parameters(mass=2.0, offset=0.0)
     door, ground = mb.Body("door", p.mass, (0.1, 0.2, 0.3), pose=mb.Spatial()), mb.Ground()
-    hinges = [
-        mb.Revolute(name, ground.point(x, 0, z), door.point(-0.5, 0, z), axis=(0, 0, 1))
-        for name, x, z in (("lower", 0, -0.4), ("upper", p.offset, 0.4))
-    ]
-    push = mb.Force("push", door.point(0.5, 0, 0), (0, 1, 0))
-    system = mb.System(door, *hinges, push, parameters=p)
+    places = (("lower", 0, -0.4), ("upper", p.offset, 0.4))
+    hinges = [mb.Revolute(name, ground.point(x, 0, z), door.point(-0.5, 0, z), axis=(0, 0, 1)) for name, x, z in places]
+    system = mb.System(door, *hinges, mb.Force("push", door.point(0.5, 0, 0), (0, 1, 0)), parameters=p)
     start = {"lower.angle_rate": 1.0}
     return mb.Scene(system, start, [0.0, 0.1], {"x": door.x}, guess={"door.x": 0.5}, box=mb.Box(**box))
 
@@ -158,12 +151,8 @@ def _four_bar(start, box, times=(0.0, 0.1, 0.2), coordinates=None, lengths=(0.3,
 
 @pytest.mark.parametrize("times", [(0.0,), (0.0, 0.1, 0.2)])
 def test_a_loop_against_runs_in_coordinates_of_bodies(times):
-    scene, in_bodies = (
-        _four_bar(
-            lambda p: {"crank.theta": p.tilt, "crank.omega": p.spin}, mb.Box(a=(0.298, 0.302)), times, coordinates
-        )
-        for coordinates in (None, "body")
-    )
+    start, box = lambda p: {"crank.theta": p.tilt, "crank.omega": p.spin}, mb.Box(a=(0.298, 0.302))
+    scene, in_bodies = (_four_bar(start, box, times, coordinates) for coordinates in (None, "body"))
     bounds = mb.propagate(scene, mb.TaylorModel(order=5))
     assert not bounds.doubts
     runs = mb.propagate(in_bodies, mb.Scanning(9), solver=mb.CVODES(rtol=1e-12, atol=1e-13))
@@ -187,8 +176,7 @@ def test_a_change_point_is_not_passed():
     lengths, times = (0.5, 0.8, 0.5, 0.8), np.linspace(0, 0.5, 26)
     start = {"crank.theta": 0.8, "crank.omega": -3.0}
     scene = _four_bar(lambda p: start, mb.Box(spin=(0.9, 1.1)), times, lengths=lengths)
-    with pytest.warns(mb.SymmbWarning, match=r"proved up to t = 0\.[12]"):
-        bounds = mb.propagate(scene, mb.TaylorModel(order=4))
+    bounds = warned(r"proved up to t = 0\.[12]", mb.propagate, scene, mb.TaylorModel(order=4))
     assert np.isfinite(bounds.upper[:5]).all() and not np.isfinite(bounds.upper[15:]).any()
 
 
@@ -264,21 +252,8 @@ def test_one_time_is_enough():
 
 def test_infinite_bounds_make_a_comparison_doubtful():
     scene = state(lambda p, z: p.k * z**2, np.linspace(0.0, 1.5, 4), 0.6, k=(0.9, 1.1))
-    with pytest.warns(mb.SymmbWarning, match="not proved|infinite later"):
-        found = mb.compare(scene, [mb.TaylorModel(order=2)], reference=mb.Scanning(11))
+    found = warned("not proved|infinite later", mb.compare, scene, [mb.TaylorModel(order=2)], reference=mb.Scanning(11))
     assert found.doubts
-
-
-def _pair(start, mass=1.0, arm=0.5, end=0.3):
-    """Two bodies on a hinge that fly freely; "tilt" in the start is a parameter."""
-    p = mb.Parameters(tilt=0.7, mass=mass)
-    a, b = mb.Body("a", 1.0, 0.1), mb.Body("b", p.mass, 0.1)
-    hinge = mb.Revolute("j", a.point(arm, 0), b.point(-arm, 0))
-    system = mb.System(a, b, hinge, mb.Gravity(0, -9.81), parameters=p)
-    tilt = {"tilt": (0.69, 0.71)} if "tilt" in start.values() else {}
-    start = {name: p.tilt if value == "tilt" else value for name, value in start.items()}
-    box = mb.Box(mass=(0.9 * mass, 1.1 * mass), **tilt)
-    return mb.Scene(system, start, np.linspace(0.0, end, 3), {"y": b.y, "angle": b.theta}, box=box)
 
 
 @pytest.mark.parametrize(
@@ -292,7 +267,15 @@ def _pair(start, mass=1.0, arm=0.5, end=0.3):
     ],
 )
 def test_a_free_body_that_carries_a_hinge(start, mass, arm):
-    scene = _pair(start, mass, arm)
+    """Two bodies on a hinge that fly freely; "tilt" in the start is a parameter."""
+    p = mb.Parameters(tilt=0.7, mass=mass)
+    a, b = mb.Body("a", 1.0, 0.1), mb.Body("b", p.mass, 0.1)
+    hinge = mb.Revolute("j", a.point(arm, 0), b.point(-arm, 0))
+    system = mb.System(a, b, hinge, mb.Gravity(0, -9.81), parameters=p)
+    tilt = {"tilt": (0.69, 0.71)} if "tilt" in start.values() else {}
+    start = {name: p.tilt if value == "tilt" else value for name, value in start.items()}
+    box = mb.Box(mass=(0.9 * mass, 1.1 * mass), **tilt)
+    scene = mb.Scene(system, start, np.linspace(0.0, 0.3, 3), {"y": b.y, "angle": b.theta}, box=box)
     bounds = mb.propagate(scene, mb.TaylorModel(order=4))
     assert not bounds.doubts
     require_sharp(bounds, scanned(scene), 1e-11, 1e-3, size=1.0)
@@ -309,8 +292,7 @@ def _steep_rod(upper, times):
 @pytest.mark.parametrize(("upper", "boxes", "enough"), [(0.4999, 1, False), (0.499, 8, True), (0.4995, 16, True)])
 def test_a_start_is_proved_in_parts(upper, boxes, enough):
     scene = _steep_rod(upper, [0.0, 0.05, 0.1])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         bounds = mb.propagate(scene, mb.TaylorModel(order=6, boxes=boxes))
     assert np.isfinite(bounds.upper).all() == enough
     if enough:
@@ -331,8 +313,7 @@ def test_parameters_without_a_start_need_smaller_intervals():
 def test_an_output_without_a_remainder_leaves_others_their_bounds(operation):
     both = lambda z: {"steps": operation(3 * z), "z": z}  # noqa: E731
     scene = state(lambda p, z: -p.k * z, [0.0, 1.0], 2.0, both, k=(0.9, 1.1))
-    with pytest.warns(mb.SymmbWarning, match=r"are infinite for steps, since \w+ has no remainder\."):
-        bounds = mb.propagate(scene, mb.TaylorModel())
+    bounds = warned(r"are infinite for steps, since \w+ has no remainder\.", mb.propagate, scene, mb.TaylorModel())
     assert np.isinf(bounds.upper[:, 0]).all()
     np.testing.assert_allclose([bounds.lower[1, 1], bounds.upper[1, 1]], 2 * np.exp([-1.1, -0.9]), rtol=1e-6)
 
@@ -357,8 +338,7 @@ def test_laws_of_time_that_switch(begin, law):
     scene = state(lambda p, z: -p.k * z + law(p, mb.t), times, 2.0, k=(0.9, 1.1), s=(0.58, 0.62))
     if not ca.depends_on(law(scene.system.parameters, mb.t), scene.system.parameters.s):
         scene = scene.with_box(mb.Box(k=(0.9, 1.1)))
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as told:
         bounds = mb.propagate(scene, mb.TaylorModel(order=6, boxes=4))
     assert not told
     require_sharp(bounds, scanned(scene, 5), 1e-10, 1e-4, size=1.0)

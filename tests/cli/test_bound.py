@@ -42,14 +42,11 @@ def test_bounds_and_limits(folder, capsys, words, status, upper):
     assert main(["bound", "roll.py", *words, "--json", "b.json", "--csv", "b.csv"]) == status
     text = capsys.readouterr().out
     assert text.startswith("Bounds by ") and ("Limits by " in text) == ("--limit" in words)
-    bounds = json.loads((folder / "b.json").read_text())
-    assert bounds["upper"][-1][0] == pytest.approx(upper)
+    assert json.loads((folder / "b.json").read_text())["upper"][-1][0] == pytest.approx(upper)
     assert np.genfromtxt(folder / "b.csv", delimiter=",", skip_header=1)[-1, 2] == pytest.approx(upper)
 
 
-@pytest.mark.parametrize(
-    ("words", "fixed"), [([], ""), (["--box", "speed=1:2"], ""), (["--box", "height=1:3"], "speed ")]
-)
+@pytest.mark.parametrize("words, fixed", [([], ""), (["--box", "speed=1:2"], ""), (["--box", "height=1:3"], "speed ")])
 def test_parameters_that_an_option_fixes_are_told(folder, capsys, words, fixed):
     main(["bound", "roll.py", *words])
     told = f"{fixed}keep their nominal values, because --box and --tolerances replace the scene's box."
@@ -59,11 +56,8 @@ def test_parameters_that_an_option_fixes_are_told(folder, capsys, words, fixed):
 def test_limits_stand_in_the_file(folder):
     main(["bound", "roll.py", "--limit", "x=:2.3", "y=1:1.5", "--json", "b.json"])
     limits = json.loads((folder / "b.json").read_text())["limits"]
-    assert (
-        [*limits] == ["x", "y"]
-        and limits["y"]["result"] == "violated"
-        and limits["y"]["why"] == "A run is beyond the limit."
-    )
+    assert [*limits] == ["x", "y"] and limits["y"]["result"] == "violated"
+    assert limits["y"]["why"] == "A run is beyond the limit."
     assert limits["x"] == {**limits["x"], "result": "satisfied", "time": 2.0, "low": None, "high": 2.3}
     assert limits["x"]["margin"] == pytest.approx(0.1) and limits["y"]["margin"] == pytest.approx(-0.5)
     assert mb.Bounds.load("b.json")["x"][1][-1] == pytest.approx(2.2)

@@ -293,13 +293,9 @@ def test_a_line_is_told_of_a_scene_given_by_a_relative_path(scene, capsys, monke
     ],
 )
 def test_arguments_that_are_wrong(scene, capsys, arguments, words):
-    files = {
-        "PENDULUM": PENDULUM,
-        "CUBIC": CUBIC,
-        "NO_BOX": CUBIC.replace("box=mb.Box(x=(0.5, 1.5), y=(-1.0, 1.0)),", ""),
-    }
-    given = [scene(files[word]) if word in files else word for word in arguments]
-    error = refused(capsys, *given)
+    no_box = CUBIC.replace("box=mb.Box(x=(0.5, 1.5), y=(-1.0, 1.0)),", "")
+    files = {"PENDULUM": PENDULUM, "CUBIC": CUBIC, "NO_BOX": no_box}
+    error = refused(capsys, *[scene(files[word]) if word in files else word for word in arguments])
     assert re.search(words, error)
     assert len(error.splitlines()) == 1
 
@@ -332,11 +328,8 @@ def test_cache_tells_and_clears(tmp_path, monkeypatch, capsys):
     assert capsys.readouterr().out == f"{folder}\n0 models, 0.0 MB\n"
     ours = [f"{k * 32}-{k * 64}.so" for k in "ab"]
     others = ["a.c", "b-2.so", f"{'c' * 32}-{'c' * 63}.so", "libm.so", "half.part", "main.c", "notes.txt"]
-    for name, size in [
-        *((name, 700_000) for name in ours),
-        (f"{'a' * 32}-x_1.part", 100_000),
-        *((n, 9) for n in others),
-    ]:
+    sizes = dict.fromkeys(ours, 700_000) | {f"{'a' * 32}-x_1.part": 100_000} | dict.fromkeys(others, 9)
+    for name, size in sizes.items():
         (folder / name).write_bytes(bytes(size))
     assert main(["cache"]) == 0
     assert capsys.readouterr().out == f"{folder}\n2 models, 1.5 MB\n"
@@ -379,9 +372,8 @@ def test_a_scene_with_impacts(capsys, tmp_path):
 def test_what_was_found_before_an_interrupt_is_printed_and_written(scene, tmp_path, capsys, monkeypatch):
     def interrupted(*arguments, **options):
         interrupt = KeyboardInterrupt()
-        interrupt.partial = mb.propagate(
-            mb.FunctionSimulator(lambda k: [k], {"k": 1.0}, [0.0], ["x"]), mb.Vertex(), box
-        )
+        f = mb.FunctionSimulator(lambda k: [k], {"k": 1.0}, [0.0], ["x"])
+        interrupt.partial = mb.propagate(f, mb.Vertex(), box)
         raise interrupt
 
     box = mb.Box(k=(0.0, 1.0))

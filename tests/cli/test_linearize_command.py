@@ -48,8 +48,7 @@ def test_prints_modes_and_writes_matrices(file, tmp_path, capsys):
 def test_a_state_out_of_equilibrium_exits_with_3(tmp_path, capsys):
     path = tmp_path / "moving.py"
     path.write_text(OSCILLATORS.replace("-9 * b.y", "-9 * b.y**3"))
-    with warnings.catch_warnings():
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(action="always"):
         assert main(["linearize", str(path)]) == 3
     told = capsys.readouterr()
     assert "warning: The state is neither an equilibrium" in told.out

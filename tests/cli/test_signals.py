@@ -87,10 +87,8 @@ def test_an_interrupted_comparison_carries_the_methods_so_far():
         mb.compare(Interrupted(10**9), methods, BOX, mb.Scanning(3), progress=progress)
     partial = caught.value.partial
     assert [row.name for row in partial.rows] == ["Vertex()"]
-    assert [(left.name, left.reason) for left in partial.not_run] == [
-        ("MonteCarlo(10000)", "interrupted"),
-        ("Scanning(5)", "interrupted"),
-    ]
+    left = [(method.name, method.reason) for method in partial.not_run]
+    assert left == [("MonteCarlo(10000)", "interrupted"), ("Scanning(5)", "interrupted")]
     assert "interrupted" in str(partial)
 
 
@@ -134,9 +132,9 @@ PLATE = mb.Body("plate", 1.0, 0.1)
 POINT = PLATE.point(1.0, 2.0)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupt_is_not_lost_where_casadi_asks_for_a_shape(number, monkeypatch):
-    """CasADi drops what Python raises while it converts its arguments."""
+@contextmanager
+def interrupt_where_casadi_asks_for_a_shape(number, monkeypatch):
+    """A signal is sent at the first time, and is an interrupt; yields what was asked."""
     asked = []
 
     def shape(matrix):
@@ -145,52 +143,38 @@ def test_an_interrupt_is_not_lost_where_casadi_asks_for_a_shape(number, monkeypa
             signal.raise_signal(number)
         return matrix.size1(), matrix.size2()
 
-    def stop(number, frame):
-        raise KeyboardInterrupt
-
     monkeypatch.setattr(ca.SX, "shape", property(shape))
-    before = signal.signal(number, stop)
-    x = ca.SX.sym("x", 2, 2)
+    before = signal.signal(number, signal.default_int_handler)
     try:
-        with pytest.raises(KeyboardInterrupt), kept_interrupts():
-            x @ x
-            assert asked
-            time.sleep(1.0)
+        with pytest.raises(KeyboardInterrupt):
+            yield asked
     finally:
         signal.signal(number, before)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_is_not_lost_where_casadi_asks_for_a_shape(number, monkeypatch):
+    """CasADi drops what Python raises while it converts its arguments."""
+    x = ca.SX.sym("x", 2, 2)
+    with interrupt_where_casadi_asks_for_a_shape(number, monkeypatch) as asked, kept_interrupts():
+        x @ x
+        assert asked
+        time.sleep(1.0)
 
 
 @pytest.mark.parametrize(
     "declared",
     [
-        lambda: mb.Body("b", 1.0, 0.1),
-        lambda: mb.Body("c", 1.0, (1, 1, 1), mb.Spatial()),
-        mb.Ground,
-        lambda: PLATE.point(1.0, 2.0),
-        lambda: POINT.r,
-        lambda: POINT.velocity,
-        lambda: mb.Parameters(a=1.0, b=2.0),
+        lambda: mb.Body("b", 1.0, 0.1), lambda: mb.Body("c", 1.0, (1, 1, 1), mb.Spatial()), mb.Ground,
+        lambda: PLATE.point(1.0, 2.0), lambda: POINT.r, lambda: POINT.velocity, lambda: mb.Parameters(a=1.0, b=2.0),
     ],
-)
+)  # fmt: skip
 def test_an_interrupt_of_a_short_declaration_is_raised_at_its_end(declared, monkeypatch):
     """It comes where CasADi drops it, and the work ends before it is sent again."""
-    asked = []
-
-    def shape(matrix):
-        if not asked:
-            asked.append(matrix)
-            signal.raise_signal(signal.SIGINT)
-        return matrix.size1(), matrix.size2()
-
-    monkeypatch.setattr(ca.SX, "shape", property(shape))
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            declared()
-            assert not asked
-            raise KeyboardInterrupt  # it asks for no shape
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with interrupt_where_casadi_asks_for_a_shape(signal.SIGINT, monkeypatch) as asked:
+        declared()
+        assert not asked
+        raise KeyboardInterrupt  # it asks for no shape
     time.sleep(0.003)  # nothing is sent any more
 
 
@@ -226,9 +210,8 @@ with temporary_folder() as folder:
 
 def left_folder(place):
     """A temporary folder of a process that was killed."""
-    told = subprocess.run(
-        [sys.executable, "-c", LEFT], env={**os.environ, "TMPDIR": str(place)}, capture_output=True, text=True
-    )
+    environment = {**os.environ, "TMPDIR": str(place)}
+    told = subprocess.run([sys.executable, "-c", LEFT], env=environment, capture_output=True, text=True)
     return Path(told.stdout.strip())
 
 

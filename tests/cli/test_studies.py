@@ -118,9 +118,8 @@ with _cleanup.process_group(["sleep", "100"]):
     ids=["by its parent", "by a thread that sees its parent end"],
 )
 def test_a_process_that_ends_while_it_starts_a_program_ends_the_program(end):
-    begun = subprocess.run(
-        [sys.executable, "-c", ENDED.replace("END", end)], capture_output=True, text=True, timeout=60
-    )
+    code = ENDED.replace("END", end)
+    begun = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert begun.returncode == 1 and begun.stderr == ""
     (program,) = begun.stdout.split()
     assert in_time(lambda: not runs(program), 5)
@@ -133,9 +132,8 @@ def test_spread_is_around_nominal_values_of_the_simulator(study, capsys):
 
 def test_a_scene_keeps_its_runs(tmp_path, capsys):
     for _ in range(2):
-        assert (
-            main(["compare", "cubic", "--methods", "pce:2:paper", "taylor:1", "--store", str(tmp_path / "c.db")]) == 0
-        )
+        store = ["--store", str(tmp_path / "c.db")]
+        assert main(["compare", "cubic", "--methods", "pce:2:paper", "taylor:1", *store]) == 0
     assert "the evaluations that earlier methods have not stored" in " ".join(capsys.readouterr().out.split())
 
 

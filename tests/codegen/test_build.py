@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from faults import refused
+from faults import refused, warned
 from mechanisms import double_pendulum
 from processes import in_time, program
 
@@ -334,12 +334,8 @@ def test_a_compiler_that_does_not_answer_in_time_is_named(folder, compilers, mon
     let_hang_briefly(monkeypatch)
     monkeypatch.setattr(build, "_candidates", lambda: iter([(shutil.which("sh"), "-c", "sleep 5", "sh")]))
     with pytest.warns(mb.SymmbWarning, match="longer than 20 s to print its version"):
-        refused(
-            "^A study needs a C compiler, .*sleep 5.*longer than 20 s",
-            build.require_compiler,
-            "A study",
-            error=build.NoCompilerError,
-        )
+        told = "^A study needs a C compiler, .*sleep 5.*longer than 20 s"
+        refused(told, build.require_compiler, "A study", error=build.NoCompilerError)
 
 
 def test_the_oldest_files_leave_a_cache_that_is_too_large(folder, monkeypatch):
@@ -450,8 +446,7 @@ def test_a_bad_folder_for_temporary_files_gives_way_to_cvodes(folder, compilers,
     else:
         monkeypatch.setattr(Path, "write_text", refuse)
     scene = double_pendulum(np.linspace(0.0, 0.1, 3), box=mb.Box(l1=(0.95, 1.05)))
-    with pytest.warns(mb.SymmbWarning, match="is not used: .*(No space left|No such file)|No C compiler found"):
-        bounds = mb.propagate(scene, mb.Vertex())
+    bounds = warned("is not used: .*(No space left|No such file)|No C compiler found", mb.propagate, scene, mb.Vertex())
     monkeypatch.undo()
     build._UNUSABLE.clear()
     build._compiler.cache_clear()

@@ -57,9 +57,8 @@ def test_outputs_within_a_step_of_stiff_lanes_are_those_of_the_closed_form(seed,
     times, ranges = np.linspace(0, 1, 201), ((3, 4.5), (5e-3, 2e-2), (0.3, 0.7))
     exponent, w, c = (rng.uniform(*limits, 1600) for limits in ranges)
     P = np.column_stack([10**exponent, w, c])
-    Y, failed_samples = Engine(
-        Lanes(model_function(x, p, t, rate, x, None), Tolerances(rtol, rtol / 100)), times
-    ).values(np.zeros((len(P), 1)), P)
+    lanes = Lanes(model_function(x, p, t, rate, x, None), Tolerances(rtol, rtol / 100))
+    Y, failed_samples = Engine(lanes, times).values(np.zeros((len(P), 1)), P)
     assert np.isnan(failed_samples.t_failed).all()
     k, w, z = P[:, :1], P[:, 1:2], (times - P[:, 2:]) / P[:, 1:2]
     u = k * w / 2 - z

@@ -27,9 +27,8 @@ def simulator(program, **options):
     box = external_program.BOX
     nominal = dict(zip(box.names, box.center.tolist(), strict=True))
     templates = {"in.txt": " ".join(f"{name} = {{{name}}}" for name in nominal)}
-    return mb.CommandSimulator(
-        [program], nominal, external_program.TIMES, ["x", "y"], templates, timeout=0.5, **options
-    )
+    times, options = external_program.TIMES, {"timeout": 0.5} | options
+    return mb.CommandSimulator([program], nominal, times, ["x", "y"], templates, **options)
 
 
 def script(code, outputs=("x",), parameters=None, **options):
@@ -133,8 +132,7 @@ def test_folders_with_links_that_lead_nowhere(tmp_path):
     folder.mkdir()
     (folder / "lost").symlink_to(tmp_path / "none")
     (folder / "here").write_text("1")
-    made = script("{k}", files=[folder])
-    assert made.files == (folder,)
+    assert script("{k}", files=[folder]).files == (folder,)
 
 
 def test_programs_in_the_background_end_with_the_run():
@@ -334,9 +332,8 @@ def test_columns_of_a_frame_are_taken_by_name():
     pandas = pytest.importorskip("pandas")
 
     def simulator(*names):
-        return mb.FunctionSimulator(
-            lambda k: pandas.DataFrame({name: [k + ord(name)] for name in names}), {"k": 1.0}, [0.0], ["x", "y"]
-        )
+        read = lambda k: pandas.DataFrame({name: [k + ord(name)] for name in names})  # noqa: E731
+        return mb.FunctionSimulator(read, {"k": 1.0}, [0.0], ["x", "y"])
 
     assert simulator("y", "x").run(np.array([[0.0]])).Y.tolist() == [[[ord("x"), ord("y")]]]
     (message,) = simulator("x", "z").run(np.array([[0.0]])).messages

@@ -34,11 +34,11 @@ def quick(k):
     return np.exp(-k * TIMES)
 
 
-def deadly(k):
+def deadly(k, end=0.95, other=decay):
     """A run that kills its process for some parameters."""
-    if 0.9 < k < 0.95:
+    if 0.9 < k < end:
         os.kill(os.getpid(), signal.SIGKILL)
-    return decay(k)
+    return other(k)
 
 
 def simulator(f):
@@ -114,8 +114,7 @@ def test_the_run_that_kills_its_worker_is_found():
     assert (ensemble.ok == ~killed).all() and killed.sum() == len(ensemble.messages) == 2
     for message, k in zip(ensemble.messages, SAMPLES[killed, 0], strict=True):
         assert "its worker process died each of 3 times" in message and f"(k={k:.6g})" in message
-    good = run_blocks(simulator(decay), SAMPLES)
-    assert ensemble.Y[~killed].tobytes() == good.Y[~killed].tobytes()
+    assert ensemble.Y[~killed].tobytes() == run_blocks(simulator(decay), SAMPLES).Y[~killed].tobytes()
 
 
 def test_a_broken_executor_that_was_handed_in_ends_the_study_in_a_sentence():
@@ -230,8 +229,7 @@ def test_what_cannot_be_sent_is_told():
 
 @pytest.mark.parametrize("executor", [3, "threads", object(), int])
 def test_what_is_no_executor_is_refused(executor):
-    with pytest.raises(mb.DeclarationError, match="is not supported"):
-        run_blocks(simulator(quick), SAMPLES, executor)
+    refused("is not supported", run_blocks, simulator(quick), SAMPLES, executor)
 
 
 def test_an_exception_in_a_worker_is_told():
@@ -263,28 +261,18 @@ def test_runs_go_out_one_by_one_where_they_are_slow():
         assert len(pool.sizes) < 200
 
 
-def deadly_in_dask(k):
-    """A run that kills its workers."""
-    if 0.9 < k < 0.92:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return quick(k)
-
-
 def test_dask_gives_the_same_and_ends_where_runs_kill_their_workers():
     distributed = pytest.importorskip("distributed")
     alone, quick_alone = run_blocks(simulator(decay), SAMPLES), run_blocks(simulator(quick), SAMPLES)
     killed = (SAMPLES[:, 0] > 0.9) & (SAMPLES[:, 0] < 0.92)
-    with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster,
-        distributed.Client(cluster) as client,
-    ):
+    cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0")
+    with cluster, distributed.Client(cluster) as client:
         for given in client, client.get_executor():
             assert run_blocks(simulator(decay), SAMPLES, given).Y.tobytes() == alone.Y.tobytes()
-        shared = run_blocks(simulator(deadly_in_dask), SAMPLES, client)
+        shared = run_blocks(simulator(partial(deadly, end=0.92, other=quick)), SAMPLES, client)
     assert (shared.ok == ~killed).all() and shared.Y[~killed].tobytes() == quick_alone.Y[~killed].tobytes()
     assert "KilledWorker" in "".join(shared.messages)
-    with pytest.raises(mb.SimulationError, match="executor: "):
-        run_blocks(simulator(quick), SAMPLES, client)
+    refused("executor: ", run_blocks, simulator(quick), SAMPLES, client, error=mb.SimulationError)
 
 
 def test_loky():
@@ -416,9 +404,5 @@ def test_a_worker_of_dask_with_another_version_is_told(name, there, is_same):
     if is_same:
         _require_same_versions(versions)
         return
-    refused(
-        f"worker tcp://a has {name} .*, but this process has",
-        _require_same_versions,
-        versions,
-        error=mb.SimulationError,
-    )
+    told = f"worker tcp://a has {name} .*, but this process has"
+    refused(told, _require_same_versions, versions, error=mb.SimulationError)

@@ -55,8 +55,7 @@ def scene():
     mass = mb.Body("mass", mass=1.0, pose=mb.Particle())
     pull = ca.if_else(mb.t > 0.5, p.force, 0) - p.stiffness * mass.x - 0.5 * mass.vx
     system = mb.System(mass, mb.Force("pull", mass.point(0, 0, 0), (pull, 0, 0)), parameters=p)
-    outputs = {"x": mass.x, "v": mass.vx}
-    return mb.Scene(system, start={"mass.x": 1.0}, times=TIMES, outputs=outputs)
+    return mb.Scene(system, start={"mass.x": 1.0}, times=TIMES, outputs={"x": mass.x, "v": mass.vx})
 
 
 @pytest.mark.parametrize(("version", "kind"), INTERFACES)
@@ -181,8 +180,7 @@ def test_pools_change_nothing(kind, springs):
 
 def test_stored_runs_belong_to_the_file_and_the_interface(springs, folder, libraries):
     def count(**options):
-        own = options.pop("path", springs[2])
-        stored = mb.StoredSimulator(simulator(own, **options), folder / "runs.db")
+        stored = mb.StoredSimulator(simulator(options.pop("path", springs[2]), **options), folder / "runs.db")
         stored.run(samples(3))
         return stored.identity
 
@@ -215,15 +213,10 @@ def test_communication_steps(springs, folder, libraries):
     assert simulator(told, step=0.5).step == 0.5
     assert simulator(own, times=[0.0, 0.1, 0.3]).step == pytest.approx(0.2)
     assert simulator(uniform, times=[0.0, 0.2, 0.6]).step == 0.2 / 167
-    assert_allclose(
-        simulator(uniform, times=[0.0, 0.2, 0.6]).run(samples()).Y,
-        simulator(springs[2], times=[0.0, 0.2, 0.6]).run(samples()).Y,
-        atol=1e-9,
-    )
-    for path, times, reason in (
-        (own, [0.0, 0.105], "its solver has steps of 0.01 s"),
-        (uniform, [0, 0.2, 0.5001], "its steps are of 0"),
-    ):
+    Y = [simulator(path, times=[0.0, 0.2, 0.6]).run(samples()).Y for path in (uniform, springs[2])]
+    assert_allclose(*Y, atol=1e-9)
+    late = uniform, [0, 0.2, 0.5001], "its steps are of 0"
+    for path, times, reason in ((own, [0.0, 0.105], "its solver has steps of 0.01 s"), late):
         with pytest.raises(mb.DeclarationError, match=reason):
             simulator(path, times=times)
 

@@ -12,6 +12,7 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from faults import refused
 from processes import in_time, runs
 
 from symmb import DeclarationError, FunctionSimulator, simulate
@@ -40,10 +41,8 @@ def test_wrong_shape_names_both():
 def test_what_is_no_array_of_numbers_is_a_failed_sample(result):
     ensemble = _simulator(lambda a: TIMES if a > 0 else result).run(np.array([[1.0], [-1.0]]))
     assert ensemble.ok.tolist() == [True, False]
-    assert (
-        "the function returned" in ensemble.messages[0]
-        and "expected numbers of the shape (3, 1)" in ensemble.messages[0]
-    )
+    assert "the function returned" in ensemble.messages[0]
+    assert "expected numbers of the shape (3, 1)" in ensemble.messages[0]
 
 
 def test_exception_is_a_failed_sample():
@@ -94,14 +93,12 @@ def test_an_exception_without_a_text_is_a_failed_sample():
 
 @pytest.mark.parametrize("times", [[0.0, 0.0], [1.0, 0.0], [0.0, np.nan], [], [[0.0]]])
 def test_times_must_increase(times):
-    with pytest.raises(DeclarationError, match="times must be finite and increase"):
-        FunctionSimulator(lambda a: 0, {"a": 1.0}, times, ["x"])
+    refused("times must be finite and increase", FunctionSimulator, lambda a: 0, {"a": 1.0}, times, ["x"])
 
 
 @pytest.mark.parametrize("outputs", [[], ["x", "x"]])
 def test_outputs_must_differ(outputs):
-    with pytest.raises(DeclarationError, match="one or more different names"):
-        _simulator(lambda a: TIMES, outputs)
+    refused("one or more different names", _simulator, lambda a: TIMES, outputs)
 
 
 # -- Timeouts ----------------------------------------------------------------------------------------------
@@ -271,5 +268,4 @@ def test_a_call_that_is_interrupted_ends_the_study():
 
 
 def test_simulate_takes_no_simulator():
-    with pytest.raises(DeclarationError, match="is a simulator"):
-        simulate(_simulator(_hangs))
+    refused("is a simulator", simulate, _simulator(_hangs))

@@ -101,9 +101,7 @@ def test_another_mesh_by_trimesh(with_mesh, monkeypatch, is_own):
     mesh_is_drawn(as_obj(with_mesh), with_mesh.with_suffix(".html"))
 
 
-@pytest.mark.parametrize(
-    ("how", "why"), [("no trimesh", "Install the package trimesh"), ("no file", "there is no file")]
-)
+@pytest.mark.parametrize("how, why", [("no trimesh", "Install the package trimesh"), ("no file", "there is no file")])
 def test_a_mesh_that_cannot_be_read_is_told(with_mesh, monkeypatch, how, why):
     if how == "no trimesh":
         monkeypatch.setitem(sys.modules, "trimesh", None)

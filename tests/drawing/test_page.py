@@ -6,17 +6,14 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from browser import PROGRAM, Browser
+from browser import NEEDED, Browser
 from conftest import but_long
 
 import symmb as mb
 from symmb._types import Array
 from symmb.show.cli.scene_file import load_scene, shipped_names
 
-pytestmark = [
-    pytest.mark.skipif(PROGRAM is None, reason="needs Chromium"),
-    pytest.mark.filterwarnings("ignore::symmb.SymmbWarning"),
-]
+pytestmark = [NEEDED, pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")]
 EXACT = 1e-6
 TIMES = (0.0, 0.4, 0.9)
 """Shares of the run at which pages are read."""
@@ -231,8 +228,7 @@ def test_curves_have_a_time_axis(browser, pendulum):
         CanvasRenderingContext2D.prototype.fillText = fill;
         return texts;
     })()"""  # noqa: E501
-    texts = browser.run(ticks)
-    assert texts[:6] == ["0", "2", "4", "6", "8", "10 s"]
+    assert browser.run(ticks)[:6] == ["0", "2", "4", "6", "8", "10 s"]
 
 
 @pytest.mark.parametrize("has_figure", [False, True])

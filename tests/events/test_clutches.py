@@ -67,8 +67,7 @@ def test_capacities_that_are_zero_rise_or_are_negative():
 
 def test_a_pulse_of_time_is_not_passed_over():
     pulse = ca.if_else(ca.logic_and(mb.t > 1, mb.t < 1.001), 50.0, 1.0)
-    run = mb.simulate(braked(5.0, pulse))
-    assert happened(run) == [("brake", "opens", 1.0), ("brake", "closes", 1.01225)]
+    assert happened(mb.simulate(braked(5.0, pulse))) == [("brake", "opens", 1.0), ("brake", "closes", 1.01225)]
 
 
 def agrees(scene, reference):
@@ -111,8 +110,7 @@ def test_a_brake_on_a_shaft_that_a_motion_drives():
     scene = braked(2.0, 0.0, omega=1.0, more=[lambda wheel, shaft: mb.Motion("motion", shaft.angle, ca.sin(mb.t))])
     run = mb.simulate(scene)
     assert happened(run) == [("brake", what, round(np.pi / 2, 9)) for what in ("closes", "opens")]
-    driving = -run(scene.system.lam("motion"))
-    assert_allclose(driving, -2 * np.sin(run.t) + 2 * np.sign(np.cos(run.t)), atol=1e-6)
+    assert_allclose(-run(scene.system.lam("motion")), -2 * np.sin(run.t) + 2 * np.sign(np.cos(run.t)), atol=1e-6)
 
 
 def test_a_brake_takes_over_from_a_weld_that_opens():
@@ -137,8 +135,7 @@ def test_samples_stick_at_times_of_their_own():
     swept = mb.sweep(scene, {"capacity": np.linspace(3, 6, 5)})
     for values, capacity in zip(swept.values, np.linspace(3, 6, 5), strict=True):
         assert_allclose(values[:, 0], speed(capacity, 1.0), atol=1e-12)
-    bounds = mb.propagate(scene, mb.Vertex())
-    assert_allclose(bounds["w"], (speed(6.0, 0.5), speed(3.0, 1.0)), atol=1e-12)
+    assert_allclose(mb.propagate(scene, mb.Vertex())["w"], (speed(6.0, 0.5), speed(3.0, 1.0)), atol=1e-12)
     figures = braked(
         p.capacity, p.load, omega=2.9, p=p, box=box, outputs=lambda _, brake: {"t": mb.first_time(brake.closed > 0.5)}
     )
@@ -227,9 +224,8 @@ def test_a_freewheel_lets_go_where_its_torque_turns_round(load, limit):
     torque = mb.Torque("torque", b, load - p.drag * b.omega)
     times = np.linspace(0, 0.7, 71)
     system = mb.System(a, b, *shafts, lock, *events, drive, torque, parameters=p)
-    run = mb.simulate(
-        mb.Scene(system, {}, times, {"b": b.omega}), parameters=[{"drag": c} for c in np.linspace(0.04, 0.06, 40)]
-    )
+    drags = [{"drag": c} for c in np.linspace(0.04, 0.06, 40)]
+    run = mb.simulate(mb.Scene(system, {}, times, {"b": b.omega}), parameters=drags)
     for c, wheel in zip(np.linspace(0.04, 0.06, 40), run["b"], strict=True):
         speed, rate = (lambda t: 3 * np.sin(6 * t)), (lambda t: 18 * np.cos(6 * t))
         lets_go = brentq(lambda t: 0.1 * rate(t) + c * speed(t) - load + limit, 0.2, 0.5)  # noqa: B023

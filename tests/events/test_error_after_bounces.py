@@ -26,18 +26,14 @@ def heights(times, g, height, restitution):
 @pytest.mark.parametrize(
     ("g", "height", "restitution", "end"),
     [
-        (9.81, 1.0, 1.0, 5.0),
-        (9.81, 1.0, 1.0, 60.0),
-        (9.81, 0.7, 1.0, 90.0),
-        (1.62, 2.3, 1.0, 50.0),
+        (9.81, 1.0, 1.0, 5.0), (9.81, 1.0, 1.0, 60.0), (9.81, 0.7, 1.0, 90.0), (1.62, 2.3, 1.0, 50.0),
         (9.81, 1.3, 0.99, 40.0),
     ],
-)
+)  # fmt: skip
 def test_the_error_after_many_bounces_is_told(g, height, restitution, end):
     """Flights are parabolas, on which steps of all tolerances are exact: errors are those of rounding."""
     ball = mb.Body("ball", 1.0, pose=mb.Particle())
     system = mb.System(ball, mb.Gravity(0, -g), mb.Impact("floor", ball.y, restitution))
-    scene = mb.Scene(system, {"ball.y": height}, np.linspace(0, end, 51), {"y": ball.y})
-    run = mb.simulate(scene, check=True)
+    run = mb.simulate(mb.Scene(system, {"ball.y": height}, np.linspace(0, end, 51), {"y": ball.y}), check=True)
     error = np.abs(run["y"] - heights(run.t, g, height, restitution)).max()
     assert error < 1e-7 and error / 3 < run.error.max() < 10 * error

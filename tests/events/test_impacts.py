@@ -58,8 +58,7 @@ def impacts(run):
 def test_times_speeds_and_apexes_of_a_bouncing_ball(e):
     known = np.array(KNOWN["cases"][e]["values"])[:30]
     apexes = known[:, 0] + known[:, 1] / G
-    scene = bouncing_ball.scene(restitution=float(e)).with_times([0.0, 0.4, *apexes])
-    run = mb.simulate(scene)
+    run = mb.simulate(bouncing_ball.scene(restitution=float(e)).with_times([0.0, 0.4, *apexes]))
     found = np.array([[event.time, event.after, -event.before] for event in impacts(run)[:30]])
     assert_allclose(found[:, 0], known[:, 0], rtol=0, atol=1e-9)
     assert_allclose(found[:, 1], known[:, 1], rtol=1e-9)
@@ -203,9 +202,8 @@ def test_corner_of_a_body_in_space():
     start = {"box.z": z, "box.vz": -2.0, "box.rotation": turned}
     probe = mb.simulate(mb.Scene(system, start, [0.0, 1.0], outputs={"z": box.point(*corner).z}))
     (event, *_) = probe.events
-    outputs = (
-        {"vz": box.vz} | {f"w{i}": box.omega[i] for i in range(3)} | {f"R{i}": box.rotation[2, i] for i in range(3)}
-    )
+    outputs = {"vz": box.vz} | {f"w{i}": box.omega[i] for i in range(3)}
+    outputs |= {f"R{i}": box.rotation[2, i] for i in range(3)}
     run = mb.simulate(mb.Scene(system, start, [0.0, event.time], outputs=outputs))
     n = run.values[-1, 4:]  # the vertical in body axes
     lever = np.cross(corner, n)
@@ -220,8 +218,7 @@ def test_corner_of_a_body_in_space():
 def test_a_rod_that_falls_flat_on_both_ends_comes_to_rest():
     rod = mb.Body("rod", 1.0, 1 / 12, mb.Planar())
     ends = [mb.Impact(name, rod.point(x, 0).y, 0.0) for name, x in (("left", -0.5), ("right", 0.5))]
-    system = mb.System(rod, mb.Gravity(0, -G), *ends)
-    run = mb.simulate(mb.Scene(system, {"rod.y": 1.0}, [0.0, 1.0]))
+    run = mb.simulate(mb.Scene(mb.System(rod, mb.Gravity(0, -G), *ends), {"rod.y": 1.0}, [0.0, 1.0]))
     assert [event.name for event in run.events if event.what == "closes"] == ["left", "right"]
     assert_allclose(run.values[-1], 0.0, atol=1e-12)
     assert_allclose(run.energy.work[-1], -G, rtol=1e-9)
@@ -283,8 +280,7 @@ def test_samples_have_events_of_their_own_and_threads_change_nothing():
     with ThreadPoolExecutor(2) as pool:
         assert_array_equal(run_blocks(simulator, P, pool).Y, serial.Y)
     assert_allclose(serial.Y, closed_form(scene.times, *P.T), atol=2e-9)
-    copy = pickle.loads(pickle.dumps(simulator))
-    assert_array_equal(copy.run(P[:3]).Y, simulator.run(P[:3]).Y)
+    assert_array_equal(pickle.loads(pickle.dumps(simulator)).run(P[:3]).Y, simulator.run(P[:3]).Y)
     assert_allclose(simulator.run(P[17:18]).Y[0], serial.Y[17], atol=1e-12)
 
 
@@ -302,8 +298,7 @@ def closed_form(times, e, height):
 
 
 def test_a_sample_with_an_impossible_restitution_fails_alone():
-    simulator = mb.DAESimulator(bouncing_ball.scene())
-    found = simulator.run(np.array([[0.8, 1.0], [1.2, 1.0], [0.8, -0.5]]))
+    found = mb.DAESimulator(bouncing_ball.scene()).run(np.array([[0.8, 1.0], [1.2, 1.0], [0.8, -0.5]]))
     assert_array_equal(found.ok, [True, False, False])
     assert "Impact 'floor': restitution 1.2 is not between 0 and 1" in found.messages[0]
     assert "the gap is -0.5 at the start" in found.messages[1]
@@ -373,9 +368,7 @@ def test_a_gap_that_constraints_close_cannot_rebound():
 def test_faults_of_the_declaration(law, told):
     p = mb.Parameters(e=0.5)
     ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    with pytest.raises(mb.DeclarationError, match=told) as raised:
-        mb.System(ball, mb.Impact("floor", *law(ball, p)), parameters=p)
-    assert "Impact 'floor'" in str(raised.value)
+    assert "Impact 'floor'" in refused(told, mb.System, ball, mb.Impact("floor", *law(ball, p)), parameters=p)
 
 
 @pytest.mark.parametrize("number", [2, 5, 12, 30])

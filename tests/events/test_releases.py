@@ -66,8 +66,7 @@ def test_a_joint_opens_closes_and_opens_again():
 
     scene = carts(condition, times=(0.0, 0.4))
     a, b = scene.system.bodies
-    together = mb.Scene(scene.system, {"a.x": 0.0, "a.vx": 2.0}, [0.0, 0.4], scene.outputs)
-    run = mb.simulate(together)
+    run = mb.simulate(mb.Scene(scene.system, {"a.x": 0.0, "a.vx": 2.0}, [0.0, 0.4], scene.outputs))
     # It opens at 1/12 s. The condition of the latch holds there, and must first cease to.
     assert [(event.what, round(event.time, 9)) for event in run.events] == [("opens", round(1 / 12, 9))]
     pull = 75.0 * (b.x - a.x - 0.5)  # sqrt(75 / (3 / 4)) = 10 rad/s
@@ -109,10 +108,7 @@ def test_conditions_that_are_never_met_or_only_touched_do_nothing():
 
 
 def test_release_and_latch_of_one_joint_at_one_instant():
-    def both(rod, pin):
-        return mb.Release(pin, rod.theta > 1.0), mb.Latch(pin, rod.theta > 1.0)
-
-    run = mb.simulate(swinging(both))
+    run = mb.simulate(swinging(lambda rod, pin: (mb.Release(pin, rod.theta > 1.0), mb.Latch(pin, rod.theta > 1.0))))
     assert [event.what for event in run.events] == ["opens", "closes"]
     assert_allclose([event.time for event in run.events], 0.25, atol=1e-12)
     assert_allclose([event.work for event in run.events], 0.0, atol=1e-12)
@@ -140,8 +136,7 @@ def test_two_latches_that_close_at_once():
     ground = mb.Ground()
     hooks = [mb.Revolute(name, ground.point(x, -1), bar.point(x, 0)) for name, x in (("left", -1), ("right", 1))]
     latches = [mb.Latch(hook, hook.point_b.y < -1) for hook in hooks]
-    scene = mb.Scene(mb.System(bar, *hooks, *latches, mb.Gravity(0, -2.0)), times=[0.0, 0.5, 2.0])
-    run = mb.simulate(scene)
+    run = mb.simulate(mb.Scene(mb.System(bar, *hooks, *latches, mb.Gravity(0, -2.0)), times=[0.0, 0.5, 2.0]))
     assert sorted(event.name for event in run.events) == ["left", "right"]
     assert_allclose([event.time for event in run.events], 1.0, atol=1e-12)
     assert_allclose(sum(event.work for event in run.events), -0.5 * 2.0 * 2.0**2, rtol=1e-10)

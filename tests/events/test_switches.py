@@ -29,8 +29,7 @@ FIXED = mb.RungeKutta(steps=1000), mb.GeneralizedAlpha(0.01), mb.HHT(0.01), mb.N
 def test_fixed_steps_are_doubted_where_they_are_longer_than_a_pulse(solver, width):
     scene = driven(1 / (1 + ((mb.t - 5.0123) / width) ** 2), np.array([0.0, 10.0]))
     assert longest_step(mb.compile_dae(scene.system), scene.times) < (0.01 if width < 0.01 else np.inf)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         doubts = mb.simulate(scene, solver).doubts
     assert ("Steps of 0.01 s may miss a pulse" in "".join(doubts)) == (width < 0.01)
 
@@ -56,8 +55,7 @@ def test_pulses_that_are_no_fronts_limit_the_steps():
     ids=("bell", "front", "gap", "sine", "decay", "step", "constant"),
 )
 def test_pulses_are_as_short_as_they_are(law, shortest):
-    scene = driven(law)
-    assert longest_step(mb.compile_dae(scene.system), TIMES) == pytest.approx(shortest / 2, rel=0.01)
+    assert longest_step(mb.compile_dae(driven(law).system), TIMES) == pytest.approx(shortest / 2, rel=0.01)
 
 
 def test_kinks_are_told_where_symmb_chooses():
@@ -77,8 +75,7 @@ def test_a_motion_that_sticks_to_a_jump_ends_with_advice():
     spring = mb.Spring("spring", mb.Ground().point(0, 0), bead.point(0, 0), 100.0, 0.0)
 
     def scene(law):
-        friction = mb.Force("friction", bead.point(0, 0), (-5.0 * law, 0))
-        system = mb.System(bead, spring, friction)
+        system = mb.System(bead, spring, mb.Force("friction", bead.point(0, 0), (-5.0 * law, 0)))
         return mb.Scene(system, {"bead.x": 0.5}, np.linspace(0, 2, 41), {"x": bead.x}, name="slider")
 
     with pytest.raises(mb.SimulationError, match=r"jumps \(sign\)\. A motion cannot stay on a switch: .*tanh"):

@@ -7,6 +7,7 @@ import zipfile
 import casadi as ca
 import numpy as np
 import pytest
+from faults import refused
 from fmi_orders import compile_orders
 from scipy.integrate import solve_ivp
 
@@ -40,8 +41,7 @@ def by_scipy(times, length, drive, until):
         return [x[1], torque / (0.01 + length**2)]
 
     exact = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
-    first = times[times < until]
-    begin = solve_ivp(rates, (0.0, until), [0.4, 0.0], t_eval=[*first, until], **exact).y
+    begin = solve_ivp(rates, (0.0, until), [0.4, 0.0], t_eval=[*times[times < until], until], **exact).y
     rest = solve_ivp(rates, (until, times[-1]), begin[:, -1], t_eval=times[times >= until], **exact).y
     return np.hstack([begin[:, :-1], rest]).T
 
@@ -92,9 +92,8 @@ def test_a_pendulum_agrees_with_scipy(version, tmp_path):
     parameters = {"length": 1.3, "drive": 0.7, "until": 1.03}
     expected = by_scipy(scene.times, **parameters)
     for kind, error in (("CoSimulation", 1e-9), ("ModelExchange", 1e-6)):
-        Y = run_fmu(
-            path, scene.times, ["angle", "rod.omega", "lowest <point>"], parameters, kind, relative_tolerance=1e-10
-        )
+        names = ["angle", "rod.omega", "lowest <point>"]
+        Y = run_fmu(path, scene.times, names, parameters, kind, relative_tolerance=1e-10)
         np.testing.assert_allclose(Y[:, :2], expected, atol=error)
         np.testing.assert_allclose(Y[:, 2], -1.3 * np.cos(expected[:, 0]), atol=error)
 
@@ -102,15 +101,12 @@ def test_a_pendulum_agrees_with_scipy(version, tmp_path):
 @pytest.mark.parametrize(
     ("make", "solver"),
     [
-        (double_pendulum.scene, mb.DormandPrince(1e-10)),
-        (four_bar.scene, mb.Rosenbrock()),
-        (bouncing_ball.scene, mb.EventDriven()),
-        (release, mb.EventDriven()),
-        (controlled, mb.DormandPrince()),
+        (double_pendulum.scene, mb.DormandPrince(1e-10)), (four_bar.scene, mb.Rosenbrock()),
+        (bouncing_ball.scene, mb.EventDriven()), (release, mb.EventDriven()), (controlled, mb.DormandPrince()),
         (bumpy, mb.DormandPrince()),
     ],
     ids=["double_pendulum", "four_bar", "bouncing_ball", "release", "controlled", "bumpy"],
-)
+)  # fmt: skip
 def test_fmus_run_as_their_scenes(make, solver, tmp_path):
     simulator, path = mb.DAESimulator(make(), solver), tmp_path / "model.fmu"
     mb.save_fmu(simulator, path)
@@ -127,16 +123,13 @@ def test_an_impact_in_a_communication_step_is_exact(tmp_path):
     """A ball that falls from 1.25 m at 10 m/s^2 is at the floor after 0.5 s."""
     p = mb.Parameters(e=0.8)
     ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    floor = mb.Impact("floor", gap=ball.y, restitution=p.e)
-    system = mb.System(ball, floor, mb.Gravity(0, -10.0), parameters=p)
-    mb.save_fmu(
-        mb.Scene(system, {"ball.y": 1.25}, np.linspace(0, 1, 5), {"y": ball.y, "vy": ball.vy}), tmp_path / "ball.fmu"
-    )
+    system = mb.System(ball, mb.Impact("floor", gap=ball.y, restitution=p.e), mb.Gravity(0, -10.0), parameters=p)
+    outputs = {"y": ball.y, "vy": ball.vy}
+    mb.save_fmu(mb.Scene(system, {"ball.y": 1.25}, np.linspace(0, 1, 5), outputs), tmp_path / "ball.fmu")
     times = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
     Y = run_fmu(tmp_path / "ball.fmu", times, ["y", "vy"], {"e": 0.6})
-    np.testing.assert_allclose(
-        Y[:, 0], [1.25, 0.9375, 0, 0.6 * 5 * 0.25 - 5 * 0.25**2, 0.6 * 5 * 0.5 - 5 * 0.5**2], atol=1e-12
-    )
+    heights = [1.25, 0.9375, 0, 0.6 * 5 * 0.25 - 5 * 0.25**2, 0.6 * 5 * 0.5 - 5 * 0.5**2]
+    np.testing.assert_allclose(Y[:, 0], heights, atol=1e-12)
     np.testing.assert_allclose(Y[3:, 1], [0.5, -2.0], atol=1e-12)
     with pytest.raises(Exception, match="fmi3ExitInitializationMode"):  # FMPy tells the call
         run_fmu(tmp_path / "ball.fmu", times, ["y"], {"e": 1.6})
@@ -168,11 +161,9 @@ def test_sources_build_elsewhere(version, tmp_path):
 def test_an_fmu_is_bounded_as_its_scene(tmp_path):
     scene, box = pendulum(), mb.Box(length=(0.9, 1.1), drive=(0.4, 0.6))
     mb.save_fmu(scene, tmp_path / "pendulum.fmu")
+    names = ["angle", "rod.omega", "lowest <point>"]
     simulator = mb.FMUSimulator(
-        tmp_path / "pendulum.fmu",
-        {"length": 1.0, "drive": 0.5},
-        times=scene.times,
-        outputs=["angle", "rod.omega", "lowest <point>"],
+        tmp_path / "pendulum.fmu", {"length": 1.0, "drive": 0.5}, times=scene.times, outputs=names
     )
     method = mb.PolynomialChaos(order=4)
     of_fmu, of_scene = mb.propagate(simulator, method, box), mb.propagate(scene, method, box)
@@ -191,10 +182,8 @@ def test_inputs_hold_between_communication_points(tmp_path):
     assert not mb.simulate(scene).values.any()
     mb.save_fmu(scene, tmp_path / "cart.fmu")
     assert validate_fmu(str(tmp_path / "cart.fmu")) == []
-    signals = np.array(
-        [(0.0, 0, 0), (0.5, 0, 0), (0.5, 1, 0), (1.0, 1, 0), (1.0, 1, -2), (2.0, 1, -2)],
-        dtype=[("time", float), ("push", float), ("wind", float)],
-    )
+    columns = [("time", float), ("push", float), ("wind", float)]
+    signals = np.array([(0.0, 0, 0), (0.5, 0, 0), (0.5, 1, 0), (1.0, 1, 0), (1.0, 1, -2), (2.0, 1, -2)], dtype=columns)
     since = 1.5
     expected = (since - 0.3 * (1 - np.exp(-since / 0.3)) - 2 * 1.0) / 2
     for kind, error in (("CoSimulation", 1e-8), ("ModelExchange", 1e-6)):
@@ -216,8 +205,7 @@ def test_an_input_is_one_of_a_linearisation():
     system = mb.System(cart, u, mb.Force("motor", cart.point(0, 0), (8 * u.value - cart.vx, 0)))
     lin = mb.linearize(mb.Scene(system, outputs={"vx": cart.vx}), inputs=["u"])
     np.testing.assert_allclose(lin.B.ravel(), [0, 4])
-    with pytest.raises(mb.DeclarationError, match="no actuator, input or parameter 'w'"):
-        mb.linearize(mb.Scene(system), inputs=["w"])
+    refused("no actuator, input or parameter 'w'", mb.linearize, mb.Scene(system), inputs=["w"])
 
 
 @pytest.mark.parametrize(
@@ -232,8 +220,7 @@ def test_an_input_is_one_of_a_linearisation():
 )
 def test_faults_of_inputs(make, text):
     u = mb.Input("u")
-    with pytest.raises(mb.DeclarationError, match=text):
-        make(u)
+    refused(text, make, u)
 
 
 def test_inputs_stand_in_laws_alone():
@@ -265,8 +252,7 @@ def test_inputs_stand_in_laws_alone():
     ],
 )
 def test_faults_are_told_in_one_sentence(save, text, tmp_path):
-    with pytest.raises(mb.DeclarationError, match=text):
-        save(pendulum(), tmp_path / "model.fmu")
+    refused(text, save, pendulum(), tmp_path / "model.fmu")
     assert not list(tmp_path.iterdir())
 
 

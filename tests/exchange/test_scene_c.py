@@ -118,8 +118,7 @@ def test_faults_of_a_program_end_it_with_a_sentence(tmp_path, capsys):
 
 
 def test_a_scene_without_states_has_equations_only(tmp_path, capsys):
-    with warnings.catch_warnings():
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(action="always"):
         assert main(["codegen", "cubic", "-o", str(tmp_path)]) == 0
     assert "only the equations are written, no runs. cubic has no states" in capsys.readouterr().err
     assert not (tmp_path / "scene.c").exists()
@@ -148,9 +147,8 @@ def test_a_loop_closes_at_once_where_a_length_changes(solver, tmp_path):
         functions.scene_parameters(run)[0] = length
         assert functions.scene_change(run)
         x, y = functions.scene_outputs(run)[:2]
-        np.testing.assert_allclose(
-            [np.hypot(x - 0.3, y), np.hypot(x - 0.1 * np.cos(1.5), y - 0.1 * np.sin(1.5))], [length, 0.3], rtol=1e-9
-        )
+        found = [np.hypot(x - 0.3, y), np.hypot(x - 0.1 * np.cos(1.5), y - 0.1 * np.sin(1.5))]
+        np.testing.assert_allclose(found, [length, 0.3], rtol=1e-9)
     functions.scene_parameters(run)[0] = 0.9
     assert not functions.scene_change(run)
     assert functions.scene_fault(run) == b"the constraints cannot be satisfied with the new parameters"

@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from faults import refused
 from numpy.testing import assert_allclose
 
 import symmb as mb
@@ -27,20 +28,14 @@ def driven_crank():
     return system, ram, {"ram.x": 1.3}
 
 
-def exact_acceleration():
-    t = ca.SX.sym("t")
-    x = 0.3 * ca.cos(5 * t) + ca.sqrt(1 - (0.3 * ca.sin(5 * t)) ** 2)
-    f = ca.Function("a", [t], [ca.jacobian(ca.jacobian(x, t), t)])
-    return np.array(f(TIMES)).ravel()
-
-
 @pytest.mark.parametrize("solver", [None, mb.DormandPrince(), mb.Rosenbrock(), mb.IDAS()], ids=repr)
 def test_the_ram_of_a_crank_accelerates_as_its_closed_form(solver):
     system, ram, guess = driven_crank()
     outputs = {"a": system.ddt(ram.vx), "twice": system.ddt(mb.ddt(2 * ram.x))}
-    scene = mb.Scene(system, {}, TIMES, outputs, guess=guess)
-    run = mb.simulate(scene, solver)
-    assert_allclose(run["a"], exact_acceleration(), atol=1e-6)
+    run = mb.simulate(mb.Scene(system, {}, TIMES, outputs, guess=guess), solver)
+    x = 0.3 * ca.cos(5 * mb.t) + ca.sqrt(1 - (0.3 * ca.sin(5 * mb.t)) ** 2)
+    exact = ca.Function("a", [mb.t], [ca.jacobian(ca.jacobian(x, mb.t), mb.t)])
+    assert_allclose(run["a"], np.array(exact(TIMES)).ravel(), atol=1e-6)
     assert_allclose(run["twice"], 2 * run["a"], atol=1e-9)
     assert_allclose(run(system.ddt(ram.vx**2)), 2 * run["ram.vx"] * run["a"], atol=1e-9)
 
@@ -68,8 +63,5 @@ def test_free_bodies_and_what_nothing_moves():
 
 def test_rates_of_what_is_unknown_or_solved_for_are_errors():
     system, _, _ = driven_crank()
-    stranger = mb.Body("stranger", 1.0, 0.1)
-    with pytest.raises(mb.DeclarationError, match=r"ddt: symbol 'stranger\.vx' does not belong"):
-        system.ddt(stranger.vx)
-    with pytest.raises(mb.DeclarationError, match=r"ddt: 'main\.lam"):
-        system.ddt(system.lam("main")[0])
+    refused(r"ddt: symbol 'stranger\.vx' does not belong", system.ddt, mb.Body("stranger", 1.0, 0.1).vx)
+    refused(r"ddt: 'main\.lam", system.ddt, system.lam("main")[0])

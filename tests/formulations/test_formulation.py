@@ -88,9 +88,8 @@ def test_reactions_and_accelerations_are_outputs_in_both():
 
 def test_the_cheaper_coordinates_are_chosen_and_told():
     study = mb.DAESimulator(double_pendulum(), mb.DormandPrince())
-    assert study.coordinates == "joint" and study.reason.startswith(
-        "coordinates of joints, which take fewer operations"
-    )
+    assert study.coordinates == "joint"
+    assert study.reason.startswith("coordinates of joints, which take fewer operations")
     assert "coordinates of joints, which take fewer" in mb.simulate(double_pendulum()).reason
     assert mb.DAESimulator(spherical_pendulum.scene(), mb.DormandPrince()).coordinates == "body"
     augmented = mb.DormandPrince(stabilization=mb.AugmentedLagrangian())
@@ -134,9 +133,8 @@ def tilted_chain():
         elements += [body, joint, mb.SpringDamper(f"s{k}", body.point(0, 0, 0), GROUND.point(0, 1, 0), 20.0, 0.5, 1.0)]
         end = body.point(0.3, 0.1, 0)
     outputs = {"x": end.x, "y": end.y, "z": end.z, "angle": elements[2].angle, "slide": elements[8].displacement}
-    return mb.Scene(
-        mb.System(*elements, parameters=p), {"j0.angle_rate": 2.0}, np.linspace(0, 0.5, 6), outputs, name="tilted chain"
-    )
+    times = np.linspace(0, 0.5, 6)
+    return mb.Scene(mb.System(*elements, parameters=p), {"j0.angle_rate": 2.0}, times, outputs, name="tilted chain")
 
 
 def test_axes_that_depend_on_parameters_move_alike_at_the_corners_of_a_box():
@@ -164,20 +162,16 @@ def test_the_steering_of_the_bicycle_carries_the_fork():
 @pytest.mark.parametrize(
     ("axis", "axis_b", "theta"),
     [
-        ((1, 0), (-1, 0), np.pi),
-        ((1, 0), (-1, 0), -np.pi),
-        ((0, 1), (0, -1), 3 * np.pi),
-        ((0.6, 0.8), (-0.8, 0.6), 1.5 * np.pi),
-        ((-1, 0), (-1, 0), 2 * np.pi),
+        ((1, 0), (-1, 0), np.pi), ((1, 0), (-1, 0), -np.pi), ((0, 1), (0, -1), 3 * np.pi),
+        ((0.6, 0.8), (-0.8, 0.6), 1.5 * np.pi), ((-1, 0), (-1, 0), 2 * np.pi),
     ],
-)
+)  # fmt: skip
 def test_planar_slides_with_axes_of_their_own_carry_a_body_with_its_turns(axis, axis_b, theta):
     """A law of the angle itself, which is not the same after a turn."""
     slider, rod = mb.Body("slider", 1.0, 0.1), mb.Body("rod", 1.0, 0.1)
     slide = mb.Prismatic("slide", GROUND.point(0, 0), slider.point(0.1, 0.2), axis, axis_b)
     pin = mb.Revolute("pin", slider.point(0.3, 0), rod.point(-0.5, 0))
-    motor = mb.Torque("motor", rod, -2 * slider.theta)
-    system = mb.System(slider, rod, slide, pin, motor, mb.Gravity(0, -9.81))
+    system = mb.System(slider, rod, slide, pin, mb.Torque("motor", rod, -2 * slider.theta), mb.Gravity(0, -9.81))
     outputs = {"x": slider.x, "theta": slider.theta, "rod": rod.theta, "slide": slide.displacement}
     scene = mb.Scene(system, {"slider.theta": theta, "pin.angle": 0.4}, np.linspace(0, 1, 6), outputs)
     bodies, joints = (mb.simulate(replace(scene, coordinates=c), TIGHT) for c in ("body", "joint"))

@@ -15,8 +15,7 @@ def ball(force, times=TIMES):
     body = mb.Body("ball", 1.0, pose=mb.Particle())
     p = mb.Parameters(work=2.0)
     push = mb.Force("push", body.point(0, 0), (0, force(body, p) - GRAVITY))
-    floor = mb.Impact("floor", body.y, restitution=RESTITUTION)
-    system = mb.System(body, push, floor, parameters=p)
+    system = mb.System(body, push, mb.Impact("floor", body.y, restitution=RESTITUTION), parameters=p)
     return mb.Scene(system, {"ball.x": 0.0, "ball.y": 1.0}, times, {"y": body.y, "v": body.vy}, name="ball")
 
 
@@ -74,11 +73,7 @@ def test_a_motion_that_sticks_to_a_switch_between_impacts_ends_with_the_reason()
 
 def test_bounces_on_a_floor_behind_an_elastic_layer():
     stiff = 1e4
-
-    def layer(b, p):
-        return ca.if_else(b.y < 0.1, stiff * (0.1 - b.y), 0)
-
-    run = mb.simulate(ball(layer))
+    run = mb.simulate(ball(lambda b, p: ca.if_else(b.y < 0.1, stiff * (0.1 - b.y), 0)))
     weak = GRAVITY / stiff
     speed = np.sqrt(2 * GRAVITY * 0.9)
     depth = weak + np.sqrt(weak**2 + speed**2 / stiff)

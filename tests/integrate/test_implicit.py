@@ -138,8 +138,7 @@ def test_scenes_in_any_unit_of_length_behave_alike(length):
     bob = mb.Body("bob", 1e-18 if length < 1 else 1e6 * length, 0.0, mb.Planar())
     pivot = mb.Revolute("pivot", mb.Ground().point(0, 0), bob.point(0, length))
     system = mb.System(bob, pivot, mb.Gravity(0, -9.81))
-    times = np.linspace(0, period, 21)
-    scene = mb.Scene(system, {"bob.theta": np.pi / 2}, times, outputs={"theta": bob.theta})
+    scene = mb.Scene(system, {"bob.theta": np.pi / 2}, np.linspace(0, period, 21), outputs={"theta": bob.theta})
     step = period / 1000
     limits = {
         None: 1e-9,
@@ -164,8 +163,6 @@ def test_scenes_in_any_unit_of_length_behave_alike(length):
 def test_a_single_row_and_a_coordinate_that_nothing_touches(solver):
     bead = mb.Body("bead", 1.0, pose=mb.Particle())
     rod = mb.Distance("rod", mb.Ground().point(0, 0), bead.point(0, 0), 1.0)
-    scene = mb.Scene(
-        mb.System(bead, rod, mb.Gravity(0, -9.81)), {"bead.x": 1.0}, [0.0, 0.5], {"x": bead.x, "y": bead.y}
-    )
+    scene = mb.Scene(mb.System(bead, rod, mb.Gravity(0, -9.81)), {"bead.x": 1.0}, [0, 0.5], {"x": bead.x, "y": bead.y})
     exact = mb.simulate(scene, mb.CVODES(rtol=1e-11)).values
     assert_allclose(mb.simulate(scene, solver).values, exact, atol=5e-3)

@@ -78,9 +78,7 @@ def test_an_impact_with_a_narrow_bump_happens(width):
     """A ball at the height of 0.05 m meets a triangle of 0.1 m at half its flank and rebounds without loss."""
     ball = mb.Body("ball", 1.0, pose=mb.Particle())
     gap = ball.y - 0.1 * ca.fmax(0, 1 - ca.fabs((ball.x - 0.48712) / width))
-    scene = mb.Scene(
-        mb.System(ball, mb.Impact("wall", gap, 1.0)), {"ball.vx": 1.0, "ball.y": 0.05}, np.linspace(0, 1, 5)
-    )
+    scene = mb.Scene(mb.System(ball, mb.Impact("wall", gap, 1.0)), {"ball.vx": 1, "ball.y": 0.05}, np.linspace(0, 1, 5))
     run = mb.simulate(scene)
     normal = np.array([-0.1 / width, 1.0]) / np.hypot(0.1 / width, 1.0)
     assert [event.time for event in run.events] == [pytest.approx(0.48712 - width / 2, abs=1e-9)]
@@ -107,9 +105,7 @@ def test_each_period_of_a_law_of_time_acts(law, solver):
 
 
 @pytest.mark.parametrize("height", [0.6, 100.0])
-@pytest.mark.parametrize(
-    ("law", "width"), [(lambda u: 1 - ca.tanh(u) ** 2, 1e-4), (lambda u: 1 / ca.cosh(u) ** 2, 1e-6)]
-)
+@pytest.mark.parametrize("law, width", [(lambda u: 1 - ca.tanh(u) ** 2, 1e-4), (lambda u: 1 / ca.cosh(u) ** 2, 1e-6)])
 def test_a_smooth_wall_turns_a_motion_back(law, width, height):
     """Its work is more than the energy of the motion."""
     wall = lambda p, mass: -height * law((mass.x - 0.48712) / width) / (2 * width)  # noqa: E731

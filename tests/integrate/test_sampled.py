@@ -76,8 +76,7 @@ def test_instants_need_not_be_output_times(solver, times):
 @pytest.mark.parametrize("start", [-1.0, 0.3, 1000.0])
 def test_instants_count_from_the_start_of_the_times(start):
     """The period 0.1 has no exact binary value: instants and output times differ by rounding."""
-    times = start + np.linspace(0.0, 2.0, 21)
-    run = mb.simulate(controlled(period=0.1, times=times))
+    run = mb.simulate(controlled(period=0.1, times=start + np.linspace(0.0, 2.0, 21)))
     assert_allclose(run.values, closed_form(np.linspace(0.0, 2.0, 21), period=0.1), atol=1e-9)
 
 
@@ -92,14 +91,12 @@ def test_ensembles_run_in_compiled_lanes():
 
 
 def test_the_paper_s_solver_with_tolerances_begins_anew_at_instants():
-    run = mb.simulate(controlled(), mb.NSTIFFSI2(rtol=1e-8))
-    assert_allclose(run.values, closed_form(), atol=1e-9)
+    assert_allclose(mb.simulate(controlled(), mb.NSTIFFSI2(rtol=1e-8)).values, closed_form(), atol=1e-9)
 
 
 @pytest.mark.parametrize("solver", [mb.DormandPrince(), mb.Rosenbrock(), mb.CVODES()], ids=repr)
 def test_derivatives_with_respect_to_parameters_hold_across_instants(solver):
-    simulator = mb.DAESimulator(controlled(), solver)
-    jets = simulator.jets(np.array([KP, 1.0]), np.eye(2), 2)
+    jets = mb.DAESimulator(controlled(), solver).jets(np.array([KP, 1.0]), np.eye(2), 2)
     h = 1e-3
 
     def course(i, step):
@@ -171,8 +168,7 @@ def test_events_and_instants_go_together():
 @pytest.mark.parametrize("pose", [mb.Planar(), mb.Spatial()], ids=repr)
 def test_a_joint_under_a_sampled_motor(pose):
     """J a'' = u with u = -k a - c a' held: the same closed form with a hinge, constraints and turns."""
-    J = M if isinstance(pose, mb.Planar) else (1.0, 1.0, M)
-    wheel = mb.Body("wheel", 1.0, J, pose)
+    wheel = mb.Body("wheel", 1.0, M if isinstance(pose, mb.Planar) else (1.0, 1.0, M), pose)
     hinge = mb.Revolute("hinge", GROUND.point(0, 0), wheel.point(0, 0))
     u = mb.Sampled("u", T, law=-KP * hinge.angle - KD * hinge.angle_rate)
     system = mb.System(wheel, hinge, u, mb.Actuator("motor", hinge, u.value))
@@ -185,8 +181,7 @@ def test_a_joint_under_a_sampled_motor(pose):
 def test_a_law_with_a_kink_is_told_where_derivatives_are_asked_for():
     """The force is limited to 20 N: it is at the limit first."""
     scene = controlled(law=lambda cart: -ca.fmin(20.0, KP * cart.x + KD * cart.vx), box=mb.Box(x0=(0.9, 1.1)))
-    simulator = mb.DAESimulator(scene)
-    time, what = simulator.kink(np.array([KP, 1.0]))
+    time, what = mb.DAESimulator(scene).kink(np.array([KP, 1.0]))
     assert 0.17 < time <= 0.2 + 1e-9 and "kinks" in what  # the first output time behind 30 x + 6 v = 20
 
 
@@ -213,16 +208,13 @@ def test_identity_and_text_tell_the_laws():
 
 def test_pickles_run_alike():
     scene = controlled()
-    again = pickle.loads(pickle.dumps(scene))
-    assert np.array_equal(mb.simulate(again).values, mb.simulate(scene).values)
+    assert np.array_equal(mb.simulate(pickle.loads(pickle.dumps(scene))).values, mb.simulate(scene).values)
     simulator = pickle.loads(pickle.dumps(mb.DAESimulator(scene, mb.DormandPrince())))
     assert_allclose(simulator.run(np.array([[KP, 1.0]])).Y[0], closed_form(), atol=1e-10)
 
 
 def test_exported_c_has_the_laws(tmp_path):
-    system = controlled().system
-    files = {file.name for file in mb.compile_dae(system).save_c(tmp_path)}
-    assert files == {"model.c", "model.h"}
+    assert {file.name for file in mb.compile_dae(controlled().system).save_c(tmp_path)} == {"model.c", "model.h"}
     assert "sampled0" in (tmp_path / "model.h").read_text()
 
 
@@ -282,9 +274,8 @@ def arm_by_scipy(stiffness, damping, friction):
     for begin in np.arange(0, 0.41, HELD):
         u = float(np.clip(-5 * y[0] - y[1], -LIMIT, LIMIT))
         due = times[(times >= begin - 1e-9) & (times < begin + HELD - 1e-9)]
-        run = solve_ivp(
-            rates, (begin, begin + HELD), y, "LSODA", dense_output=True, args=(u,), rtol=1e-9, atol=1e-12, max_step=5e-3
-        )
+        options = {"dense_output": True, "args": (u,), "rtol": 1e-9, "atol": 1e-12, "max_step": 5e-3}
+        run = solve_ivp(rates, (begin, begin + HELD), y, "LSODA", **options)
         rows += [[run.sol(t)[0], u] for t in due]
         y = run.y[:, -1]
     return np.array(rows)
@@ -298,5 +289,4 @@ def test_sampled_controllers_meet_stops_as_by_scipy_whatever_the_solver(stiffnes
     scene = arm_with_stops(stiffness, damping, parameters, friction)
     expected = arm_by_scipy(stiffness, damping, friction)
     for solver in (mb.DormandPrince(), mb.CVODES(), mb.CVODES(stiff=True), mb.Rosenbrock()):
-        run = mb.simulate(scene, solver)
-        assert_allclose(run.values, expected, atol=2e-5, err_msg=repr(solver))
+        assert_allclose(mb.simulate(scene, solver).values, expected, atol=2e-5, err_msg=repr(solver))

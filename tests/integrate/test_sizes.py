@@ -17,9 +17,8 @@ def two_oscillators(large: float, small: float, rate: float, span: float) -> mb.
     """x'' = -x from `large`, and y'' = -rate^2 y from `small`, of particles that do not act on each other."""
     a, b = (mb.Body(name, 1.0, 0.0, mb.Particle()) for name in "ab")
     springs = [mb.Force("slow", a.point(0, 0), (-a.x, 0)), mb.Force("fast", b.point(0, 0), (-(rate**2) * b.x, 0))]
-    return mb.Scene(
-        mb.System(a, b, *springs), {"a.x": large, "b.x": small}, np.linspace(0, span, 41), {"x": a.x, "y": b.x}
-    )
+    outputs = {"x": a.x, "y": b.x}
+    return mb.Scene(mb.System(a, b, *springs), {"a.x": large, "b.x": small}, np.linspace(0, span, 41), outputs)
 
 
 @pytest.mark.parametrize(("large", "small", "rate"), [(10.0, 1e-9, 3.0), (1e3, 1e-7, 0.5), (1e-3, 1e-12, 2.0)])

@@ -44,9 +44,7 @@ def test_implicit_solvers_follow_pulses_of_position(solver, pulse, width):
 TURNING = [None, mb.DormandPrince(), mb.CVODES(), mb.IDAS(), mb.CVODES(stiff=True)]
 
 
-@pytest.mark.parametrize(
-    ("solver", "power", "start"), in_turns(TURNING, [9, 30, 50, 200, 5000], [0.3, 5.1, -1.14]), ids=str
-)
+@pytest.mark.parametrize("solver, power, start", in_turns(TURNING, [9, 30, 50, 200, 5000], [0.3, 5.1, -1.14]), ids=str)
 def test_powers_of_a_wheel_s_cosine_act_in_each_turn(solver, power, start):
     """The first force may be 1e-100. The mean of cos(x)**2n over a turn is (2n)! / (2**n n!)**2, here n = power."""
     end = 10 * np.pi / 3
@@ -80,5 +78,4 @@ def test_every_sample_has_its_own_pulse():
 
     simulator = mb.DAESimulator(pushed(push, place=2.0, width=1e-4), mb.DormandPrince())
     places, widths = np.linspace(0.3, 4.2, 40), np.geomspace(1e-6, 1e-2, 40)
-    ensemble = simulator.run(np.column_stack([places, widths]))
-    assert_allclose(ensemble.Y[:, -1, 1], np.sqrt(3), rtol=0, atol=1e-6)
+    assert_allclose(simulator.run(np.column_stack([places, widths])).Y[:, -1, 1], np.sqrt(3), rtol=0, atol=1e-6)

@@ -46,17 +46,15 @@ def bouncing(stiffness, gap, times):
 def test_short_contacts_are_neither_missed_nor_wrong(stiffness, gap, solver):
     times = np.linspace(0, 20, 201)
     run = mb.simulate(oscillator(stiffness, gap, times), solver)
-    assert_allclose(
-        run["x"], bouncing(stiffness, gap, times), rtol=0, atol=1e-9 if solver and solver.rtol < 1e-9 else 1e-6
-    )
+    atol = 1e-9 if solver and solver.rtol < 1e-9 else 1e-6
+    assert_allclose(run["x"], bouncing(stiffness, gap, times), rtol=0, atol=atol)
     assert run.statistics["integrator"]["steps"] < 300
 
 
 def test_contacts_beside_a_part_of_a_large_scene_are_as_accurate():
     times = np.linspace(0, 20, 201)
     far = mb.Body("far", 1.0, pose=mb.Particle())
-    away = mb.Force("away", far.point(0, 0), (-far.x, 0))
-    scene = oscillator(1e6, 1e-5, times, far, away, **{"far.x": 1e7})
+    scene = oscillator(1e6, 1e-5, times, far, mb.Force("away", far.point(0, 0), (-far.x, 0)), **{"far.x": 1e7})
     assert_allclose(mb.simulate(scene)["x"], bouncing(1e6, 1e-5, times), rtol=0, atol=1e-6)
 
 
@@ -89,8 +87,7 @@ PULSES = {
 @pytest.mark.parametrize("pulse", [*PULSES, "Table"])
 def test_impulses_of_any_width(pulse, width):
     table = mb.Table([0, BEGIN, BEGIN + width / 2, BEGIN + width, 10], [0, 0, 2 / width, 0, 0])
-    scene = pushed(PULSES.get(pulse, lambda p, m: table(mb.t)), width=width)
-    run = mb.simulate(scene, mb.DormandPrince())
+    run = mb.simulate(pushed(PULSES.get(pulse, lambda p, m: table(mb.t)), width=width), mb.DormandPrince())
     error = 1e-6 + 4 * ULP / width
     assert_allclose(run["v"], [1, 2, 2], rtol=0, atol=error)
     assert_allclose(run["x"][-1], 5 + (5 - BEGIN - width / 2), rtol=0, atol=4 * error)
@@ -128,9 +125,8 @@ def test_zones_are_entered_and_left_where_they_are(width):
 def test_two_pulses_within_one_step_and_pulses_of_uncertain_place():
     def law(p, m):
         first = ca.if_else(ca.logic_and(mb.t > p.begin, mb.t < p.begin + p.width), 1 / p.width, 0)
-        return first - 2 * ca.if_else(
-            ca.logic_and(mb.t > p.begin + 1e-3, mb.t < p.begin + 1e-3 + p.width), 1 / p.width, 0
-        )
+        late = p.begin + 1e-3
+        return first - 2 * ca.if_else(ca.logic_and(mb.t > late, mb.t < late + p.width), 1 / p.width, 0)
 
     simulator = mb.DAESimulator(pushed(law, begin=1.0, width=1e-6), mb.DormandPrince())
     begins, widths = np.linspace(0.1, 4.9, 13), np.geomspace(1e-7, 1e-4, 13)
@@ -142,8 +138,7 @@ def test_two_pulses_within_one_step_and_pulses_of_uncertain_place():
 
 def test_switches_at_the_start_and_at_the_end_of_the_run():
     scene = pushed(lambda p, m: ca.if_else(mb.t > 0, p.a, 100.0) + ca.if_else(mb.t < 5, 0, 1e6), a=1.0)
-    run = mb.simulate(scene, mb.DormandPrince())
-    assert_allclose(run["v"], [1, 3.5, 6], atol=1e-8)
+    assert_allclose(mb.simulate(scene, mb.DormandPrince())["v"], [1, 3.5, 6], atol=1e-8)
 
 
 @pytest.mark.parametrize("friction", [2.0, 5.0])

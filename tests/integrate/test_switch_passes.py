@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from faults import warned
 from numpy.testing import assert_allclose
 from test_step_ends import CONTROLLED, ULP, bouncing, oscillator, pushed
 from test_zones import SIDED
@@ -51,8 +52,7 @@ def test_passes_are_those_of_the_closed_form():
 @pytest.mark.parametrize("solver", [mb.RungeKutta(), mb.GeneralizedAlpha(step=5e-3)], ids=repr)
 def test_fixed_steps_that_may_pass_over_a_contact_are_doubtful(solver):
     times = np.linspace(0, 20, 41)
-    with pytest.warns(mb.SymmbWarning, match="may miss contacts or pulses"):
-        run = mb.simulate(oscillator(1e6, 1e-4, times), solver)
+    run = warned("may miss contacts or pulses", mb.simulate, oscillator(1e6, 1e-4, times), solver)
     assert any("Two switches of the equations are" in doubt for doubt in run.doubts)
     run = mb.simulate(oscillator(1e2, 0.1, times), solver)
     assert run.doubts == ()
@@ -77,5 +77,4 @@ def test_motions_that_stick_to_a_switch_end_there_at_once(solver):
 
 
 def test_motions_that_stick_are_doubtful_with_fixed_steps():
-    with pytest.warns(mb.SymmbWarning, match=r"sticks to a switch of a force at t = 6\.28319 s"):
-        mb.simulate(stuck(), mb.RungeKutta())
+    warned(r"sticks to a switch of a force at t = 6\.28319 s", mb.simulate, stuck(), mb.RungeKutta())

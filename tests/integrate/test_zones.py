@@ -77,8 +77,7 @@ def test_constrained_motions_through_a_zone(solver, width):
 
 @pytest.mark.parametrize("solver", SIDED, ids=repr)
 def test_samples_pass_zones_of_their_own(solver):
-    simulator = mb.DAESimulator(pushed(LAWS["jump"], width=1e-6), solver)
-    runs = simulator.run(np.geomspace(1e-8, 1e-2, 7)[:, None])
+    runs = mb.DAESimulator(pushed(LAWS["jump"], width=1e-6), solver).run(np.geomspace(1e-8, 1e-2, 7)[:, None])
     assert_allclose(runs.Y[:, -1, 1], np.sqrt(3), rtol=0, atol=1e-6)
 
 

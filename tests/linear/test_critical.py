@@ -126,8 +126,7 @@ def test_flutter_of_a_follower_force():
     b = mb.Revolute("b", one.point(0, 0), two.point(-1, 0))
     load = mb.Force("load", two.point(0, 0), (-p.P * ca.cos(two.theta), -p.P * ca.sin(two.theta)))
     springs = (mb.Actuator("s1", a, -p.c * a.angle), mb.Actuator("s2", b, -p.c * b.angle))
-    scene = mb.Scene(mb.System(one, two, a, b, load, *springs, parameters=p))
-    flutter = mb.critical(scene, "P", (0.5, 6.0))
+    flutter = mb.critical(mb.Scene(mb.System(one, two, a, b, load, *springs, parameters=p)), "P", (0.5, 6.0))
     expected = (3.5 - np.sqrt(2)) * np.array([2.0, 1.5])
     np.testing.assert_allclose(flutter.run(np.array([[2.0], [1.5]])).Y.ravel(), expected, rtol=1e-6)
 

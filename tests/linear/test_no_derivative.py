@@ -3,7 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
-from faults import refused
+from faults import refused, warned
 
 import symmb as mb
 
@@ -64,8 +64,7 @@ def test_smooth_laws_with_switches_are_linearised(law):
 @pytest.mark.parametrize("share", [0.02, 0.5])
 def test_a_stiffness_that_is_a_law_of_time_is_doubted(rate, share):
     """Mathieu's equation, whose stability the eigenvalues at one time do not tell."""
-    with pytest.warns(mb.SymmbWarning, match="A changes along the motion"):
-        mb.linearize(scene(-10 * (1 + share * ca.cos(rate * mb.t)) * X))
+    warned("A changes along the motion", mb.linearize, scene(-10 * (1 + share * ca.cos(rate * mb.t)) * X))
 
 
 def test_a_force_that_is_a_law_of_time_is_not_doubted():

@@ -46,16 +46,14 @@ def test_forward_and_backward_whirl(speed, share):
 
 def test_onset_of_instability_in_the_middle():
     """omega (1 + c / (h k)) with omega^2 = k / m = 48 E I / (m L^3), for other parameters as well."""
-    scene = laval_rotor.scene(share=0.5)
-    onset = mb.critical(scene, "speed", (100.0, 2000.0))
+    onset = mb.critical(laval_rotor.scene(share=0.5), "speed", (100.0, 2000.0))
     nominal = dict(onset.parameters)
     for changes in ({}, {"length": 0.5, "internal": 2e-4}, {"diameter": 0.018, "external": 30.0}):
         values = nominal | changes
         M, _, _ = properties(values)
         k = 48 * values["modulus"] * np.pi * values["diameter"] ** 4 / 64 / values["length"] ** 3
         expected = np.sqrt(k / M[0, 0]) * (1 + values["external"] / (values["internal"] * k))
-        found = onset.run(np.array([list(values.values())])).Y.item()
-        assert found == pytest.approx(expected, rel=1e-8)
+        assert onset.run(np.array([list(values.values())])).Y.item() == pytest.approx(expected, rel=1e-8)
 
 
 def test_critical_speed_is_where_forward_whirl_keeps_up():

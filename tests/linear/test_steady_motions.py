@@ -18,8 +18,7 @@ def motions() -> list[SteadyMotion]:
 @pytest.mark.parametrize("number", range(2 * 8))
 def test_eigenvalues_in_closed_form(number: int) -> None:
     motion = motions()[number]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         lin = mb.linearize(motion.scene)
     assert bool(lin.doubts) is not motion.steady
     for value in motion.eigenvalues if motion.steady else ():
@@ -56,8 +55,7 @@ def test_a_particle_that_nothing_touches_is_a_state_of_the_outputs(gravity: bool
     outputs = {"x": b.x, "both": b.x * b.z + 3 * b.vx + a.x}
     start = {"b.vx": 1.5, "a.x": 0.1, "b.x": 0.2, "b.z": 0.4, "b.vz": 0.3}
     run = mb.simulate(mb.Scene(mb.System(*elements), start, [0.0, 0.7], outputs))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         lin = mb.linearize(run, time)
     x, z = 0.2 + 1.5 * time, 0.4 + 0.3 * time
     expected = {"b.x": (1.0, z), "b.z": (0.0, x), "b.vx": (0.0, 3.0), "b.vz": (0.0, 0.0), "a.x": (0.0, 1.0)}

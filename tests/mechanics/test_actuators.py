@@ -214,5 +214,4 @@ def test_pickles_run_alike():
     hinge = mb.Revolute("hinge", GROUND.point(0, 0), body.point(0, 0))
     elements = (hinge, mb.Actuator("motor", hinge, 1.0 - mb.t), mb.Stop("limit", hinge, None, 0.4, restitution=0.3))
     scene = mb.Scene(mb.System(body, *elements), times=TIMES, outputs={"a": hinge.angle, "w": hinge.angle_rate})
-    again = pickle.loads(pickle.dumps(scene))
-    assert np.array_equal(mb.simulate(again).values, mb.simulate(scene).values)
+    assert np.array_equal(mb.simulate(pickle.loads(pickle.dumps(scene))).values, mb.simulate(scene).values)

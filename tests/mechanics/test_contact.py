@@ -83,9 +83,8 @@ def test_two_colliding_bodies_keep_their_momentum(solver):
     plate = mb.Body("plate", 2.0, (0.3, 0.2, 0.4), mb.Spatial())
     ball = mb.Body("ball", 1.5, (0.05, 0.06, 0.07), mb.Spatial())
     law = mb.HuntCrossley(1e5, 0.8, 1.0)
-    contact = mb.Contact(
-        "hit", ball.point(0.01, 0, 0), plate.point(0, 0, 0.1), (0.1, 0, 1), law, 0.2, mb.Coulomb(0.3, 0.01)
-    )
+    friction = mb.Coulomb(0.3, 0.01)
+    contact = mb.Contact("hit", ball.point(0.01, 0, 0), plate.point(0, 0, 0.1), (0.1, 0, 1), law, 0.2, friction)
     start = {"ball.z": 0.5, "ball.x": 0.3, "ball.vz": -3.0, "ball.omega": (2, -5, 1), "plate.omega": (0.3, 0.1, 0.2)}
     run = mb.simulate(mb.Scene(mb.System(plate, ball, contact), start, np.linspace(0, 0.2, 101)), solver)
     linear, angular = 0, 0
@@ -105,9 +104,8 @@ def test_a_pin_flies_across_its_bush_and_back(solver):
     """Along a diameter, without failed_samples: from wall to wall at constant speed, half a Hertz contact at each."""
     clearance, speed, k = 0.01, 2.0, 1e8
     pin = mb.Body("pin", 1.0, 0.1, mb.Planar())
-    bush = mb.BushContact(
-        "bush", GROUND.point(0, 0), pin.point(0, 0), (0, 0, 1), clearance, mb.HuntCrossley(k, 1.0, 1.0)
-    )
+    law = mb.HuntCrossley(k, 1.0, 1.0)
+    bush = mb.BushContact("bush", GROUND.point(0, 0), pin.point(0, 0), (0, 0, 1), clearance, law)
     # The duration of a Hertz contact goes with the fifth root of 1 / v, its depth with v^(4 / 5).
     hertz = KNOWN["hertz"]["undamped"]
     flight, touch = 2 * clearance / speed, hertz["duration"] * speed**-0.2
@@ -125,9 +123,8 @@ def test_a_pin_flies_across_its_bush_and_back(solver):
 def test_a_bush_is_smooth_where_the_axes_coincide(clearance):
     pin = mb.Body("pin", 1.0, (0.1, 0.1, 0.1), mb.Spatial())
     law = mb.HuntCrossley(1e8, 0.8, 1.0)
-    system = mb.System(
-        pin, mb.BushContact("bush", GROUND.point(0, 0, 0), pin.point(0, 0, 0), (0, 0, 1), clearance, law)
-    )
+    bush = mb.BushContact("bush", GROUND.point(0, 0, 0), pin.point(0, 0, 0), (0, 0, 1), clearance, law)
+    system = mb.System(pin, bush)
     x = ca.vertcat(system.q, system.v)
     expression = system.Q
     for _ in range(4):

@@ -80,10 +80,8 @@ def test_taylor_coefficients_are_finite_and_those_of_differences(law):
     d, rate, h = np.array([1.1e-3, 0.2, -0.3, 0.5]), np.array([0.4, -0.6, 0.2, 0.1]), 1e-5
     force = ca.Function("force", [D, RATE], [law.force(D, RATE)])
     at = [float(force(np.polyval(d[::-1], k * h), np.polyval(rate[::-1], k * h))) for k in (-2, -1, 0, 1, 2)]
-    slope, curvature = (
-        (at[0] - 8 * at[1] + 8 * at[3] - at[4]) / 12,
-        (-at[0] + 16 * at[1] - 30 * at[2] + 16 * at[3] - at[4]) / 12,
-    )
+    slope = (at[0] - 8 * at[1] + 8 * at[3] - at[4]) / 12
+    curvature = (-at[0] + 16 * at[1] - 30 * at[2] + 16 * at[3] - at[4]) / 12
     expected = [at[2], slope / h, curvature / (2 * h**2)]
     assert_allclose(f([*d, *rate]).full()[:3, 0], expected, rtol=1e-4)
 
@@ -95,9 +93,8 @@ def test_compiled_lanes_agree_with_casadi(law):
     for _ in range(3):
         parts.append(ca.vec(ca.jacobian(parts[-1], x)))
     outputs = ca.densify(ca.vertcat(*parts))
-    engine = Engine(
-        Lanes(model_function(x, p, t, ca.SX.zeros(2), outputs, None), Tolerances(1e-8, 1e-8)), np.array([0.0])
-    )
+    f = model_function(x, p, t, ca.SX.zeros(2), outputs, None)
+    engine = Engine(Lanes(f, Tolerances(1e-8, 1e-8)), np.array([0.0]))
     Y, losses = engine.values(STATES, np.ones((len(STATES), 1)))
     assert np.isnan(losses.t_failed).all()
     expected = ca.Function("f", [x], [outputs])(STATES.T).full().T

@@ -3,7 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
-from faults import refused
+from faults import refused, warned
 from mechanisms import exact
 from numpy.testing import assert_allclose
 
@@ -76,8 +76,7 @@ def test_a_bead_slides_on_a_wire():
     wire = mb.PointOnCurve("wire", GROUND.point(0, 0), bead.point(0, 0), mb.Curve(lambda s: (s, s**2), -2, 2))
     times = np.linspace(0, 2, 21)
     system = mb.System(bead, wire, mb.Gravity(0, -10.0))
-    scene = mb.Scene(system, {"bead.x": 1.0}, times, guess={"bead.y": 1.0})
-    run = mb.simulate(scene, FINE)
+    run = mb.simulate(mb.Scene(system, {"bead.x": 1.0}, times, guess={"bead.y": 1.0}), FINE)
 
     def rates(t, y):
         return [y[1], -(4 * y[0] * y[1] ** 2 + 20 * y[0]) / (1 + 4 * y[0] ** 2)]
@@ -103,8 +102,7 @@ def test_a_roller_on_an_eccentric_disc_lifts_off_at_speed():
     system = mb.System(disc, rod, arm, shaft, *guides, on, by, turn, gravity)
     t = np.linspace(0, 0.25, 26)
     scene = mb.Scene(system, {}, t, {"rod": rod.y, "arm": arm.y}, guess={"rod.y": 0.06})
-    with pytest.warns(mb.SymmbWarning, match="PointOnCurve 'on': its force changes sign at t = 0.0.*CamFollower 'by'"):
-        run = mb.simulate(scene)
+    run = warned("PointOnCurve 'on': its force changes sign at t = 0.0.*CamFollower 'by'", mb.simulate, scene)
     known = e * np.sin(w * t) + np.sqrt(reach**2 - (e * np.cos(w * t)) ** 2)
     assert_allclose(run["rod"], known, atol=1e-8)
     assert_allclose(run["arm"], known, atol=1e-8)

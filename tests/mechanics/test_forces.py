@@ -5,6 +5,7 @@ import warnings
 import casadi as ca
 import numpy as np
 import pytest
+from faults import refused
 from joints import bundle, derivative, make_body, numbers, random_state
 from numpy.testing import assert_allclose
 
@@ -18,28 +19,25 @@ def free_body(kind, name):
     return make_body(kind, name) if kind != "Spatial" else mb.Body(name, 1.3, (0.7, 0.7, 0.7), mb.Spatial())
 
 
+def planar(a, b):
+    return any(isinstance(body, mb.Body) and isinstance(body.pose, mb.Planar) for body in (a, b))
+
+
 def points(a, b):
-    planar = any(isinstance(body, mb.Body) and isinstance(body.pose, mb.Planar) for body in (a, b))
-    return (a.point(0.2, -0.1), b.point(0.5, 0.4)) if planar else (a.point(0.2, -0.1, 0.3), b.point(0.5, 0.4, -0.2))
+    ends = ((0.2, -0.1), (0.5, 0.4)) if planar(a, b) else ((0.2, -0.1, 0.3), (0.5, 0.4, -0.2))
+    return a.point(*ends[0]), b.point(*ends[1])
 
 
 def axis_of(a, b):
-    planar = any(isinstance(body, mb.Body) and isinstance(body.pose, mb.Planar) for body in (a, b))
-    return (0, 0, 1) if planar else (0.3, -0.5, 0.8)
+    return (0, 0, 1) if planar(a, b) else (0.3, -0.5, 0.8)
 
 
 def normal_of(a, b):
-    planar = any(isinstance(body, mb.Body) and isinstance(body.pose, mb.Planar) for body in (a, b))
-    return (0.6, 0.8, 0) if planar else (0.3, -0.5, 0.8)
+    return (0.6, 0.8, 0) if planar(a, b) else (0.3, -0.5, 0.8)
 
 
 def sides_of(a, b):
-    return (0.4, 0.3) if axis_of(a, b) == (0, 0, 1) else (0.4, 0.3, 0.35)
-
-
-def a_rope(a, b, *law):
-    end, over = points(a, b)
-    return mb.Rope("s", [end, over, mb.Ground().point(0.1, 0.3), a.point(0.1, 0.3)], *law)
+    return (0.4, 0.3) if planar(a, b) else (0.4, 0.3, 0.35)
 
 
 HERTZ = mb.HuntCrossley(30.0, 1.0, 1.0)
@@ -66,7 +64,7 @@ CONSERVATIVE = {
     "box on a plane": lambda a, b: mb.BoxContact(
         "s", points(a, b)[0], sides_of(a, b), b.point(*np.multiply(4, normal_of(a, b))), HERTZ, normal=normal_of(a, b)
     ),
-    "rope": lambda a, b: a_rope(a, b, 30.0, 0.1),
+    "rope": lambda a, b: mb.Rope("s", [*points(a, b), mb.Ground().point(0.1, 0.3), a.point(0.1, 0.3)], 30.0, 0.1),
 }
 PAIRS = [
     *(("Planar", b) for b in ("Planar", "Ground")),
@@ -197,10 +195,8 @@ def test_a_spring_of_length_0_and_its_damper_are_finite_where_the_points_meet():
 @pytest.mark.parametrize("force", ["spring", "bushing", "damper"])
 def test_a_force_out_of_the_plane_of_a_planar_body_is_refused(force):
     a, b = free_body("Planar", "a"), free_body("Spatial", "b")
-    with pytest.raises(
-        mb.DeclarationError, match=r"'s': force along z leaves the plane of planar body 'a'\. Leave it out"
-    ):
-        mb.System(a, b, INTERNAL[force](a, b))
+    told = r"'s': force along z leaves the plane of planar body 'a'\. Leave it out"
+    refused(told, mb.System, a, b, INTERNAL[force](a, b))
 
 
 @pytest.mark.parametrize("kind", ["Planar", "Spatial"])
@@ -271,10 +267,7 @@ def test_a_bushing_that_turns_far_is_doubted(angle, stiffness, doubted):
     hinge = mb.Revolute("hinge", mb.Ground().point(0, 0, 0), body.point(0, 0, 0))
     mount = mb.Bushing("mount", mb.Ground().point(0, 0, 0), body.point(0, 0, 0), 5.0, 0.0, stiffness, 0.0)
     scene = mb.Scene(mb.System(body, hinge, mount), {"hinge.angle": angle})
-    with warnings.catch_warnings(record=True) as found:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as found:
         mb.simulate(scene)
-    assert (
-        any("Bushing 'mount': the mount turns by more than 0.5 rad at t = 0 s" in str(w.message) for w in found)
-        == doubted
-    )
+    told = "Bushing 'mount': the mount turns by more than 0.5 rad at t = 0 s"
+    assert any(told in str(w.message) for w in found) == doubted

@@ -177,9 +177,8 @@ def sliding(law, pose, inertia, times, **start):
 def test_a_sliding_ball_starts_to_roll(pose, law):
     """v = v0 - mu g t until it rolls with 5 / 7 of its speed, for a moment of inertia of 2 / 5 m r^2."""
     J = 0.4 * 2.0 * 0.1**2
-    run = mb.simulate(
-        sliding(law, pose, J if isinstance(pose, mb.Planar) else (J, J, J), np.linspace(0, 1, 101), vx=2.0), SOLVERS[0]
-    )
+    inertia = J if isinstance(pose, mb.Planar) else (J, J, J)
+    run = mb.simulate(sliding(law, pose, inertia, np.linspace(0, 1, 101), vx=2.0), SOLVERS[0])
     end = 2 / 7 * 2.0 / (0.2 * 10)
     assert_allclose(run["ball.vx"], np.maximum(2.0 - 2.0 * run.t, 2.0 - 2.0 * end), atol=4e-3)
     spin = run["ball.omega"] if isinstance(pose, mb.Planar) else -run["ball.omega_y"]

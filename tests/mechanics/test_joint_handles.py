@@ -63,9 +63,8 @@ def test_handles_measure_body_b_relative_to_body_a_in_the_joint_s_axis(joint, a,
     R_a = Rotation.identity() if a == "Ground" else Rotation.from_rotvec((0, 0, 0.7) if planar else (0.3, -0.5, 0.4))
     r_a = np.zeros(3) if a == "Ground" else np.array([0.4, -0.3, 0.0 if planar else 0.8])
     normal = np.cross(axis_b, axis)
-    least = Rotation.from_rotvec(
-        normal / max(np.linalg.norm(normal), 1e-300) * np.arccos(np.clip(axis @ axis_b, -1, 1))
-    )
+    turn = np.arccos(np.clip(axis @ axis_b, -1, 1))
+    least = Rotation.from_rotvec(normal / max(np.linalg.norm(normal), 1e-300) * turn)
     R_b = Rotation.from_rotvec(angle * R_a.apply(axis)) * R_a * least
     s_a, s_b = (np.asarray(ca.DM(point.s)).ravel() for point in (element.point_a, element.point_b))
     r_b = r_a + R_a.apply(s_a) + displacement * R_a.apply(axis) - R_b.apply(s_b)
@@ -74,8 +73,7 @@ def test_handles_measure_body_b_relative_to_body_a_in_the_joint_s_axis(joint, a,
         r_b, R_b = np.zeros(3), Rotation.identity()
     bodies = [body for body in element.bodies() if isinstance(body, mb.Body)]
     poses = {"a": pose_of(element.point_a.body, r_a, R_a), "b": pose_of(element.point_b.body, r_b, R_b)}
-    system = mb.System(*bodies, element)
-    assert_allclose(values(system.Phi, bodies, poses), 0, atol=1e-14)
+    assert_allclose(values(mb.System(*bodies, element).Phi, bodies, poses), 0, atol=1e-14)
     if joint in TURNS:
         assert_allclose(values(element.angle, bodies, poses), angle, atol=1e-14)
     if joint in SLIDES:
@@ -88,8 +86,7 @@ def test_rates_of_handles_are_those_of_a_motion_within_the_joint(joint, a, b, mo
     element = declared(joint, a, b, more)
     bodies = [body for body in element.bodies() if isinstance(body, mb.Body)]
     system = mb.System(*bodies, element)
-    guess = {f"{body.name}.x": 0.3 for body in bodies}
-    simulator = mb.DAESimulator(mb.Scene(system, guess=guess))
+    simulator = mb.DAESimulator(mb.Scene(system, guess={f"{body.name}.x": 0.3 for body in bodies}))
     dae, (x,) = simulator.dae, simulator.start.states(np.zeros((1, 0)))[0]
     q, G = x[: dae.n_q], dae.G(x[: dae.n_q], np.zeros(dae.n_v), *([x[-dae.n_s :]] if dae.n_s else []), [], 0.0).full()
     free = np.linalg.svd(G)[2][np.linalg.matrix_rank(G) :]

@@ -53,10 +53,8 @@ def assert_derivatives(system, dae, seed):
 def test_a_joint_has_the_rows_theory_gives_it_and_their_derivatives(joint, a, b):
     system, dae = declared(joint, a, b)
     assert_derivatives(system, dae, seed=1)
-    if {a, b} <= {"Planar", "Ground"}:
-        expected = joint.planar_rows
-    else:  # the other side of a planar body may leave the plane, so all rows stay
-        expected = joint.spatial_rows
+    # The other side of a planar body may leave the plane, so that all rows stay.
+    expected = joint.planar_rows if {a, b} <= {"Planar", "Ground"} else joint.spatial_rows
     assert system.Phi.numel() == expected
     assert system.Phi_q.shape == (expected, system.q.numel())
 
@@ -76,10 +74,8 @@ def test_both_points_on_one_body_or_on_the_ground_are_refused(joint):
 @pytest.mark.parametrize(("joint", "a", "b"), ADMITTED)
 def test_rows_are_independent_where_the_joint_is_assembled(joint, a, b):
     bodies = make_body(a, "a"), make_body(b, "b")
-    scene = mb.Scene(
-        mb.System(*bodies, joint.between(*bodies)),
-        guess={f"{body.name}.x": 0.3 for body in bodies if body.name in "ab"},
-    )
+    guess = {f"{body.name}.x": 0.3 for body in bodies if body.name in "ab"}
+    scene = mb.Scene(mb.System(*bodies, joint.between(*bodies)), guess=guess)
     simulator = mb.DAESimulator(scene)  # redundant rows would be an AssemblyError
     dae = simulator.dae
     (x,), _ = simulator.start.states(np.zeros((1, 0)))

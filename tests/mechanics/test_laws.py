@@ -96,8 +96,7 @@ def test_masses_and_drives_may_be_sympy():
 
 
 def test_principal_inertias_and_matrices_may_be_expressions():
-    J = [[P.m, 0.1, 0], [0.1, P.m * P.l, 0], [0, 0, P.k]]
-    body = mb.Body("b", P.m, J, mb.Spatial())
+    body = mb.Body("b", P.m, [[P.m, 0.1, 0], [0.1, P.m * P.l, 0], [0, 0, P.k]], mb.Spatial())
     _, dae = bundle(body, parameters=P)
     neutral = [0, 0, 0, 1, 0, 0, 0]
     assert_allclose(dae.M(neutral, np.zeros(6), P.nominal, 0).full()[3:, 3:], [[2, 0.1, 0], [0.1, 1, 0], [0, 0, 30]])

@@ -25,8 +25,7 @@ def write(tmp_path, inside, outside="", name="machine.xml"):
 
 def told(path, **options):
     """The robot of a file and the text of its warning."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as caught:
         robot = mb.load_mjcf(path, **options)
     return robot, " ".join(str(warning.message) for warning in caught)
 
@@ -34,8 +33,7 @@ def told(path, **options):
 def value(robot, expression, start=(), parameters=None):
     """An expression at the start."""
     system = mb.System(*robot.elements, parameters=parameters)
-    scene = mb.Scene(system, robot.start | dict(start), outputs={"e": expression(system)})
-    return mb.simulate(scene)["e"][0]
+    return mb.simulate(mb.Scene(system, robot.start | dict(start), outputs={"e": expression(system)}))["e"][0]
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -124,10 +122,8 @@ def test_a_planar_four_bar_that_connect_closes(tmp_path):
 
 
 def test_a_joint_that_another_one_leads(tmp_path):
-    inside = "".join(
-        f'<body name="{name}" pos="0 {k} 0"><joint name="{name}_j" axis="1 0 0"/>{ROD}</body>'
-        for k, name in enumerate("ab")
-    )
+    text = '<body name="{0}" pos="0 {1} 0"><joint name="{0}_j" axis="1 0 0"/>{2}</body>'
+    inside = text.format("a", 0, ROD) + text.format("b", 1, ROD)
     path = write(tmp_path, inside, '<equality><joint joint1="a_j" joint2="b_j" polycoef="0.1 2 0.5 0 0"/></equality>')
     robot = mb.load_mjcf(path, replace={"equality0.polycoef.0": 0.2})
     assert "a_j.angle" not in robot.start
@@ -182,16 +178,14 @@ def test_a_weld_between_sites(tmp_path):
     path = write(tmp_path, inside, '<equality><weld site1="p" site2="q"/></equality>')
     robot = mb.load_mjcf(path)
     place = robot.bodies["b"].point(0, 0, 0)
-    scene = mb.Scene(
-        mb.System(*robot.elements), {"j.angle": 0.5}, outputs={x: getattr(place, x) for x in "xyz"}, guess=robot.start
-    )
+    outputs = {x: getattr(place, x) for x in "xyz"}
+    scene = mb.Scene(mb.System(*robot.elements), {"j.angle": 0.5}, outputs=outputs, guess=robot.start)
     run = mb.simulate(scene)
     assert_allclose([run[x][0] for x in "xyz"], [np.cos(0.5), -0.1, 1 - np.sin(0.5)], atol=1e-9)
 
 
 def test_limits_act_on_request(tmp_path):
-    arm = f'<body name="arm"><joint name="j" axis="0 1 0" range="-90 40"/>{ROD}</body>'
-    path = write(tmp_path, arm)
+    path = write(tmp_path, f'<body name="arm"><joint name="j" axis="0 1 0" range="-90 40"/>{ROD}</body>')
     idle, text = told(path)
     assert "limits of joints, because stop=... is missing (j)" in text
     stopped, text = told(path, stop=0.0)

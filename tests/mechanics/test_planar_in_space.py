@@ -35,8 +35,7 @@ def run(system, start, bodies, joint, **more):
         outputs |= {f"{b.name}.turn": ca.atan2(R[1, 0], R[0, 0]), f"{b.name}.spin": b.omega[b.omega.numel() - 1]}
     reaction = system.reaction(joint)
     outputs |= {"fx": reaction.fx, "fy": reaction.fy, "fz": reaction.fz, "tx": reaction.tx, "tz": reaction.tz}
-    scene = mb.Scene(system, start=start, times=TIMES, outputs=outputs, **more)
-    trajectory = mb.simulate(scene, TIGHT)
+    trajectory = mb.simulate(mb.Scene(system, start=start, times=TIMES, outputs=outputs, **more), TIGHT)
     assert trajectory.position_drift < 1e-13
     assert trajectory.energy_drift < 1e-9
     return trajectory.values
@@ -64,9 +63,8 @@ def chain(planar):
 def slider_crank(planar):
     """In space, a ball joint and a cylindrical joint carry the rod: with hinges it would be redundant."""
     ground = mb.Ground()
-    crank, rod, slider = (
-        body(n, m, j, planar) for n, m, j in (("crank", 1.0, 0.1), ("rod", 1.5, 0.3), ("slider", 2.0, 0.2))
-    )
+    parts = (("crank", 1.0, 0.1), ("rod", 1.5, 0.3), ("slider", 2.0, 0.2))
+    crank, rod, slider = (body(*part, planar) for part in parts)
     wrist, pin = (mb.Revolute, mb.Revolute) if planar else (mb.Cylindrical, mb.Spherical)
     system = mb.System(
         crank, rod, slider,

@@ -6,7 +6,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 import pytest
-from faults import refused
+from faults import refused, warned
 from numpy.testing import assert_allclose
 
 import symmb as mb
@@ -16,8 +16,7 @@ GROUND = mb.Ground()
 
 def hanging(*rope, start=None, times=(0.0, 1.0), mass=2.0):
     load = mb.Body("load", mass, pose=mb.Particle())
-    line = mb.Rope("rope", [*rope[0], load.point(0, 0)], *rope[1:])
-    system = mb.System(load, line, mb.Gravity(0, -10.0))
+    system = mb.System(load, mb.Rope("rope", [*rope[0], load.point(0, 0)], *rope[1:]), mb.Gravity(0, -10.0))
     return mb.Scene(system, start, list(times), {"x": load.x, "y": load.y, "vy": load.vy})
 
 
@@ -28,10 +27,8 @@ def test_a_slack_rope_has_no_force_and_catches_its_load():
     phase = np.pi - np.arctan2(v / w, m * g / k)  # where the rope has its length again
     taut = 2 * phase / w
     times = [0.0, 0.5, 0.5 + taut / 2, 0.5 + taut, 0.7 + taut]
-    run = mb.simulate(
-        hanging([GROUND.point(0, 1.25)], k, 1.25 + 1.25, start={"load.y": 0.0}, times=times),
-        mb.DormandPrince(rtol=1e-11),
-    )
+    scene = hanging([GROUND.point(0, 1.25)], k, 1.25 + 1.25, start={"load.y": 0.0}, times=times)
+    run = mb.simulate(scene, mb.DormandPrince(rtol=1e-11))
     deepest = -1.25 - m * g / k - np.hypot(v / w, m * g / k)
     assert_allclose(run["y"], [0, -1.25, deepest, -1.25, -1.25 + 0.2 * v - 0.2], atol=1e-6)
     assert_allclose(run["vy"][[1, 3]], [-v, v], atol=1e-6)
@@ -40,9 +37,8 @@ def test_a_slack_rope_has_no_force_and_catches_its_load():
 
 def test_damping_never_pushes():
     """A load that flies up from a stretched rope: the damper would push it down."""
-    run = mb.simulate(
-        hanging([GROUND.point(0, 0)], 1e-3, 1.0, 50.0, start={"load.y": -1.2, "load.vy": 4.0}, times=[0, 0.1])
-    )
+    start = {"load.y": -1.2, "load.vy": 4.0}
+    run = mb.simulate(hanging([GROUND.point(0, 0)], 1e-3, 1.0, 50.0, start=start, times=[0, 0.1]))
     assert_allclose(run["vy"][-1], 3.0, atol=1e-6)
 
 
@@ -72,8 +68,7 @@ def test_a_rod_for_a_rope_says_when_it_pushes():
     rod = mb.Distance("rod", GROUND.point(0, 0), bob.point(0, 0), 1.0, unilateral=True)
     start = {"bob.x": 0.0, "bob.vx": 5.5}
     scene = mb.Scene(mb.System(bob, rod, mb.Gravity(0, -9.81)), start, np.linspace(0, 1, 201), guess={"bob.y": -1.0})
-    with pytest.warns(mb.SymmbWarning, match=r"Distance 'rod': its force changes sign at t = 0\.4"):
-        run = mb.simulate(scene)
+    run = warned(r"Distance 'rod': its force changes sign at t = 0\.4", mb.simulate, scene)
     slack = (5.5**2 - 2 * 9.81) / (3 * 9.81)  # its height
     time = float(run.doubts[0].split("t = ")[1].split()[0])
     assert run["bob.y"][run.t.searchsorted(time) - 1] < slack <= run["bob.y"][run.t.searchsorted(time)] + 1e-9
@@ -120,10 +115,7 @@ def test_a_winch_that_winds_its_load_into_the_pulley_is_told(over, y):
     rope = mb.Rope("rope", [GROUND.point(-1, 0.1), over, load.point(0, 0)], 1e4, 1.8 - mb.t, 50.0)
     system = mb.System(load, rope, mb.Gravity(0, -9.81))
     scene = mb.Scene(system, {"load.x": 0.1, "load.y": y, "load.vy": 1.0}, np.linspace(0, 0.9, 19))
-    with pytest.warns(
-        mb.SymmbWarning, match=r"Rope 'rope': the rope is too short at t = 0\.[678].*Stop the winch earlier"
-    ):
-        mb.simulate(scene)
+    warned(r"Rope 'rope': the rope is too short at t = 0\.[678].*Stop the winch earlier", mb.simulate, scene)
 
 
 def retracting(speed, r, k=1000.0):
@@ -236,8 +228,8 @@ def test_the_state_of_a_pulley_is_the_turn_of_the_line_through_the_points(side, 
     rope = mb.Rope("rope", [GROUND.point(-1, 0), (GROUND.point(0, 0), side * 0.1), load.point(0, 0)], 10.0, 9.0)
     drives = [mb.Motion("x", load.x, 2 * ca.cos(angle)), mb.Motion("y", load.y, 2 * ca.sin(angle))]
     scene = mb.Scene(mb.System(load, rope, *drives), {"load.z": 0.0}, [0.0, 0.5, 7.0])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)  # some come from the side where the pulley does not lie
+    # some come from the side where the pulley does not lie
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         assert_allclose(mb.simulate(scene, mb.CVODES())["rope.wrap1"], turn + np.array([0.0, 0.5, 7.0]), atol=1e-6)
 
 
@@ -248,7 +240,6 @@ def test_a_doubt_between_two_output_times_is_told(depth, count):
     rope = mb.Rope("rope", [GROUND.point(-1, 0), (GROUND.point(0, 0), 0.3), load.point(0, 0)], 1e4, 9.0)
     way = mb.Motion("way", load.x, depth + ca.cos(2 * ca.pi * mb.t) ** 2)
     scene = mb.Scene(mb.System(load, rope, way), {"load.y": 0.0, "load.z": 0.0}, np.linspace(0, 1.5, count + count % 2))
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as told:
         mb.simulate(scene)
     assert [("an end has reached a pulley" in str(w.message)) for w in told] == [True] * (depth < 0.3)

@@ -57,9 +57,8 @@ def test_lanes_read_a_table_each_at_its_own_place():
     x, y = CURVES["ups and downs"]
     table, state, p, t = mb.Table(x, y), ca.SX.sym("x"), ca.SX.sym("p"), ca.SX.sym("t")
     outputs = ca.vertcat(table(state), ca.jacobian(table(state), state), table(t))
-    engine = Engine(
-        Lanes(model_function(state, p, t, ca.SX(0.0), outputs, None), Tolerances(1e-8, 1e-8)), np.array([2.5])
-    )
+    f = model_function(state, p, t, ca.SX(0.0), outputs, None)
+    engine = Engine(Lanes(f, Tolerances(1e-8, 1e-8)), np.array([2.5]))
     at = np.linspace(x[0] - 1, x[-1] + 1, 101)
     Y, _ = engine.values(at[:, None], np.ones((101, 1)))
     expected = ca.Function("f", [state, t], [outputs])(at[None], 2.5).full().T
@@ -75,9 +74,8 @@ def block(points, argument):
     push = mb.Force("push", body.point(0, 0), (mb.Table(x, y)(at) - p.k * body.x, 0))
     system = mb.System(body, push, parameters=p)
     start, times = {"block.x": 0.9, "block.vx": -0.35}, np.linspace(0, 2, 9)
-    return mb.Scene(system, start, times, {"x": body.x, "v": body.vx}, box=mb.Box.around(p, 0.02)), PchipInterpolator(
-        x, y
-    )
+    outputs = {"x": body.x, "v": body.vx}
+    return mb.Scene(system, start, times, outputs, box=mb.Box.around(p, 0.02)), PchipInterpolator(x, y)
 
 
 ARGUMENTS = {

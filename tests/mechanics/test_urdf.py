@@ -169,9 +169,8 @@ def test_limits_stop_a_joint_on_request(tmp_path, stop):
     hinge = joint("hinge", "revolute", "base", "arm", '<axis xyz="0 1 0"/><limit lower="-1" upper="0.5"/>')
     text = f'<link name="base"/><link name="arm">{ROD}</link>{hinge}'
     idle, stopped = load(tmp_path, text), load(tmp_path, text, stop=stop, replace={"hinge.limit.upper": 0.7})
-    assert "the limits of one joint have no effect" in repr(idle) and not any(
-        isinstance(e, mb.Stop) for e in idle.elements
-    )
+    assert "the limits of one joint have no effect" in repr(idle)
+    assert not any(isinstance(e, mb.Stop) for e in idle.elements)
     outputs = {"angle": stopped.joints["hinge"].angle}
     system = mb.System(*stopped.elements, mb.Gravity(0, 0, -9.81))
     run = mb.simulate(mb.Scene(system, stopped.start, np.linspace(0, 2, 21), outputs))
@@ -195,8 +194,7 @@ def test_default_outputs_are_the_joint_values(name, fixed_base, free):
     """And positions of links that no hinge or slider carries. Bodies declared beside a robot have theirs."""
     robot = mb.load_urdf(FILES / f"{name}.urdf", fixed_base=fixed_base)
     ball = mb.Body("ball", 1.0, pose=mb.Particle())
-    system = mb.System(*robot.elements, ball, mb.Gravity(0, 0, -9.81))
-    scene = mb.Scene(system, robot.start, [0.0, 0.1])
+    scene = mb.Scene(mb.System(*robot.elements, ball, mb.Gravity(0, 0, -9.81)), robot.start, [0.0, 0.1])
     values = {j.name: getattr(j, j.coordinate) for j in robot.joints.values() if j.coordinate}
     placed = {f"{link}.{x}": getattr(robot.bodies[link], x) for link in free for x in "xyz"}
     given = scene.with_outputs(values | placed | {"ball.z": ball.z, "ball.vz": ball.vz})
@@ -302,8 +300,7 @@ def test_the_nearest_possible_inertia_stands_for_one_that_no_body_has(seed, is_m
     if change > 0.5:
         refused("energy of a motion by", load, path)
         return
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as told:
         robot = load(path)
     assert len(told) == (not np.allclose(J, nearest, rtol=0, atol=1e-9 * np.abs(J).max()))
     found = np.zeros((3, 3))

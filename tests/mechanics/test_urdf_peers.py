@@ -69,8 +69,7 @@ class Peer:
             return np.concatenate([self.rate(q, v), self.accelerations(q, v)])
 
         start = np.concatenate([q, v])
-        run = solve_ivp(rate, (times[0], times[-1]), start, "DOP853", times, rtol=1e-12, atol=1e-12)
-        return run.y[:n].T
+        return solve_ivp(rate, (times[0], times[-1]), start, "DOP853", times, rtol=1e-12, atol=1e-12).y[:n].T
 
     def rate(self, q, v):
         """Rates of coordinates: those of a free base are in its own axes, those of continuous joints cos and sin."""
@@ -142,9 +141,8 @@ def scene_of(name, times=TIMES):
     rates = {f"{j}.{joints[j].coordinate}_rate": value for j, (_, value) in START[name].items()}
     start, guess, more = robot.start | values | rates, {}, []
     if name == "four_bar":
-        more = [
-            mb.PointOnLine("loop", mb.Ground().point(*PIN_AT), robot.bodies["rocker"].point(*ON_ROCKER), axis=(0, 1, 0))
-        ]
+        pin = mb.Ground().point(*PIN_AT)
+        more = [mb.PointOnLine("loop", pin, robot.bodies["rocker"].point(*ON_ROCKER), axis=(0, 1, 0))]
         guess, start = {"b.angle": 0.3, "c.angle": 0.8}, values | rates
     if name == "satellite":
         start |= {"hull.vx": 0.2, "hull.vz": 0.5, "hull.omega": (0.3, -0.2, 0.6)}

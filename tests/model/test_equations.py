@@ -77,10 +77,8 @@ def double_pendulum():
 def spherical_pendulum():
     """A point mass by azimuth and polar angle from below, with a shaft of inertia J: Goldstein, chapter 1."""
     p = mb.Parameters(m=1.3, l=0.8, g=9.81, J=0.1)
-    shaft, bob = (
-        mb.Body("shaft", 1.0, (1.0, 1.0, p.J), mb.Spatial()),
-        mb.Body("bob", p.m, (0.0, 0.0, 0.0), mb.Spatial()),
-    )
+    shaft = mb.Body("shaft", 1.0, (1.0, 1.0, p.J), mb.Spatial())
+    bob = mb.Body("bob", p.m, (0.0, 0.0, 0.0), mb.Spatial())
     azimuth = mb.Revolute("azimuth", GROUND.point(0, 0, 0), shaft.point(0, 0, 0), axis=(0, 0, 1))
     polar = mb.Revolute("polar", shaft.point(0, 0, 0), bob.point(0, 0, p.l), axis=(0, -1, 0))
     m, l, g, J, a, df, da = symbols("m l g J polar.angle azimuth.angle_rate polar.angle_rate")
@@ -115,9 +113,8 @@ LINKS, PIVOTS = ("crank", "coupler", "rocker"), ("A", "B", "D", "C")
 def _four_bar():
     """Uniform links of masses m1, m2, m3 and lengths a, b, c on a ground of length d."""
     p = mb.Parameters(m1=1.0, m2=3.0, m3=2.5, a=1.0, b=3.0, c=2.5, d=3.0, g=9.81)
-    crank, coupler, rocker = (
-        mb.Body(name, m, m * l**2 / 12) for name, m, l in zip(LINKS, (p.m1, p.m2, p.m3), (p.a, p.b, p.c), strict=True)
-    )
+    sizes = zip(LINKS, (p.m1, p.m2, p.m3), (p.a, p.b, p.c), strict=True)
+    crank, coupler, rocker = (mb.Body(name, m, m * l**2 / 12) for name, m, l in sizes)
     return mb.System(
         crank,
         coupler,
@@ -206,14 +203,9 @@ def four_bar_of_joints():
 
 
 BOOKS = [
-    point_pendulum,
-    compound_pendulum,
-    double_pendulum,
-    spherical_pendulum,
-    cart_pole,
-    four_bar_of_bodies,
+    point_pendulum, compound_pendulum, double_pendulum, spherical_pendulum, cart_pole, four_bar_of_bodies,
     four_bar_of_joints,
-]
+]  # fmt: skip
 
 
 def terms(expression):

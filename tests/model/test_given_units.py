@@ -155,8 +155,7 @@ def test_tolerances_around_nominal_values(tolerance, ends):
 def test_tolerances_without_a_size(seed):
     """Quantities, shares and pairs, by SciPy's factors."""
     rng = np.random.default_rng(seed)
-    lengths = ["mm", "cm", "in", "m", "µm", "ft"]
-    own, other = rng.choice(lengths, 2)
+    own, other = rng.choice(["mm", "cm", "in", "m", "µm", "ft"], 2)
     ratio, (nominal, size) = FACTORS.get(other, 1.0) / FACTORS.get(own, 1.0), rng.uniform(1, 9, 2).round(3)
     p = mb.Parameters(arm=(nominal, own))
     for text in (f"{size} {other}", f"±{size} {other}", (size, other), (-size, size, other), f"+/- {size} {other}"):

@@ -15,8 +15,7 @@ def links(carriers):
     rng = np.random.default_rng(7)
     for k, carrier in enumerate(carriers):
         hinge = rng.normal(size=3) * (carrier >= 0)
-        inertia = 0.1 + 0.05 * rng.random(3)
-        yield carrier, hinge, AXES[k % 3], 1 + rng.random(), rng.normal(size=3), inertia
+        yield carrier, hinge, AXES[k % 3], 1 + rng.random(), rng.normal(size=3), 0.1 + 0.05 * rng.random(3)
 
 
 def accelerations(carriers, q, v):

@@ -85,8 +85,7 @@ def both(system):
 @pytest.mark.parametrize("seed", but_long(range(20), *range(8, 20)))
 def test_trees_move_as_their_bodies_do(seed, planar, uncertain_axes):
     """Axes that depend on parameters are tilted to two corners of their box, in turns."""
-    system = tree(seed, planar, uncertain_axes)
-    bodies, in_joints, joints, to_bodies, to_joints = both(system)
+    bodies, in_joints, joints, to_bodies, to_joints = both(tree(seed, planar, uncertain_axes))
     assert joints.Phi is None and joints.n_v == bodies.n_v - bodies.n_r
     rng, t = np.random.default_rng(seed), 0.0
     for corner in 4 * [(0.4, 0.1), (-0.2, -0.5)]:
@@ -126,8 +125,7 @@ def test_rotors_that_turn_with_joints_move_as_in_coordinates_of_bodies(seed):
         rows.append(mb.VelocityConstraint(f"c{k}", (rotor.omega[2] - 2.5 * rate,)))
         elements += [body, joint, rotor, bearing, rows[-1]]
         carrier = body
-    system = mb.System(*elements)
-    bodies, in_joints, joints, to_bodies, _ = both(system)
+    bodies, in_joints, joints, to_bodies, _ = both(mb.System(*elements))
     assert in_joints.G.nnz() == 2 * len(rows) and all(e.is_constant() for e in in_joints.G.nonzeros())
     q, v = random_state(rng, in_joints)
     at = np.array([joints.v_names.index(f"f{k}.angle_rate") for k in range(3)])
@@ -141,8 +139,7 @@ def test_rotors_that_turn_with_joints_move_as_in_coordinates_of_bodies(seed):
 
 def test_the_double_pendulum_is_the_textbook_s():
     """Lagrange's equations of two rods in their relative angles."""
-    scene = double_pendulum()
-    parts = scene.system.joint_space().to_sympy("M", "Q")
+    parts = double_pendulum().system.joint_space().to_sympy("M", "Q")
     names = ("l1", "l2", "shoulder_angle", "elbow_angle", "shoulder_angle_rate", "elbow_angle_rate")
     symbols = {s.name.replace(".", "_"): s for e in parts.values() for s in e.free_symbols}
     l1, l2, a, b, wa, wb = (symbols[name] for name in names)
@@ -170,9 +167,8 @@ def test_models_move_as_their_bodies_do(model):
     if start.rows is not None or not bodies.n_v:
         pytest.skip("constraints are redundant, or nothing moves")
     x = start.nominal()
-    measured = ca.Function(
-        "measured", [scene.system.q, scene.system.v, scene.system.s, scene.system.p], list(in_joints.joints.of_joints)
-    )
+    arguments = [scene.system.q, scene.system.v, scene.system.s, scene.system.p]
+    measured = ca.Function("measured", arguments, list(in_joints.joints.of_joints))
     q, v, s = measured(x["q"], x["v"], x["s"], x["p"])
     a = joints.rhs(q, v, *([s] if joints.n_s else []), x["p"], start.t0)[1]
     q_b, v_b, _, a_b = (part.full().ravel() for part in to_bodies(q, v, s, a, x["p"]))

@@ -18,9 +18,7 @@ def scene(body="rod", parameter="l", output="x", joint="hinge"):
     length = p.symbols[0]
     hinge = mb.Revolute(joint, mb.Ground().point(0, 0), rod.point(-length / 2, 0))
     system = mb.System(rod, hinge, mb.Gravity(0, -9.81), parameters=p)
-    return mb.Scene(
-        system, times=np.linspace(0, 0.1, 3), outputs={output: rod.x}, box=mb.Box(**{parameter: (0.9, 1.1)})
-    )
+    return mb.Scene(system, {}, np.linspace(0, 0.1, 3), {output: rod.x}, box=mb.Box(**{parameter: (0.9, 1.1)}))
 
 
 @pytest.mark.parametrize("kind", ["body", "parameter", "output", "joint"])

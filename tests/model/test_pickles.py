@@ -25,17 +25,14 @@ MODELS = (
 )
 
 
-def in_another_process(scene, run):
-    options = {"input": pickle.dumps((scene, run)), "capture_output": True, "check": True}
-    return pickle.loads(subprocess.run([sys.executable, "-c", CHILD], cwd=Path(__file__).parents[2], **options).stdout)
-
-
 @pytest.mark.parametrize("name", MODELS)
 def test_scenes_and_runs_are_the_same_in_another_process(name):
     scene = importlib.import_module(f"models.{name}").scene()
     scene = scene.with_times(np.linspace(scene.times[0], scene.times[0] + 0.2 * np.ptp(scene.times), 21))
     run = mb.simulate(scene)
-    values, lam, values_before, energy, text = in_another_process(scene, run)
+    options = {"input": pickle.dumps((scene, run)), "capture_output": True, "check": True}
+    end = subprocess.run([sys.executable, "-c", CHILD], cwd=Path(__file__).parents[2], **options)
+    values, lam, values_before, energy, text = pickle.loads(end.stdout)
     assert np.array_equal(values, run.values) and np.array_equal(lam, run.lam)
     assert np.array_equal(values_before, run.values) and np.array_equal(energy, run.energy) and text == str(run)
 

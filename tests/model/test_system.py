@@ -109,8 +109,7 @@ def test_latex_shows_names():
 
 def test_coordinates_stand_in_the_order_of_declaration():
     a, b = mb.Body("a", 1.0, 0.1), mb.Body("b", 1.0, (1, 2, 3), mb.Spatial())
-    ball = mb.Spherical("ball", a.point(0, 0), b.point(0, 0))
-    system, dae = bundle(b, a, mb.Gravity(0, -9.81), ball)
+    system, dae = bundle(b, a, mb.Gravity(0, -9.81), mb.Spherical("ball", a.point(0, 0), b.point(0, 0)))
     assert dae.q_names == ("b.x", "b.y", "b.z", "b.e0", "b.e1", "b.e2", "b.e3", "a.x", "a.y", "a.theta")
     assert dae.v_names == ("b.vx", "b.vy", "b.vz", "b.omega_x", "b.omega_y", "b.omega_z", "a.vx", "a.vy", "a.omega")
     assert dae.row_names == ("ball.lam[0]", "ball.lam[1]", "ball.lam[2]")
@@ -250,13 +249,10 @@ def test_inputs_stand_in_the_equations(law):
 @pytest.mark.parametrize(
     ("law", "coordinates"),
     [
-        (lambda u, b: (u, 0), "x"),
-        (lambda u, b: (0, -1.7 * u**2), "y"),
-        (lambda u, b: (u * b.vx, 0), "x"),
-        (lambda u, b: (0, u * ca.sin(b.x)), "xy"),
-        (lambda u, b: (0 * u, 0), ""),
+        (lambda u, b: (u, 0), "x"), (lambda u, b: (0, -1.7 * u**2), "y"), (lambda u, b: (u * b.vx, 0), "x"),
+        (lambda u, b: (0, u * ca.sin(b.x)), "xy"), (lambda u, b: (0 * u, 0), ""),
     ],
-)
+)  # fmt: skip
 def test_coordinates_that_only_inputs_drive_stay(law, coordinates):
     u, ball, other = mb.Input("u"), mb.Body("ball", 2.0, pose=mb.Particle()), mb.Body("other", 3.0, pose=mb.Particle())
     force = law(u.value, ball)

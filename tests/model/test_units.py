@@ -39,9 +39,7 @@ UNKNOWN += [P.x, P.k * BALL.x, 1 / mb.t * P.k, ca.SX(3.0), ca.sin(ROD.theta), RO
 UNKNOWN += [REACTION * ca.cos(ROD.theta), ROD.omega * ca.cos(ROD.theta)]
 
 
-@pytest.mark.parametrize(
-    ("expression", "unit"), [*KNOWN, *((e, "") for e in UNKNOWN)], ids=lambda value: str(value)[:30]
-)
+@pytest.mark.parametrize("expression, unit", [*KNOWN, *((e, "") for e in UNKNOWN)], ids=lambda value: str(value)[:30])
 def test_units_that_follow_and_blank_where_nothing_is_known(expression, unit):
     assert units_of(SYSTEM, ca.SX(expression)) == (unit,)
 

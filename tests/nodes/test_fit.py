@@ -80,17 +80,9 @@ def responses(points):
     """Six smooth functions (N, 6) of points (N, d)."""
     d = points.shape[1]
     phase = points @ (1 + 0.5 * np.arange(d))
-    return np.stack(
-        [
-            np.exp(0.7 * phase),
-            np.cos(3 * points).prod(axis=1),
-            1 / (2.5 + points.mean(axis=1)),
-            np.sin(phase + 0.3) * np.exp(-(points[:, 0] ** 2)),
-            np.arctan(phase),
-            np.full(len(points), 2.0),
-        ],
-        axis=1,
-    )
+    parts = [np.exp(0.7 * phase), np.cos(3 * points).prod(axis=1), 1 / (2.5 + points.mean(axis=1))]
+    parts += [np.sin(phase + 0.3) * np.exp(-(points[:, 0] ** 2)), np.arctan(phase), np.full(len(points), 2.0)]
+    return np.stack(parts, axis=1)
 
 
 def distribution(d):

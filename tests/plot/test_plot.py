@@ -26,15 +26,9 @@ def curve(label, n_y=1, excess=0.1, error=0.1, runs=9, seconds=0.1):
 
 def draw(curves, n_y=1, measured=None, uncertainty=0.0, **more):
     reference = plot.Band("reference: best", np.zeros((5, n_y)), np.ones((5, n_y)))
-    return plot.plot_comparison(
-        T,
-        [f"y{i}" for i in range(n_y)],
-        reference,
-        curves,
-        measured=np.ones(n_y, dtype=bool) if measured is None else measured,
-        uncertainty=np.full(n_y, uncertainty),
-        **more,
-    )
+    names, measured = [f"y{i}" for i in range(n_y)], np.ones(n_y, dtype=bool) if measured is None else measured
+    uncertainty = np.full(n_y, uncertainty)
+    return plot.plot_comparison(T, names, reference, curves, measured=measured, uncertainty=uncertainty, **more)
 
 
 def error_axes(figure):
@@ -64,8 +58,7 @@ def test_the_most_accurate_setting_stands_for_its_family():
 def test_six_panels_at_most_and_the_hardest_outputs_in_them():
     error = np.linspace(0.8, 0.1, 8)
     figure = draw([curve("Scanning(3)", n_y=8, error=error)], n_y=8, measured=np.arange(8) != 1, title="crane")
-    panels = [axes.get_title(loc="left") for axes in figure.axes[:-1]]
-    assert panels == ["y0", "y2", "y3", "y4", "y5", "y6"]
+    assert [axes.get_title(loc="left") for axes in figure.axes[:-1]] == ["y0", "y2", "y3", "y4", "y5", "y6"]
 
 
 def test_wild_bounds_do_not_squash_the_reference():
@@ -118,22 +111,15 @@ def test_outputs_without_a_time_are_bars_side_by_side(n):
     curves = [
         plot.PlottedBounds(f"A{k}", f"A{k}()", "estimate", values - k, values + k, np.ones(2), 9, 0.1) for k in range(n)
     ]
-    figure = plot.plot_comparison(
-        T,
-        "ab",
-        plot.Band("reference", values - 1, values + 1),
-        curves,
-        measured=np.ones(2, bool),
-        uncertainty=np.zeros(2),
-    )
+    band = plot.Band("reference", values - 1, values + 1)
+    figure = plot.plot_comparison(T, "ab", band, curves, measured=np.ones(2, bool), uncertainty=np.zeros(2))
     over_time, bars = figure.axes[:2]
     assert over_time.xaxis.get_visible() and not bars.xaxis.get_visible()
     ends = np.array([line.get_xdata()[[0, -1]] for line in bars.lines]).reshape(n, 2, 2)
     assert (ends[:, 0] == ends[:, 1]).all()  # both lines of a bar
     assert (np.diff(ends[:, 0].ravel()) > 0).all() and ends.min() > T[0] and ends.max() < T[-1]
-    assert [line.get_ydata()[0] for line in bars.lines] == pytest.approx(
-        [0.3 + s * k for k in range(n) for s in (-1, 1)]
-    )
+    edges = [0.3 + s * k for k in range(n) for s in (-1, 1)]
+    assert [line.get_ydata()[0] for line in bars.lines] == pytest.approx(edges)
 
 
 def test_nothing_to_measure_still_draws():

@@ -20,9 +20,7 @@ def ishigami_bounds(method, a=7.0, b=0.1):
     return mb.propagate(simulator, method, mb.Box(**dict.fromkeys(("x1", "x2", "x3"), (-np.pi, np.pi))))
 
 
-@pytest.mark.parametrize(
-    ("nodes", "error"), [(mb.Gauss(), 1e-6), (mb.ClenshawCurtis(), 1e-5), (mb.Leja(), 2e-5)], ids=repr
-)
+@pytest.mark.parametrize("nodes, error", [(mb.Gauss(), 1e-6), (mb.ClenshawCurtis(), 1e-5), (mb.Leja(), 2e-5)], ids=repr)
 def test_ishigami(nodes, error):
     """Sobol' and Levitan (1999): variances of the parts of the function of Ishigami and Homma (1990)."""
     a, b = 7.0, 0.1
@@ -35,16 +33,14 @@ def test_ishigami(nodes, error):
     np.testing.assert_allclose(found.variance[0], [variance, 4 * variance], rtol=error)
     for k in range(2):
         np.testing.assert_allclose(found.first[:, 0, k], np.array([alone1, alone2, 0]) / variance, atol=error)
-        np.testing.assert_allclose(
-            found.total[:, 0, k], np.array([alone1 + with3, alone2, with3]) / variance, atol=error
-        )
+        expected = np.array([alone1 + with3, alone2, with3]) / variance
+        np.testing.assert_allclose(found.total[:, 0, k], expected, atol=error)
     assert found.names == ("y", "z") and found.parameters == ("x1", "x2", "x3")
 
 
 @pytest.mark.parametrize("lockstep", [False, True])
 def test_an_oscillator_over_time(lockstep):
-    bounds = mb.propagate(Wave(), mb.PolynomialChaos.paper(order=8, lockstep=lockstep), BOX)
-    found = bounds.moments()
+    found = mb.propagate(Wave(), mb.PolynomialChaos.paper(order=8, lockstep=lockstep), BOX).moments()
     (a_low, a_high), (w_low, w_high) = BOX.bounds
     t = TIMES[1:]
     cosine = (np.sin(w_high * t) - np.sin(w_low * t)) / (t * (w_high - w_low))
@@ -99,16 +95,12 @@ def test_bounds_without_an_expansion_have_no_moments(method):
 
 def test_moments_print_as_a_table_of_shares():
     """2 + 3 a + 4 a b over [-1, 1]: a alone explains 3, the product 16 / 9 of the variance; nothing of a constant."""
-    simulator = mb.FunctionSimulator(
-        lambda a, b: [[2 + 3 * a + 4 * a * b, 1.0]] * 2, {"a": 0.0, "b": 0.0}, [0.0, 1.0], ["f", "one"]
-    )
+    nominal = {"a": 0.0, "b": 0.0}
+    simulator = mb.FunctionSimulator(lambda a, b: [[2 + 3 * a + 4 * a * b, 1.0]] * 2, nominal, [0.0, 1.0], ["f", "one"])
     found = mb.propagate(simulator, mb.PolynomialChaos(order=2), mb.Box(a=(-1.0, 1.0), b=(-1.0, 1.0))).moments()
     assert repr(found) == "Moments(2 outputs x 2 times, 2 parameters)"
-    assert str(found).split("\n")[1:] == [
-        "                 a              b",
-        "f    0.628 / 1.000  0.000 / 0.372",
-        "one    no variance",
-    ]
+    rows = ["                 a              b", "f    0.628 / 1.000  0.000 / 0.372", "one    no variance"]
+    assert str(found).split("\n")[1:] == rows
 
 
 def test_boxes_cut_into_pieces_leave_no_moments():

@@ -131,32 +131,20 @@ def test_where_a_function_is_not_analytic_nothing_is_proved(name):
 
 
 def test_discs_on_both_sides_of_a_pole_prove_nothing():
-    found = discs.OPERATIONS[ca.OP_INV](discs.disc(np.array([-1.0, 1.0]), 0.1))
-    assert np.isinf(found.radius).all()
+    assert np.isinf(discs.OPERATIONS[ca.OP_INV](discs.disc(np.array([-1.0, 1.0]), 0.1)).radius).all()
 
 
 @pytest.mark.parametrize(
     ("name", "arguments", "expected"),
     [
-        ("OP_FABS", (-2.0,), 2.0),
-        ("OP_SIGN", (-2.0,), -1.0),
-        ("OP_FMIN", (1.0, 3.0), 1.0),
-        ("OP_FMAX", (1.0, 3.0), 3.0),
-        ("OP_LT", (1.0, 3.0), 1.0),
-        ("OP_LE", (3.0, 1.0), 0.0),
-        ("OP_EQ", (1.0, 3.0), 0.0),
-        ("OP_NE", (1.0, 3.0), 1.0),
-        ("OP_NOT", (0.0,), 1.0),
-        ("OP_AND", (1.0, 0.0), 0.0),
-        ("OP_OR", (0.0, 1.0), 1.0),
-        ("OP_IF_ELSE_ZERO", (1.0, 5.0), 5.0),
-        ("OP_IF_ELSE_ZERO", (0.0, 5.0), 0.0),
-        ("OP_NOT", (-2.0,), 0.0),
-        ("OP_AND", (2.0, -3.0), 1.0),
-        ("OP_OR", (-2.0, 0.0), 1.0),
-        ("OP_IF_ELSE_ZERO", (-2.0, 5.0), 5.0),
+        ("OP_FABS", (-2.0,), 2.0), ("OP_SIGN", (-2.0,), -1.0), ("OP_FMIN", (1.0, 3.0), 1.0),
+        ("OP_FMAX", (1.0, 3.0), 3.0), ("OP_LT", (1.0, 3.0), 1.0), ("OP_LE", (3.0, 1.0), 0.0),
+        ("OP_EQ", (1.0, 3.0), 0.0), ("OP_NE", (1.0, 3.0), 1.0), ("OP_NOT", (0.0,), 1.0),
+        ("OP_AND", (1.0, 0.0), 0.0), ("OP_OR", (0.0, 1.0), 1.0), ("OP_IF_ELSE_ZERO", (1.0, 5.0), 5.0),
+        ("OP_IF_ELSE_ZERO", (0.0, 5.0), 0.0), ("OP_NOT", (-2.0,), 0.0), ("OP_AND", (2.0, -3.0), 1.0),
+        ("OP_OR", (-2.0, 0.0), 1.0), ("OP_IF_ELSE_ZERO", (-2.0, 5.0), 5.0),
     ],
-)
+)  # fmt: skip
 def test_decided_comparisons(name, arguments, expected):
     code = getattr(ca, name)
     found = discs.OPERATIONS[code](*map(discs.disc, arguments))

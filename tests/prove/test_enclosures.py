@@ -28,8 +28,7 @@ INSIDE = 1e-11
 
 
 def _enclosed(scene, order):
-    simulator = DAESimulator(scene)
-    problem = problem_of("method", simulator, scene.box)
+    problem = problem_of("method", DAESimulator(scene), scene.box)
     return problem, enclose(problem, order, 1)
 
 
@@ -75,8 +74,7 @@ def _random_ode(seed):
 def test_samples_of_random_equations_lie_inside(seed):
     problem = _random_ode(seed)
     found = enclose(problem, 5, 1)
-    result = check(problem, found, seed=seed)
-    assert np.isfinite(found.upper[0]).all() and result.outside <= INSIDE
+    assert np.isfinite(found.upper[0]).all() and check(problem, found, seed=seed).outside <= INSIDE
 
 
 def test_no_uncertain_parameter():
@@ -110,12 +108,8 @@ def test_friction_that_is_almost_dry():
 
 
 def test_halves_of_the_box_are_joined():
-    problem = ode(
-        lambda x, p, t: [x[1], -p[0] * ca.sin(x[0])],
-        lambda p: [p[1], 0.0],
-        [(8.0, 12.0), (1.0, 2.0)],
-        np.linspace(0, 3, 7),
-    )
+    box = [(8.0, 12.0), (1.0, 2.0)]
+    problem = ode(lambda x, p, t: [x[1], -p[0] * ca.sin(x[0])], lambda p: [p[1], 0.0], box, np.linspace(0, 3, 7))
     one, four = enclose(problem, 3, 1), enclose(problem, 3, 4)
     assert four.boxes > 1 and check(problem, four, count=20).outside <= INSIDE
     finite = np.isfinite(one.upper)
@@ -143,8 +137,7 @@ def test_a_choice_that_was_good_for_earlier_steps_is_not_the_end():
 )
 def test_long_motions_are_proved_with_their_reactions(make, end, order):
     """The oscillator contracts, and its frame comes close to singular; the rod's reaction is a quotient."""
-    scene = make(spread=0.05, end=end)
-    problem, found = _enclosed(scene.with_times(np.linspace(0.0, end, 51)), order)
+    problem, found = _enclosed(make(spread=0.05, end=end).with_times(np.linspace(0.0, end, 51)), order)
     assert not found.why and check(problem, found).outside <= INSIDE
     width = found.upper - found.lower
     assert (found.remainder <= 5e-3 * width.max(axis=0)).all()
@@ -223,9 +216,8 @@ def test_rounding_of_a_curve_is_bounded_on_ellipses(terms, rho):
     ]
     assert (np.abs(lost) <= curve.rounded[0]).all()
     with mpmath.workdps(40):
-        points_on = [
-            mpmath.mpc(0.5) * (r * w + 1 / (r * w)) for r, w in zip((rho, d_rho), mpmath.unitroots(7)[2:4], strict=True)
-        ]
+        turns = mpmath.unitroots(7)[2:4]
+        points_on = [mpmath.mpc(0.5) * (r * w + 1 / (r * w)) for r, w in zip((rho, d_rho), turns, strict=True)]
         T, S = ([mpmath.chebyt(k, z) for k in range(n)] for z, n in zip(points_on, (terms + 1, 3), strict=True))
         off = abs(sum(T[i] * S[j] * lost[i][j] for i in range(terms + 1) for j in range(3)))
     assert off <= curve.error_on([rho, d_rho])[0]
@@ -271,9 +263,8 @@ def test_an_output_that_is_too_large_leaves_others_their_bounds():
                   outputs=lambda x, p, t: [1.7e8 * p[0], p[0]])  # fmt: skip
     found = enclose(problem, 3, 1)
     assert np.isinf(found.upper[:, 0]).all()
-    assert (
-        (found.lower[:, 1] <= 1.0).all() and (found.upper[:, 1] >= 1e300).all() and (found.upper < 1.1e300)[:, 1].all()
-    )
+    assert (found.lower[:, 1] <= 1.0).all()
+    assert (found.upper[:, 1] >= 1e300).all() and (found.upper < 1.1e300)[:, 1].all()
 
 
 def test_a_range_whose_maximum_is_on_a_surface():
@@ -365,17 +356,12 @@ def test_shared_reactions_of_bars_of_uncertain_length_are_enclosed():
     """The unit in which forces and moments compare depends on the length."""
     p, ground = mb.Parameters(L=0.5), mb.Ground()
     rod = mb.Body("rod", 1.0, (0.01, 0.1, 0.1), mb.Spatial())
-    hinges = [
-        mb.Revolute(name, ground.point(0, 0, z), rod.point(-p.L, 0, z), axis=(0, 0, 1))
-        for name, z in (("low", -0.2), ("high", 0.3))
-    ]
+    heights = (("low", -0.2), ("high", 0.3))
+    hinges = [mb.Revolute(name, ground.point(0, 0, z), rod.point(-p.L, 0, z), axis=(0, 0, 1)) for name, z in heights]
     system = mb.System(rod, *hinges, mb.Gravity(0, -9.81, 0), parameters=p)
+    outputs = {"low": system.lam("low")[1]}
     scene = mb.Scene(
-        system,
-        times=np.linspace(0, 0.3, 4),
-        outputs={"low": system.lam("low")[1]},
-        guess={"rod.x": 0.5},
-        box=mb.Box(L=(0.499, 0.501)),
+        system, times=np.linspace(0, 0.3, 4), outputs=outputs, guess={"rod.x": 0.5}, box=mb.Box(L=(0.499, 0.501))
     )
     bounds = mb.propagate(scene, mb.TaylorModel(order=4))
     P = np.random.default_rng(0).uniform(0.499, 0.501, (100, 1))

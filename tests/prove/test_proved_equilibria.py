@@ -62,12 +62,10 @@ def test_a_four_bar_stays_where_its_potential_energy_is_least():
         return f(brentq(lambda phi: float(f(phi, k)[0]), 0.3, 1.5, xtol=1e-15), k)[1].full().ravel()
 
     p = mb.Parameters(**values)
-    crank, coupler, rocker = (
-        mb.Body(name, p.rho * L, p.rho * L**3 / 12) for name, L in (("crank", p.a), ("coupler", p.b), ("rocker", p.c))
-    )
-    tips = {
-        body: (body.point(-L / 2, 0), body.point(L / 2, 0)) for body, L in ((crank, p.a), (coupler, p.b), (rocker, p.c))
-    }
+    lengths = (("crank", p.a), ("coupler", p.b), ("rocker", p.c))
+    crank, coupler, rocker = (mb.Body(name, p.rho * L, p.rho * L**3 / 12) for name, L in lengths)
+    bars = ((crank, p.a), (coupler, p.b), (rocker, p.c))
+    tips = {body: (body.point(-L / 2, 0), body.point(L / 2, 0)) for body, L in bars}
     pins = ((GROUND.point(0, 0), tips[crank][0]), (tips[crank][1], tips[coupler][0]),
             (tips[coupler][1], tips[rocker][1]), (GROUND.point(p.d, 0.1), tips[rocker][0]))  # fmt: skip
     joints = [mb.Revolute(name, *ends, axis=(0, 0, 1)) for name, ends in zip("OACD", pins, strict=True)]

@@ -16,8 +16,7 @@ TIMES = np.linspace(0.0, 1.0, 21)
 
 def proved(law, start, nominal, box, order=6, times=TIMES):
     """Bounds of a mass of 1 kg, and the text of its doubts."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         scene = switch_proofs.mass(times, law, start, nominal)
         bounds = mb.propagate(scene, mb.TaylorModel(order=order), mb.Box(**box))
     return bounds, " ".join(bounds.doubts)
@@ -158,9 +157,8 @@ def test_motions_that_begin_on_switches_and_leave_them(law, v, a):
     runs = [np.stack([v * times + a(F) * times**2 / 2, v + a(F) * times], 1) for F in (0.9, 1.0, 1.1)]
     for own, extreme in ((bounds.lower, np.min), (bounds.upper, np.max)):
         np.testing.assert_allclose(own[:, :2], extreme(runs, axis=0), atol=1e-12)
-    np.testing.assert_allclose(
-        [bounds.lower[1:, 2], bounds.upper[1:, 2]], np.sort([[a(0.9)], [a(1.1)]], axis=0) + 0 * times[1:]
-    )
+    known = np.sort([[a(0.9)], [a(1.1)]], axis=0)
+    np.testing.assert_allclose([bounds.lower[1:, 2], bounds.upper[1:, 2]], known + 0 * times[1:])
 
 
 def test_a_motion_that_sticks_at_the_start_is_not_proved():

@@ -129,10 +129,8 @@ def test_squares_that_come_close_to_zero(name, is_complex):
             finite += bool(np.isfinite(found.radius).all())
             for _ in range(6):
                 x = rng.choice([-1.0, 1.0], 3) * rng.choice([1.0, rng.random()], 3)
-                own = sum(
-                    (mpmath.mpc(complex(a)) * b for a, b in zip(c[1:, 0], (basis.exponents[1:4] @ x), strict=True)),
-                    mpmath.mpc(complex(c[0, 0])),
-                )
+                terms = (mpmath.mpc(complex(a)) * b for a, b in zip(c[1:, 0], (basis.exponents[1:4] @ x), strict=True))
+                own = sum(terms, mpmath.mpc(complex(c[0, 0])))
                 off = abs(ONE[name](own**2 + mpmath.mpf(e) ** 2) - _value_alone(found, x))
                 assert off <= mpmath.mpf(float(found.radius[0]))
     assert finite >= 8
@@ -163,8 +161,7 @@ def drag(law, spread):
     start = {"hinge.angle": -1.0, "hinge.angle_rate": p.w0}
     outputs = {"angle": hinge.angle, "off": ca.fabs(p.w0 - 2.0), "late": ca.fabs(mb.t - 0.3)}
     scene = mb.Scene(system, start, np.linspace(0, 0.5, 11), outputs, mb.Box.around(p, spread))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         return mb.propagate(scene, mb.TaylorModel(order=8))
 
 

@@ -66,9 +66,8 @@ def test_numbers_are_those_of_the_result(scene_report):
         assert words(line) in text
     for case in bounds._all_worst():
         speed = [f"{case.parameters['speed']:.6g}"] * (case.output == "x")  # y = -t^2 / 20 in all runs
-        place = (
-            f"{'lowest' if case.side == 'lower' else 'highest'} {case.output} {case.value + 0.0:.6g} {case.time:.6g}"
-        )
+        side = {"lower": "lowest", "upper": "highest"}[case.side]
+        place = f"{side} {case.output} {case.value + 0.0:.6g} {case.time:.6g}"
         assert " ".join([place, *speed, f"{case.attained + 0.0:.6g}"]) in text
     for cells in (*check._rows(), *bounds.contributions()._rows(0, -1)):
         assert " ".join(filter(None, cells)) in text
@@ -122,8 +121,7 @@ def test_nothing_is_loaded_from_elsewhere(scene_report):
 
 def test_a_black_box_has_neither_drawing_nor_equations(tmp_path):
     simulator, box = decay()
-    bounds = mb.propagate(simulator, mb.PolynomialChaos(), box)
-    text, found, page = reported(bounds, tmp_path)
+    text, found, page = reported(mb.propagate(simulator, mb.PolynomialChaos(), box), tmp_path)
     assert "<iframe" not in page and "<details" not in page
     assert not {"The mechanism", "Limits"} & {*found} and "What each parameter contributes" in found
     assert "Bounds of FunctionSimulator(<lambda>)" in text
@@ -154,9 +152,8 @@ def test_a_report_makes_no_runs_of_a_black_box(tmp_path, function, is_shown):
 def test_contributions_are_at_the_least_margin(tmp_path):
     """The widest time is another one, 2 s; 0 of these comes from k at 1 s, where the limit is close."""
     t = np.array([0.0, 1.0, 2.0])
-    simulator = mb.FunctionSimulator(
-        lambda k, m: np.stack([[k, 5 + m, 3 * k + m], [k, m, 2 * m]], 1), {"k": 1.0, "m": 1.0}, t, ["x", "y"]
-    )
+    f = lambda k, m: np.stack([[k, 5 + m, 3 * k + m], [k, m, 2 * m]], 1)  # noqa: E731
+    simulator = mb.FunctionSimulator(f, {"k": 1.0, "m": 1.0}, t, ["x", "y"])
     bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(k=(0.9, 1.1), m=(0.9, 1.1)))
     text, *_ = reported(bounds, tmp_path, {"x": (None, 7)})
     assert "x at 1 s alone" in text and "x at 2 s alone" not in text and "y at 2 s alone" in text
@@ -205,8 +202,7 @@ def test_large_numbers_are_powers_of_ten(tmp_path):
 @pytest.mark.parametrize("method", [mb.Taylor(2), mb.MonteCarlo(20), mb.Swarm(5, 3, seed=4)])
 def test_methods_without_contributions_or_runs(tmp_path, method):
     """No study is added, and the mechanism moves all the same. The seed stands there."""
-    scene = rolling()
-    bounds = mb.propagate(scene, method)
+    bounds = mb.propagate(rolling(), method)
     text, found, page = reported(bounds, tmp_path)
     assert "What each parameter contributes" not in found and "<iframe" in page
     assert ("stores no runs that attain its bounds" in text) == (bounds.attaining is None)

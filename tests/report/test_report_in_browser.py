@@ -5,15 +5,12 @@ import re
 
 import numpy as np
 import pytest
-from browser import PROGRAM, Browser
+from browser import NEEDED, Browser
 
 import symmb as mb
 from models import double_pendulum
 
-pytestmark = [
-    pytest.mark.skipif(PROGRAM is None, reason="needs Chromium"),
-    pytest.mark.filterwarnings("ignore::symmb.SymmbWarning"),
-]
+pytestmark = [NEEDED, pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")]
 SCREEN, TELEPHONE, PAPER = 1200, 390, 694
 """Widths [px]; that of paper is A4 within its margins."""
 DPI, LETTERS = 150, 8

@@ -243,8 +243,7 @@ def test_the_title_block(tmp_path):
 def test_names_in_sentences_are_no_markup(tmp_path):
     name, path = "<script>x</script>", tmp_path / "r.html"
     simulator = mb.FunctionSimulator(lambda **p: p[name] * T, {name: 2.0}, T, [name])
-    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**{name: (1.0, 3.0)}))
-    bounds.report(path, {name: (None, 2.5)})
+    mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**{name: (1.0, 3.0)})).report(path, {name: (None, 2.5)})
     page = path.read_text()
     assert "<script" not in page
     assert f"{name} may exceed its limit of 2.5 by 0.5, at 1 s, when {name} is high (3)." in html.unescape(page)

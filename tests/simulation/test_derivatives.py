@@ -5,7 +5,7 @@ from functools import partial
 import casadi as ca
 import numpy as np
 import pytest
-from faults import refused
+from faults import refused, warned
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize
 from small_scenes import particle
@@ -38,8 +38,7 @@ def by_hand(u):
         return np.array([vx, vy, -pull * x / r, -pull * y / r - 9.81])
 
     start = np.array([a, -length, 0, 0], dtype=complex)
-    run = solve_ivp(rates, (0, TIMES[-1]), start, "DOP853", TIMES, rtol=1e-13, atol=1e-15)
-    return run.y[:3].T
+    return solve_ivp(rates, (0, TIMES[-1]), start, "DOP853", TIMES, rtol=1e-13, atol=1e-15).y[:3].T
 
 
 def slopes_by_hand(u):
@@ -78,8 +77,7 @@ def test_torch_has_values_and_gradients_of_batches():
     np.testing.assert_allclose(y.detach()[0], by_hand(POINTS[0]).real, rtol=1e-8, atol=1e-8)
     np.testing.assert_allclose(u.grad[0], np.einsum("ty,typ->p", weights, slopes), rtol=1e-8)
     assert f(u.detach()).requires_grad is False
-    with pytest.raises(mb.DeclarationError, match=r"expected an array \(..., 2\) of a, l"):
-        f(torch.ones(3))
+    refused(r"expected an array \(..., 2\) of a, l", f, torch.ones(3))
 
 
 TRUE = np.array([0.97, 2.93, 2.56, 3.04])
@@ -149,9 +147,8 @@ def test_jumps_whose_time_moves_are_told():
     scene = partial(particle, times=times, start={"mass.vx": 1.0}, outputs=("vx",), F=(1.0, 3.0), a=(0.0, 1.0))
     with pytest.warns(mb.SymmbWarning, match="Derivatives for a are not valid from t = 0.5 s on: they ignore the"):
         mb.sensitivities(scene(lambda p, mass: ca.if_else(mass.x > p.a, -p.F, 0)))
-    slopes = mb.sensitivities(
-        scene(lambda p, mass: -p.F * ca.fmax(mass.x - p.a, 0))
-    )  # v = cos(w t) with w^2 = F and x = a at t = a
+    # v = cos(w t) with w^2 = F and x = a at t = a
+    slopes = mb.sensitivities(scene(lambda p, mass: -p.F * ca.fmax(mass.x - p.a, 0)))
     w, late = np.sqrt(2.0), np.maximum(times - 0.5, 0.0)
     np.testing.assert_allclose(slopes["vx", "a"], w * np.sin(w * late), atol=1e-6)
     np.testing.assert_allclose(slopes["vx", "F"], -late * np.sin(w * late) / (2 * w), atol=1e-6)
@@ -163,8 +160,7 @@ def test_jumps_away_from_the_nominal_parameters_are_told_as_well():
     f = mb.jax_function(particle(law, np.linspace(0.0, 0.25, 6), {"mass.vx": 1.5}, a=(0.3, 0.5)))
     last = jax.grad(lambda u: f(u)[-1, 0])
     assert last(np.array([0.39])) == 0.0  # the run ends before
-    with pytest.warns(mb.SymmbWarning, match="Derivatives for a are not valid from t = 0.13"):
-        last(np.array([0.2]))
+    warned("Derivatives for a are not valid from t = 0.13", last, np.array([0.2]))
 
 
 @pytest.mark.parametrize(("make", "package"), [(mb.jax_function, "jax"), (mb.torch_function, "torch")])
@@ -193,8 +189,7 @@ def test_what_gives_no_derivatives(make, package):
     package = pytest.importorskip(package)
     box = mb.FunctionSimulator(lambda u: np.outer(np.arange(2.0), u), {"k": 1.0}, times=[0.0, 1.0], outputs=["y"])
     refused(r"has no derivatives. Pass a Scene.", make, box, error=mb.SimulationError)
-    with pytest.raises(mb.DeclarationError, match="lenght"):
-        make(coupler_curve(), ["lenght"])
+    refused("lenght", make, coupler_curve(), ["lenght"])
     f, too_long = make(coupler_curve()), [9.0, 1.0, 1.0, 1.0]
     with pytest.raises(Exception, match="the start could not be solved for"):
         f(package.tensor(too_long) if make is mb.torch_function else np.array(too_long))

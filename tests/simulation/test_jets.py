@@ -18,8 +18,7 @@ NODES = np.arange(-4, 5)
 
 def coefficients(values, h):
     """Taylor coefficients 0 ... 3 from values (9, ...) at the nodes times h."""
-    flat = values.reshape(9, -1)
-    fit = np.polynomial.polynomial.polyfit(NODES, flat, 8)[: ORDER + 1]
+    fit = np.polynomial.polynomial.polyfit(NODES, values.reshape(9, -1), 8)[: ORDER + 1]
     return (fit / h ** np.arange(ORDER + 1)[:, None]).reshape(ORDER + 1, *values.shape[1:])
 
 
@@ -115,10 +114,8 @@ def test_trajectories_in_space():
     tip = mb.Spherical("tip", mb.Ground().point(0, 0), top.point(0, 0, -p.arm))
     start = {"top.rotation": mb.rotation((0, 1, 0), p.tilt), "top.omega": (0.2, p.tilt, 8.0)}
     system = mb.System(top, tip, mb.Gravity(0, 0, -9.81), parameters=p)
-    scene = mb.Scene(
-        system, start, TIMES, {"x": top.x, "y": top.y, "w": top.omega[0], "pull": system.reaction("tip").fz}
-    )
-    simulator = mb.DAESimulator(scene, mb.CVODES(rtol=1e-13))
+    outputs = {"x": top.x, "y": top.y, "w": top.omega[0], "pull": system.reaction("tip").fz}
+    simulator = mb.DAESimulator(mb.Scene(system, start, TIMES, outputs), mb.CVODES(rtol=1e-13))
     nominal, h = np.array([1.5, 0.4, 0.5]), 0.004
     jets = simulator.jets(nominal, DIRECTIONS, ORDER)
     for m, d in enumerate(DIRECTIONS):

@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from faults import refused
 
 import symmb as mb
 
@@ -17,8 +18,7 @@ def oscillator(scale: float = 1.0) -> mb.Scene:
     ball = mb.Body("ball", p.m, pose=mb.Particle())
     spring = mb.SpringDamper("spring", mb.Ground().point(-1, 0), ball.point(0, 0), p.k, 0.0, 1.0)
     system = mb.System(ball, spring, parameters=p)
-    outputs = {"x": ball.x, "vx": ball.vx}
-    return mb.Scene(system, {"ball.x": p.a, "ball.y": 0.0}, T, outputs, name="oscillator")
+    return mb.Scene(system, {"ball.x": p.a, "ball.y": 0.0}, T, {"x": ball.x, "vx": ball.vx}, name="oscillator")
 
 
 def exact(m, k, a):
@@ -142,10 +142,8 @@ def test_wrong_calls_are_told():
     }
     for why, calls in wrong.items():
         for call in calls:
-            with pytest.raises(mb.DeclarationError, match=why):
-                call()
-    with pytest.raises(mb.SimulationError, match="has no derivatives"):
-        mb.sensitivities(black_box)
+            refused(why, call)
+    refused("has no derivatives", mb.sensitivities, black_box, error=mb.SimulationError)
 
 
 def test_more_runs_than_anybody_can_afford_are_refused_before_they_are_listed():

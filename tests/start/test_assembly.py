@@ -103,8 +103,7 @@ def test_a_guessed_position_turns_a_pinned_body():
 
 def unassembled():
     rod = mb.Body("rod", 1.0, 0.1)
-    hinge = mb.Revolute("hinge", GROUND.point(0, 0), rod.point(0, 0.5))
-    system = mb.System(rod, hinge)
+    system = mb.System(rod, mb.Revolute("hinge", GROUND.point(0, 0), rod.point(0, 0.5)))
     yield mb.Scene(system, {"rod.y": -0.4})
     yield mb.Scene(system, {"rod.x": 0.2, "rod.theta": 1.0})
     yield mb.Scene(system, {"rod.x": 0.2, "rod.y": 0.1, "rod.theta": 1.0})

@@ -16,8 +16,7 @@ def doubts(scene):
 
 def pendulum(angle=None, gravity=-9.81, **more):
     rod = mb.Body("rod", 2.0, 0.1)
-    hinge = mb.Revolute("hinge", GROUND.point(0, 0), rod.point(0, 0.5))
-    system = mb.System(rod, hinge, mb.Gravity(0, gravity))
+    system = mb.System(rod, mb.Revolute("hinge", GROUND.point(0, 0), rod.point(0, 0.5)), mb.Gravity(0, gravity))
     start = {} if angle is None else {"rod.theta": angle}
     return mb.Scene(system, start | more.pop("start", {}), TIMES, **more)
 
@@ -60,10 +59,8 @@ def test_locked_mechanisms_are_doubtful_and_driven_or_welded_ones_are_not():
         mb.Revolute("B", a.point(0.5, 0), b.point(-0.5, 0)),
         mb.Revolute("C", GROUND.point(1.2, 0.9), b.point(0.5, 0)),
     ]
-    triangle = mb.Scene(mb.System(a, b, *hinges, mb.Gravity(0, -1)), times=TIMES, guess={"b.theta": 1.0})
-    assert (
-        len(doubts(triangle)) == 1 and "locked: its constraints leave none of its 6 velocities" in doubts(triangle)[0]
-    )
+    (told,) = doubts(mb.Scene(mb.System(a, b, *hinges, mb.Gravity(0, -1)), times=TIMES, guess={"b.theta": 1.0}))
+    assert "locked: its constraints leave none of its 6 velocities" in told
     crank = mb.Revolute("A", GROUND.point(0, 0), a.point(-0.5, 0))
     assert doubts(mb.Scene(mb.System(a, crank, mb.Motion("drive", a.theta, mb.t)), times=TIMES)) == ()
     assert doubts(mb.Scene(mb.System(a, mb.Weld("A", GROUND.point(0, 0), a.point(0, 0))), times=TIMES)) == ()
@@ -74,11 +71,9 @@ def test_locked_mechanisms_are_doubtful_and_driven_or_welded_ones_are_not():
 def test_impacts_of_one_instant_are_doubtful_if_their_order_matters(e, masses, is_doubtful):
     """Two balls hit a third one from both sides. Equal elastic balls exchange velocities, in whatever order."""
     balls = [mb.Body(name, m, pose=mb.Particle()) for name, m in zip("abc", (1.0, masses, 1.0), strict=True)]
-    contacts = [
-        mb.Impact(name, right.x - left.x - 1, e) for name, left, right in (("left", *balls[:2]), ("right", *balls[1:]))
-    ]
-    start = {"a.x": -2.0, "a.vx": 1.0, "c.x": 2.0, "c.vx": -1.0}
-    scene = mb.Scene(mb.System(*balls, *contacts), start, TIMES)
+    pairs = (("left", *balls[:2]), ("right", *balls[1:]))
+    contacts = [mb.Impact(name, right.x - left.x - 1, e) for name, left, right in pairs]
+    scene = mb.Scene(mb.System(*balls, *contacts), {"a.x": -2.0, "a.vx": 1.0, "c.x": 2.0, "c.vx": -1.0}, TIMES)
     if not is_doubtful:
         assert mb.simulate(scene).doubts == ()
         return
@@ -111,9 +106,6 @@ def test_a_particle_on_a_rail_is_not_locked(axis):
 def test_a_door_that_balances_everywhere_is_neutral(count, axis):
     """Gravity along the hinges, of which all but one are redundant: the door stays where it is put."""
     leaf = mb.Body("leaf", 20.0, (4.0, 1.0, 3.0), mb.Spatial(), com=(0.4, 0.1, 0.9))
-    hinges = [
-        mb.Revolute(f"h{k}", GROUND.point(*(k * c for c in axis)), leaf.point(*(k * c for c in axis)), axis=axis)
-        for k in range(count)
-    ]
-    gravity = mb.Gravity(*(-9.81 * c for c in axis))
-    assert doubts(mb.Scene(mb.System(leaf, *hinges, gravity), times=TIMES)) == ()
+    places = [[k * c for c in axis] for k in range(count)]
+    hinges = [mb.Revolute(f"h{k}", GROUND.point(*at), leaf.point(*at), axis=axis) for k, at in enumerate(places)]
+    assert doubts(mb.Scene(mb.System(leaf, *hinges, mb.Gravity(*(-9.81 * c for c in axis))), times=TIMES)) == ()

@@ -49,8 +49,7 @@ def test_an_arm_with_all_angles_listed_needs_no_guess(backwards):
     outputs |= {f"w{k}": joint.angle_rate for k, joint in enumerate(joints)}
     outputs |= {"x": tip.x, "y": tip.y, "z": tip.z, "vx": tip.vx, "vy": tip.vy, "vz": tip.vz}
     P = np.array([[ANGLES[0], RATES[0], 0.3], [-7.0, 1.5, 0.35]])  # more than half a turn from the nominal angle
-    scene = mb.Scene(system, start, np.linspace(0, 1e-3, 2), outputs)
-    simulator = mb.DAESimulator(scene, mb.DormandPrince())
+    simulator = mb.DAESimulator(mb.Scene(system, start, np.linspace(0, 1e-3, 2), outputs), mb.DormandPrince())
     first = dict(zip(simulator.outputs, simulator.run(P).Y[:, 0].T, strict=True))
     signs = (1, -1, 1, -1, 1, -1) if backwards else (1,) * 6
     for i, (angle, rate, length) in enumerate(P):
@@ -87,8 +86,7 @@ def test_whole_turns_count(pose, key, angle):
     hinges = [mb.Revolute(f"h{w.name}", GROUND.point(i, 0), w.point(0, 0)) for i, w in enumerate(wheels)]
     gear = mb.Gear("gear", wheels[0].point(0, 0), wheels[1].point(0, 0), ratio=1 / 3)
     outputs = {"a": hinges[0].angle, "b": hinges[1].angle}
-    scene = mb.Scene(mb.System(*wheels, *hinges, gear), outputs=outputs, **{key: {"ha.angle": angle}})
-    run = mb.simulate(scene)
+    run = mb.simulate(mb.Scene(mb.System(*wheels, *hinges, gear), outputs=outputs, **{key: {"ha.angle": angle}}))
     atol = 1e-12 if key == "start" else 0.7 * abs(angle)  # a guess is met nearly, on its branch
     assert_allclose(run["a"][0], angle, atol=atol)
     assert_allclose(run["b"][0], run["a"][0] / 3, atol=1e-12)
@@ -137,11 +135,8 @@ def linkage(pose):
         mb.Revolute("b", crank.point(1, 0), coupler.point(0, 0)),
         mb.Revolute("d", GROUND.point(2, 0), rocker.point(0, 0)),
     ]
-    closing = (
-        mb.Revolute("c", coupler.point(2, 0), rocker.point(1.5, 0))
-        if isinstance(pose, mb.Planar)
-        else mb.Spherical("c", coupler.point(2, 0), rocker.point(1.5, 0))
-    )
+    kind = mb.Revolute if isinstance(pose, mb.Planar) else mb.Spherical
+    closing = kind("c", coupler.point(2, 0), rocker.point(1.5, 0))
     return mb.System(crank, coupler, rocker, *joints, closing), {j.name: j for j in joints}
 
 
@@ -195,10 +190,8 @@ def test_a_listed_rate_of_a_joint_far_from_the_ground():
 def test_an_angle_may_be_listed_in_an_equilibrium():
     """Two hanging rods; the first is held at 0.5 by its listed angle, the second hangs straight down."""
     rods = [mb.Body(n, 1.0, 0.1) for n in "ab"]
-    joints = [
-        mb.Revolute("first", GROUND.point(0, 0), rods[0].point(0, 0.5)),
-        mb.Revolute("second", rods[0].point(0, -0.5), rods[1].point(0, 0.5)),
-    ]
+    first = mb.Revolute("first", GROUND.point(0, 0), rods[0].point(0, 0.5))
+    joints = [first, mb.Revolute("second", rods[0].point(0, -0.5), rods[1].point(0, 0.5))]
     system = mb.System(*rods, *joints, mb.Gravity(0, -9.81))
     outputs = {"first": joints[0].angle, "second": joints[1].angle}
     run = mb.simulate(mb.Scene(system, {"first.angle": 0.5}, outputs=outputs, equilibrium=True))
@@ -274,8 +267,7 @@ def test_pickled_scenes_start_alike():
 
 def test_the_printed_start_tells_listed_joints():
     system, _ = linkage(mb.Planar())
-    run = mb.simulate(mb.Scene(system, {"a.angle": 0.8}, guess={"b.angle": 0.3}))
-    assert "a.angle" in str(run)
+    assert "a.angle" in str(mb.simulate(mb.Scene(system, {"a.angle": 0.8}, guess={"b.angle": 0.3})))
 
 
 def test_coordinates_of_bodies_and_of_joints_go_together():

@@ -36,8 +36,7 @@ def door_by_hand(direction, m=MASS, centre=(0.4, 0.1, 0.9)):
     inertia = axis @ (INERTIA * axis) + m * np.sum(np.cross(axis, c) ** 2)
 
     def rate(_, z):
-        arm = Rotation.from_rotvec(z[0] * axis).apply(c)
-        return [z[1], axis @ np.cross(arm, m * GRAVITY) / inertia]
+        return [z[1], axis @ np.cross(Rotation.from_rotvec(z[0] * axis).apply(c), m * GRAVITY) / inertia]
 
     return exact(rate, (0, 0), TIMES)[:, 0]
 
@@ -99,12 +98,8 @@ PLANAR = {
 def test_a_planar_rod_with_a_redundant_row_is_a_pendulum(kind, coordinates):
     a = mb.Body("a", 1.0, 0.1)
     hinge = mb.Revolute("hinge", GROUND.point(0.1, 0.2), a.point(-0.5, 0))
-    scene = mb.Scene(
-        mb.System(a, hinge, *PLANAR[kind](a), mb.Gravity(0, -9.81)),
-        times=TIMES,
-        outputs={"angle": a.theta},
-        coordinates=coordinates,
-    )
+    system = mb.System(a, hinge, *PLANAR[kind](a), mb.Gravity(0, -9.81))
+    scene = mb.Scene(system, times=TIMES, outputs={"angle": a.theta}, coordinates=coordinates)
     known = swing(9.81 * 0.5 / (0.1 + 0.25), TIMES)
     assert_allclose(mb.simulate(scene)["angle"], known[:, 0], rtol=0, atol=1e-6)
 
@@ -150,10 +145,9 @@ def test_hinges_that_fit_at_the_nominal_parameters_only_are_told(coordinates):
     above = GROUND.point(up[0] + p.e, up[1], up[2])
     aside = leaf.point(up[0], up[1] + p.e, up[2])
     length = ((up[0] - 1) ** 2 + (up[1] + p.e) ** 2 + up[2] ** 2) ** 0.5
-    for second, told in (
-        (mb.Revolute("upper", above, leaf.point(*up), axis=tuple(axis)), "contradict each other"),
-        (mb.Distance("upper", GROUND.point(1, 0, 0), aside, length), "leave fewer degrees of freedom"),
-    ):
+    apart = mb.Revolute("upper", above, leaf.point(*up), axis=tuple(axis)), "contradict each other"
+    locked = mb.Distance("upper", GROUND.point(1, 0, 0), aside, length), "leave fewer degrees of freedom"
+    for second, told in (apart, locked):
         system = mb.System(leaf, hinge, second, mb.Gravity(*GRAVITY), parameters=p)
         scene = mb.Scene(system, times=TIMES, coordinates=coordinates, box=mb.Box(e=(-0.01, 0.01)))
         simulator = mb.DAESimulator(scene)

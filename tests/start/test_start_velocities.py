@@ -75,13 +75,8 @@ def test_what_hangs_on_a_turning_rod_turns_with_it_and_what_carries_it_rests(pos
 
 @pytest.mark.parametrize("k", [0, 1, 2])
 def test_rods_that_float_follow_the_one_that_is_listed(k):
-    found = velocities(
-        mb.Scene(
-            chain(mb.Planar(), 3, ground=False),
-            {f"rod{k}.vx": 1.0, f"rod{k}.omega": 2.0},
-            guess={"rod1.y": -1, "rod2.y": -2},
-        )
-    )
+    start = {f"rod{k}.vx": 1.0, f"rod{k}.omega": 2.0}
+    found = velocities(mb.Scene(chain(mb.Planar(), 3, ground=False), start, guess={"rod1.y": -1, "rod2.y": -2}))
     assert_allclose([found[f"rod{i}.omega"] for i in range(3)], 2, atol=1e-12)
     assert_allclose([found[f"rod{i}.vx"] for i in range(3)], [1 + 2 * (i - k) for i in range(3)], atol=1e-12)
 
@@ -111,9 +106,8 @@ def test_a_wheel_rolls_with_its_cart_and_gears_turn_together():
     ]
     gear = mb.Gear("gear", a.point(0, 0), b.point(0, 0), ratio=-0.5)
     for start in ({"a.omega": 4.0}, {"b.omega": -2.0}):
-        assert_allclose(
-            values(mb.Scene(mb.System(a, b, *pins, gear), start), "a.omega", "b.omega"), [4, -2], atol=1e-12
-        )
+        rates = values(mb.Scene(mb.System(a, b, *pins, gear), start), "a.omega", "b.omega")
+        assert_allclose(rates, [4, -2], atol=1e-12)
 
 
 MASSES = np.array([1.0, 2.0, 0.5, 3.0])

@@ -13,8 +13,7 @@ def bar() -> tuple[np.ndarray, csc_array, csc_array]:
     """Nodes (k, 3) about the centre of mass, stiffness and mass (3 k, 3 k), lumped at the nodes."""
     counts = np.array(CELLS) + 1
     sides = [np.linspace(-size / 2, size / 2, n) for size, n in zip(SIZE, counts, strict=True)]
-    grid = np.stack(np.meshgrid(*sides, indexing="ij"))
-    positions = grid.reshape(3, -1).T
+    positions = np.stack(np.meshgrid(*sides, indexing="ij")).reshape(3, -1).T
     cell = np.array(SIZE) / CELLS
     stiffness, mass = _brick(cell)
     number = np.arange(len(positions)).reshape(counts)

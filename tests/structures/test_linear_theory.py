@@ -20,8 +20,7 @@ def beam(length: float = 1.0, radius: float = 0.004, elements: int = 10) -> tupl
 
 
 def quiet(scene: mb.Scene) -> mb.Trajectory:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         return mb.simulate(scene)
 
 
@@ -88,8 +87,7 @@ def test_a_study_tells_what_only_its_corners_ask() -> None:
     mesh, EI = beam()
     p, modes = mb.Parameters(load=0.3), mesh.modes(clamped=0, interfaces=[10], count=2, planar=True)
     scene = welded(modes, -p.load * EI, parameters=p)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         wide = mb.propagate(scene, mb.Vertex(), mb.Box(load=(0.2, 0.9)))
     assert not mb.propagate(scene, mb.Vertex(), mb.Box(load=(0.2, 0.4))).doubts
     assert any("At load = 0.9: FlexibleBody 'rod'" in doubt for doubt in wide.doubts)

@@ -13,8 +13,7 @@ import symmb as mb
 @pytest.mark.parametrize("seed", [1, 6, 12, 16, 20, 25])
 def test_wrong_deflections_and_frequencies_are_told(seed: int) -> None:
     assembly = random_assembly(seed)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         run, lin = mb.simulate(assembly.scene, mb.CVODES()), mb.linearize(assembly.scene)
     off = abs(run["d"][0] / assembly.deflection - 1)
     told = any("neglect" in doubt for doubt in run.doubts)

@@ -84,19 +84,15 @@ def swing(E, rho, h, zeta, at=None, parameters=None, stiffening=True, pose=None)
 @pytest.mark.parametrize(
     ("stiffening", "pose", "height", "tolerance"),
     [
-        (True, None, False, 1e-9),
-        (False, None, False, 1e-9),
-        (False, mb.Spatial(), False, 1e-9),
-        (True, None, True, 1e-7),
-        (False, None, True, 1e-7),
+        (True, None, False, 1e-9), (False, None, False, 1e-9), (False, mb.Spatial(), False, 1e-9),
+        (True, None, True, 1e-7), (False, None, True, 1e-7),
     ],
-)
+)  # fmt: skip
 def test_a_run_is_that_of_the_body_in_numbers(stiffening, pose, height, tolerance):
     values = {"E": 7.7e10, "rho": 2620.0, "h": 0.014 if height else 0.01, "zeta": 0.03}
     solver = mb.CVODES(rtol=1e-10, atol=1e-12)
     h = P.h if height else 0.01
-    own = swing(P.E, P.rho, h, P.zeta, {**P, **BOX}, P, stiffening, pose)
-    run = mb.simulate(own, solver, values)
+    run = mb.simulate(swing(P.E, P.rho, h, P.zeta, {**P, **BOX}, P, stiffening, pose), solver, values)
     other = mb.simulate(swing(**values, stiffening=stiffening, pose=pose), solver)
     for name in ("x", "y"):
         assert run[name] == pytest.approx(other[name], abs=tolerance)

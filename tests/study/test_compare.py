@@ -121,9 +121,8 @@ def test_progress_of_adaptive_methods_counts_all_runs_and_tells_the_error():
 
 def test_progress_names_what_runs():
     seen = []
-    compare_simulator(
-        simulator(lambda k: k * T), [mb.Scanning(4)], BOX, mb.Vertex(), progress=lambda *told: seen.append(told)
-    )
+    linear = simulator(lambda k: k * T)
+    compare_simulator(linear, [mb.Scanning(4)], BOX, mb.Vertex(), progress=lambda *told: seen.append(told))
     assert ("reference", 2, 2) in seen
     assert ("Scanning(4)", 4, 4) in seen
 
@@ -212,15 +211,11 @@ def test_the_reference_of_slow_runs_is_smaller(caplog):
 @pytest.mark.parametrize(
     ("solver", "number"),
     [
-        (mb.RungeKutta(steps=1), 101),
-        (mb.RungeKutta(steps=110), 101),
-        (mb.Collocation(degree=2, steps=1), 101),
-        (mb.NSTIFFSI2(step=1.0), 501),
-        (mb.NSTIFFSI2(step=1.0, rtol=0.1), 501),
-        (mb.Rosenbrock(rtol=1e-2), 1001),
+        (mb.RungeKutta(steps=1), 101), (mb.RungeKutta(steps=110), 101), (mb.Collocation(degree=2, steps=1), 101),
+        (mb.NSTIFFSI2(step=1.0), 501), (mb.NSTIFFSI2(step=1.0, rtol=0.1), 501), (mb.Rosenbrock(rtol=1e-2), 1001),
     ],
     ids=repr,
-)
+)  # fmt: skip
 def test_the_solvers_own_error_is_known_where_output_times_limit_its_steps(solver, number):
     scene = double_pendulum(np.linspace(0.0, 3.0, number), box=mb.Box(l1=(0.95, 1.05), l2=(0.76, 0.84)))
     precise = isinstance(solver, mb.Rosenbrock)
@@ -228,8 +223,7 @@ def test_the_solvers_own_error_is_known_where_output_times_limit_its_steps(solve
         found = mb.compare(scene, [mb.Vertex()], reference=mb.Vertex(), solver=solver)
     points = np.array([found.box.center, found.box.lower, found.box.upper])
     exact = np.array([double_pendulum_by_hand(p, scene.times) for p in points])
-    own = mb.DAESimulator(scene, solver).run(points).Y
-    true = found.reference.yardstick.relative(own - exact)
+    true = found.reference.yardstick.relative(mb.DAESimulator(scene, solver).run(points).Y - exact)
     assert (true > 1e-7).all()
     np.testing.assert_allclose(found.solver_error, true, rtol=0.3)
 

@@ -104,8 +104,7 @@ def test_an_output_without_width_is_told_apart():
 
 
 def test_only_outputs_without_width():
-    text = str(comparison(reference_upper=0.0 * ONE))
-    assert "uncertainty not known" in text
+    assert "uncertainty not known" in str(comparison(reference_upper=0.0 * ONE))
 
 
 def test_failed_runs_are_counted():

@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from faults import warned
 from small_scenes import state
 
 import symmb as mb
@@ -73,19 +74,15 @@ def test_a_reference_must_be_finite():
 
 
 def test_runs_outside_of_proved_bounds_are_told():
-    with pytest.warns(
-        mb.SymmbWarning, match=r"Runs of Wrong\(off=0.01, said=0.0\) are outside .*: z by 1.0e-02 at t = "
-    ):
-        found = mb.compare(_decay(), [mb.TaylorModel(order=6), Wrong(off=0.01), mb.Vertex()])
+    told = r"Runs of Wrong\(off=0.01, said=0.0\) are outside .*: z by 1.0e-02 at t = "
+    found = warned(told, mb.compare, _decay(), [mb.TaylorModel(order=6), Wrong(off=0.01), mb.Vertex()])
     assert len(found.doubts) == 1
-    assert (
-        found.reference.upper <= TRUE[:, 1:] + 1e-6
-    ).all()  # runs of methods belong to the reference, up to the limit
+    # Runs of methods belong to the reference, up to the limit.
+    assert (found.reference.upper <= TRUE[:, 1:] + 1e-6).all()
 
 
 def test_runs_of_the_reference_are_checked_as_well():
-    with pytest.warns(mb.SymmbWarning, match=r"Runs of the reference Wrong"):
-        mb.compare(_decay(), [mb.TaylorModel(order=6)], reference=Wrong(off=0.01))
+    warned(r"Runs of the reference Wrong", mb.compare, _decay(), [mb.TaylorModel(order=6)], reference=Wrong(off=0.01))
 
 
 def test_estimates_that_are_too_low_are_told():

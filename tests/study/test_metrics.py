@@ -41,8 +41,7 @@ def test_the_estimate_widens_outer_bounds_only():
 @pytest.mark.parametrize(("uncertainty", "covered"), [(0.04, 0.0), (0.05, 1.0), (np.nan, 0.0)])
 def test_coverage_allows_for_the_uncertainty_of_the_reference(uncertainty, covered):
     short = 0.045 * np.sqrt(5)  # the norm of the uncertainty is the rms width
-    score = yardstick(uncertainty=uncertainty).score(LOWER, UPPER - short)
-    assert score.coverage == [covered]
+    assert yardstick(uncertainty=uncertainty).score(LOWER, UPPER - short).coverage == [covered]
 
 
 @pytest.mark.parametrize(("short", "covered"), [(2.9e-6, 1.0), (3.1e-6, 0.0)])

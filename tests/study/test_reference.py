@@ -43,10 +43,7 @@ def test_the_uncertainty_is_larger_than_the_true_error():
 
 
 def test_beyond_five_parameters_vertices_join_the_samples():
-    def sum_of_all(**p):
-        return sum(p.values()) * (1.0 + T)
-
-    found = find_reference(simulator(sum_of_all, 6), box(6))
+    found = find_reference(simulator(lambda **p: sum(p.values()) * (1.0 + T), 6), box(6))
     np.testing.assert_allclose(found.lower[:, 0], 3.0 * (1.0 + T))
     np.testing.assert_allclose(found.upper[:, 0], 9.0 * (1.0 + T))
     optimized = "Optimization(budget=2000)"

@@ -46,8 +46,7 @@ def test_an_oscillation_that_ends_and_one_that_begins():
 
 def test_eigenvalues_of_the_bicycle():
     """Meijaard et al. (2007), table 2: eigenvalues at 0 and 5 m/s; weave begins at 0.684 m/s."""
-    scene = bicycle.scene()
-    locus = mb.root_locus(scene, "v", (0.0, 10.0), box=mb.Box(v=(0.0, 10.0)), count=21)
+    locus = mb.root_locus(bicycle.scene(), "v", (0.0, 10.0), box=mb.Box(v=(0.0, 10.0)), count=21)
     assert not locus.bands and locus.box is None  # the box names the parameter alone
     at_rest = locus.eigenvalues[0][locus.eigenvalues[0] != 0]
     np.testing.assert_allclose(np.sort(at_rest.real)[:2], [-5.53094371765393, -3.13164324790656], rtol=1e-9)

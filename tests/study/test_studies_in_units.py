@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from faults import refused
 
 import symmb as mb
 
@@ -184,9 +185,8 @@ def test_tables_tell_units(both):
     for name, unit in zip(FACTORS, own[0].units, strict=True):
         worst, plain = own[0].worst(name), si[0].worst(name)
         assert f"lowest {name} [{unit.replace('deg', '°')}]" in str(worst) and f"lowest {name} [" not in str(plain)
-        assert f"{unit.replace('deg', '°')} at " in str(worst.lower) and str(plain.lower).startswith(
-            f"lowest {name} {plain.lower.value:.6g} at"
-        )
+        assert f"{unit.replace('deg', '°')} at " in str(worst.lower)
+        assert str(plain.lower).startswith(f"lowest {name} {plain.lower.value:.6g} at")
     assert [limit.text for limit in own[0].check({"tip": (-200, 210)}).limits] == ["-200 <= tip <= 210 mm"]
     assert [limit.text for limit in si[0].check({"tip": (-0.2, 0.21)}).limits] == ["-0.2 <= tip <= 0.21"]
 
@@ -199,18 +199,15 @@ def test_probabilities_and_samples(both):
         {n: norm(c, r / 3) for n, c, r in zip(b.box.names, b.box.center, b.box.radius, strict=True)} for b in (own, si)
     ]
     level = float(np.degrees(np.mean(si["swing"], axis=0)).max())
-    found = [
-        own.probability("swing", above=above, distributions=laws[0])
-        for above in (level, f"{level!r} deg", (level, "°"), (np.deg2rad(level), "rad"))
-    ]
+    levels = (level, f"{level!r} deg", (level, "°"), (np.deg2rad(level), "rad"))
+    found = [own.probability("swing", above=above, distributions=laws[0]) for above in levels]
     plain = si.probability("swing", above=np.deg2rad(level), distributions=laws[1])
     assert [each.ever[0] for each in found] == pytest.approx([plain.ever[0]] * 4, rel=1e-6)
     assert f"swing above {level:g} deg" in str(found[1]) and "rad" not in str(plain)
     with pytest.raises(mb.DeclarationError, match="'mm' does not fit output 'swing', which is in deg"):
         own.probability("swing", above="60 mm", distributions=laws[0])
     assert "Quantiles of tip [mm]" in str(own.quantiles("tip", [0.1], distributions=laws[0]))
-    samples = own.samples(3, laws[0])
-    assert samples.to_xarray()["arm"].attrs == {"units": "mm"}
+    assert own.samples(3, laws[0]).to_xarray()["arm"].attrs == {"units": "mm"}
 
 
 def test_arrays_tell_units(both):
@@ -265,9 +262,8 @@ def test_limits_are_compared_without_units(seed):
     names, t = ["a", "b", "c"], np.linspace(0, 1, 4)
     for factors in (np.ones(3), 10 ** rng.uniform(-6, 6, 3)):
         scales = widths * factors
-        f = mb.FunctionSimulator(
-            lambda x, y, z, s=scales: np.outer(1 + t, s * [x, y, z]), dict.fromkeys("xyz", 0.0), t, names
-        )
+        nominal = dict.fromkeys("xyz", 0.0)
+        f = mb.FunctionSimulator(lambda x, y, z, s=scales: np.outer(1 + t, s * [x, y, z]), nominal, t, names)
         bounds = mb.propagate(f, mb.Vertex(), mb.Box(**dict.fromkeys("xyz", (-0.5, 0.5))))
         check = bounds.check({name: (None, (1 + 2 * s) * w) for name, s, w in zip(names, shares, scales, strict=True)})
         closest = int(np.argmin(shares))
@@ -288,13 +284,8 @@ def test_times_have_units(both):
     assert [run[unit] * factor for unit, factor in units.items()] == pytest.approx([np.sqrt(2 / 9.81)] * 5, rel=1e-8)
     assert run["plain"] == run["s"] and own.units == (*units, "s")
     p = mb.Parameters(height=1.0)
-    thrown = mb.Scene(
-        mb.System(ball, mb.Gravity(0, -9.81), parameters=p),
-        {"ball.y": p.height},
-        [0, 1],
-        outputs,
-        mb.Box(height=(0.9, 1.1)),
-    )
+    box = mb.Box(height=(0.9, 1.1))
+    thrown = mb.Scene(mb.System(ball, mb.Gravity(0, -9.81), parameters=p), {"ball.y": p.height}, [0, 1], outputs, box)
     bounds = mb.propagate(thrown, mb.Vertex())
     expected = np.outer(np.sqrt(np.array([0.9, 1.1]) * 2 / 9.81), 1 / np.array([*units.values(), 1.0]))
     np.testing.assert_allclose([bounds.lower[0], bounds.upper[0]], expected, rtol=1e-8)
@@ -302,11 +293,9 @@ def test_times_have_units(both):
     seconds = mb.simulate(scene, SOLVER, times=[0.0, 0.1])
     for times in (([0.0, 100.0], "ms"), ["0 s", "100 ms"], [0.0, "0.1 s"]):
         np.testing.assert_array_equal(mb.simulate(scene, SOLVER, times=times).values, seconds.values)
-    with pytest.raises(mb.DeclarationError, match="'mm' does not fit a time, which is in s"):
-        scene.with_times(([0.0, 1.0], "mm"))
+    refused("'mm' does not fit a time, which is in s", scene.with_times, ([0.0, 1.0], "mm"))
     for times in (2, 2.0, "2 s"):
-        with pytest.raises(mb.DeclarationError, match="expected a list of times in s, such as numpy"):
-            scene.with_times(times)
+        refused("expected a list of times in s, such as numpy", scene.with_times, times)
 
 
 def test_values_of_sweeps_have_units(both):
@@ -323,8 +312,7 @@ def test_values_of_sweeps_have_units(both):
     runs = mb.simulate(scene, SOLVER, parameters=[{"arm": "24 cm"}, {"arm": (0.25, "m")}])
     np.testing.assert_allclose(runs.values, own.values, rtol=1e-12)
     for wrong in (["24 kg"], ([24], "kg"), [24, "kg"]):
-        with pytest.raises(mb.DeclarationError, match="kg"):
-            mb.sweep(scene, {"arm": wrong})
+        refused("kg", mb.sweep, scene, {"arm": wrong})
 
 
 @pytest.mark.parametrize(
@@ -334,8 +322,7 @@ def test_ranges_of_root_loci_have_units(given):
     p = mb.Parameters(speed=(60, "rpm"))
     mass = mb.Body("mass", mass=1.0, pose=mb.Particle())
     law = mb.Force("law", mass.point(0, 0, 0), (-100 * mass.x - p.speed * mass.vx, 0, 0))
-    scene = mb.Scene(mb.System(mass, law, parameters=p))
-    locus = mb.root_locus(scene, "speed", given, count=3)
+    locus = mb.root_locus(mb.Scene(mb.System(mass, law, parameters=p)), "speed", given, count=3)
     np.testing.assert_allclose(locus.values, [40, 65, 90], rtol=1e-12)
     np.testing.assert_allclose(locus.damping[:, 0], locus.values * 2 * np.pi / 60 / 20, rtol=1e-9)
     assert "speed = 40 to 90 rpm" in str(locus)
@@ -343,17 +330,13 @@ def test_ranges_of_root_loci_have_units(given):
 
 def test_functions_and_fmus_take_quantities():
     chain = mb.FunctionSimulator(lambda a, b: [[a + b]], {"a": "1 mm", "b": (0.2, "cm")}, [0.0], ["gap"])
-    assert (
-        dict(chain.parameters) == {"a": 1, "b": 0.2}
-        and mb.propagate(chain, mb.Vertex(), mb.Box(b="2 mm ±1 mm"))["gap"][0] == 1.1
-    )
+    assert dict(chain.parameters) == {"a": 1, "b": 0.2}
+    assert mb.propagate(chain, mb.Vertex(), mb.Box(b="2 mm ±1 mm"))["gap"][0] == 1.1
     with pytest.raises(mb.DeclarationError, match="FunctionSimulator: parameter 'a': 'x mm' is not a finite number"):
         mb.FunctionSimulator(lambda a: [[a]], {"a": "x mm"}, [0.0], ["gap"])
 
 
-@pytest.mark.parametrize(
-    ("interval", "is_far"), [((0.709, 0.711), True), ((7.1e4, 7.2e4), True), ((650.0, 700.0), False)]
-)
+@pytest.mark.parametrize("interval, is_far", [((0.709, 0.711), True), ((7.1e4, 7.2e4), True), ((650.0, 700.0), False)])
 def test_intervals_in_another_unit_are_told_if_runs_fail(interval, is_far):
     def arm(length: float) -> list[float]:
         raise ValueError("out of reach")

@@ -27,9 +27,8 @@ def test_a_chain_of_lengths(low, high, allowed):
     assert found.binding.output == "gap"
     assert found.binding.side == ("lower" if high is None else "upper")
     corner = found.binding.parameters
-    assert corner["a"] + corner["b"] - corner["c"] == pytest.approx(
-        0.1 + (-allowed if high is None else allowed), rel=5e-3
-    )
+    exact = 0.1 + (-allowed if high is None else allowed)
+    assert corner["a"] + corner["b"] - corner["c"] == pytest.approx(exact, rel=5e-3)
 
 
 @pytest.mark.parametrize(("nominal", "low", "high"), [(2.0, 1.5, 2.1), (-2.0, -2.1, -1.8), (2.0, 1.0, 2.5)])
@@ -77,8 +76,7 @@ def test_a_limit_inside_of_the_box():
 @pytest.mark.long
 def test_the_box_of_a_four_bar_keeps_its_limits_in_many_runs():
     scene = four_bar.scene()
-    limit = {"coupler_angle": (0.47, None)}
-    found = mb.tolerances(scene, limit)
+    found = mb.tolerances(scene, {"coupler_angle": (0.47, None)})
     simulator = mb.DAESimulator(scene)
     P = np.tile(np.array([*simulator.parameters.values()]), (10_000, 1))
     columns = [[*simulator.parameters].index(name) for name in found.box.names]
@@ -127,9 +125,8 @@ def test_runs_that_fail_bound_the_box():
         return [[a]]
 
     with pytest.warns(mb.SymmbWarning, match="runs failed"):
-        found = mb.tolerances(
-            mb.FunctionSimulator(root, {"a": 1.0}, [0.0], ["y"]), {"y": (-9.0, 9.0)}, mb.Box(a=(0.9, 1.1))
-        )
+        simulator = mb.FunctionSimulator(root, {"a": 1.0}, [0.0], ["y"])
+        found = mb.tolerances(simulator, {"y": (-9.0, 9.0)}, mb.Box(a=(0.9, 1.1)))
     assert found.factor == pytest.approx(5, rel=5e-3)
     assert found.box.bounds[0][0] >= 0.5
 
@@ -140,9 +137,8 @@ def test_runs_that_fail_bound_the_box():
 def test_the_cheapest_box_with_accurate_polynomials_is_told(at, jump, costs, most, is_far):
     """Polynomials do not follow a jump that the limit allows. If it is far, the box is cheaper than the common one."""
     sign = np.sign(at - 2.0)
-    stepped = mb.FunctionSimulator(
-        lambda a, b: [[a + 0.1 * (b - 2.0) + jump * (sign * (b - at) > 0)]], {"a": 1.0, "b": 2.0}, [0.0], ["y"]
-    )
+    f = lambda a, b: [[a + 0.1 * (b - 2.0) + jump * (sign * (b - at) > 0)]]  # noqa: E731
+    stepped = mb.FunctionSimulator(f, {"a": 1.0, "b": 2.0}, [0.0], ["y"])
     box = mb.Box(a=(0.95, 1.05), b=(1.99, 2.01))
     largest, found = (mb.tolerances(stepped, {"y": (None, most)}, box, own) for own in (None, costs))
     assert found.check.kept

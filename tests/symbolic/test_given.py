@@ -52,7 +52,5 @@ def test_long_doubles_in_declarations(declare):
     if isinstance(made[0], ca.SX):
         assert ca.is_equal(made[0], made[1], 2)
     elif hasattr(made[0], "actions"):
-        runs = [
-            mb.simulate(mb.Scene(mb.System(body, force), times=[0.0, 0.1]), mb.RungeKutta(steps=5)) for force in made
-        ]
+        runs = [mb.simulate(mb.Scene(mb.System(body, force), times=[0, 0.1]), mb.RungeKutta(steps=5)) for force in made]
         np.testing.assert_array_equal(runs[0]["b.x"], runs[1]["b.x"])

@@ -37,8 +37,7 @@ def test_every_sample_keeps_its_own(solver):
 
 
 def test_taylor_follows_it():
-    scene = hanging()
-    low, high = mb.propagate(scene, mb.Taylor(order=4))["start"]
+    low, high = mb.propagate(hanging(), mb.Taylor(order=4))["start"]
     assert low == pytest.approx(np.full(11, -2.0 * G / 36.0), rel=1e-3)
     assert high == pytest.approx(np.full(11, -2.0 * G / 44.0), rel=2e-2)  # even powers count from 0
 

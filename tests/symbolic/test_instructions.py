@@ -5,6 +5,7 @@ import math
 import casadi as ca
 import numpy as np
 import pytest
+from faults import refused
 
 from symmb import DeclarationError
 from symmb.declare.symbolic.instructions import interpret, operation_name
@@ -48,10 +49,8 @@ def test_operations_have_names():
 def test_wrong_inputs_and_functions_are_told():
     x, m = ca.SX.sym("x", 2), ca.MX.sym("m")
     f = ca.Function("f", [x], [x])
-    with pytest.raises(DeclarationError, match=r"\[2\] structural nonzeros, got \[3\]"):
-        interpret(f, [[1.0, 2.0, 3.0]], _floats, float)
-    with pytest.raises(DeclarationError, match="'g' is not an SX Function"):
-        interpret(ca.Function("g", [m], [m]), [[1.0]], _floats, float)
+    refused(r"\[2\] structural nonzeros, got \[3\]", interpret, f, [[1.0, 2.0, 3.0]], _floats, float)
+    refused("'g' is not an SX Function", interpret, ca.Function("g", [m], [m]), [[1.0]], _floats, float)
     kept = ca.Function("inner", [x], [ca.sin(x)], {"never_inline": True})
     with pytest.raises(DeclarationError, match="'outer' calls another Function"):
         interpret(ca.Function("outer", [x], [kept(x)]), [[1.0, 2.0]], _floats, float)

@@ -10,21 +10,13 @@ from symmb.declare.symbolic.sympy_out import to_sympy
 @pytest.mark.parametrize(
     "name, expected",
     [
-        ("t", "t"),
-        ("l1", "l_{1}"),
-        ("m_12", "m_{12}"),
-        ("mu_s", r"\mu_{s}"),
-        ("theta", r"\theta"),
-        ("stiffness", r"\mathrm{stiffness}"),
-        ("left_arm.omega", r"\omega_{\mathrm{left\_arm}}"),
-        ("top.wz", r"\omega_{z,\mathrm{top}}"),
-        ("top.e0", r"e_{0,\mathrm{top}}"),
-        ("rod1.x", r"x_{\mathrm{rod1}}"),
-        ("elbow.lam[0]", r"\lambda_{\mathrm{elbow},0}"),
-        ("crane.hook.vy", r"v_{y,\mathrm{crane.hook}}"),
+        ("t", "t"), ("l1", "l_{1}"), ("m_12", "m_{12}"), ("mu_s", r"\mu_{s}"), ("theta", r"\theta"),
+        ("stiffness", r"\mathrm{stiffness}"), ("left_arm.omega", r"\omega_{\mathrm{left\_arm}}"),
+        ("top.wz", r"\omega_{z,\mathrm{top}}"), ("top.e0", r"e_{0,\mathrm{top}}"), ("rod1.x", r"x_{\mathrm{rod1}}"),
+        ("elbow.lam[0]", r"\lambda_{\mathrm{elbow},0}"), ("crane.hook.vy", r"v_{y,\mathrm{crane.hook}}"),
         ("2nd", r"\mathrm{2nd}"),
     ],
-)
+)  # fmt: skip
 def test_names(name, expected):
     assert typeset(name) == expected
 

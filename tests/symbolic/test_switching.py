@@ -15,16 +15,11 @@ def found(expression):
 
 
 KINKS = [
-    (ca.fabs(x - 1), ("fabs",), 1.0),
-    (ca.sign(p * x - 2), ("sign",), 1.0),
-    (ca.fmin(x, 2 - x), ("fmin",), 1.0),
-    (ca.fmax(x, p), ("fmax",), 2.0),
-    (ca.if_else(x < 3, x, 2.0), ("comparison",), 3.0),
-    (x * ca.floor(t + x), ("floor",), 1.0),
-    (ca.fmod(x, 3.0), ("fmod",), 3.0),
-    (ca.fabs(p) + x / ca.fmax(x**2, 1e-24), (), None),
-    (ca.tanh(x) * ca.sqrt(p), (), None),
-]
+    (ca.fabs(x - 1), ("fabs",), 1.0), (ca.sign(p * x - 2), ("sign",), 1.0), (ca.fmin(x, 2 - x), ("fmin",), 1.0),
+    (ca.fmax(x, p), ("fmax",), 2.0), (ca.if_else(x < 3, x, 2.0), ("comparison",), 3.0),
+    (x * ca.floor(t + x), ("floor",), 1.0), (ca.fmod(x, 3.0), ("fmod",), 3.0),
+    (ca.fabs(p) + x / ca.fmax(x**2, 1e-24), (), None), (ca.tanh(x) * ca.sqrt(p), (), None),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("expression", "names", "where"), KINKS, ids=lambda value: str(value)[:40])

@@ -22,8 +22,7 @@ def test_energy_is_conserved(scene):
 
 
 def arm(pose):
-    planar = isinstance(pose, mb.Planar)
-    body = mb.Body("arm", 2.0, 0.1 if planar else (0.3, 0.2, 0.1), pose)
+    body = mb.Body("arm", 2.0, 0.1 if isinstance(pose, mb.Planar) else (0.3, 0.2, 0.1), pose)
     return body, mb.Revolute("hinge", GROUND.point(0, 0), body.point(-0.4, 0))
 
 

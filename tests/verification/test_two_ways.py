@@ -50,9 +50,8 @@ def test_fault_in_one_of_two_coordinates_is_a_doubt_with_both_values(model):
     (doubt,) = faulty.doubts
     end = simulator.times[-1]
     assert f"at t = {end:g} s" in doubt
-    assert (
-        "DormandPrince() in coordinates of joints" in doubt and "CVODES(rtol=1e-12) in coordinates of bodies" in doubt
-    )
+    assert "DormandPrince() in coordinates of joints" in doubt
+    assert "CVODES(rtol=1e-12) in coordinates of bodies" in doubt
     assert (faulty.noise >= 0.99 * end).all()
     almost = wrong_by(simulator, 1e-9)
     almost.second_look()
@@ -74,8 +73,7 @@ def test_the_other_way_is_another_solver(solver):
 def test_errors_of_a_checked_run_are_those_of_the_closed_form(solver, rate):
     times = np.linspace(0, 12 / rate, 41)
     solver = replace(solver, step=solver.step / rate) if isinstance(solver, mb.GeneralizedAlpha) else solver
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mb.SymmbWarning)
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
         run = mb.simulate(oscillator(times, rate**2), solver, check=True)
     error = np.abs(run["x"] - np.cos(rate * times))
     assert run.error.ravel() == pytest.approx(error, rel=1e-2, abs=1e-6)
