@@ -1,4 +1,7 @@
-"""The model description of an FMU, and whether symmb can run it: version, interfaces, variables and their units."""
+"""The model description of an FMU, and whether symmb can run it: version, interfaces, variables and their units.
+
+An FMU is extracted once per process, to a folder that the process removes at its end.
+"""
 
 import os
 import shutil

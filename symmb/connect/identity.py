@@ -1,4 +1,7 @@
-"""A digest of what a simulator computes: equal digests mean equal runs, as far as symmb can see."""
+"""A digest of what a simulator computes: equal digests mean equal runs, as far as symmb can see.
+
+`DeclaredFiles` ends a study if a declared file changes meanwhile.
+"""
 
 import builtins
 import copyreg

@@ -10,7 +10,6 @@ from symmb._magnitudes import SMALL
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove import points
-from symmb.prove.curves import TimeStep
 from symmb.prove.degrees import degrees_of_equations, highest
 from symmb.prove.ellipses import THINNEST, Control, Tried, node_counts, nodes_of_defect
 from symmb.prove.errors import ProofError, not_smooth
@@ -18,6 +17,7 @@ from symmb.prove.patches import largest_on
 from symmb.prove.rounding import U, above, of_sum
 from symmb.prove.several_parameters import at_nodes, equations_at_nodes, inputs_on_step, on_step, run
 from symmb.prove.taylor_models import DEGREES_BEYOND_POLYNOMIALS, OPERATIONS, Basis, Model, basis_of, reach
+from symmb.prove.time_step import TimeStep
 
 _ALIASED_SHARE = 0.2
 """Fraction of the bound of a defect that may be due to aliasing."""

@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array
-from symmb.prove.curves import TimeStep
 from symmb.prove.tape import Tape
+from symmb.prove.time_step import TimeStep
 
 Degree = tuple[Array, float | None]
 """Highest degrees in time and in the parameters, infinite if a number is not a polynomial; and the value of a constant

@@ -11,9 +11,9 @@ import numpy as np
 
 from symmb._types import Array, Mask
 from symmb.prove import discs
-from symmb.prove.curves import TimeStep
 from symmb.prove.errors import not_smooth
 from symmb.prove.patches import largest_on
+from symmb.prove.time_step import TimeStep
 
 
 @dataclass(frozen=True)

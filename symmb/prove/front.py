@@ -7,10 +7,10 @@ import numpy as np
 from symmb._magnitudes import SMALL
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
-from symmb.prove.curves import TimeStep, solution_bound
 from symmb.prove.errors import ProofError
 from symmb.prove.flow import Curve, fit
 from symmb.prove.rounding import U, above, of_sum
+from symmb.prove.time_step import TimeStep, solution_bound
 
 
 @dataclass(frozen=True)

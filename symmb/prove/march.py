@@ -8,7 +8,6 @@ import numpy as np
 from symmb._magnitudes import FACTORS, ROUNDING
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
-from symmb.prove.curves import TimeStep
 from symmb.prove.ellipses import Choice, Control
 from symmb.prove.errors import ProofError
 from symmb.prove.flow import frame, motion
@@ -20,6 +19,7 @@ from symmb.prove.problem import Change, Problem
 from symmb.prove.rounding import above, grain_of
 from symmb.prove.start import drifted, first_front, mapped, require_known, still
 from symmb.prove.step import Proof, is_regular, on_motion, prove, require_valid
+from symmb.prove.time_step import TimeStep
 
 _TIME_TERMS = 20
 """Number of terms of the motion in time. With the step length of `_shortened`, the last terms are rounding."""

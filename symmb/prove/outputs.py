@@ -9,7 +9,6 @@ from symmb._magnitudes import SLIGHT
 from symmb._types import Array, Mask
 from symmb.prove import chebyshev as ch
 from symmb.prove import points
-from symmb.prove.curves import TimeStep, parameter_points
 from symmb.prove.degrees import degrees_of_outputs
 from symmb.prove.ellipses import MOST_PATCHES, Choice, Control, ellipses, node_counts, nodes_needed, reaches
 from symmb.prove.errors import ProofError
@@ -17,6 +16,7 @@ from symmb.prove.ranges import cut, ranges
 from symmb.prove.rounding import U, above, of_sum
 from symmb.prove.several_parameters import monomials, on_step, parameter_models, run
 from symmb.prove.taylor_models import Model, basis_of, reach
+from symmb.prove.time_step import TimeStep, parameter_points
 
 EXTRA_NODES = 4
 """First number of nodes of each parameter, in addition to the terms of the motion."""

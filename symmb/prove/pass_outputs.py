@@ -8,12 +8,12 @@ import numpy as np
 
 from symmb._types import Array, Mask
 from symmb.prove import chebyshev as ch
-from symmb.prove.curves import TimeStep
 from symmb.prove.ellipses import Control
 from symmb.prove.front import restricted
 from symmb.prove.outputs import OutputBounds, output_bounds
 from symmb.prove.passes import reach_of
 from symmb.prove.rounding import above
+from symmb.prove.time_step import TimeStep
 
 Steps = Sequence[tuple[TimeStep, Array]]
 """Consecutive proved steps, and bounds (n,) of |w| in each step."""

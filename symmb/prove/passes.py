@@ -21,7 +21,6 @@ from symmb._types import Array, Indices
 from symmb.declare.symbolic import common
 from symmb.prove import chebyshev as ch
 from symmb.prove import discs
-from symmb.prove.curves import TimeStep
 from symmb.prove.ellipses import reaches
 from symmb.prove.errors import ProofError
 from symmb.prove.flow import fit, motion, parameters_at
@@ -33,6 +32,7 @@ from symmb.prove.rounding import LARGEST_ZERO, U, above
 from symmb.prove.start import require_known, still
 from symmb.prove.step import MOST_CANDIDATES, on_motion
 from symmb.prove.tape import Tape
+from symmb.prove.time_step import TimeStep
 
 _MOST_SWITCHES_AT_ONCE = 4
 """Largest number of switches that are passed at once. Each doubles the number of equations during the passes."""

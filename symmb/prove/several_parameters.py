@@ -13,11 +13,11 @@ from numpy.polynomial.chebyshev import cheb2poly
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove import taylor_models as tm
-from symmb.prove.curves import TimeStep
 from symmb.prove.patches import cosh_powers
 from symmb.prove.rounding import ERROR_OF_MODULI, U, above, of_sum
 from symmb.prove.tape import Tape
 from symmb.prove.taylor_models import Basis, Model, basis_of
+from symmb.prove.time_step import TimeStep
 
 
 def _to_monomials(n: int) -> Array:

@@ -11,7 +11,6 @@ from symmb._types import Array, Indices
 from symmb.declare.symbolic import common
 from symmb.prove import chebyshev as ch
 from symmb.prove import discs, points
-from symmb.prove.curves import TimeStep
 from symmb.prove.ellipses import MOST_PATCHES, ellipses, reaches
 from symmb.prove.errors import ProofError
 from symmb.prove.flow import Curve, fit, integrated, parameters_at
@@ -23,6 +22,7 @@ from symmb.prove.rounding import above, of_sum
 from symmb.prove.several_parameters import equations_at_nodes, on_step, run
 from symmb.prove.tape import Tape
 from symmb.prove.taylor_models import DEGREES_BEYOND_POLYNOMIALS, basis_of, reach
+from symmb.prove.time_step import TimeStep
 
 NO_START = "there are parameters for which the scene cannot be started"
 """The message if no part of a box can be proved."""

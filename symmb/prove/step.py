@@ -22,7 +22,6 @@ import numpy as np
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove import discs
-from symmb.prove.curves import TimeStep
 from symmb.prove.defects import defect_of_frame, defect_of_motion, defects_of_models, exact_defects, largest_defects
 from symmb.prove.ellipses import MOST_PATCHES, Control, adapted
 from symmb.prove.errors import ProofError
@@ -30,6 +29,7 @@ from symmb.prove.patches import largest_on
 from symmb.prove.rounding import U, above
 from symmb.prove.several_parameters import on_step
 from symmb.prove.tape import Tape
+from symmb.prove.time_step import TimeStep
 
 MOST_CANDIDATES = 12
 """Largest number of candidates W for a bound that proves itself: a bound of w, or of the time to a pass."""

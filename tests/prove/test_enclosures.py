@@ -13,7 +13,6 @@ import symmb as mb
 from models import double_pendulum, heavy_top
 from symmb.prove import chebyshev, defects, enclose, points, problem_of
 from symmb.prove import step as steps
-from symmb.prove.curves import TimeStep, parameter_points
 from symmb.prove.degrees import degrees_of_equations
 from symmb.prove.ellipses import Choice, Control
 from symmb.prove.errors import ProofError
@@ -21,6 +20,7 @@ from symmb.prove.flow import Curve, integrated
 from symmb.prove.march import Course, Place, march
 from symmb.prove.ranges import ranges
 from symmb.prove.start import first_front
+from symmb.prove.time_step import TimeStep, parameter_points
 from symmb.run.simulation import DAESimulator
 
 INSIDE = 1e-11

@@ -12,11 +12,11 @@ from enclosure_samples import ode, require_sharp
 from scipy.integrate import solve_ivp
 
 import symmb as mb
-from symmb.prove.curves import TimeStep
 from symmb.prove.errors import ProofError
 from symmb.prove.flow import integrated
 from symmb.prove.problem import StartEquations
 from symmb.prove.start import first_front
+from symmb.prove.time_step import TimeStep
 
 
 def test_a_start_that_is_far_from_its_polynomials_is_not_proved():

@@ -1,4 +1,4 @@
-"""Pickles of objects with expressions. Symbols keep their identity, and the time stays `t`."""
+"""Pickles of objects with expressions of CasADi. Symbols keep their identity, and the time stays `t`."""
 
 import io
 import pickle

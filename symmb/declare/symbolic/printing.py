@@ -1,4 +1,4 @@
-"""Expressions of SymPy as text and in LaTeX. Declared names such as "rod1.theta" are typeset as mathematics."""
+"""Declared names such as "rod1.theta" as mathematics, and expressions of SymPy with them, as text and in LaTeX."""
 
 import re
 from collections import Counter

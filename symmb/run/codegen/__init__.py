@@ -5,7 +5,7 @@ The generator writes the model of a scene in front of fixed files of the folder 
 block, begin, ensemble       samples that share their steps, their start, and all blocks of an ensemble
 embedded_pair                steps of DormandPrince and EventDriven; `accept_step` rejects a step if its error is too
                              large, `take_step` if that of the dense output is, or if it passes a switch early
-fixed_step, implicit_step    RungeKutta, and implicit schemes
+fixed_step, implicit_step    RungeKutta, and implicit schemes; implicit_step rejects steps as well
 switches, impacts            ends of steps at kinks and jumps, and at contacts that close and open
 projection                   projection onto constraints
 model, step_control, tableau examples of what the generator writes
