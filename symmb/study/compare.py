@@ -20,7 +20,7 @@ from symmb.equations.model import Box, Scene
 from symmb.run.integrate import Solver
 from symmb.run.simulation import SceneSimulator, simulator_of
 from symmb.study.comparison_result import Comparison
-from symmb.study.enclosed import Limits
+from symmb.study.enclosed import ProvedBounds
 from symmb.study.metrics import Yardstick
 from symmb.study.reference import RUNS, Reference, affordable_runs, find_reference, planned_runs
 from symmb.study.row import LONG_RUN, NotRun, Row
@@ -220,11 +220,11 @@ def _confronted(
     """The reference with all attained values, limited by proved bounds; the solver's error; sentences about proofs."""
     joint = found if given is not None else found.joined([each.inner for each in bounds if each.inner is not None])
     attained = found if given is None or given.kind == "sampled" else None
-    limits = Limits.of(bounds)
-    if limits is not None:
-        joint = limits.limit(joint, attained is not None)
+    proved = ProvedBounds.of(bounds)
+    if proved is not None:
+        joint = proved.limit(joint, attained is not None)
     solver_error = None if difference is None else joint.yardstick.relative(difference)
-    faults = [] if limits is None else limits.faults(bounds, attained, joint.yardstick, solver_error)
+    faults = [] if proved is None else proved.faults(bounds, attained, joint.yardstick, solver_error)
     return joint, solver_error, faults
 
 

@@ -13,7 +13,7 @@ from symmb.study.reference import Reference
 
 
 @dataclass(frozen=True)
-class Limits:
+class ProvedBounds:
     """Proved bounds (n_t, n_y), infinite if nothing is proved, and the methods that prove them."""
 
     lower: Array
@@ -21,7 +21,7 @@ class Limits:
     names: tuple[str, ...]
 
     @classmethod
-    def of(cls, bounds: Sequence[Bounds]) -> "Limits | None":
+    def of(cls, bounds: Sequence[Bounds]) -> "ProvedBounds | None":
         """The intersection of all enclosures among the bounds; None if there is no enclosure."""
         proved = [found for found in bounds if found.kind == "enclosure" and np.isfinite(found.upper).any()]
         if not proved:
@@ -31,11 +31,11 @@ class Limits:
         return cls(lower, upper, tuple(found.method for found in proved))
 
     def limit(self, reference: Reference, attained: bool) -> Reference:
-        """The reference within the limits.
+        """The reference within the proved bounds.
 
-        The true bounds are between the attained values and the limits. Except for the error of the solver, the distance
-        between both is therefore the largest error of the reference. If it is smaller than the uncertainty, it becomes
-        the uncertainty.
+        The true bounds are between the attained values and the proved bounds. Except for the error of the solver, the
+        distance between both is therefore the largest error of the reference. If it is smaller than the uncertainty, it
+        becomes the uncertainty.
         """
         lower, upper = (np.clip(a, self.lower, self.upper) for a in (reference.lower, reference.upper))
         limited = replace(reference, lower=lower, upper=upper)

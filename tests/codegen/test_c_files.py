@@ -10,7 +10,7 @@ import pytest
 
 import symmb as mb
 from models import bouncing_ball, double_pendulum
-from symmb.run.codegen import Engine, Lanes, Tolerances, model_function
+from symmb.run.codegen import Engine, Lanes, StepTolerances, model_function
 from symmb.run.codegen.c_source import C_FOLDER
 from symmb.run.codegen.model_source import _generator
 
@@ -62,7 +62,7 @@ def test_generated_programs_are_clean_under_sanitizers(model, solver, tmp_path):
     engine = simulator.program.engine()
     assert isinstance(engine, Engine) and engine.starts == (model is double_pendulum)
     x0 = np.zeros((1, 1)) if engine.starts else simulator.start.states(P)[0]
-    controlled = isinstance(engine.control, Tolerances)
+    controlled = isinstance(engine.control, StepTolerances)
     atol = engine.control.absolute(engine.n_x) if controlled else np.zeros(1)
     numbers = {
         "x0": ", ".join(map(repr, x0.ravel().tolist())),
@@ -90,7 +90,7 @@ def test_generated_programs_are_clean_under_sanitizers(model, solver, tmp_path):
 def test_no_array_of_the_models_size_stands_on_the_stack():
     x, p, t = ca.SX.sym("x", 1500), ca.SX.sym("p", 2), ca.SX.sym("t")
     rates = -x + ca.vertcat(x[1:], p[0]) * ca.sin(p[1] + t)
-    engine = Engine(Lanes(model_function(x, p, t, rates, x[:2], x), Tolerances(1e-6, 1e-8)), np.linspace(0, 1, 3))
+    engine = Engine(Lanes(model_function(x, p, t, rates, x[:2], x), StepTolerances(1e-6, 1e-8)), np.linspace(0, 1, 3))
     command = [COMPILERS[0], "-x", "c", "-std=gnu11", "-O1", "-march=native", "-Wframe-larger-than=65536", "-S"]
     run = subprocess.run([*command, "-", "-o-"], input=engine.source, capture_output=True, text=True)
     assert run.returncode == 0 and "frame-larger-than" not in run.stderr, run.stderr[:1000]

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from symmb.run.codegen import Engine, Lanes, Tolerances, model_function
+from symmb.run.codegen import Engine, Lanes, StepTolerances, model_function
 
 RNG = np.random.default_rng(3)
-STEPS = Tolerances(1e-8, 1e-8)
+STEPS = StepTolerances(1e-8, 1e-8)
 X, P, T = ca.SX.sym("x", 2), ca.SX.sym("p", 2), ca.SX.sym("t")
 
 

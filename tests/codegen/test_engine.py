@@ -21,7 +21,7 @@ from scipy import special
 import symmb as mb
 from models import cubic, double_pendulum, stewart_platform
 from symmb.connect.simulator import Reduction
-from symmb.run.codegen import Engine, Lanes, Tolerances, build, model_function
+from symmb.run.codegen import Engine, Lanes, StepTolerances, build, model_function
 
 ROOT = Path(mb.__file__).parents[1]
 TIMES = np.linspace(0, 5, 41)
@@ -30,7 +30,7 @@ DUFFING = ca.vertcat(X[1], -X[0] - P * X[0] ** 3 + ca.cos(T) / 3)
 
 
 def duffing(rtol=1e-9, times=TIMES):
-    return Engine(Lanes(model_function(X, P, T, DUFFING, X, None), Tolerances(rtol, rtol / 100)), times)
+    return Engine(Lanes(model_function(X, P, T, DUFFING, X, None), StepTolerances(rtol, rtol / 100)), times)
 
 
 def test_runs_are_those_of_scipy_s_dop853():
@@ -57,7 +57,7 @@ def test_outputs_within_a_step_of_stiff_lanes_are_those_of_the_closed_form(seed,
     times, ranges = np.linspace(0, 1, 201), ((3, 4.5), (5e-3, 2e-2), (0.3, 0.7))
     exponent, w, c = (rng.uniform(*limits, 1600) for limits in ranges)
     P = np.column_stack([10**exponent, w, c])
-    lanes = Lanes(model_function(x, p, t, rate, x, None), Tolerances(rtol, rtol / 100))
+    lanes = Lanes(model_function(x, p, t, rate, x, None), StepTolerances(rtol, rtol / 100))
     Y, failed_samples = Engine(lanes, times).values(np.zeros((len(P), 1)), P)
     assert np.isnan(failed_samples.t_failed).all()
     k, w, z = P[:, :1], P[:, 1:2], (times - P[:, 2:]) / P[:, 1:2]

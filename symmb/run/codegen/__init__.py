@@ -26,7 +26,7 @@ from symmb.run.codegen.build import (
 )
 from symmb.run.codegen.c_source import C_FOLDER, c_fields, c_number, c_source
 from symmb.run.codegen.contacts import BLAMED, CLOSES, IMPACT, OPENS, Contacts
-from symmb.run.codegen.engine import MOST_PASSES, Engine, FailedSamples, FixedStep, Lanes, StepEnds, Tolerances
+from symmb.run.codegen.engine import MOST_PASSES, Engine, FailedSamples, FixedStep, Lanes, StepEnds, StepTolerances
 from symmb.run.codegen.failures import REASONS, FailureCode
 from symmb.run.codegen.model_source import Scheme, model_function, scheme_function
 from symmb.run.codegen.scene_source import SceneSource, scene_source

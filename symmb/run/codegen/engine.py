@@ -20,7 +20,7 @@ from symmb.run.schemes import MOST_STEPS
 
 
 @dataclass(frozen=True)
-class Tolerances:
+class StepTolerances:
     """Step control by relative and absolute tolerances, with a longest step [s], 0 for no limit.
 
     The absolute tolerance of a state is `atol` times its size in `sizes` (n_x,), by default 1. With explicit steps it
@@ -69,7 +69,7 @@ class Lanes:
     Attributes
     ----------
     f : from `model_function` or `scheme_function`; with a start the engine computes the states at the start
-    control : Tolerances or FixedStep
+    control : StepTolerances or FixedStep
     scheme : Scheme, optional           an implicit scheme; by default the pair of Dormand and Prince with tolerances,
                                         or the classical Runge-Kutta method with a fixed step
     ends : StepEnds                     switches, for the pair of Dormand and Prince
@@ -78,7 +78,7 @@ class Lanes:
     """
 
     f: ca.Function
-    control: Tolerances | FixedStep
+    control: StepTolerances | FixedStep
     scheme: Scheme | None = None
     ends: StepEnds = field(default_factory=StepEnds)
     contacts: Contacts | None = None
@@ -227,7 +227,9 @@ class Engine:
 
     def _study(self, n: int, n_stops: int, most_events: int, arrays: Mapping[str, np.ndarray | None]) -> _Study:
         """The study of n samples with these arrays."""
-        control = self.control if isinstance(self.control, Tolerances) else Tolerances(0.0, 0.0, self.control.longest)
+        control = (
+            self.control if isinstance(self.control, StepTolerances) else StepTolerances(0.0, 0.0, self.control.longest)
+        )
         arrays = {**arrays, "times": self.times, "atol": control.absolute(self.n_x)}
         study = _Study(
             n=n,

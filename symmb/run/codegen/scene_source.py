@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.run.codegen.c_source import C_FOLDER, c_source
-from symmb.run.codegen.engine import Lanes, Tolerances
+from symmb.run.codegen.engine import FixedStep, Lanes, StepTolerances
 from symmb.run.codegen.failures import REASONS
 from symmb.run.codegen.model_source import source_of
 from symmb.run.schemes import MOST_STEPS
@@ -63,7 +63,9 @@ def scene_source(scene: SceneSource) -> dict[str, str]:
     header = (C_FOLDER / "scene.h").read_text(encoding="utf-8")
     for name, value in sizes.items():
         header = re.sub(rf"^(#define SCENE_{name}) \S+", lambda line, v=value: f"{line[1]} {v}", header, flags=re.M)
-    control = lanes.control if isinstance(lanes.control, Tolerances) else Tolerances(0.0, 0.0, lanes.control.longest)
+    control = (
+        lanes.control if isinstance(lanes.control, StepTolerances) else StepTolerances(0.0, 0.0, lanes.control.longest)
+    )
     numbers = {
         "RTOL": control.rtol,
         "ATOL_GROWTH": control.growth,

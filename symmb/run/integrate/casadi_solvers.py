@@ -11,7 +11,7 @@ from symmb._limits import MOST_STEPS_KEPT, require_steps
 from symmb._types import Array
 from symmb.declare.symbolic import has_kinks
 from symmb.equations.model import DAE
-from symmb.run.codegen import Tolerances
+from symmb.run.codegen import StepTolerances
 from symmb.run.integrate.fixed_step import collocation, fixed_step_integration
 from symmb.run.integrate.initial_value_problem import InitialValueProblem, build_problem
 from symmb.run.integrate.integration import Integration
@@ -222,7 +222,7 @@ def _with_multipliers(options: dict[str, Any], problem: InitialValueProblem) -> 
     return options | {"abstolv": tolerances, "suppress_algebraic": True, "linear_solver": "csparse"}
 
 
-def _measures(tolerances: Tolerances) -> tuple[dict[str, Any], Array | None]:
+def _measures(tolerances: StepTolerances) -> tuple[dict[str, Any], Array | None]:
     """Options for tolerances, and units (n_x + n_quad,) of states and integrals, so that one tolerance serves all."""
     sizes = np.array(tolerances.sizes or (1.0,))
     size = float(sizes.max())

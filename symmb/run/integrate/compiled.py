@@ -13,7 +13,7 @@ from symmb._interrupts import carry_runs, runs_of
 from symmb._types import Array
 from symmb.equations.model import DAE, Impacts
 from symmb.equations.start import Start
-from symmb.run.codegen import Engine, FixedStep, Lanes, Tolerances, require_compiler
+from symmb.run.codegen import Engine, FixedStep, Lanes, StepTolerances, require_compiler
 from symmb.run.events import events_of, longest_step
 from symmb.run.integrate.integration import Integration, Run
 from symmb.run.integrate.projection import sampled_jets
@@ -52,7 +52,7 @@ class CompiledSolver(Solver):
     def runs_in_lanes(self, dae: DAE) -> bool:
         return True
 
-    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances | FixedStep:
+    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> StepTolerances | FixedStep:
         """The choice of steps in the engine, for Taylor coefficients up to an order and for integrals along the
         motion."""
         return self.tolerances(dae, order, n_quad) if self.controls_step else FixedStep(self.fixed_step(times))
@@ -83,7 +83,7 @@ class CompiledSolver(Solver):
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         return CompiledIntegration(self, dae, times, order, work)
 
-    def limited_control(self, dae: DAE, times: Array, order: int, n_quad: int) -> Tolerances | FixedStep:
+    def limited_control(self, dae: DAE, times: Array, order: int, n_quad: int) -> StepTolerances | FixedStep:
         """The step control. Steps are so short that none passes over a pulse of a function of time."""
         self.require_affordable(times)
         control = self.step_control(dae, times, order, n_quad)

@@ -8,7 +8,7 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._types import Array
 from symmb.equations.model import DAE
-from symmb.run.codegen import Engine, Lanes, Tolerances, require_compiler
+from symmb.run.codegen import Engine, Lanes, StepTolerances, require_compiler
 from symmb.run.integrate.compiled import Task, impacts_text
 from symmb.run.integrate.explicit import DormandPrince, Explicit
 from symmb.run.integrate.integration import Integration
@@ -58,7 +58,7 @@ class EventDriven(Explicit):
     def has_dense_output(self, dae: DAE) -> bool:
         return True
 
-    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances:
+    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> StepTolerances:
         return replace(self.tolerances(dae, order, n_quad), growth=0.0, least=1.0, ahead=0.0)
 
     def lanes(self, task: Task) -> Lanes:
@@ -78,7 +78,7 @@ class EventDriven(Explicit):
 
 def round_otherwise(engine: Engine, other: Engine) -> None:
     """Limit the steps of an engine to less than the mean step of the last run of another engine."""
-    control, span = cast(Tolerances, engine.control), float(np.ptp(engine.times))
+    control, span = cast(StepTolerances, engine.control), float(np.ptp(engine.times))
     # Longest step of a check run divided by the mean step of the checked run. It is not a simple fraction, so that
     # rounding errors differ.
     longest = min(control.longest or np.inf, 0.37 * span / max(other.counts.steps, 1))

@@ -10,7 +10,7 @@ from symmb._errors import DeclarationError, PropagationError
 from symmb._types import Array
 from symmb.declare.symbolic import common, has_kinks
 from symmb.equations.model import DAE
-from symmb.run.codegen import FixedStep, Lanes, Scheme, StepEnds, Tolerances, scheme_function
+from symmb.run.codegen import FixedStep, Lanes, Scheme, StepEnds, StepTolerances, scheme_function
 from symmb.run.integrate.compiled import CompiledIntegration, CompiledSolver, Task
 from symmb.run.integrate.fixed_step import fixed_step_integration, implicit
 from symmb.run.integrate.initial_value_problem import build_problem
@@ -64,7 +64,7 @@ class _SchemeSolver(CompiledSolver):
             history=begin,
             guess=step.guess,
             correct=ca.vertcat(change, tested_change),
-            follow=ca.vertcat(step.following, step.error) if isinstance(control, Tolerances) else step.following,
+            follow=ca.vertcat(step.following, step.error) if isinstance(control, StepTolerances) else step.following,
             outputs=ca.vertcat(y(state, step.p, step.t), w[past_work, :]),
             projected=None if step.projected is None else ca.substitute(step.projected, *at_state),
             start=None if compiled is None else compiled.equations(step.p),
@@ -73,14 +73,14 @@ class _SchemeSolver(CompiledSolver):
         stops: StopsInTime | SwitchPasses | None = None
         if alone:
             stops = stops_in_time(dae, times)
-        elif isinstance(control, Tolerances):
+        elif isinstance(control, StepTolerances):
             stops = SwitchPasses(dae, times, control.rtol, compiled)
         return Lanes(f, control, scheme, StepEnds(stops=stops))
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         def fixed_steps() -> Integration:
             control = self.step_control(dae, times)
-            if isinstance(control, Tolerances):
+            if isinstance(control, StepTolerances):
                 raise PropagationError(
                     f"{self!r} controls its step, which needs at most {MOST_VELOCITIES} velocities, "
                     "and is not possible in lockstep. Give a step instead of a tolerance."
@@ -183,7 +183,7 @@ class NSTIFFSI2(_PositionScheme):
     def formula(self, dae: DAE, work: bool) -> Step:
         return nstiff_si2(dae, work)
 
-    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances | FixedStep:
+    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> StepTolerances | FixedStep:
         return replace(super().step_control(dae, times, order, n_quad), longest=self.step)
 
 

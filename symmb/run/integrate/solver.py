@@ -13,7 +13,7 @@ from symmb._limits import require_steps
 from symmb._options import is_finite_number, is_real, is_whole, python_number, require_truth, shown
 from symmb._types import Array
 from symmb.equations.model import DAE
-from symmb.run.codegen import Tolerances, with_compiler
+from symmb.run.codegen import StepTolerances, with_compiler
 from symmb.run.integrate.cells import interval_steps
 from symmb.run.integrate.integration import Integration, stateless_integration
 from symmb.run.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection
@@ -109,7 +109,7 @@ class Solver(ABC):
     @abstractmethod
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration: ...
 
-    def tolerances(self, dae: DAE, order: int = 0, n_quad: int = 0) -> Tolerances:
+    def tolerances(self, dae: DAE, order: int = 0, n_quad: int = 0) -> StepTolerances:
         """The options `rtol` and `atol`; by default the latter is rtol / 100 of the size of each state.
 
         They are for states (n_x,), their Taylor coefficients up to an order, and integrals along the motion. They do
@@ -118,7 +118,7 @@ class Solver(ABC):
         rtol: float = self.rtol  # pyright: ignore[reportAttributeAccessIssue]
         atol: float | None = getattr(self, "atol", None)
         if atol is not None:
-            return Tolerances(rtol, atol)
+            return StepTolerances(rtol, atol)
         sizes = [*np.tile(dae.state_sizes, order + 1).tolist(), *[dae.scales.work] * n_quad]
         # Smallest size of a state divided by the size of its part of the scene, down to which absolute tolerances are
         # proportional to the size. It rises with 1e-12 / rtol, because balanced forces leave rounding in states that do
@@ -128,7 +128,7 @@ class Solver(ABC):
         # the prediction, runs from rest take seven more steps, with lengths that depend on rounding.
         # tests/codegen/test_c_files.py
         ahead = 1.0 / dae.scales.rate
-        return Tolerances(rtol, rtol / 100, sizes=tuple(sizes), growth=rtol / 100, least=least, ahead=ahead)
+        return StepTolerances(rtol, rtol / 100, sizes=tuple(sizes), growth=rtol / 100, least=least, ahead=ahead)
 
     def tighter(self, factor: float = 10.0, times: Array | None = None) -> Self:
         """The same solver with errors about `factor` times smaller.

@@ -9,7 +9,7 @@ from symmb._types import Array
 from symmb.declare.symbolic import has_kinks
 from symmb.equations.model import DAE
 from symmb.equations.start import Start
-from symmb.run.codegen import Engine, FailureCode, Tolerances, compiler_advice, has_compiler
+from symmb.run.codegen import Engine, FailureCode, StepTolerances, compiler_advice, has_compiler
 from symmb.run.events import time_switches
 from symmb.run.integrate.compiled import Task
 from symmb.run.integrate.explicit import DormandPrince
@@ -105,7 +105,7 @@ def _passes(engine: Engine, x0: Array, p: Array) -> tuple[Array, Array, Array]:
     """Passes (N, k) of switches of the state, nan behind the last one, and `until` and `sticks` of `Stops`."""
     passes, until, sticks = _passes_by(engine, x0, p)
     control, again = engine.control, np.isfinite(until)
-    if not again.any() or not isinstance(control, Tolerances) or control.rtol >= _SAFE_RTOL:
+    if not again.any() or not isinstance(control, StepTolerances) or control.rtol >= _SAFE_RTOL:
         return passes, until, sticks
     # Where a force rises over a way of a few thousand roundings of the position, smaller tolerances are noise.
     engine.control = replace(control, rtol=_SAFE_RTOL, atol=control.atol * _SAFE_RTOL / control.rtol)
