@@ -179,8 +179,7 @@ def test_a_store_that_another_program_holds(folder, monkeypatch, capsys):
     monkeypatch.setattr(run_database, "_WAIT_AT_FIRST", 0.1)
     other = sqlite3.connect(folder / "runs.db", isolation_level=None)
     other.execute("BEGIN EXCLUSIVE")
-    with pytest.raises(mb.SimulationError, match="is locked by another program"):
-        study(folder / "runs.db")
+    refused("is locked by another program", study, folder / "runs.db", error=mb.SimulationError)
     assert main(["runs", str(folder / "runs.db"), "--prune", "all"]) in (1, 2)
     assert is_sentence(capsys.readouterr().err.strip())
     other.execute("ROLLBACK")
