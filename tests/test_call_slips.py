@@ -33,12 +33,7 @@ def test_a_body_in_the_place_of_a_point(kind, places):
 
 @pytest.mark.parametrize("kind", ELEMENTS)
 @pytest.mark.parametrize(
-    "law",
-    [
-        lambda table: mb.KelvinVoigt(table),
-        lambda table: mb.KelvinVoigt(1e5, table),
-        lambda table: mb.HuntCrossley(table, 0.5, 0.1),
-    ],
+    "law", [lambda t: mb.KelvinVoigt(t), lambda t: mb.KelvinVoigt(1e5, t), lambda t: mb.HuntCrossley(t, 0.5, 0.1)]
 )
 def test_a_table_in_the_place_of_a_number_of_a_law(kind, law):
     refused("(stiffness|damping).* is not a number", mb.System, BODY, ELEMENTS[kind](A, B, law(TABLE)))

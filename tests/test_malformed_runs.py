@@ -179,8 +179,7 @@ def test_a_store_that_another_program_holds(folder, monkeypatch, capsys):
     monkeypatch.setattr(run_database, "_WAIT_AT_FIRST", 0.1)
     other = sqlite3.connect(folder / "runs.db", isolation_level=None)
     other.execute("BEGIN EXCLUSIVE")
-    with pytest.raises(mb.SimulationError, match="is locked by another program"):
-        study(folder / "runs.db")
+    refused("is locked by another program", study, folder / "runs.db", error=mb.SimulationError)
     assert main(["runs", str(folder / "runs.db"), "--prune", "all"]) in (1, 2)
     assert is_sentence(capsys.readouterr().err.strip())
     other.execute("ROLLBACK")
@@ -188,8 +187,6 @@ def test_a_store_that_another_program_holds(folder, monkeypatch, capsys):
     assert study(folder / "runs.db").evaluations == 40
 
 
-@pytest.mark.parametrize(
-    "path", [3, None, b"runs.db", "", "a\0b", "no/such/folder/runs.db", "/proc/runs.db", "x" * 300]
-)
+@pytest.mark.parametrize("path", [3, None, b"runs.db", "", "a\0b", "no/folder/runs.db", "/proc/runs.db", "x" * 300])
 def test_paths_of_stores(path):
     assert is_sentence(refused(None, study, path))

@@ -140,5 +140,4 @@ def test_libraries_that_do_not_start(change, text, folder, libraries):
 def test_without_fmpy(monkeypatch, folder, libraries):
     path = fmus.spring(folder / "whole.fmu", libraries)
     monkeypatch.setitem(sys.modules, "fmpy", None)
-    with pytest.raises(ImportError, match=r"FMUSimulator needs fmpy, which is not installed.*'symmb\[fmu\]'"):
-        simulator(path)
+    refused(r"FMUSimulator needs fmpy, which is not installed.*'symmb\[fmu\]'", simulator, path, error=ImportError)

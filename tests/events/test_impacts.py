@@ -359,10 +359,7 @@ def test_a_gap_that_constraints_close_cannot_rebound():
         (lambda ball, p: (ball.y, 1.5), "restitution 1.5 is not between 0 and 1"),
         (lambda ball, p: (ball.y, p.e + 0.8), "restitution 1.3 is not between 0 and 1 at the nominal parameters"),
         (lambda ball, p: (ball.y, ball.y), "may depend on parameters only"),
-        (
-            lambda ball, p: (mb.Body("other", 1.0, pose=mb.Particle()).y, 0.5),
-            "does not belong to a parameter or a body",
-        ),
+        (lambda ball, p: (mb.Body("far", 1.0, pose=mb.Particle()).y, 0.5), "does not belong to a parameter or a body"),
     ],
 )
 def test_faults_of_the_declaration(law, told):

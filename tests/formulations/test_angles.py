@@ -36,8 +36,7 @@ def test_the_angle_of_a_hinge_grows_over_several_turns(pose, ground_is_b, rate):
     points = (body.point(0, 0), GROUND.point(0, 0)) if ground_is_b else (GROUND.point(0, 0), body.point(0, 0))
     hinge = mb.Revolute("hinge", *points, axis=axis_of(pose))
     outputs = {"angle": hinge.angle, "rate": mb.ddt(hinge.angle)}
-    scene = mb.Scene(mb.System(body, hinge), spin("wheel", pose, rate), TIMES, outputs)
-    run = mb.simulate(scene, TIGHT)
+    run = mb.simulate(mb.Scene(mb.System(body, hinge), spin("wheel", pose, rate), TIMES, outputs), TIGHT)
     sign = -1 if ground_is_b else 1
     assert_allclose(run["angle"], sign * rate * TIMES, atol=1e-8)  # 33 rad, more than five turns
     assert_allclose(run["rate"], sign * rate, atol=1e-8)

@@ -134,10 +134,7 @@ OPTIONS = [
     (lambda: mb.NSTIFFSI2(step=0), r"NSTIFFSI2: step=0 must be a number above 0"),
     (lambda: mb.GeneralizedAlpha(rho=1.2), r"GeneralizedAlpha: rho=1\.2 must be a number from 0 to 1"),
     (lambda: mb.HHT(alpha=0.4), r"HHT: alpha=0\.4 must be a number from 0 to 0\.333"),
-    (
-        lambda: mb.CVODES(stabilization="Projection"),
-        r"stabilization='Projection' is not a stabilization: use Baumgarte",
-    ),
+    (lambda: mb.CVODES(stabilization="Projection"), "stabilization='Projection' is not a stabilization: use Baumgarte"),
     (lambda: mb.CVODES(rtol=0, atol=-1), r"rtol=0 .*\nCVODES: atol=-1"),
     (lambda: mb.Newmark(gamma=0.4), r"Newmark: gamma=0\.4 must be a number from 0\.5 to 1"),
     (

@@ -15,9 +15,7 @@ MAKE = {
 }
 CARRIED = {
     "Spherical": lambda b: [mb.Spherical("j", GROUND.point(0, 0, 0), b.point(0, 0, 0.3))],
-    "Universal": lambda b: [
-        mb.Universal("j", GROUND.point(0, 0, 0), b.point(0, 0, 0.3), axis=(1, 0, 0), axis_b=(0, 1, 0))
-    ],
+    "Universal": lambda b: [mb.Universal("j", GROUND.point(0, 0, 0), b.point(0, 0, 0.3), (1, 0, 0), axis_b=(0, 1, 0))],
     "hinge about another axis": lambda b: [mb.Revolute("j", GROUND.point(0, 0, 0), b.point(0, 0, 0.3), axis=(1, 0, 1))],
     "PointOnLine": lambda b: [mb.PointOnLine("j", GROUND.point(0, 0, 0), b.point(0, 0, 0.3), axis=(1, 0, 0))],
     "free": lambda b: [],

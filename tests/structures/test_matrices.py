@@ -56,10 +56,7 @@ def mixed():
 
 FAULTS = {
     "size": ((POSITIONS[:-1], K, M), r"K has the shape \(36, 36\), but 11 nodes have 3 or 6 .*: 33 or 66 rows"),
-    "sizes that differ": (
-        (POSITIONS[:6], K, M[:18, :18]),
-        r"K has the shape \(36, 36\), but M has the shape \(18, 18\)",
-    ),
+    "other sizes": ((POSITIONS[:6], K, M[:18, :18]), r"K has the shape \(36, 36\), but M has the shape \(18, 18\)"),
     "not symmetric": ((POSITIONS, unsymmetric(), M), "K is not symmetric. If only one triangle is stored"),
     "supported": (
         (POSITIONS, K + np.diag(np.r_[1e3, np.zeros(35)]), M),
