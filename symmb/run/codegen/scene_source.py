@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.run.codegen.c_source import C_FOLDER, c_source
-from symmb.run.codegen.engine import FixedStep, Lanes, StepTolerances
+from symmb.run.codegen.engine import Lanes, StepTolerances
 from symmb.run.codegen.failures import REASONS
 from symmb.run.codegen.model_source import source_of
 from symmb.run.schemes import MOST_STEPS
