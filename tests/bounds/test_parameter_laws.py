@@ -190,7 +190,7 @@ def test_what_is_malformed_is_told_in_a_sentence(change, text):
 def test_other_malformed_calls():
     bounds = mb.propagate(sums(), mb.PolynomialChaos(), WIDE)
     refused("pass a number as above=", bounds.probability, "y", laws=NORMAL)
-    refused("below is not the larger one", bounds.probability, "y", above=1.0, below=2.0, laws=NORMAL)
+    refused("below must not exceed above", bounds.probability, "y", above=1.0, below=2.0, laws=NORMAL)
     with pytest.raises(mb.DeclarationError, match="error must be above 0 and below 1"):
         bounds.probability("y", above=1.0, laws=NORMAL, error=0.0)
     refused("need a distribution of every parameter", bounds.samples, 3, {"a": st.norm()})

@@ -77,7 +77,7 @@ def test_torch_has_values_and_gradients_of_batches():
     np.testing.assert_allclose(y.detach()[0], by_hand(POINTS[0]).real, rtol=1e-8, atol=1e-8)
     np.testing.assert_allclose(u.grad[0], np.einsum("ty,typ->p", weights, slopes), rtol=1e-8)
     assert f(u.detach()).requires_grad is False
-    refused(r"expected an array \(..., 2\) of a, l", f, torch.ones(3))
+    refused(r"array of shape \(..., 2\) with a, l", f, torch.ones(3))
 
 
 TRUE = np.array([0.97, 2.93, 2.56, 3.04])

@@ -290,17 +290,20 @@ def _distinct(points: list[Array], known: Array) -> Array:
 
 
 def _polynomials(surface: Callable[[Array], Array], runs: OutputRuns, error: Array) -> Piecewise | None:
-    """An interpolant of a surface (N, d) -> (N, n_t n_y) with an error (n_t, n_y); None if it is not accurate."""
+    """An interpolant of a surface (N, d) -> (N, n_t n_y) with an error (n_t, n_y); None if it is not accurate.
+
+    Its errors are those at quasi-random points and at runs, times SAFETY: between them, jumps have larger errors.
+    """
     d = len(runs.box)
     # Degree 2 does not distinguish x^3 from x.
     grid, step = Grid(d), along_axes(d, 4)
-    points = quasi_random_points(4 * d, d)
+    points = np.concatenate([quasi_random_points(4 * d, d), runs.attained()[0]])
     expected = surface(points)
     while True:
         grid.add(grid.missing(step))
         coefficients = grid.coefficients(surface(grid.nodes))
         expansion = Expansion(grid.alpha, coefficients.reshape(-1, *runs.shape), runs.box.names)
-        errors = np.abs(expansion.values(points).reshape(expected.shape) - expected)
+        errors = SAFETY * np.abs(expansion.values(points).reshape(expected.shape) - expected)
         widths = np.where(np.ptp(expected, axis=0) > 0, np.ptp(expected, axis=0), np.inf)
         if (errors / widths).max() <= DOUBTFUL:
             return Piecewise.whole(expansion, error + errors.max(axis=0).reshape(runs.shape))
