@@ -203,8 +203,8 @@ def typeset(unit: str) -> str:
 
 
 def told_units(units: Sequence[str], n: int, parameters: object = None) -> Sequence[str]:
-    """Units of n outputs for texts and .csv files. Units are printed only if an output or a parameter has a unit
-    outside the SI."""
+    """Units of n outputs for texts and .csv files. Units are printed only if an output has a unit outside the SI, or a
+    parameter has a unit."""
     is_si = all(map(_is_si, units)) and not units_of_parameters(parameters)
     return ("",) * n if is_si or not units else units
 
