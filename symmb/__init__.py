@@ -1,11 +1,11 @@
 """Symbolic multibody dynamics with interval parameters.
 
-Declare bodies, joints and forces; symmb derives the equations, compiles, simulates and bounds them. Write
-`import symmb as mb`, and `help(mb.Body)` for one name. `symmb --help` says where the guide is. The public names,
-by subject:
+Declare bodies, joints and forces. symmb derives the equations, compiles them, runs them and bounds the results. Write
+`import symmb as mb`, and `help(mb.Body)` for help on one name. `symmb --help` says where the guide is. The public
+names by subject:
 """
 
-# The public names are listed in `__init__.pyi`. Each room is loaded when one of its names is first used.
+# The public names are listed in `__init__.pyi`. Each module is loaded when one of its names is first used.
 
 from importlib import import_module
 from textwrap import fill

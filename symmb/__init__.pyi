@@ -1,4 +1,4 @@
-"""The public names by subject: the only list of them. `__init__.py` reads it to load names and to list them."""
+"""The only list of the public names, by subject. `__init__.py` reads this list to load and to list the names."""
 
 __version__: str
 __citation__: str

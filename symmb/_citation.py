@@ -7,11 +7,11 @@ from pathlib import Path
 _PACKAGE = Path(__file__).parent
 _FILE = "CITATION.cff"
 ADDRESSES = "Repository", "Homepage"
-"""Names in `[project.urls]` of `pyproject.toml`. A citation has the address of the first name that is present."""
+"""Names in `[project.urls]` of `pyproject.toml`. A citation contains the address of the first name that exists."""
 
 
 def citation() -> str:
-    """The entry in BibTeX. A wheel contains `CITATION.cff`; a checkout has the file beside the package."""
+    """The BibTeX entry of symmb. A wheel contains `CITATION.cff`; a checkout has the file beside the package."""
     file = _PACKAGE / _FILE
     text = (file if file.exists() else _PACKAGE.parent / _FILE).read_text(encoding="utf-8")
     text = text.partition("\nreferences:")[0]

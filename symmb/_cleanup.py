@@ -1,4 +1,4 @@
-"""What must not outlive this process: temporary folders, incomplete files, and programs that the process started."""
+"""Removal of what this process must not leave behind: temporary folders, incomplete files, and started programs."""
 
 import os
 import shutil
@@ -19,31 +19,31 @@ from typing import Any
 from symmb._interrupts import SIGNALS, deferred_interrupts
 
 PREFIX = "symmb-"
-"""Start of the names of temporary folders. The number of the process follows."""
+"""First part of the names of temporary folders. The number of the process follows."""
 
 _MARK, _FOLDER = ".symmb", "run"
-"""The mark of a temporary folder: a file that names the process that made the folder, because other programs may use
-such names too. The temporary files are in the folder beside the mark."""
+"""Contents of a temporary folder: the mark, and the folder of the temporary files. The mark is a file that names the
+process that made the folder. It is needed, because other programs may use equal names of folders."""
 _TITLE = "temporary folder of symmb"
 _FOLDERS: set[str] = set()
 _FILES: set[str] = set()
 _GROUPS: dict[int, Path | None] = {}
-"""Leaders of process groups, with the folder in which each leader makes its folders."""
+"""Forked processes that lead process groups -> the folder in which each makes its folders (None: temporary)."""
 _PROGRAMS: set[int] = set()
-"""Leaders of process groups that need not end any program themselves."""
+"""Programs that this process has started. Each program leads a process group, which is ended at once."""
 _STARTS = threading.Lock()
-"""Lock while a program is started. A process that is about to end never releases the lock."""
+"""This lock is held while a program is started. A process that is about to end never releases the lock."""
 _SEARCHED: set[Path] = set()
 _LEADS = False
 _WATCHES = 0
-"""The process that checks whether its parent still runs."""
+"""Number of the process that checks whether its parent still runs. A forked process has another number."""
 _GRACE = 0.5
 """Time for a process to end its programs and to remove its folders [s]."""
 
 
 @contextmanager
 def temporary_folder(base: Path | None = None) -> Iterator[Path]:
-    """A new folder that is removed at the end of the block, in `base` or in the system's folder for temporary files.
+    """A context with a new folder in `base`, or in the system's temporary folder. It is removed at the end.
 
     It raises OSError if the folder cannot be created.
     """
@@ -56,7 +56,7 @@ def temporary_folder(base: Path | None = None) -> Iterator[Path]:
 
 
 def lasting_folder() -> Path:
-    """A new folder that is removed at the end of this process, also in workers of a pool, which skip `atexit`.
+    """A new folder that is removed when this process ends. Workers of a pool, which skip `atexit`, remove it too.
 
     It raises OSError if the folder cannot be created.
     """
@@ -66,7 +66,7 @@ def lasting_folder() -> Path:
 
 
 def _new_folder(base: Path | None) -> Path:
-    """A folder in a folder with the mark of this process. Folders of killed processes are removed before."""
+    """A new folder beside the mark of this process. First, the folders of killed processes are removed."""
     place = Path(base or tempfile.gettempdir()).resolve()
     if place not in _SEARCHED:
         _SEARCHED.add(place)
@@ -83,7 +83,7 @@ def _new_folder(base: Path | None) -> Path:
 
 
 def _remove(outer: str | Path) -> None:
-    """Remove a folder, and its mark last: if another process still writes into the folder, a later call removes it."""
+    """Remove a folder, its mark last. If another process still writes into the folder, a later call can remove it."""
     inner = os.path.join(outer, _FOLDER)
     _remove_tree(inner)
     if not os.path.lexists(inner):
@@ -91,7 +91,7 @@ def _remove(outer: str | Path) -> None:
 
 
 def _remove_tree(folder: str | Path) -> None:
-    """Remove a folder, even if a program has withdrawn permissions of folders in it."""
+    """Remove a folder, even if a program has removed the permissions of folders inside it."""
     shutil.rmtree(folder, ignore_errors=True)
     if os.path.lexists(folder):
         for place, inner, _ in os.walk(folder):
@@ -103,7 +103,7 @@ def _remove_tree(folder: str | Path) -> None:
 
 @contextmanager
 def temporary_file(path: Path) -> Iterator[None]:
-    """A context that removes a file if the block raises."""
+    """A context that removes a file if the block raises an exception."""
     _FILES.add(str(path))
     try:
         yield
@@ -118,9 +118,9 @@ def temporary_file(path: Path) -> Iterator[None]:
 def run_program(command: Sequence[str], seconds: float, folder: Path | None = None) -> tuple[int, str]:
     """Run a program, and return its exit status and its output.
 
-    The program and the programs that it starts are a group of processes. The group ends when the time is over, or when
+    The program and the programs that it starts form a process group. The group is ended after the given time, or when
     this call is interrupted. If a folder is given, the program writes temporary files there. OSError is raised if the
-    program cannot be started, and TimeoutExpired if the program takes longer.
+    program cannot be started. TimeoutExpired is raised if the program needs more time.
     """
     environment = None if folder is None else {**os.environ, "TMPDIR": str(folder)}
     output = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, "errors": "replace"}
@@ -131,7 +131,7 @@ def run_program(command: Sequence[str], seconds: float, folder: Path | None = No
 
 @contextmanager
 def process_group(command: Sequence[str], **options: Any) -> Iterator["subprocess.Popen[Any]"]:
-    """A program in a process group of its own. Processes of the group that still run at the end of the block are ended.
+    """A context with a program in a new process group. At its end, all processes of the group are ended.
 
     It raises OSError if the program cannot be started.
     """
@@ -151,7 +151,7 @@ def process_group(command: Sequence[str], **options: Any) -> Iterator["subproces
 
 
 def lead_group() -> None:
-    """Make this forked process, with the programs that it starts, a group. The parent ends the group."""
+    """Make this forked process the leader of a new process group. The parent ends this group."""
     global _LEADS
     os.setsid()
     _LEADS = True
@@ -163,12 +163,12 @@ def lead_group() -> None:
 
 
 def note_group(leader: int, base: Path | None = None) -> None:
-    """A forked process that leads a group, and the folder in which the process makes folders (default: temporary)."""
+    """Remember a forked process that leads a group, and the folder in which it makes folders (default: temporary)."""
     _GROUPS[leader] = base
 
 
 def end_groups(*leaders: int) -> None:
-    """End forked processes and the programs that these processes started, and remove their folders."""
+    """End forked processes and the programs that they started. Remove the folders of these processes."""
     for leader in leaders:
         with suppress(OSError):
             os.kill(leader, signal.SIGTERM)
@@ -193,7 +193,7 @@ def _has_ended(child: int) -> bool:
 
 
 def clean_up() -> None:
-    """End the programs, and remove the folders and files, of a process that ends now."""
+    """End the programs of this process, and remove its folders and files, because the process ends now."""
     _STARTS.acquire(timeout=_GRACE)  # a thread may be starting a program, and must not start another program
     for program in list(_PROGRAMS):
         _kill(program)
@@ -206,7 +206,7 @@ def clean_up() -> None:
 
 
 def outlive(parent: int) -> None:
-    """Clean up for a parent that ends for any reason, and end the group that this process leads."""
+    """Clean up when the parent ends for any reason, and end the process group of this process."""
     clean_up()
     deadline = time.monotonic() + _GRACE
     while os.getppid() == parent and time.monotonic() < deadline:
@@ -223,7 +223,7 @@ def outlive(parent: int) -> None:
 
 
 def end_with_parent() -> None:
-    """End this worker of a pool with its parent, or when the worker is terminated. Only the parent gets interrupts."""
+    """Let this worker of a pool end when its parent ends, or at SIGTERM. Only the parent receives interrupts."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.set_wakeup_fd(-1)  # the descriptor belongs to the parent, if the process was forked
     signal.signal(signal.SIGTERM, lambda number, frame: _end_now())
@@ -231,7 +231,7 @@ def end_with_parent() -> None:
 
 
 def watch_parent() -> None:
-    """End this worker of a pool with its parent. Workers of Python's pools go on if their parent is killed."""
+    """Let this worker of a pool end when its parent ends. By default, workers continue if the parent is killed."""
     global _WATCHES
     if parent_process() is not None and os.getpid() != _WATCHES:
         _WATCHES = os.getpid()
@@ -252,7 +252,7 @@ def _end_now() -> None:
 
 
 def remove_left_folders(place: Path | None = None) -> None:
-    """Remove the user's temporary folders of killed processes, in a folder or in the system's temporary folder."""
+    """Remove the folders that killed processes of this user left in `place`, or in the system's temporary folder."""
     place = (place or Path(tempfile.gettempdir())).resolve()
     if place == Path(os.curdir).resolve():  # a current folder has no temporary files
         return
@@ -263,7 +263,7 @@ def remove_left_folders(place: Path | None = None) -> None:
 
 
 def _maker(folder: Path) -> tuple[int, str] | None:
-    """The process of this machine that made a temporary folder, and its start time; None for other folders."""
+    """The number and the start time of the process of this machine that made a folder; None for other folders."""
     mark = folder / _MARK
     try:
         if folder.is_symlink() or mark.is_symlink() or not mark.is_file() or folder.stat().st_uid != os.getuid():
@@ -277,7 +277,7 @@ def _maker(folder: Path) -> tuple[int, str] | None:
 
 
 def _machine() -> str:
-    """A text that identifies this machine since its last start, and this container: others may share its folders."""
+    """A text for this machine, its last start and this container. Other machines may share the temporary folder."""
     try:
         boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
         return f"{os.uname().nodename} {boot} {os.readlink('/proc/self/ns/pid')}"

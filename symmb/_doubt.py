@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 
 class Doubt(str):
-    """A sentence that says what is uncertain. Plain texts concern all outputs.
+    """A sentence that says what is uncertain in some outputs. A plain text concerns all outputs.
 
     Attributes
     ----------
@@ -25,5 +25,5 @@ class Doubt(str):
 
 
 def concerned(doubt: str, names: Iterable[str]) -> tuple[str, ...]:
-    """Which of the outputs a warning concerns."""
+    """Names of the outputs that a warning concerns."""
     return tuple(name for name in names if not isinstance(doubt, Doubt) or name in doubt.outputs)

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from typing import Protocol
 
 LONGEST_TEXT = 1500
-"""Maximum number of characters of an error, because names from users may have any length."""
+"""Maximum number of characters in the text of an error. Names from users may have any length."""
 
 
 class SymmbError(Exception):
@@ -58,7 +58,7 @@ class Faults(list[str]):
 
 @contextmanager
 def faults_of(owner: str, end: str = "") -> Iterator[None]:
-    """A context that puts the name of the owner in front of a DeclarationError."""
+    """A context that puts the name of the owner before the text of a DeclarationError, and `end` after it."""
     try:
         yield
     except DeclarationError as error:
@@ -163,13 +163,13 @@ class WithWarnings:
 
 
 def _shortened(text: str) -> str:
-    """A text. If the text is too long, its middle is left out."""
+    """The text itself, or a text without the middle if it is too long."""
     half = LONGEST_TEXT // 2
     return text if len(text) <= LONGEST_TEXT else f"{text[:half]} ... {text[-half:]}"
 
 
 def text_of(error: BaseException) -> str:
-    """Type and text of an exception of the user's code in one line. Some exceptions have no text."""
+    """Type and text of an exception of the user's code, in one line. Some exceptions have no text."""
     try:
         text = " ".join(str(error).split())
     except Exception:

@@ -5,23 +5,23 @@ from collections.abc import Collection, Sequence
 from html import escape
 
 _PLAIN = 'class="tex2jax_ignore mathjax_ignore"'
-"""Dollar signs in names do not start mathematics."""
+"""HTML classes that stop notebooks from reading dollar signs in names as formulas."""
 _SCROLLED = 'style="overflow-x: auto; max-width: 100%"'
 
 
 def page(*parts: str) -> str:
-    """The parts, one below the other."""
+    """HTML with all parts, one below the other."""
     return f"<div {_SCROLLED}>{''.join(parts)}</div>"
 
 
 def text(lines: str) -> str:
-    """Text whose line breaks and spaces are kept."""
+    """HTML of a text with all its line breaks and spaces."""
     style = "font-family: monospace; white-space: pre-wrap; margin: 0.4em 0"
     return f'<pre {_PLAIN} style="{style}">{escape(lines)}</pre>' if lines else ""
 
 
 def table(rows: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> str:
-    """Rows of cells. The first row is the head. The columns named in ``left`` are aligned on the left.
+    """HTML of rows of cells. The first row is the head. Columns whose number is in ``left`` are aligned on the left.
 
     Examples
     --------
@@ -42,18 +42,18 @@ def table(rows: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> str:
 
 
 def formula(latex: str) -> str:
-    """A displayed formula, which notebooks typeset."""
+    """HTML of a displayed formula, which notebooks typeset."""
     return f'<div class="tex2jax_process mathjax_process" {_SCROLLED}>$$ {escape(latex)} $$</div>'
 
 
 def frame(document: str, title: str) -> str:
-    """A separate document, which cannot access the page around it."""
+    """HTML of a frame with a separate document. The document cannot access the page around it."""
     style = "width: 100%; height: 480px; border: 1px solid #e3e7eb; background: white"
     inside = f'srcdoc="{escape(document)}" title="{escape(title)}"'
     return f'<iframe {inside} sandbox="allow-scripts" loading="lazy" style="{style}"></iframe>'
 
 
 def picture(png: bytes, alt: str = "picture") -> str:
-    """A PNG file."""
+    """HTML of a picture, from the bytes of a PNG file."""
     data = b64encode(png).decode()
     return f'<img alt="{escape(alt)}" style="max-width: 100%; width: 800px" src="data:image/png;base64,{data}">'

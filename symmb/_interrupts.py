@@ -13,14 +13,14 @@ Handler = Callable[[int, FrameType | None], Any]
 SIGNALS = tuple(
     getattr(signal, f"SIG{name}") for name in ("INT", "TERM", "HUP", "QUIT") if hasattr(signal, f"SIG{name}")
 )
-"""Signals that end the command line with a cleanup."""
+"""Signals at which the command line cleans up and ends."""
 _SWALLOW = {"casadi.py", "weakref.py", "_weakrefset.py"}
-"""Files with functions that C code calls. C code ignores exceptions in them: CasADi reads shapes this way, and Python
-removes objects."""
+"""Files with functions that C code calls. C code ignores exceptions in these functions. CasADi calls them to read
+shapes, and Python calls them to remove objects."""
 
 
 def carry(interrupt: KeyboardInterrupt, partial: Any) -> None:
-    """Attach a result so far to an interrupt. It replaces the result of an inner part."""
+    """Attach the result so far to an interrupt. This result replaces the result of an inner part of the work."""
     interrupt.partial = partial  # pyright: ignore[reportAttributeAccessIssue]
 
 
@@ -30,13 +30,13 @@ def carry_runs(interrupt: KeyboardInterrupt, runs: list[Any]) -> None:
 
 
 def runs_of(interrupt: KeyboardInterrupt) -> list[Any]:
-    """The runs of an integration so far."""
+    """The runs that `carry_runs` has attached to an interrupt; an empty list without runs."""
     return getattr(interrupt, "runs", [])
 
 
 @contextmanager
 def _handlers(replaced: Callable[[Handler], Handler]) -> Iterator[dict[int, Handler]]:
-    """A context in which other handlers of SIGNALS are active. The context knows the handlers outside of it."""
+    """A context in which other handlers of SIGNALS are active. It yields the former handlers by signal."""
     previous: dict[int, Handler] = {}
     if threading.current_thread() is threading.main_thread():  # handlers run in the main thread only
         for number in SIGNALS:
@@ -52,7 +52,7 @@ def _handlers(replaced: Callable[[Handler], Handler]) -> Iterator[dict[int, Hand
 
 
 class _Repeated:
-    """A handler that sends an interrupt again if the interrupted code ignores the exception."""
+    """A handler that sends an interrupt again if the interrupted code would ignore the exception."""
 
     def __init__(self, handler: Handler) -> None:
         self.handler = handler.handler if isinstance(handler, _Repeated) else handler
@@ -81,9 +81,9 @@ class _Repeated:
 
 @contextmanager
 def kept_interrupts() -> Iterator[None]:
-    """A context or decorator for work with CasADi's expressions. Otherwise CasADi would lose every tenth interrupt.
+    """A context or decorator for work with CasADi's expressions. Without it, CasADi loses one of ten interrupts.
 
-    It is used at all entry points of such work. Between them the handlers of the calling program are active.
+    All functions that start such work use this context. Outside them, the handlers of the calling program are active.
     """
     if isinstance(signal.getsignal(signal.SIGINT), _Repeated):
         yield
@@ -103,7 +103,7 @@ def kept_interrupts() -> Iterator[None]:
 
 
 class Interrupts(ExitStack):
-    """A context for calls that ignore interrupts, such as CasADi's integrators: `noticed` says if one arrived."""
+    """A context for calls that ignore interrupts, as CasADi's integrators do. `noticed`: an interrupt has arrived."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -114,7 +114,7 @@ class Interrupts(ExitStack):
         return self
 
     def raise_with(self, runs: list[Any]) -> None:
-        """KeyboardInterrupt that carries runs, if an interrupt arrived."""
+        """Raise a KeyboardInterrupt with the runs, if an interrupt arrived."""
         if self.noticed:
             interrupt = KeyboardInterrupt()
             carry_runs(interrupt, runs)
@@ -132,7 +132,7 @@ class Interrupts(ExitStack):
 
 @contextmanager
 def deferred_interrupts() -> Iterator[None]:
-    """A context for short work without interrupts: an interrupt that arrives is raised at the end of the context."""
+    """A context for short work without interrupts. An interrupt that arrives is handled at the end of the context."""
     arrived: list[tuple[int, FrameType | None]] = []
     previous: dict[int, Handler] = {}
     try:

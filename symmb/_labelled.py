@@ -21,7 +21,7 @@ BOUND = ("lower", "upper")
 
 @dataclass(frozen=True)
 class Labelled:
-    """Variables over dimensions, with coordinates and attributes.
+    """Arrays with named dimensions, with coordinates and attributes.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Labelled:
         return frame
 
     def _is_column(self, name: str, own: Sequence[str], dims: Sequence[str]) -> bool:
-        """Whether a variable belongs in a table: series and coordinates do, and all variables if there are no times."""
+        """Whether a variable belongs in a table, as series and coordinates do. Without times, all variables do."""
         is_series = "time" in own or name in self.coordinates or "time" not in dims
         return is_series and set(own) <= {*dims, "bound"}
 
@@ -136,10 +136,10 @@ class Result:
     def to_xarray(self) -> "Dataset":
         """The result as an xarray.Dataset. `to_netcdf` writes the Dataset to a file.
 
-        Dimensions are time and output; for bounds also bound (lower, upper), and for comparisons also method. Select a
-        method by `sel({"method": "Vertex()"})`, because `sel(method=...)` has another meaning. Parameters are
-        coordinates: of a run by their names, of bounds as `box`, of failed runs along the dimension sample. Units,
-        method and warnings (`doubts`) are attributes.
+        The dimensions are time and output. Bounds also have bound (lower, upper), and comparisons also have method.
+        Select a method by `sel({"method": "Vertex()"})`, because `sel(method=...)` has another meaning. Parameters are
+        coordinates: by name for one run, `box` for bounds, and with the dimension sample for failed runs. Units, method
+        and warnings (`doubts`) are attributes.
 
         Raises
         ------
@@ -160,7 +160,7 @@ class Result:
 
 
 def _columns(name: str, dims: Sequence[str], values: np.ndarray) -> list[tuple[str, np.ndarray]]:
-    """Columns of a variable. Bounds are two columns; the bounds of the values are called lower and upper."""
+    """Columns of a variable, with their names. A variable with bounds has two columns, such as lower and upper."""
     if "bound" not in dims:
         return [(name, values)]
     prefix = "" if name == "value" else f"{name}_"
@@ -168,7 +168,7 @@ def _columns(name: str, dims: Sequence[str], values: np.ndarray) -> list[tuple[s
 
 
 def _spread(own: Sequence[str], values: np.ndarray, dims: list[str], sizes: Sequence[int]) -> np.ndarray:
-    """Values over some dimensions as one column. The values are repeated along the other dimensions."""
+    """Values over the dimensions `own` as one column over all `dims`. Values repeat along the other dimensions."""
     order = np.argsort([dims.index(name) for name in own])
     ordered = np.transpose(values, order.tolist())
     shape = [size if dim in own else 1 for dim, size in zip(dims, sizes, strict=True)]
@@ -178,9 +178,8 @@ def _spread(own: Sequence[str], values: np.ndarray, dims: list[str], sizes: Sequ
 def over_outputs(
     t: np.ndarray, names: Sequence[str], units: Sequence[str], *alike: str
 ) -> tuple[dict[str, Named], dict[str, str]]:
-    """Coordinates of values over times and outputs, and units. If all outputs have the same unit, variables have the
-    unit too.
-    """
+    """Coordinates of values over times and outputs, and their units. If all outputs have the same unit, the variables
+    `alike` have this unit too."""
     coordinates: dict[str, Named] = {"time": (("time",), t), "output": (("output",), texts(names))}
     if any(units):
         coordinates["unit"] = (("output",), texts(units))
@@ -196,19 +195,19 @@ def over_parameters(names: Iterable[str], units: Mapping[str, str]) -> dict[str,
 def each_parameter(
     values: Mapping[str, Any], dims: tuple[str, ...], taken: Sequence[str]
 ) -> tuple[dict[str, Named], dict[str, str]]:
-    """Parameters with units as coordinates of some dimensions, and their units; see `parameter_names`."""
+    """Coordinates of the dimensions `dims`, one for each parameter, and their units. Names: see `parameter_names`."""
     names, units = parameter_names([*values], taken), units_of_parameters(values)
     of_names = {name: units[own] for name, own in zip(names, values, strict=True) if own in units}
     return dict(zip(names, [(dims, value) for value in values.values()], strict=True)), of_names
 
 
 def known(variables: Mapping[str, Named]) -> dict[str, Named]:
-    """Variables whose array is not None."""
+    """The variables that have an array, which is not None."""
     return {name: named for name, named in variables.items() if named[1] is not None}
 
 
 def unit_text(names: Sequence[str], units: Sequence[str]) -> str | None:
-    """Names and units of the outputs with a unit, for an attribute."""
+    """Names and units of the outputs that have a unit, as text for an attribute."""
     return ", ".join(f"{name}: {unit}" for name, unit in zip(names, units, strict=False) if unit) or None
 
 
@@ -217,7 +216,7 @@ def texts(values: Sequence[str]) -> np.ndarray:
 
 
 def parameter_names(names: Sequence[str], taken: Sequence[str]) -> list[str]:
-    """Names of coordinates for parameters. If a name is already used, "parameter_" is put before it."""
+    """Names of coordinates for parameters. If a name is in `taken`, "parameter_" is put before it."""
     free = []
     for name in (name.replace("/", "_") for name in names):
         while name in (*taken, *free):

@@ -1,4 +1,4 @@
-"""The memory and the number of runs that a request needs, checked before the work; and large work in windows."""
+"""Checks of the memory and the number of runs that a request needs, and windows that divide large work."""
 
 import os
 import resource
@@ -9,15 +9,15 @@ from pathlib import Path
 from symmb._errors import PropagationError
 
 MOST_RUNS = 10**8
-"""Most runs of a request: at 10 microseconds for each run they take a quarter of an hour."""
+"""Maximum number of runs of a request. At 10 microseconds for each run, they take a quarter of an hour."""
 MOST_STEPS = 10**8
-"""Most fixed steps in a run: at one microsecond for each step they take two minutes."""
+"""Maximum number of fixed steps in a run. At one microsecond for each step, they take two minutes."""
 MOST_STEPS_KEPT = 10**6
-"""Most fixed steps in one call of CasADi: each step needs a kilobyte, and no signal ends the call."""
+"""Maximum number of fixed steps in one call of CasADi. Each step needs a kilobyte, and no signal ends the call."""
 
 
 def windows(n: int, each: int = 1) -> Iterator[slice]:
-    """Slices of n rows with `each` numbers. Work in these windows needs little memory besides its results."""
+    """Slices that divide n rows of `each` numbers. Work on one slice at a time needs little memory for itself."""
     size = max(2**20 // each, 1)  # a few arrays of 8 MB
     return (slice(start, min(start + size, n)) for start in range(0, n, size))
 
@@ -28,7 +28,7 @@ def fits(numbers: int) -> bool:
 
 
 def require_memory(owner: object, what: str, numbers: int) -> None:
-    """PropagationError, with owner and size, if this many numbers do not fit into memory."""
+    """Raise PropagationError if this many numbers do not fit into memory. The text names the owner and the size."""
     if not fits(numbers):
         raise PropagationError(
             f"{owner!r}: {what} take {8e-9 * numbers:.3g} GB, more than half of the {1e-9 * memory():.3g} GB of memory."
@@ -36,14 +36,14 @@ def require_memory(owner: object, what: str, numbers: int) -> None:
 
 
 def require_runs(owner: object, runs: int, instead: str) -> None:
-    """PropagationError, with owner and number, if there are too many runs."""
+    """Raise PropagationError if there are too many runs. The text names the owner and the number."""
     if runs > MOST_RUNS:
         number = f"{runs:.1e}" if runs < 10**300 else "more than 1e300"
         raise PropagationError(f"{owner!r} takes {number} runs, more than the {MOST_RUNS:.0e} allowed. {instead}")
 
 
 def require_steps(owner: object, steps: float, most: float = MOST_STEPS) -> None:
-    """PropagationError, with owner and number, if a run takes too many fixed steps."""
+    """Raise PropagationError if a run takes too many fixed steps. The text names the owner and the number."""
     if steps > most:
         number = f"{steps:.1e}" if steps < 10**300 else "more than 1e300"
         raise PropagationError(f"{owner!r} takes {number} steps a run, more than the {most:.0e} allowed.")
@@ -51,7 +51,7 @@ def require_steps(owner: object, steps: float, most: float = MOST_STEPS) -> None
 
 @cache
 def memory() -> int:
-    """Memory of this machine, of this container, or of this process [bytes]."""
+    """Memory that this process may use [bytes]: the smallest limit of the machine, the container and the process."""
     limits = [4 * 2**30]  # assumed if the machine does not report its memory
     try:
         limits = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]

@@ -1,4 +1,4 @@
-"""Magnitudes that decide what is rounding, the same, slight or small. The code that uses them says what is compared.
+"""Limits that decide what is rounding, equal, slight or small. The code that uses a limit says what it compares.
 
 All numbers except `LARGEST` and `MEETING` are relative: to 1, to the largest of some terms, or to the size of a scene.
 A double has 16 digits.
@@ -13,7 +13,7 @@ ROUNDING = 1e-12
 SAME = 1e-9
 """Numbers in texts and files, and results of Newton's method, are equal if 9 digits agree."""
 SLIGHT = 1e-6
-"""Ill-conditioned equations have 6 correct digits, and no drawing requires more. Smaller values have no effect."""
+"""Results of ill-conditioned equations have 6 correct digits. Drawings need no more. Smaller values have no effect."""
 SMALL = 1e-3
 """A part of this size changes the third digit of a result. Smaller parts are measured relative to other parts."""
 NOTHING = 1e-300

@@ -13,7 +13,7 @@ from symmb._errors import DeclarationError
 T = TypeVar("T")
 
 LONGEST = 100
-"""Most characters of a name: longer names do not fit into tables and pictures."""
+"""Maximum number of characters of a name. Longer names do not fit into tables and pictures."""
 
 
 def public_names() -> dict[str, list[str]]:
@@ -25,7 +25,7 @@ def public_names() -> dict[str, list[str]]:
 
 
 def shown(value: object) -> str:
-    """A value in one line of a message."""
+    """A value as text for one line of a message."""
     try:
         text = f"the class {value.__name__}" if isinstance(value, type) else repr(value)
     except Exception:  # an exception of the user's class
@@ -35,7 +35,7 @@ def shown(value: object) -> str:
 
 
 LONGEST_SHOWN = 200
-"""Most characters of a value in a message."""
+"""Maximum number of characters of a value in a message."""
 
 
 def counted(number: int, noun: str) -> str:
@@ -55,7 +55,7 @@ def did_you_mean(name: object, known: Iterable[str]) -> str:
 
 
 def normal(name: T) -> T:
-    """A name in normal form: letters as Python normalises identifiers (NFKC), so µ and μ are equal; v² stays v²."""
+    """A name in normal form. Letters are normalised as in Python's identifiers (NFKC): µ equals μ, but v² stays v²."""
     if not isinstance(name, str) or name.isascii():
         return name
     return normalize("NFC", "".join(normalize("NFKC", c) if f"_{c}".isidentifier() else c for c in name))  # pyright: ignore
@@ -95,7 +95,7 @@ class ByName(dict[str, T]):
 
 
 def look_up_by_name(result: Any) -> None:
-    """Convert the dictionaries of a frozen dataclass to this type. It is the `__post_init__` of the dataclass."""
+    """Convert the dictionaries of a frozen dataclass to `ByName`. Dataclasses use this function as `__post_init__`."""
     for own in fields(result):
         if type(value := getattr(result, own.name)) is dict:
             object.__setattr__(result, own.name, ByName(value))
@@ -104,8 +104,8 @@ def look_up_by_name(result: Any) -> None:
 def name_fault(name: object, without: str = "") -> str:
     """Why a name is not allowed, as a sentence; empty if the name is allowed.
 
-    Names are printed in tables, pictures, LaTeX and C. Line breaks and control characters would damage these.
-    A name must not contain the characters `without` either.
+    Names are printed in tables, pictures, LaTeX and C. Line breaks and control characters would damage such texts.
+    The characters in `without` are not allowed either.
     """
     if not isinstance(name, str):
         return f"a name must be a text, got {shown(name)}."
@@ -117,7 +117,7 @@ def name_fault(name: object, without: str = "") -> str:
 
 
 def name_faults(names: Sequence[object]) -> list[str]:
-    """Why some of the names are not allowed: the fault of each name, and the names that are used twice."""
+    """Sentences that say why names are not allowed: the fault of each name, and the names that are used twice."""
     faults = [f"{shown(name)}: {fault}" for name in names if (fault := name_fault(name))]
     texts = [normal(name) for name in names if isinstance(name, str)]
     return faults + [f"{name!r}: the name is used twice." for name, count in Counter(texts).items() if count > 1]

@@ -17,9 +17,9 @@ from symmb._types import Array
 
 
 def constructor_text(instance: Any, *leading: str) -> str:
-    """The call that makes an options object. Fields with default values are left out.
+    """Text of the call that makes an options object. Fields with default values are left out.
 
-    ``leading`` are texts for the first fields, shown without names ("" shows nothing).
+    ``leading`` holds texts for the first fields. They are shown without names, and "" is not shown.
     """
     options = [
         f"{option.name}={getattr(instance, option.name)!r}"
@@ -30,7 +30,7 @@ def constructor_text(instance: Any, *leading: str) -> str:
 
 
 def number_text(value: float) -> str:
-    """A number in a message, as short as possible. Integers may exceed the range of doubles."""
+    """The shortest text of a number, for messages. Integers may exceed the range of doubles."""
     try:
         return f"{value:g}"
     except OverflowError:
@@ -44,10 +44,10 @@ def is_real(value: object) -> TypeGuard[float]:
 
 
 def numbers_of(value: object) -> Array | None:
-    """A number, or nested lists or an array of numbers, as doubles; None for anything else.
+    """A number, nested lists of numbers, or an array of numbers as an array of doubles; None for anything else.
 
-    Texts, durations, times, truth values, bytes, complex numbers, masked values, and values that do not fit into memory
-    are not accepted as numbers.
+    These are not accepted as numbers: texts, durations, times, truth values, bytes, complex numbers, masked values, and
+    values that do not fit into memory.
     """
     if isinstance(value, str | bytes | bytearray | memoryview | bool | Mapping | Set) or np.ma.is_masked(value):
         return None
@@ -69,23 +69,23 @@ def numbers_of(value: object) -> Array | None:
 _REAL = "iuf"
 """Kinds of NumPy's types that are real numbers."""
 _NO_NUMBERS = {bool, np.bool_, bytes, bytearray, memoryview}
-"""Types that NumPy converts to numbers in a list, but that are not accepted as numbers."""
+"""Types that are not accepted as numbers, although NumPy converts them to numbers in a list."""
 
 
 def _has_others(values: Sequence[object]) -> bool:
-    """Whether nested lists contain a value of one of these types."""
+    """Whether nested lists contain a value of a type in `_NO_NUMBERS`."""
     kinds = set(map(type, values))
     inside = (part for part in values if isinstance(part, list | tuple)) if kinds & {list, tuple} else ()
     return not _NO_NUMBERS.isdisjoint(kinds) or any(map(_has_others, inside))
 
 
 def python_number(value: float) -> float:
-    """A number as Python's own type: NumPy's integers overflow, and CasADi crashes with NumPy's long doubles."""
+    """A number as Python's own type. NumPy's integers overflow, and CasADi crashes at NumPy's long doubles."""
     return int(value) if is_whole(value) else float(value)
 
 
 def require_numbers(owner: str, name: str, value: object, *shape: int | None, leading: bool = False) -> Array:
-    """Real numbers as an array of a shape. Lengths may be free (None). Leading axes may be allowed.
+    """Real numbers as an array of the given shape. A length None is free. `leading` allows more axes at the front.
 
     It raises DeclarationError if the values are not numbers, or have another shape.
     """
@@ -100,14 +100,14 @@ def require_numbers(owner: str, name: str, value: object, *shape: int | None, le
 
 
 def require_name(owner: str, what: str, name: object, known: Collection[str]) -> str:
-    """A name in its normal form; DeclarationError if the name is not known."""
+    """The normal form of a known name. DeclarationError is raised if the name is not known."""
     if not isinstance(name, str) or (form := normal(name)) not in known:
         raise DeclarationError(f"{owner}: no {what} {shown(name)}.{did_you_mean(name, known)}")
     return form
 
 
 def require_names(owner: str, what: str, names: object, known: Iterable[str]) -> list[str]:
-    """A list of names. All must be known.
+    """A list of known names.
 
     It raises DeclarationError if the value is not a list of names, or a name is not known.
     """
@@ -130,31 +130,31 @@ def is_finite_number(value: object) -> TypeGuard[float]:
 
 
 def require_instance(owner: str, value: object, kind: type, example: str) -> None:
-    """DeclarationError unless a value is an instance of a class."""
+    """Raise DeclarationError unless a value is an instance of a class."""
     if not isinstance(value, kind):
         raise DeclarationError(f"{owner}: expected {example}, got {shown(value)}.")
 
 
 def require_truth(owner: str, name: str, value: object) -> None:
-    """DeclarationError unless a value is True or False."""
+    """Raise DeclarationError unless a value is True or False."""
     if not isinstance(value, bool | np.bool_):
         raise DeclarationError(f"{owner}: {name} must be True or False, got {shown(value)}.")
 
 
 def require_timeout(owner: str, value: object) -> None:
-    """DeclarationError unless a value is None or a number of seconds above 0."""
+    """Raise DeclarationError unless a value is None or a number of seconds above 0."""
     if value is not None:
         require_positive(owner, "timeout", value, " of seconds")
 
 
 def require_positive(owner: str, name: str, value: object, unit: str = "") -> None:
-    """DeclarationError unless a value is a finite number above 0."""
+    """Raise DeclarationError unless a value is a finite number above 0."""
     if not is_finite_number(value) or not value > 0:
         raise DeclarationError(f"{owner}: {name} must be a number{unit} above 0, got {shown(value)}.")
 
 
 def require_callable(owner: str, value: object, *arguments: str) -> None:
-    """DeclarationError unless a value is None or can be called with these arguments."""
+    """Raise DeclarationError unless a value is None or can be called with these arguments."""
     try:
         if value is not None and not callable(value):
             raise TypeError
@@ -167,18 +167,18 @@ def require_callable(owner: str, value: object, *arguments: str) -> None:
 
 
 def require_kind(owner: str, name: str, value: object, has: str, example: str) -> None:
-    """DeclarationError unless a value is an object with a method of this name. `example` is such an object."""
+    """Raise DeclarationError unless an object has the method `has`. `example` is an object that has it."""
     if isinstance(value, type | ModuleType) or not callable(getattr(value, has, None)):  # NumPy has `indices`
         raise DeclarationError(f"{owner}: {name} must be an object such as {example}, got {shown(value)}.")
 
 
 def is_whole(value: object) -> TypeGuard[int]:
-    """Whether a value is an integer. Truth values and durations are not."""
+    """Whether a value is an integer. Truth values and durations are not integers."""
     return is_real(value) and isinstance(value, int | np.integer)
 
 
 def whole(owner: str, name: str, value: object, least: int, most: float = math.inf) -> int:
-    """A whole number as Python's own type; DeclarationError unless the number is from ``least`` to ``most``."""
+    """An integer as Python's own type. DeclarationError is raised unless it is from ``least`` to ``most``."""
     if not is_whole(value) or not least <= value <= most:
         end = "" if most == math.inf else f" and at most {most}"
         raise DeclarationError(f"{owner}: {name} must be an integer of at least {least}{end}, got {shown(value)}.")
@@ -186,21 +186,21 @@ def whole(owner: str, name: str, value: object, least: int, most: float = math.i
 
 
 def dimensions(owner: object, d: object, *, n: object = 0, order: object = 0) -> tuple[int, int, int]:
-    """A number of parameters, of points and an order as Python's integers; DeclarationError if one is not whole."""
+    """Numbers of parameters and points, and an order, as Python's integers; DeclarationError if one is no integer."""
     name = type(owner).__name__
     return whole(name, "d", d, 1), whole(name, "n", n, 0), whole(name, "order", order, 0)
 
 
 def require_whole(options: object, name: str, least: int, most: float = math.inf) -> None:
-    """Convert a field of a frozen object to Python's integer; DeclarationError unless the value is in this range."""
+    """Convert a field of a frozen object to an integer. DeclarationError is raised if it is out of the range."""
     value = whole(type(options).__name__, name, getattr(options, name), least, most)
     object.__setattr__(options, name, value)
 
 
 def require_between(options: object, name: str, text: str, low: float, high: float = math.inf) -> None:
-    """Convert a field of a frozen object to Python's float; DeclarationError unless finite and from low to high.
+    """Convert a field of a frozen object to a float. DeclarationError is raised unless it is finite and in the range.
 
-    `text` says which ends belong to the range: "[)" contains the lower end only.
+    `text` says which of `low` and `high` belong to the range. "[)" means that only the lower end belongs to it.
     """
     value = getattr(options, name)
     number = python_number(value) if is_finite_number(value) else math.nan
@@ -215,9 +215,9 @@ def require_between(options: object, name: str, text: str, low: float, high: flo
 
 
 def optional_package(name: str, what: str, extra: str) -> Any:
-    """A package, or a module of a package, that `what` needs; it is loaded now. symmb[extra] installs the package.
+    """Load a package, or a module of a package, that `what` needs. symmb[extra] installs the package.
 
-    It raises ImportError if the package is not installed.
+    ImportError is raised if the package is not installed.
     """
     try:
         return import_module(name)

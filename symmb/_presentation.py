@@ -1,4 +1,4 @@
-"""The functions of `show` that results of lower wings call. The functions are loaded at their first use."""
+"""The functions of `show` that results in other folders call. Each function is loaded at its first use."""
 
 from collections.abc import Callable
 from importlib import import_module
@@ -9,7 +9,7 @@ UPWARD = {
     "write_bounds": "symmb.show.report",
     "write_comparison": "symmb.show.report",
 }
-"""Name of a function -> its room. No other import goes upwards: tests/test_architecture.py"""
+"""Name of a function -> its module. tests/test_architecture.py checks that no other import goes upwards."""
 
 
 def presentation(name: str) -> Callable[..., Any]:

@@ -9,10 +9,10 @@ from types import TracebackType
 from typing import Any, ClassVar
 
 _PATIENCE, _PERIOD = 1.0, 0.2
-"""Time before the bar appears, so that short work shows no bar, and time between two updates of the bar [s]."""
+"""Time before the bar appears, and time between two updates of the bar [s]. Short work shows no bar."""
 _UNKNOWN = "{desc} [{elapsed}]"
 _KNOWN = "{{desc}} |{{bar:12}}| {{n_fmt}} of {{total_fmt}} {} [{{elapsed}}, {{remaining}} left, {{rate_fmt}}]"
-"""The format of a bar if the number of runs is unknown, and if it is known."""
+"""Formats of a bar: the first if the number of runs is unknown, the second if the number is known."""
 
 _REACHED = ", estimated error "
 """The separator between the name of a method and the error that the method has reached."""
@@ -76,7 +76,7 @@ class Progress:
 def shown(
     progress: Callable[[str, int, int], None] | None, label: str, unit: str = "runs"
 ) -> Iterator[Callable[[str, int, int], None] | None]:
-    """The function that receives the progress: the caller's function, or a bar if a person may see the bar."""
+    """The function that receives the progress: the function of the caller, or a bar if a person may see the bar."""
     if progress is not None:
         yield progress
         return
@@ -102,7 +102,7 @@ class RunProgress:
 def shown_runs(
     progress: Callable[[int, int], None] | None, label: str, unit: str = "runs"
 ) -> Iterator[Callable[[int, int], None] | None]:
-    """Progress of a single method. Its runs, or other units of work, are reported without a label."""
+    """Progress of a single method. The method reports its runs, or other units of work, without a label."""
     if progress is not None:
         yield progress
         return
@@ -132,7 +132,7 @@ class _CellLine:
 
     @classmethod
     def of_cell(cls) -> "_CellLine":
-        """The line of the cell that runs now."""
+        """The `_CellLine` of the cell that runs now."""
         number = sys.modules["IPython"].get_ipython().execution_count
         if cls._last is None or cls._last[0] != number:
             cls._last = number, cls()

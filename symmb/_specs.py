@@ -10,7 +10,7 @@ from symmb._names import did_you_mean
 from symmb._options import shown
 
 _WHOLE = {"ORDER", "BOXES", "SAMPLES", "POINTS", "RUNS", "PARTS", "PARTICLES", "STEPS"}
-"""The numbers in forms that must be integers. All other numbers are real."""
+"""Names of the numbers in forms that must be integers. All other numbers are real."""
 
 
 @dataclass(frozen=True)
@@ -19,9 +19,9 @@ class Spec:
 
     Attributes
     ----------
-    form : str      words and, in capitals, numbers, separated by colons; parts in brackets are optional
+    form : str      words, and names of numbers in capitals, separated by colons; parts in brackets are optional
     text : str      the constructor that the text selects
-    build           makes the object from the given numbers, by position
+    build           function that makes the object; its arguments are the given numbers
     """
 
     form: str
@@ -46,9 +46,9 @@ class Spec:
 
 
 def read_spec(text: str, specs: Sequence[Spec], what: str) -> Any:
-    """The object that a text selects, by the known forms.
+    """The object that a text selects. `specs` are the known forms of such texts.
 
-    It raises DeclarationError if the text does not match a form, or its numbers are out of range.
+    DeclarationError is raised if the text does not match a form, or its numbers are out of range.
     """
     for spec in specs:
         match = spec.matches(text)

@@ -6,12 +6,12 @@ import numpy as np
 
 
 def is_timeless(t: Sequence[float] | np.ndarray) -> bool:
-    """Whether the only time is 0, as in results without times. Such a time is neither printed nor drawn."""
+    """Whether the only time is 0. Results without times have this time, which is neither printed nor drawn."""
     return len(t) == 1 and t[0] == 0
 
 
 def over_times(rows: Sequence[Sequence[str]], t: Sequence[float] | np.ndarray = ()) -> list[list[str]]:
-    """Rows below their head. The columns "at [s]" are left out if there are no times, or all cells are empty.
+    """Rows of a table, head first. The columns "at [s]" are left out if there are no times, or all cells are empty.
 
     Examples
     --------
@@ -24,17 +24,17 @@ def over_times(rows: Sequence[Sequence[str]], t: Sequence[float] | np.ndarray = 
 
 
 def time_text(t: Sequence[float] | np.ndarray, i: int, *values: np.ndarray) -> str:
-    """Time number i as text; empty if the values (n_t,) are the same at all times, as for scalar outputs."""
+    """Time number i as text. The text is empty if the values (n_t,) are equal at all times, as for scalar outputs."""
     return "" if len(t) > 1 and all(np.ptp(own) == 0 for own in values) else f"{t[i]:.6g}"
 
 
 def at_time(t: Sequence[float] | np.ndarray, i: int) -> str:
-    """The words for time number i after a value; empty if there are no times."""
+    """Words such as " at 2 s" for time number i, to print after a value; empty if there are no times."""
     return "" if is_timeless(t) else f" at {t[i]:g} s"
 
 
 def aligned(lines: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> list[str]:
-    """Lines of cells as texts. The columns named in ``left`` are aligned on the left, the others on the right.
+    """Lines of cells as texts. Columns whose number is in ``left`` are aligned on the left, others on the right.
 
     Examples
     --------

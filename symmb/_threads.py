@@ -16,7 +16,7 @@ _FUNCTIONS = (
     ),
     ("MKL_Get_Max_Threads", "MKL_Set_Num_Threads"),
 )
-"""Names of the functions that get and set the number of threads, of OpenBLAS and its copies, and of MKL."""
+"""Functions of OpenBLAS, its copies and MKL: each pair of names gets and sets the number of threads."""
 _LOCK = threading.Lock()
 _users = 0
 _before: dict[str, int] = {}
@@ -24,7 +24,7 @@ _before: dict[str, int] = {}
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """A context in which the linear algebra of NumPy and SciPy uses one thread, if the library is OpenBLAS or MKL."""
+    """A context in which NumPy and SciPy use one thread for linear algebra, if their library is OpenBLAS or MKL."""
     _enter()
     try:
         yield
@@ -34,7 +34,7 @@ def one_thread() -> Iterator[None]:
 
 @contextmanager
 def threads_as_before() -> Iterator[None]:
-    """A context inside `one_thread` for the user's code, which may use all threads."""
+    """A context inside `one_thread` for the user's code. This code may use all threads."""
     _leave()
     try:
         yield
@@ -64,7 +64,7 @@ def _leave() -> None:
 
 @cache
 def _libraries(with_scipy: bool) -> dict[str, tuple[Callable[[], int], Callable[[int], None]]]:
-    """Functions of each loaded library, by its path. SciPy may load another library than NumPy."""
+    """Path of each loaded library -> its two functions. SciPy may load another library than NumPy."""
     found = {}
     for path in _paths(with_scipy):
         try:
@@ -78,7 +78,7 @@ def _libraries(with_scipy: bool) -> dict[str, tuple[Callable[[], int], Callable[
 
 
 def _paths(with_scipy: bool) -> list[str]:
-    """Files of the libraries that this process has loaded, or files beside the packages if the system has no list."""
+    """Files of the libraries that this process has loaded. Without /proc/self/maps: files beside the packages."""
     maps = Path("/proc/self/maps")
     if maps.exists():
         lines = maps.read_text().splitlines()

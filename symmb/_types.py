@@ -1,4 +1,4 @@
-"""Type names that all floors share."""
+"""Names of types that all folders share."""
 
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -21,4 +21,4 @@ Executor = Any
 Figure: TypeAlias = "matplotlib.figure.Figure"
 Axes: TypeAlias = "matplotlib.axes.Axes"
 GivenAxes: TypeAlias = "matplotlib.axes.Axes | Sequence[matplotlib.axes.Axes] | np.ndarray | None"
-"""The axes of the caller for a picture: one, or one for each output; None for a new figure."""
+"""Axes that the caller gives for a picture: one, or one for each output; None for a new picture."""

@@ -29,7 +29,7 @@ class Unit(NamedTuple):
         return float(self.number) * math.pi**self.pi
 
     def times(self, other: "Unit", power: int = 1) -> "Unit":
-        """The product with a power of another unit."""
+        """The product of this unit and a power of another unit."""
         powers = tuple(a + power * b for a, b in zip(self.powers, other.powers, strict=True))
         return Unit(self.number * other.number**power, self.pi + power * other.pi, powers)
 
@@ -49,7 +49,7 @@ _KINDS = {
     "t": (1000, 0, (0, 1), ""), "in": ("0.0254", 0, (1,), ""), "ft": ("0.3048", 0, (1,), ""),
     "lb": ("0.45359237", 0, (0, 1), ""), "lbf": ("4.4482216152605", 0, (1, 1, -2), ""),
 }  # fmt: skip
-"""Units with their number, power of pi, powers of the `BASES`, and the allowed prefixes."""
+"""Name of a unit -> its number, power of pi, powers of the `BASES`, and allowed prefixes."""
 _TABLE = {
     prefix + name: Unit(Fraction(number) * Fraction(10) ** power, pi, (*powers, *NO_UNIT.powers[len(powers) :]))
     for name, (number, pi, powers, prefixes) in _KINDS.items()
@@ -110,14 +110,14 @@ def _named(owner: str, text: str, name: str) -> Unit:
 
 
 def scaled(value: Any, ratio: Unit, inverse: bool = False) -> Any:
-    """A number or an expression times a ratio of units, or divided by it. For 1/1000, division by 1000 is exact."""
+    """A number or an expression times a ratio of units, or divided by it. The ratio 1/1000 divides by 1000: exact."""
     divides = ratio.number.numerator == 1 and not ratio.pi
     by = ratio.number.denominator if divides else ratio.factor
     return value if by == 1 else value / by if divides != inverse else value * by
 
 
 def ratio_of(owner: str, what: str, unit: str, own: str) -> Unit:
-    """The ratio of a given unit to the declared unit. DeclarationError if the dimensions differ."""
+    """The ratio of a given unit to the declared unit. DeclarationError is raised if their dimensions differ."""
     given, known = unit_of(owner, unit), unit_of(owner, own)
     if given.powers != known.powers:
         told = f"is in {own}" if own else f"has no unit: declare it with a unit, as (..., {unit!r}), or give a number"
@@ -126,17 +126,17 @@ def ratio_of(owner: str, what: str, unit: str, own: str) -> Unit:
 
 
 def dimensions(owner: str, text: str) -> tuple[int, ...]:
-    """Powers of a unit. The power of the angle is left out if the unit has a length: N m/rad equals N m."""
+    """Powers of a unit. The power of the angle is 0 if the unit has a length: N m/rad equals N m."""
     powers = unit_of(owner, text).powers
     return (*powers[:3], 0, *powers[4:]) if powers[0] else powers
 
 
 def quantity(owner: str, given: object) -> tuple[float, str]:
-    """The number and the unit of 235, (235, "mm") or "235 mm".
+    """The number and the unit of a quantity such as 235, (235, "mm") or "235 mm".
 
     Raises
     ------
-    DeclarationError    if it has another form; the unit itself is not checked
+    DeclarationError    if the quantity has another form; the unit itself is not checked
     """
     match = _QUANTITY.fullmatch(given.replace("\N{MINUS SIGN}", "-")) if isinstance(given, str) else None
     if match and re.match(r",\d", match[2]):
@@ -155,15 +155,15 @@ def quantity(owner: str, given: object) -> tuple[float, str]:
 
 
 def number_in(owner: str, what: str, given: object, own: str) -> float:
-    """A quantity as a number in the given unit. Bare numbers have this unit. DeclarationError if units differ."""
+    """A quantity as a number in the unit `own`, which bare numbers have. DeclarationError if dimensions differ."""
     number, unit = quantity(f"{owner}:", given)
     return scaled(number, ratio_of(owner, what, unit, own)) if unit else number
 
 
 def numbers_in(owner: str, what: str, given: Any, own: str) -> Array | None:
-    """Numbers, ([234, 236], "mm") or ["234 mm", "236 mm"] as numbers in a unit; None for anything else.
+    """Values such as [1, 2], ([234, 236], "mm") or ["234 mm", "236 mm"] in the unit `own`; None for anything else.
 
-    DeclarationError if a unit does not fit.
+    DeclarationError is raised if a unit does not fit.
     """
     if isinstance(given, tuple) and len(given) == 2 and isinstance(given[1], str):
         values, unit = numbers_of(given[0]), given[1]
@@ -175,7 +175,7 @@ def numbers_in(owner: str, what: str, given: Any, own: str) -> Array | None:
 
 
 def number_or_quantity(text: str) -> float | str:
-    """The number of a text, or the text itself if it is a number with a unit. ValueError otherwise."""
+    """A text as a number, or the text itself if it is a number with a unit. Other texts raise ValueError."""
     match = _QUANTITY.fullmatch(text)
     return text if match and match[2] else float(text)
 
@@ -192,7 +192,7 @@ def with_units(values: Mapping[str, str], parameters: object) -> list[str]:
 
 
 def label(name: str, unit: str) -> str:
-    """A name with its unit, if it has one."""
+    """A name, followed by its unit in brackets if there is a unit."""
     return f"{name} [{typeset(unit)}]" if unit else name
 
 
@@ -203,14 +203,14 @@ def typeset(unit: str) -> str:
 
 
 def told_units(units: Sequence[str], n: int, parameters: object = None) -> Sequence[str]:
-    """Units of n outputs for texts and .csv files: all known units if an output or a parameter has a unit outside
-    the SI, otherwise no units."""
+    """Units of n outputs for texts and .csv files. Units are printed only if an output has a unit outside the SI, or a
+    parameter has a unit."""
     is_si = all(map(_is_si, units)) and not units_of_parameters(parameters)
     return ("",) * n if is_si or not units else units
 
 
 def told_names(names: Sequence[str], units: Sequence[str], parameters: object = None) -> Sequence[str]:
-    """Names of outputs with the units that are printed."""
+    """Names of outputs, with their units if units are printed."""
     return [*map(label, names, told_units(units, len(names), parameters))]
 
 
@@ -226,7 +226,7 @@ TIME_HEADINGS = "t", "t [s]"
 
 
 def headings(names: Sequence[str], units: Sequence[str], parameters: object = None) -> list[str]:
-    """Headings of the time and of outputs in a .csv file. The time has a unit only if outputs have units."""
+    """Headings of the time and of outputs in a .csv file. The time has a unit if a unit of an output is printed."""
     told = told_units(units, len(names), parameters)
     both = zip(names, told, strict=True)
     own = [f"{name} [{unit}]" if unit or _parted(name)[1] else name for name, unit in both]
@@ -234,7 +234,7 @@ def headings(names: Sequence[str], units: Sequence[str], parameters: object = No
 
 
 def read_headings(first: str, others: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names and units of outputs from headings; no units if the time has none. DeclarationError if t is not first."""
+    """Names and units of outputs from headings; no units if t has none. DeclarationError if t is not the first."""
     if first not in TIME_HEADINGS:
         raise DeclarationError("its first column must be t.")
     names, units = zip(*map(_parted, others), strict=True) if others else ((), ())
@@ -242,6 +242,6 @@ def read_headings(first: str, others: Sequence[str]) -> tuple[tuple[str, ...], t
 
 
 def _parted(text: str) -> tuple[str, str]:
-    """The name and the unit of a label."""
+    """The name and the unit of a label such as "x [m]"; the unit is empty if there is none."""
     name, _, unit = text.removesuffix("]").rpartition(" [")
     return (name, unit) if name and text.endswith("]") else (text, "")

@@ -1,6 +1,6 @@
 """Simulators as black boxes: parameters in, trajectories out.
 
-The interface, executors, functions, external programs and FMUs, and the store of their runs.
+This folder has their interface, executors, functions, external programs and FMUs, and the store of runs.
 """
 
 from symmb.connect.black_box import BlackBox

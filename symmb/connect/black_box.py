@@ -1,4 +1,4 @@
-"""Simulators known only by their runs: functions, programs, FMUs."""
+"""Simulators that are known only by their runs: functions, programs, FMUs."""
 
 import time
 from abc import ABC, abstractmethod
@@ -23,7 +23,7 @@ S = TypeVar("S")
 
 
 class BlackBox(ABC):
-    """A simulator that makes one run after the other. A run fails if it raises, or if its values are not finite.
+    """A simulator that makes one run after the other. A run fails if it raises an exception or a value is not finite.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class BlackBox(ABC):
         Raises
         ------
         SimulationError
-            If the run fails: messages show the text only. For other exceptions messages also show the type
+            If the run fails. Messages show its text only; for other exceptions, they also show the type
         """
 
     def _declare(
@@ -109,10 +109,10 @@ class BlackBox(ABC):
     def stream(
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
     ) -> S:
-        """Run samples P (N, d), and merge the states of blocks in their order.
+        """Run samples P (N, d), reduce them in blocks, and merge the states of the blocks in their order.
 
-        If runs are slow, a task is one run. If runs are fast, a task is several runs of a block; the durations of
-        earlier tasks decide. Blocks do not depend on the tasks. So the result does not depend on the executor.
+        A task is one run if runs are slow, and several runs of a block if runs are fast. The durations of earlier tasks
+        decide. Blocks do not depend on the tasks. For this reason the result does not depend on the executor.
         """
         P = checked_samples(self, P, progress)
         all_blocks, tasks = blocks(len(P), samples_of_block(len(P))), list[Array]()
@@ -180,12 +180,12 @@ class BlackBox(ABC):
 
 
 def samples_of_block(n: int) -> int:
-    """How many of n samples are reduced together (64 blocks). The last digit of sums depends on this number."""
+    """Number of samples in each of 64 blocks of n samples. The last digit of sums depends on this number."""
     return 1 + n // 64
 
 
 def _noise(owner: str, noise: Mapping[str, float], names: tuple[str, ...]) -> Array:
-    """Noise (n_y,) of all outputs."""
+    """Noise (n_y,) of all outputs, from the noise by name of the output."""
     if not isinstance(noise, Mapping):
         raise DeclarationError(f"{owner}: noise must be numbers by name of the output, got {shown(noise)}.")
     for name, value in noise.items():
@@ -205,14 +205,14 @@ def _text(values: Mapping[str, float]) -> str:
 
 
 def timed_runs(simulator: Simulator, P: Array) -> tuple[Ensemble, float]:
-    """Runs, and the duration of one of them [s]."""
+    """Runs of samples P (n, d), and the duration of one run [s]."""
     begin = time.perf_counter()
     ensemble = Ensemble.of(simulator.run(P))
     return ensemble, (time.perf_counter() - begin) / len(P)
 
 
 def lost_runs(simulator: Simulator, P: Array, reason: str) -> Ensemble:
-    """Failed runs P (n, d) of a worker that died."""
+    """Failed runs of samples P (n, d), because their worker died."""
     Y = np.full((len(P), len(simulator.times), len(simulator.outputs)), np.nan)
     messages = tuple(f"{reason} ({_text(dict(zip(simulator.parameters, p, strict=True)))})" for p in P.tolist())
     return Ensemble(Y, np.zeros(len(P), dtype=bool), np.full(len(P), simulator.times[0]), messages)

@@ -1,4 +1,4 @@
-"""A program as a simulator: a folder for each run, input files from templates, results from a file."""
+"""A program as a simulator. Each run has a folder, input files from templates, and a file with the results."""
 
 import os
 import shutil
@@ -37,7 +37,7 @@ _OUTPUT, _ERRORS = "stdout.txt", "stderr.txt"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CommandSimulator(BlackBox):
-    """Trajectories from a program that is started for each run, in a separate folder, without a shell.
+    """Trajectories from a program. For each run, the program is started in a separate folder, without a shell.
 
     Parameters
     ----------
@@ -50,18 +50,18 @@ class CommandSimulator(BlackBox):
     outputs : list of str
         n_y names of the columns
     templates : mapping
-        files that are written into the folder of a run, by name: a str is the text, a Path is a file with the text.
-        `{name}` and `{name:format}` are replaced by the values of parameters, without a format by all digits; other
-        braces stay
+        file name -> a str with the text of the file, or a Path of a file with the text. The files are written into the
+        folder of a run. `{name}` and `{name:format}` are replaced by the values of parameters. Without a format all
+        digits are written. Other braces are kept
     read : str or callable
         the file with the results: a .csv, .json or .npz file with a column `time` and one for each output; or a
-        function of the folder that returns (n_t, n_y)
+        function that receives the folder and returns an array (n_t, n_y)
     timeout : float
-        longest time of a run [s]; then the program and the programs that it started are ended
+        longest time of a run [s]. After this time the program, and the programs that it started, are ended
     files : list of paths
         files and folders that are copied into the folder of a run
     environment : mapping
-        variables that are added to those of this process
+        environment variables that are added to those of this process
     retries : int
         how often a failed run is made again
     interpolate : bool
@@ -70,15 +70,15 @@ class CommandSimulator(BlackBox):
         which folders are kept: "failed" (default), "all" or "none". The text of a failed run names its folder.
         stdout.txt and stderr.txt in this folder hold the output of the program
     folder : path
-        folder for the folders of the runs; default: the folder for temporary files
+        the folder that contains the folders of the runs; default: the folder for temporary files
     noise : mapping
         errors of the output values, by name of the output
 
     Raises
     ------
     DeclarationError
-        If the program is not found, a template cannot be filled, no template and no argument contains a parameter, or
-        an option is out of its range
+        If the program is not found, a template cannot be filled, neither a template nor an argument contains a
+        parameter, or an option is out of its range
 
     Examples
     --------
@@ -145,7 +145,7 @@ class CommandSimulator(BlackBox):
         for word in self.command[1:]:  # words such as /home/model.sh or --input=/home/mesh.inp
             names = {word, word.partition("=")[2]}
             inputs += [Path(name) for name in names if os.path.isabs(name) and os.path.isfile(name)]
-        # Programs are started by a separate process. It ends the programs, and removes their folders, if this one ends.
+        # A separate process starts the programs. If this process ends, it ends the programs and removes their folders.
         calls = LimitedCalls(self._made, None, "the program", self.folder) if hasattr(os, "fork") else None
         vars(self).update(_inputs=DeclaredFiles(path for path in inputs if path.exists()), _calls=calls)
 
@@ -233,7 +233,7 @@ class CommandSimulator(BlackBox):
         return read_table(folder / self.read, self.times, self.outputs, self.interpolate)
 
     def identity(self) -> str:
-        """A digest of the program, its input and how its results are read, for `StoredSimulator`."""
+        """A digest of the program, its input and the way to read its results, for `StoredSimulator`."""
         files = self._inputs.digests()
         return digest("command", self.command, files, self.templates, self.environment, self.read, self.interpolate)
 
@@ -263,7 +263,7 @@ def _are_paths(things: Any) -> bool:
 
 
 def _program(program: str, made: set[str]) -> str:
-    """The program as it is started: from the folder of the run, from the current folder, or from the search path."""
+    """The program with its path: in the folder of the run, in the current folder, or in the search path."""
     if program.removeprefix("./") in made:
         return f"./{program.removeprefix('./')}"
     found = shutil.which(program)
@@ -275,13 +275,13 @@ def _program(program: str, made: set[str]) -> str:
 
 
 def _kept(folder: Path, base: Path | None) -> Path:
-    """Rename the folder, so that it is not removed; return the new path."""
+    """Rename the folder of a run, so that it is not removed, and return the new path."""
     kept = tempfile.mkdtemp(prefix="symmb_run-", dir=base)
     return folder.rename(kept)  # replaces an empty folder
 
 
 def _last_line(folder: Path, most: int = 200) -> str:
-    """The program's last line of error output, or else of standard output, with at most `most` characters."""
+    """The last line of the error output of the program, or else of its output, with at most `most` characters."""
     for name in (_ERRORS, _OUTPUT):
         lines = (folder / name).read_text(encoding="utf-8", errors="replace").split("\n")
         for line in reversed(lines):

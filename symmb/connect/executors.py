@@ -1,4 +1,4 @@
-"""Work on other threads, processes and machines: tasks are submitted one by one, and return as they end."""
+"""Work on other threads, processes and machines. Tasks are submitted one by one, and each result returns at once."""
 
 import os
 import pickle
@@ -23,11 +23,11 @@ from symmb._options import shown
 from symmb.connect.limited_calls import end_calls_of
 
 _TRIES = 3
-"""How often a task is tried if its worker dies: first together with other tasks, then alone."""
+"""Maximum number of attempts at a task if its worker dies: first together with other tasks, then alone."""
 _TASKS_PER_WORKER = 2
-"""Tasks at a time for each worker: one task runs and one waits."""
+"""Number of submitted tasks for each worker: one task runs and one waits."""
 _POLL_SECONDS = 0.02
-"""Time between checks of futures without callbacks, and of threads that shall end [s]."""
+"""Time between checks of futures without callbacks, and between checks whether threads have ended [s]."""
 _CHECK_SECONDS = 1.0
 """Time between checks of futures with callbacks, and of missing results of Dask [s]."""
 _END_SECONDS = 0.5
@@ -35,15 +35,15 @@ _END_SECONDS = 0.5
 _KILLED = "KilledWorker"
 """Exception of Dask for a task that failed on several workers."""
 _CANCELLED = "CancelledError"
-"""Exceptions of futures, also of asyncio, if the executor was shut down or its cluster has ended."""
+"""Exception of futures, also of asyncio, if the executor was shut down or its cluster has ended."""
 _LOCAL = "LocalCluster"
-"""Dask's cluster on one machine. If a worker dies twice within 15 s, Dask ends the process that would start the next
-worker. The cluster may then have no workers, until the number of workers is set again."""
+"""Dask's cluster on one machine. If a worker dies twice within 15 s, Dask ends the process that starts workers. The
+cluster may then have no workers until the number of workers is set again."""
 _START_SECONDS = 30.0
-"""Time in which an executor must start one of its first tasks, if its futures report running tasks [s]. MPI takes some
+"""Time limit for the start of a first task, for executors whose futures report running tasks [s]. MPI takes some
 seconds to start processes. Dask may wait hours for workers, and its futures do not report running tasks."""
 _THREADS: dict[int, threading.Thread] = {}
-"""Threads that run tasks of this process, by the numbers of the tasks."""
+"""Number of each task that runs in this process -> its thread."""
 _END = object()
 
 Numbered = tuple[int, Any]
@@ -68,19 +68,19 @@ class _Task:
 
 
 def finished(f: Callable[[Any], Any], items: Iterable[Any], executor: Any) -> Iterator[Numbered]:
-    """Numbers of items with f(item), as the tasks end; `LostTask` instead of a result if workers die.
+    """Pairs (number of an item, f(item)) in the order in which tasks end; `LostTask` is the result if workers die.
 
     Parameters
     ----------
     f : picklable if the executor runs in other processes
-    items : taken when a worker is free
-    executor : with `submit`, as in concurrent.futures, loky, mpi4py and Dask; with an ordered `map`; or a
-        function that makes an executor, and makes another when it breaks; None: in this thread, one after the other
+    items : each is taken when a worker is free
+    executor : an object with `submit`, as in concurrent.futures, loky, mpi4py and Dask; an object with an ordered
+        `map`; or a function that makes executors, again if one breaks; None: in this thread, one after the other
 
     Raises
     ------
     DeclarationError        if the executor is none of these, or f cannot be pickled
-    SimulationError         if an executor breaks and no function can make another, raises, or returns other results
+    SimulationError         if an executor breaks and cannot be made again, raises, or returns results of other tasks
     """
     if executor is None:
         yield from enumerate(map(f, items))
@@ -115,7 +115,7 @@ def _mapped(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool") -
 
 
 def _submitted(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool") -> Iterator[Numbered]:
-    # Few tasks wait in the executor, so that an interrupted study ends soon.
+    # Only a few tasks wait in the executor, so that an interrupted study ends soon.
     most = _TASKS_PER_WORKER * (pool.workers_at_first or pool.workers)  # a cluster may get more
     running: dict[int, _Task] = {}
     killed: dict[int, tuple[Any, LostTask]] = {}
@@ -156,7 +156,7 @@ def _submitted(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool"
 
 
 def _require_same_versions(versions: Mapping[str, Any]) -> None:
-    """SimulationError if a Dask worker has another version of symmb or Python than its client."""
+    """Raise SimulationError if a Dask worker has another version of symmb or Python than its client."""
     for address, worker in versions["workers"].items():
         for name, length in (("symmb", None), ("python", 2)):  # 3.11 of 3.11.7
             here, there = (
@@ -167,7 +167,7 @@ def _require_same_versions(versions: Mapping[str, Any]) -> None:
 
 
 def _end_calls(tasks: Iterable[int]) -> None:
-    """End the calls of threads for some tasks, also calls that are about to start."""
+    """End the limited calls of the threads of some tasks, also calls that are about to start."""
     deadline = time.monotonic() + _END_SECONDS
     while (threads := [_THREADS[k] for k in [*tasks] if k in _THREADS]) and time.monotonic() < deadline:
         end_calls_of(threads)
@@ -218,7 +218,7 @@ def _alone(f: Callable[[Any], Any], k: int, item: Any, pool: "_Pool") -> Any:
 
 
 def _reply(f: Callable[[Any], Any], task: Numbered) -> tuple[int, int, bytes]:
-    """The number of a task, a checksum, and the result in bytes. Some executors return results of other tasks."""
+    """The number of a task, a checksum and the pickled result, because some executors return results of other tasks."""
     k, item = task
     watch_parent()
     _THREADS[k] = threading.current_thread()
@@ -230,7 +230,7 @@ def _reply(f: Callable[[Any], Any], task: Numbered) -> tuple[int, int, bytes]:
 
 
 def _unpacked(reply: Any, sent: Container[int]) -> Numbered:
-    """The number of a submitted task, and its result."""
+    """The number and the result of a submitted task, from its `_reply`."""
     with suppress(Exception):  # comparison of an unknown object may raise
         k, checksum, content = reply
         if k in sent and zlib.crc32(content, k) == checksum:
@@ -239,7 +239,7 @@ def _unpacked(reply: Any, sent: Container[int]) -> Numbered:
 
 
 class _Pool:
-    """The executor of a user: it must have the methods that are called here. It may be made again by a function."""
+    """The executor of a user, or an executor from the user's function, which can make another one if it breaks."""
 
     def __init__(self, given: Any) -> None:
         named = ("submit", "map")
@@ -279,9 +279,9 @@ class _Pool:
         if self.is_dask:
             self._options = {"pure": False, **self._options}
             try:
-                # Number of workers of a cluster that has fewer at the start. For each task that ends, two more may be
-                # submitted: the cluster may get more workers, and the duration of tasks determines how many a worker
-                # should hold.
+                # Assumed number of workers of a cluster that has fewer at the start. For each task that ends, two more
+                # may be submitted, because the cluster may get more workers, and because the duration of tasks
+                # determines how many tasks a worker should hold.
                 self.workers_at_first = max(sum(self.executor.nthreads().values()), 8)
                 versions = self.executor.get_versions(packages=["symmb"])
             except Exception as error:  # it is closed
@@ -333,12 +333,12 @@ class _Pool:
 
     @property
     def workers(self) -> int:
-        """How many tasks run at the same time; 512 if the executor does not report it, as clusters do not."""
+        """Number of tasks that run at the same time; 512 if the executor, such as a cluster, does not report it."""
         number = getattr(self.executor, "_max_workers", None) or getattr(self.executor, "num_workers", None)
         return number if isinstance(number, int) and number > 0 else 512
 
     def look(self, futures: Sequence[Any]) -> None:
-        """SimulationError if the executor has not started any task within the time limit."""
+        """Raise SimulationError if the executor has not started any task within the time limit."""
         cluster: Any = getattr(self.executor, "cluster", None)
         if type(cluster).__name__ == _LOCAL and len(cluster.requested) < len(cluster.plan):
             cluster.scale(len(cluster.plan))
@@ -351,7 +351,7 @@ class _Pool:
             )
 
     def renew(self, error: BaseException) -> None:
-        """Make another executor that replaces a broken one."""
+        """Make an executor that replaces the broken one. SimulationError is raised if this is not possible."""
         if self._make is None:
             raise SimulationError(
                 f"executor: {_reason(error)}. The study ends here. Pass a function that makes the executor, such as "
@@ -365,7 +365,7 @@ class _Pool:
             raise _made_broken(fault) from None
 
     def _end(self) -> None:
-        """Shut down an executor that was made here."""
+        """Shut down the executor, if a function of the user made it."""
         if self._make is not None and hasattr(self.executor, "shutdown"):
             # Waiting tasks are cancelled one by one: with cancel_futures, ProcessPoolExecutor waits forever for tasks
             # that it could not pickle.
@@ -390,7 +390,7 @@ def _end_processes(pool: ProcessPoolExecutor) -> None:
 
 
 def _maps_in_order(executor: Any) -> bool:
-    """Whether `map` of the executor applies a function to items in order. The `map` of tables and modules does not."""
+    """Whether `map` of the executor applies a function to items in order. `map` of tables and modules does not."""
     try:
         return list(islice(executor.map(abs, [-1, 2]), 3)) == [1, 2]
     except Exception:
@@ -399,7 +399,7 @@ def _maps_in_order(executor: Any) -> bool:
 
 @contextmanager
 def _as_simulation_error(*kept: type[BaseException]) -> Iterator[None]:
-    """A context for a call of the user's executor. Exceptions become sentences, except symmb's and the kept types."""
+    """A context for a call of the user's executor. Its exceptions, except `kept` types, become errors of symmb."""
     try:
         yield
     except (SymmbError, KeyboardInterrupt, *kept):
@@ -411,7 +411,7 @@ def _as_simulation_error(*kept: type[BaseException]) -> Iterator[None]:
 
 
 def _require_sent(error: BaseException) -> None:
-    """DeclarationError if the simulator or f cannot be pickled."""
+    """Raise DeclarationError if an error says that the simulator or f cannot be pickled."""
     if "pickle" in text_of(error):
         raise DeclarationError(
             f"executor: the simulator cannot be sent to other processes ({text_of(error)}). Use functions "

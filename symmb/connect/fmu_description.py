@@ -1,4 +1,4 @@
-"""The model description of an FMU, and whether symmb can run it: version, interfaces, variables and their units.
+"""The model description of an FMU: version, interfaces, variables and units; and whether symmb can run the FMU.
 
 An FMU is extracted once per process, to a folder that the process removes at its end.
 """
@@ -30,15 +30,15 @@ _REAL = "Real", "Float64", "Float32"
 _WHOLE = {"Integer": "int32", "Enumeration": "int32"} | {
     f"{sign}Int{bits}": f"{sign}int{bits}".lower() for sign in ("", "U") for bits in (8, 16, 32, 64)
 }
-"""Types of FMI for integers, and NumPy's names of them."""
+"""Types of FMI for integers -> NumPy's names of these types."""
 _AGAINST_SCHEMA = "ERROR (line", "FATAL (line"
-"""Start of FMPy's messages about the form of a description; its other messages are about the content."""
+"""First words of FMPy's messages about the form of a description. FMPy's other messages concern the content."""
 _DIMENSIONLESS = "1", "-"
 
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of an FMU: its name, its value reference, the type for reading and writing, its unit."""
+    """A variable of an FMU: its name, its value reference, the type to read and write it, and its unit."""
 
     name: str
     reference: int
@@ -50,7 +50,7 @@ class Variable:
         return self.type in _WHOLE
 
     def fault_of(self, value: float) -> str:
-        """Why the variable cannot have a value; empty if the value is valid."""
+        """The reason why the variable cannot have a value; empty if the value is valid."""
         if not self.is_whole:
             return ""
         limits = np.iinfo(_WHOLE[self.type])
@@ -60,19 +60,19 @@ class Variable:
 
 @dataclass(frozen=True)
 class FMU:
-    """The data that are needed to run an FMU by one of its interfaces.
+    """The data that a run of an FMU with one of its interfaces needs.
 
     Attributes
     ----------
-    path, digest : the file
-    version : 2 or 3, of FMI
+    path, digest : the file, and the digest of its contents
+    version : version of FMI, 2 or 3
     fmi_type : "CoSimulation" or "ModelExchange"
-    identifier, token : the name of its library, and the token that the library checks
+    identifier, token : the name of the library in the FMU, and the token that this library checks
     n_states, n_indicators : numbers of continuous states and of event indicators
     tells_steps : whether the FMU must be called when a step of the solver is complete
-    tolerance : relative tolerance for the solver of the FMU; None: its default
-    step : step of its default experiment [s]; None if not stated
-    grid : the step of its solver [s]. Communication steps must be multiples of this step; None if not stated
+    tolerance : relative tolerance for the solver of the FMU; None: the default of the FMU
+    step : step of the default experiment [s]; None if not stated
+    grid : step of the solver in the FMU [s]. Communication steps must be multiples of this step; None if not stated
     is_uniform : whether all communication steps must have the same length
     """
 
@@ -92,14 +92,14 @@ class FMU:
 
 
 def fmpy(module: str = "") -> Any:
-    """FMPy, or a module of FMPy. It raises ImportError if FMPy is not installed."""
+    """FMPy, or a module of FMPy. ImportError is raised if FMPy is not installed."""
     return optional_package(f"fmpy.{module}" if module else "fmpy", OWNER, "fmu")
 
 
 def described(path: Path, fmi_type: str | None) -> tuple[FMU, dict[str, Any]]:
-    """An FMU, and FMPy's descriptions of its variables by their names.
+    """An FMU, and FMPy's descriptions of its variables by name.
 
-    It raises DeclarationError if the file is not an FMU, has another interface, or has no binary for this computer.
+    DeclarationError is raised if the file is not an FMU, lacks the interface, or has no binary for this computer.
     """
     fmpy()
     names = _files(path)
@@ -150,7 +150,7 @@ def _files(path: Path) -> list[str]:
 
 
 def _description(path: Path, folder: Path) -> Any:
-    """FMPy's model description. It must follow the schema of FMI. Otherwise FMPy may miss states."""
+    """FMPy's model description of a file that follows the schema of FMI. In other files, FMPy may miss states."""
     read = fmpy("model_description").read_model_description
     try:
         return read(str(folder))
@@ -192,7 +192,7 @@ def _require_binary(path: Path, names: Sequence[str], version: int, identifier: 
 
 
 def _number(text: Any) -> float | None:
-    """A positive number, or None."""
+    """The positive number of a text, or None if the text is not such a number."""
     try:
         number = float(text)
     except (TypeError, ValueError):
@@ -216,7 +216,7 @@ def parameters_of(path: Path, known: Mapping[str, Any], parameters: Mapping[str,
 
 
 def variable_of(path: Path, known: Mapping[str, Any], name: str, role: str) -> Variable:
-    """A variable of an FMU. It raises DeclarationError if the variable does not exist, or is not a number."""
+    """A variable of an FMU. DeclarationError is raised if the variable does not exist, or is not a number."""
     variable = known.get(name)
     if variable is None:
         raise DeclarationError(f"{OWNER}: {path.name} has no variable {name!r}.{did_you_mean(name, known)}")
@@ -231,7 +231,7 @@ def variable_of(path: Path, known: Mapping[str, Any], name: str, role: str) -> V
 
 
 def _fixed_by(variable: Any) -> str:
-    """Why a variable cannot be set before a run; empty if the variable can be set."""
+    """The reason why a variable cannot be set before a run; empty if the variable can be set."""
     if variable.variability == "constant":
         return "it is a constant"
     if variable.causality == "structuralParameter":
@@ -248,9 +248,9 @@ _LOCK = threading.Lock()
 
 
 def extracted(path: Path, code: str) -> Path:
-    """The folder to which an FMU with this digest is extracted, once for this process and its forked processes.
+    """The folder with the files of an FMU. They are extracted once for this process and its forked processes.
 
-    It raises SimulationError if the FMU cannot be extracted, or the file has changed since its declaration.
+    SimulationError is raised if the FMU cannot be extracted, or the file has changed since its declaration.
     """
     with _LOCK:
         folder = _EXTRACTED.get(code)

@@ -1,4 +1,4 @@
-"""An instance of an FMU in a separate process: how it is made, started and read, and its messages."""
+"""An instance of an FMU in a separate process: functions to make, start and read it, and its messages."""
 
 import ctypes
 import faulthandler
@@ -22,7 +22,7 @@ _LOG: dict[str, str] = {}
 
 
 class Status(IntEnum):
-    """Status of calls in FMI 2 and 3. DISCARD: the request cannot be carried out. FATAL: no further call is allowed."""
+    """Status of calls in FMI 2 and 3. DISCARD: the call has no effect. FATAL: no further call is allowed."""
 
     WARNING = 1
     DISCARD = 2
@@ -30,7 +30,7 @@ class Status(IntEnum):
 
 
 class Instance:
-    """A running model. FMPy's classes for FMI 2 and 3, co-simulation and model exchange, have one interface here."""
+    """A running model. It has the same methods for FMI 2 and 3, and for co-simulation and model exchange."""
 
     def __init__(self, fmu: FMU, folder: Path, logs: bool) -> None:
         self.has_states = fmu.fmi_type != CO_SIMULATION
@@ -75,7 +75,7 @@ class Instance:
                 raise SimulationError(ENDED)
 
     def reader(self, variables: Sequence[Variable]) -> Callable[[Array], None]:
-        """A function that reads these variables into a row."""
+        """A function that reads the values of these variables into a row (n_y,)."""
         kinds: dict[str, list[int]] = {}
         for k, variable in enumerate(variables):
             kinds.setdefault(self._accessor(variable.type), []).append(k)
@@ -91,7 +91,7 @@ class Instance:
         return read
 
     def _accessor(self, kind: str) -> str:
-        """The FMI type that reads and writes a variable."""
+        """The FMI type in the names of the functions that read and write a variable of this kind."""
         return kind if kind != "Enumeration" else "Integer" if self.version == 2 else "Int64"
 
     def free(self) -> None:
@@ -106,7 +106,7 @@ def is_fatal(error: BaseException) -> bool:
 
 
 def listen() -> None:
-    """Forget earlier messages. Output of FMUs and FMPy in this process does not reach the user's output."""
+    """Forget earlier messages, and keep the output of FMUs and FMPy in this process away from the user's output."""
     _LOG.clear()
     output = _output()
     os.ftruncate(output, 0)
@@ -115,7 +115,7 @@ def listen() -> None:
 
 @cache
 def _output() -> int:
-    """A file for the output of this process. If the process crashes, the run is reported as failed."""
+    """The descriptor of a file for the output of this process. A crash of the process is reported as a failed run."""
     faulthandler.disable()
     file = tempfile.TemporaryFile()
     for number in (1, 2):
@@ -125,17 +125,17 @@ def _output() -> int:
 
 
 def has_error() -> bool:
-    """Whether an error was logged."""
+    """Whether an FMU has logged an error during this run."""
     return "error" in _LOG
 
 
 def logged() -> str:
-    """The first error that was logged, or else the last warning."""
+    """The first error that an FMU has logged during this run, or else the last warning."""
     return _short(_LOG.get("error") or _LOG.get("warning", ""))
 
 
 def last_line() -> str:
-    """The last line that was printed."""
+    """The last line that this process has printed during this run."""
     sys.stdout.flush()
     ctypes.CDLL(None).fflush(None)
     output = _output()
@@ -151,7 +151,7 @@ def _short(text: str, most: int = 200) -> str:
 
 
 def _note(*arguments: Any) -> None:
-    """Store a message. Status, category and text are the last arguments in FMI 2 and 3."""
+    """Store a message of an FMU. In FMI 2 and 3 the last arguments are status, category and text."""
     status, _, message = arguments[-3:]
     text = (message or b"").decode(errors="replace")
     if status > Status.WARNING:
@@ -162,7 +162,7 @@ def _note(*arguments: Any) -> None:
 
 @cache
 def _callbacks() -> Any:
-    """FMI 2's callback functions. FMPy's C code keeps a pointer to the last logger."""
+    """Callback functions of FMI 2. FMPy's C code keeps a pointer to the last logger."""
     module = fmpy("fmi2")
     callbacks = module.fmi2CallbackFunctions()
     callbacks.logger = module.fmi2CallbackLoggerTYPE(_note)

@@ -1,4 +1,4 @@
-"""Runs of an FMU in a separate process, from one communication point to the next, with FMPy's CVODE if needed."""
+"""Runs of an FMU in a separate process, by communication steps. Model exchange uses FMPy's CVODE."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -19,22 +19,22 @@ from symmb.connect.fmu_description import CO_SIMULATION, FMU, Variable, fmpy
 from symmb.connect.fmu_instance import ENDED, Instance, Status, has_error, is_fatal, last_line, listen, logged
 
 RTOL = 1e-9
-"""Relative tolerance. Bounds subtract runs that differ little: an oscillator is exact to 1e-7 after ten periods
-(tests/connect/test_fmu.py)."""
+"""Relative tolerance. It is small, because bounds subtract runs that differ little. With it, the error of an oscillator
+is 1e-7 after ten periods (tests/connect/test_fmu.py)."""
 
 
 @dataclass
 class FMURunner:
-    """Makes runs, and keeps the instance of the last run.
+    """A callable object that makes runs of an FMU, and keeps the instance of the last run.
 
     Attributes
     ----------
-    fmu : its file and interface
-    parameters, outputs : its variables
+    fmu : the FMU, with its file and interface
+    parameters, outputs : variables of the FMU
     times : (n_t,) output times [s]
-    step : longest communication step [s]; all steps have this length if the FMU needs it
-    patience : a run that failed without a reason is made again with full logging if it took less [s], because many FMUs
-        report reasons only then
+    step : longest communication step [s]; all steps have this length if the FMU needs equal steps
+    patience : if a run fails within this time [s] without a reason, it is made again with full logging. Many FMUs
+        report reasons only with full logging
     """
 
     fmu: FMU
@@ -48,10 +48,10 @@ class FMURunner:
     _t: float = field(default=0.0, init=False)
 
     def __call__(self, values: Mapping[str, float], folder: Path, again: bool) -> Array:
-        """Outputs (n_t, n_y) of a run with these parameters, of the FMU that was extracted to a folder.
+        """Outputs (n_t, n_y) of a run with these parameters. The files of the FMU are in `folder`.
 
-        If `again` is True and the previous run succeeded, its instance is reset. Otherwise a new instance is made. It
-        raises SimulationError if the run fails.
+        If `again` is True and the previous run succeeded, its instance is reset. Otherwise a new instance is made.
+        SimulationError is raised if the run fails.
         """
         listen()
         begin = time.perf_counter()
@@ -94,7 +94,7 @@ class FMURunner:
         return rows
 
     def _outputs(self, instance: Instance) -> Array:
-        """Outputs (n_t, n_y) from one communication point to the next."""
+        """Outputs (n_t, n_y) of an instance that is started, by communication steps from time to time."""
         rows, read = np.empty((len(self.times), len(self.outputs))), instance.reader(self.outputs)
         step = self._cosimulate if self.fmu.fmi_type == CO_SIMULATION else self._integration(instance)
         read(rows[0])
@@ -110,7 +110,7 @@ class FMURunner:
         self._t = begin + length
 
     def _integration(self, instance: Instance) -> Callable[[Instance, float, float], None]:
-        """Communication steps by the solver, which is used for several instances."""
+        """A function that makes communication steps by the solver. Several instances use the same solver."""
         events = _EventMode(instance)
         if self._solver is None:
             self._solver = _new_solver(self.fmu, instance, self.times[0], self.step)
@@ -120,7 +120,7 @@ class FMURunner:
         return lambda instance, begin, length: self._integrate(instance, solver, events, begin + length)
 
     def _integrate(self, instance: Instance, solver: Any, events: "_EventMode", end: float) -> None:
-        """Take the solver and the FMU from the present time to another time."""
+        """Advance the solver and the FMU from the present time to the time `end`."""
         near, count = ROUNDING * float(np.abs(self.times).max()), 0
         while end - self._t > near or events.next - self._t <= near:
             begin = self._t
@@ -140,7 +140,7 @@ class FMURunner:
                 instance.model.enterContinuousTimeMode()
                 solver.restart(instance, self._t)
             count = count + 1 if self._t - begin <= near else 0
-            # Most events at one time. More events count as an endless sequence.
+            # Maximum number of events at one time. More events count as an endless sequence.
             if count > 1000:
                 raise SimulationError("there are too many events at the same time")
 
@@ -185,22 +185,22 @@ class _EventMode:
 def _new_solver(fmu: FMU, instance: Instance, t: float, step: float) -> Any:
     """A solver at the states of an instance, with steps up to `step` [s].
 
-    It is used for several instances, because FMPy does not free all its memory.
+    Several instances use the same solver, because FMPy does not free all memory of a solver.
     """
 
     class CVODE(fmpy("sundials").CVodeSolver):
-        """Python ignores exceptions in callbacks of C. The exception is stored, and raised by `advance`."""
+        """CVODE that stores exceptions in callbacks of C, which Python ignores. `advance` raises the exception."""
 
         fault: Exception | None = None
 
         def restart(self, instance: Instance, t: float) -> None:
-            """Start at the states of an instance."""
+            """Start the solver at the time t, at the states of an instance."""
             for name, call in _callbacks(instance).items():
                 setattr(self, name, call)
             self.reset(t)
 
         def advance(self, t: float, end: float) -> tuple[bool, float]:
-            """Go to a time. Returns whether an event indicator changed its sign, and the time of the change."""
+            """Advance to the time `end`. Return whether an event indicator changed its sign, and the time reached."""
             self.fault = self.error_info = None
             try:
                 is_event, _, reached = self.step(t, end)

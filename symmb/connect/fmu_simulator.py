@@ -1,4 +1,4 @@
-"""An FMU as a simulator: a model exported by another program."""
+"""An FMU, which is a model exported by another program, as a simulator."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -31,37 +31,37 @@ from symmb.connect.identity import digest
 from symmb.connect.limited_calls import LimitedCalls
 
 _LONG_RUN = 10.0
-"""Duration of a run compared with which a new process is cheap [s]. Such long runs each get a new process."""
+"""Duration of a long run [s]. Each long run gets a new process, whose start takes little time in comparison."""
 _RESET, _NEW_INSTANCE, _NEW_PROCESS = "reset", "new instance", "new process"
 _KINDS: dict[tuple[str, str], str] = {}
-"""The way to repeat runs exactly (reset, instance or process), by the digest of the FMU's file and its interface."""
+"""Digest of an FMU's file, and interface -> the way to repeat runs exactly: reset, instance or process."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FMUSimulator(BlackBox):
-    """Trajectories from a Functional Mock-up Unit of FMI 2 or 3, by FMPy, which `pip install 'symmb[fmu]'` installs.
+    """Trajectories from a Functional Mock-up Unit of FMI 2 or 3. Install FMPy by `pip install 'symmb[fmu]'`.
 
     Runs are made in separate processes. If an FMU crashes, only one run fails. Runs of several threads are parallel.
-    Each process keeps an instance. The instance is reset between two runs, if a run after a reset is bitwise the same;
-    this is tested once. Otherwise, and after a failed run, a new instance is made. If a run in a new instance is not
-    the same either, a new process is started.
+    Each process keeps an instance. The instance is reset between two runs. A test at the first run checks that a run
+    after a reset is bitwise the same. If it is not, and after a failed run, a new instance is made. If a run in a new
+    instance is not the same either, each run gets a new process.
 
     Parameters
     ----------
     path : str or Path
         the .fmu file. Processes on other computers need it at the same path
     parameters : mapping
-        nominal values by name of the variable, in its unit in the model description. They are set before the start
+        nominal values by name of the variable, in the unit of the model description. They are set before the start
     times : (n_t,)
         increasing times of the rows [s]; the run starts at the first time
     outputs : list of str
         n_y names of variables
     fmi_type : str
-        "CoSimulation" or "ModelExchange"; default: co-simulation, if the FMU has it
+        "CoSimulation" or "ModelExchange"; default: co-simulation if the FMU supports it
     step : float
-        longest communication step [s]; default: the step of the FMU's default experiment, or 1/500 of the time. The FMU
-        also stops at all times. For model exchange, this is the longest step of the solver, FMPy's CVODE; default:
-        1/500 of the time
+        longest communication step [s]; default: the step of the FMU's default experiment, or 1/500 of the time span.
+        Communication steps also end at all times of the rows. For model exchange, this is the longest step of FMPy's
+        solver CVODE; default: 1/500 of the time span
     timeout : float
         longest time of a run [s]
     noise : mapping
@@ -70,13 +70,13 @@ class FMUSimulator(BlackBox):
     Attributes
     ----------
     units : tuple of str
-        of the outputs, from the model description; '' if not stated. Boxes use the parameters' units
+        units of the outputs, from the model description; '' if not stated. Boxes use the units of the parameters
 
     Raises
     ------
     DeclarationError
-        If the file is not an FMU that runs on this computer, has no such variable, or the variable is not a number or
-        cannot be set, or an option is out of its range
+        If the file is not an FMU that runs on this computer, a variable does not exist, is not a number or cannot be
+        set, or an option is out of its range
     ImportError
         If FMPy is not installed
 
@@ -136,7 +136,7 @@ class FMUSimulator(BlackBox):
         )
 
     def response(self, values: dict[str, float]) -> Any:
-        """Outputs (n_t, n_y) of one run."""
+        """Outputs (n_t, n_y) of a run with these parameters."""
         for variable in self._calls.f.parameters:
             fault = variable.fault_of(values[variable.name])
             if fault:
@@ -178,7 +178,7 @@ class FMUSimulator(BlackBox):
 
 
 def _step(fmu: FMU, times: Array, given: float | None) -> float:
-    """The longest communication step [s]. It raises DeclarationError if the FMU cannot stop at the times."""
+    """The longest communication step [s]. DeclarationError is raised if the FMU cannot stop at the times."""
     if len(times) == 1:
         return 1.0
     own = fmu.step if fmu.fmi_type == CO_SIMULATION else None

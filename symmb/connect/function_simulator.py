@@ -18,14 +18,14 @@ class FunctionSimulator(BlackBox):
 
     Parameters
     ----------
-    f : called as ``f(**parameters)``, returns (n_t, n_y), or (n_t,) if there is one output. A sample fails
-        if its call raises, or returns something else, or a value that is masked or not finite.
-        f must be picklable (a function of a module) if the executor runs in other processes.
+    f : function that is called as ``f(**parameters)`` and returns (n_t, n_y), or (n_t,) if there is one output.
+        A sample fails if its call raises, returns another shape, or returns a value that is masked or not finite.
+        If the executor runs in other processes, f must be picklable, such as a function of a module.
     parameters : nominal values by name
     times : (n_t,) increasing times of the rows [s]
     outputs : n_y names of the columns
-    noise : errors of the output values by name, as ``{"x": 1e-6}``; other outputs have none. None: not known,
-        and measured if needed
+    noise : errors of the output values by name, as ``{"x": 1e-6}``; the errors of other outputs are 0. None: errors
+        are not known, and are measured if needed
     timeout : longest time of a call [s]. Calls are then made in forked processes, which are ended after this time
 
     Raises
@@ -64,7 +64,7 @@ class FunctionSimulator(BlackBox):
         self._declare(parameters, times, outputs, noise)
 
     def response(self, values: dict[str, float]) -> Any:
-        """What f returns."""
+        """The value that f returns: (n_t, n_y), or (n_t,) if there is one output."""
         return self.f(**values) if self._limited is None else self._limited(values)
 
     def identity(self) -> str:

@@ -1,4 +1,4 @@
-"""A digest of what a simulator computes: equal digests mean equal runs, as far as symmb can see.
+"""A digest of what a simulator computes. Simulators with equal digests make equal runs, as far as symmb can see.
 
 `DeclaredFiles` ends a study if a declared file changes meanwhile.
 """
@@ -26,7 +26,7 @@ _OURS = __name__.partition(".")[0]
 
 
 class UndigestedError(DeclarationError):
-    """Some objects have no value that can be compared. `key` is the digest of the other objects."""
+    """Some objects have no digest. The attribute `key` is the digest of the other objects."""
 
     def __init__(self, text: str, key: str) -> None:
         super().__init__(text)
@@ -34,12 +34,12 @@ class UndigestedError(DeclarationError):
 
 
 def digest(*things: Any) -> str:
-    """A digest of numbers, texts, arrays, expressions, functions, and of objects made of these.
+    """A digest of numbers, texts, arrays, expressions and functions, and of objects that contain these.
 
     A Python function is identified by its code, its defaults, and the values of all outside names in the code.
-    Functions and classes in the code are identified in the same way. Functions and classes of Python or of an installed
-    package are identified by their name. Other objects are identified by their pickled form. UndigestedError is raised
-    if an object cannot be pickled.
+    Functions and classes that the code uses are identified in the same way. Those of Python or of an installed package
+    are identified by their names. Other objects are identified by their pickled form. UndigestedError is raised if an
+    object cannot be pickled.
     """
     values = _Digests()
     try:
@@ -80,7 +80,7 @@ class _Digests:
         """The digest of an object."""
         if id(thing) in self._known:
             return self._known[id(thing)][1]
-        self._known[id(thing)] = thing, f"the one at depth {self._depth}".encode()  # the object may contain itself
+        self._known[id(thing)] = thing, f"the one at depth {self._depth}".encode()  # an object may contain itself
         self._depth += 1
         state = hashlib.sha256(f"<{type(thing).__qualname__}>".encode())
         for part in self._parts(thing):
@@ -135,7 +135,7 @@ _CODE = (
     *("co_name", "co_consts", "co_names", "co_varnames", "co_freevars", "co_cellvars", "co_flags"),
     *("co_argcount", "co_posonlyargcount", "co_kwonlyargcount", "co_exceptiontable"),
 )
-"""The parts of code that count besides its instructions. Line numbers and file names do not count."""
+"""The attributes of code that belong to its digest, besides its instructions. Line numbers and file names do not."""
 
 
 def _pairs(mapping: Mapping[Any, Any]) -> Iterator[tuple[Any]]:
@@ -152,7 +152,7 @@ _PARTS: dict[type, Callable[[Any], Iterable[bytes | tuple[Any]]]] = {
     types.CodeType: lambda code: [code.co_code, (tuple(getattr(code, name) for name in _CODE),)],
     ca.Function: lambda function: [function.serialize().encode()],
 }
-"""Functions that give the parts of objects, by type."""
+"""Type of an object -> a function that gives the parts of the object."""
 
 
 def _code_parts(thing: types.ModuleType | types.FunctionType | type) -> Iterator[bytes | tuple[Any]]:
@@ -178,13 +178,13 @@ def _code_parts(thing: types.ModuleType | types.FunctionType | type) -> Iterator
 
 
 def _global_names(code: types.CodeType) -> set[str]:
-    """Names of the module's variables that the code reads."""
+    """Names of the variables of the module that the code reads."""
     names = {step.argval for step in dis.get_instructions(code) if step.opname in ("LOAD_GLOBAL", "LOAD_NAME")}
     return names.union(*(_global_names(part) for part in code.co_consts if isinstance(part, types.CodeType)))
 
 
 def _has_name(thing: Any) -> bool:
-    """Whether a function or a class is identified by its name. A function made inside a function is not."""
+    """Whether a name identifies a function or a class. It does not if they are made inside a function."""
     if isinstance(thing, type):
         return _is_installed(thing.__module__)
     module = thing.__globals__.get("__name__")
@@ -201,28 +201,28 @@ def _is_installed(module: str | None) -> bool:
 
 
 def _is_member(name: str, member: Any) -> bool:
-    """Whether a member of a class was written in its code, and not added by Python."""
+    """Whether a member of a class is written in the code of the class. Python adds other members."""
     if isinstance(member, types.MemberDescriptorType | types.GetSetDescriptorType) or name == "_abc_impl":
         return False
     return not (name[:2] == name[-2:] == "__") or isinstance(member, types.FunctionType | staticmethod | classmethod)
 
 
 class ChangedFileError(SimulationError):
-    """A file has changed. The study ends, because its runs would not belong together."""
+    """A declared file has changed. The study ends, because runs before and after the change differ."""
 
 
 class DeclaredFiles:
-    """Files and folders in their present state, by their contents."""
+    """Files and folders with their present contents, to detect later changes."""
 
     def __init__(self, paths: Iterable[Path]) -> None:
         self._declared = {path: (_stamp(path), file_digest(path)) for path in paths}
 
     def digests(self) -> list[tuple[str, str]]:
-        """Names and digests of the contents."""
+        """Names of the files and folders, and digests of their contents."""
         return [(path.name, content) for path, (_, content) in self._declared.items()]
 
     def require_same(self) -> None:
-        """ChangedFileError if a file has other contents. Files with the same size and date are not read."""
+        """Raise ChangedFileError if the contents of a file have changed. Files of equal size and date are not read."""
         for path, (stamp, content) in self._declared.items():
             try:
                 is_same = _stamp(path) == stamp or file_digest(path) == content

@@ -22,7 +22,7 @@ from symmb._interrupts import deferred_interrupts
 
 
 class _Worker:
-    """A forked process for the calls of a thread, and the parent's end of the pipe to this process."""
+    """A forked process for the calls of one thread, and the end of its pipe in the parent."""
 
     def __init__(self, pid: int, pipe: Connection) -> None:
         self.pid, self.pipe, self.thread = pid, pipe, threading.current_thread()
@@ -36,7 +36,7 @@ class _Worker:
         return not self.thread.is_alive() or (own and self.caller() is None)
 
     def replies(self, seconds: float | None) -> bool:
-        """Whether a reply arrives in time. It raises EOFError if the process ends without a reply."""
+        """Whether a reply arrives in time. EOFError is raised if the process ends without a reply."""
         deadline = inf if seconds is None else time.monotonic() + seconds
         # Time between checks whether a process has ended [s]. Processes that it has started may keep its pipe open.
         while not self.pipe.poll(max(min(0.2, deadline - time.monotonic()), 0.0)):
@@ -48,7 +48,7 @@ class _Worker:
         return True
 
     def has_ended(self, options: int = 0) -> bool:
-        """Whether the process has ended. By default this waits for the end."""
+        """Whether the process has ended. By default, this function waits for the end."""
         if self.status is None:
             try:
                 pid, status = os.waitpid(self.pid, options)
@@ -61,7 +61,7 @@ class _Worker:
 
     @property
     def end_text(self) -> str:
-        """How the process ended, if known."""
+        """Words that say how the process ended, if this is known."""
         if self.status is None:
             return ""
         return f" by {signal_name(-self.status)}" if self.status < 0 else f" with exit status {self.status}"
@@ -78,9 +78,9 @@ class _Worker:
 
 _WORKERS: set[_Worker] = set()
 _LOCK = threading.Lock()
-"""Lock of pipes: a process forked while another thread opens or closes a pipe would keep the pipe open."""
+"""The lock of pipes. A process that is forked while another thread opens or closes a pipe would keep the pipe open."""
 _OWN = threading.local()
-"""Workers of this thread by key. A copy of the called object that was sent to this process finds its worker here."""
+"""Workers of this thread by key. A `LimitedCalls` that was pickled and loaded in this process finds its worker here."""
 
 
 class LimitedCalls:
@@ -91,10 +91,10 @@ class LimitedCalls:
 
     Parameters
     ----------
-    f : function of named values
-    seconds : longest time of a call; None: no limit
+    f : function with keyword arguments
+    seconds : longest time of a call [s]; None: no limit
     subject : name of the function in messages
-    base : folder for folders of the function; default: the folder for temporary files
+    base : folder in which the function makes folders; default: the folder for temporary files
     key : key of the process; default: a new key
     """
 
@@ -115,7 +115,7 @@ class LimitedCalls:
         return LimitedCalls, (self.f, self.seconds, self.subject, self.base, self.key)
 
     def __call__(self, values: dict[str, Any]) -> Any:
-        """The result of f(**values). It raises SimulationError if f takes too long, raises, or ends its process."""
+        """The result of f(**values). SimulationError is raised if f takes too long, raises, or ends its process."""
         worker = self.begin()
         try:
             worker.pipe.send(values)
@@ -140,7 +140,7 @@ class LimitedCalls:
             worker.end()
 
     def begin(self) -> _Worker:
-        """The process of this thread. Its temporary folders are removed when it ends for any reason."""
+        """The worker of this thread. When its process ends for any reason, its temporary folders are removed."""
         own: dict[str, _Worker] = vars(_OWN)
         worker = own.get(self.key)
         if worker is None or worker not in _WORKERS:
@@ -153,13 +153,13 @@ class LimitedCalls:
 
 
 def fault_text(error: BaseException) -> str:
-    """The error of a run in one line. For exceptions other than SimulationError the type is stated too."""
+    """The error of a run as text in one line. If it is not a SimulationError, the text has the type too."""
     text = text_of(error)
     return text.removeprefix(f"{type(error).__name__}: ") if isinstance(error, SimulationError) else text
 
 
 def end_calls_of(threads: Collection[threading.Thread]) -> None:
-    """End the processes for the calls of some threads."""
+    """End the processes in which the calls of some threads run."""
     end_groups(*(worker.pid for worker in list(_WORKERS) if worker.thread in threads))
 
 
@@ -190,7 +190,7 @@ def _fork(f: Callable[..., Any], base: Path | None) -> _Worker:
 
 
 def _serve(f: Callable[..., Any], pipe: Connection) -> None:
-    """Call f for each message, until the parent has ended."""
+    """Call f for each message of the parent, until the parent has ended."""
     lead_group()
     end = threading.Thread(target=_end_with_parent, args=(pipe, os.getppid()), daemon=True)
     end.start()
@@ -211,7 +211,7 @@ def _serve(f: Callable[..., Any], pipe: Connection) -> None:
 
 
 def _end_with_parent(pipe: Connection, parent: int) -> None:
-    """End this process and the programs that it started when the parent has ended, even while f runs."""
+    """Wait for the end of the parent. Then end this process and the programs that it started, even while f runs."""
     poll = select.poll()
     poll.register(pipe, 0)  # only the end of the connection is reported
     poll.poll()

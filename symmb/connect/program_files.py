@@ -1,4 +1,4 @@
-"""Files of programs: input from templates with the names of parameters in braces, and tables of results."""
+"""Files of programs: input files from templates, which have names of parameters in braces, and tables of results."""
 
 import csv
 import json
@@ -20,9 +20,9 @@ _TIME = "time"
 
 
 def filled(template: str, values: Mapping[str, float]) -> str:
-    """The text in which `{name}` and `{name:format}` are replaced by values. Other braces stay.
+    """The template with values in the place of `{name}` and `{name:format}`. Other braces are kept.
 
-    Without a format all digits of a number are written.
+    Without a format, all digits of a number are written.
 
     Examples
     --------
@@ -52,9 +52,9 @@ def is_filled(template: str, name: str) -> bool:
 
 
 def template_texts(owner: str, templates: Mapping[str, str | Path]) -> dict[str, str]:
-    """Texts by the path of the file in the folder of a run. If a Path is given, its file is read now.
+    """Path of a file in the folder of a run -> its text. If a Path is given, the text is read from it now.
 
-    It raises DeclarationError if a path leads out of the folder, or a file cannot be read.
+    DeclarationError is raised if a path leads out of the folder, or a file cannot be read.
     """
     if not isinstance(templates, Mapping):
         raise DeclarationError(
@@ -93,10 +93,10 @@ def _names(values: Mapping[str, float]) -> str:
 
 
 def read_table(path: Path, times: Array, outputs: tuple[str, ...], interpolate: bool) -> Array:
-    """Outputs (n_t, n_y) at times from a file with a column `time` and one for each output. Other columns are ignored.
+    """Outputs (n_t, n_y) at `times` from a file with a column `time` and one for each output.
 
-    If there is only one time, the column `time` may be left out. It raises SimulationError if the file cannot be read,
-    lacks a column, or has other times.
+    Other columns are ignored. If there is only one time, the column `time` may be left out. SimulationError is raised
+    if the file cannot be read, lacks a column, or has other times.
     """
     if not path.is_file():
         raise SimulationError(f"the program wrote no file {path.name!r}")
@@ -123,7 +123,7 @@ def read_table(path: Path, times: Array, outputs: tuple[str, ...], interpolate: 
 
 
 def _numbers(columns: Mapping[str, Any], name: str) -> Array:
-    """A column (n,) as numbers; a single number as a column."""
+    """A column as numbers (n,). A single number becomes a column of one number."""
     column = columns[name]
     if isinstance(column, list) and (odd := [x for x in column if isinstance(x, str) and "_" in x]):
         raise SimulationError(f"{name!r}: {odd[0][:40]!r} is not a number")  # Python accepts these as numbers
@@ -136,7 +136,7 @@ def _numbers(columns: Mapping[str, Any], name: str) -> Array:
 
 
 def _at_times(name: str, at: Array, values: Array, times: Array, interpolate: bool) -> Array:
-    """Values at the declared times."""
+    """The values of an output at the declared times, from its values at the times `at` of a file."""
     if not len(at):
         raise SimulationError(f"{name} has no rows")
     allowed = SLIGHT * float(np.abs(times).max())  # programs write about six digits
@@ -154,7 +154,7 @@ def _at_times(name: str, at: Array, values: Array, times: Array, interpolate: bo
 
 
 def _interpolated(name: str, at: Array, values: Array, times: Array, allowed: float) -> Array:
-    """Values interpolated between times of a file. If rows have the same time (an event), the last one counts after."""
+    """Values interpolated between times of a file. If rows have the same time, the last row holds after this time."""
     events = at[1:][np.diff(at) == 0]
     if len(events):  # declared times at an event have as many digits as times of the file
         nearest = events[np.abs(events[:, None] - times).argmin(axis=0)]
@@ -207,4 +207,4 @@ def _npz(path: Path) -> Mapping[str, Any]:
 
 
 READERS: dict[str, Callable[[Path], Mapping[str, Any]]] = {".csv": _csv, ".json": _json, ".npz": _npz}
-"""Readers by suffix."""
+"""Suffix of a file -> the function that reads its columns."""

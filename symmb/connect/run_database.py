@@ -1,4 +1,4 @@
-"""The file of a run store: an SQLite database with each finished run of some studies."""
+"""The file of a run store. It is an SQLite database with each finished run of some studies."""
 
 import json
 import os
@@ -22,19 +22,19 @@ STATES = "done", "failed", "timed out", "lost"
 """States of runs, by their numbers. A run is lost if its worker died."""
 DONE, FAILED, TIMED_OUT, LOST = range(len(STATES))
 _APPLICATION, _VERSION = int.from_bytes(b"symb"), 3
-"""Marks of the file. Files of other programs have other marks, and earlier files have another version of the tables."""
+"""The mark of a run store, and the version of its tables. Files of other programs have other marks."""
 _DAMAGE = sqlite3.Error, ValueError, TypeError, IndexError, OverflowError, RecursionError
 """Exceptions that damaged files cause."""
 _HEADER = b"SQLite format 3\0"
 _WAIT_AFTER_RUN, _WAIT_AT_FIRST = 60.0, 10.0
-"""Time to wait for another study that writes to the file [s]. After a run is made, waiting saves the run."""
+"""Times to wait while another study writes to the file: after a run, which would be lost, and at the start [s]."""
 _NETWORK = ("nfs", "nfs4", "cifs", "smb3", "smbfs", "lustre", "gpfs", "beegfs", "ceph", "fuse.sshfs", "afs", "9p")
-"""File systems whose machines do not share memory. A write-ahead log needs shared memory."""
+"""File systems of several machines, which share no memory. A write-ahead log needs shared memory."""
 _SAMPLES_PER_QUERY = 500
-"""SQLite supports at least 999 variables."""
+"""Maximum number of samples in a query. SQLite supports at least 999 variables."""
 _STUDY = "digest, simulator, parameters, outputs, times, begun"
 _RUN = "study, sample, state, t_failed, reason, response, events, seconds"
-"""Columns with a checksum, which is the last column."""
+"""Columns of a run to which the checksum belongs. The checksum is the last column of the table."""
 _TABLES = f"""
 CREATE TABLE IF NOT EXISTS studies (
     id INTEGER PRIMARY KEY, digest TEXT UNIQUE NOT NULL, simulator TEXT NOT NULL, parameters TEXT NOT NULL,
@@ -76,7 +76,7 @@ class RunDatabase:
         self._connection, self._path = connection, path
 
     def begin(self, study: StoredStudy) -> int:
-        """The number of a study. A new study is entered."""
+        """The number of a study. A new study is added to the file."""
         find = "SELECT id FROM studies WHERE digest = ?"
         with self._reading():
             if found := self._connection.execute(find, (study.digest,)).fetchone():  # no write is needed
@@ -91,9 +91,9 @@ class RunDatabase:
             return self._connection.execute(find, (study.digest,)).fetchone()[0]
 
     def known(self, study: int, P: Array, timeout: float | None = None) -> set[bytes]:
-        """Which of the samples P (N, d) have run and need not run again.
+        """Keys of the samples P (N, d) that have run and need not run again.
 
-        Lost runs are made again, and runs that timed out, if the timeout is now longer [s].
+        Lost runs are made again. Runs that timed out are made again if the timeout [s] is now longer.
         """
         longest = np.inf if timeout is None else timeout
         keys = sample_keys(P)
@@ -110,7 +110,7 @@ class RunDatabase:
         return found
 
     def require_writable(self) -> None:
-        """SimulationError if the file cannot be written now. This check prevents runs that would be lost."""
+        """Raise SimulationError if the file cannot be written now, because later runs would be lost."""
         with self._writing():
             self._connection.execute("BEGIN IMMEDIATE")
 
@@ -159,7 +159,7 @@ class RunDatabase:
             return self._connection.execute(query, (study, *sample_keys(p[None]))).fetchone()[0]
 
     def studies(self) -> list[tuple[int, StoredStudy, str, tuple[int, ...]]]:
-        """Number, study, start time, and the number of runs in each of the STATES."""
+        """For each study: its number, its data, its start time, and its number of runs in each of the STATES."""
         found = []
         query = f"SELECT id, {_STUDY}, checksum FROM studies ORDER BY id"
         by_state = "SELECT state, count(*) FROM runs WHERE study = ? GROUP BY state"
@@ -180,7 +180,7 @@ class RunDatabase:
             return np.array([np.frombuffer(row[0]) for row in rows]).reshape(-1, d)
 
     def prune(self, states: Sequence[int], study: int | None = None) -> int:
-        """Remove runs with some of the states, of one study or of all studies; return their number."""
+        """Remove the runs with these states, of one study or of all studies, and return the number of removed runs."""
         marks = ", ".join("?" * len(states))
         where, values = ("", ()) if study is None else (" AND study = ?", (study,))
         with self._writing():
@@ -215,7 +215,7 @@ class RunDatabase:
 def open_run_database(path: Path, create: bool = True) -> Iterator[RunDatabase]:
     """The run database in a file. The file is created if it does not exist.
 
-    It raises DeclarationError if the file is not a run store, is damaged, or cannot be opened or written.
+    DeclarationError is raised if the file is not a run store, is damaged, or cannot be opened or written.
     """
     with ExitStack() as stack:
         try:
@@ -230,7 +230,7 @@ def open_run_database(path: Path, create: bool = True) -> Iterator[RunDatabase]:
 
 
 def _connected(path: Path, create: bool) -> sqlite3.Connection:
-    """A connection to a file that is an SQLite database, or empty, or new."""
+    """A connection to an SQLite database. The file may also be empty or new."""
     size = path.stat().st_size if path.exists() else 0
     if not size and not create:
         raise DeclarationError(f"{path} does not exist, or is empty.")
@@ -248,7 +248,7 @@ def _connected(path: Path, create: bool) -> sqlite3.Connection:
 
 
 def _prepare(connection: sqlite3.Connection, path: Path) -> None:
-    """Check that a database is a run store. A new database becomes a run store."""
+    """Check that a database is a run store. Make a new database a run store."""
     is_new = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] == 0
     mark = connection.execute("PRAGMA application_id").fetchone()[0]
     version = connection.execute("PRAGMA user_version").fetchone()[0]
@@ -274,7 +274,7 @@ def _is_writable(path: Path) -> bool:
 
 
 def _choose_journal(connection: sqlite3.Connection, mode: str) -> None:
-    """Set the journal mode of a database. SQLite itself does not wait for other processes that set the mode."""
+    """Set the journal mode of a database. Wait for other processes that set it, because SQLite does not wait."""
     deadline = time.monotonic() + _WAIT_AT_FIRST
     while True:
         try:
@@ -287,13 +287,13 @@ def _choose_journal(connection: sqlite3.Connection, mode: str) -> None:
 
 
 def _require_unlocked(path: Path, error: Exception) -> None:
-    """SimulationError if an error says that another program has locked a database."""
+    """Raise SimulationError if an error says that another program has locked a database."""
     if getattr(error, "sqlite_errorcode", 0) == sqlite3.SQLITE_BUSY:
         raise SimulationError(f"{path} is locked by another program. Try again when it has ended.") from None
 
 
 def _schema(connection: sqlite3.Connection) -> list[Any]:
-    """The definitions of the tables."""
+    """The definitions of the tables of a database, in SQL."""
     return connection.execute("SELECT type, name, tbl_name, sql FROM sqlite_master ORDER BY name").fetchall()
 
 
@@ -307,7 +307,7 @@ def _checksum(*values: Any) -> int:
 
 
 def _sound(row: Sequence[Any]) -> Sequence[Any]:
-    """A row without its checksum. It raises ValueError if the checksum is wrong."""
+    """A row without its checksum. ValueError is raised if the checksum is wrong."""
     *values, checksum = row
     if checksum != _checksum(*values):
         raise ValueError("a row has a wrong checksum")

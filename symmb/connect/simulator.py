@@ -1,8 +1,8 @@
 """The interface between bounding methods and simulations: parameters in, trajectories out, in blocks.
 
-A simulator runs samples in blocks. The limits of the blocks depend on the sample index only. A reduction turns each
-block into a small state, and the states are merged in block order. So the result is the same to the last
-bit, whether the blocks are run one after another, in threads, in processes or on other machines.
+A simulator runs samples in blocks. The limits of the blocks depend on the sample number only. A reduction turns each
+block into a small state, and the states are merged in block order. For this reason the result is the same to the last
+bit if the blocks run one after another, in threads, in processes or on other machines.
 """
 
 import operator
@@ -23,10 +23,10 @@ from symmb.connect.executors import LostTask, finished
 
 S = TypeVar("S")
 Progress = Callable[[int, int], None]
-"""Called with the number of finished samples and the number of all samples."""
+"""A function of the number of finished samples and the number of all samples."""
 
 BLOCK = 128
-"""Samples of a block: enough for vectorised loops, but 12 outputs x 1001 times take only 12 MB."""
+"""Samples of a block. They suffice for vectorised loops, and 12 outputs at 1001 times take only 12 MB."""
 
 
 class Samples(Protocol):
@@ -52,10 +52,10 @@ class Ensemble:
     Attributes
     ----------
     Y : (N, n_t, n_y) outputs; nan from the first invalid time on if a sample failed
-    ok : (N,) bool
-    t_failed : (N,) time at which a sample failed [s], nan if ok
+    ok : (N,) whether each sample did not fail
+    t_failed : (N,) time at which a sample failed [s], nan if it did not fail
     messages : a message for each failed sample, in order
-    events : (N, n_t) numbers of events up to each time; responses are smooth between events. None without events
+    events : (N, n_t) numbers of events up to each time; None without events. Outputs are smooth between events
     """
 
     Y: Array
@@ -66,7 +66,7 @@ class Ensemble:
 
     @classmethod
     def of(cls, samples: Samples) -> "Ensemble":
-        """Compute now the values that samples would compute at their first use."""
+        """The ensemble of samples that would compute their values at their first use. The values are computed now."""
         return cls(samples.Y, samples.ok, samples.t_failed, samples.messages, samples.events)
 
     def extremes(self) -> tuple[Array, Array]:
@@ -105,12 +105,12 @@ class Simulator(Protocol):
 
     @property
     def times(self) -> Array:
-        """(n_t,) output times [s]."""
+        """Output times (n_t,) [s]."""
         ...
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """n_y names."""
+        """Names of the n_y outputs."""
         ...
 
     def run(self, P: Array) -> Samples:
@@ -126,46 +126,46 @@ class Simulator(Protocol):
 
 @runtime_checkable
 class Jets(Protocol):
-    """Capability: derivatives of the trajectory with respect to parameters."""
+    """A simulator that gives derivatives of the trajectory with respect to parameters."""
 
     def jets(self, p0: Array, directions: Array, order: int) -> Array:
-        """Taylor coefficients (order + 1, m, n_t, n_y) in eps of y(t; p0 + eps u), for m directions u.
+        """Taylor coefficients (order + 1, m, n_t, n_y) of y(t; p0 + eps u) in powers of eps, for m directions u.
 
-        The point p0 is (d,), or (m, d) with one point for each direction.
+        `directions` is (m, d). The point p0 is (d,), or (m, d) with one point for each direction.
         """
         ...
 
 
 @runtime_checkable
 class Kinked(Protocol):
-    """Capability: whether a run meets kinks or jumps of its equations. Expansions do not hold beyond these."""
+    """A simulator that says if a run meets kinks or jumps of its equations. Expansions do not hold beyond these."""
 
     def kink(self, p0: Array) -> tuple[float, str] | None:
-        """Time at which the run at p0 (d,) first meets a kink or a jump [s], and their names."""
+        """Time at which the run at p0 (d,) first meets a kink or a jump [s], and their names; None if it meets none."""
         ...
 
 
 @runtime_checkable
 class Noisy(Protocol):
-    """Capability: the errors of the responses."""
+    """A simulator that knows the errors of its output values."""
 
     @property
     def noise(self) -> Array | None:
-        """(n_y,) errors of the runs in units of the outputs; None if not known."""
+        """Errors (n_y,) of the output values, in units of the outputs; None if not known."""
         ...
 
 
 @runtime_checkable
 class SecondLook(Protocol):
-    """Capability: two different runs at the nominal parameters give the errors of the responses, and warnings."""
+    """A simulator that finds errors of its output values, and warnings, from two runs at the nominal parameters."""
 
     def second_look(self) -> None:
-        """Make these runs at the first call."""
+        """Make the two runs at the first call. Later calls do nothing."""
         ...
 
 
 def noise_from_runs(simulator: Simulator) -> Array | None:
-    """Errors of the responses (n_y,), after a second check if the simulator has one; None if not known."""
+    """Errors (n_y,) of the output values, after `second_look` if the simulator has it; None if not known."""
     if isinstance(simulator, SecondLook):
         simulator.second_look()
     return simulator.noise if isinstance(simulator, Noisy) else None
@@ -173,7 +173,7 @@ def noise_from_runs(simulator: Simulator) -> Array | None:
 
 @runtime_checkable
 class March(Protocol):
-    """Capability: all samples advance in parallel from one output time to the next."""
+    """A simulator that advances all samples together from one output time to the next."""
 
     def march(self, P: Array) -> Iterator[tuple[int, Array]]:
         """Pairs (i, Y_i (N, n_y)) for the times i = 0 ... n_t - 1; rows of failed samples are nan."""
@@ -193,7 +193,7 @@ def stream(
     progress: Progress | None = None,
     block: int = BLOCK,
 ) -> S:
-    """The common code of every ``Simulator.stream``: run samples P (N, d) in blocks, merge their states in block order.
+    """Run samples P (N, d) in blocks, and merge their states in block order. ``Simulator.stream`` calls this function.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ class Merging(Generic[S]):
         self.state, self.count, self._done = reduction.init(), 0, 0
 
     def reduce(self, block: Samples, indices: Indices) -> None:
-        """Reduce and merge the next block. Its samples do not depend on each other."""
+        """Reduce and merge the next block, in which samples do not depend on each other."""
         self.add(self.reduction.update(self.reduction.init(), block, indices), indices, block.Y)
 
     def add(self, part: S, indices: Indices, Y: Array | None = None) -> None:
@@ -242,7 +242,7 @@ class Merging(Generic[S]):
 def checked_samples(simulator: Simulator, P: Array, progress: Progress | None) -> Array:
     """Samples (N, d) of a simulator's parameters.
 
-    It raises DeclarationError if their shape is wrong, they are not finite numbers, or progress is not a function.
+    DeclarationError is raised if their shape is wrong, a value is not finite, or progress is not a function.
     """
     if progress is not None and (isinstance(progress, type) or not callable(progress)):
         raise DeclarationError(f"progress: expected a function (finished runs, all runs), got {shown(progress)}.")
@@ -269,7 +269,7 @@ def run_blocks(
 
 
 def joined(parts: list[Ensemble], n_t: int, n_y: int) -> Ensemble:
-    """Join ensembles in their order. The list is empty afterwards."""
+    """One ensemble of all parts in their order. Afterwards the list of parts is empty."""
     if len(parts) == 1:
         return parts.pop()
     ok = np.concatenate([np.empty(0, dtype=bool), *(part.ok for part in parts)])
@@ -297,14 +297,14 @@ _GATHER: Reduction[tuple[Ensemble, ...]] = Reduction(init=tuple, update=_append,
 
 
 class Attained:
-    """The extreme values of the runs so far.
+    """The extreme output values of the runs so far.
 
     Attributes
     ----------
     lower, upper : (n_t, n_y) smallest and largest values
     runs : number of runs
-    blocks : samples (n, d) that run together; some of them attain the extreme values
-    lower_at, upper_at : (n_t, n_y) numbers of these blocks
+    blocks : samples (n, d) of each block that attains an extreme value
+    lower_at, upper_at : (n_t, n_y) numbers of the blocks that attain the extreme values
     nominal : (n_t, n_y) outputs of a run at the nominal parameters, up to rounding; None without such a run
     """
 
@@ -354,7 +354,7 @@ def attained_by_runs(n_t: int, n_y: int, nominal_parameters: Array | None = None
 
 
 def note_attained(lower: Array, upper: Array, P: Array, Y: Array | None = None) -> None:
-    """Add values of runs to the values of the study, if a study is active; see `Attained.add`."""
+    """Add values of runs to those of the innermost context `attained_by_runs`, if there is one; see `Attained.add`."""
     study = _STUDY.get()
     if study is not None:
         study.add(lower, upper, P, Y)

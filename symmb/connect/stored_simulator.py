@@ -1,4 +1,4 @@
-"""A simulator that stores every finished run in a file, and reads stored runs instead of making them again."""
+"""A simulator that stores every finished run in a file, and does not make stored runs again."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -38,12 +38,12 @@ class StoredSimulator(WithWarnings):
 
     If a study is started again, only missing runs are made. A study with higher resolution, or another method, also
     uses the stored runs. Failed runs are stored with their reason. `symmb runs FILE --prune failed` removes them.
-    Two kinds of failed runs are made again: if the worker died, and if the run timed out and the timeout is now longer.
-    A digest of the simulator identifies runs: its model, solver, templates or function, its times and its
-    outputs. A Python function is identified by its code, and by the values and functions that the code uses. Python's
-    modules and installed packages are identified by name: give another `version` if they change.
+    A failed run is made again if its worker died, or if it timed out and the timeout is now longer.
+    Runs belong to a digest of the simulator: of its model, solver, templates or function, its times and its outputs.
+    A Python function is identified by its code, and by the values and functions that the code uses. Python's modules
+    and installed packages are identified by name: give another `version` if they change.
 
-    Every sample runs alone. Without a store, eight samples of a scene run in one vector.
+    Each sample runs alone, which is slower: without a store, eight samples of a scene run in one vector.
 
     Parameters
     ----------
@@ -51,14 +51,14 @@ class StoredSimulator(WithWarnings):
     path : str or Path
         the file, an SQLite database; it is created if it does not exist
     version : str
-        any text that distinguishes simulators with the same digest
+        a text that distinguishes simulators whose other data are equal
 
     Raises
     ------
     DeclarationError
-        If the simulator has no identity; in a run, if the file is not a run store
+        If the simulator has no identity, or, at a run, the file is not a run store
     SimulationError
-        In a run, if the file cannot be written
+        At a run, if the file cannot be written
 
     Examples
     --------
@@ -112,18 +112,18 @@ class StoredSimulator(WithWarnings):
         vars(self).update(units=getattr(simulator, "units", ()), box=getattr(simulator, "box", None))
 
     def second_look(self) -> None:
-        """The second check of the simulator, if it has one. The runs of the check are not stored."""
+        """Call `second_look` of the simulator, if it has this method. Its runs are not stored."""
         if isinstance(self.simulator, SecondLook):
             self.simulator.second_look()
 
     @property
     def noise(self) -> Array | None:
-        """(n_y,) errors of the output values; None if not known."""
+        """Errors (n_y,) of the output values; None if not known."""
         return getattr(self.simulator, "noise", None)
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Warnings about the runs, in sentences."""
+        """Warnings about the runs, as sentences."""
         return getattr(self.simulator, "doubts", ())
 
     def run(self, P: Array) -> Ensemble:

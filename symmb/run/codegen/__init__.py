@@ -1,10 +1,10 @@
-"""C from CasADi expressions: generation, compilation, cache, and runs of many samples in parallel.
+"""C code from CasADi expressions: generation, compilation, cache, and runs of many samples in parallel.
 
-The generator writes the model of a scene in front of fixed files of the folder c:
+The generator writes the model of a scene before the text of fixed files in the folder c:
 
-block, begin, ensemble       samples that share their steps, their start, and all blocks of an ensemble
-embedded_pair                steps of DormandPrince and EventDriven; `accept_step` rejects a step if its error is too
-                             large, `take_step` if that of the dense output is, or if it passes a switch early
+block, begin, ensemble       samples that share their steps, the start of these samples, and all blocks of an ensemble
+embedded_pair                steps of DormandPrince and EventDriven. `accept_step` rejects a step with a large error,
+                             `take_step` a step with a large error of the dense output, or one that passes a switch
 fixed_step, implicit_step    RungeKutta, and implicit schemes; implicit_step rejects steps as well
 switches, impacts            ends of steps at kinks and jumps, and at contacts that close and open
 projection                   projection onto constraints

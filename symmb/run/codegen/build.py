@@ -28,7 +28,7 @@ from symmb.run.codegen.threads import cores
 
 R = TypeVar("R")
 
-# Not -ffast-math: it lets compilers assume that nothing is NaN, and tests for NaN find lanes that fail.
+# -ffast-math is not used: it lets compilers assume that nothing is NaN, but tests for NaN find lanes that fail.
 _FLAGS = ("-O2", "-shared", "-fPIC", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-w")
 _MORE_FLAGS = "SYMMB_CFLAGS"
 """The environment variable for further flags, such as "-O1". With this flag tests compile faster and run slower."""
@@ -50,13 +50,13 @@ int answer(void) { return 42; }
 
 INSTALL = "Install gcc or clang, or run `pip install 'symmb[compiler]'`, or set CC."
 SLOW = "Without a C compiler runs take about 100 times as long."
-"""CVODES takes 6 ms for a run of the double pendulum, and compiled lanes take 0.04 ms."""
+"""Advice for messages. CVODES takes 6 ms for a run of the double pendulum, and compiled lanes take 0.04 ms."""
 
 _PROBE_SECONDS = 20.0
 """Time limit for the version and for the test of a compiler [s]. The test takes half a second on an idle machine."""
 _BUILD_SECONDS = 120.0
-"""Time limit for a model, and for each further megabyte of its source [s]: fifty times the time of gcc, because other
-programs may use most of the processor. tests/benchmarks/scaling.py"""
+"""Time limit to build a model, and for each further megabyte of its source [s]. It is fifty times the time of gcc,
+because other programs may use most of the processor. tests/benchmarks/scaling.py"""
 
 
 class NoCompilerError(SymmbError):
@@ -72,7 +72,7 @@ class _TimeoutError(_BuildError):
 
 
 def has_compiler() -> bool:
-    """Whether there is a C compiler."""
+    """Whether a C compiler works."""
     try:
         _compiler()
     except NoCompilerError:
@@ -81,13 +81,13 @@ def has_compiler() -> bool:
 
 
 def require_compiler(user: str) -> None:
-    """Raise NoCompilerError if there is no C compiler. `user` names what needs one."""
+    """Raise NoCompilerError if no C compiler works. `user` is the name of the part that needs one."""
     if not has_compiler():
         raise NoCompilerError(f"{user} needs a C compiler, and none was found. {compiler_advice()}")
 
 
 def compiler_advice() -> str:
-    """The compilers that do not work, the reasons, and how to install a compiler."""
+    """A text with the compilers that do not work, the reasons, and the way to install a compiler."""
     unusable = (f"{shlex.join(command)} is not used: {reason}" for command, reason in _UNUSABLE.items())
     return " ".join([*unusable, INSTALL])
 
@@ -101,12 +101,12 @@ def with_compiler(work: Callable[[], R], otherwise: Callable[[], R]) -> R:
 
 
 def load(source: str, *names: str) -> ctypes.CDLL:
-    """The library of a C source, from the cache or built now.
+    """The library of a C source. It is in the cache, or is built now.
 
     Parameters
     ----------
     source : str
-    *names                 of functions and variables that the library must contain: a compiler may leave them out
+    *names                 functions and variables that the library must contain: a compiler may leave them out
 
     Raises
     ------
@@ -143,7 +143,7 @@ def portable_library(files: Mapping[str, str], sources: Sequence[str]) -> bytes:
 
 
 def _with_next_compiler(build: Callable[["_Compiler"], R]) -> R:
-    """What a compiler builds. A compiler that fails is not used again, and the next one is tried."""
+    """The result of `build` with the first compiler that succeeds. A compiler that fails is not used again."""
     while True:
         compiler = _compiler()
         try:
@@ -182,7 +182,7 @@ def _loaded(source: str, compiler: "_Compiler", *names: str) -> ctypes.CDLL:
 
 
 def _opened(library: Path | None, *names: str) -> ctypes.CDLL | None:
-    """A library, if it can be loaded and contains all names."""
+    """A library, or None if it cannot be loaded or does not contain all names."""
     if library is None or not _has_its_segments(library.read_bytes()):
         return None
     try:
@@ -193,7 +193,7 @@ def _opened(library: Path | None, *names: str) -> ctypes.CDLL | None:
 
 
 def _has_its_segments(content: bytes) -> bool:
-    """Whether an ELF library of 64 bits is complete, because loading an incomplete file ends the process."""
+    """Whether an ELF library of 64 bits is complete. To load an incomplete file would end the process."""
     if content[:5] != b"\x7fELF\x02":
         return True
     order = "<" if content[5:6] == b"\x01" else ">"
@@ -225,7 +225,7 @@ def _build_seconds(size: int) -> float:
 
 def _in_parts(text: Path, library_path: Path, compiler: "_Compiler", parts: int) -> str:
     """A shell script that compiles the parts of a model in parallel, one on each core, and links them."""
-    # A shell, because its processes end with the process group of run_program at an interrupt or a time limit.
+    # A shell is used, because its processes end with the process group of run_program at an interrupt or a time limit.
     objects = [str(text.with_suffix(f".{k}.o")) for k in range(parts)]
     compile_each = [
         shlex.join([*compiler.command, "-c", f"-DPART={k}", str(text), "-o", name, *compiler.flags])
@@ -240,7 +240,7 @@ def _in_parts(text: Path, library_path: Path, compiler: "_Compiler", parts: int)
 
 
 def _compile(command: list[str], library_path: Path, folder: Path, seconds: float) -> None:
-    """Run a compiler, and raise _BuildError if it writes no library or takes longer than `seconds`."""
+    """Run a compiler. _BuildError is raised if it writes no library or takes longer than `seconds`."""
     status, text = _ran(command, seconds, folder)
     if status:
         raise _BuildError(f"it cannot build a model: {_first_error(text)}.")
@@ -251,7 +251,7 @@ def _compile(command: list[str], library_path: Path, folder: Path, seconds: floa
 
 
 def _ran(command: Sequence[str], seconds: float, folder: Path | None = None, purpose: str = "") -> tuple[int, str]:
-    """The exit status and the output of a compiler. _BuildError if it does not end in time, or cannot be started."""
+    """Exit status and output of a compiler. _BuildError is raised if it cannot start, or does not end in time."""
     try:
         return run_program(command, seconds, folder)
     except subprocess.TimeoutExpired:
@@ -274,17 +274,17 @@ class _Compiler:
 
     @property
     def command(self) -> tuple[str, ...]:
-        """The first words of a command that runs the compiler: its path, and arguments before all others."""
+        """The first words of a command that runs the compiler: its path, and the arguments that come first."""
         return self.path, *self.arguments
 
 
 _UNUSABLE: dict[tuple[str, ...], str] = {}
-"""Real paths of compilers that do not work, and the reasons."""
+"""Command of a compiler that does not work, with its real path -> the reason."""
 
 
 @functools.cache
 def _compiler() -> _Compiler:
-    """The first compiler that works, and its flags. NoCompilerError if no compiler builds the engine."""
+    """The first compiler that works, and its flags. NoCompilerError is raised if no compiler builds the engine."""
     for command in _candidates():
         if os.name == "posix" and _real(command) not in _UNUSABLE:
             try:
@@ -302,7 +302,7 @@ def _flags() -> tuple[str, ...]:
 
 
 def _candidates() -> Iterator[tuple[str, ...]]:
-    """Commands of installed compilers: first that of CC, which may have arguments, and last ziglang."""
+    """Commands of installed compilers. The first is the value of CC, which may have arguments; the last is ziglang."""
     given = os.environ.get("CC") or ""
     if given.strip() and not (shutil.which(given) or shutil.which(given.split()[0])):
         warnings.warn(f"CC is {given!r}, and there is no such program. CC is ignored.", SymmbWarning, stacklevel=2)
@@ -320,12 +320,12 @@ def _real(command: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _probed(command: tuple[str, ...], own: tuple[str, ...] | None = None) -> _Compiler:
-    """A compiler with all flags that it knows. By default, `own` flags are `_flags()`, with those of the user.
+    """A compiler with all flags that it accepts. By default, `own` flags are `_flags()`, with those of the user.
 
     Raises
     ------
-    _BuildError            if it builds nothing that works
-    DeclarationError       if it works only without the user's flags
+    _BuildError            if the compiler builds nothing that works
+    DeclarationError       if the compiler works only without the user's flags
     """
     version, refused = _version(command), ""
     own = _flags() if own is None else own
@@ -346,7 +346,7 @@ def _probed(command: tuple[str, ...], own: tuple[str, ...] | None = None) -> _Co
 
 
 def _probe(compiler: tuple[str, ...], version: str, flags: tuple[str, ...]) -> None:
-    """Build a library that uses the lanes, and call it; _BuildError if this fails. Success is noted in the cache."""
+    """Test a compiler: build a library with lanes, and call it. Success is noted in the cache; else _BuildError."""
     key = _key(_PROBE, c_source("lanes"), *compiler, version, *flags)
     if cache.is_noted(key):
         return
@@ -367,13 +367,13 @@ def _probe(compiler: tuple[str, ...], version: str, flags: tuple[str, ...]) -> N
 
 
 def _key(*described: str) -> str:
-    """The key of a library built from this source, for this processor."""
+    """The key of a library in the cache: a digest of its description and of the processor."""
     text = "\0".join([*described, platform.machine(), _processor()])
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
 def _version(compiler: tuple[str, ...]) -> str:
-    """The version of the compiler, and its real path. _BuildError if it does not answer."""
+    """The version and the real path of a compiler. _BuildError is raised if the compiler does not answer."""
     _, said = _ran([*compiler, "--version"], _PROBE_SECONDS, purpose=" to print its version")
     return f"{said}{os.path.realpath(compiler[0])}"
 

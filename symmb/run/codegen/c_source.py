@@ -7,10 +7,10 @@ C_FOLDER = Path(__file__).parent / "c"
 
 
 def c_source(*names: str) -> str:
-    """The texts of C headers of the folder c in this order. The names have no suffix.
+    """The texts of C headers of the folder c, in the order of `names`. Names are given without suffix.
 
-    Includes of each other are left out, because a generated source contains each file once, and its own model instead
-    of the example in model.h.
+    Lines that include other headers are left out, because a generated source contains each file once. The source has
+    its own model instead of the example in model.h.
     """
     texts = [(C_FOLDER / f"{name}.h").read_text(encoding="utf-8") for name in names]
     return "\n".join(line for text in texts for line in text.splitlines() if not line.startswith('#include "'))

@@ -1,8 +1,8 @@
 """The user's cache folder of libraries. Files that are damaged, or that others can write to, are not used.
 
 A library is one file, `<key>-<SHA-256 of its bytes>.so`, which is moved into place when it is complete. Its bytes are
-compared with its name before it is loaded, because an incomplete library may crash the process. Sources of large
-models, `.c`, are stored in the same way, because their generation takes seconds. If all files together are larger than
+compared with its name before it is loaded, because an incomplete library may crash the process. Sources of large models
+are stored in the same way as files `.c`, because their generation takes seconds. If all files together are larger than
 `LARGEST`, the files that were not used for the longest time are removed.
 """
 
@@ -19,22 +19,22 @@ from symmb._errors import SymmbError
 _OWN = re.compile(r"[0-9a-f]{32}(-[0-9a-f]{64}\.(so|c)|-\w+\.part|\.note)")
 """Names of files of the cache. The folder may contain other files."""
 LARGEST = 2**30
-"""Size of the cache above which files are removed [bytes]: about 10,000 models of 100 kB."""
+"""Maximum size of the cache [bytes], for about 10,000 models of 100 kB. Files above this size are removed."""
 _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
 class UnsafeFolderError(SymmbError):
-    """Other users can write to a folder of libraries, and could let the process load their code."""
+    """Other users can write to a folder of libraries. The process could then load their code."""
 
 
 def folder() -> Path:
-    """The cache folder, which is created if it is missing. Its path has no symbolic links.
+    """Path of the cache folder, without symbolic links. The folder is created if it is missing.
 
     Raises
     ------
-    UnsafeFolderError      if others can write to it, or can replace it or a folder above it
+    UnsafeFolderError      if others can write to the folder, or can replace it or a folder above it
     SymmbError             if there is no home folder
-    OSError                if it cannot be created
+    OSError                if the folder cannot be created
     """
     if os.name != "posix":
         raise SymmbError("Compiled models are stored on Linux and macOS only.")
@@ -53,11 +53,11 @@ def folder() -> Path:
 
 
 def check_folder(path: Path, variable: str) -> None:
-    """Raise UnsafeFolderError if others can put files into a folder, an absolute path without links.
+    """Raise UnsafeFolderError if others can put files into a folder. `path` is absolute and has no links.
 
     The folder must belong to the user, and only the user may write to it. The folders above must belong to the user or
-    to root, and others must not write to them, unless they are sticky like /tmp, where others cannot rename the user's
-    files.
+    to root. Others must not write to them, except to sticky folders such as /tmp, in which others cannot rename the
+    user's files.
     """
     for place in (path, *path.parents):
         status = place.stat()
@@ -112,7 +112,7 @@ def _trim() -> None:
 
 
 def is_noted(key: str) -> bool:
-    """Whether the cache contains a note of this key. A note is the answer yes to a test that takes long."""
+    """Whether the cache contains a note with this key. A note says that a long test has succeeded."""
     with suppress(OSError, SymmbError):
         return (folder() / f"{key}.note").is_file()
     return False
@@ -130,9 +130,9 @@ def contents() -> tuple[Path, ...]:
 
 
 def _is_whole(path: Path) -> bool:
-    """Whether a file is the user's own, others cannot write to it, it is not a link, and its contents fit its name."""
-    # Everything is asked of the open file: a path could lead to another file between a check and the reading. Without
-    # O_NONBLOCK, a pipe that another user puts there would let the process wait for ever.
+    """Whether only the user owns and can write a file, the file is not a link, and its contents fit its name."""
+    # All checks use the open file: a path could lead to another file between a check and the reading. Without
+    # O_NONBLOCK, the process would wait forever for a pipe that another user puts there.
     try:
         handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
     except OSError:

@@ -1,4 +1,4 @@
-"""Contacts of samples: their data for c/impacts.h, and the record of their events."""
+"""Contacts of samples: data for c/impacts.h, and the record of events."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,8 +13,8 @@ from symmb.run.codegen.c_source import c_number
 
 MOST_IMPULSES = int(c_number("impacts", "MOST_IMPULSES"))
 EVENT = ("sample", "contact", "what", "time", "before", "after", "work", "ordered", *("impulse",) * MOST_IMPULSES)
-"""Names of the numbers of an event: the rate of the gap, or of the margin of a joint's condition, before and after the
-event, the work, whether the order of impacts matters, and the impulse along the gap, or of each row of the joint."""
+"""Names of the numbers of an event. `before` and `after` are rates of the gap, or of the margin of a joint's condition.
+`ordered`: the order of impacts matters. Impulses are along the gap, or belong to the rows of the joint."""
 IMPACT, CLOSES, OPENS, BLAMED = range(4)
 """Kinds of events. A contact is BLAMED if it causes a failure."""
 CROWD = int(c_number("impacts", "CROWD"))
@@ -22,22 +22,22 @@ CROWD = int(c_number("impacts", "CROWD"))
 
 @dataclass(frozen=True)
 class Contacts:
-    """Contacts of a model, and joints that open and close. Their gaps and margins of conditions are the last switches.
+    """Contacts of a model, and joints that open and close. Gaps and margins of conditions are the last switches.
 
     Attributes
     ----------
-    names : n str              of the contacts, and of the joints for each of their events
+    names : n str              names of the contacts, and, for each event of a joint, the name of the joint
     closed : int               numbers of the states that are 1 for closed contacts
     n_q, n_v : int             numbers of coordinates and velocities, the first entries of a state
     with_work : bool           whether the last state is the work along the motion
     length, energy : float     sizes of the motion
     displacements : n_v float  sizes of displacements along v
-    joints : lists of int      data of the events of joints that open and close, by their names in c/impacts.h
+    joints : lists of int      name in c/impacts.h -> data of the events of joints that open and close
     n_rows : int               number of rows of all joints
-    start : Function           (x, p, t, span) -> x at the start of a run of some span [s], with the conditions that
-                               hold there; faults (m,), 1 for each fault of the sample; and a number (m,) for each text
-    fault_texts : m pairs      the text of a fault, and the text behind its number, empty if no number follows; the
-                               first fault of a sample is reported
+    start : Function           (x, p, t, span) -> x at the start of a run of length `span` [s], with the conditions that
+                               hold there; faults (m,), which are 0 or 1; and a number (m,) for the text of each fault
+    fault_texts : m pairs      the text before and the text after the number of a fault; the second is empty if there
+                               is no number. The first fault of a sample is reported
     """
 
     names: tuple[str, ...]
@@ -54,13 +54,13 @@ class Contacts:
     fault_texts: tuple[tuple[str, str], ...] = field(repr=False)
 
     def impulses_of(self, number: int, what: int) -> int:
-        """Number of impulses of an event of kind `what`, of the contact or joint with this number."""
+        """Number of impulses of an event of kind `what` at the contact or joint `number`."""
         if number < len(self.closed):
             return int(what == IMPACT)
         return self.joints["count_row"][number - len(self.closed)] if what == CLOSES else 0
 
     def started(self, times: Array, x0: Array, p: Array) -> tuple[Array, dict[int, str]]:
-        """States at the start of a run, nan for samples that cannot start, and the faults of these samples."""
+        """States (N, n_x) at the start of a run, nan for samples that cannot start, and faults by sample number."""
         n, n_p = self.start.numel_in(0), self.start.numel_in(1)
         horizon = times[0], times[-1] - times[0]
         at = x0[:, :n], p[:, :n_p], *(np.full((len(p), 1), time) for time in horizon)

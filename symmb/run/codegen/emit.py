@@ -1,4 +1,4 @@
-"""Vectorised C of a graph of values. Each value is one statement, and a vector with one lane for each sample."""
+"""Vectorised C code of a graph of values. One statement computes a value for all samples: a vector with lanes."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,14 +12,14 @@ from symmb.declare.symbolic import operation_name
 from symmb.run.codegen.graph import BOX, CONSTANT, INPUT, SEARCH, Graph
 
 LARGE_MODEL = 5000
-"""Number of values of a model above which sines and cosines are calls of a function: inline, compilers take minutes.
-tests/benchmarks/scaling.py"""
+"""Number of values of a model above which a function computes sines and cosines. With inline code, compilers would take
+minutes. tests/benchmarks/scaling.py"""
 
 _CHUNK = 400
-"""Statements in one C function: compilers take more than linear time for long functions. tests/benchmarks/scaling.py"""
+"""Statements in one C function. Compilers take more than linear time for long ones. tests/benchmarks/scaling.py"""
 
 _PART = 50
-"""Pieces of functions that a compiler builds together: the parts of a large model are compiled in parallel."""
+"""Number of pieces of functions in one part. The parts of a large model are compiled in parallel."""
 
 _FORMS = {
     ca.OP_ASSIGN: "{0}",
@@ -56,15 +56,15 @@ _POWERS = {-2.0: "1.0 / ({0} * {0})", -1.0: "1.0 / {0}", 3.0: "{0} * {0} * {0}",
 _MASKS = {ca.OP_AND, ca.OP_OR, ca.OP_FMIN, ca.OP_FMAX}
 """Operations that combine masks. In C a comparison of plain numbers is an int, which is not a mask of lanes."""
 _TURNED = {ca.OP_SIN: ca.OP_COS, ca.OP_COS: ca.OP_SIN}
-"""Sine and cosine of an angle together cost little more than one of them."""
+"""Sine -> cosine, and cosine -> sine. Both functions of an angle together cost little more than one of them."""
 
 
 @dataclass(frozen=True)
 class _Schedule:
     """The statements of a function in pieces.
 
-    The first pieces compute angles, and a loop behind them computes sines and cosines of all angles. Within a function
-    a call would wait for its result, while a loop computes many angles side by side.
+    The first pieces compute angles. A loop after them computes the sines and cosines of all angles. The loop works on
+    many angles in parallel, while single calls would wait for each result.
 
     Attributes
     ----------
@@ -87,20 +87,20 @@ class _Schedule:
 
     @property
     def out(self) -> str:
-        """Name of the results in C."""
+        """Name of the array of results in C."""
         return "c" if self.parameters_only else "out"
 
     @cached_property
     def piece(self) -> dict[int, int]:
-        """The piece of each statement."""
+        """Node of each statement -> number of its piece."""
         return {k: i for i, piece in enumerate(self.pieces) for k in piece}
 
 
 class Emitter:
     """Generates the functions of a graph with inputs x (0), p (1), t (2) and box (3). `place` gives places of x in C.
 
-    Functions of a box receive it instead of x. `prepare` computes values that depend on parameters alone once in a run,
-    and stores them in c. All other functions start from x, c and t.
+    Functions of a box receive the box instead of x. Once in a run, `prepare` computes the values that depend on
+    parameters alone, and stores them in c. All other functions start from x, c and t.
     """
 
     def __init__(self, graph: Graph, place: Sequence[int]) -> None:
@@ -110,14 +110,14 @@ class Emitter:
         self.n_carried = 0  # largest number of values that the pieces of a function pass to each other
 
     def inputs(self, outputs: Iterable[int], source: int) -> list[int]:
-        """Numbers of the nonzeros of an input on which the given nodes depend."""
+        """Numbers of the nonzeros of input number `source` on which the given nodes depend."""
         needed = (self._graph.nodes[k] for k in self._graph.needed(outputs))
         return sorted(node.index for node in needed if node.operation == INPUT and node.source == source)
 
     def source(self, outputs: Mapping[str, list[int]]) -> tuple[list[str], str, int]:
-        """The pieces of all functions in parts, the functions with `prepare(p, c)`, and the size of c.
+        """C code in three items: pieces in parts; the functions, with `prepare(p, c)`; and the size of c.
 
-        `outputs` are the nodes that C functions `name(x, c, t, out)` write to out.
+        `outputs`: name -> the nodes that the C function `name(x, c, t, out)` writes to out.
         """
         functions = [self._source(name, nodes, parameters_only=False) for name, nodes in outputs.items()]
         # `prepare` is last, because the other functions decide which values of parameters are needed.
@@ -131,7 +131,7 @@ class Emitter:
         return node.operation != CONSTANT and node.depends == frozenset([1])
 
     def _source(self, name: str, outputs: list[int], parameters_only: bool) -> str:
-        """One C function. Its pieces of at most _CHUNK statements pass values to each other through w."""
+        """The C code of one function. Its pieces of at most _CHUNK statements pass values to each other through w."""
         schedule = self._schedule(outputs, parameters_only)
         self.n_carried = max(self.n_carried, 1 + max(schedule.carried.values(), default=-1))
         inputs = "p" if parameters_only else "x, c, t"
@@ -164,14 +164,14 @@ class Emitter:
         return _Schedule(pieces, len(first), angles, carried, twins, outputs, parameters_only)
 
     def _statements(self, outputs: list[int], parameters_only: bool) -> tuple[list[int], dict[int, int]]:
-        """The values that a function computes, in order, and the twins. A sine and its cosine follow each other."""
+        """The values that a function computes, in order, and pairs of sine and cosine, which follow each other."""
         nodes = self._graph.nodes
         given = (lambda k: False) if parameters_only else self._hoisted
         computed = [k for k in self._graph.needed(outputs, given) if nodes[k].operation not in (CONSTANT, INPUT)]
         order = [k for k in computed if parameters_only or not self._hoisted(k)]
         turns = {(nodes[k].operation, nodes[k].arguments): k for k in order if nodes[k].operation in _TURNED}
         twins = {k: turns[_TURNED[code], a] for (code, a), k in turns.items() if (_TURNED[code], a) in turns}
-        # The later twin moves up to the other: both have the same argument, so that nothing comes before its operands.
+        # The later of both moves to the earlier one. This is possible, because both have the same argument.
         return sorted(order, key=lambda k: (min(k, twins.get(k, k)), k)), twins
 
     def _angles(self, order: Sequence[int]) -> list[int]:
@@ -187,8 +187,8 @@ class Emitter:
         return list(angles)
 
     def _carried(self, pieces: Sequence[Sequence[int]], count: int) -> dict[int, int]:
-        """Places, from `count` on, of values that later pieces use."""
-        # As registers are allocated: a place is free again behind the piece of last use, so that w stays in the cache.
+        """Places in w of values that later pieces use. The first place is `count`."""
+        # Places are allocated like registers: a place is free after the piece of last use. So w stays in the cache.
         piece = {k: i for i, ks in enumerate(pieces) for k in ks}
         last_use = dict(piece)
         for k, i in piece.items():
@@ -231,7 +231,7 @@ class Emitter:
         return lines + [f"  {place} = each({self._operand(k, schedule, piece)});" for k, place in at_end]
 
     def _operand(self, a: int, schedule: _Schedule, piece: int) -> str:
-        """The C of a value in a statement of a piece."""
+        """The C code of an operand in a statement of a piece."""
         node = self._graph.nodes[a]
         if node.operation == CONSTANT:
             return _literal(node.constant)
@@ -266,7 +266,7 @@ class Emitter:
 
 
 def _chunks(statements: Iterable[int]) -> list[list[int]]:
-    """Pieces of statements, at least one."""
+    """The statements in pieces of at most _CHUNK. There is at least one piece."""
     every = list(statements)
     return [every[at : at + _CHUNK] for at in range(0, len(every), _CHUNK)] or [[]]
 

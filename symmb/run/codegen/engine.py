@@ -1,4 +1,4 @@
-"""Ensembles in compiled lanes: blocks of samples that share their steps, on several threads."""
+"""Ensembles in compiled lanes. Samples of a block share their steps, and blocks run on several threads."""
 
 import ctypes
 from collections.abc import Callable, Mapping
@@ -21,11 +21,11 @@ from symmb.run.schemes import MOST_STEPS
 
 @dataclass(frozen=True)
 class StepTolerances:
-    """Step control by relative and absolute tolerances, with a longest step [s], 0 for no limit.
+    """Step control by relative and absolute tolerances, with a longest step [s], which is 0 if there is no limit.
 
-    The absolute tolerance of a state is `atol` times its size in `sizes` (n_x,), by default 1. With explicit steps it
-    follows the state: it begins with the fraction `least` of this value. It is at least `growth` times the largest
-    value so far, and, up to `atol` times the size, `growth` times the value to which a slope leads in the time `ahead`.
+    The absolute tolerance of a state is `atol` times its size in `sizes` (n_x,), by default 1. In explicit steps it
+    changes with the state: it begins with the fraction `least` of this value. It is at least `growth` times the largest
+    value so far. The value to which the slope leads in the time `ahead` counts too, up to `atol` times the size.
     """
 
     rtol: float
@@ -37,7 +37,7 @@ class StepTolerances:
     ahead: float = 0.0
 
     def absolute(self, n_x: int) -> Array:
-        """Absolute tolerances (n_x,) by the sizes of the states."""
+        """Absolute tolerances (n_x,), from the sizes of the states."""
         return self.atol * np.array([*self.sizes, *[1.0] * (n_x - len(self.sizes))])
 
 
@@ -54,8 +54,8 @@ class StepEnds:
 
     Attributes
     ----------
-    hysteresis : m numbers         by which each switch of the state must be passed, above its rounding
-    stops : x0, p -> (N, k)        times in order at which steps of N samples end, infinite behind the last one [s]
+    hysteresis : m numbers         distance by which each switch of the state must be passed, larger than its rounding
+    stops : x0, p -> (N, k)        ordered times at which steps of N samples end [s]; infinite after the last one
     """
 
     hysteresis: tuple[float, ...] = ()
@@ -68,12 +68,13 @@ class Lanes:
 
     Attributes
     ----------
-    f : from `model_function` or `scheme_function`; with a start the engine computes the states at the start
+    f : Function                        from `model_function` or `scheme_function`. If f has a start, the engine
+                                        computes the states at the start
     control : StepTolerances or FixedStep
-    scheme : Scheme, optional           an implicit scheme; by default the pair of Dormand and Prince with tolerances,
-                                        or the classical Runge-Kutta method with a fixed step
-    ends : StepEnds                     switches, for the pair of Dormand and Prince
-    contacts : Contacts, optional       for the pair of Dormand and Prince; samples then have steps of their own
+    scheme : Scheme, optional           an implicit scheme. Default: the pair of Dormand and Prince with tolerances, or
+                                        the classical Runge-Kutta method with a fixed step
+    ends : StepEnds                     ends of steps, for the pair of Dormand and Prince
+    contacts : Contacts, optional       contacts, for the same pair; the steps of each sample are then independent
     knots : places of tables of time, for single runs; see `TimeSwitches.linear`
     """
 
@@ -86,18 +87,17 @@ class Lanes:
 
 
 _EVENTS = 50
-"""Events of a sample for which there is room at first. If a sample has more, the runs are made again."""
+"""Number of events of a sample for which there is space at first. If there are more, the runs are made again."""
 MOST_PASSES = 1000
-"""Passes of switches of a sample that are noted. If there are more, other solvers end their steps at the first ones
-only."""
+"""Passes of switches that are noted for a sample. Other solvers end their steps only at passes that are noted."""
 
 
 _DATA: dict[str, Array] = {}
-"""Pieces by their names, which identify their values. Libraries stay open and read these arrays until Python ends."""
+"""Name of pieces, which identifies their values -> these values. Open libraries read the arrays until Python ends."""
 
 
 class _Study(ctypes.Structure):
-    """Study of c/block.h."""
+    """The struct `Study` of c/block.h."""
 
     _fields_ = c_fields(
         (ctypes.c_void_p, "x0 p times"),
@@ -115,17 +115,17 @@ class _Study(ctypes.Structure):
         (ctypes.c_long, "n_events most_events"),
     )
     arrays: Mapping[str, np.ndarray | None]
-    """The arrays to which the pointers point, so that they live as long as the study."""
+    """The arrays to which the pointers point. They are kept here, because the study uses them."""
 
 
 @dataclass(frozen=True)
 class FailedSamples:
-    """Failed samples: t_failed (N,) [s], nan for others, and the failure (N,), an index of `REASONS`.
+    """Failed samples: t_failed (N,) [s], nan for other samples, and failure (N,), an index of `REASONS`.
 
-    The first columns of x_failed (N, ...) are the states at the begin of the last steps of failed samples. `passes` are
-    the first times (N, MOST_PASSES) at which samples pass switches of the state [s], nan behind the last one, or None.
-    `events` (k, 14) are the events of contacts, sample after sample and in order of time, see `EVENT`. `faults` are the
-    reasons why samples cannot start, by their numbers.
+    The first columns of x_failed (N, ...) are the states of failed samples at the start of their last steps. `passes`
+    (N, MOST_PASSES) are the first times at which samples pass switches of the state [s], nan after the last one, or
+    None. `events` (k, 14) are the events of contacts by sample, in the order of time; see `EVENT`. `faults` has, by
+    sample number, the reasons why samples cannot start.
     """
 
     t_failed: Array
@@ -143,7 +143,7 @@ class FailedSamples:
         return [self.faults.get(i) or REASONS[code].format(self._blamed(i, code)) for i, code in codes]
 
     def _blamed(self, sample: int, code: int) -> str:
-        """Names of the contacts that cause the failure of a sample."""
+        """The reason of a failed sample, with the names of the contacts that cause the failure."""
         if code < FailureCode.IMMOVABLE:
             return ""
         own = self.events[self.events[:, 0] == sample]
@@ -153,8 +153,8 @@ class FailedSamples:
 
 @dataclass(frozen=True)
 class Counts:
-    """Counts of the last call: steps of all blocks, iterations of Newton's method, the most iterations in a step, and
-    choices of independent coordinates.
+    """Counts of the last call: steps of all blocks, iterations of Newton's method in all steps and in the worst step,
+    and choices of independent coordinates.
     """
 
     steps: int = 0
@@ -164,7 +164,7 @@ class Counts:
 
 
 class Engine:
-    """An initial value problem compiled for many samples.
+    """An initial value problem that is compiled for many samples.
 
     Parameters
     ----------
@@ -202,16 +202,16 @@ class Engine:
         self._open()
 
     def at(self, times: Array) -> "Engine":
-        """The same engine with other output times (n_t,) between the same first and last time."""
+        """A copy of this engine with other output times (n_t,). The first and the last time must be the same."""
         copy = object.__new__(type(self))  # not copy.copy, whose __setstate__ would open the library again
         vars(copy).update(vars(self))
         copy.times = np.ascontiguousarray(times, dtype=float)
         return copy
 
     def values(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, FailedSamples]:
-        """Outputs (N, n_t, n_y) of N samples, nan from the time on at which a sample failed, and the failed samples.
+        """Outputs (N, n_t, n_y) of N samples, which are nan after a sample failed, and the failed samples.
 
-        The samples are x0 (N, n_x), or (N, 0) if the engine computes the start, and p (N, n_p).
+        The samples have states x0 (N, n_x), or (N, 0) if the engine computes the start, and parameters p (N, n_p).
         """
         Y = np.full((len(p), len(self.times), self.n_y), np.nan)
         return Y, self._run(x0, p, Y, [None] * threads)
@@ -246,7 +246,7 @@ class Engine:
         return study
 
     def _run(self, x0: Array, p: Array, Y: Array | None, extremes: list[Array | None]) -> FailedSamples:
-        """Run the blocks on threads. Values go to Y, or to the extremes of each thread."""
+        """Run the blocks on threads. They write values to Y, or to the extremes of each thread."""
         N, faults, given = len(p), {}, x0
         if self.contacts is not None:
             x0, faults = self.contacts.started(self.times, x0, p)

@@ -1,4 +1,4 @@
-"""Why samples fail."""
+"""The reasons why samples fail."""
 
 from enum import IntEnum
 
@@ -6,7 +6,7 @@ from symmb.run.schemes import MOST_STEPS
 
 
 class FailureCode(IntEnum):
-    """The reason of a failed sample in the C, an index of `REASONS`."""
+    """The number of a failure in the C code. It is an index of `REASONS`."""
 
     STEPS, OUTPUT, NEWTON, MANY, STICKS, IMMOVABLE, UNENDING, DEPENDENT, ENDLESS, OPEN = range(10)
 
@@ -23,4 +23,4 @@ REASONS = (
     "events of {} follow each other without end",
     "the constraints cannot be satisfied with the new parameters",
 )
-"""The text of each FailureCode. It contains {} if names of contacts are put in."""
+"""The text of each FailureCode. Names of contacts are put in the place of {}."""

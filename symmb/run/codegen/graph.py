@@ -1,4 +1,4 @@
-"""The instruction list of a CasADi Function as a graph: each value once, with the inputs on which it depends."""
+"""The instructions of a CasADi Function as a graph. It has each value once, with the inputs on which it depends."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ CONSTANT, INPUT, SEARCH, ENTRY = range(-1, -5, -1)
 """Operations of a Node besides those of CasADi, whose numbers are not negative. A SEARCH finds the row of pieces, and
 an ENTRY is the number in column `index` of this row."""
 BOX = 3
-"""Number of the input that functions of a box of states have instead of x, see `ranges_along`."""
+"""Number of the input `box`. Functions of a box of states have it instead of x; see `ranges_along`."""
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,13 @@ class Graph:
         return self._add(("constant", repr(value)), Node(CONSTANT, constant=value))
 
     def source(self, number: int, index: int) -> int:
-        """The node of a nonzero of an input."""
+        """The node of nonzero `index` of input `number`."""
         return self._add(("input", number, index), Node(INPUT, source=number, index=index, depends=frozenset([number])))
 
     def operation(self, code: int | Entry, arguments: tuple[int, ...]) -> int:
-        """The node of an operation on nodes, or of an entry of pieces. The same operation is the same node."""
-        # A vector division takes as long as twenty products. As a product with a reciprocal, denominators that occur
-        # several times are inverted once, and those of parameters before the run.
+        """The node of an operation on nodes, or of an entry of pieces. Equal operations have the same node."""
+        # A vector division takes as long as twenty products. A product with a reciprocal is faster: a denominator that
+        # occurs several times is inverted once, and denominators of parameters are inverted before the run.
         if code == ca.OP_DIV:
             code, arguments = ca.OP_MUL, (arguments[0], self.operation(ca.OP_INV, arguments[1:]))
         if code in (ca.OP_ADD, ca.OP_MUL):
@@ -63,7 +63,7 @@ class Graph:
         return self._add((code, *arguments), Node(code, arguments, depends=depends))
 
     def needed(self, outputs: Iterable[int], is_given: Callable[[int], bool] = lambda k: False) -> set[int]:
-        """Nodes and all nodes on which they depend. Nodes on which only given nodes depend are left out."""
+        """The nodes `outputs`, and all nodes on which they depend. The operands of given nodes are left out."""
         needed: set[int] = set()
         pending = list(outputs)
         while pending:
@@ -75,7 +75,7 @@ class Graph:
 
     @property
     def pieces(self) -> dict[str, Pieces]:
-        """All pieces by their names."""
+        """All pieces of the graph by name."""
         return {node.pieces.name: node.pieces for node in self.nodes if node.pieces is not None}
 
     def _add(self, key: object, node: Node) -> int:
@@ -86,7 +86,7 @@ class Graph:
 
 
 def graph_of(f: ca.Function) -> Graph:
-    """The graph of an SX Function; `outputs` lists the nodes of each output's nonzeros in column-major order."""
+    """The graph of an SX Function. Its `outputs` are, for each output, the nodes of its nonzeros in column order."""
     graph = Graph()
     inputs: Sequence[Sequence[int]] = [[graph.source(k, i) for i in range(f.nnz_in(k))] for k in range(f.n_in())]
     graph.outputs = interpret(f, inputs, graph.operation, graph.constant)

@@ -1,4 +1,4 @@
-"""The C source of an ensemble: the model's functions and the files for its steps."""
+"""The C source of an ensemble: the functions of the model, and the files for the steps."""
 
 import functools
 import hashlib
@@ -17,7 +17,7 @@ from symmb.run.codegen.failures import FailureCode
 from symmb.run.codegen.graph import BOX, INPUT, Graph, graph_of
 
 CACHED_STATES = 32
-"""Number of states whose slopes fit into a first-level cache of 32 kB: 16 slopes of 8 lanes.
+"""Largest number of states for which 16 slopes of 8 lanes fit into a first-level cache of 32 kB.
 tests/benchmarks/ensemble.py"""
 
 
@@ -28,9 +28,9 @@ class Scheme:
     Attributes
     ----------
     n_w, n_z : int         sizes of the history and of the unknowns
-    order : int
+    order : int            order of the scheme
     growth : float         largest ratio of a step to the previous step
-    newton : float         largest change of unknowns, over their sizes, at which Newton's method ends
+    newton : float         Newton's method ends if the change of unknowns, relative to their sizes, is not larger
     """
 
     n_w: int
@@ -53,16 +53,16 @@ def model_function(
     ranged: ca.SX | None = None,
     times: ca.SX | None = None,
 ) -> ca.Function:
-    """(x, p, t, box) -> rates, outputs and, if given, project, newton and start, switches and their bounds in a box.
+    """A function (x, p, t, box) -> rates, outputs, and further results if their expressions are given.
 
     Parameters
     ----------
     x, p, t : SX symbols                state (n_x,), parameters (n_p,), time [s]
     rates, outputs, projected : SX      x' (n_x,), outputs (n_y,), and x on the constraints or None
-    start : unknowns u, their step of Newton's method, and x (n_x,) at the start as a function of them; without a start
-        the caller gives the states at the start
-    switches : SX                       switches of the state and their rates (2 m,); their sides are the last of p
-    ranged : SX                         expressions (m,) whose bounds replace those of the switches, if given
+    start : unknowns u, the step of Newton's method for u, and x (n_x,) at the start as a function of u. If there is no
+        start, the caller gives the states at the start
+    switches : SX                       switches of the state, and their rates (2 m,). Their sides are the last of p
+    ranged : SX                         expressions (m,). If given, their bounds replace the bounds of the switches
     times : SX                          values at time 0 and slopes of linear switches of time, for single runs
     contacts : mapping                  the functions of c/impacts.h
     """
@@ -92,9 +92,9 @@ def scheme_function(
     projected: ca.SX | None,
     start: tuple[ca.SX, ca.SX, ca.SX] | None = None,
 ) -> ca.Function:
-    """((w, h, z), p, t) -> the functions of c/implicit_step.h.
+    """A function ((w, h, z), p, t) -> the results that c/implicit_step.h needs.
 
-    `projected`, if not None, and `start` give the state, with which w begins.
+    `projected` (unless it is None) and `start` give the state, which is the first part of w.
     """
     x = ca.vertcat(w, h, z)
 
@@ -112,8 +112,8 @@ def scheme_function(
 def _function(
     parts: dict[str, ca.SX], x: ca.SX, p: ca.SX, t: ca.SX, box: ca.SX, start: tuple[ca.SX, ca.SX, ca.SX] | None
 ) -> ca.Function:
-    """(x, p, t, box) -> parts, with newton and start if a start is given."""
-    # All functions have the same inputs. No function has a box and unknowns, so that both stand at the same place.
+    """A function (x, p, t, box) -> parts. If a start is given, the parts newton and start are added."""
+    # All functions have the same inputs. No function has both a box and unknowns, so that one input serves for both.
     if start is not None:
         u, *of_u = start
         box = ca.vertcat(box, ca.SX.sym("u", max(0, u.numel() - box.numel())))
@@ -130,14 +130,14 @@ def source_of(
     contacts: Contacts | None = None,
     one_run: bool = False,
 ) -> str:
-    """The C of an ensemble of f. The source of a large model is cached, because its generation takes seconds.
+    """The C source of an ensemble of f. The source of a large model is cached, because its generation takes seconds.
 
     Parameters
     ----------
     f : ca.Function            from `model_function` or `scheme_function`
     fixed : bool               whether an explicit method has fixed steps
     scheme : Scheme or None    the scheme of a `scheme_function`
-    hysteresis : (m,)          by which each switch must be passed: a number above its rounding
+    hysteresis : (m,)          distance by which each switch must be passed, larger than its rounding
     contacts : Contacts        contacts whose gaps and margins are the last switches
     one_run : bool             whether the source is for single runs of one lane by c/one_run.h, with the data of pieces
     """
@@ -157,7 +157,7 @@ def source_of(
 
 @functools.cache
 def _generator() -> str:
-    """A hash of every file of the package: many of them determine a source."""
+    """A hash of every file of the package, because many files determine a generated source."""
     files = sorted(path for path in Path(__file__).parents[2].rglob("*") if path.suffix in (".py", ".h"))
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
@@ -165,7 +165,7 @@ def _generator() -> str:
 def _explicit_steps(
     graph: Graph, nodes: dict[str, list[int]], fixed: bool, hysteresis: Sequence[float]
 ) -> tuple[list[int], dict[str, float], list[str]]:
-    """Places of the states, sizes, and the C of the steps of an explicit method. Nodes become those of its order."""
+    """Places of the states, sizes, and C code of the steps of an explicit method. `nodes` is reordered in place."""
     order, n_own = _state_order(graph, nodes["rates"])
     place = [order.index(i) for i in range(len(order))]
     nodes["rates"] = [nodes["rates"][i] for i in order[:n_own]]
@@ -201,7 +201,7 @@ def _ensemble_source(
     contacts: Contacts | None,
     one_run: bool,
 ) -> str:
-    """The C of an ensemble: the functions of a model, each of some nodes of the graph, and the files for its steps."""
+    """The C source of an ensemble: functions of the model, which compute nodes of a graph, and files for the steps."""
     graph = graph_of(f)
     nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
     if scheme:
@@ -242,7 +242,7 @@ def _ensemble_source(
     lines += [f"extern const double *{name};" for name in graph.pieces]
     lines += [_constants("double", name, map(repr, v or [0.0])) for name, v in numbers.items()]
     lines += [f"{_only_in(k)}\n{part}\n#endif" for k, part in enumerate(parts)]
-    # The steps are compiled with the first part only: the parts of a large model are objects of one library.
+    # The steps are compiled only with the first part, because the parts of a large model are linked into one library.
     lines += [_only_in(0), *(_pieces(name, pieces if one_run else None) for name, pieces in graph.pieces.items())]
     lines += [functions, c_source("block", "projection", "switches", "impacts"), *steps, c_source("begin")]
     return "\n".join([*lines, *([] if one_run else [c_source("ensemble")]), "#endif"])
@@ -251,9 +251,9 @@ def _ensemble_source(
 def _state_lists(
     emitter: Emitter, nodes: Mapping[str, list[int]], place: list[int], ends_anywhere: bool
 ) -> dict[str, Sequence[int]]:
-    """Places of states: of all states, of those that are interpolated, and of those on which bounds depend."""
+    """Places of all states, of the states that are interpolated, and of the states on which bounds depend."""
     explicit, n_x = "rates" in nodes, len(place)
-    # Outputs need few states. Where steps end is known for all of them, or not at all.
+    # Outputs need only a few states. If steps can end anywhere, all states are interpolated.
     of_outputs = range(n_x) if ends_anywhere else sorted(place[i] for i in emitter.inputs(nodes["outputs"], 0))
     used = list(of_outputs) if explicit else []
     box = emitter.inputs(nodes.get("bounds", ()), BOX)
@@ -283,14 +283,14 @@ def _constants(kind: str, name: str, texts: Iterable[str]) -> str:
 
 
 def _pieces(name: str, pieces: Pieces | None) -> str:
-    """The definition of pieces in C, with their data if pieces are given."""
+    """The definition of pieces in C. If `pieces` are given, the definition contains their data."""
     if pieces is None:
         return f"const double *{name}; /* set when the library is opened */"
     return f"const double *{name} = (const double[]){{{', '.join(map(repr, pieces.data.ravel().tolist()))}}};"
 
 
 def _only_in(part: int) -> str:
-    """The line before the C of one part, if a model is compiled in parts."""
+    """The line before the C code of one part, if a model is compiled in parts."""
     return f"#if !defined(PART) || PART == {part}"
 
 

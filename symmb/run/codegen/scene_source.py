@@ -1,4 +1,4 @@
-"""The C source of single runs of a scene, which needs neither symmb nor CasADi. c/scene.h lists its functions."""
+"""The C source of single runs of a scene. It needs neither symmb nor CasADi. c/scene.h lists its functions."""
 
 import re
 from collections.abc import Sequence
@@ -20,10 +20,10 @@ class SceneSource:
 
     Attributes
     ----------
-    lanes : Lanes              compiled with its start, and for runs without Python
+    lanes : Lanes              equations and method. They contain the start, so that runs need no Python
     n_x : int                  number of states of the scene, which are the first states of the lanes
-    nominal : (n_p,) array     nominal parameters, and inputs behind them
-    n_inputs : int
+    nominal : (n_p,) array     nominal parameters, followed by inputs
+    n_inputs : int             number of inputs
     names : tuple of str       names of parameters, inputs and outputs
     times : (n_t,) array       times of the scene [s]
     has_rates : bool           whether other programs may integrate the states
@@ -43,12 +43,12 @@ class SceneSource:
 
     @property
     def n_switches(self) -> int:
-        """Switches of the state."""
+        """Number of switches of the state."""
         return len(self.lanes.ends.hysteresis)
 
 
 def scene_source(scene: SceneSource) -> dict[str, str]:
-    """The files scene.h and scene.c, by their names."""
+    """Name -> text of the files scene.h and scene.c."""
     lanes = scene.lanes
     sizes = {
         "N_P": len(scene.nominal),
@@ -99,13 +99,13 @@ def scene_source(scene: SceneSource) -> dict[str, str]:
 
 
 def _list(values: Sequence[float] | Sequence[str] | Array) -> str:
-    """Numbers or texts as a list in C. An empty list becomes a single 0, because C has no empty lists."""
+    """Numbers or texts as an initialiser in C. An empty list becomes a single 0, because C has no empty arrays."""
     texts = [quoted(value) if isinstance(value, str) else repr(float(value)) for value in values]
     return f"{{{', '.join(texts or ['0.0'])}}}"
 
 
 def quoted(text: str) -> str:
     """A text as a C string."""
-    # Octal escapes end after three digits. Hexadecimal ones would go on into the text; ?? begins a trigraph.
+    # Octal escapes end after three digits. Hexadecimal escapes could continue into the text. ?? begins a trigraph.
     plain = {*range(32, 127)} - {*b'"\\?'}
     return '"' + "".join(chr(byte) if byte in plain else f"\\{byte:03o}" for byte in text.encode()) + '"'

@@ -1,9 +1,9 @@
-"""C of the sums over slopes in a step, from the tableau of the method.
+"""C code of the sums over slopes in a step, from the tableau of the method.
 
 Slopes k are stored for the first N_OWN states v. The last N_X - N_OWN states x are the integrals of the first states v,
-x' = v, and are mostly positions. The slope of x in stage s is the v of this stage, v + h sum_j a_sj k_j. So x is summed
-from the slopes of v with the weights A A, as in Nystrom's methods for second-order equations (Hairer, Norsett, Wanner
-1993, section II.14). Half the slopes are computed, stored and loaded.
+x' = v, and are mostly positions. The slope of x in stage s is the v of this stage, v + h sum_j a_sj k_j. Therefore x is
+a sum of the slopes of v with the weights A A, as in Nystrom's methods for second-order equations (Hairer, Norsett,
+Wanner 1993, section II.14). Only half of all slopes are computed, stored and loaded.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,12 +16,12 @@ CLASSICAL_STAGES = len(runge_kutta.A)
 
 
 def classical() -> str:
-    """The stages of the classical Runge-Kutta method."""
+    """C code of the stages of the classical Runge-Kutta method."""
     return "\n".join(_stages(range(1, CLASSICAL_STAGES), runge_kutta.A, runge_kutta.C, runge_kutta.B))
 
 
 def pair() -> str:
-    """The stages, error estimates and interpolant of the pair of Dormand and Prince."""
+    """C code of the stages, error estimates and interpolant of the pair of Dormand and Prince."""
     A, C = dop853.A, dop853.C
     of_order_3, of_order_5 = dop853.E
     return "\n".join(
@@ -110,7 +110,7 @@ def _through(weights: Weights, A: Sequence[Weights]) -> Weights:
 
 
 def _sum(weights: Weights) -> str:
-    """A weighted sum of slopes in C, as two sums, because each addition waits for the previous one."""
+    """A weighted sum of slopes in C. It is split into two sums, because each addition waits for the previous one."""
     terms = [f"{value!r} * k[{_place(j)} * N_OWN + m]" for j, value in weights.items()]
     if len(terms) < 5:
         return " + ".join(terms) or "zero()"
@@ -119,9 +119,9 @@ def _sum(weights: Weights) -> str:
 
 
 def _place(stage: int) -> int:
-    """Place of a slope in k. Slopes 12 and 13 replace 1 and 2, which are no longer needed; 14 and 15 follow 11."""
+    """Place of a slope in k. Slopes 12 and 13 have the places of 1 and 2, which are no longer needed."""
     return {12: 1, 13: 2, 14: 12, 15: 13}.get(stage, stage)
 
 
 PAIR_STAGES = len({_place(stage) for stage in range(len(dop853.A))})
-"""Number of places in k for the slopes of the pair."""
+"""Number of places in k for the slopes of the pair of Dormand and Prince."""

@@ -15,8 +15,8 @@ R = TypeVar("R")
 
 
 def cores() -> int:
-    """Number of processors for this process, limited to the number of threads that the system lets it start."""
-    # The limit is tried, because CasADi ends Python if a thread cannot be started.
+    """Number of processors for this process, but at most the number of threads that the process can start."""
+    # Threads are started to find the limit, because CasADi ends Python if a thread cannot be started.
     count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     end, threads = Event(), list[Thread]()
     try:
@@ -33,7 +33,7 @@ def cores() -> int:
 
 
 def side_by_side(work: Callable[[A], R], arguments: Sequence[A]) -> list[R]:
-    """Results for all arguments. This thread computes the first one, and those for which no thread can be started."""
+    """Results for all arguments, from several threads. This thread takes the first, and those without a thread."""
     first, *others = arguments
     if not others:
         return [work(first)]
@@ -44,7 +44,7 @@ def side_by_side(work: Callable[[A], R], arguments: Sequence[A]) -> list[R]:
 
 
 def _started(pool: ThreadPoolExecutor, work: Callable[[A], R], arguments: Sequence[A]) -> list["Future[R]"]:
-    """Work on threads, one for each of the first arguments, until no thread can be started."""
+    """Futures of `work`, one for each of the first arguments, until no thread can be started."""
     running: list[Future[R]] = []
     with suppress(RuntimeError):
         for argument in arguments:
@@ -55,7 +55,7 @@ def _started(pool: ThreadPoolExecutor, work: Callable[[A], R], arguments: Sequen
 def on_threads(work: Callable[[ctypes.c_long], object], n: int, seconds: float) -> None:
     """Call `work` once on each of several threads, with a common counter of n small pieces of work.
 
-    Short work, with its expected seconds in one thread, is done in this thread.
+    `seconds` is the expected time of the work in one thread. Short work is done in this thread.
     """
     counter = ctypes.c_long(0)
     if seconds <= 0.1:  # an interrupt, which Python handles between calls of C only, may wait as long as this

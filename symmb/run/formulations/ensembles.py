@@ -21,13 +21,13 @@ LOCK = RLock()
 the computation."""
 IRREGULAR_OUTPUT = REASONS[1]
 NAMED_SAMPLES = 5
-"""Largest number of failed samples of a block whose messages name joints. No more messages are printed."""
+"""Number of failed samples of a block with messages that name joints. Only so many messages are printed."""
 
 
 def block_size(n_x: int, values: int, compiled: bool, keeps_trajectories: bool) -> int:
-    """Number of samples of a block, for n_x states and a number of output values of a sample."""
+    """Number of samples of a block, for n_x states and `values` output values of each sample."""
     if not n_x:
-        # Number of values of a block of a scene without states, so that a call takes much longer than its overhead.
+        # Number of values of a block of a scene without states. A call takes much longer than its overhead.
         return max(BLOCK, 10**6 // values)
     if not compiled:
         return BLOCK
@@ -37,7 +37,7 @@ def block_size(n_x: int, values: int, compiled: bool, keeps_trajectories: bool) 
 
 
 def ensemble_of_runs(form: Formulation, times: Array, Y: Array, runs: list[Run], P: Array) -> Ensemble:
-    """N runs with parameters P (N, d) and outputs Y (N, n_t, n_y) at times (n_t,) as an Ensemble."""
+    """The Ensemble of N runs with parameters P (N, d) and outputs Y (N, n_t, n_y) at times (n_t,)."""
     ok = np.array([not run.message and bool(np.isfinite(y).all()) for run, y in zip(runs, Y, strict=True)], dtype=bool)
     t_failed = np.full(len(runs), math.nan)
     for k in np.flatnonzero(~ok):
@@ -69,10 +69,10 @@ def ensemble_of_expressions(form: Formulation, P: Array, times: Array, threads: 
 def failure_texts(
     form: Formulation, P: Array, t_failed: Array, reasons: Sequence[str], states: Callable[[int], tuple[Array, Array]]
 ) -> tuple[str, ...]:
-    """A text for each failed sample with time, parameters and reason. The first texts name the joints of a singular
-    position.
+    """A text for each failed sample, with time, parameters and reason.
 
-    `states` gives some states (m, n_x) of a sample, which may be nan, and their times (m,).
+    The first texts name the joints of a singular position, if there is one. `states` gives for a sample some states
+    (m, n_x), which may be nan, and their times (m,).
     """
     texts = []
     for k in np.flatnonzero(np.isfinite(t_failed)).tolist():
@@ -100,7 +100,7 @@ class CompiledEnsemble:
 
     @property
     def Y(self) -> Array:
-        """Outputs (N, n_t, n_y); nan after a sample failed."""
+        """Outputs (N, n_t, n_y), which are nan after a sample failed."""
         return self._trajectories
 
     @cached_property
@@ -117,14 +117,14 @@ class CompiledEnsemble:
 
     @property
     def failed_samples(self) -> FailedSamples:
-        """The failed samples of the engine."""
+        """The failed samples, as the engine reports them."""
         if self._failed is None:
             _ = self.Y
         return cast(FailedSamples, self._failed)
 
     @property
     def events(self) -> Indices | None:
-        """Number of events of contacts (N, n_t) of each sample up to each time; None in scenes without contacts."""
+        """Number (N, n_t) of events of contacts up to each time; None in scenes without contacts."""
         if self.engine.contacts is None:
             return None
         rows = self.failed_samples.events

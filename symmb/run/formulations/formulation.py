@@ -1,4 +1,4 @@
-"""The formulation in which a scene runs: in coordinates of its bodies, or of the joints of these bodies."""
+"""The formulation in which a scene runs, in coordinates of its bodies or in coordinates of its joints."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,11 +19,10 @@ from symmb.run.formulations.output_functions import declared_function, joint_out
 from symmb.run.integrate import Run, Solver
 
 _STAGE = 8
-"""Operations per state of a stage of an explicit step, for sums of slopes."""
+"""Number of operations for sums of slopes, for each state and each stage of an explicit step."""
 _CHEAPER = 0.8
-"""Ratio of operations in coordinates of joints to operations in coordinates of bodies, below which coordinates of
-joints are chosen. Coordinates of joints take up to a fifth more steps for the same error (double pendulum, heavy top,
-four-bar)."""
+"""Coordinates of joints are chosen if their operations, over those in coordinates of bodies, are below this ratio. For
+the same error, coordinates of joints take up to a fifth more steps (double pendulum, heavy top, four-bar)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +35,9 @@ class Formulation:
     start : Start
     y : (x, p, t) -> outputs (n_y,)
     declared : (x, p, t, multipliers, accelerations of the bodies) -> outputs (n_y,)
-    bodies : InBodies          where the coordinates are those of joints
-    why : str                  why these coordinates are chosen; empty for those of bodies, and where they are given
-    judging : equations with scales of bodies that move along joints, which take fewer operations than those of `dae`
+    bodies : InBodies          the bodies, if these are coordinates of joints
+    why : str                  why these coordinates are chosen; empty for coordinates of bodies, or if they are given
+    judging : equations with the scales of bodies that move along joints. They take fewer operations than `dae`
     """
 
     dae: DAE
@@ -51,7 +50,7 @@ class Formulation:
 
     @cached_property
     def judged(self) -> DAE:
-        """The equations with the scales by which runs are judged."""
+        """The equations with the scales that checks of runs use."""
         return self.dae if self.judging is None else self.judging().around(self.dae.p_nominal)
 
     def around(self, p: Array) -> "Formulation":
@@ -67,22 +66,23 @@ class Formulation:
         return self.dae.remembered(Pulses, times)
 
     def singularity(self, X: Array, times: Array, p: Array) -> Singularity | None:
-        """The position of the bodies closest to a singular one among the finite states X (m, n_x), if one is close."""
+        """The position closest to a singular one, among the finite states X (m, n_x) at `times` (m,); None if no state
+        is close."""
         finite = np.isfinite(X).all(axis=1)
         dae, X = self.in_bodies(X[finite], p)
         return singularity(self.judged if self.bodies is None else dae, X, p, times[finite])
 
     def in_bodies(self, X: Array, p: Array) -> tuple[DAE, Array]:
-        """The equations of the bodies, and their states (m, n_x) for states X of this formulation."""
+        """The equations of the bodies, and the states (m, n_x) of the bodies for states X of this formulation."""
         return (self.dae, X) if self.bodies is None else (self.bodies.dae, batch(self.bodies.states(), X, p)[0])
 
     def run_of_bodies(self, run: Run, p: Array) -> Run:
-        """A run with parameters p (n_p,) with the states of the bodies."""
+        """A copy of a run with the states of the bodies. `p` (n_p,) are the parameters of the run."""
         return replace(run, X=self.in_bodies(run.X, p)[1])
 
     @property
     def has_loops(self) -> bool:
-        """Whether rows have a Jacobian that changes along the motion, so that positions may be singular."""
+        """Whether the Jacobian of the rows changes along the motion. Only then can positions be singular."""
         return self.dae.G is not None and self.dae.G.jac_sparsity(0, 0).nnz() > 0
 
     @property
@@ -92,8 +92,8 @@ class Formulation:
 
     @property
     def least_operations(self) -> int:
-        """Number of operations of a stage for the rows of constraints and their factors. The remaining equations are
-        not derived."""
+        """Number of operations of a stage for the rows of constraints and their factors. Other equations are not
+        derived for this number."""
         gamma, G = self.dae.gamma, self.dae.G
         rows = 0 if gamma is None or G is None else gamma.n_instructions() - gamma.nnz_out(0) + least_factorization(G)
         return rows + _STAGE * self.y.numel_in(0)
@@ -101,16 +101,16 @@ class Formulation:
 
 @dataclass(frozen=True, eq=False)
 class InBodies:
-    """The bodies for states x of the joints.
+    """The bodies of a scene that runs in coordinates of its joints. x are states of the joints, if not stated.
 
     Attributes
     ----------
-    dae : DAE                 their equations
-    states : (x, p)           their states
+    dae : DAE                 equations of the bodies
+    states : (x, p)           states of the bodies
     joints : (x, p)           states of the joints, within half a turn, for states x of the bodies
-    loads : (x, p, t)         forces Q (n_v,) on them, and the Jacobian G (n_r, n_v) of all rows of the system; None in
-                              a copy from a pickle
-    carried : joints with the numbers of the bodies that they carry, each one after its carrier
+    loads : (x, p, t)         forces Q (n_v,) on the bodies, and the Jacobian G (n_r, n_v) of all rows of the system;
+                              None in a copy from a pickle
+    carried : pairs           name of a joint, and number of the body that it carries; carriers come first
     """
 
     dae: DAE
@@ -128,13 +128,13 @@ class _Loads(Lazy[ca.Function]):
 
 
 class Formulations(NamedTuple):
-    """A scene in several coordinates.
+    """A scene in coordinates of its bodies and in coordinates of its joints.
 
     Attributes
     ----------
-    bodies : Formulation           in those of its bodies
-    joints : Formulation or None   in those of its joints, if it runs in these
-    spare : Formulation or None    in those of its joints, if it does not, which cost more operations
+    bodies : Formulation           formulation in coordinates of the bodies
+    joints : Formulation or None   formulation in coordinates of the joints, if the scene runs in them
+    spare : Formulation or None    formulation in coordinates of the joints, if they are not used: more operations
     """
 
     bodies: Formulation
@@ -232,8 +232,8 @@ def _in_joints(scene: Scene, bodies: Formulation, system: System) -> Formulation
 
 
 def _along_joints(bodies: System, dae: DAE, joints: System) -> ca.Function:
-    """The function `DAE.rhs` of bodies that move as joints in the equations `dae`. The function of the bodies
-    themselves has many more operations."""
+    """The function `DAE.rhs` of the bodies, from the equations `dae` of the joints. The function from the equations of
+    the bodies has many more operations."""
     p, t, x = bodies.p, time_symbol, ca.vertcat(joints.q, joints.v, joints.s)
     there, states = ca.vertcat(*joints.joints.of_joints), ca.vertcat(*joints.joints.of_bodies)
     rates = ca.vertcat(*dae.rhs.call(list(dae.arguments(x, p, t))))

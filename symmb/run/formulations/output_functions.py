@@ -13,8 +13,8 @@ from symmb.run.integrate import Run
 
 
 def declared_function(scene: Scene, own: System, y: ca.SX) -> ca.Function:
-    """A function (x, p, t, multipliers, accelerations of the bodies) -> y, for the states x of the scene's system or of
-    a system in joint space."""
+    """A function (x, p, t, multipliers, accelerations of the bodies) -> y. The states x are those of the system `own`:
+    the system of the scene, or a system in joint space."""
     x = ca.vertcat(own.q, own.v, own.s)
     arguments = [x, own.p, time_symbol, ca.SX(scene.system.lam), scene.system.vdot]
     return ca.Function("declared", arguments, [ca.densify(y)])
@@ -38,7 +38,7 @@ def joint_output_function(
 ) -> ca.Function:
     """A function (x, p, t) -> outputs for states x of joints, from their `declared_function`.
 
-    `system` is the system of the scene in joint space, `dae` has the equations of the bodies.
+    `system` is the system of the scene in joint space. `dae` has the equations of the bodies.
     """
     t = time_symbol
     own = ca.vertcat(system.q, system.v, system.s)
@@ -72,7 +72,7 @@ def _contains(y: ca.SX, symbols: ca.SX) -> bool:
 
 
 def jet_outputs(y: ca.Function, order: int) -> ca.Function:
-    """(x_0 ... x_k, (p_0, p_1), t) -> Taylor coefficients of y (x, p, t), for parameters p_0 + p_1 eps."""
+    """A function (x_0 ... x_k, (p_0, p_1), t) -> Taylor coefficients of y (x, p, t), for parameters p_0 + p_1 eps."""
     n_x, n_p = y.numel_in(0), y.numel_in(1)
     X = [ca.SX.sym(f"x_{j}", n_x) for j in range(order + 1)]
     P = [ca.SX.sym(f"p_{j}", n_p) for j in range(order + 1)]

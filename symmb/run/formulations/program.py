@@ -1,4 +1,4 @@
-"""A program, which runs samples of a scene. It is made once from formulations, a solver and output times."""
+"""A program runs samples of a scene. It is made from formulations, a solver and output times."""
 
 import time
 from collections.abc import Callable, Hashable
@@ -32,19 +32,19 @@ from symmb.run.integrate import (
 )
 
 _LONG = 10_000
-"""Number of operations of rows of loops in coordinates of bodies, above which these equations are not derived to check
-runs. The rows of a robot arm with 25,000 operations take a minute. `tests/benchmarks/real_robots.py` contains such
+"""Number of operations of rows of loops in coordinates of bodies. If rows have more, checks of runs do not derive these
+equations. The rows of a robot arm with 25,000 operations take a minute: `tests/benchmarks/real_robots.py` has such
 arms."""
 
 
 class _Compiled:
-    """The compiled parts of programs with the same equations, solver and times, and the compile time [s]."""
+    """The compiled parts of programs with the same equations, solver and times, and the time of compilation [s]."""
 
     def __init__(self, parts: dict[Hashable, Any] | None = None) -> None:
         self.parts, self.seconds = parts or {}, 0.0
 
     def get(self, key: Hashable, make: Callable[[], Any]) -> Any:
-        """The part with a key, which is made at its first use."""
+        """The part with this key. At the first use, `make` makes the part."""
         if key not in self.parts:
             begin = time.perf_counter()
             self.parts[key] = make()
@@ -57,18 +57,18 @@ class _Compiled:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Program:
-    """Runs of a scene by a solver, over output times, in those of its coordinates that suit the solver.
+    """Runs of a scene by a solver, over output times, in the coordinates that suit the solver.
 
-    A program never changes: another solver, other times or parameters make another one. It compiles at its first use,
-    and a pickle contains what is compiled.
+    A program never changes: another solver, or other times or parameters, need another program. A program compiles at
+    its first use, and a pickle contains the compiled parts.
 
     Attributes
     ----------
     forms : Formulations
     solver : Solver
     times : (n_t,)                    output times [s]
-    contradiction : Break, optional   the drive whose law of time jumps, which accelerations do not show
-    compiled : what is compiled; programs share it whose runs differ in nothing but parameters
+    contradiction : Break, optional   a drive with a law of time that jumps, which accelerations do not show
+    compiled : the compiled parts. Programs share these parts if their runs differ only in parameters
     """
 
     forms: Formulations
@@ -98,7 +98,7 @@ class Program:
 
     @property
     def is_stateless(self) -> bool:
-        """Whether nothing is integrated: no bodies, or welded ones in coordinates of joints."""
+        """Whether nothing is integrated, because there are no bodies, or only welded bodies in joint coordinates."""
         return self.formulation.y.numel_in(0) == 0
 
     @property
@@ -108,7 +108,7 @@ class Program:
 
     @cached_property
     def longest_step(self) -> float:
-        """A step [s] shorter than every pulse of a function of time at the nominal parameters; infinite without
+        """A step [s] that is shorter than every pulse of a function of time at the nominal parameters; infinite without
         pulses."""
         return float(self.formulation.pulses(self.times)(self.bodies.dae.p_nominal[None])[0])
 
@@ -138,10 +138,9 @@ class Program:
         return self.compiled.get(("engine", order), make)
 
     def single(self) -> tuple[Integration, Array, Indices]:
-        """The integration of one run with its work, its times (m,), and the positions of the output times in these
-        times.
+        """The integration of one run with its work, its times (m,), and the indices (n_t,) of the output times in them.
 
-        The times are close together if this does not change the steps.
+        If this does not change the steps, the times (m,) are close together, and include more than the output times.
         """
 
         def make() -> tuple[Integration, Array, Indices]:
@@ -154,7 +153,7 @@ class Program:
         return self.compiled.get("single", make)
 
     def runs(self, P: Array, threads: int = 1) -> Samples:
-        """Runs of samples P (N, d). Outputs of a sample are nan after its failure."""
+        """Runs of samples P (N, d). Outputs (N, n_t, n_y) of a sample are nan after its failure."""
         with LOCK:
             form, P = self.formulation, np.ascontiguousarray(P)
             if self.runs_in_lanes:
@@ -177,7 +176,7 @@ class Program:
 
         Raises
         ------
-        DeclarationError       if the solver cannot run it
+        DeclarationError       if the solver cannot run the scene
         """
         if solver == self.solver:
             return self
@@ -185,8 +184,8 @@ class Program:
         return Program(self.forms, solver, self.times, self.contradiction)
 
     def tighter(self) -> "Program":
-        """The program of the same scene with a solver ten times more accurate, or more if the steps would be the
-        same."""
+        """The program of the same scene with a solver that is ten times more accurate, or still more accurate if the
+        steps would be the same."""
         P = self.bodies.dae.p_nominal[None]
         nominal, finer = self.runs(P), self.by(self.solver.tighter(times=self.times))
         if self.bodies.dae.impacts is not None and nominal.ok.size:
@@ -214,7 +213,7 @@ class Program:
         parameters."""
         copy = replace(self, forms=self.forms.around(p))
         same = copy.longest_step == self.longest_step
-        return copy if same else replace(copy, compiled=_Compiled())  # it follows other pulses
+        return copy if same else replace(copy, compiled=_Compiled())  # the copy follows other pulses
 
     def with_outputs(self, y: Any) -> "Program":
         """The program of the same runs with outputs y (x, p, t), in the coordinates in which the samples run."""
@@ -230,7 +229,7 @@ class Program:
 
     @property
     def cautious(self) -> "Program":
-        """The program that checks solvers. Loops run in coordinates of bodies, whose steps are short near singular
+        """The program for checks of solvers. Loops run in coordinates of bodies, in which steps are short near singular
         positions.
 
         Loops of many bodies run in coordinates of joints, because the equations of the bodies take minutes to derive.
@@ -240,7 +239,7 @@ class Program:
         return self._in_bodies if loops and self.bodies.least_operations <= _LONG else self
 
     def shortest_equations(self, X: Array, p: Array) -> tuple[Array, DAE]:
-        """Equations, and their states (m, n_x) for states X of the bodies.
+        """Equations in some coordinates, and the states (m, n_x) in these coordinates for states X of the bodies.
 
         The equations are in coordinates of joints if the scene has no loops or if the equations of the bodies are long,
         otherwise in coordinates of bodies.
@@ -252,10 +251,10 @@ class Program:
 
 
 def program_of(scene: Scene, solver: Solver | None = None) -> Program:
-    """The program of a scene, which the scene remembers.
+    """The program of a scene. The scene stores this program.
 
-    A program without a solver is for callers that do not integrate, or that choose the solver themselves. No pilot run
-    is made.
+    Without a solver, the program is for callers that do not integrate, or that choose the solver themselves. No pilot
+    run is made.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Coefficients of the Dormand-Prince pair of order 8, error estimates of orders 5 and 3, dense output of order 7.
 
-Hairer, Norsett, Wanner (1993), Solving Ordinary Differential Equations I, 2nd ed., code DOP853. Rows hold what is not
-zero, by stage: 12 stages, the slope at the end of the step (12) and three more for the dense output (13 to 15).
+Hairer, Norsett, Wanner (1993), Solving Ordinary Differential Equations I, 2nd ed., code DOP853. Rows have the nonzero
+coefficients by stage: 12 stages, the slope at the end of the step (12), and three for the dense output (13 to 15).
 """
 
 # fmt: off

@@ -7,15 +7,15 @@ from symmb.run.schemes.step import At, Step, sizes
 
 
 def generalized_alpha(dae: DAE, work: bool, alpha_m: float, alpha_f: float, gamma: float) -> Step:
-    """One step with velocities as increments, so that rotations stay rotations.
+    """One step. Positions change by increments along the velocities, so that rotations remain rotations.
 
         v+ = v + h ((1 - gamma) a + gamma a+)
         q+ = q (+) (h v + h^2 ((1/2 - beta) a + beta a+)),      beta = (gamma + 1/2)^2 / 4
         (1 - alpha_m) a+ + alpha_m a = (1 - alpha_f) v'+ + alpha_f v'
         M v'+ + G' lam+ = Q,      Phi = 0,      rates of velocity-only rows = 0
 
-    The method is of second order if gamma = 1/2 + alpha_f - alpha_m. HHT has alpha_m = 0; Newmark's method has both 0
-    and a gamma of its own.
+    The method is of second order if gamma = 1/2 + alpha_f - alpha_m. HHT has alpha_m = 0. Newmark's method has
+    alpha_m = alpha_f = 0, and any gamma.
 
     References
     ----------
@@ -31,8 +31,8 @@ def generalized_alpha(dae: DAE, work: bool, alpha_m: float, alpha_f: float, gamm
     cuts = [0, n_q, n_q + n_v, n_x, n_x + n_quad, n_x + 2 * n_quad, n_x + 2 * n_quad + n_v, n_x + 2 * n_quad + 2 * n_v]
     q, v, s, W, power_now, a, vdot, sdot = ca.vertsplit(w, [*cuts, w.numel()])
 
-    # Unknowns and residuals are displacements, as shares of the motion's size: else rounding in Phi over h^2 keeps
-    # Newton from ending, and the matrix depends on units.
+    # Unknowns and residuals are displacements relative to the size of the motion. Otherwise, rounding in Phi over h^2
+    # prevents the convergence of Newton's method, and the matrix depends on units.
     scale, of_v, row_scales = beta * h**2, ca.DM(dae.displacement_scales), ca.DM(dae.row_scales)
     unit_v, unit_lam = of_v / scale, dae.scales.energy / row_scales / scale
     unknown, unknown_lam, s_new = ca.SX.sym("vdot", n_v), ca.SX.sym("lam", dae.n_r), ca.SX.sym("s", n_s)
@@ -50,7 +50,7 @@ def generalized_alpha(dae: DAE, work: bool, alpha_m: float, alpha_f: float, gamm
     power = at.power(lam) if n_quad else ca.SX(0, 1)
     first = At(dae, x, p, t)
     vdot_first, lam_first = first.solved()
-    # a stands for v' at a time shifted by (alpha_m - alpha_f) h; started there, the first step is of second order too.
+    # a is v' at a time that is shifted by (alpha_m - alpha_f) h. So the first step is of second order too.
     slope = ca.vertcat(first.qdot, vdot_first, first.sdot)
     jerk = ca.jtimes(vdot_first, x, slope) + ca.jacobian(vdot_first, t)
     begin = ca.vertcat(

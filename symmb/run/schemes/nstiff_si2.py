@@ -1,4 +1,4 @@
-"""Second-order BDF on the stabilised index-2 form, which is NSTIFF-SI2, and on the index-3 form."""
+"""Second-order BDF on the stabilised index-2 form, which is called NSTIFF-SI2, and on the index-3 form."""
 
 import casadi as ca
 
@@ -7,15 +7,15 @@ from symmb.run.schemes.step import At, Step, sizes
 
 
 def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
-    """The step of eqs. (5)-(7) of Wang & Yang (2021), for steps of varying length; or of index 3, if not stabilised.
+    """The step of eqs. (5)-(7) of Wang & Yang (2021), for steps of varying length; of index 3 if not stabilised.
 
-    With unknowns v', q', lam, mu and the new state q, v from the BDF formula,
+    The unknowns are v', q', lam and mu. The BDF formula gives the new state q, v. The equations are
 
         M v' + G' lam - Q = 0,      N v - q' + Phi_q' mu = 0,      Phi / (b h) = 0,      (G v + Phi_t) / (b h) = 0,
 
-    where b = 2/3 at equal steps. The norms of quaternions are rows of Phi in the second and third equation; mu vanishes
-    at the exact solution, and is weighed where motions are not of the size of 1 m. Of index 3 there is no mu, and
-    velocity-only rows are all that is left of the last equation.
+    with b = 2/3 for equal steps. The norms of quaternions are rows of Phi in the second and third equation. mu is zero
+    at the exact solution; it has a weight if the size of the motion is not 1 m. With index 3 there is no mu, and the
+    last equation has only velocity-only rows.
 
     References
     ----------
@@ -25,7 +25,7 @@ def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
     n_q, n_v, n_x = dae.n_q, dae.n_v, dae.n_q + dae.n_v + dae.n_s
     x, p, t, h = ca.SX.sym("x", n_x), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t"), ca.SX.sym("h")
     n_quad = 1 if work and dae.power is not None else 0
-    # history: state, work, power, state before, length of the last step
+    # history: state, work, power, previous state, length of the last step
     w = ca.SX.sym("w", 2 * n_x + 2 * n_quad + 1)
     now, before, h_last = w[:n_x], w[n_x + 2 * n_quad : -1], w[-1]
     W, power_now = w[n_x : n_x + n_quad], w[n_x + n_quad : n_x + 2 * n_quad]
@@ -34,7 +34,7 @@ def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
     past = ((1 + ratio) ** 2 * now - ratio**2 * before) / (1 + 2 * ratio)
 
     heads = quaternions(dae) if stabilized else []
-    # Unknowns and residuals are shares of what a step can change: the matrix is as good with any units and any step.
+    # Unknowns and residuals are relative to the changes in a step, so that units and step do not affect the condition.
     tau, energy = b * h, dae.scales.energy
     of_q, of_v, row_scales = ca.DM(dae.coordinate_scales), ca.DM(dae.displacement_scales), ca.DM(dae.row_scales)
     n_c, of_c = dae.n_c, row_scales[: dae.n_c, :]
@@ -61,7 +61,7 @@ def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
     begin = _first_history(At(dae, x, p, t), h, n_quad)
     vdot_now, lam_now = here.solved()
     rate_now = ca.vertcat(here.qdot, vdot_now, here.sdot)
-    # Errors of this formula and of the explicit one are multiples of the third derivative: a share of their difference.
+    # The errors of this formula and of the explicit one are multiples of the third derivative, as their difference is.
     predicted = now + (1 + ratio) * h * rate_now - ratio**2 * (now - before)
     return Step(
         x=x,
@@ -95,20 +95,20 @@ def _units(dae: DAE, tau: ca.SX, n_heads: int, stabilized: bool) -> tuple[ca.SX,
 
 
 def _positions(dae: DAE, x: ca.SX, p: ca.SX, t: ca.SX, n_mu: int, heads: list[int]) -> ca.Function:
-    """A function (x, mu, p, t) -> rows of Phi and of the quaternions' norms, and the correction of q' by mu."""
+    """A function (x, mu, p, t) -> rows of Phi and norms of quaternions, and the correction of q' by mu."""
     q, mu = x[: dae.n_q], ca.SX.sym("mu", n_mu)
     norms = ca.vertcat(*[(ca.sumsqr(q[i : i + 4]) - 1) / 2 for i in heads]) if heads else ca.SX(0, 1)
     rows = ca.densify(ca.vertcat(At(dae, x, p, t).Phi(), norms))
     if not n_mu:
         return ca.Function("positions", [x, mu, p, t], [rows, ca.SX.zeros(dae.n_q)])
-    # Angles are moved as if they were lengths: otherwise the correction would depend on the unit of length.
+    # Angles are corrected as if they were lengths. Otherwise the correction would depend on the unit of length.
     weights = (ca.DM(dae.coordinate_scales) / dae.scales.length) ** 2
     back = weights * ca.densify(ca.jacobian(rows, q).T @ mu)
     return ca.Function("positions", [x, mu, p, t], [rows, back])
 
 
 def _first_history(first: At, h: ca.SX, n_quad: int) -> ca.SX:
-    """The history at the start, with the state one step before it from a Taylor expansion of order 2."""
+    """The history at the start. A Taylor expansion of order 2 gives the state one step before the start."""
     vdot, lam = first.solved()
     slope = ca.vertcat(first.qdot, vdot, first.sdot)
     bend = ca.jtimes(slope, first.x, slope) + ca.jacobian(slope, first.t)
@@ -117,7 +117,7 @@ def _first_history(first: At, h: ca.SX, n_quad: int) -> ca.SX:
 
 
 def quaternions(dae: DAE) -> list[int]:
-    """Positions of quaternions in q: the index of each scalar part."""
+    """Index of the scalar part of each quaternion in q."""
     return [
         i for i, (name, one) in enumerate(zip(dae.q_names, dae.q_neutral, strict=True)) if one and name[-3:] == ".e0"
     ]

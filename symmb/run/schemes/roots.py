@@ -7,17 +7,17 @@ import numpy as np
 from symmb._types import Array
 
 _ITERATIONS = 100
-"""Largest number of iterations. Bisection alone takes 60 down to rounding."""
+"""Maximum number of iterations. Bisection alone needs 60 iterations to reach rounding errors."""
 
 
 def roots(f: Callable[[Array], Array], a: Array, b: Array, fa: Array, fb: Array) -> Array:
-    """Roots of m functions between ends (m,) with different signs, down to rounding.
+    """Roots (m,) of m functions, exact up to rounding. The values fa (m,) and fb (m,) have different signs.
 
     References
     ----------
     Chandrupatla (1997), Advances in Engineering Software 28, 145-149.
     """
-    # (a, fa) is the newest point, b the end on the other side of the root, c the newest one before.
+    # (a, fa) is the newest point, b is the end on the other side of the root, and c is the previous newest point.
     a, b, c, fa, fb, fc = b.copy(), a.copy(), a.copy(), fb.copy(), fa.copy(), fa.copy()
     share = np.full(len(a), 0.5)
     with np.errstate(all="ignore"):

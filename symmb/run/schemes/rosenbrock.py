@@ -1,5 +1,5 @@
-"""Coefficients of RODAS, a Rosenbrock method of order 4 with 6 stages, L-stable and stiffly accurate; its last stage is
-the difference from a method of order 3.
+"""Coefficients of RODAS, a Rosenbrock method of order 4 with 6 stages, which is L-stable and stiffly accurate. The last
+stage is the difference from a method of order 3.
 
 References
 ----------
@@ -10,7 +10,7 @@ GAMMA = 0.25
 C = (0.0, 0.386, 0.21, 0.63, 1.0, 1.0)
 """Times of the stages, as fractions of the step."""
 D = (0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0)
-"""Weight of h times the partial derivative to time in each stage."""
+"""Weight of h times the partial derivative with respect to time, in each stage."""
 A = (
     (),
     (1.544,),
@@ -29,4 +29,4 @@ G = (
     (7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160),
     (8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136, -6.058818238834054),
 )
-"""Weights of the earlier stages in the right side of each stage, over h."""
+"""Weights of the earlier stages, divided by h, in the right-hand side of each stage."""

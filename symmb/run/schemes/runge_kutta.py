@@ -1,4 +1,4 @@
-"""Coefficients of the classical Runge-Kutta method of order 4 (Kutta 1901). Rows hold what is not zero, by stage."""
+"""Coefficients of the classical Runge-Kutta method of order 4 (Kutta 1901). Rows have nonzero values by stage."""
 
 A = ({}, {0: 0.5}, {1: 0.5}, {2: 1.0})
 """Weights of earlier slopes in each stage."""

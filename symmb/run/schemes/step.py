@@ -1,4 +1,4 @@
-"""What an implicit scheme is: one step as a system of equations in SX."""
+"""One step of an implicit scheme as a system of equations in SX."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,18 +15,18 @@ class Step:
 
     Attributes
     ----------
-    x (n_x,), begin        the state at the start, and the history that it makes with a first step of length h at time t
+    x (n_x,), begin        state at the start, and first history: an expression of x, p, t and the first length h
     w, z                   history and unknowns, SX symbols
-    p, t, h                parameters, time at the end of the step, its length, SX symbols
-    guess                  of z, in w, p, t, h
-    residual               zero at the solution, in z, w, p, t, h
-    following              history at the end of the step, in z, w, p, t, h
-    weight                 what a change of each unknown counts in the test of Newton's method, in z, w, p, t, h
-    error                  estimated error of the state (n_x,) at the end of the step, or nothing, in z, w, p, t, h
-    n_x, n_quad            the history begins with the state x (n_x,), the integral of the power (n_quad,) follows
-    order : int
-    growth : float         how many times as long as the one before a step may be
-    projected              the state on the constraints, in x, p, t; None if it stays where the step leads
+    p, t, h                parameters, time at the end of the step, and length of the step, SX symbols
+    guess                  start value of z, an expression of w, p, t, h
+    residual               equations that are zero at the solution, expressions of z, w, p, t, h
+    following              history at the end of the step, an expression of z, w, p, t, h
+    weight                 weight of the change of each unknown in the test of Newton's method, of z, w, p, t, h
+    error                  estimated error (n_x,) or (0,) of the state at the end of the step, of z, w, p, t, h
+    n_x, n_quad            numbers of the first entries of the history: state x (n_x,), integral of the power (n_quad,)
+    order : int            order of the scheme
+    growth : float         largest ratio of the length of a step to the length of the previous step
+    projected              state on the constraints, an expression of x, p, t; None if the scheme does not project
     """
 
     x: ca.SX
@@ -48,8 +48,8 @@ class Step:
     projected: ca.SX | None = None
 
     def newton(self) -> tuple[ca.SX, ca.SX]:
-        """The step of z (n_z,) that Newton's method subtracts, and the weight of each part of it in the test of
-        convergence."""
+        """The change of z (n_z,) that Newton's method subtracts, and this change times its weights, for the test of
+        convergence. Entries of weight zero are left out."""
         if not self.z.numel():
             return self.z, self.z
         change = general_solver(ca.jacobian(self.residual, self.z))(self.residual)
@@ -57,7 +57,7 @@ class Step:
         return change, (self.weight * change)[counted]
 
     def jets(self, order: int) -> "Step":
-        """The step of the Taylor coefficients along p_0 + p_1 eps; states stand as (x_0, ..., x_k) in front of w."""
+        """The step of the Taylor coefficients for parameters p_0 + p_1 eps. The states (x_0, ..., x_k) begin w."""
         if order == 0:
             return self
         n_w, n_x = self.w.numel(), self.n_x
@@ -94,7 +94,7 @@ class Step:
 
 @dataclass(frozen=True)
 class At:
-    """The DAE at one state: velocities, forces and rows. Missing parts are empty."""
+    """The DAE at one state: velocities, forces and rows of constraints. Missing parts are empty."""
 
     dae: DAE
     x: ca.SX
@@ -103,7 +103,7 @@ class At:
 
     @property
     def arguments(self) -> tuple[ca.SX, ...]:
-        """The state split into the arguments of the DAE's Functions."""
+        """The state, split into the arguments of the Functions of the DAE."""
         return self.dae.arguments(self.x, self.p, self.t)
 
     @property
@@ -132,14 +132,14 @@ class At:
         return f + self.dae.G(*a).T @ lam if self.dae.G is not None else f
 
     def power(self, lam: ca.SX) -> ca.SX:
-        """Power of forces without potential [W], no entry if there are none."""
+        """Power of forces without potential [W], (1,), or (0,) if there are no such forces."""
         return self.dae.power(*self.arguments, lam) if self.dae.power is not None else ca.SX(0, 1)
 
     def independent(self, rows: ca.SX, multipliers: ca.SX, scales: ca.SX | ca.DM) -> ca.SX:
-        """Rows over their scales (n_r,), or position rows (n_c,), without redundancy.
+        """Rows (n_r,) divided by their scales, or position rows (n_c,), without redundancy.
 
-        Combinations of rows that vanish at this state are replaced by combinations of the multipliers, in units of
-        their own.
+        Combinations of rows that are zero at this state are replaced by combinations of the multipliers divided by
+        their scales.
         """
         if self.dae.vanishing is None:
             return rows
@@ -156,7 +156,7 @@ class At:
 
 
 def sizes(dae: DAE, x: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Scales of changes: of the state x (n_x,), and of displacements along v (n_v,).
+    """Scales of changes of the state x (n_x,), and of displacements along v (n_v,).
 
     The scale of lengths is the largest length, and the scale of angles the largest angle. Rates have scales of the same
     kind.
