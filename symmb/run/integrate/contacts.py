@@ -111,7 +111,7 @@ def with_gaps(frozen: SwitchedProblem, dae: DAE, impacts: Impacts, work: bool) -
 
 
 def contact_functions(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t: ca.SX) -> dict[str, ca.SX]:
-    """Expressions for c/impacts.h at states x, which may end with the work: gaps, forces, impulses, projected states."""
+    """Expressions for c/impacts.h at states x, which may end with the work: gaps, forces, impulses, held states."""
     n_x, p = dae.n_q + dae.n_v + dae.n_s, p[: len(dae.p_names)]
     at = dae.arguments(x[:n_x], p, t)
     functions = {name: getattr(impacts, name)(*at) for name in ("gaps", "forces", "impulses")}
