@@ -37,7 +37,7 @@ class OneSided:
     def sides_at(self, x: Array, p: Array, t: float) -> Array:
         """The sides (m,) at one state x (n_x,). If a switch is 0, its rate decides."""
         sides = np.ones(len(self.hysteresis))
-        # Number of passes over switches that depend on the sides of other switches.
+        # Maximum number of repetitions, because switches may depend on the sides of other switches.
         for _ in range(8):
             values, rates = self.on_sides(x, p, sides, t)
             signs = np.sign(np.where(np.abs(values) > self.hysteresis, values, rates)) * sides

@@ -79,9 +79,8 @@ class ModalSimulator(BlackBox):
     def crossings(self, box: Box) -> tuple[str, ...]:
         """Sentences about frequencies that cross on straight lines from the nominal parameters to corners of a box.
 
-        A sentence names the first corner with this crossing. Frequencies that come close and part again, while their
-        modes exchange shapes, keep their order. If modes exchange their shapes too fast to be followed, a sentence
-        names them.
+        A sentence names the first corner with this crossing. If frequencies come close and part again, while their
+        modes exchange shapes, they keep their order. Sentences also name modes that exchange shapes too fast.
         """
         nominal, told = self.family.nominal, {}
         names = list(self.parameters)

@@ -38,8 +38,7 @@ class Origin:
     lift: Array
 
     def motion(self, label: str, eigenvalue: complex, vector: Array, shape: Array) -> Trajectory:
-        """A run with an undamped oscillation. `vector` (n,) is its eigenvector, `shape` (n_b,) displacements of bodies.
-        """
+        """The undamped oscillation as a run. `vector` (n,) is its eigenvector, `shape` (n_b,) are displacements."""
         form, p, rate = self.formulation, self.point.p, abs(eigenvalue.imag)
         phase = np.linspace(0.0, 2 * np.pi * _PERIODS, _PERIODS * _PICTURES + 1)
         deviation = self._amplitude(shape) * self.lift @ vector

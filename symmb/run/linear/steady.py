@@ -71,7 +71,7 @@ class SteadyMotion:
 
     @cached_property
     def turning(self) -> Array | None:
-        """The rotation X (n_z, n_z) of coordinates in which A is constant: 0 if A is constant, None if there is none."""
+        """The rotation X (n_z, n_z) of coordinates in which A is constant: 0 if A is constant, None if none exists."""
         none = np.zeros((self.equations.n_z,) * 2)
         if not self._rates.any() or not self._fixed.size or self._is_constant(none):
             return none
@@ -212,7 +212,7 @@ class SteadyMotion:
 
 
 def _generators(v_names: tuple[str, ...], n_z: int) -> Iterator[Array]:
-    """Rotations (n_z, n_z) of displacements and velocities of each body, in the position and in the axes of the body."""
+    """Rotations (n_z, n_z) of displacements and velocities of each body: of its position, and of its axes."""
     n_v, numbers = len(v_names), {name: k for k, name in enumerate(v_names)}
     for kinds in (("vx", "vy", "vz"), ("omega_x", "omega_y", "omega_z")):
         for owner in dict.fromkeys(name.rpartition(".")[0] for name in v_names):

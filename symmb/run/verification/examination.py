@@ -105,7 +105,7 @@ class Examination:
 
     @cached_property
     def energy_drift(self) -> float:
-        """Largest |T + V - W - E_0| over the largest kinetic energy; nan if nothing moves."""
+        """Largest |T + V - W - E_0|, divided by the largest kinetic energy; nan if nothing moves."""
         change, largest = _change(self._energy), float(self._energy.kinetic.max(initial=0.0))
         # Drift of energy divided by the largest kinetic energy at the examined times. Above this value, a second run
         # looks for larger kinetic energies between these times.
@@ -223,7 +223,7 @@ class Examination:
 
     @cached_property
     def _again(self) -> tuple[Array, Array]:
-        """Times (m,) [s] and states (m, n_x) of a second run with many times, or of the run itself if it has impacts."""
+        """Times (m,) [s] and states (m, n_x) of a second run with many times; with impacts, those of the run itself."""
         dae = self.program.bodies.dae
         if dae.impacts is not None:
             return self.t, self.x

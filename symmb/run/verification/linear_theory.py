@@ -40,8 +40,7 @@ def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -
 
 
 def deformation_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> Iterator[str]:
-    """Warnings about flexible bodies that bend or spin too much, or that have modes for other parameters than p (n_p,).
-    """
+    """Warnings about flexible bodies that bend or spin too much, or have modes for parameters other than p (n_p,)."""
     for k, body in enumerate(scene.system.bodies):
         if isinstance(body, FlexibleBody) and (n := len(body.modes.stiffness)):
             moved = ca.vertcat(body.eta, body.frame.omega)

@@ -249,7 +249,7 @@ def _slopes(scene: Scene, some: tuple[AttachedLoads, ...], y: ca.SX) -> ca.Funct
 
 
 class _Moved:
-    """Motions of bodies that compensate displacements which violate rows of joints, with the smallest kinetic energy."""
+    """Motions of bodies that compensate violations of the rows of joints, with the smallest kinetic energy."""
 
     def __init__(self, some: tuple[AttachedLoads, ...], M: Array, G: Array) -> None:
         largest = np.abs(np.einsum("mii->mi", M)).max(axis=1, initial=1e-300)

@@ -207,7 +207,7 @@ class OtherWays:
 
     @cached_property
     def _other(self) -> Program:
-        """The program of the second way, at evenly chosen times with the first and the last one."""
+        """The program of the second way, at some output times, which include the first and the last one."""
         times = self._program.times
         # Maximum number of times at which a study compares two ways: as many as a picture shows.
         some = np.unique(np.linspace(0, len(times) - 1, min(len(times), 101)).round().astype(np.intp))
