@@ -71,8 +71,8 @@ class Kinks:
         return float(times[:-1][missed.argmax()]) if missed.any() else np.nan
 
     def first(self, X: Array, p: Array, times: Array) -> float:
-        """The first time [s] after which states X (n_t, n_x) have passed a switch that depends on the state or on
-        parameters; nan if there is none."""
+        """The first time [s] at which states X (n_t, n_x) have passed a switch; nan if there is none. Switches that
+        depend only on time are ignored."""
         changed = (np.diff(self.values(X, p, times) > 0, axis=0) & self.on_state).any(axis=1)
         moving = np.empty(0) if self.moving is None else self.moving(p[None])[0]
         first = min(float(times[1:][changed].min(initial=np.inf)), float(moving.min(initial=np.inf)))
@@ -214,7 +214,7 @@ class Break(NamedTuple):
 
 
 def broken(dae: DAE, q: Array, times: Array) -> Break | None:
-    """The first constraint whose law of time has a jump or a corner, at coordinates q (n_q,) and nominal parameters.
+    """The first constraint with a jump or a corner in its law of time, at coordinates q (n_q,) and nominal parameters.
 
     Solvers integrate accelerations, in which a corner of the law is not visible.
     """

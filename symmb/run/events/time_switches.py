@@ -124,7 +124,7 @@ class TimeSwitches:
         return batch_padded(self._curved, np.broadcast_to(p, (len(t), len(p))), t[:, None])[0]
 
     def _told(self, p: Array, low: Array, high: Array, at_low: Array, at_high: Array) -> Mask:
-        """Mask of intervals whose values (k, m) at the ends low and high (k,) show every sign change."""
+        """Mask of intervals in which the values (k, m) at the ends low and high (k,) show every sign change."""
         if not len(low):
             return np.ones(at_low.shape, dtype=bool)
         box = np.column_stack([low, high, high - low])

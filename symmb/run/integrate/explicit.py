@@ -103,9 +103,9 @@ class DormandPrince(Explicit):
     """Embedded pair of order 8 with step control and dense output, compiled for many samples in parallel.
 
     Blocks of 8 samples, by sample number, share their steps. With `Projection()`, positions and velocities are
-    projected onto the constraints after every step. Steps end at switches of functions of time or of forces, such as
-    `if_else`, `fabs` and `fmax`, also if the motion passes a switch twice within a step. Steps also end where `exp`,
-    `tanh`, `erf` or `cosh` of positions or of time is steep, so that smooth pulses of these functions are not missed.
+    projected onto the constraints after every step. Steps end at switches of forces or of functions of time, such as
+    `if_else`, `fabs` and `fmax`. This includes switches that the motion passes twice within a step. Steps also end
+    where `exp`, `tanh`, `erf` or `cosh` of positions or of time is steep. So they miss no smooth pulse of these.
 
     Parameters
     ----------

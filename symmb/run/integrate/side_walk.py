@@ -52,8 +52,8 @@ class SideWalk:
     """The run of one sample, piece by piece. The vector y has the state and the integrals along the motion.
 
     A run of another solver gives the times of passes of switches. At such a time, this run moves forward or back until
-    it is on the switch. Forces that act over a short distance then do the correct work. If the motion is not on the
-    expected sides at the end of a piece, the piece is run again with equations that follow the state.
+    it is on the switch. Forces that act over a short distance then do the correct work. At the end of a piece, the
+    motion may not be on the expected sides. Then the piece is run again with equations that follow the state.
 
     Parameters
     ----------

@@ -43,9 +43,9 @@ class Eigenvalues:
 def eigenvalues(A: Array) -> Eigenvalues:
     """The eigenvalues of A (n, n).
 
-    The null space of A is split off until the remaining matrix is regular. With this, chains of free motions, such as a
-    position and its rate, have eigenvalues 0 instead of the square root of rounding (Golub & Van Loan, Matrix
-    Computations, section 7.6.5).
+    The null space of A is split off until the remaining matrix is regular (Golub & Van Loan, Matrix Computations,
+    section 7.6.5). With this, chains of free motions, such as a position and its rate, have eigenvalues 0. Otherwise
+    they would have the square root of rounding.
     """
     from scipy.linalg import get_lapack_funcs
 
@@ -79,7 +79,7 @@ def _without_null_space(A: Array, rounding: float) -> Eigenvalues:
 
 
 def _regular(A: Array, rounding: float) -> Eigenvalues:
-    """The eigenvalues of a regular matrix A, whose entries have errors of size `rounding`.
+    """The eigenvalues of a regular matrix A. Its entries have errors of size `rounding`.
 
     The condition of an eigenvalue is |x| |y| / |y' x| for its right and left eigenvectors x and y. A double eigenvalue
     changes by the square root of a change of A (Golub & Van Loan, Matrix Computations, sections 7.2.2 and 7.2.3).

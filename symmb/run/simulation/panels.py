@@ -91,7 +91,7 @@ class Panels:
         return np.abs(dm / 2 - 0.75 * (e1 - e0) + (d0 + d1) / 8)
 
     def is_exact(self, sizes: Array) -> Mask:
-        """Mask (n_c, n) of panels whose polynomials represent the curves. `sizes` (N, n_c) are sizes of the curves."""
+        """Mask (n_c, n) of panels in which polynomials are exact. `sizes` (N, n_c) are sizes of the curves."""
         e0, d0, em, _, e1, d1 = self._ends
         size, cubic = sizes.T[:, self.sample], np.abs(em - (e0 + e1) / 2 - (d0 - d1) / 8)
         most = (_EXACT / _ROUGH) ** 2 * size * size * size

@@ -115,7 +115,7 @@ def at_tolerances(solver: Solver, tolerances: Mapping[str, Any]) -> Solver:
 
 
 def choose(candidates: Callable[[], Candidates], pilot: Callable[[Solver], Pilot]) -> tuple[Solver, str]:
-    """The first solver whose pilot run succeeds, or a faster one if this run is slow, and the reason."""
+    """The first solver with a successful pilot run, or a faster one if this run is slow, and the reason."""
     choice = partial(_choice, candidates, pilot)
     return with_compiler(choice, choice)  # there are other candidates if no compiler builds the first one
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 _NAMED = 3
-"""Number of failed runs whose reasons are printed."""
+"""Maximum number of failed runs with printed reasons."""
 Part = tuple[Indices, Array, Mask, tuple[str, ...]]
 """Numbers of samples (n,), their outputs (n, n_t, n_y), mask of the valid samples (n,), and messages of the others."""
 
