@@ -45,7 +45,7 @@ _GRACE = 0.5
 def temporary_folder(base: Path | None = None) -> Iterator[Path]:
     """A context with a new folder in `base`, or in the system's temporary folder. It is removed at the end.
 
-    It raises OSError if the folder cannot be created.
+    OSError is raised if the folder cannot be created.
     """
     folder = _new_folder(base)
     try:
@@ -58,7 +58,7 @@ def temporary_folder(base: Path | None = None) -> Iterator[Path]:
 def lasting_folder() -> Path:
     """A new folder that is removed when this process ends. Workers of a pool, which skip `atexit`, remove it too.
 
-    It raises OSError if the folder cannot be created.
+    OSError is raised if the folder cannot be created.
     """
     folder = _new_folder(None)
     Finalize(None, _remove, (folder.parent,), exitpriority=0)
@@ -133,7 +133,7 @@ def run_program(command: Sequence[str], seconds: float, folder: Path | None = No
 def process_group(command: Sequence[str], **options: Any) -> Iterator["subprocess.Popen[Any]"]:
     """A context with a program in a new process group. At its end, all processes of the group are ended.
 
-    It raises OSError if the program cannot be started.
+    OSError is raised if the program cannot be started.
     """
     if _LEADS:  # the parent, which ends this process, does not know the program
         signal.signal(signal.SIGTERM, lambda number, frame: _end_now())

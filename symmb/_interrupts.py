@@ -1,4 +1,4 @@
-"""Interrupts of long work: a KeyboardInterrupt whose attribute `partial` holds the results so far."""
+"""Interrupts of long work. The attribute `partial` of a KeyboardInterrupt has the results so far."""
 
 import signal
 import threading

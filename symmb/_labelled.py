@@ -38,7 +38,7 @@ class Labelled:
     rows: Sequence[str] = ("method", "sample", "time", "output")
 
     def to_xarray(self) -> "Dataset":
-        """A Dataset whose attributes are texts and numbers, so that every NetCDF engine can write the Dataset."""
+        """A Dataset with texts and numbers as attributes, so that every NetCDF engine can write the Dataset."""
         xarray = optional_package("xarray", "to_xarray", "data")
 
         def entries(named: Mapping[str, Named]) -> dict[str, Any]:
@@ -47,7 +47,7 @@ class Labelled:
         return xarray.Dataset(entries(self.variables), entries(self.coordinates), self._attributes)
 
     def to_pandas(self) -> "DataFrame":
-        """A table with one row for each time, output and, for comparisons, method. The two bounds are columns."""
+        """A table with a row for each time and output, and for each method of a comparison. Both bounds are columns."""
         pandas = optional_package("pandas", "to_pandas", "data")
         dims = [name for name in self.rows if self.coordinates.get(name, ((),))[0] == (name,)]  # not a parameter's name
         sizes = [len(self.coordinates[name][1]) for name in dims]

@@ -21,5 +21,5 @@ NOTHING = 1e-300
 LARGEST = 1e30
 """Largest length, mass or moment of inertia [SI]. Products of several such numbers must be finite."""
 MEETING = 1e-12
-"""Points closer than this length [m] or angle [rad] coincide: there is no direction from one to the other, and third
+"""Points closer than this length [m] or angle [rad] coincide. No direction leads from one to the other, and third
 derivatives of forces exceed double precision."""

@@ -102,7 +102,7 @@ def look_up_by_name(result: Any) -> None:
 
 
 def name_fault(name: object, without: str = "") -> str:
-    """Why a name is not allowed, as a sentence; empty if the name is allowed.
+    """A sentence that says why a name is not allowed; empty if the name is allowed.
 
     Names are printed in tables, pictures, LaTeX and C. Line breaks and control characters would damage such texts.
     The characters in `without` are not allowed either.

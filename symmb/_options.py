@@ -87,7 +87,7 @@ def python_number(value: float) -> float:
 def require_numbers(owner: str, name: str, value: object, *shape: int | None, leading: bool = False) -> Array:
     """Real numbers as an array of the given shape. A length None is free. `leading` allows more axes at the front.
 
-    It raises DeclarationError if the values are not numbers, or have another shape.
+    DeclarationError is raised if the values are not numbers, or have another shape.
     """
     array = numbers_of(value)
     if array is None:
@@ -109,7 +109,7 @@ def require_name(owner: str, what: str, name: object, known: Collection[str]) ->
 def require_names(owner: str, what: str, names: object, known: Iterable[str]) -> list[str]:
     """A list of known names.
 
-    It raises DeclarationError if the value is not a list of names, or a name is not known.
+    DeclarationError is raised if the value is not a list of names, or a name is not known.
     """
     if isinstance(names, str):
         raise DeclarationError(f'{owner}: expected a list of names, got the text {names!r}. Write ["{names}"].')

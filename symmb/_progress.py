@@ -120,7 +120,7 @@ def _new_bar(stream: Any, done: int, unit: str) -> Any:
 
 
 class _CellLine:
-    """A file whose last line is shown below a cell of a notebook. All bars of the cell share the file.
+    """A file with a last line that is shown below a cell of a notebook. All bars of the cell share the file.
 
     Exported notebooks show all lines of the standard error, one below the other. This line is empty at the end.
     """

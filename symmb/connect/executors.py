@@ -56,7 +56,7 @@ class RefusedError(BrokenExecutor):
 
 @dataclass(frozen=True)
 class LostTask:
-    """A task whose worker died at each attempt."""
+    """The result of a task if the worker died at each attempt."""
 
     reason: str
 

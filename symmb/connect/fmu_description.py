@@ -203,7 +203,7 @@ def _number(text: Any) -> float | None:
 def parameters_of(path: Path, known: Mapping[str, Any], parameters: Mapping[str, float]) -> tuple[Variable, ...]:
     """The variables of an FMU that correspond to parameters.
 
-    It raises DeclarationError if a variable does not exist, cannot be set, or is not a number.
+    DeclarationError is raised if a variable does not exist, cannot be set, or is not a number.
     """
     found = tuple(variable_of(path, known, name, "parameter") for name in parameters)
     for variable, value in zip(found, parameters.values(), strict=True):

@@ -84,7 +84,7 @@ _OWN = threading.local()
 
 
 class LimitedCalls:
-    """A function whose calls run in a separate process. Each thread has its own process, and keeps it.
+    """A function with calls that run in a separate process. Each thread has its own process, and keeps it.
 
     The process is a copy of this process at the first call. Later changes of variables in one process have no effect in
     the other.

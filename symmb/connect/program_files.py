@@ -76,7 +76,7 @@ def template_texts(owner: str, templates: Mapping[str, str | Path]) -> dict[str,
 
 
 def is_inside(name: str) -> bool:
-    """Whether the relative path of a file stays inside its folder."""
+    """Whether the relative path of a file does not lead out of its folder."""
     place = PurePosixPath(name)
     parts = [part.encode(errors="replace") for part in place.parts]
     is_valid = 0 < max(map(len, parts), default=0) <= 255 and is_text(name)  # file systems allow names of 255 bytes

@@ -1,8 +1,8 @@
 """The interface between bounding methods and simulations: parameters in, trajectories out, in blocks.
 
 A simulator runs samples in blocks. The limits of the blocks depend on the sample number only. A reduction turns each
-block into a small state, and the states are merged in block order. For this reason the result is the same to the last
-bit if the blocks run one after another, in threads, in processes or on other machines.
+block into a small state, and the states are merged in block order. For this reason, all bits of the result are the same
+if the blocks run one after another, in threads, in processes or on other machines.
 """
 
 import operator

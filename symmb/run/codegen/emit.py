@@ -70,7 +70,7 @@ class _Schedule:
     ----------
     pieces : statements of each piece, which are nodes of the graph
     n_first : number of pieces before the loop
-    angles : nodes whose sines and cosines the loop computes
+    angles : nodes of angles for the loop, which computes their sines and cosines
     carried : node -> place of a value that a piece passes to later pieces
     twins : node of a sine -> node of its cosine, and back
     outputs : nodes that the function writes to `out`

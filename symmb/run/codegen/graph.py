@@ -8,8 +8,8 @@ import casadi as ca
 from symmb.declare.symbolic import Entry, Pieces, interpret
 
 CONSTANT, INPUT, SEARCH, ENTRY = range(-1, -5, -1)
-"""Operations of a Node besides those of CasADi, whose numbers are not negative. A SEARCH finds the row of pieces, and
-an ENTRY is the number in column `index` of this row."""
+"""Operations of a Node that are not operations of CasADi. They have negative numbers. A SEARCH finds the row of pieces,
+and an ENTRY is the number in column `index` of this row."""
 BOX = 3
 """Number of the input `box`. Functions of a box of states have it instead of x; see `ranges_along`."""
 

@@ -138,7 +138,7 @@ def source_of(
     fixed : bool               whether an explicit method has fixed steps
     scheme : Scheme or None    the scheme of a `scheme_function`
     hysteresis : (m,)          distance by which each switch must be passed, larger than its rounding
-    contacts : Contacts        contacts whose gaps and margins are the last switches
+    contacts : Contacts        contacts and joints; their gaps and margins are the last switches
     one_run : bool             whether the source is for single runs of one lane by c/one_run.h, with the data of pieces
     """
 

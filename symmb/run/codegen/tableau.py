@@ -119,7 +119,7 @@ def _sum(weights: Weights) -> str:
 
 
 def _place(stage: int) -> int:
-    """Place of a slope in k. Slopes 12 and 13 have the places of 1 and 2, which are no longer needed."""
+    """Place of a slope in k. 12 and 13 have the places of 1 and 2, which are no longer needed; 14 and 15 follow 11."""
     return {12: 1, 13: 2, 14: 12, 15: 13}.get(stage, stage)
 
 

@@ -33,7 +33,7 @@ def cores() -> int:
 
 
 def side_by_side(work: Callable[[A], R], arguments: Sequence[A]) -> list[R]:
-    """Results for all arguments, from several threads. This thread takes the first, and those without a thread."""
+    """Results for all arguments, from several threads. This thread works on the first one, and on those left over."""
     first, *others = arguments
     if not others:
         return [work(first)]

@@ -1,6 +1,6 @@
-"""Impacts and the states after them, and switches of time and state.
+"""Events of contacts and joints, and switches of time and of the state.
 
-The solvers that use this are in `integrate`.
+The solvers that use these are in `integrate`.
 """
 
 from symmb.run.events.impulses import Event, event_doubts, events_of

@@ -16,20 +16,21 @@ class Event:
     Attributes
     ----------
     time : float
-        [s]
+        time of the event [s]
     name : str
-        of the Impact, or of the joint
+        name of the Impact, or of the joint
     what : str
-        "impact", or "closes" and "opens" of a contact that stays closed, or of a joint
+        "impact", or "closes" and "opens" for a joint or for a contact that remains closed for some time
     before, after : float
-        rates of the gap [m/s, rad/s], or of the margin by which the condition of a joint is not met: falling, below 0
+        rate of the gap [m/s, rad/s] before and after the event. For a joint: rate of the margin of its condition. The
+        condition is met if the margin is not above 0
     work : float
-        of the impulse [J], what is lost being negative
+        work of the impulse [J]; negative if energy is lost
     depends_on_order : bool
-        whether impacts of the same instant would end otherwise in another order
+        whether another order of the impacts at this instant would give another result
     impulse : tuple of float
-        along the gap, or of the rows of a joint that closes, in the order and with the signs of their multipliers
-        [N s, N m s]; empty for joints and contacts that open. Joints that close at one instant share an impact
+        impulse along the gap [N s, N m s], or impulses of the rows of a joint that closes, with the order and signs of
+        their multipliers. It is empty if a joint or contact opens. Joints that close at one instant share an impact
 
     Examples
     --------
@@ -63,7 +64,7 @@ def events_of(rows: Array, contacts: Contacts, N: int) -> list[tuple[Event, ...]
 
 
 def event_doubts(events: Sequence[Event]) -> tuple[str, ...]:
-    """Warnings about events: simultaneous impacts whose result depends on their order."""
+    """Warnings about simultaneous impacts, if the motion after them depends on their order."""
     doubtful = [event for event in events if event.depends_on_order]
     if not doubtful:
         return ()

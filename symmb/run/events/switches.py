@@ -1,4 +1,4 @@
-"""Laws of time, and kinks or jumps, in equations of motion."""
+"""Kinks, jumps and laws of time in equations of motion."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -14,11 +14,11 @@ from symmb.run.events.time_switches import TimeSwitches
 _LOOKS = 20_000
 """Number of equally spaced times at which laws of time are evaluated, in addition to the output times."""
 _SUSPECTS, _HALVINGS = 20, 30
-"""Number of places where a law of time changes most, and number of bisections of each place, which show whether the law
-jumps there."""
+"""Number of intervals with the largest changes of a law of time, and number of bisections of each. Bisections show
+whether the law jumps there."""
 _CLEAR, _NEAR = 1e-6, 2e-4
-"""Fraction of the largest value of a switch above which the switch is clearly on one side, and largest error of the
-passes of the locating solver divided by the horizon: twice the value in integrate/side_walk.py."""
+"""A switch is clearly on one side if its value is above the first fraction of its largest value. The second number is
+the largest error of the times of passes, divided by the horizon: twice the value in integrate/side_walk.py."""
 _INPUTS = On.STATE, On.PARAMETERS, On.TIME
 
 
@@ -28,11 +28,11 @@ class Kinks:
 
     Attributes
     ----------
-    names : tuple of str     operations that have them
-    switches                 (x, p, t) -> what changes sign at each (m,)
-    on_state : (m,) bool     which depend on the state; others depend on time
-    located : (m,) bool      those of the state where steps of solvers end
-    moving : TimeSwitches    switches of time that parameters move; None if there are none
+    names : tuple of str     operations that have kinks or jumps
+    switches                 (x, p, t) -> values (m,), which change their sign at the kinks and jumps
+    on_state : (m,) bool     whether each switch depends on the state; other switches depend on time
+    located : (m,) bool      whether a switch depends on the state, and steps of solvers end at it
+    moving : TimeSwitches    switches of time that depend on parameters; None if there are none
     """
 
     names: tuple[str, ...]
@@ -55,16 +55,15 @@ class Kinks:
         return int(np.count_nonzero(np.diff(values > 0, axis=0)))
 
     def passed_over(self, values: Array, times: Array, passes: Array) -> float:
-        """Times at which values (n_t, m) first change the side of a switch without a known pass; nan if there is no
-        such change.
+        """The time [s] before the first change of side in values (n_t, m) without a known pass; nan if there is none.
 
-        The passes (k,) [s] are those that the run itself stored. Values close to 0 are on no side.
+        `passes` (k,) [s] are the passes that the run itself has stored. Values close to 0 are on no side.
         """
         if not len(values):
             return np.nan
         sides = np.where(np.abs(values) > _CLEAR * np.abs(values).max(axis=0, initial=0.0), np.sign(values), 0.0)
         changed = np.any((sides[1:] * sides[:-1] < 0) & self.located, axis=1)
-        if not sides[0, self.located].all():  # others jump with a switch on which the motion begins
+        if not sides[0, self.located].all():  # other switches jump with a switch on which the motion begins
             changed[:1] = False
         near, passes = _NEAR * float(np.ptp(times) if len(times) else 0.0), np.sort(passes)
         met = np.searchsorted(passes, times[1:] + near) > np.searchsorted(passes, times[:-1] - near)
@@ -72,8 +71,8 @@ class Kinks:
         return float(times[:-1][missed.argmax()]) if missed.any() else np.nan
 
     def first(self, X: Array, p: Array, times: Array) -> float:
-        """The first time by which states X (n_t, n_x) have passed a switch that depends on parameters; nan if there is
-        none."""
+        """The first time [s] at which states X (n_t, n_x) have passed a switch; nan if there is none. Switches that
+        depend only on time are ignored."""
         changed = (np.diff(self.values(X, p, times) > 0, axis=0) & self.on_state).any(axis=1)
         moving = np.empty(0) if self.moving is None else self.moving(p[None])[0]
         first = min(float(times[1:][changed].min(initial=np.inf)), float(moving.min(initial=np.inf)))
@@ -106,7 +105,7 @@ def kinks(dae: DAE, times: Array) -> Kinks | None:
 
 
 def time_switches(dae: DAE, times: Array) -> TimeSwitches | None:
-    """The switches of time of the equations of motion, with sampling instants; None if there are none."""
+    """The switches of time of the equations of motion, and sampling instants; None if there are none."""
     f = dae.remembered(_equations)
     instants = None if dae.sampling is None else dae.sampling.instants(times)
     if not has_kinks(f) and instants is None:
@@ -120,13 +119,13 @@ def time_switches(dae: DAE, times: Array) -> TimeSwitches | None:
 
 
 def _branches(dae: DAE, _: Array) -> Branches:
-    """The equations of motion on given sides of their switches, with symbols of their own."""
+    """The equations of motion on given sides of their switches. They have their own symbols."""
     f = dae.remembered(_equations)
     return branches(with_common_expressions(f), [*zip(f.sx_in(), _INPUTS, strict=True)])
 
 
 def longest_step(dae: DAE, times: Array) -> float:
-    """The steps of `Pulses` at the nominal parameters."""
+    """A step [s] shorter than every pulse of a law of time at the nominal parameters; see `Pulses`."""
     return float(dae.remembered(Pulses, times)(dae.p_nominal[None])[0])
 
 
@@ -145,7 +144,7 @@ class Pulses:
 
     Step control does not detect a pulse between the evaluations of a step. A pulse is an interval, shorter than the
     horizon, in which a law is far from its median, or an interval between two jumps. Pulses shorter than 1/20,000 of
-    the horizon are detected only at output times. Those with a switch of time in them do not count: steps end there.
+    the horizon are detected only at output times. Pulses with a switch of time are ignored, because steps end there.
     """
 
     def __init__(self, dae: DAE, times: Array) -> None:
@@ -169,16 +168,15 @@ class Pulses:
         return latest[1]
 
     def _shortest(self, signals: ca.Function, p: Array, stops: Array) -> float:
-        """Duration of the shortest pulse with parameters p (n_p,)."""
+        """Duration [s] of the shortest pulse with parameters p (n_p,)."""
         values = batch(signals, p, self._t[:, None])[0].T
         return min((_shortest_pulse(self._t, law, stops) for law in values), default=np.inf)
 
 
 def _shortest_pulse(t: Array, law: Array, stops: Array) -> float:
-    """Duration of the shortest pulse of a law (m,) at times (m,); infinite without pulses. It is at most twice the true
-    duration.
+    """Duration of the shortest pulse of a law (m,) at times t (m,) [s]; infinite without pulses.
 
-    Pulses that contain a stop are ignored.
+    The result is at most twice the true duration. Pulses that contain a stop are ignored.
     """
     if not (finite := np.isfinite(law)).all():
         t, law = t[finite], law[finite]
@@ -188,11 +186,11 @@ def _shortest_pulse(t: Array, law: Array, stops: Array) -> float:
     top = far.max()
     if top <= 1e-9 * max(law.max(), -law.min()):  # rounding
         return np.inf
-    # Fractions of a law's largest distance from its median. A pulse starts above the first, and ends below the
-    # second.
+    # Fractions of the largest distance of a law from its median. A pulse starts above the first fraction, and ends
+    # below the second.
     above = far > 0.25 * top
     changes = np.flatnonzero(above[1:] != above[:-1])
-    # What is under way at the first or the last time is evaluated there.
+    # A pulse that has started before the first time, or ends after the last time, is cut there.
     changes = changes[int(above[0]) :]
     before, last = changes[: len(changes) // 2 * 2].reshape(-1, 2).T
     if not len(before):
@@ -205,7 +203,7 @@ def _shortest_pulse(t: Array, law: Array, stops: Array) -> float:
 
 
 class Break(NamedTuple):
-    """The time at which positions or velocities of a constraint would have to jump."""
+    """A constraint, and the time at which its positions or velocities would have to jump."""
 
     name: str
     time: float
@@ -216,9 +214,9 @@ class Break(NamedTuple):
 
 
 def broken(dae: DAE, q: Array, times: Array) -> Break | None:
-    """The first constraint whose law of time has a jump or a corner, at coordinates q (n_q,) and nominal parameters.
+    """The first constraint with a jump or a corner in its law of time, at coordinates q (n_q,) and nominal parameters.
 
-    Rows are integrated as accelerations, which do not show a corner of a law.
+    Solvers integrate accelerations, in which a corner of the law is not visible.
     """
     if dae.Phi_dot is None or len(times) < 2:
         return None
@@ -236,7 +234,7 @@ def broken(dae: DAE, q: Array, times: Array) -> Break | None:
 
 
 def _jumps(law: ca.Function, times: Array) -> Array:
-    """Times of the jumps of a law, in order. At a jump, differences remain if intervals are halved."""
+    """Times of the jumps of a law, in order. If an interval with a jump is halved, the difference remains."""
 
     def values(t: Array) -> Array:
         return batch(law, t.reshape(-1, 1))[0].reshape(t.shape)
@@ -257,13 +255,13 @@ def _jumps(law: ca.Function, times: Array) -> Array:
 
 
 def _is_timed(dae: DAE) -> bool:
-    """Whether equations depend on time. Explicit accelerations are not derived, because they may have millions of
-    operations."""
+    """Whether equations depend on time. Explicit accelerations are not derived for this test, because they may have
+    millions of operations."""
     return dae.remembered(_equations).jac_sparsity(0, _INPUTS.index(On.TIME)).nnz() > 0
 
 
 def _equations(dae: DAE, _: Array) -> ca.Function:
-    """Forces, right sides of constraints and first-order rates as a function of (x, p, t)."""
+    """A function (x, p, t) -> forces, right-hand sides of constraints, and first-order rates."""
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
     at = dae.arguments(x, p, t)
     parts = [dae.Q(*at)]

@@ -11,9 +11,9 @@ from symmb.declare.symbolic import On, Pieces, batch, batch_padded, branches, co
 from symmb.run.schemes import roots
 
 _PARTS, _HALVINGS, _MOST_PARTS = 64, 30, 1_000_000
-"""Number of parts of the horizon at the start, how often parts are halved if they may contain more sign changes than
-their ends show, and largest number of parts. Jumps are parts that remain undecided. Two changes within a shortest part,
-about 1e-10 of the horizon, are not found."""
+"""First number of parts of the horizon, maximum number of bisections of a part, and maximum number of parts. A part is
+halved if it may contain more sign changes than its ends show. A part that remains undecided is a jump. Two changes
+within a shortest part, about 1e-10 of the horizon, are not found."""
 
 
 class TimeSwitches:
@@ -21,11 +21,11 @@ class TimeSwitches:
 
     Parameters
     ----------
-    switches : (k,) SX       what changes sign at the kinks and jumps, of p and t
-    p, t : SX symbols
-    times : (n_t,) array     output times; switches outside do not count
-    knots : list             arguments of tables, of p and t, and their pieces: they switch where these meet
-    instants : (k,) array    further switches, of all samples [s]
+    switches : (k,) SX       expressions of p and t, which change their sign at the kinks and jumps
+    p, t : SX symbols        parameters and time
+    times : (n_t,) array     output times [s]; switches outside their range are ignored
+    knots : list             arguments of tables, expressions of p and t, and pieces. Tables switch at their knots
+    instants : (k,) array    further switches, equal for all samples [s]
     """
 
     def __init__(
@@ -55,21 +55,21 @@ class TimeSwitches:
 
     @property
     def linear(self) -> tuple[ca.Function, list[Array]] | None:
-        """(p) -> values (k,) at time 0 and slopes (k,), and the places (m,) of the last ones; None if some are curved.
+        """A function (p) -> values (k,) at time 0 and slopes (k,), and knots (m,); None if some switches are curved.
 
-        The first ones switch at 0.
+        The first values switch at 0, and the last values at the knots.
         """
         return None if self._curved.numel_out(0) or self._tables else (self._linear, self._places)
 
     def of_all_samples(self) -> Array:
-        """Times (k,) of sampling instants, and of switches by curved laws without parameters [s]."""
+        """Times (k,) of sampling instants, and of switches of curved laws without parameters [s]."""
         none = np.zeros(self._linear.numel_in(0))
         curved = self._curved_roots(none) if self._curved.numel_out(0) and not self._depends else np.empty(0)
         tables = [table(none[None])[0] for table in self._tables if not table.depends]
         return np.unique(np.concatenate([self._instants, curved, *tables]))
 
     def __call__(self, p: Array) -> Array:
-        """Switches (N, k) of N samples p (N, n_p) in order, padded with inf [s]."""
+        """Ordered times (N, k) of the switches of N samples p (N, n_p), padded with inf [s]."""
         p = p[:, : self._linear.numel_in(0)]
         switches = [np.broadcast_to(self._instants, (len(p), len(self._instants)))]
         if self._linear.numel_out(0):
@@ -93,9 +93,9 @@ class TimeSwitches:
         return times[:, : int(np.isfinite(times).sum(axis=1).max(initial=0))]
 
     def _curved_roots(self, p: Array) -> Array:
-        """Times (k,) at which some switch of one sample p (n_p,) changes its sign."""
-        # Where parts are halved, and the power that makes the first parts unequal, so that ends do not coincide with
-        # jumps at whole periods.
+        """Times (k,) at which a switch of one sample p (n_p,) changes its sign [s]."""
+        # Fraction at which parts are divided, and power that makes the first parts unequal. Their ends then do not
+        # coincide with jumps at whole periods.
         ends = self._begin + (self._end - self._begin) * (np.arange(_PARTS + 1) / _PARTS) ** 1.01
         low, high = ends[:-1], ends[1:]
         at_low, at_high = self._values(p, low), self._values(p, high)
@@ -124,7 +124,7 @@ class TimeSwitches:
         return batch_padded(self._curved, np.broadcast_to(p, (len(t), len(p))), t[:, None])[0]
 
     def _told(self, p: Array, low: Array, high: Array, at_low: Array, at_high: Array) -> Mask:
-        """Mask of intervals whose values (k, m) at the ends low and high (k,) show every sign change."""
+        """Mask of intervals in which the values (k, m) at the ends low and high (k,) show every sign change."""
         if not len(low):
             return np.ones(at_low.shape, dtype=bool)
         box = np.column_stack([low, high, high - low])
@@ -133,15 +133,15 @@ class TimeSwitches:
         up = at_low > 0
         toward, away = np.where(up, -fall, rise), np.where(up, rise, -fall)
         between = (up == (at_high > 0)) & (np.abs(at_low) * away + np.abs(at_high) * toward > toward * away)
-        # Fraction of a range by which values may deviate from it. A value that deviates more is on the other side of
-        # a jump.
+        # Fraction of a range. Values may deviate from the range by this fraction. A value with a larger deviation is on
+        # the other side of a jump.
         margin = 1e-6 * (np.abs(least) + np.abs(largest))
         exact = (np.minimum(at_low, at_high) >= least - margin) & (np.maximum(at_low, at_high) <= largest + margin)
         return np.asarray(exact & ((least > 0) | (largest < 0) | (fall >= 0) | (rise <= 0) | between))
 
 
 class _Knots:
-    """Times at which the argument of a table, which is a curved function of time, is at a knot (k,)."""
+    """Times at which the argument of a table reaches a knot. The argument is a curved function of time."""
 
     def __init__(self, at: ca.SX, knots: Array, p: ca.SX, t: ca.SX, times: Array) -> None:
         self._at, self._knots, self.depends = ca.Function("at", [p, t], [at]), knots, ca.depends_on(at, p)
@@ -150,12 +150,12 @@ class _Knots:
         self._turns, self._ends = TimeSwitches(turns, p, t, times, knots=branch.knots), (times[0], times[-1])
 
     def __call__(self, p: Array) -> Array:
-        """The times (N, k) of N samples, padded with inf [s]."""
+        """The times (N, k) of N samples p (N, n_p), padded with inf [s]."""
         some = p if self.depends else p[:1]
         return _padded([self._of(row, turns) for row, turns in zip(some, self._turns(some), strict=True)], len(p))
 
     def _of(self, p: Array, turns: Array) -> Array:
-        """Times of one sample. Between turning points and jumps the argument is monotonic."""
+        """Times of one sample [s]. The argument is monotonic between `turns`, which are its extrema and jumps."""
 
         def values(t: Array) -> Array:
             if not len(t):
@@ -163,8 +163,8 @@ class _Knots:
             return batch_padded(self._at, np.broadcast_to(p, (len(t), len(p))), t[:, None])[0][:, 0]
 
         ends = np.unique([*self._ends, *turns[np.isfinite(turns)]])
-        # Number of rounding errors between a jump and a time beside it: twice the distance within which switches are
-        # the same.
+        # Number of rounding errors between a jump and a time beside it. It is twice the distance below which switches
+        # are equal.
         margin = 16 * np.spacing(np.maximum(np.abs(ends[:-1]), np.abs(ends[1:])))
         low, high = ends[:-1] + margin, ends[1:] - margin
         low, high = low[low < high], high[low < high]

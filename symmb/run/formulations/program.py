@@ -241,8 +241,8 @@ class Program:
     def shortest_equations(self, X: Array, p: Array) -> tuple[Array, DAE]:
         """Equations in some coordinates, and the states (m, n_x) in these coordinates for states X of the bodies.
 
-        The equations are in coordinates of joints if the scene has no loops or if the equations of the bodies are long,
-        otherwise in coordinates of bodies.
+        Coordinates are those of joints if the scene has no loops, or if the equations of the bodies are long. Otherwise
+        they are those of bodies.
         """
         tree = self.forms.least_constrained
         if tree.bodies is None or (tree.has_loops and self.bodies.least_operations <= _LONG):

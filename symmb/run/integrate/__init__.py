@@ -1,7 +1,7 @@
 """Solvers of the index-reduced DAE and the drivers of their steps.
 
-Each solver is a frozen object with its options in the constructor; `registry` lists them all. Compiled solvers take
-their steps in the C of `codegen`.
+Each solver is a frozen object with options. `registry` lists all solvers. Compiled solvers take their steps in the C
+code of `codegen`.
 """
 
 from symmb.run.integrate.casadi_solvers import CVODES, IDAS, StabilizedIndex2

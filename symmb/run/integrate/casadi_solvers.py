@@ -1,4 +1,4 @@
-"""Solvers on CasADi's integrators: SUNDIALS' multistep methods, and Radau collocation."""
+"""Solvers that use CasADi's integrators: the multistep methods of SUNDIALS, and Radau collocation."""
 
 from abc import abstractmethod
 from dataclasses import dataclass
@@ -31,15 +31,15 @@ class _Multistep(Solver):
 
     @abstractmethod
     def _method(self, options: dict[str, Any], problem: InitialValueProblem, length: float) -> dict[str, Any]:
-        """CasADi's options for an integration over a time of this length, from the options for tolerances."""
+        """CasADi's options for an integration over a time `length` [s]. `options` are those for tolerances."""
 
     def has_dense_output(self, dae: DAE) -> bool:
         return not isinstance(self.stabilization, Projection) and not has_kinks(dae.rhs) and dae.sampling is None
 
     def independent_integration(self, dae: DAE, times: Array, of_state: bool = False) -> Integration:
-        """The integration whose own step control follows switches of the state.
+        """An integration in which step control alone follows switches of the state.
 
-        Steps also end at those that DormandPrince locates if `of_state`: pulses shorter than all steps are met there.
+        With `of_state`, steps also end at switches that DormandPrince locates. Short pulses are then not missed.
         """
         return self._integration(dae, times, 0, False, independent=True, of_state=of_state)
 
@@ -54,12 +54,12 @@ class _Multistep(Solver):
 
 @dataclass(frozen=True, repr=False)
 class IDAS(_Multistep):
-    """Variable-order BDF on the index-1 DAE, multipliers as algebraic variables (SUNDIALS).
+    """Variable-order BDF on the index-1 DAE, with multipliers as algebraic variables (SUNDIALS).
 
     Parameters
     ----------
     rtol, atol : float
-        as of `CVODES`
+        relative and absolute tolerance, see `CVODES`
     stabilization
         None, Baumgarte(...) or Projection()
 
@@ -86,14 +86,14 @@ class IDAS(_Multistep):
 
 @dataclass(frozen=True, repr=False)
 class CVODES(_Multistep):
-    """Variable-order multistep method on the ODE with multipliers eliminated (SUNDIALS).
+    """Variable-order multistep method on the ODE without multipliers (SUNDIALS).
 
     Parameters
     ----------
     rtol : float
         relative tolerance
     atol : float
-        absolute tolerance, rtol / 100 of the motion's size if left out [m, rad, m/s, rad/s]
+        absolute tolerance [m, rad, m/s, rad/s]; default: rtol / 100 times the size of the motion
     stiff : bool
         BDF with Newton iterations instead of Adams with fixed-point iterations
     stabilization
@@ -122,19 +122,19 @@ class CVODES(_Multistep):
 
     def _method(self, options: dict[str, Any], problem: InitialValueProblem, length: float) -> dict[str, Any]:
         adams = {} if self.stiff else {"linear_multistep_method": "adams", "nonlinear_solver_iteration": "functional"}
-        # A run that reaches a singularity would otherwise creep into it with ever shorter steps. Shortest step divided
-        # by the horizon. Shorter steps are lost in rounding. tests/integrate/test_failures.py
+        # Shortest step divided by the horizon. Shorter steps are lost in rounding. Without a limit, a run that
+        # approaches a singularity would take shorter and shorter steps. tests/integrate/test_failures.py
         return {**options, **adams, "min_step_size": 1e-14 * length}
 
 
 @dataclass(frozen=True, repr=False)
 class StabilizedIndex2(Solver):
-    """Variable-order BDF on the stabilised index-2 form (SUNDIALS): positions and velocities are kept to the tolerance.
+    """Variable-order BDF on the stabilised index-2 form (SUNDIALS). Positions and velocities satisfy the constraints.
 
     Parameters
     ----------
     rtol, atol : float
-        as of `CVODES`
+        relative and absolute tolerance, see `CVODES`
 
     Examples
     --------
@@ -158,8 +158,8 @@ class StabilizedIndex2(Solver):
         options, units = _measures(self.tolerances(dae, n_quad=int(work and dae.power is not None)))
         # IDAS computes no consistent rates at index 2. With rates of zero, the first step is rejected until the motion
         # in it is within the tolerance.
-        # First step of index 2, over rtol and the time of the fastest motion at the start. SUNDIALS may reject a
-        # first step ten times, and divides it by four each time. So the first step may be a million times too long
+        # First step of index 2, divided by rtol and by the time of the fastest motion at the start. SUNDIALS may reject
+        # a first step ten times, and divides it by four each time. So the first step may be a million times too long
         # after a restart.
         first = 1e-3 * self.rtol / dae.scales.rate
 
@@ -172,14 +172,14 @@ class StabilizedIndex2(Solver):
 
 @dataclass(frozen=True, repr=False)
 class Collocation(Solver):
-    """Radau collocation with a fixed step on the index-1 DAE, multipliers as algebraic variables.
+    """Radau collocation with a fixed step on the index-1 DAE, with multipliers as algebraic variables.
 
     Parameters
     ----------
     degree : int
-        collocation points a step, at most 9; the order is 2 degree - 1
+        number of collocation points in a step, at most 9; the order is 2 degree - 1
     steps : int
-        over the whole horizon; at least one for each output time
+        number of steps over the whole horizon; each output interval has at least one step
     stabilization
         None, Baumgarte(...) or Projection()
 
@@ -213,19 +213,24 @@ class Collocation(Solver):
 
 def _with_multipliers(options: dict[str, Any], problem: InitialValueProblem) -> dict[str, Any]:
     """The options of IDAS for a problem with multipliers as unknowns."""
-    # Absolute tolerance of multipliers [N, N m, -]. It is above all values that occur, so that multipliers are
-    # ignored in error tests. At index 2 the errors of multipliers do not decrease with the step. At index 1 their
-    # rounding rejects steps: a run takes 100 times as many.
+    # Absolute tolerance of multipliers [N, N m, -]. It is above all values that occur, so that error tests ignore
+    # multipliers. At index 2 the errors of multipliers do not decrease with the step. At index 1 steps would be
+    # rejected because of rounding of multipliers, and a run would take 100 times as many steps.
     tolerances = [options["abstol"]] * problem.x.numel() + [1e10] * problem.z.numel()
-    # Rows of the constraints are small beside those of short steps: CasADi's own QR factorisation, without pivoting,
-    # is not accurate then.
+    # Rows of constraints are small in comparison with rows of short steps. CasADi's own QR factorisation, which has no
+    # pivoting, is not accurate then.
     return options | {"abstolv": tolerances, "suppress_algebraic": True, "linear_solver": "csparse"}
 
 
+<<<<<<< HEAD
 def _measures(tolerances: StepTolerances) -> tuple[dict[str, Any], Array | None]:
     """Options for tolerances, and units (n_x + n_quad,) of states and integrals, so that one tolerance serves all."""
+=======
+def _measures(tolerances: Tolerances) -> tuple[dict[str, Any], Array | None]:
+    """Options for tolerances, and units (n_x + n_quad,) of states and integrals, for which one tolerance suffices."""
+>>>>>>> doc2
     sizes = np.array(tolerances.sizes or (1.0,))
     size = float(sizes.max())
-    # The integral of the power takes part in error tests: without, CasADi's quadratures can be far off.
+    # Error tests include the integral of the power. Otherwise CasADi's quadratures can have large errors.
     options = {"reltol": tolerances.rtol, "abstol": tolerances.atol * size, "quad_err_con": True}
     return options | {"disable_internal_warnings": True}, None if (sizes == size).all() else sizes / size

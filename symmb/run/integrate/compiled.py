@@ -1,4 +1,4 @@
-"""Solvers with steps in compiled C, for many samples side by side, and their runs."""
+"""Solvers with steps in compiled C code for many samples in parallel, and runs by these solvers."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
@@ -27,12 +27,12 @@ class Task(NamedTuple):
     Attributes
     ----------
     times : (n_t,)          output times [s]
-    y : (x, p, t) -> (n_y,) outputs; with work, its integral follows them
-    order : int             with an order, x and p are the Taylor coefficients of `InitialValueProblem.jets`
+    y : (x, p, t) -> (n_y,) outputs; with `work`, the integral of the power follows them
+    order : int             if above 0, x and p are the Taylor coefficients of `InitialValueProblem.jets`
     work : bool             whether the power of forces without potential is integrated too [J]
-    start : Start           compiled too, if it is not large; without it, each run is given its state
-    alone : bool            without Python: the start is always compiled, and steps end at switches that the C itself
-                            locates
+    start : Start           compiled too, unless it is large; None if the caller gives the state of each run
+    alone : bool            whether runs need no Python. Then the start is always compiled, and the C code locates
+                            switches
     """
 
     dae: DAE
@@ -45,25 +45,30 @@ class Task(NamedTuple):
 
 
 class CompiledSolver(Solver):
-    """Steps that the engine makes for many samples side by side."""
+    """A solver with steps that the engine makes for many samples in parallel."""
 
     needs_compiler: ClassVar[bool] = True
 
     def runs_in_lanes(self, dae: DAE) -> bool:
         return True
 
+<<<<<<< HEAD
     def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> StepTolerances | FixedStep:
         """The choice of steps in the engine, for Taylor coefficients up to an order and for integrals along the
+=======
+    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances | FixedStep:
+        """The step control in the engine, for Taylor coefficients up to `order` and `n_quad` integrals along the
+>>>>>>> doc2
         motion."""
         return self.tolerances(dae, order, n_quad) if self.controls_step else FixedStep(self.fixed_step(times))
 
     def engine(self, task: "Task") -> Engine:
-        """The runs in compiled C.
+        """The engine that makes the runs in compiled C code.
 
         Raises
         ------
         NoCompilerError
-            If there is no C compiler, or none builds them
+            If there is no C compiler, or none builds the engine
         """
         impacts = task.dae.impacts
         events = f", which locates the events of {impacts_text(impacts)}," if impacts else ""
@@ -72,7 +77,7 @@ class CompiledSolver(Solver):
 
     @abstractmethod
     def lanes(self, task: "Task") -> Lanes:
-        """The stages of the scheme that the engine runs.
+        """The equations and the method of the engine.
 
         Raises
         ------
@@ -83,8 +88,13 @@ class CompiledSolver(Solver):
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         return CompiledIntegration(self, dae, times, order, work)
 
+<<<<<<< HEAD
     def limited_control(self, dae: DAE, times: Array, order: int, n_quad: int) -> StepTolerances | FixedStep:
         """The step control. Steps are so short that none passes over a pulse of a function of time."""
+=======
+    def limited_control(self, dae: DAE, times: Array, order: int, n_quad: int) -> Tolerances | FixedStep:
+        """The step control, with steps that are shorter than every pulse of a function of time."""
+>>>>>>> doc2
         self.require_affordable(times)
         control = self.step_control(dae, times, order, n_quad)
         if isinstance(control, FixedStep):
@@ -94,9 +104,9 @@ class CompiledSolver(Solver):
 
 
 class CompiledIntegration(Integration):
-    """States of runs by the engine.
+    """An integration in which the engine computes the states.
 
-    `fixed_steps` makes the single steps of a scheme with a fixed step, for runs in lockstep; None if the scheme has no
+    `fixed_steps` makes the same fixed steps one by one, for runs that advance together. It is None if the scheme has no
     fixed step.
     """
 

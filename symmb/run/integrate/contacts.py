@@ -49,17 +49,16 @@ def contacts_of(dae: DAE, impacts: Impacts, with_work: bool) -> Contacts:
 
 
 def _tolerances(dae: DAE, joints: JointEvents) -> tuple[float, ...]:
-    """Margins of conditions (m,) that are 0 except for rounding. Conditions of forces are evaluated with one closed
-    joint.
+    """Values (m,) below which margins of conditions are rounding. For conditions of forces, one joint is closed.
 
-    States that violate constraints would give unlimited forces of redundant joints.
+    With more closed joints, states that violate constraints would give unlimited forces of redundant joints.
     """
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
 
     def of(number: int) -> float:
         if joints.let_slip[number] == 2:
-            # Ratio of slip to the rate of the motion above which an impulse has caused the slip. The slip of clutches
-            # that stick is not exactly 0.
+            # Ratio of slip to the rate of the motion. A larger slip is caused by an impulse. The slip of clutches that
+            # stick is not exactly 0.
             return 1e-9 * dae.scales.rate
         closed = ca.SX(x)
         closed[[dae.n_q + dae.n_v + k for k in joints.flags if joints.by_force[number]]] = 0
@@ -71,10 +70,10 @@ def _tolerances(dae: DAE, joints: JointEvents) -> tuple[float, ...]:
 
 
 def with_gaps(frozen: SwitchedProblem, dae: DAE, impacts: Impacts, work: bool) -> SwitchedProblem:
-    """A problem with its switches, whose last switches are the gaps of open contacts, and 1 for closed ones.
+    """A problem with further switches: gaps of contacts, which are 1 if closed, and then margins of joints.
 
-    Margins of joints follow, above 0 on the side where they are, and 1 where their events would change nothing. It
-    projects states into closed contacts as well. The work of impulses needs an integral along the motion.
+    A margin is above 0 on its present side. It is 1 if the event would change nothing. The new problem also projects
+    states onto closed contacts. With `work`, it has an integral along the motion, to which impulses add their work.
     """
     problem, m, joints = frozen.problem, len(frozen.ends.hysteresis), impacts.joints
     x, p, t = problem.x, problem.p[: len(dae.p_names)], problem.t
@@ -86,7 +85,7 @@ def with_gaps(frozen: SwitchedProblem, dae: DAE, impacts: Impacts, work: bool) -
         s, (margin, fall) = x[dae.n_q + dae.n_v :], joints.margins(*dae.arguments(x, p, t))
         side = 1 - 2 * (s[list(joints.holding)] > 0.5)
         closed = [ca.sum1(s[[k, *others]]) for k, others in zip(joints.flags, joints.others, strict=True)]
-        # Clutches are struck by impulses only, at whose instants their margins are evaluated.
+        # Only impulses let clutches slip. Margins of clutches are evaluated at the instants of these impulses.
         is_armed = ca.vertcat(
             *[
                 0 if slips == 2 else c > 0.5 if opens else c < 0.5
@@ -112,7 +111,7 @@ def with_gaps(frozen: SwitchedProblem, dae: DAE, impacts: Impacts, work: bool) -
 
 
 def contact_functions(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t: ca.SX) -> dict[str, ca.SX]:
-    """Gaps, forces, impulses and stored states of c/impacts.h at states x, which may end with the work."""
+    """Expressions for c/impacts.h at states x, which may end with the work: gaps, forces, impulses, held states."""
     n_x, p = dae.n_q + dae.n_v + dae.n_s, p[: len(dae.p_names)]
     at = dae.arguments(x[:n_x], p, t)
     functions = {name: getattr(impacts, name)(*at) for name in ("gaps", "forces", "impulses")}
@@ -131,19 +130,19 @@ def _held(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t: ca.SX) -> ca.SX:
 
 
 def started(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t0: float, span: float) -> ca.SX:
-    """The state x (n_x,) at the start of a run over a span [s]; nan if the run cannot start at this state."""
+    """The state (n_x,) at the start of a run of length `span` [s]; nan if the run cannot start at the state x."""
     x, faults, _ = _start(dae, impacts, x, p, ca.SX(t0), ca.SX(span))
     return x + ca.if_else(ca.sum1(faults) > 0, math.nan, 0)
 
 
 def _start(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t: ca.SX, span: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """The results of `Contacts.start`. Joints that open or close come first, then impacts from the last to the
-    first."""
+    """The results of `Contacts.start`. Faults of joints that open or close come first, then faults of impacts, from the
+    last impact to the first."""
     gap, rate, _ = impacts.gaps(*dae.arguments(x, p, t))
     way = ca.fabs(rate) * span + impacts.forces(*dae.arguments(x, p, t))[2] * span**2 / 2
     e = impacts.impulses(*dae.arguments(x, p, t))[3]
-    # Negative gap at the start that counts as rounding divided by the size of the scene, or divided by the distance
-    # that the speed and acceleration of the gap give until the end. The gap itself may be the only known length.
+    # Negative gap at the start that is rounding, divided by the size of the scene, or by the distance that speed and
+    # acceleration of the gap give until the end. The gap itself may be the only known length.
     rounding = ca.fmax(1e-9 * dae.scales.length, 1e-7 * way)
     faults = [ca.logic_not(gap >= -rounding), ca.logic_not(ca.logic_and(e >= 0, e <= 1))]
     last_first = list(range(gap.numel()))[::-1]
@@ -155,7 +154,7 @@ def _start(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t: ca.SX, span: ca.SX
 
 
 def _fault_texts(impacts: Impacts) -> tuple[tuple[str, str], ...]:
-    """Texts about the faults of `_start`, before and after their numbers."""
+    """For each fault of `_start`, the texts before and after its number."""
     joints, names = impacts.joints, impacts.names[::-1]
     events = zip(joints.titles, joints.opens, strict=True) if joints else ()
     before, behind = RESTITUTION.split("{}")
@@ -174,9 +173,9 @@ def _fault_texts(impacts: Impacts) -> tuple[tuple[str, str], ...]:
 
 
 def _joints_started(dae: DAE, joints: JointEvents, x: ca.SX, p: ca.SX, t: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """The state with the active conditions of joints, and faults: conditions that would have acted before the start.
+    """The state with the conditions of joints that hold at the start, and faults of the joints.
 
-    Clutches without slip stick.
+    A fault is a condition that would have acted before the start. Clutches without slip stick.
     """
     at, x, faults = dae.n_q + dae.n_v, ca.SX(x), []
     slip, rounding = joints.slips(*dae.arguments(x, p, t))

@@ -1,4 +1,4 @@
-"""Runs with impacts: steps of the Dormand-Prince pair from event to event."""
+"""A solver for impacts: steps of the Dormand-Prince pair from event to event."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar, cast
@@ -17,16 +17,16 @@ from symmb.run.integrate.stabilization import Projection, Stabilization
 
 @dataclass(frozen=True, repr=False)
 class EventDriven(Explicit):
-    """Explicit pair of order 8 whose steps end at the events of an `Impact`, a `Release`, a `Latch` or a `Clutch`.
+    """Explicit pair of order 8. Its steps end at events of an `Impact`, a `Release`, a `Latch` or a `Clutch`.
 
-    They are located on the interpolant of a step to rounding. Each sample has steps of its own. After every step
-    positions and velocities are moved onto the constraints, with those of closed contacts. At the time of an event,
-    outputs have their values after it.
+    The interpolant of a step gives the time of an event, exact up to rounding. The steps of each sample are
+    independent. After every step, positions and velocities are projected onto the constraints and onto closed contacts.
+    At the time of an event, outputs have their values after the event.
 
     Parameters
     ----------
     rtol, atol : float
-        as of `CVODES`
+        relative and absolute tolerance, see `CVODES`
 
     Examples
     --------
@@ -78,8 +78,13 @@ class EventDriven(Explicit):
 
 def round_otherwise(engine: Engine, other: Engine) -> None:
     """Limit the steps of an engine to less than the mean step of the last run of another engine."""
+<<<<<<< HEAD
     control, span = cast(StepTolerances, engine.control), float(np.ptp(engine.times))
     # Longest step of a check run divided by the mean step of the checked run. It is not a simple fraction, so that
+=======
+    control, span = cast(Tolerances, engine.control), float(np.ptp(engine.times))
+    # Longest step of a check run, divided by the mean step of the checked run. It is not a simple fraction, so that
+>>>>>>> doc2
     # rounding errors differ.
     longest = min(control.longest or np.inf, 0.37 * span / max(other.counts.steps, 1))
     engine.control = replace(control, longest=longest)

@@ -1,6 +1,6 @@
-"""Explicit solvers on the ODE with multipliers eliminated.
+"""Explicit solvers on the ODE without multipliers.
 
-Their steps are taken by compiled loops: `codegen/c/embedded_pair.h` and `codegen/c/fixed_step.h`.
+The steps are made by compiled loops in `codegen/c/embedded_pair.h` and `codegen/c/fixed_step.h`.
 """
 
 from abc import abstractmethod
@@ -25,7 +25,7 @@ from symmb.run.integrate.step_ends import SwitchedProblem, stops_in_time, switch
 
 
 class Explicit(CompiledSolver):
-    """Explicit steps, compiled for many samples side by side."""
+    """A solver with explicit steps, compiled for many samples in parallel."""
 
     stabilization: Stabilization
     projection_steps: ClassVar[int] = PROJECTION_STEPS
@@ -48,11 +48,11 @@ class Explicit(CompiledSolver):
         frozen = self._switched(problem, task, of_time is not None and linear is None)
         contacts = None
         if dae.impacts is not None:
-            # The engine is given the states of the start, which Python moves into closed contacts.
+            # The engine receives the states at the start. Python has projected them onto closed contacts.
             contacts, start = contacts_of(dae, dae.impacts, work), start if alone else None
             frozen = with_gaps(frozen, dae, dae.impacts, work)
         own, problem = problem.p, frozen.problem
-        # At the time of an event, outputs have their values after it.
+        # At the time of an event, outputs have their values after the event.
         outputs = y(problem.x if contacts is None else cast(ca.SX, problem.projected), own, problem.t)
         control = self.limited_control(dae, times, order, problem.quad.numel())
         n_x = problem.x.numel()
@@ -78,8 +78,8 @@ class Explicit(CompiledSolver):
         return Lanes(f, control, ends=frozen.ends, contacts=contacts, knots=tuple(linear[1]) if linear else ())
 
     def _switched(self, problem: InitialValueProblem, task: Task, of_time: bool) -> SwitchedProblem:
-        """The problem with the switches at which steps end. Fixed steps end at no switches, Taylor coefficients at
-        switches of time only."""
+        """The problem with the switches at which steps end. Fixed steps do not end at switches. Steps of Taylor
+        coefficients end at switches of time only."""
         if self.controls_step and not task.order:
             return switched(problem, task.dae, task.times, of_time)
         stops = stops_in_time(task.dae, task.times) if self.controls_step else None
@@ -100,17 +100,17 @@ def _compiled_start(
 
 @dataclass(frozen=True, repr=False)
 class DormandPrince(Explicit):
-    """Embedded pair of order 8 with step control and dense output, compiled for many samples side by side.
+    """Embedded pair of order 8 with step control and dense output, compiled for many samples in parallel.
 
-    Samples share a step in blocks of 8, fixed by sample index. With `Projection()` positions and velocities are
-    projected onto the constraints after every step. Steps end where functions of time or forces switch, at `if_else`,
-    `fabs`, `fmax` and the like, also where the motion passes a switch twice within a step. They also end where `exp`,
-    `tanh`, `erf` and `cosh` of positions or of time are steep: none passes over a smooth pulse made of these.
+    Blocks of 8 samples, by sample number, share their steps. With `Projection()`, positions and velocities are
+    projected onto the constraints after every step. Steps end at switches of forces or of functions of time, such as
+    `if_else`, `fabs` and `fmax`. This includes switches that the motion passes twice within a step. Steps also end
+    where `exp`, `tanh`, `erf` or `cosh` of positions or of time is steep. So they miss no smooth pulse of these.
 
     Parameters
     ----------
     rtol, atol, stabilization
-        as of `CVODES`
+        options of the same names in `CVODES`
 
     Examples
     --------
@@ -140,12 +140,12 @@ class DormandPrince(Explicit):
 class RungeKutta(Explicit):
     """Classical Runge-Kutta method of order 4 with a fixed step.
 
-    Compiled for many samples side by side.
+    It is compiled for many samples in parallel.
 
     Parameters
     ----------
     steps : int
-        over the whole horizon; at least one for each output time
+        number of steps over the whole horizon; each output interval has at least one step
     stabilization
         None, Baumgarte(...), Projection() or AugmentedLagrangian(...) at the output times
 

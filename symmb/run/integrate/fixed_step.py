@@ -19,7 +19,7 @@ class Advance:
     """One step of a scheme on its history w, which begins with the state x (n_x,) and the quadrature (n_quad,).
 
     begin (x, p, t, h) -> w     history at the start, before a first step of length h
-    step (w, p, t, h) -> w      by a step of length h that ends at t
+    step (w, p, t, h) -> w      history after a step of length h that ends at t
     """
 
     begin: ca.Function
@@ -30,7 +30,7 @@ class Advance:
 
 @dataclass(eq=False)
 class _FixedSteps(Integration):
-    """Runs by equal steps. Each interval of the times has its number (n_t - 1,) of steps."""
+    """Runs with equal steps in each interval of the times. `counts` (n_t - 1,) are the numbers of steps."""
 
     scheme: Advance = field(kw_only=True)
     counts: Indices = field(kw_only=True)
@@ -58,16 +58,16 @@ class _FixedSteps(Integration):
 def fixed_step_integration(
     advance: Advance, times: Array, length: float, project: ca.Function | None = None
 ) -> Integration:
-    """A scheme compiled over the given times.
+    """The integration of a scheme over the given times.
 
-    Every interval between two output times is cut into equal steps no longer than `length`.
+    Every interval between two output times is divided into equal steps, which are not longer than `length`.
 
     Parameters
     ----------
     advance : Advance
-    times : (n_t,) array        [s]
+    times : (n_t,) array        output times [s]
     length : float              longest step [s]
-    project : (x, p, t) -> x    onto the constraints at every output time; for schemes whose history is the state alone
+    project : (x, p, t) -> x    projection at every output time; only for schemes with a history that is the state alone
     """
     n_x, n_p = advance.n_x, advance.step.numel_in(1)
     guess = ca.Function("guess", [ca.SX.sym("x", n_x), ca.SX.sym("p", n_p), ca.SX.sym("t")], [ca.SX(0, 1)])
@@ -78,7 +78,7 @@ def fixed_step_integration(
     if project is None:
         whole = _all_steps(advance, times, counts)
     else:
-        # Intervals of one number of steps are folded; others are walked one by one.
+        # Intervals with equal numbers of steps are folded into one loop. Other intervals follow one by one.
         whole = _all_intervals(between, project, times) if counts.min() == counts.max() else None
     return _FixedSteps(times, n_x, advance.n_quad, guess, whole, between, project, scheme=advance, counts=counts)
 
@@ -98,8 +98,7 @@ def explicit(problem: InitialValueProblem) -> Advance:
 
 
 def collocation(problem: InitialValueProblem, degree: int) -> Advance:
-    """Radau collocation of the given degree, one step of CasADi's implementation, on the problem with its algebraic
-    variables."""
+    """Radau collocation of the given degree: one step of CasADi's method for the problem with algebraic variables."""
     n_x, n_quad = problem.x.numel(), problem.quad.numel()
     begin, span, tau = ca.SX.sym("begin"), ca.SX.sym("span"), ca.SX.sym("tau")
     time = begin + span * tau
@@ -110,7 +109,7 @@ def collocation(problem: InitialValueProblem, degree: int) -> Advance:
         "number_of_finite_elements": 1,
         "interpolation_order": degree,
         "collocation_scheme": "radau",
-        # Newton is quadratic: after a step of 1e-10 the error is at rounding level, also where unknowns are large.
+        # Newton's method converges quadratically: after a step of 1e-10 the error is rounding, also in large unknowns.
         "rootfinder_options": {"abstol": 1e-12, "abstolStep": 1e-10},
     }
     one = ca.integrator("one", "collocation", {k: e for k, e in dae.items() if e.numel()}, 0, 1, options)
@@ -123,7 +122,7 @@ def collocation(problem: InitialValueProblem, degree: int) -> Advance:
 
 
 def implicit(scheme: Step) -> Advance:
-    """An implicit scheme; CasADi derives Newton's matrix."""
+    """An implicit scheme. CasADi derives the matrix of Newton's method."""
     arguments = [scheme.w, scheme.p, scheme.t, scheme.h]
     begin = common("begin", [scheme.x, scheme.p, scheme.t, scheme.h], [scheme.begin])
     following = common("following", [scheme.z, *arguments], [ca.densify(scheme.following)])
@@ -152,8 +151,8 @@ def _symbols(advance: Advance) -> tuple[ca.MX, ca.MX, ca.MX]:
 
 
 def _as_integrator(name: str, arguments: list[ca.MX], advance: Advance, W: ca.MX) -> ca.Function:
-    """A function (x0, z0, p) -> (xf, zf, qf), as CasADi's integrators have it, from the histories W at the output
-    times."""
+    """A function (x0, z0, p) -> (xf, zf, qf) with the interface of CasADi's integrators. W are the histories at the
+    output times."""
     n_x, n_quad = advance.n_x, advance.n_quad
     results = [W[:n_x, :], ca.MX(0, W.shape[1]), W[n_x : n_x + n_quad, :]]
     return ca.Function(name, arguments, results, ["x0", "z0", "p"], ["xf", "zf", "qf"])

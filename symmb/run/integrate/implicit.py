@@ -1,4 +1,4 @@
-"""Implicit schemes as solvers, compiled for many samples side by side."""
+"""Implicit schemes as solvers, compiled for many samples in parallel."""
 
 from abc import abstractmethod
 from dataclasses import dataclass, replace
@@ -23,14 +23,14 @@ from symmb.run.integrate.switch_passes import SwitchPasses
 from symmb.run.schemes import Step, generalized_alpha, nstiff_si2
 
 MOST_VELOCITIES = 300
-"""Largest number of velocities for which a C compiler needs less than minutes for a Newton matrix.
+"""Maximum number of velocities. For more velocities, a C compiler needs minutes to compile a Newton matrix.
 tests/benchmarks/scaling.py"""
 
 
 class _SchemeSolver(CompiledSolver):
-    """Symbolic steps of a scheme, solved by Newton's method."""
+    """A solver with symbolic steps of a scheme, which Newton's method solves."""
 
-    tolerance: float = 0.0  # of Newton's method; a scheme without iterations needs none
+    tolerance: float = 0.0  # tolerance of Newton's method; 0 for schemes without iterations
 
     def runs_in_lanes(self, dae: DAE) -> bool:
         return dae.n_v <= MOST_VELOCITIES
@@ -52,7 +52,7 @@ class _SchemeSolver(CompiledSolver):
         state, control = w[:n_x], self.limited_control(dae, times, order, 0)
         change, tested_change = step.newton()
         at_state = [step.x, state]
-        fresh = sampled_jets(dae, state, step.p, step.t, order)  # steps begin anew at switches and instants
+        fresh = sampled_jets(dae, state, step.p, step.t, order)  # steps start again at switches and instants
         begin, past_work = ca.substitute(step.begin, step.x, fresh), slice(n_x, n_x + step.n_quad)
         begin[past_work, :] = w[past_work, :]
         f = scheme_function(
@@ -98,14 +98,14 @@ class _SchemeSolver(CompiledSolver):
 
 @dataclass(frozen=True, repr=False)
 class Rosenbrock(_SchemeSolver):
-    """RODAS, order 4, L-stable, on the index-1 DAE: stiff motion without iterations.
+    """RODAS, an L-stable method of order 4 on the index-1 DAE, for stiff motion. Its steps need no iterations.
 
     Parameters
     ----------
     rtol, atol, stabilization
-        as of `CVODES`
+        options of the same names in `CVODES`
     step : float
-        a fixed step instead of tolerances, if given [s]
+        fixed step [s], used instead of tolerances if given
 
     Examples
     --------
@@ -132,8 +132,8 @@ class Rosenbrock(_SchemeSolver):
         return self.step is None
 
     def scheme(self, dae: DAE, order: int, work: bool) -> Step:
-        # Without multipliers errors are smaller, but the matrix of all velocities is full.
-        # Largest number of velocities for which a full Newton matrix costs as little as a sparse one.
+        # Without multipliers, errors are smaller, but the matrix of all velocities is full.
+        # Largest number of velocities for which a full Newton matrix takes no more time than a sparse one.
         # tests/benchmarks/latency.py
         algebraic = dae.n_v > 12 and not isinstance(self.stabilization, AugmentedLagrangian)
         problem = build_problem(dae, self.stabilization, algebraic=algebraic, work=work, one_step=True)
@@ -141,7 +141,7 @@ class Rosenbrock(_SchemeSolver):
 
 
 class _PositionScheme(_SchemeSolver):
-    """A scheme of order 2 with a fixed step, which keeps the positions on their constraints."""
+    """A scheme with a fixed step, after which positions satisfy their constraints."""
 
     keeps_positions: ClassVar[bool] = True
     step: float
@@ -156,16 +156,16 @@ class _PositionScheme(_SchemeSolver):
 
 @dataclass(frozen=True, repr=False)
 class NSTIFFSI2(_PositionScheme):
-    """Second-order BDF on the stabilised index-2 form, the paper's solver (see `schemes.nstiff_si2`).
+    """Second-order BDF on the stabilised index-2 form (Wang and Yang 2021, see `schemes.nstiff_si2`).
 
     Parameters
     ----------
     step : float
         longest step [s]
     rtol : float
-        relative tolerance, with step control up to `step`; without it steps are fixed
+        relative tolerance of a step control with steps up to `step`; default: fixed steps
     tolerance : float
-        of Newton's method, largest change of the state over its size
+        tolerance of Newton's method: largest change of the state, divided by the size of the state
 
     Examples
     --------
@@ -189,14 +189,14 @@ class NSTIFFSI2(_PositionScheme):
 
 @dataclass(frozen=True, repr=False)
 class BDFI3(_PositionScheme):
-    """Second-order BDF on the index-3 form: positions alone are kept, velocities follow to the error of the step.
+    """Second-order BDF on the index-3 form. Positions satisfy the constraints, velocities only up to errors of steps.
 
     Parameters
     ----------
     step : float
         longest step [s]
     tolerance : float
-        of Newton's method, largest displacement over the motion's size
+        tolerance of Newton's method: largest displacement, divided by the size of the motion
 
     Examples
     --------
@@ -215,7 +215,7 @@ class BDFI3(_PositionScheme):
 
 
 class _AlphaScheme(_PositionScheme):
-    """A member of the generalised-alpha family on the index-3 form. Its coefficients define the method."""
+    """A method of the generalised-alpha family on the index-3 form. `coefficients` define the method."""
 
     @abstractmethod
     def coefficients(self) -> tuple[float, float, float]:
@@ -227,14 +227,14 @@ class _AlphaScheme(_PositionScheme):
 
 @dataclass(frozen=True, repr=False)
 class Newmark(_AlphaScheme):
-    """Newmark's method on the index-3 form, of first order: gamma above 1/2 damps high frequencies.
+    """Newmark's method on the index-3 form. With gamma above 1/2, it damps high frequencies and has order 1.
 
     Parameters
     ----------
     step, tolerance : float
-        as of `BDFI3`
+        options of the same names in `BDFI3`
     gamma : float
-        damping, 1/2 (trapezoidal rule, none) to 1
+        damping, from 1/2 (trapezoidal rule, no damping) to 1
 
     Examples
     --------
@@ -264,9 +264,9 @@ class GeneralizedAlpha(_AlphaScheme):
     Parameters
     ----------
     step, tolerance : float
-        as of `BDFI3`
+        options of the same names in `BDFI3`
     rho : float
-        spectral radius at infinite frequency, 1 (no damping) to 0
+        spectral radius at infinite frequency, from 1 (no damping) to 0
 
     Examples
     --------
@@ -295,9 +295,9 @@ class HHT(_AlphaScheme):
     Parameters
     ----------
     step, tolerance : float
-        as of `BDFI3`
+        options of the same names in `BDFI3`
     alpha : float
-        damping, 0 (trapezoidal rule) to 1/3
+        damping, from 0 (trapezoidal rule, no damping) to 1/3
 
     Examples
     --------

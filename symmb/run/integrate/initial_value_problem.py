@@ -11,16 +11,16 @@ from symmb.run.integrate.projection import normalize, project, sampled
 from symmb.run.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection, Stabilization
 
 PROJECTION_STEPS = 3
-"""Number of Newton steps of a projection. Newton's method converges quadratically, so that these steps suffice for the
+"""Number of Newton steps of a projection. Newton's method converges quadratically, so that this number suffices for the
 drift over an output interval."""
 
 
 @dataclass(frozen=True)
 class InitialValueProblem:
-    """x' = ode(x, z, p, t), 0 = alg(x, z, p, t); `quad` is integrated along.
+    """The equations x' = ode(x, z, p, t), 0 = alg(x, z, p, t), and the integrands `quad` along the motion.
 
-    `projected` is x on the constraints as far as it is to be moved there, with quaternions of norm 1 and with sampled
-    values.
+    `projected` is x after projection: on the constraints if the method projects, with quaternions of norm 1, and with
+    sampled values.
     """
 
     x: ca.SX
@@ -40,7 +40,7 @@ class InitialValueProblem:
         return common("project", [self.x, self.p, self.t], [self.projected])
 
     def in_units(self, units: Array) -> "InitialValueProblem":
-        """The problem of x and of integrals over units (n_x + n_quad,), so that one absolute tolerance serves all."""
+        """The problem of x and integrals divided by units (n_x + n_quad,). Then one absolute tolerance fits all."""
         n, D = self.x.numel(), ca.DM(units[: self.x.numel()])
 
         def at(f: ca.SX) -> ca.SX:
@@ -56,9 +56,9 @@ class InitialValueProblem:
         return replace(self, ode=at(self.ode) / D, **parts)
 
     def from_begin(self) -> "InitialValueProblem":
-        """The problem of the changes of x and of the integrals since a begin, over units and increased by an offset.
+        """The problem of the changes of x and of the integrals since the start, divided by units, plus offsets.
 
-        The last parameters are the begin of x, and the units and offsets of x and integrals.
+        The last parameters are x at the start, and the units and the offsets of x and of the integrals.
         """
         n, n_y = self.x.numel(), self.x.numel() + self.quad.numel()
         y, begin, units, offset = (
@@ -74,7 +74,7 @@ class InitialValueProblem:
         return replace(self, x=y, p=p, ode=ode, alg=at(self.alg), quad=nothing, z_guess=guess, projected=None)
 
     def jets(self, order: int) -> "InitialValueProblem":
-        """The problem of the Taylor coefficients x_0, ..., x_k along p_0 + p_1 eps; parameters are (p_0, p_1)."""
+        """The problem of the Taylor coefficients x_0, ..., x_k for p_0 + p_1 eps. Its parameters are (p_0, p_1)."""
         if order == 0:
             return self
         zero = ca.SX.zeros(self.p.shape)
@@ -110,16 +110,16 @@ def build_problem(
     one_step: bool = False,
     projections: int = PROJECTION_STEPS,
 ) -> InitialValueProblem:
-    """The index-reduced DAE.
+    """The initial value problem of the index-reduced DAE.
 
     Parameters
     ----------
     dae : DAE
     stabilization : None, Baumgarte or Projection
-    algebraic : bool         keep the multipliers as algebraic variables (index 1) in place of eliminating them
-    work : bool              integrate the power of forces without potential along
-    one_step : bool          quaternions may be set to norm 1 between steps, which would break a history
-    projections : int        Newton steps of a projection
+    algebraic : bool         whether multipliers are algebraic variables (index 1); otherwise they are eliminated
+    work : bool              whether the power of forces without potential is integrated too
+    one_step : bool          whether the method has no history, so that quaternions can be normalised between steps
+    projections : int        number of Newton steps of a projection
     """
     x = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s)
     p, time = ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
@@ -155,8 +155,8 @@ def build_problem(
 def _with_multipliers(
     dae: DAE, at: tuple[ca.SX, ...], G: ca.SX, right: ca.SX, vdot: ca.SX, lam: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
-    """Algebraic variables, their first guess, their residual, and the accelerations and multipliers as functions of
-    them."""
+    """Algebraic variables, their first guess and their residual, and accelerations and multipliers as expressions of
+    these variables."""
     M = dae.M(*at)
     of_v, row_scales = ca.DM(dae.displacement_scales), ca.DM(dae.row_scales)
     unit = dae.scales.energy / row_scales  # scaled by the size of the motion: units have no effect
@@ -166,7 +166,7 @@ def _with_multipliers(
         balance = of_v / dae.scales.energy * (M @ vdot + G.T @ lam - dae.Q(*at))
     else:
         z, guess = ca.SX.sym("lam", dae.n_r), lam / unit
-        # v' = M^-1 (Q - G' lam) stays explicit; the rows G v' = gamma determine lam. M is inverted by blocks.
+        # v' = M^-1 (Q - G' lam) is explicit; the rows G v' = gamma determine lam. M is inverted by blocks.
         lam = unit * z
         vdot, balance = ca.solve(M, dae.Q(*at) - G.T @ lam), ca.SX(0, 1)
     rows = (G @ vdot - right) / row_scales
@@ -176,7 +176,7 @@ def _with_multipliers(
 
 
 def _projected(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, projections: int, one_step: bool) -> ca.SX | None:
-    """The state on the constraints, or with quaternions of norm 1, and with sampled values; None if nothing changes."""
+    """The state on the constraints or with quaternions of norm 1, and with sampled values; None without changes."""
     if projections:
         projected = project(dae, x, p, time, projections)
     else:
@@ -185,7 +185,7 @@ def _projected(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, projections: int, one_
 
 
 def _feedback(dae: DAE, at: tuple[ca.SX, ...], of_rates: float, of_positions: float) -> ca.SX:
-    """The feedback of_rates (G v + Phi_t) + of_positions Phi, (n_r,). Velocity-only rows have no positions."""
+    """The feedback of_rates (G v + Phi_t) + of_positions Phi, (n_r,). Velocity-only rows have no part of Phi."""
     if dae.Phi_dot is None:
         return ca.SX(0, 1)
     Phi = dae.Phi(*at) if dae.Phi is not None else ca.SX(0, 1)
@@ -195,7 +195,7 @@ def _feedback(dae: DAE, at: tuple[ca.SX, ...], of_rates: float, of_positions: fl
 def _augmented(
     dae: DAE, at: tuple[ca.SX, ...], G: ca.SX, right: ca.SX, method: AugmentedLagrangian
 ) -> tuple[ca.SX, ca.SX]:
-    """Accelerations (n_v,) and multipliers (n_r,)."""
+    """Accelerations (n_v,) and multipliers (n_r,) by the augmented Lagrangian method."""
     M, Q = dae.M(*at), dae.Q(*at)
     a = method.penalty * ca.trace(M) / dae.n_v
     omega = method.omega * dae.scales.rate

@@ -1,4 +1,4 @@
-"""Runs of one problem for many samples: over the whole time grid in one call, or from one output time to the next."""
+"""Runs of one problem for many samples, in one call for all times or from one output time to the next."""
 
 import io
 from collections import Counter
@@ -35,9 +35,9 @@ RunAdvance = Callable[[float, float, Array], tuple[Array, Array]]
 
 @dataclass(frozen=True)
 class Run:
-    """One run: X (n_t, n_x), quadratures (n_t, n_quad), where it broke down: nan or a time, with the reason; events.
+    """One run: states X (n_t, n_x), integrals (n_t, n_quad), time (or nan) and reason of a failure, and events.
 
-    `stops` are the passes of switches that it made, None if it notes none.
+    `stops` are the times at which the run passed switches [s]; None if the run does not store them.
     """
 
     X: Array
@@ -48,29 +48,29 @@ class Run:
     stops: Stops | None = None
 
     def at(self, which: Indices) -> "Run":
-        """The run at some of its times, in their order."""
+        """The run at the times with the given numbers, in this order."""
         return self if len(which) == len(self.X) else replace(self, X=self.X[which], quad=self.quad[which])
 
 
 @dataclass(eq=False)
 class Integration:
-    """Compiled runs over one time grid. They can be pickled: threads and processes get copies.
+    """Compiled runs over one time grid. It can be pickled: threads and processes get copies.
 
     Parameters
     ----------
-    times : (n_t,) array                 [s]
-    n_x, n_quad : int
+    times : (n_t,) array                 output times [s]
+    n_x, n_quad : int                    numbers of states and of integrals
     guess : Function                     (x, p, t) -> z0
     whole : Function, optional           (x0, z0, p) -> x (n_x, m), z, quad (n_quad, m) at its times
     between : Function, optional         (x0, z0, (p, begin, span)) -> x, z, quad at the end of an interval of `times`
     project : Function, optional         (x, p, t) -> x on the constraints
-    stops : x0, p -> Stops               switches of N samples, where steps end; optional
-    units : (n_x + n_quad,), optional    the Functions take and give states and integrals over these units
-    whole_times : (m,), (n_t,), optional times of `whole` [s], and where `times` stand among them; else they are `times`
+    stops : x0, p -> Stops, optional     switches of N samples, at which steps end
+    units : (n_x + n_quad,), optional    inputs and results of the Functions are states and integrals over these units
+    whole_times : (m,), (n_t,), optional times of `whole` [s], and indices of `times` in them. Default: `times`
     onward : Lazy of a Function, optional    `between` for intervals of the times of `whole`
-    limit : (float, float)               steps per time of a usual run [1/s]; most steps beyond it of one sample, in
-                                         such intervals
-    samples : bool                       `project` computes sampled values as well, where steps begin anew
+    limit : (float, float)               number of steps per time of a usual run [1/s], and maximum number of further
+                                         steps of one sample in intervals of the times of `whole`
+    samples : bool                       whether `project` also computes sampled values, after which steps start again
     """
 
     times: Array
@@ -92,13 +92,13 @@ class Integration:
         self._statistics: Counter[str] = Counter()
 
     def run(self, x0: Array, p: Array, threads: int = 1) -> list[Run]:
-        """Integrate N samples, x0 (N, n_x), p (N, n_p), each by itself, on so many of CasADi's own threads.
+        """Runs of N samples x0 (N, n_x), p (N, n_p), which do not share steps, on `threads` threads of CasADi.
 
-        Python threads must not share CasADi objects (their reference counts are not atomic); its thread map may.
+        Python threads must not share CasADi objects, because their reference counts are not atomic.
 
         Raises
         ------
-        KeyboardInterrupt      at the end of the call of CasADi in which it arrives, which carries the runs so far
+        KeyboardInterrupt      at the end of the call of CasADi in which it arrives; it carries the runs so far
         """
         interrupts = Interrupts()
         n, units = self.n_x, self.units
@@ -127,8 +127,8 @@ class Integration:
     def _together(
         self, whole: ca.Function, x0: Array, z0: Array, p: Array, threads: int, interrupts: Interrupts
     ) -> list[Run | None]:
-        """All samples in one call. The result is None for samples that fail, or for all samples if one of them fails
-        the call."""
+        """Runs of all samples in one call. The result is None for samples that fail, or for all samples if the call
+        fails."""
         try:
             with quiet(), interrupts:
                 xf, _, qf, *_ = batch(whole, x0, z0, p, threads=threads)
@@ -140,7 +140,7 @@ class Integration:
         return [Run(X[k], quad[k]).at(self._outputs) if done[k] else None for k in range(len(x0))]
 
     def _alone(self, whole: ca.Function, x0: Array, z0: Array, p: Array, interrupts: Interrupts) -> Run:
-        """One sample. If its call fails, a second call starts from the last known state."""
+        """The run of one sample. If the call fails, a second call starts from the last known state."""
         times = self._fine
         X, quad = np.full((len(times), self.n_x), np.nan), np.zeros((len(times), self.n_quad))
         if not interrupts.noticed:
@@ -158,20 +158,20 @@ class Integration:
         return run.at(self._outputs)
 
     def _walk(self, x0: Array, p: Array, stops: Stops, interrupts: Interrupts) -> Run:
-        """One sample with restarts at stops and output times."""
+        """The run of one sample with restarts at stops and output times."""
         X, quad = np.full((len(self.times), self.n_x), np.nan), np.zeros((len(self.times), self.n_quad))
         X[0] = self._projected(x0, p, self.times[0])
         run = Run(X, quad, stops=stops if stops.passes.size else None)
         return self._go_on(self._pieces(p, stops), run, self.times, 0, p, stops, interrupts)
 
     def _pieces(self, p: Array, stops: Stops) -> RunAdvance:
-        """A function that continues one sample along one piece between stops after the other."""
+        """A function that continues one sample to the end of the next piece between stops."""
         return partial(self.advance, self.between, p)
 
     def _go_on(
         self, advance: RunAdvance, run: Run, times: Array, last: int, p: Array, stops: Stops, interrupts: Interrupts
     ) -> Run:
-        """The run at the times after the last known time, one after the other."""
+        """The run, continued from the last known time to each later time."""
         x, (usual, spare), first = run.X[last], self.limit, self._statistics["steps"]
         for i, (begin, end) in enumerate(pairwise(times[last:].tolist()), start=last + 1):
             if interrupts.noticed:
@@ -203,8 +203,8 @@ class Integration:
         return Run(np.full((n_t, self.n_x), np.nan), np.zeros((n_t, self.n_quad)), float(self.times[0]), message)
 
     def advance(self, f: ca.Function | None, p: Array, begin: float, end: float, x: Array) -> tuple[Array, Array]:
-        """The state x (n_x,) and the integrals quad (n_quad,) of one sample at another time, from p (n_p,), x (n_x,)
-        and the function f."""
+        """The state (n_x,) and the integrals (n_quad,) of one sample at the time `end`. The function f advances the
+        state x (n_x,) from `begin` with parameters p (n_p,)."""
         if f is None:
             return x, np.zeros(self.n_quad)
         (z0,) = batch(self.guess, x[None], p[None], np.array([begin]))
@@ -214,19 +214,19 @@ class Integration:
         return xf[0], qf[0]
 
     def count(self, f: ca.Function) -> None:
-        """Add the counts of the last call of an integrator."""
+        """Add the counts of the last call of an integrator to `statistics`."""
         self._statistics.update(_counts(f))
 
     def _projected(self, x: Array, p: Array, t: float) -> Array:
-        """The state (n_x,) of one sample on the constraints at a time, if the solver projects."""
+        """The state (n_x,) of one sample at a time, projected onto the constraints if the solver projects."""
         return x if self.project is None else batch(self.project, x[None], p[None], np.array([t]))[0][0]
 
     def march(self, x0: Array, p: Array) -> Iterator[tuple[int, Array]]:
-        """All samples side by side, x0 (N, n_x), p (N, n_p): yields (i, x (N, n_x)) for every time.
+        """Pairs (i, x (N, n_x)) for each time number i. All samples x0 (N, n_x), p (N, n_p) advance together.
 
         Raises
         ------
-        PropagationError       if the solver chooses its steps, so that samples cannot share them
+        PropagationError       if the solver has step control, so that samples cannot share steps
         """
         raise PropagationError(
             "Lockstep needs a solver with a fixed step, such as RungeKutta(), and more than one output time."
@@ -238,20 +238,20 @@ class Integration:
 
 
 def _counts(integrator: ca.Function) -> Counter[str]:
-    """Counts of the last call; empty if the integrator has no counts."""
+    """Counts of the last call of an integrator; empty if the integrator has no counts."""
     counted = integrator.buffer()[0].stats()
     return Counter({ours: counted[theirs] for theirs, ours in _COUNTED.items() if theirs in counted})
 
 
 def stateless_integration(dae: DAE, times: Array, order: int = 0) -> Integration:
-    """Runs of a scene without states, or of the Taylor coefficients of such a scene up to an order."""
+    """The integration of a scene without states, also for Taylor coefficients up to `order`."""
     n_p = len(dae.p_names) * (2 if order else 1)
     guess = ca.Function("guess", [ca.SX(0, 1), ca.SX.sym("p", n_p), ca.SX.sym("t")], [ca.SX(0, 1)])
     return Integration(times, 0, 0, guess)
 
 
 def pieces_between(begin: float, end: float, stops: Array) -> Iterator[tuple[float, float]]:
-    """An interval that is cut at stops. Pieces end before a stop and start after it, at a distance of rounding."""
+    """The pieces of an interval between stops. Pieces end before a stop and start after it, both only by rounding."""
     for stop in stops[(stops >= begin) & (stops <= end)].tolist():
         margin = 2 * np.spacing(max(abs(stop), 1e-3 * (end - begin)))
         if stop - margin > begin:
@@ -262,7 +262,7 @@ def pieces_between(begin: float, end: float, stops: Array) -> Iterator[tuple[flo
 
 
 def quiet() -> AbstractContextManager[object]:
-    """A context without output on stderr, because CasADi writes all arguments of a failing call. `Run.message` contains
+    """A context without output on stderr. CasADi would write all arguments of a failing call. `Run.message` contains
     the reason."""
     return redirect_stderr(io.StringIO())
 

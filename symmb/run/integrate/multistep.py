@@ -1,4 +1,4 @@
-"""Problems compiled for CasADi's interface to SUNDIALS' multistep methods."""
+"""Integrations by SUNDIALS' multistep methods, through CasADi's interface."""
 
 import math
 from collections.abc import Callable
@@ -20,9 +20,8 @@ from symmb.run.integrate.side_walk import SideWalk, Stops
 from symmb.run.integrate.switch_passes import SwitchPasses, follows_switches
 
 USUAL, LEAST, LOST = 2.0, 200, 0.05
-"""SUNDIALS counts steps from one time to the next. So the limit of an interval is this multiple of the mean number of
-steps, and at least a smallest number. A run that needs more continues over the next interval until the limit of the
-whole run."""
+"""SUNDIALS limits the steps from one time to the next. The limit is USUAL times the mean number of steps, and at least
+LEAST. A run that needs more steps continues interval by interval, up to the fraction LOST of the limit of the run."""
 _SCALED = {"ode", "alg", "quad"}
 _WITHOUT_DERIVATIVES = {"enable_forward": False, "enable_jacobian": False, "enable_fd": True}
 
@@ -40,13 +39,13 @@ def multistep_integration(
     independent: bool = False,
     of_state: bool = True,
 ) -> Integration:
-    """Problems of DAEs compiled for CasADi's interface to SUNDIALS; options for an integration over a given time.
+    """The integration of a DAE by SUNDIALS. `options` gives CasADi's options for an integration over a given time.
 
-    Steps end at switches, and are so short that none passes over another pulse of a law of time. Errors of states and
-    integrals (n_x + n_quad,) are measured by their units. The first step [s] is SUNDIALS' choice if it is not given.
-    An independent integration follows switches of the state by its step control, with steps of a thousandth of the
-    horizon. They end at passes that runs of DormandPrince tell if `of_state`. Without a C compiler there are no such
-    runs, and every integration is an independent one where the state has switches.
+    Steps end at switches, and are shorter than other pulses of laws of time. Errors of states and integrals are
+    relative to `units` (n_x + n_quad,). If the first step [s] is not given, SUNDIALS chooses it. In an independent
+    integration, the step control follows switches of the state, with steps of at most a thousandth of the horizon.
+    With `of_state`, steps also end at the passes that runs of DormandPrince report. Without a C compiler there are no
+    such runs: every integration of equations with switches of the state is then an independent one.
     """
     independent = independent or follows_switches(dae)
     problem = problem_of(dae).jets(order)
@@ -58,10 +57,10 @@ def multistep_integration(
         return Integration(times, n_x, problem.quad.numel(), guess, None, None, project, passes.stops, units)
     whole = between = onward = smooth = None
     (fine, outputs), horizon = refined(times), float(times[-1] - times[0])
-    # A run has at most a million steps. Products of steps and states above 20 million take minutes. An independent
-    # integration is a check, which must take less than a second: its product is at most a million.
+    # A run has at most a million steps. If the product of steps and states is above 20 million, a run takes minutes. An
+    # independent integration is a check, which must take less than a second. Its product is at most a million.
     most = min(1_000_000, (1_000_000 if independent else 20_000_000) // n_x)
-    # Longest step of an independent integration divided by the horizon. Longer steps may pass over two switches of the
+    # Longest step of an independent integration, divided by the horizon. Longer steps may pass over two switches of the
     # state.
     steps = _step_lengths(dae, times, first, 1e-3 * horizon if independent else np.inf)
     made = _Integrators(plugin, options, steps)
@@ -73,8 +72,8 @@ def multistep_integration(
     equations = one_sided(dae) if passes.are_possible and not independent and not order else None
     if equations is not None:
         one = problem_of(equations.dae)
-        # Largest number of steps of a piece on one side of each switch. A piece that needs more is left to the
-        # equations with switches.
+        # Maximum number of steps of a piece on one side of each switch. If a piece needs more, the equations with
+        # switches are used.
         integrator = made.from_0_to_1("smooth", one.from_begin(), times, 20_000)
         smooth = _SmoothPieces(equations, one, integrator, dae.n_q, rtol, units)
     return _MultistepIntegration(
@@ -96,21 +95,21 @@ def multistep_integration(
 
 
 class _Integrators(NamedTuple):
-    """CasADi's integrators by a plugin, with its options for an integration over a given time, and step lengths [s]."""
+    """CasADi's integrators of one plugin, with options for an integration over a given time, and step lengths [s]."""
 
     plugin: str
     options: Callable[[InitialValueProblem, float], dict[str, Any]]
     steps: dict[str, float]
 
     def over(self, name: str, problem: InitialValueProblem, times: Array, most: float) -> ca.Function:
-        """The integrator over all times, with a largest number of steps from one time to the next."""
+        """The integrator over all times, with at most `most` steps from one time to the next."""
         unit = _time_unit(times)
         part = _parts(problem) if unit == 1 else _rescaled(problem, ca.SX(0), ca.SX(unit))
         limits = self._limited(problem, float(times[-1] - times[0]) / unit, unit, most)
         return _integrator(name, self.plugin, part, times[0] / unit, times / unit, limits)
 
     def from_0_to_1(self, name: str, problem: InitialValueProblem, ends: Array, most: float) -> ca.Function:
-        """The integrators for the intervals between ends, in the time since the begin divided by the length."""
+        """The integrator for intervals between ends. Its time is 0 at the start and 1 at the end of an interval."""
         begin, span = ca.SX.sym("begin"), ca.SX.sym("span")
         part = _rescaled(problem, begin, span) | {"p": ca.vertcat(problem.p, begin, span)}
         limits = self._limited(problem, 1.0, float(np.diff(ends).max()), most)
@@ -122,14 +121,14 @@ class _Integrators(NamedTuple):
 
 
 def _step_lengths(dae: DAE, times: Array, first: float | None, longest: float) -> dict[str, float]:
-    """SUNDIALS' options for the first step and the longest one, if they are limited [s]."""
+    """SUNDIALS' options for the first step and for the longest step [s], if these are limited."""
     steps = {"step0": first, "max_step_size": min(longest_step(dae, times), longest)}
     return {name: length for name, length in steps.items() if length is not None and np.isfinite(length)}
 
 
 @dataclass(eq=False)
 class _MultistepIntegration(Integration):
-    """Runs in one call, or in pieces between stops; these on one side of each switch if `smooth` is given."""
+    """Runs in one call, or in pieces between stops. If `smooth` is given, pieces are on one side of each switch."""
 
     smooth: "_SmoothPieces | None" = None
 
@@ -161,8 +160,8 @@ class _MultistepIntegration(Integration):
 class _SmoothPieces:
     """Pieces of runs on one side of each switch.
 
-    A zone that a motion passes may be narrower than the tolerance of its position: in short pieces tolerances are those
-    of the displacement since their begin.
+    A motion may pass a zone that is narrower than the tolerance of the position. For this reason, tolerances in short
+    pieces are relative to the displacement since the start of the piece.
     """
 
     def __init__(
@@ -182,13 +181,18 @@ class _SmoothPieces:
         self._start = common("start", at, [problem.z_guess, speed])
 
     def advance(self, begin: float, end: float, y: Array, p: Array) -> Array:
-        """The state and the integral y from one time to another, which may be earlier."""
+        """The state and the integral y at the time `end`, which may be before the time `begin`."""
         n, n_q, units = self._n, self._n_q, self._units.copy()
         (z0,), (speed,) = batch(self._start, y[:n], p, np.array([begin]))
         size = float(np.max(np.abs(y[:n_q]) / units[:n_q], initial=0.0))
         way = float(np.max(np.abs(speed * (end - begin)) / units[:n_q], initial=0.0))
+<<<<<<< HEAD
         # Relative rounding error of a position. StepTolerances of short pieces are not smaller.
         noise = 1e-15 * size / self._rtol  # in tolerances, of a displacement 1
+=======
+        # Relative rounding error of a position. Tolerances of short pieces are not smaller.
+        noise = 1e-15 * size / self._rtol  # divided by the tolerance of a displacement 1
+>>>>>>> doc2
         share = max(way, noise) or 1.0
         units[:n_q] *= min(share, 1.0)
         offset = np.full(len(y), noise / share)
@@ -201,9 +205,9 @@ class _SmoothPieces:
 def _integrator(
     name: str, plugin: str, parts: dict[str, Any], begin: float, ends: Any, options: dict[str, Any]
 ) -> ca.Function:
-    """CasADi's integrator of a problem. Without Newton iterations it needs no Jacobian, which takes most of its making.
+    """CasADi's integrator of a problem. Without Newton iterations it needs no Jacobian, which takes long to derive.
 
-    CasADi derives one in any case, so that the rates become a Function without derivatives: nothing is left to derive.
+    CasADi would derive the Jacobian anyway. For this reason the rates become a Function without derivatives.
     """
     if options.get("nonlinear_solver_iteration") == "functional":
         inputs, rates = [key for key in parts if key not in _SCALED], [key for key in parts if key in _SCALED]
@@ -220,15 +224,14 @@ def _parts(problem: InitialValueProblem) -> dict[str, ca.SX]:
 
 
 def _rescaled(problem: InitialValueProblem, begin: ca.SX, span: ca.SX) -> dict[str, ca.SX]:
-    """The problem in the variable tau, with t = begin + span tau."""
+    """The problem with the independent variable tau instead of t = begin + span tau."""
     tau, parts = ca.SX.sym("tau"), _parts(problem)
     own = {name: ca.substitute(parts[name], problem.t, begin + span * tau) for name in _SCALED & parts.keys()}
     return parts | {"t": tau} | {name: e if name == "alg" else span * e for name, e in own.items()}
 
 
 def _time_unit(times: Array) -> float:
-    """Factor of times: 1, except for close times, because CasADi's interface treats times less than 1e-9 s apart as
-    equal."""
+    """Factor of times: 1, except for close times. CasADi's interface treats times less than 1e-9 s apart as equal."""
     least = float(np.diff(times).min())
     # Output times closer than this [s] are rescaled, because CasADi's interface treats times less than 1e-9 s apart
     # as equal.

@@ -1,4 +1,4 @@
-"""Equations of motion on the branches of one side of each switch of the state."""
+"""Equations of motion with the branches on one side of each switch of the state."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,13 +14,13 @@ from symmb.run.integrate.step_ends import hysteresis_of
 
 @dataclass(frozen=True, eq=False)
 class OneSided:
-    """Equations of motion that are smooth: their last parameters are the sides of the switches, 1 or -1.
+    """Smooth equations of motion. Their last parameters are the sides of the switches, 1 or -1.
 
     Attributes
     ----------
     dae : DAE
-    switches                 (x, (p, sides), t) -> what changes sign (m,), and its rates (m,)
-    hysteresis : (m,)        changes of the switches that are rounding
+    switches                 (x, (p, sides), t) -> values (m,) of the switches, and their rates (m,)
+    hysteresis : (m,)        changes of the values that are rounding
     """
 
     dae: DAE
@@ -28,16 +28,16 @@ class OneSided:
     hysteresis: Array
 
     def on_sides(self, x: Array, p: Array, sides: Array, t: float) -> tuple[Array, Array]:
-        """The switches (m,) at one state x (n_x,) on their branches, negative on the other side, and the rates of the
-        switches."""
+        """Values (m,) of the switches at one state x (n_x,), negative on the other side, and rates (m,) of these
+        values."""
         at = x[: self.switches.numel_in(0)], np.concatenate([p, sides]), np.array([t])
         values, rates = (part[0] for part in batch(self.switches, *at))
         return values * sides, rates * sides
 
     def sides_at(self, x: Array, p: Array, t: float) -> Array:
-        """The sides (m,) of one state x (n_x,). If a switch is 0, its rate decides."""
+        """The sides (m,) at one state x (n_x,). If a switch is 0, its rate decides."""
         sides = np.ones(len(self.hysteresis))
-        # Number of passes over switches that depend on the sides of other switches.
+        # Maximum number of repetitions, because switches may depend on the sides of other switches.
         for _ in range(8):
             values, rates = self.on_sides(x, p, sides, t)
             signs = np.sign(np.where(np.abs(values) > self.hysteresis, values, rates)) * sides
@@ -49,7 +49,7 @@ class OneSided:
 
 
 def one_sided(dae: DAE) -> OneSided | None:
-    """The one-sided equations; None if the state passes no switches."""
+    """The one-sided equations of a DAE; None if they have no switches of the state."""
     if not has_kinks(dae.rhs):
         return None
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
@@ -61,7 +61,7 @@ def one_sided(dae: DAE) -> OneSided | None:
     used = _used(rhs, branch)
     if not used or ca.depends_on(branch.switches, equations.more):
         return None
-    # What does not move the state, such as a branch of the power alone, is nothing that its runs need to know.
+    # Switches that do not change the rates, such as those of the power alone, are not switches of these equations.
     for k in sorted({*range(branch.sides.numel())}.difference(used), reverse=True):
         equations.change(ca.substitute, branch.sides[k], ca.if_else(branch.switches[k] < 0, -1, 1))
     sides, switches = branch.sides[used], branch.switches[used]
@@ -80,9 +80,9 @@ def one_sided(dae: DAE) -> OneSided | None:
 
 
 class _Equations:
-    """The functions of a DAE as expressions of the same symbols, with `more` functions besides the rates.
+    """The functions of a DAE as expressions of common symbols. `more` are the symbols that the rates do not have.
 
-    `whole` has the expressions with kinks, which change, the rates first.
+    `whole` is a Function of the expressions with kinks. The rates are the first of them.
     """
 
     def __init__(self, dae: DAE, x: ca.SX, p: ca.SX, t: ca.SX) -> None:
@@ -102,7 +102,7 @@ class _Equations:
         self.outputs |= {name: [f(e, *arguments) for e in self.outputs[name]] for name in self._kinked}
 
     def functions(self, p: ca.SX) -> dict[str, ca.Function]:
-        """The functions of these expressions with other parameters."""
+        """The functions of the present expressions, with p as their parameters."""
         at = self._symbols | {"p": p}
         return {
             name: common(name, [at[i] for i in f.name_in()], self.outputs[name], f.name_in(), f.name_out())
@@ -111,7 +111,7 @@ class _Equations:
 
 
 def _used(rhs: ca.SX, branch: Branches) -> list[int]:
-    """Numbers of the sides on which the rates depend, directly or through other switches."""
+    """Numbers of the sides on which the rates depend, directly or by other switches."""
     used: list[int] = []
     more = [k for k, side in enumerate(ca.vertsplit(branch.sides)) if ca.depends_on(rhs, side)]
     while more != used:

@@ -7,20 +7,20 @@ from symmb.equations.model import DAE
 
 
 def normalize(dae: DAE, x: ca.SX) -> ca.SX | None:
-    """The state with quaternions of norm 1; None if there are none."""
+    """The state with quaternions of norm 1; None if the state has no quaternions."""
     moved = ca.vertcat(dae.retract(x[: dae.n_q, :], ca.SX.zeros(dae.n_v)), x[dae.n_q :, :])
     return None if ca.is_equal(moved, x, 1) else moved
 
 
 def sampled(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX) -> ca.SX:
-    """The state with the sampled values of a time, if this time is a sampling instant."""
+    """The state with new sampled values, if `time` is a sampling instant."""
     if dae.sampling is None:
         return x
     return ca.vertcat(x[: dae.n_q + dae.n_v, :], dae.sampling.held(*dae.arguments(x, p, time)))
 
 
 def sampled_jets(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, order: int) -> ca.SX:
-    """Taylor coefficients x of the state up to an order, with those of sampled values, for parameters (p_0, p_1)."""
+    """Taylor coefficients x of the state up to `order`, with new sampled values, for parameters (p_0, p_1)."""
     if dae.sampling is None or not order:
         return sampled(dae, x, p, time)
     n_x, n_p = x.numel() // (order + 1), len(dae.p_names)
@@ -45,6 +45,6 @@ def project(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, projections: int) -> ca.S
             at = dae.arguments(x, p, time)
             violation = ca.vertcat(dae.Phi(*at), ca.SX.zeros(dae.n_r - dae.n_c))
             x = ca.vertcat(dae.retract(at[0], dae.min_norm_correction(*at, -violation)), x[dae.n_q :, :])
-    # The matrix of the last Newton step serves the velocities as well: the error is a product of two small drifts.
+    # The velocities use the matrix of the last Newton step. The error of this is a product of two small drifts.
     change = dae.min_norm_correction(*at, -dae.Phi_dot(*dae.arguments(x, p, time)))
     return x + ca.vertcat(ca.SX.zeros(dae.n_q), change, ca.SX.zeros(dae.n_s))

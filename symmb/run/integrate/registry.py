@@ -1,4 +1,4 @@
-"""The list of all solvers: a new one is registered here, in one entry.
+"""The list of all solvers. A new solver needs one entry here.
 
 The command line, `stability` and the shared tests read this list.
 """
@@ -21,13 +21,13 @@ from symmb.run.integrate.state_space import StateSpace
 
 @dataclass(frozen=True)
 class SolverEntry(Spec):
-    """A solver on the command line, in `stability` and in the shared tests.
+    """The entry of a solver for the command line, for `stability` and for the shared tests.
 
     Attributes
     ----------
-    ladder : (number, horizon [s]) -> Solver    a setting of `stability`: a relative tolerance, or a number of steps
-    tolerances : bool                           whether that number is a relative tolerance
-    accurate : Solver                           a setting that reaches six digits on smooth motions of some seconds
+    ladder : (number, horizon [s]) -> Solver    solver with this relative tolerance or number of steps, for `stability`
+    tolerances : bool                           whether the number is a relative tolerance
+    accurate : Solver                           solver with six correct digits in smooth motions of some seconds
     """
 
     ladder: Callable[[float, float], Solver] | None = None
@@ -90,11 +90,11 @@ WORDS: dict[str, tuple[str, Any]] = {
     "projection": ("stabilization", Projection()),
     "lagrangian": ("stabilization", AugmentedLagrangian()),
 }
-"""Words on the command line that set an option of the solver: name of the option, and its value."""
+"""Word on the command line -> name and value of the option of the solver that the word sets."""
 
 
 def solver_of(solver: object) -> Solver | None:
-    """The given solver, or the solver that a text of the command line names; DeclarationError for anything else."""
+    """The given solver, or the solver that a text such as "cvodes:1e-8" names. Other values raise DeclarationError."""
     if isinstance(solver, str):
         return read_solver(solver)
     if isinstance(solver, type):

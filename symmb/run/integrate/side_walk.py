@@ -1,4 +1,4 @@
-"""Runs from one switch of the state to the next, on equations that are smooth in between."""
+"""Runs from one switch of the state to the next, with equations that are smooth between switches."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -16,14 +16,14 @@ _BREAKDOWNS = RuntimeError, np.linalg.LinAlgError
 
 
 class Stops(NamedTuple):
-    """Where steps of N samples end, infinite behind the last one [s].
+    """Times at which steps of N samples end [s]. They are infinite after the last one.
 
     Attributes
     ----------
     times : (N, k)           switches of time, and passes of switches of the state, in order
-    passes : (N, m)          the latter alone
-    until : (N,)             times from which on passes are not known
-    sticks : (N,)            times at which motions stick to a switch, and none goes on
+    passes : (N, m)          passes of switches of the state
+    until : (N,)             times after which passes are not known
+    sticks : (N,)            times at which motions stick to a switch and cannot continue
     """
 
     times: Array
@@ -32,7 +32,7 @@ class Stops(NamedTuple):
     sticks: Array
 
     def of(self, sample: int) -> "Stops":
-        """The entries of one sample: (k,), (m,), () and ()."""
+        """The entries of one sample, with shapes (k,), (m,), () and ()."""
         return Stops(*(part[sample] for part in self))
 
 
@@ -42,28 +42,28 @@ def no_stops(n: int) -> Stops:
 
 
 def stops_at(passes: Array) -> Stops:
-    """Passes (m,) of one sample [s], nan after the last one. There may be further passes if no entry is nan."""
+    """Stops of one sample at passes (m,) [s], nan after the last one. If no entry is nan, further passes may exist."""
     known = passes[~np.isnan(passes)]
     until = np.array(known[-1] if len(known) == len(passes) else np.inf)
     return Stops(known, known, until, np.array(np.inf))
 
 
 class SideWalk:
-    """One sample's way along pieces of its run, y being its state and whatever is integrated along.
+    """The run of one sample, piece by piece. The vector y has the state and the integrals along the motion.
 
-    A run of another solver tells when switches are passed. There this run's own motion is moved on, or back, by the
-    time that it needs to be on the switch: forces that jump over a short way then do the work of that way. Pieces whose
-    branches the motion does not fit at the end are run again with branches that follow the state.
+    A run of another solver gives the times of passes of switches. At such a time, this run moves forward or back until
+    it is on the switch. Forces that act over a short distance then do the correct work. At the end of a piece, the
+    motion may not be on the expected sides. Then the piece is run again with equations that follow the state.
 
     Parameters
     ----------
     equations : OneSided
-    p : (n_p,)                   of one sample
-    stops : Stops                of this sample
+    p : (n_p,)                   parameters of the sample
+    stops : Stops                stops of the sample
     span : float                 horizon [s]
-    one_sided : SideAdvance      by the equations of sides, which are the last parameters: along a piece, and by a time
-                                 that is short or below 0
-    free : SideAdvance           along a piece by equations that follow the state
+    one_sided : SideAdvance      advances y by equations on given sides, which are the last parameters, over a piece or
+                                 over a short time, which may be below 0
+    free : SideAdvance           advances y over a piece by equations that follow the state
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class SideWalk:
     ) -> None:
         self._equations, self._p, self._passes, self._until = equations, p, stops.passes, float(stops.until)
         self._one_sided, self._free = one_sided, free
-        # Largest error of the times of passes divided by the horizon. A motion with a larger error takes branches from
+        # Largest error of the times of passes, divided by the horizon. A motion with a larger error takes branches from
         # its own switches.
         self._shift, self._least, self._next = 1e-4 * span, 1e-3 * span, 0
         self._sides: Array | None = None
@@ -96,7 +96,7 @@ class SideWalk:
         return new if arrived is None else arrived
 
     def _behind_passes(self, t: float, y: Array, sides: Array, due: int) -> Array | None:
-        """The vector y after the passes at its time; None if the motion is not on the sides after these passes."""
+        """The vector y after `due` passes at the time t; None if the motion is not on the expected sides then."""
         self._sides = None
         with suppress(*_BREAKDOWNS):
             for _ in range(due):
@@ -111,18 +111,18 @@ class SideWalk:
         return bool((np.abs(values) <= self._shift * np.abs(rates)).any())
 
     def _passed(self, t: float, y: Array, sides: Array) -> tuple[Array, Array]:
-        """The vector y on the next switch that the motion passes, and the sides after it. Its time remains the time of
-        the pass."""
+        """The vector y on the next switch that the motion passes, and the sides after this switch. The time of y
+        remains t."""
         late, k = self._late(t, y, sides)
         if not late < np.inf:
             return y, sides
         values, rates = self._equations.on_sides(y, self._p, sides, t)
-        # Fraction of this error above which rounding of a switch is ignored, because the motion hardly moves along
-        # the switch.
+        # Fraction of the error of the times of passes. If the motion needs more time to the switch, but its distance is
+        # rounding, it hardly moves towards the switch, and is not moved.
         if abs(late) > 0.01 * self._shift and abs(values[k]) <= self._margins(rates, t)[k]:
             return y, self._behind(t, y, sides, k)
         new, to, parameters = y, t, np.concatenate([self._p, sides])
-        # Number of Newton steps from the time of a pass to the pass of this run.
+        # Number of Newton steps to find the pass of this run, from the given time of the pass.
         for _ in range(5):
             new = self._one_sided(to, to + late, new, parameters)
             to += late
@@ -140,7 +140,7 @@ class SideWalk:
         """The sides after switch number k, and after other switches that jump together with it."""
         values, rates = self._equations.on_sides(y, self._p, sides, t)
         sides, may_jump = sides.copy(), values >= -self._margins(rates, t)
-        while True:  # one by one: switches depend on the sides of those before them
+        while True:  # one by one, because switches depend on the sides of earlier switches
             sides[k], may_jump[k] = -sides[k], False
             values, rates = self._equations.on_sides(y, self._p, sides, t)
             jumps = may_jump & (values < -self._margins(rates, t))
@@ -149,24 +149,24 @@ class SideWalk:
             k = int(jumps.argmax())
 
     def _late(self, t: float, y: Array, sides: Array) -> tuple[float, int]:
-        """The time after t, or before t, at which the motion passes its next switch; infinite if there is none."""
+        """The time from t to the next pass (negative before t, infinite if there is none), and number of the switch."""
         values, rates = self._equations.on_sides(y, self._p, sides, t)
         with np.errstate(all="ignore"):
             late = np.where(rates < 0, -values / rates, np.inf)
         far = np.abs(late)
-        # Ratio of the time to a switch to the time to the nearest switch, up to which it may be the next one. Other
-        # switches are passed by pieces, which may be shorter than the error of the times.
+        # A switch may be the next one if its time is at most this multiple of the time to the nearest switch. Pieces,
+        # which may be shorter than the error of the times, pass the other switches.
         late[~(far <= min(self._shift, 10.0 * far.min(initial=np.inf) + self._rounding(t)))] = np.inf
         return float(late.min()), int(late.argmin())
 
     def _fits(self, t: float, y: Array, sides: Array) -> bool:
-        """Whether the motion is on its sides, or beyond them by no more than the error of the times of passes."""
+        """Whether the motion is on its sides, or has left them for a time below the error of the times of passes."""
         values, rates = self._equations.on_sides(y, self._p, sides, t)
         on_side = values >= -self._margins(rates, t)
         return bool(np.all(on_side | ((rates < 0) & (values >= self._shift * rates))))
 
     def _margins(self, rates: Array, t: float) -> Array:
-        """Changes of switches (m,) that are caused by rounding, also by rounding of the time."""
+        """Changes of switches (m,) that rounding of the state and of the time can cause."""
         return self._equations.hysteresis + self._rounding(t) * np.abs(rates)
 
     def _rounding(self, t: float) -> float:

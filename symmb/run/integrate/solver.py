@@ -1,4 +1,4 @@
-"""The base of solvers: frozen objects whose fields are their options."""
+"""The base class of solvers. Solvers are frozen objects, and their fields are options."""
 
 import math
 from abc import ABC, abstractmethod
@@ -19,7 +19,7 @@ from symmb.run.integrate.integration import Integration, stateless_integration
 from symmb.run.integrate.stabilization import AugmentedLagrangian, Baumgarte, Projection
 
 _LEAST_RTOL = 1e-15
-"""Relative rounding error of numbers."""
+"""Smallest relative tolerance, about the relative rounding error of numbers."""
 
 
 class Solver(ABC):
@@ -29,45 +29,44 @@ class Solver(ABC):
     """
 
     limits: ClassVar[dict[str, tuple[float, float]]] = {}
-    """Range of an option, ends included. Other numbers must be above 0."""
+    """Name of an option -> its range, ends included. Numbers of other options must be above 0."""
     keeps_positions: ClassVar[bool] = False
-    """Whether the method itself keeps Phi = 0 after every step."""
+    """Whether the method itself satisfies Phi = 0 after every step."""
     stabilizations: ClassVar[tuple[type, ...]] = (Baumgarte, Projection, AugmentedLagrangian)
     """Types of the option `stabilization`, besides None."""
     locates_events: ClassVar[bool] = False
     """Whether steps end at impacts."""
     meets_switches: ClassVar[bool] = False
-    """Whether its own steps end at switches of the state. Steps of other solvers end where DormandPrince meets
-    switches."""
+    """Whether the solver itself locates switches of the state. Steps of other solvers end at switches that a run of
+    DormandPrince locates."""
     begins_anew: ClassVar[bool] = False
-    """Whether a fixed step ends at each output time only because the state is stored there."""
+    """Whether fixed steps start again at each output time, although only the state is stored there."""
     needs_compiler: ClassVar[bool] = False
-    """Whether single runs are compiled as well, if `runs_in_lanes` is true."""
+    """Whether single runs are compiled too, if `runs_in_lanes` is true."""
     gives_derivatives: ClassVar[bool] = True
     """Whether Taylor coefficients of the motion can be integrated."""
 
     @property
     def takes_any_coordinates(self) -> bool:
-        """Whether the solver integrates accelerations only, so that coordinates of joints can replace coordinates of
-        bodies."""
+        """Whether the solver needs only accelerations. Coordinates of joints can then replace coordinates of bodies."""
         return False
 
     @property
     def order(self) -> float:
-        """Order of the method with a fixed step: the error falls as step**order."""
+        """Order of the method with a fixed step: the error is proportional to step**order."""
         return 2
 
     @property
     def controls_step(self) -> bool:
-        """Whether the step follows from tolerances."""
+        """Whether tolerances determine the step."""
         return getattr(self, "rtol", None) is not None
 
     def runs_in_lanes(self, dae: DAE) -> bool:
-        """Whether the engine of `codegen` can run many samples of this DAE side by side with this solver."""
+        """Whether the engine of `codegen` can run many samples of this DAE in parallel with this solver."""
         return False
 
     def has_dense_output(self, dae: DAE) -> bool:
-        """Whether the state at output times is interpolated, so that output times do not change the steps."""
+        """Whether the state at output times is interpolated. Output times then do not change the steps."""
         return False
 
     def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
@@ -78,14 +77,14 @@ class Solver(ABC):
         times : (n_t,) array
             output times [s]
         order : int
-            highest Taylor coefficient along a line of parameters
+            number of the highest Taylor coefficient along a line of parameters
         work : bool
             whether the power of forces without potential is integrated too [J]
 
         Raises
         ------
         PropagationError
-            If derivatives are asked for and the solver gives none, or there are too many steps
+            If the solver cannot compute the Taylor coefficients, or there are too many steps
         """
         self.require_affordable(times)
         if order and not self.gives_derivatives:
@@ -95,45 +94,50 @@ class Solver(ABC):
         if not dae.n_v + dae.n_s:
             return stateless_integration(dae, times, order)
         make = partial(self._integration, dae, times, order, work)
-        return with_compiler(make, make)  # the same call takes another way without a compiler
+        return with_compiler(make, make)  # without a compiler, the same call makes another integration
 
     def require_affordable(self, times: Array) -> None:
-        """PropagationError if steps of a fixed length over the times (n_t,) are too many."""
+        """Raise PropagationError if there are too many steps of a fixed length over the times (n_t,)."""
         horizon = float(times[-1] - times[0])
         require_steps(self, self._values.get("steps") or horizon / (self._values.get("step") or math.inf))
 
     def fixed_step(self, times: Array) -> float:
-        """The longest fixed step [s] over output times (n_t,), between which steps become shorter."""
+        """The longest fixed step [s] for output times (n_t,). Steps are shortened so that they end at output times."""
         return self._values.get("step") or float(times[-1] - times[0]) / self._values["steps"]
 
     @abstractmethod
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration: ...
 
+<<<<<<< HEAD
     def tolerances(self, dae: DAE, order: int = 0, n_quad: int = 0) -> StepTolerances:
         """The options `rtol` and `atol`; by default the latter is rtol / 100 of the size of each state.
+=======
+    def tolerances(self, dae: DAE, order: int = 0, n_quad: int = 0) -> Tolerances:
+        """Step control by the options `rtol` and `atol`. By default, atol is rtol / 100 times the size of each state.
+>>>>>>> doc2
 
-        They are for states (n_x,), their Taylor coefficients up to an order, and integrals along the motion. They do
-        not follow coefficients, which are 0 until they jump at kinks.
+        Tolerances are for states (n_x,), their Taylor coefficients up to `order`, and `n_quad` integrals along the
+        motion. They do not follow the values of coefficients, which are 0 until they jump at kinks.
         """
         rtol: float = self.rtol  # pyright: ignore[reportAttributeAccessIssue]
         atol: float | None = getattr(self, "atol", None)
         if atol is not None:
             return StepTolerances(rtol, atol)
         sizes = [*np.tile(dae.state_sizes, order + 1).tolist(), *[dae.scales.work] * n_quad]
-        # Smallest size of a state divided by the size of its part of the scene, down to which absolute tolerances are
-        # proportional to the size. It rises with 1e-12 / rtol, because balanced forces leave rounding in states that do
+        # Smallest size of a state, divided by the size of its part of the scene. Above it, absolute tolerances are
+        # proportional to the size. It rises with 1e-12 / rtol, because balanced forces cause rounding in states that do
         # not move.
         least = 1.0 if order else min(1.0, max(1e-2, 1e-12 / rtol))
-        # Time over which slopes at the start predict the later sizes divided by the time of the fastest part. Without
-        # the prediction, runs from rest take seven more steps, with lengths that depend on rounding.
+        # Slopes at the start predict later sizes over this time, divided by the time of the fastest part. Without the
+        # prediction, runs from rest take seven more steps, with lengths that depend on rounding.
         # tests/codegen/test_c_files.py
         ahead = 1.0 / dae.scales.rate
         return StepTolerances(rtol, rtol / 100, sizes=tuple(sizes), growth=rtol / 100, least=least, ahead=ahead)
 
     def tighter(self, factor: float = 10.0, times: Array | None = None) -> Self:
-        """The same solver with errors about `factor` times smaller.
+        """The same solver with options that make errors about `factor` times smaller.
 
-        Output times limit fixed steps. Given the times (n_t,) [s], the steps become shorter than those really taken.
+        Output times limit fixed steps. If the times (n_t,) [s] are given, steps are shorter than those actually taken.
         """
         values = self._values
         changes: dict[str, Any] = {}
@@ -155,7 +159,7 @@ class Solver(ABC):
         return {f.name: getattr(self, f.name) for f in fields(self)}  # pyright: ignore[reportArgumentType]
 
     def step_taken(self, times: Array) -> float:
-        """The longest step over output times (n_t,), if steps have a fixed length [s]; 0 otherwise."""
+        """The longest step for output times (n_t,) if steps have a fixed length [s]; 0 otherwise."""
         if self.controls_step or len(times) < 2:
             return 0.0
         return _longest_taken(self.fixed_step(times), times)
@@ -205,12 +209,12 @@ class Solver(ABC):
 
 
 _LIMITS = {"rtol": (_LEAST_RTOL, 1.0), "atol": (1e-30, np.inf), "tolerance": (0.0, 1.0)}
-"""Ranges of options that several solvers have. At a tolerance of 1, Newton's method would stop at once. SUNDIALS does
-not stop if the weights of absolute tolerances are too large to be squared and summed."""
+"""Ranges of options that several solvers have. With a tolerance of 1, Newton's method would stop at once. If absolute
+tolerances are too small, the sum of the squares of their weights is not finite, and SUNDIALS does not stop."""
 
 
 def _longest_taken(step: float, times: Array | None) -> float:
-    """The longest step between output times for a given step."""
+    """The longest step that is taken between output times, for a given longest step."""
     if times is None or len(times) < 2:
         return step
     return float((np.diff(times) / interval_steps(times, step)).max())

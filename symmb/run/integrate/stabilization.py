@@ -5,17 +5,17 @@ from dataclasses import dataclass
 from symmb._options import require_between, require_whole
 
 LARGEST = 1e60
-"""Largest rate or penalty, because its square must be a finite number."""
+"""Largest rate or penalty. Its square must be a finite number."""
 
 
 @dataclass(frozen=True)
 class Baumgarte:
-    """Feedback of the drift: gamma - 2 alpha (G v + Phi_t) - beta^2 Phi instead of gamma.
+    """Feedback of the drift. gamma - 2 alpha (G v + Phi_t) - beta^2 Phi replaces gamma in the equations G v' = gamma.
 
     Parameters
     ----------
     alpha, beta : float
-        rates [1/s]; equal ones damp the drift critically
+        rates [1/s]; if they are equal, the drift has critical damping
 
     Examples
     --------
@@ -41,11 +41,11 @@ class Baumgarte:
 
 @dataclass(frozen=True)
 class Projection:
-    """At every output time, positions and velocities are moved onto the constraints, by the shortest way in the norm of
-    M.
+    """Projection of positions and velocities onto the constraints at every output time, along the shortest way in the
+    norm of M.
 
-    CasADi's integrators cannot be interrupted within a call: they are restarted at every output time, which costs a
-    multistep method its history.
+    CasADi's integrators cannot change the state within a call. They are restarted at every output time, and multistep
+    methods lose their history there.
 
     Examples
     --------
@@ -60,22 +60,23 @@ class Projection:
 
 @dataclass(frozen=True)
 class AugmentedLagrangian:
-    """Constraints as stiff elements, whose forces a few iterations correct to those of the constraints.
+    """Constraints as stiff elements. A few iterations correct the forces of these elements to constraint forces.
 
         (M + a G' G) v' = Q - G' lam + a G' b,      b = gamma - 2 damping omega (G v + Phi_t) - omega^2 Phi,
         lam <- lam + a (G v' - b)
 
-    The matrix is regular where rows depend on each other: motion goes on through singular positions, and bodies without
-    mass are carried by their constraints. a is `penalty` times the mean of the diagonal of M.
+    The matrix is regular even if rows depend on each other. The motion can pass singular positions, and constraints can
+    carry bodies without mass. a is `penalty` times the mean of the diagonal of M.
 
     Parameters
     ----------
     penalty : float
+        factor of a
     omega, damping : float
-        rate [1/s] and damping ratio of the feedback of the drift. The rate is multiplied by that of the motion where it
-        is far from 1/s
+        rate [1/s] and damping ratio of the feedback of the drift. If the rate of the motion is far from 1/s, omega is
+        multiplied by this rate
     iterations : int
-        corrections of lam; 0 is the penalty method
+        number of corrections of lam; 0 gives the penalty method
 
     Examples
     --------
@@ -100,7 +101,7 @@ class AugmentedLagrangian:
         require_between(self, "penalty", "(]", 0.0, LARGEST)
         require_between(self, "omega", "[]", 0.0, LARGEST)
         require_between(self, "damping", "[]", 0.0, LARGEST)
-        # Largest number of corrections of the multipliers. Each correction adds equations, and a few are enough.
+        # Maximum number of corrections of the multipliers. Each correction adds operations, and a few are enough.
         require_whole(self, "iterations", 0, 100)
 
 

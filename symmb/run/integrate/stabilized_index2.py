@@ -1,4 +1,4 @@
-"""The stabilised index-2 form of a DAE. The solver itself satisfies positions and velocities."""
+"""The stabilised index-2 form of a DAE. The solver itself satisfies the constraints of positions and velocities."""
 
 import casadi as ca
 
@@ -9,11 +9,11 @@ from symmb.run.integrate.projection import sampled
 
 
 def stabilized_problem(dae: DAE, *, work: bool) -> InitialValueProblem:
-    """The stabilised index-2 form: positions and velocities are algebraic equations, multipliers lam and mu unknowns.
+    """The stabilised index-2 form. Its algebraic equations are constraints of positions and velocities:
 
         q' = N v - S Phi_q' mu,      M v' = Q - G' lam,      0 = Phi,      0 = G v + Phi_t
 
-    S, squares of the scales of q, weighs lengths against angles, whatever the units; mu vanishes at the exact solution.
+    lam and mu are multipliers; mu is zero at the exact solution. S are squared scales of q: units have no effect.
 
     References
     ----------

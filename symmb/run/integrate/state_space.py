@@ -26,15 +26,16 @@ from symmb.run.schemes import MOST_STEPS
 
 @dataclass(frozen=True, repr=False)
 class StateSpace(Solver):
-    """Coordinate partitioning: pair of Dormand and Prince in independent coordinates, Newton's method for the others.
+    """Coordinate partitioning. The pair of Dormand and Prince integrates independent coordinates; Newton's method
+    computes the other coordinates.
 
-    The independent coordinates are chosen anew when they no longer determine the others well. Samples run in Python one
-    after the other: the method is for checks, not for speed.
+    Independent coordinates are chosen again if they no longer determine the other coordinates well. Samples run in
+    Python one after the other. The method is for checks, because it is slow.
 
     Parameters
     ----------
     rtol, atol : float
-        as of `CVODES`
+        relative and absolute tolerance, see `CVODES`
 
     Examples
     --------
@@ -63,7 +64,7 @@ class StateSpace(Solver):
 
 
 class _Partitioned(Integration):
-    """Runs by SciPy's DOP853, one sample after the other, in pieces on one side of each switch of the state."""
+    """Runs by SciPy's DOP853, one sample after the other. Each piece of a run is on one side of each switch."""
 
     def __init__(self, solver: StateSpace, dae: DAE, times: Array, work: bool) -> None:
         problem = build_problem(dae, None, algebraic=False, work=work)
@@ -101,11 +102,11 @@ class _Partitioned(Integration):
 
 
 class _Path:
-    """The motion of one sample from stop to stop. Steps continue over output times, at which states are interpolated.
+    """The motion of one sample from stop to stop. Steps pass over output times, at which states are interpolated.
 
     Attributes
     ----------
-    before_stop : float      the time [s] up to which steps may go on
+    before_stop : float      the time [s] up to which steps may continue
     """
 
     def __init__(self, options: dict[str, Any], counts: Counter[str]) -> None:
@@ -113,14 +114,14 @@ class _Path:
         self.before_stop, self._until, self._known = np.inf, -np.inf, (np.nan, np.empty(0), np.empty(0))
 
     def advance(self, equations: "_Equations", begin: float, end: float, y: Array, p: Array) -> Array:
-        """The state and the integrals y at the end of a piece, which may be before its begin."""
+        """The state and the integrals y at the time `end` of a piece, which may be before the time `begin`."""
         n = self._n = equations.n
         goes_on = begin < self._until and all(map(np.array_equal, self._known, (begin, y[:n], p)))
         if not goes_on:
             self._equations, self._p, self._until = equations, p, end if end < begin else max(end, self.before_stop)
             self._interpolant, self._integrals = lambda _: y, y[n:]
             self._begin(begin, y)
-        end = min(end, self._until)  # pieces end at a stop but for its rounding
+        end = min(end, self._until)  # pieces end at a stop, up to rounding
         while self._steps.direction * (end - self._steps.t) > 0:
             self._step(end)
         reached, before = self._interpolant(end), self._integrals
@@ -149,12 +150,12 @@ class _Path:
             x = self._completed(steps.y[: self._n], steps.t)
             now = self._equations.amplification(x, self._p, steps.t, self._dependent)
             self._least = min(self._least, now)
-            # Growth of the error amplification by the constraints after which dependent coordinates are chosen again.
+            # If the error amplification by the constraints grows by this factor, coordinates are chosen again.
             if now > 1.5 * self._least:
                 self._begin(steps.t, np.concatenate([x, steps.y[self._n :]]))
 
     def _slopes(self, t: float, y: Array) -> Array:
-        """Rates at the state whose dependent part follows from the constraints; nan if this part is not determined."""
+        """Rates of y. The constraints give the dependent part of the state; nan if they do not determine this part."""
         try:
             x = self._completed(y[: self._n], t)
         except np.linalg.LinAlgError:
@@ -166,7 +167,7 @@ class _Path:
 
 
 class _Equations:
-    """The rates and constraints of one sample at states x (n_x,), parameters p (n_p,) and a time."""
+    """The rates and constraints of a DAE for one sample, at a state x (n_x,), parameters p (n_p,) and a time."""
 
     def __init__(self, dae: DAE, problem: InitialValueProblem) -> None:
         x, p, t = problem.x, problem.p, problem.t
@@ -180,15 +181,14 @@ class _Equations:
         self._moved = common("moved", [x, delta, p, t], [ca.densify(e) for e in (there, *rows, G)])
 
     def dependent(self, x: Array, p: Array, t: float) -> Indices:
-        """Numbers of the dependent velocities, as many as rows."""
+        """Numbers (n_r,) of the dependent velocities, one for each row."""
         *_, G = self._at(x, p, t)
         return independent_rows_and_columns(G * self._dae.displacement_scales, rank=self._dae.rank)[1]
 
     def amplification(self, x: Array, p: Array, t: float, dependent: Indices) -> float:
-        """Largest change of the dependent velocities over the change of the rows, whose norm is 1. The result is at
-        least 1.
+        """Largest change of the dependent velocities, divided by the change of the rows; at least 1.
 
-        The norm is over all columns. With the norm over the dependent columns, a single row would never be noticed.
+        Rows have norm 1 over all columns. With the norm over dependent columns, a single row would always give 1.
         """
         if not len(dependent):
             return 1.0
@@ -207,7 +207,7 @@ class _Equations:
             delta = np.zeros(dae.n_v)
             delta[dependent] = np.linalg.lstsq(G[: dae.n_c, dependent], -Phi, rcond=None)[0]
             x, Phi, Phi_dot, G = self._at(x, p, t, delta)
-            if np.abs(delta / dae.displacement_scales).max() < 1e-9:  # Newton is quadratic
+            if np.abs(delta / dae.displacement_scales).max() < 1e-9:  # Newton's method converges quadratically
                 break
         G = G[:, dependent]
         solved = np.linalg.solve(G, Phi_dot) if dae.vanishing is None else np.linalg.lstsq(G, Phi_dot, rcond=None)[0]
@@ -215,7 +215,7 @@ class _Equations:
         return x
 
     def _at(self, x: Array, p: Array, t: float, delta: Array | float = 0.0) -> tuple[Array, Array, Array, Array]:
-        """x moved by displacements delta (n_v,), and there Phi (n_c,), Phi_dot (n_r,) and G (n_r, n_v)."""
+        """The state x moved by displacements delta (n_v,), and Phi (n_c,), Phi_dot (n_r,) and G (n_r, n_v) there."""
         delta = np.broadcast_to(delta, self._dae.n_v)
         there, Phi, Phi_dot, G = (value[0] for value in batch(self._moved, x, delta, p, np.array([t])))
         return there, Phi, Phi_dot, G.reshape(len(Phi_dot), self._dae.n_v)

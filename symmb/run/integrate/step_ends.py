@@ -1,4 +1,4 @@
-"""Ends of steps besides output times: switches of time and of the state."""
+"""Ends of steps that are not output times: switches of time and of the state."""
 
 from dataclasses import dataclass, field, replace
 
@@ -13,20 +13,20 @@ from symmb.run.events import TimeSwitches, time_switches
 from symmb.run.integrate.initial_value_problem import InitialValueProblem
 
 _BESIDE, _NEAR, _SEVERAL = 64, 1e-10, 4.0
-"""Distance of close states divided by their size, and a safety factor. Deviations of a switch from a straight line
-between these states show its rounding."""
+"""Number of close states, their distance divided by their size, and a safety factor. The deviations of a switch from a
+straight line over these states show its rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class SwitchedProblem:
-    """A problem on the branches of one side of each switch of the state.
+    """A problem with the branches on one side of each switch of the state.
 
     Attributes
     ----------
-    problem : its last parameters are the sides
+    problem                  problem with the sides as last parameters
     switches : (2 m,) SX     switches and their rates
-    ends : StepEnds
-    ranged : (m,) SX         switches of which bounds are taken; None: all
+    ends : StepEnds          ends of steps
+    ranged : (m,) SX         expressions with bounds that replace those of the switches; None: the switches themselves
     """
 
     problem: InitialValueProblem
@@ -36,9 +36,9 @@ class SwitchedProblem:
 
 
 def switched(problem: InitialValueProblem, dae: DAE, times: Array, of_time: bool = False) -> SwitchedProblem:
-    """The problem with its switches. Algebraic variables must be eliminated.
+    """The problem with its switches. It must not have algebraic variables.
 
-    Those of time alone are found before a run, or stand `of_time` among those of the state.
+    Switches of time are located before a run. With `of_time`, they are treated like switches of the state instead.
     """
     x, p, t = problem.x, problem.p, problem.t
     f = ca.Function("problem", [x, p, t], [ca.densify(ca.vertcat(problem.ode, problem.quad))])
@@ -55,7 +55,7 @@ def switched(problem: InitialValueProblem, dae: DAE, times: Array, of_time: bool
     def slopes(values: ca.SX) -> ca.SX:
         return ca.densify(ca.jtimes(values, x, ode) + ca.jacobian(values, t))
 
-    others = x[dae.n_q :]  # fronts of velocities come from smooth friction, whose fast motion step control follows
+    others = x[dae.n_q :]  # steep functions of velocities are smooth friction; step control follows its fast motion
     fronts, exponents = (
         [value for value in ca.vertsplit(values) if not ca.depends_on(value, others)]
         for values in (branch.fronts, branch.exponents)
@@ -71,7 +71,7 @@ def switched(problem: InitialValueProblem, dae: DAE, times: Array, of_time: bool
 
 @dataclass(frozen=True)
 class StopsInTime:
-    """Switches of time alone, of samples x0, p."""
+    """A function of samples x0, p that returns their switches of time (N, k) [s]."""
 
     switches: TimeSwitches
 
@@ -86,22 +86,22 @@ def stops_in_time(dae: DAE, times: Array) -> StopsInTime | None:
 
 
 def hysteresis_of(dae: DAE, switches: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX, sides: ca.SX) -> tuple[float, ...]:
-    """Above the rounding of each switch, at states of their own sizes: those of other parts have no effect."""
+    """A value above the rounding of each switch, at states of their sizes. Other parts of a scene have no effect."""
     size, m = np.maximum(dae.state_sizes, 1e-300), sides.numel()
     change = ca.Function("change", [x, p, t, sides], [ca.fabs(ca.jacobian(switches, x)) @ ca.DM(size)])
-    # A switch may depend on the state on some sides of the others only. The least change is that of a real combination:
-    # others may be far from where the motion can be.
+    # A switch may depend on the state only for some sides of other switches. The smallest change is used, because the
+    # motion may never reach the other combinations of sides.
     # Number of combinations of sides for which changes of switches are evaluated.
     on_sides = np.vstack([np.ones(m), np.random.default_rng(0).choice([-1.0, 1.0], (64, m))])
     values = np.nan_to_num(batch(change, size, dae.p_nominal, np.zeros(1), on_sides)[0].reshape(-1, m), posinf=0.0)
     least = np.where(values > 0, values, np.inf).min(axis=0)
     values = np.where(values[0] > 0, values[0], np.where(np.isfinite(least), least, 1.0))
-    # Where a large number is added to a small state, the sum is rounded by more than the state.
+    # If a large number is added to a small state, the rounding of the sum is larger than that of the state.
     value, share = ca.Function("value", [x, p, t, sides], [ca.densify(switches)]), np.linspace(0.0, 1.0, _BESIDE)
     near = batch(value, size * (1 + _NEAR * share[:, None]), dae.p_nominal, np.zeros(1), on_sides[0])[0].reshape(-1, m)
     line = np.column_stack([np.ones(_BESIDE), share])
     known = np.isfinite(near).all(axis=0)
     rounding = np.zeros(m)
     rounding[known] = np.ptp(near[:, known] - line @ (np.linalg.pinv(line) @ near[:, known]), axis=0)
-    # Change of a switch that counts as rounding divided by its change by the sizes of all states.
+    # A change of a switch is rounding up to this fraction of its change by the sizes of all states.
     return tuple(np.maximum(1e-13 * values, _SEVERAL * rounding).tolist())

@@ -1,4 +1,4 @@
-"""Stiffness of a motion: eigenvalues of its linearisation along a run. The choice of the solver asks for it."""
+"""Stiffness of a motion, from eigenvalues of its linearisation along a run. The choice of the solver uses it."""
 
 from dataclasses import dataclass
 
@@ -11,12 +11,12 @@ from symmb.equations.model import DAE
 from symmb.run.integrate.initial_value_problem import build_problem
 
 STIFF = 2e3
-"""A motion is stiff if its horizon has more shortest time constants: explicit steps are about as long as one."""
+"""A motion is stiff if its horizon is longer than this many shortest time constants. Explicit steps are about one."""
 
 
 @dataclass(frozen=True)
 class Stiffness:
-    """The fastest rates of the linearised motions.
+    """The fastest rates of linearised motions.
 
     Attributes
     ----------
@@ -31,24 +31,24 @@ class Stiffness:
 
     @property
     def rate(self) -> float:
-        """The rate that limits the step of explicit methods: their product must be below about 3."""
+        """The rate [1/s] that limits the step of explicit methods. Step times rate must be below about 3."""
         return max(self.decay, self.frequency)
 
     def is_stiff(self, span: float, most: float = STIFF) -> bool:
-        """Whether steps over a time `span` [s] should not resolve the decay: it has more than `most` time constants.
+        """Whether steps over a time `span` [s] should not resolve the decay, because it has over `most` time constants.
 
-        Near an unstable position motions decay as fast as others grow, which the steps must resolve.
+        Near an unstable position, some motions decay as fast as others grow. Steps must resolve this growth.
         """
         return self.decay * span > most and self.decay > 10 * self.growth
 
 
 def some_states(n: int) -> Indices:
-    """Numbers of five of n states, at which the stiffness of a run is estimated."""
+    """Numbers of five of the n states of a run, for an estimate of the stiffness."""
     return np.unique(np.linspace(0, n - 1, 5).astype(np.intp))
 
 
 def stiffness(dae: DAE, X: Array, p: Array, times: Array) -> Stiffness:
-    """From the Jacobian of x' = f(x, p, t) at states X (m, n_x) of the times (m,), parameters p (n_p,)."""
+    """The stiffness of x' = f(x, p, t) with parameters p (n_p,), from Jacobians at states X (m, n_x) and times (m,)."""
     decay = growth = frequency = 0.0
     for state, time in zip(X, times, strict=True) if X.size else ():
         eigenvalues = dae.remembered(_Linearization).eigenvalues(state, p, np.array([time]))
@@ -60,9 +60,9 @@ def stiffness(dae: DAE, X: Array, p: Array, times: Array) -> Stiffness:
 
 
 class _Linearization:
-    """The Jacobian of x' = f(x, p, t), from those of the sparse equations that have the multipliers as unknowns z.
+    """The Jacobian of x' = f(x, p, t), from Jacobians of the sparse equations with the multipliers as unknowns z.
 
-    Columns of these Jacobians without entries in common rows are computed as one: most are of different bodies.
+    Columns of these Jacobians that have no entries in common rows are computed together, as for different bodies.
     """
 
     def __init__(self, dae: DAE, _: Array) -> None:
@@ -80,7 +80,7 @@ class _Linearization:
         self._colours = self._seeds.argmax(axis=0)[self._columns]
 
     def eigenvalues(self, x: Array, p: Array, t: Array) -> Array:
-        """Those of the Jacobian at a state (n_x,), the largest ones of large systems; nan where it does not exist."""
+        """Eigenvalues of the Jacobian at a state x (n_x,); only the largest of a large system; nan without Jacobian."""
         from scipy import sparse
 
         n = len(x)
@@ -90,8 +90,8 @@ class _Linearization:
         J = sparse.csc_array((values, (self._rows, self._columns)), shape=(self._seeds.shape[1],) * 2)
         A, B, C, D = J[:n, :n], J[:n, n:], J[n:, :n], J[n:, n:]
         try:
-            # States up to which all eigenvalues are computed, and beyond them how many of the largest, and their
-            # relative error: all take n^3 operations, a minute of 3,000 states.
+            # Number of states up to which all eigenvalues are computed. For larger systems: number of largest
+            # eigenvalues, and their relative error. All eigenvalues take n^3 operations, a minute for 3,000 states.
             if n <= 600:
                 full = A.toarray() - B.toarray() @ np.linalg.solve(D.toarray(), C.toarray())
                 return np.linalg.eigvals(full) if np.isfinite(full).all() else np.full(n, np.nan)

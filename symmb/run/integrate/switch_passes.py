@@ -1,4 +1,4 @@
-"""Where steps of solvers end that cannot find switches of the state: runs of DormandPrince tell them when."""
+"""Ends of steps for solvers that cannot locate switches of the state. Runs of DormandPrince locate the switches."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ from symmb.run.integrate.side_walk import Stops, no_stops
 from symmb.run.integrate.step_ends import switched
 
 _SAFE_RTOL = 1e-8
-"""Tolerance of a second run where the first one breaks down."""
+"""Tolerance of a second run if the first run breaks down."""
 
 
 class SwitchPasses:
@@ -29,8 +29,8 @@ class SwitchPasses:
     dae : DAE
     times : (n_t,) array     output times [s]
     rtol : float             relative tolerance of the solver
-    start : Start, optional  the engine of the solver computes the start
-    of_state : bool          whether switches of the state are looked for, if there is a compiler
+    start : Start, optional  start of the runs, if the engine of the solver computes it
+    of_state : bool          whether switches of the state are located, if there is a compiler
     """
 
     def __init__(
@@ -43,25 +43,25 @@ class SwitchPasses:
             x, p = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names))
             t = ca.SX.sym("t")
             nothing = ca.Function("nothing", [x, p, t], [ca.SX(1, 1)])
-            # Tolerance of these runs divided by that of the solver, whose motion is as exact in time as they are. Least
-            # tolerance of these runs: below it, steps are rounding.
+            # Tolerance of these runs, divided by that of the solver. Smallest tolerance of these runs: below it, steps
+            # are rounding.
             solver = DormandPrince(max(0.1 * rtol, 1e-12))
             engine = solver.engine(Task(dae, times[[0, -1]], nothing, start=start))
-            # Steps of these runs. Stiff motions need more: later passes are left to the solver's own step control.
+            # Maximum number of steps of these runs. Stiff motions need more: step control then follows later passes.
             engine.most_steps = 20_000
             self._engine = engine if engine.ends.hysteresis else None
 
     @property
     def are_possible(self) -> bool:
-        """Whether a run may have such stops."""
+        """Whether a run may have stops."""
         return self._of_time is not None or self._engine is not None
 
     def __call__(self, x0: Array, p: Array) -> Array:
-        """Stops (N, k) in order, infinite behind the last one [s], of samples x0 (N, n_x) or (N, 0), p (N, n_p)."""
+        """Ordered stops (N, k) [s] of samples x0 (N, n_x) or (N, 0), p (N, n_p); infinite after the last stop."""
         return self.stops(x0, p).times
 
     def stops(self, x0: Array, p: Array) -> Stops:
-        """The stops with the passes among them, of samples x0 (N, n_x) or (N, 0), p (N, n_p)."""
+        """The `Stops` of samples x0 (N, n_x) or (N, 0), p (N, n_p)."""
         dae, p = self._dae, p[:, : len(self._dae.p_names)]
         stops = np.empty((len(p), 0)) if self._of_time is None else self._of_time(p)
         if self._engine is None:
@@ -72,17 +72,17 @@ class SwitchPasses:
         return Stops(stops[:, np.isfinite(stops).any(axis=0)], passes, until, sticks)
 
     def first(self, x0: Array, p: Array) -> float:
-        """The first pass of a switch of the state by one sample, x0 (1, n_x), p (1, n_p) [s]; nan if there is none."""
+        """Time of the first pass of a switch of the state [s] by one sample x0 (1, n_x), p (1, n_p); nan if none."""
         if self._engine is None:
             return np.nan
         passes = _passes(self._engine, x0, p)[0].ravel()
         span = float(np.ptp(self._times))  # a motion may begin on a switch
-        # Time after the start divided by the horizon, within which a pass belongs to the start.
+        # A pass belongs to the start if its time after the start, divided by the horizon, is not above this value.
         return float(np.fmin.reduce(passes[passes - self._times[0] > 1e-9 * span], initial=np.nan))
 
 
 def follows_switches(dae: DAE) -> bool:
-    """Whether switches of the state are left to the control of steps, because no compiled run tells their passes."""
+    """Whether step control has to follow switches of the state, because there are no compiled runs to locate them."""
     return not has_compiler() and dae.remembered(_switches_with_state)
 
 
@@ -94,7 +94,7 @@ def _switches_with_state(dae: DAE, _: Array) -> bool:
 
 
 def follow_doubts(dae: DAE) -> tuple[str, ...]:
-    """What is doubtful about runs that leave switches of the state to the control of steps."""
+    """Warnings about runs in which step control has to follow switches of the state."""
     if not follows_switches(dae):
         return ()
     text = "The equations have switches of the state, at which no step ends without a C compiler"
@@ -102,12 +102,12 @@ def follow_doubts(dae: DAE) -> tuple[str, ...]:
 
 
 def _passes(engine: Engine, x0: Array, p: Array) -> tuple[Array, Array, Array]:
-    """Passes (N, k) of switches of the state, nan behind the last one, and `until` and `sticks` of `Stops`."""
+    """Passes (N, k) of switches of the state [s], nan after the last one, and `until` and `sticks` of `Stops`."""
     passes, until, sticks = _passes_by(engine, x0, p)
     control, again = engine.control, np.isfinite(until)
     if not again.any() or not isinstance(control, StepTolerances) or control.rtol >= _SAFE_RTOL:
         return passes, until, sticks
-    # Where a force rises over a way of a few thousand roundings of the position, smaller tolerances are noise.
+    # If a force rises over a distance of a few thousand rounding errors of the position, smaller tolerances are noise.
     engine.control = replace(control, rtol=_SAFE_RTOL, atol=control.atol * _SAFE_RTOL / control.rtol)
     others = _passes_by(engine, x0[again], p[again])
     engine.control = control

@@ -1,4 +1,4 @@
-"""Linear equations of motion at a state, their eigenvalues and modes, and the effect of parameters on these.
+"""Linear equations of motion at a state, their eigenvalues and modes, and effects of parameters on eigenvalues.
 
 `linearize` returns one linearisation. `ModalSimulator` computes frequencies for samples of the parameters.
 """

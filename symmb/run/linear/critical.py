@@ -17,23 +17,23 @@ from symmb.run.linear.family import LinearFamily
 from symmb.run.simulation import scene_of
 
 _ROUNDING = 1e-12
-"""Error of a critical value over the range: the search ends at this error."""
+"""Error of a critical value, divided by the range, at which the search ends."""
 
 
 def critical(scene: Scene, parameter: str, range: tuple[float, float]) -> "CriticalSimulator":
-    """A simulator of critical values of a parameter: the smallest damping of the scene is zero there.
+    """A simulator of critical values of a parameter. At a critical value, the smallest damping of the scene is zero.
 
-    The parameters of the simulator are the other parameters of the scene. So critical values get bounds like any
-    output.
+    The parameters of the simulator are the other parameters of the scene. Therefore critical values have bounds like
+    any output.
 
     Parameters
     ----------
     scene : Scene
         a scene that starts in equilibrium, or in a steady motion, for every value in the range
     parameter : str
-        such as a speed
+        name of the parameter, such as a speed
     range : (lower, upper)
-        range of the search
+        range of the search, in the unit of the parameter
 
     Raises
     ------
@@ -63,7 +63,7 @@ class CriticalSimulator(BlackBox):
         self.family, self.range = LinearFamily(scene), (lower, upper)
         self.doubts, self.scene = self.family.doubts, self.family.scene
         names = list(scene.system.parameters)
-        # Number of parameter values at which stability is tested: a stable range must be wider than their distance.
+        # Number of parameter values at which stability is tested. A range between two of them can be missed.
         self.number, self._grid = names.index(parameter), np.linspace(lower, upper, 65)
         self.name, self._parameter = scene.name, parameter
         self.box = scene.box and scene.box.without(parameter)
@@ -83,7 +83,7 @@ class CriticalSimulator(BlackBox):
         self._declare(nominal, [0.0], outputs, noise)
 
     def response(self, values: Mapping[str, float]) -> Any:
-        """The critical values (1, n_y)."""
+        """The critical values (1, n_y) for values of the other parameters."""
         found = self._values(values)
         if len(found) != len(self.outputs):
             raise SimulationError(
@@ -114,7 +114,7 @@ class CriticalSimulator(BlackBox):
             p = below.copy()
             p[self.number] = value
             (found,) = self._eigen(p[None])
-            return 0.0 if _marginal(found) > marginal else _growth(found)  # its damping is zero to rounding
+            return 0.0 if _marginal(found) > marginal else _growth(found)  # here the damping is zero up to rounding
 
         width = _ROUNDING * np.ptp(self._grid)
         return cast(float, brentq(growth, *ends[:, self.number], xtol=width))
@@ -128,7 +128,7 @@ class CriticalSimulator(BlackBox):
 
 
 def require_range(owner: str, scene: Scene, parameter: str, range: tuple[float, float]) -> tuple[float, float]:
-    """The ends of the range of a parameter. Raise a DeclarationError if the name or the range is not valid."""
+    """The ends of the range of a parameter. DeclarationError is raised if the name or the range is not valid."""
     require_name(owner, "parameter", parameter, list(scene.system.parameters))
     if isinstance(range, str) or (
         isinstance(range, tuple | list) and any(isinstance(end, str | tuple) for end in range)
@@ -144,12 +144,12 @@ def require_range(owner: str, scene: Scene, parameter: str, range: tuple[float, 
 
 
 def _growth(found: Eigenvalues) -> float:
-    """The largest positive real part of an eigenvalue [1/s], or else the largest negative one."""
+    """The largest real part of an eigenvalue that is not 0 [1/s]: positive if there is one, otherwise negative."""
     real = found.values.real
     growing, decaying = real[real > found.errors], real[real < -found.errors]
     return float(growing.max(initial=0.0) or decaying.max(initial=-np.inf))
 
 
 def _marginal(found: Eigenvalues) -> int:
-    """Number of eigenvalues whose real part is 0 to rounding."""
+    """Number of eigenvalues with a real part that is 0 up to rounding."""
     return int(np.count_nonzero(np.abs(found.values.real) <= found.errors))

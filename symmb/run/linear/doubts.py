@@ -1,4 +1,4 @@
-"""Doubts about a linearisation."""
+"""Warnings about a linearisation."""
 
 from collections.abc import Iterator
 
@@ -11,11 +11,11 @@ from symmb.run.linear.steady import DOUBT, SteadyMotion
 from symmb.run.verification import AttachedLoads, deformation_doubts
 
 _NAMED = 3
-"""Largest number of frequencies in a sentence."""
+"""Maximum number of frequencies in a sentence."""
 
 
 def doubts_of(scene: Scene, motion: SteadyMotion, blocks: Blocks, loads: tuple[AttachedLoads, ...]) -> tuple[str, ...]:
-    """Doubts about the linearisation of a motion. The loads of flexible bodies are the last outputs of its blocks."""
+    """Warnings about the linearisation of a motion. The last outputs of its blocks are loads of flexible bodies."""
     point, formulation = motion.point, motion.equations.formulation
     dae, X = formulation.in_bodies(point.x[None], point.p)
     own = motion.doubts or ((DOUBT,) if _varies(scene, motion, blocks) else ())
@@ -24,26 +24,26 @@ def doubts_of(scene: Scene, motion: SteadyMotion, blocks: Blocks, loads: tuple[A
 
 
 def _varies(scene: Scene, motion: SteadyMotion, blocks: Blocks) -> bool:
-    """Whether coefficients change with time while nothing moves, as a stiffness that is a function of time."""
+    """Whether nothing moves, but coefficients change with time, such as a stiffness that is a function of time."""
     point, end = motion.point, float(scene.times[-1])
     if motion.moves or end <= point.t:
         return False
-    # Number of later times at which A is compared, and their distance divided by the horizon: no period fits such
-    # distances.
+    # Number of later times at which A is compared, and their distance divided by the horizon. These distances are not
+    # multiples of a common period.
     for k in range(1, 22):
         A = motion.equations.blocks(point.x[None], point.p[None], point.t + (end - point.t) * (k * 0.6180339887 % 1)).A
-        # Change of an entry of A divided by the largest entry, above which A is not constant.
+        # Change of an entry of A, divided by the largest entry. Above this value, A is not constant.
         if np.abs(A - blocks.A).max(initial=0.0) > 1e-3 * np.abs(blocks.A).max(initial=0.0):
             return True
     return False
 
 
 def _doubts_of_loads(some: tuple[AttachedLoads, ...], motion: SteadyMotion, blocks: Blocks) -> Iterator[str]:
-    """Doubts about oscillations whose frequencies are too high, for each flexible body.
+    """Warnings about oscillations with frequencies that are too high, for each flexible body.
 
-    Modes neglect a compliance of their body. Under the loads of an oscillation it has the strain energy e. By
-    Rayleigh's quotient it lowers the frequency by the factor (1 + e / V)^(-1/2), with the potential energy V of the
-    oscillation.
+    Modes neglect a compliance of their body. The loads of an oscillation cause the strain energy e in this compliance.
+    By Rayleigh's quotient, the true frequency is lower by the factor (1 + e / V)^(-1/2), with the potential energy V of
+    the oscillation.
     """
     if not some:
         return
@@ -52,7 +52,7 @@ def _doubts_of_loads(some: tuple[AttachedLoads, ...], motion: SteadyMotion, bloc
     eigen, M = eigenvalues(motion.A), dae.M(*x, point.p, point.t).full()
     states = motion.lift @ eigen.vectors[:, eigen.oscillating]
     moved, w = states[dae.n_v : 2 * dae.n_v], blocks.C[0][-sum(6 * len(loads.nodes) for loads in some) :] @ states
-    potential = np.maximum(np.real(np.einsum("vk,vw,wk->k", moved.conj(), M, moved)), 1e-300)  # twice, as the kinetic
+    potential = np.maximum(np.real(np.einsum("vk,vw,wk->k", moved.conj(), M, moved)), 1e-300)  # twice the kinetic one
     rates, at = np.abs(eigen.values[eigen.oscillating]), 0
     if not len(rates):
         return
@@ -62,11 +62,11 @@ def _doubts_of_loads(some: tuple[AttachedLoads, ...], motion: SteadyMotion, bloc
             continue
         share = np.real(np.einsum("vk,vw,wk->k", own.conj(), loads.responses.energy, own)) / potential
         high = np.sqrt(1 + np.maximum(share, 0.0)) - 1
-        # Frequency over the highest frequency of a body's modes, below which oscillations should be right.
+        # Frequency, divided by the highest frequency of the modes of a body. Below it, oscillations should be right.
         promised = rates <= 0.5 * np.sqrt(loads.body.modes.stiffness.max())
-        # Largest number of judged oscillations, from the lowest frequency on: few users need higher ones.
+        # Maximum number of checked oscillations, from the lowest frequency on. Few users need higher frequencies.
         promised[0], promised[6:] = True, False
-        # Largest relative error of a frequency: then 10 % of the deflections are missing.
+        # Largest relative error of a frequency. With this error, 10 % of the deflections are missing.
         if (wrong := np.flatnonzero((high > 0.05) & promised)).size:
             listed = ", ".join(f"{rates[k] / (2 * np.pi):.4g} Hz by {high[k]:.0%}" for k in wrong[:_NAMED])
             yield (

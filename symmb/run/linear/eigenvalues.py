@@ -1,4 +1,4 @@
-"""Eigenvalues of real matrices, with their errors by rounding."""
+"""Eigenvalues of real matrices, and their errors because of rounding."""
 
 from dataclasses import dataclass
 from typing import cast
@@ -8,12 +8,12 @@ import numpy as np
 from symmb._types import Array, Indices, Mask
 
 _ROUNDING = 1e-13
-"""Relative error of the entries of a matrix: a few hundred rounding errors of the equations of motion."""
+"""Relative error of the entries of a matrix, a few hundred rounding errors, from the equations of motion."""
 
 
 @dataclass(frozen=True, eq=False)
 class Eigenvalues:
-    """Eigenvalues of a real matrix, sorted by size. Of a conjugate pair, the positive imaginary part is first.
+    """Eigenvalues of a real matrix, sorted by size. In a conjugate pair, the positive imaginary part is first.
 
     Attributes
     ----------
@@ -43,14 +43,14 @@ class Eigenvalues:
 def eigenvalues(A: Array) -> Eigenvalues:
     """The eigenvalues of A (n, n).
 
-    The null space of A is split off until the remaining matrix is regular. So chains of free motions, as of a position
-    and its rate, have eigenvalues 0, and not the square root of rounding (Golub & Van Loan, Matrix Computations,
-    section 7.6.5).
+    The null space of A is split off until the remaining matrix is regular (Golub & Van Loan, Matrix Computations,
+    section 7.6.5). With this, chains of free motions, such as a position and its rate, have eigenvalues 0. Otherwise
+    they would have the square root of rounding.
     """
     from scipy.linalg import get_lapack_funcs
 
     largest = np.abs(A).max(axis=1, keepdims=True, initial=0.0)
-    A = np.where(np.abs(A) <= _ROUNDING * largest, 0.0, A)  # balancing would magnify what is only rounding
+    A = np.where(np.abs(A) <= _ROUNDING * largest, 0.0, A)  # balancing would magnify entries that are rounding
     if not A.size:
         return Eigenvalues(np.zeros(0, complex), np.zeros((0, 0), complex), np.zeros(0))
     (gebal,) = get_lapack_funcs(("gebal",), (A,))  # SciPy's matrix_balance warns of factors above 1e18
@@ -79,7 +79,7 @@ def _without_null_space(A: Array, rounding: float) -> Eigenvalues:
 
 
 def _regular(A: Array, rounding: float) -> Eigenvalues:
-    """The eigenvalues of a regular matrix A, whose entries have errors of size `rounding`.
+    """The eigenvalues of a regular matrix A. Its entries have errors of size `rounding`.
 
     The condition of an eigenvalue is |x| |y| / |y' x| for its right and left eigenvectors x and y. A double eigenvalue
     changes by the square root of a change of A (Golub & Van Loan, Matrix Computations, sections 7.2.2 and 7.2.3).

@@ -40,7 +40,7 @@ class LinearFamily:
         warn_of(self.doubts, f"Linearisation of {scene.name}")
 
     def eigen(self, p: Array) -> tuple[Eigenvalues, Array]:
-        """Eigenvalues for parameters p (n_p,), and the displacements (n_v, n) of their modes over their sizes."""
+        """Eigenvalues for parameters p (n_p,), and displacements (n_v, n) of their modes, divided by their sizes."""
         (found,) = self.eigen_of(p[None])
         return found
 
@@ -63,11 +63,11 @@ class LinearFamily:
     def _reduced(self, blocks: Blocks, point: LinearizationPoint) -> tuple[Array, Array]:
         """The matrix A (n, n) of one sample, and all displacements (n_z, n) for unit states.
 
-        Each sample chooses its own independent states, because the states of another sample may be dependent here: the
-        heading of a bicycle follows from its sideways motion only if it runs.
+        Each sample has its own choice of independent states, because states of another sample may be dependent here.
+        For example, the heading of a bicycle follows from its sideways motion only if the bicycle moves.
         """
         free = free_states(self._equations, blocks)
         motion = SteadyMotion(self._equations, point, blocks, free)
-        if self._turns is None and motion.moves:  # the first sample that moves tells whether coordinates have to turn
+        if self._turns is None and motion.moves:  # the first sample that moves shows if coordinates have to turn
             self._turns = motion.turning is not None and bool(motion.turning.any())
         return motion.turned(motion.best_turning() if self._turns and motion.moves else None), motion.lift

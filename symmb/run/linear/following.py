@@ -1,4 +1,4 @@
-"""Modes that are followed along a straight way through the parameters by their shapes."""
+"""Modes along a straight line of parameters. Their shapes identify the modes from one point to the next."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,20 +9,20 @@ from symmb._types import Array, Indices
 from symmb.run.linear.eigenvalues import Eigenvalues
 
 _ALIKE = 0.9
-"""Overlap of two shapes, above which they belong to the same mode: then other modes overlap by less than 0.1."""
+"""Overlap of two shapes. Above it, they belong to the same mode, and the overlap with other modes is below 0.1."""
 
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """Modes at the end of a way.
+    """Modes at the end of a line of parameters.
 
     Attributes
     ----------
-    values : (n,) complex      eigenvalues in the order of the modes at the start; nan of modes that have ended
-    errors : (n,)              errors of the eigenvalues by rounding
-    places : (n,)              numbers of the modes among the eigenvalues at the end; -1 of modes that have ended
-    crossings : set of pairs   numbers of modes whose frequencies cross on the way
-    veerings : set of pairs    numbers of modes that exchange their shapes within the shortest step
+    values : (n,) complex      eigenvalues in the order of the modes at the start; nan for modes that have ended [1/s]
+    errors : (n,)              errors of the eigenvalues because of rounding [1/s]
+    places : (n,)              numbers of the modes among the eigenvalues at the end; -1 for modes that have ended
+    crossings : set of pairs   numbers of two modes with frequencies that cross on the line
+    veerings : set of pairs    numbers of two modes that exchange their shapes within the shortest step
     """
 
     values: Array
@@ -33,11 +33,11 @@ class Followed:
 
 
 def followed(at: Callable[[float], tuple[Eigenvalues, Array]], start: tuple[Eigenvalues, Array]) -> Followed:
-    """Follow all oscillations along a way from 0 to 1.
+    """Follow all oscillations along a line of parameters, from the fraction 0 to 1 of the line.
 
-    `at` returns eigenvalues and shapes (n_z, n) at a fraction of the way. Steps are halved until the shapes of each
-    mode at both ends of a step overlap by `_ALIKE`, and no two frequencies change their order. Frequencies that change
-    their order within the shortest step cross, if the shapes stay alike.
+    `at` returns eigenvalues and shapes (n_z, n) at a fraction of the line. Steps are halved until the shapes of each
+    mode at both ends of a step overlap by `_ALIKE`, and no two frequencies change their order. If two frequencies
+    change their order within the shortest step, but shapes remain similar, the frequencies cross.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -55,9 +55,9 @@ def followed(at: Callable[[float], tuple[Eigenvalues, Array]], start: tuple[Eige
         rows, columns = linear_sum_assignment(-overlap)
         alike, following = overlap[rows, columns], candidates[columns]
         swapped = _swapped(np.abs(eigen.values[place[rows]]), np.abs(new.values[following]))
-        # Least similarity of two modes if each is the only one at its point.
+        # Smallest similarity of two modes if each is the only one at its point.
         least = _ALIKE if len(place) + len(candidates) > 2 else 0.5
-        # Shortest step divided by the way. If two frequencies change their order within this step, they cross.
+        # Shortest step, divided by the line. If two frequencies change their order within this step, they cross.
         if step > 2.0**-10 and (len(rows) < len(place) or alike.min(initial=1.0) < least or swapped):
             step /= 2
             continue
@@ -74,12 +74,12 @@ def followed(at: Callable[[float], tuple[Eigenvalues, Array]], start: tuple[Eige
 
 
 def _swapped(before: Array, after: Array) -> list[tuple[int, int]]:
-    """Pairs of numbers of modes whose frequencies change their order."""
+    """Pairs of numbers of modes with frequencies that change their order."""
     signs = [np.sign(values[:, None] - values) for values in (before, after)]
     return [(int(i), int(j)) for i, j in np.argwhere(np.triu(signs[0] * signs[1] < 0, 1))]
 
 
 def _overlaps(one: Array, other: Array) -> Array:
-    """Modal assurance criterion of shapes in columns, (n, m) (Allemang & Brown 1982)."""
+    """Modal assurance criterion (n, m) of shapes in n and m columns (Allemang & Brown 1982)."""
     norms = np.linalg.norm(one, axis=0)[:, None] * np.linalg.norm(other, axis=0)[None]
     return (np.abs(one.conj().T @ other) / np.maximum(norms, 1e-300)) ** 2

@@ -14,7 +14,7 @@ from symmb.equations.model import Scene
 def with_inputs(scene: Scene, inputs: Sequence[str]) -> tuple[Scene, tuple[int, ...]]:
     """The scene with parameters for forces of actuators and for inputs, and the numbers of all input parameters.
 
-    Raise a DeclarationError if a name is not an actuator, an input or a parameter, or is listed twice.
+    DeclarationError is raised if a name is not an actuator, an input or a parameter, or is listed twice.
     """
     actuators = {e.name: e for e in scene.system.elements if isinstance(e, Actuator)}
     declared = scene.system.inputs
@@ -46,8 +46,8 @@ def with_inputs(scene: Scene, inputs: Sequence[str]) -> tuple[Scene, tuple[int, 
 def with_uniform(scene: Scene) -> tuple[Scene, tuple[int, ...], tuple[str, ...]]:
     """The scene with parameters for start values of uniform motions, and the numbers and names of these parameters.
 
-    A coordinate that no force depends on moves uniformly. It is not a state of the equations of motion, but outputs may
-    contain it. Each such coordinate has two parameters: its position and its velocity at the start.
+    A coordinate moves uniformly if no force depends on it. It is not a state of the equations of motion, but outputs
+    may contain it. Each coordinate of this kind has two parameters: its position and its velocity at the start.
     """
     system = scene.system
     curves = [y for y, _ in scene.asked.values() if not isinstance(y, Figure)]

@@ -18,16 +18,16 @@ _BLOCKS = ("qdot", "vdot", "sdot", "rows", "outputs", "bodies")
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Linear equations of N samples in all displacements z = (delta, v, s), with the rows of the constraints.
+    """Linear equations of N samples in all displacements z = (delta, v, s), and the rows of the constraints.
 
     Attributes
     ----------
     A : (N, n_z, n_z)       z' = A z + B u
-    B : (N, n_z, n_u)
+    B : (N, n_z, n_u)       see A
     rows : (N, n, n_z)      rows z + row_inputs u = 0
-    row_inputs : (N, n, n_u)
-    C : (N, n_y, n_z)       outputs
-    D : (N, n_y, n_u)
+    row_inputs : (N, n, n_u)    see rows
+    C : (N, n_y, n_z)       outputs y = C z + D u
+    D : (N, n_y, n_u)       see C
     bodies : (N, n_b, n_z)  displacements of the bodies along their velocities
     """
 
@@ -46,10 +46,10 @@ class Blocks:
 
 @dataclass(frozen=True, eq=False)
 class LinearEquations:
-    """Exact derivatives of a formulation's equations with respect to its states and to some parameters.
+    """Exact derivatives of the equations of a formulation with respect to its states and to some parameters.
 
-    Displacements delta belong to the velocities: q = retract(q0, delta). Near a motion q0(t), delta' consists of
-    v - v0 and of the rotation of delta by the motion.
+    Displacements delta are along the velocities: q = retract(q0, delta). Near a motion q0(t), delta' is the sum of
+    v - v0 and the rotation of delta by the motion.
 
     Parameters
     ----------
@@ -86,8 +86,8 @@ class LinearEquations:
         if not n:
             raise DeclarationError("linearize: the scene has no states. Linearise a scene with bodies that can move.")
         f, cuts = self._slopes
-        # Largest number of instructions for all columns, for which whole matrices are derived: this takes some
-        # seconds.
+        # Maximum number of instructions for all columns. Up to this number, whole matrices are derived, which takes
+        # some seconds.
         if self.often and f.n_instructions() * n <= 2_000_000:
             values = batch(self._jacobian, X, P, np.full((N, 1), t))[0].reshape(N, -1, n)
         else:
@@ -106,7 +106,7 @@ class LinearEquations:
 
     @cached_property
     def _slopes(self) -> tuple[ca.Function, list[int]]:
-        """Function (x, p, t, dz) of all blocks times dz, and the rows at which one block ends and the next begins."""
+        """A function (x, p, t, dz) -> all blocks times dz, and the numbers of the rows at which blocks end."""
         dae = self.dae
         x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
         z, dz = ca.SX.sym("z", self.n_z + len(self.inputs)), ca.SX.sym("dz", self.n_z + len(self.inputs))
@@ -116,7 +116,7 @@ class LinearEquations:
         moved = ca.SX(p)
         for number, value in zip(self.inputs, ca.vertsplit(u) if self.inputs else (), strict=True):
             moved[number] += value
-        if dae.impacts is not None:  # contacts and joints stay closed or open
+        if dae.impacts is not None:  # contacts and joints remain closed or open
             more[dae.impacts.states.tolist()] = 0
         state = ca.vertcat(q, v0 + w, s0 + more)
         at = dae.arguments(state, moved, t)
@@ -133,13 +133,13 @@ class LinearEquations:
 
     @cached_property
     def _jacobian(self) -> ca.Function:
-        """Function (x, p, t) of all blocks, below each other."""
+        """A function (x, p, t) -> all blocks, one below the other."""
         x, p, t, dz = self._slopes[0].sx_in()
         (slopes,) = self._slopes[0].call([x, p, t, dz], True, False)
         return ca.Function("jacobian", [x, p, t], [ca.jacobian(slopes, dz)])
 
     def _counted(self, q: ca.SX, s: ca.SX, p: ca.SX) -> list[ca.SX]:
-        """Differences of counted angles and the angles of coordinates: they are constant during a motion."""
+        """Differences between counted angles and angles of coordinates, which are constant during a motion [rad]."""
         begin = self.dae.s_start
         if begin is None:
             return []
@@ -157,7 +157,7 @@ class LinearEquations:
 def independent(equations: LinearEquations, blocks: Blocks) -> Indices:
     """Numbers of independent displacements, velocities and states of the first sample.
 
-    The rank of the rows is that of the equations of motion, which was decided at the start.
+    The rank of the rows is that of the equations of motion, which is determined at the start.
     """
     from scipy.linalg import qr
 
@@ -173,7 +173,7 @@ def independent(equations: LinearEquations, blocks: Blocks) -> Indices:
 
 
 def lifts(blocks: Blocks, free: Indices) -> Array:
-    """All displacements (N, n_z, n) for unit independent displacements."""
+    """All displacements (N, n_z, n) for unit values of the independent displacements `free` (n,)."""
     N, _, n_z = blocks.rows.shape
     bound = np.setdiff1d(np.arange(n_z), free)
     lift = np.zeros((N, n_z, len(free)))

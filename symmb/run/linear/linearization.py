@@ -32,21 +32,21 @@ def linearize(
 ) -> Linearization:
     """Linearise a scene at its start, or a run at one of its times.
 
-    Derivatives are exact. Constraints are eliminated: the states are independent displacements and velocities, and
-    first-order states.
+    Derivatives are exact. Constraints are eliminated. The states are independent displacements, independent velocities
+    and first-order states.
 
     Parameters
     ----------
     subject : Scene or Trajectory
         a scene that starts in equilibrium or in a steady motion, or a run
     time : float or str, optional
-        an output time of the run [s], or with a unit; default: the last one
+        an output time of the run [s], or a text with a unit; default: the last output time
     parameters : mapping, optional
         values of parameters instead of the nominal ones, for a scene
     inputs : names
         names of actuators, inputs or parameters; an actuator gets an additional force or torque
     outputs : names, optional
-        default: all outputs of the scene over time
+        names of outputs; default: all outputs of the scene over time
 
     Raises
     ------
@@ -85,7 +85,7 @@ def linearize(
     doubts = doubts_of(extended, motion, blocks, loads)
     n, n_u, more = len(free), len(inputs), np.zeros((len(motion.lift), len(uniform)))
     lift = np.hstack([motion.lift, more])
-    # Outputs deviate with uniform motions as they do with the starts of these.
+    # Deviations of outputs with uniform motions are those with the start values of these motions.
     of_starts = blocks.D[0][:, n_u:].copy()
     of_starts[:, 1::2] -= (t - scene.times[0]) * of_starts[:, ::2]
     whole = np.zeros((n + len(uniform),) * 2)
@@ -112,7 +112,7 @@ def linearize(
 
 
 def formulation_of(scene: Scene) -> Formulation:
-    """The formulation in joint coordinates if there are any, because they do not turn with a body that spins."""
+    """The formulation in joint coordinates if they exist, because they do not turn with a body that spins."""
     can_choose = scene.coordinates is None and not scene.system.collected.gated
     if can_choose and scene.system.joint_space().joints.names:
         with suppress(DeclarationError):
@@ -123,7 +123,7 @@ def formulation_of(scene: Scene) -> Formulation:
 
 
 def _require_slopes_of_outputs(names: Sequence[str], *parts: Array) -> None:
-    """Raise a DeclarationError if an output has no derivative, as a norm at 0."""
+    """Raise a DeclarationError if an output has no derivative, such as a norm at 0."""
     for name, *rows in zip(names, *parts, strict=True):
         if not all(np.isfinite(row).all() for row in rows):
             raise DeclarationError(
@@ -133,10 +133,10 @@ def _require_slopes_of_outputs(names: Sequence[str], *parts: Array) -> None:
 
 
 def _require_free_inputs(inputs: Sequence[str], blocks: Blocks) -> None:
-    """Raise a DeclarationError if an input moves constraints, because states would depend on the rate of the input."""
+    """Raise a DeclarationError if an input moves constraints. States would then depend on the rate of the input."""
     moved = np.abs(blocks.row_inputs[0]).max(axis=0, initial=0.0)
     for name, size in zip(inputs, moved, strict=False):
-        # Slope of a constraint with respect to an input divided by its largest slope, below which it is rounding.
+        # Slope of a constraint with respect to an input, divided by its largest slope. Smaller slopes are rounding.
         if size > 1e-12 * np.abs(blocks.rows[0]).max(initial=0.0):
             raise DeclarationError(
                 f"linearize: input {name!r} moves constraints, as a length or a position does. Use inputs that change "
@@ -147,7 +147,7 @@ def _require_free_inputs(inputs: Sequence[str], blocks: Blocks) -> None:
 def free_states(equations: LinearEquations, blocks: Blocks, others: int = 0) -> Indices:
     """Numbers of independent displacements, velocities and first-order states, without states of events.
 
-    `others` is the number of further states. Raise a DeclarationError if there are no states at all.
+    `others` is the number of further states. DeclarationError is raised if there are no states at all.
     """
     dae = equations.dae
     flags = 2 * dae.n_v + dae.impacts.states if dae.impacts is not None else np.zeros(0, dtype=np.intp)

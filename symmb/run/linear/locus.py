@@ -25,8 +25,8 @@ class Locus:
 
     Attributes
     ----------
-    values : (n,)
-    points : n eigenvalues with the shapes of their modes
+    values : (n,)              values of the parameter
+    points : n pairs           eigenvalues at a value, and the shapes of their modes
     numbers : n dicts          number of an eigenvalue -> number of its oscillation; oscillations that appear later have
                                larger numbers
     count : int                number of oscillations
@@ -41,7 +41,7 @@ class Locus:
 
     @property
     def modes(self) -> Array:
-        """Complex eigenvalues (n, k) of the oscillations, nan if an oscillation does not exist at a value."""
+        """Complex eigenvalues (n, k) of the oscillations [1/s]; nan if an oscillation does not exist at a value."""
         modes = np.full((len(self.values), self.count), np.nan, dtype=complex)
         for i, own in enumerate(self.numbers):
             modes[i, list(own.values())] = self.points[i][0].damped[list(own)]
@@ -49,7 +49,7 @@ class Locus:
 
 
 def nominal_locus(family: LinearFamily, parameter: str, values: Array) -> Locus:
-    """The locus at the nominal values of the other parameters. Raise a SimulationError if the scene does not start."""
+    """The locus at nominal values of the other parameters. SimulationError is raised if the scene does not start."""
     number = list(family.scene.system.parameters).index(parameter)
     P = np.tile(family.nominal, (len(values), 1))
     P[:, number] = values
@@ -79,9 +79,9 @@ def _oscillations(point: tuple[Eigenvalues, Array]) -> list[int]:
 def _way(
     family: LinearFamily, begin: Array, end: Array, at_end: tuple[Eigenvalues, Array]
 ) -> Callable[[float], tuple[Eigenvalues, Array]]:
-    """Function of a fraction of the way between two sets of parameters: eigenvalues and shapes there.
+    """A function of a fraction of the line between two sets of parameters -> eigenvalues and shapes there.
 
-    Eigenvalues and shapes at the end are known already.
+    `at_end` has the eigenvalues and shapes at the end, which are known already.
     """
     return lambda share: at_end if share == 1.0 else family.eigen(begin + share * (end - begin))
 
@@ -89,12 +89,12 @@ def _way(
 class LocusSimulator(BlackBox):
     """Frequencies, damping, real and imaginary parts of the oscillations of a locus, for samples of other parameters.
 
-    The values of the locus parameter take the place of times. Each oscillation is followed from the nominal parameters
-    to the sample.
+    The times of this simulator are values of the locus parameter. Each oscillation is followed from the nominal
+    parameters to the sample.
 
     Attributes
     ----------
-    known : (n, k)         mask of the oscillations that samples must have; results of the others are 0
+    known : (n, k)         mask of the oscillations that samples must have; results of other oscillations are 0
     """
 
     def __init__(self, family: LinearFamily, parameter: str, locus: Locus) -> None:
@@ -109,12 +109,12 @@ class LocusSimulator(BlackBox):
         self.units = tuple(unit for unit in ("Hz", "1", "1/s", "1/s") for _ in numbers)
 
     def restrict(self, P: Array) -> None:
-        """Remove oscillations from `known` that a sample of P (N, d) does not have."""
+        """Remove the oscillations that a sample of P (N, d) does not have from `known`."""
         for row in P:
             self.known &= ~np.isnan(self._followed(row))
 
     def response(self, values: Mapping[str, float]) -> Any:
-        """Frequencies, damping, real and imaginary parts (n, 4 k)."""
+        """Frequencies [Hz], damping [-], real and imaginary parts [1/s], together (n, 4 k)."""
         modes = self._followed(np.array(list(values.values())))
         lost = np.argwhere(self.known & np.isnan(modes))
         if len(lost):
@@ -126,7 +126,7 @@ class LocusSimulator(BlackBox):
         return np.hstack([sizes / (2 * np.pi), damping, found.real, found.imag])
 
     def _followed(self, others: Array) -> Array:
-        """Complex eigenvalues (n, k), nan if an oscillation ends between the nominal parameters and the sample."""
+        """Complex eigenvalues (n, k) [1/s]; nan if an oscillation ends between nominal parameters and the sample."""
         n = len(self._locus.values)
         begin = np.tile(self._family.nominal, (n, 1))
         end = np.tile(np.insert(others, self._number, 0.0), (n, 1))

@@ -26,7 +26,7 @@ class ModalSimulator(BlackBox):
     scene : Scene
         a scene that starts in equilibrium, or in a steady motion
     count : int
-        number of modes, from the lowest frequency on; all modes if there are fewer
+        number of modes, from the lowest frequency on; if there are fewer modes, all modes
 
     Raises
     ------
@@ -68,7 +68,7 @@ class ModalSimulator(BlackBox):
         return self._start[0].values[self._modes]
 
     def response(self, values: Mapping[str, float]) -> Any:
-        """Frequencies and damping (1, n_y)."""
+        """Frequencies [Hz] and damping ratios [-], together (1, n_y)."""
         found = self._followed(np.array(list(values.values())))
         reached = found.values[: len(self._modes)]
         if np.isnan(reached).any():
@@ -77,10 +77,10 @@ class ModalSimulator(BlackBox):
         return np.concatenate([sizes / (2 * np.pi), 0.0 - reached.real / sizes])[None]
 
     def crossings(self, box: Box) -> tuple[str, ...]:
-        """Sentences about frequencies that cross on straight ways from the nominal parameters to the corners of a box.
+        """Sentences about frequencies that cross on straight lines from the nominal parameters to corners of a box.
 
-        Frequencies veer if they come close, exchange their shapes and part again. Then they keep their order. Sentences
-        name the first corner for each crossing, and modes that exchange their shapes too fast to be followed.
+        A sentence names the first corner with this crossing. If frequencies come close and part again, while their
+        modes exchange shapes, they keep their order. Sentences also name modes that exchange shapes too fast.
         """
         nominal, told = self.family.nominal, {}
         names = list(self.parameters)
@@ -109,7 +109,7 @@ class ModalSimulator(BlackBox):
 
 
 def corners(box: Box) -> Array:
-    """The corners (n, d) of a box. For more than six parameters, 64 random corners are returned."""
+    """The corners (n, d) of a box; 64 random corners if there are more than six parameters."""
     d = len(box.names)
     every = product((0, 1), repeat=d) if d <= _EVERY else np.random.default_rng(0).integers(0, 2, (2**_EVERY, d))
     lower, upper = np.array(box.bounds).T
@@ -117,4 +117,4 @@ def corners(box: Box) -> Array:
 
 
 _EVERY = 6
-"""Largest number of parameters for which all corners of a box are used: each corner takes some linearisations."""
+"""Maximum number of parameters for which all corners of a box are used. Each corner takes some linearisations."""

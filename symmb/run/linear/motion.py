@@ -29,7 +29,7 @@ class Origin:
     scene : Scene
     formulation : Formulation
     point : LinearizationPoint
-    lift : (n_z, n) array      displacements, velocities and first-order states for unit states of the linearisation
+    lift : (n_z, n) array      displacements, velocities, first-order states for unit values of the linear states
     """
 
     scene: Scene
@@ -38,7 +38,7 @@ class Origin:
     lift: Array
 
     def motion(self, label: str, eigenvalue: complex, vector: Array, shape: Array) -> Trajectory:
-        """The undamped oscillation with an eigenvector (n,) and the displacements of the bodies (n_b,) in it."""
+        """The undamped oscillation as a run. `vector` (n,) is its eigenvector, `shape` (n_b,) are displacements."""
         form, p, rate = self.formulation, self.point.p, abs(eigenvalue.imag)
         phase = np.linspace(0.0, 2 * np.pi * _PERIODS, _PERIODS * _PICTURES + 1)
         deviation = self._amplitude(shape) * self.lift @ vector
@@ -61,17 +61,17 @@ class Origin:
             run_seconds=0.0,
         )
         doubt = "This motion is a mode without damping, with a visible amplitude. It is not a run of the scene."
-        vars(run).update(doubts=(doubt,))  # in place of the doubts about a run
+        vars(run).update(doubts=(doubt,))  # replaces the warnings about a run
         return run
 
     def _displaced(self) -> ca.Function:
-        """Function (x, z, p) of the state after a linear deviation z, with joints closed."""
+        """A function (x, z, p) -> the state after a linear deviation z, with closed joints."""
         dae = self.formulation.dae
         x, p = ca.SX.sym("x", len(self.point.x)), ca.SX.sym("p", len(self.point.p))
         z = ca.SX.sym("z", len(self.lift))
         delta, more = z[: dae.n_v], z[dae.n_v :]
         moved = ca.vertcat(dae.retract(x[: dae.n_q, :], delta), x[dae.n_q :] + more)
-        # Newton steps that close joints after large linear displacements: the last step moves parts by rounding only.
+        # Number of Newton steps that close joints after large linear displacements. The last step is only rounding.
         closed = project(dae, moved, p, ca.SX(self.point.t), 4)
         return common("displaced", [x, z, p], [ca.densify(moved if closed is None else closed)])
 
@@ -89,7 +89,7 @@ class Origin:
         V = np.stack([np.zeros(len(shape)), shape.real, shape.imag])
         values = batch(rates, x[0, : dae.n_q], V, self.point.p)
         travel, turn = (np.linalg.norm(some[1:] - some[0], axis=0).max(initial=0.0) for some in values)
-        # Largest displacement divided by the length of the scene, and largest angle [rad]: motions are visible, and
-        # look linear.
+        # Largest displacement, divided by the length of the scene, and largest angle [rad]. With these, motions are
+        # visible and look linear.
         limits = [limit / size for limit, size in ((0.15 * dae.scales.length, travel), (0.25, turn)) if size]
         return float(min(limits))

@@ -17,7 +17,7 @@ from symmb.run.linear.linear_equations import LinearEquations
 from symmb.run.simulation import DAESimulator, Trajectory, parameter_values, scene_of
 
 _ON = 1e-9
-"""Distance from a switch, in sizes of the states, below which a state is on the switch."""
+"""Largest distance of a state from a switch, in sizes of the states, if the state is on the switch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class LinearizationPoint:
 def point_of(
     subject: Scene | DAESimulator | Trajectory, time: float | str | None, parameters: Mapping[str, float] | None
 ) -> tuple[Scene, dict[str, float], float, Array | None]:
-    """Scene, parameters, time, and the state of the bodies (None for the start of a scene)."""
+    """Scene, parameters, time [s], and state of the bodies (n_x,), which is None for the start of a scene."""
     if not isinstance(subject, Trajectory):
         subject = scene_of(subject)
         if time is not None:
@@ -108,11 +108,11 @@ def require_smooth(formulation: Formulation, point: LinearizationPoint, equation
         aside = 1e-7 * sizes * slopes[k] / steep[k]
         blocks = equations.blocks(np.stack([x - aside, x + aside]), np.stack([point.p] * 2), point.t)
         near, far = (np.abs(_jump(dae, point, share * aside)) for share in (0.5, 1.0))
-        # Factor on a difference of forces at half the distance: it is 1/2 for a continuous force, and 1 for a jump. And
-        # rounding of a difference divided by the rates at displacements of the scene's size.
+        # Ratio of the difference of forces at half the distance to that at the distance: it is 1/2 for a continuous
+        # force, and 1 for a jump. And rounding of a difference, divided by rates at displacements of the scene's size.
         noise = 1e-12 * float((np.abs(blocks.A).max(axis=0) @ equations.sizes).max())
         jumps = bool((near > 0.9 * far + noise).any())
-        # Largest relative difference of equal derivatives: a continuous derivative changes by some 1e-7.
+        # Largest relative difference of equal derivatives. A continuous derivative changes by about 1e-7.
         if jumps or np.abs(blocks.A[1] - blocks.A[0]).max() > 1e-4 * np.abs(blocks.A).max():
             how = "jump" if jumps else "have different slopes on both sides"
             raise DeclarationError(

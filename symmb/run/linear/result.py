@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from scipy.signal import StateSpace
 
 _MOST, _LEAST = 3, 0.1
-"""Largest number of printed displacements of a mode, and smallest printed displacement divided by the largest one."""
+"""Maximum number of printed displacements of a mode, and smallest printed one, divided by the largest displacement."""
 _HEAD, _LEFT = ("mode", "frequency [Hz]", "damping [-]", "moves most"), (0, 3)
 
 
@@ -32,11 +32,11 @@ class Mode:
 
     Attributes
     ----------
-    eigenvalue : complex       with positive imaginary part [1/s]
+    eigenvalue : complex       eigenvalue with positive imaginary part [1/s]
     frequency : float          |eigenvalue| / 2 pi [Hz], the frequency of the undamped oscillation
     damping : float            damping ratio, negative if the oscillation grows [-]
-    shape : dict               complex amplitudes of the bodies' displacements [m, rad] by name, as "rod.theta"; the
-                               largest one is 1
+    shape : dict               name of a displacement of a body, such as "rod.theta" -> complex amplitude [m, rad]; the
+                               largest amplitude is 1
     """
 
     eigenvalue: complex
@@ -55,7 +55,7 @@ class Mode:
     @property
     def text(self) -> str:
         """The largest displacements as text. The first has the amplitude 1; others show amplitude and phase."""
-        largest = sorted(self.shape.items(), key=lambda item: -round(abs(item[1]), 9))  # those that are equal stay
+        largest = sorted(self.shape.items(), key=lambda item: -round(abs(item[1]), 9))  # equal ones keep their order
         words = [_displacement_text(*item) for item in largest[:_MOST] if abs(item[1]) >= _LEAST]
         return ", ".join([largest[0][0], *words[1:]])
 
@@ -74,23 +74,23 @@ class Linearization(WithWarnings, Saved):
     Attributes
     ----------
     name : str
-        of the scene
+        name of the scene
     A, B, C, D : (n, n), (n, n_u), (n_y, n), (n_y, n_u) arrays
     states : tuple of str
         names of independent displacements, velocities and first-order states
     inputs, outputs : tuple of str
     eigenvalues : (n,) complex
-        by size [1/s]
+        eigenvalues, sorted by size [1/s]
     frequencies, damping
-        of the modes [Hz], [-]
+        frequencies [Hz] and damping ratios [-] of the modes
     modes : tuple of Mode
-        oscillations by frequency
+        oscillations, sorted by frequency
     time : float
-        [s]
+        time of the state [s]
     parameters : dict
-        values
+        values of the parameters by name
     doubts : tuple of str
-        warnings, in sentences
+        warnings, as sentences
     shapes : (n_b, n) array
         displacements of the bodies for unit states
     displacements
@@ -151,12 +151,12 @@ class Linearization(WithWarnings, Saved):
 
     @property
     def frequencies(self) -> Array:
-        """Frequencies of the modes [Hz]."""
+        """Frequencies (m,) of the modes [Hz]."""
         return np.array([mode.frequency for mode in self.modes])
 
     @property
     def damping(self) -> Array:
-        """Damping ratios of the modes [-]."""
+        """Damping ratios (m,) of the modes [-]."""
         return np.array([mode.damping for mode in self.modes])
 
     @property
@@ -177,7 +177,7 @@ class Linearization(WithWarnings, Saved):
     def motion(self, number: int) -> Trajectory:
         """A mode as a motion that `view` can animate. The first mode has the number 0.
 
-        The motion oscillates about the state without damping, with a visible amplitude. Joints stay closed.
+        The motion oscillates about the state without damping, with a visible amplitude. Joints remain closed.
 
         Raises
         ------

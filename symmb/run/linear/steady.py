@@ -1,8 +1,8 @@
-"""Steady motions, and the turning coordinates that make their linear equations constant.
+"""Steady motions, and turning coordinates in which their linear equations are constant.
 
-Deviations z from a motion satisfy z' = A(t) z. The eigenvalues of A decide about stability only if A is constant, as at
-an equilibrium. The motion of a wheel that rolls evenly is steady as well, but the coordinates of the wheel turn with
-it, and A turns with them. In turned coordinates z = exp(X t) w the equations are
+Deviations z from a motion satisfy z' = A(t) z. The eigenvalues of A determine stability only if A is constant, as at an
+equilibrium. A wheel that rolls at constant speed is in a steady motion too. But its coordinates turn with the wheel,
+and so does A. In turned coordinates z = exp(X t) w the equations are
 
     w' = (exp(-X t) A exp(X t) - X) w
 
@@ -26,18 +26,18 @@ DOUBT = (
     "describe the later motion."
 )
 _DEPENDENT = 1e-9
-"""Relative difference, below which two rotations of coordinates have the same effect, and differences are rounding."""
+"""Relative difference. Below it, two rotations of coordinates have the same effect, and differences are rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class SteadyMotion:
-    """The motion through a point, with the linear equations of deviations from it.
+    """The motion through a point, with the linear equations of deviations from this motion.
 
     Parameters
     ----------
     equations : LinearEquations
     point : LinearizationPoint
-    blocks : Blocks            at the point
+    blocks : Blocks            linear equations at the point
     free : (n,)                numbers of the independent displacements, velocities and states
     """
 
@@ -48,7 +48,7 @@ class SteadyMotion:
 
     @cached_property
     def lift(self) -> Array:
-        """All displacements, velocities and states (n_z, n) for unit independent ones."""
+        """All displacements, velocities and states (n_z, n) for unit values of the independent ones."""
         return lifts(self.blocks, self.free)[0]
 
     @cached_property
@@ -71,7 +71,7 @@ class SteadyMotion:
 
     @cached_property
     def turning(self) -> Array | None:
-        """The rotation X (n_z, n_z) of coordinates that makes A constant: 0 if none is needed, None if none exists."""
+        """The rotation X (n_z, n_z) of coordinates in which A is constant: 0 if A is constant, None if none exists."""
         none = np.zeros((self.equations.n_z,) * 2)
         if not self._rates.any() or not self._fixed.size or self._is_constant(none):
             return none
@@ -80,7 +80,7 @@ class SteadyMotion:
 
     @property
     def A(self) -> Array:
-        """The matrix (n, n) of the equations, in turning coordinates if these make it constant."""
+        """The matrix (n, n) of the equations, in turning coordinates if the matrix is constant in them."""
         return self.turned(self.turning)
 
     def turned(self, X: Array | None) -> Array:
@@ -90,19 +90,19 @@ class SteadyMotion:
         turn = (X @ self.lift)[self.free]
         A = self._fixed - turn
         size = np.abs(self._fixed) + np.abs(turn)
-        # Entry of turned equations divided by the largest entry of A, below which it is rounding. It would change
+        # Entry of turned equations, divided by the largest entry of A. Smaller entries are rounding, which would change
         # eigenvalues 0.
         return np.where(np.abs(A) <= _DEPENDENT * size + 1e-15 * size.max(), 0.0, A)
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """The doubt that A changes along the motion."""
+        """A warning if A changes along the motion."""
         return (DOUBT,) if self.turning is None else ()
 
     def best_turning(self) -> Array | None:
-        """The rotation X (n_z, n_z) with the least change of exp(-X t) A exp(X t) and of the rows of constraints.
+        """The rotation X (n_z, n_z) with the smallest change of exp(-X t) A exp(X t) and of the rows of constraints.
 
-        None if no coordinates can turn.
+        The result is None if no coordinates can turn.
         """
         candidates = list(_generators(self.equations.dae.v_names, self.equations.n_z))
         if not candidates:
@@ -110,10 +110,10 @@ class SteadyMotion:
         A, rows = self._at(0.0, None)
         changes = [change @ self.lift for change in self._slopes(self._step(np.inf))]
         effects = [[(A @ X - X @ A) @ self.lift, rows @ X @ self.lift] for X in candidates]
-        # Every equation counts alike: those of stiff parts have large coefficients.
+        # All equations have equal weights, although equations of stiff parts have large coefficients.
         units = [np.linalg.norm(part, axis=1, keepdims=True) for part in (A, rows)]
-        # Size of a row of A divided by the largest row, below which the weight of the row is not increased: it may be
-        # rounding.
+        # Size of a row of A, divided by the largest row. The weight of a smaller row is not increased, because it may
+        # be rounding.
         units = [np.maximum(unit, 1e-6 * unit.max(initial=1e-300)) for unit in units]
         F = np.array([np.concatenate([(e / u).ravel() for e, u in zip(some, units, strict=True)]) for some in effects])
         f = np.concatenate([(change / unit).ravel() for change, unit in zip(changes, units, strict=True)])
@@ -130,14 +130,14 @@ class SteadyMotion:
         ]
 
     def _is_constant(self, X: Array) -> bool:
-        """Whether A is constant in coordinates that turn by X: no mode changes within its own time constant."""
+        """Whether A is constant in coordinates that turn by X. Then no mode changes within its own time constant."""
         modes = eigenvalues(self._turned(0.0, X))
         sizes = np.abs(modes.values)
         slowest = sizes[sizes > 0].min(initial=np.inf)
         times = 1 / np.where(sizes > 0, sizes, slowest)
         left = np.argsort(times, kind="stable")
         while left.size:
-            # Ratio of time constants, above which modes are examined separately.
+            # Modes are examined separately if the ratio of their time constants is above this value.
             chosen = left[times[left] <= 4.0 * times[left[0]]]
             if not self._keeps(modes[chosen], float(times[left[0]]) or np.inf, X):
                 return False
@@ -145,47 +145,46 @@ class SteadyMotion:
         return True
 
     def _keeps(self, modes: Eigenvalues, time: float, X: Array) -> bool:
-        """Whether A changes these modes only little from -`time` to `time`.
+        """Whether the changes of A from -`time` to `time` have little effect on these modes.
 
-        The response to a change dA of the matrix by a mode x is (s - A)^-1 dA x. The distance of s from the eigenvalue
-        is the size of the eigenvalue. Stiff parts respond little, as they do in the motion.
+        A change dA of the matrix has the effect (s - A)^-1 dA x on a mode x. The distance of s from the eigenvalue is
+        the size of the eigenvalue. Stiff parts then respond little, as in the motion.
         """
         step = self._step(time)
-        # Largest factor of the extrapolation: rounding of 1e-13 in second differences becomes 1e-8.
+        # Largest factor of the extrapolation. With it, rounding of 1e-13 in second differences becomes 1e-8.
         factor = min(time / step, 300.0)
         A, ahead, behind = (self._turned(tau, X) for tau in (0.0, step, -step))
         first, second = factor * (ahead - behind) / 2, factor**2 * (ahead + behind - 2 * A) / 2
         units = self.equations.sizes[self.free]
         for k, value in enumerate(modes.values):
-            # Direction [rad] from an eigenvalue to the point where the response of a mode is evaluated: another
-            # eigenvalue is unlikely there.
+            # Direction [rad] from an eigenvalue to the point s. Another eigenvalue is unlikely at this point.
             s = value + np.exp(0.9 * 1j) * max(abs(value), 1 / (factor * step))
             changes = np.stack([first + second, second - first], axis=2).swapaxes(1, 2) @ modes.vectors[:, k]
             answers = np.linalg.solve(s * np.eye(len(A)) - A, changes) / units[:, None]
-            # Change of a mode divided by its size within its own time constant, above which a motion is not steady.
+            # Change of a mode within its time constant, divided by its size. Above this value, a motion is not steady.
             if np.abs(answers).max() > 1e-3 * np.abs(modes.vectors[:, k] / units).max():
                 return False
         return True
 
     def _step(self, time: float) -> float:
-        """A step [s], at most `time`, over which the motion covers the distance for comparisons of A."""
+        """A step [s], at most `time`, in which the motion covers a distance that suits comparisons of A."""
         step = min(time, 1e3 / max(float(np.abs(self._rates / self.equations.sizes).max()), 1e-300))
         n_v = self.equations.dae.n_v
-        # Largest number of halvings of a step: the last step is 1e-60 of the first one.
+        # Maximum number of halvings of a step. The last step is 1e-60 of the first one.
         for _ in range(200):
             moved = np.abs(self._displacement(step) / self.equations.sizes)
-            # Weight of velocities relative to displacements there: A depends on velocities by their squares.
+            # Weight of velocities relative to displacements, because A depends on the squares of velocities.
             moved[n_v : 2 * n_v] *= 0.1 * (time if np.isfinite(time) else step)
-            # Largest displacement, in sizes of the states, at which A is compared. Changes of A over longer ways are
-            # extrapolated: from a smaller displacement with errors by rounding, from a larger one with errors of
-            # third order.
+            # Largest displacement, in sizes of the states, at which A is compared. Changes of A over larger
+            # displacements are extrapolated. A smaller value would give larger errors by rounding, a larger value
+            # larger errors of third order.
             if moved.max() <= 2e-3:
                 break
             step /= 2
         return step
 
     def _displacement(self, tau: float) -> Array:
-        """The displacement (n_z,) by the motion in a time tau, by the implicit midpoint rule."""
+        """The displacement (n_z,) of the motion in a time tau, from the implicit midpoint rule."""
         return np.linalg.solve(np.eye(self.equations.n_z) - tau / 2 * self.blocks.A[0], tau * self._rates)
 
     def _at(self, tau: float, X: Array | None) -> tuple[Array, Array]:
@@ -213,7 +212,7 @@ class SteadyMotion:
 
 
 def _generators(v_names: tuple[str, ...], n_z: int) -> Iterator[Array]:
-    """Rotations (n_z, n_z) of the displacements and velocities of each body: of its position, and of its axes."""
+    """Rotations (n_z, n_z) of displacements and velocities of each body: of its position, and of its axes."""
     n_v, numbers = len(v_names), {name: k for k, name in enumerate(v_names)}
     for kinds in (("vx", "vy", "vz"), ("omega_x", "omega_y", "omega_z")):
         for owner in dict.fromkeys(name.rpartition(".")[0] for name in v_names):

@@ -138,8 +138,7 @@ class At:
     def independent(self, rows: ca.SX, multipliers: ca.SX, scales: ca.SX | ca.DM) -> ca.SX:
         """Rows (n_r,) divided by their scales, or position rows (n_c,), without redundancy.
 
-        Combinations of rows that are zero at this state are replaced by combinations of the multipliers divided by
-        their scales.
+        Some combinations of the rows may be zero at this state. The same combinations of the multipliers are added.
         """
         if self.dae.vanishing is None:
             return rows

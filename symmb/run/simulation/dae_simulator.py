@@ -1,4 +1,4 @@
-"""The simulator of a scene. It gives a program the interface that studies use."""
+"""The simulator of a scene: a program with the interface that studies use."""
 
 import time
 from collections.abc import Iterator
@@ -28,7 +28,7 @@ S = TypeVar("S")
 class DAESimulator(WithWarnings):
     """A scene with its equations, its start and its solver, ready for runs. `prepare` returns it.
 
-    It runs samples of the parameters. Compilation takes place once, at the first run. It can be pickled.
+    The simulator runs samples of the parameters. It compiles once, at the first run. It can be pickled.
 
     Parameters
     ----------
@@ -42,11 +42,11 @@ class DAESimulator(WithWarnings):
     parameters : dict
         name -> nominal value, in the order of the columns of P
     times : (n_t,) array
-        [s]
+        output times [s]
     outputs : tuple of str
         names of the n_y outputs over time
     units : tuple of str
-        of the outputs, '' if the unit does not follow from the expression
+        units of the outputs; '' if the unit does not follow from the expression
     solver : Solver
     reason : str
         why symmb chose this solver and these coordinates; empty if they were given
@@ -55,11 +55,11 @@ class DAESimulator(WithWarnings):
     threads : int
         CasADi threads for samples; 1 in a pickled copy
     bodies : Formulation
-        in coordinates of the bodies
+        equations, start and outputs in coordinates of the bodies
     doubts : tuple of str
         warnings about the start and, after `second_look`, about the nominal run
     noise : (n_y,) array
-        estimated errors of the outputs: the larger of the error of the solver's steps and that of the nominal run;
+        estimated errors of the outputs: the error of the solver's steps or that of the nominal run, if it is larger;
         None before `second_look`
     nominal : (n_t, n_y) array
         outputs of the nominal run; None before `second_look`
@@ -105,8 +105,8 @@ class DAESimulator(WithWarnings):
         return f"DAESimulator({self.name!r}, {self.solver!r})"
 
     def __getstate__(self) -> dict[str, Any]:
-        flexible = self.ways.flexible  # nothing else of a study asks for the scene
-        # A copy is one of many that run in parallel.
+        flexible = self.ways.flexible  # only these checks of a study need the scene
+        # A copy has one thread, because many copies run in parallel.
         return vars(self) | {"scene": flexible, "ways": OtherWays(self.program, self.outputs, flexible), "threads": 1}
 
     @property
@@ -143,14 +143,14 @@ class DAESimulator(WithWarnings):
             self.nominal, self.noise, self.doubts = self.ways.at_nominal()
 
     def run(self, P: Array) -> Samples:
-        """Run samples P (N, d). Outputs of a sample are nan after its failure."""
+        """Run samples P (N, d). Outputs (N, n_t, n_y) of a sample are nan after its failure."""
         with LOCK:
             return self.program.runs(checked_samples(self, P, None), self.threads)
 
     def stream(
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
     ) -> S:
-        """Run samples block by block, and reduce each block."""
+        """Run samples P (N, d) block by block, and reduce each block."""
         require_instance("stream: reduction", reduction, Reduction, "a Reduction")
         n_x, values = self.formulation.y.numel_in(0), len(self.times) * len(self.outputs)
         block = block_size(n_x, values, self.compiled, reduction.trajectories)
@@ -194,7 +194,7 @@ class DAESimulator(WithWarnings):
     def kink(self, p0: Array) -> tuple[float, str] | None:
         """Time [s] at which the run at p0 (d,) first meets a kink or a jump of the state, and the names of all kinks.
 
-        None if the run meets no kink.
+        The result is None if the run meets no kink.
         """
         with LOCK:
             form, p = self.formulation, np.asarray(p0, float)
@@ -209,12 +209,12 @@ class DAESimulator(WithWarnings):
             return None if np.isnan(first) else (float(first), str(kinks))
 
     def march(self, P: Array) -> Iterator[tuple[int, Array]]:
-        """Run all samples P (N, d) in lockstep, and yield the number i and outputs (N, n_y) of every output time.
+        """Run all samples P (N, d) together, and yield the number i and the outputs (N, n_y) of every output time.
 
         Raises
         ------
         PropagationError
-            If the solver controls its step
+            If the solver has step control
         """
         P = np.ascontiguousarray(checked_samples(self, P, None))
         x0, _ = self.formulation.start.states(P)
@@ -227,7 +227,7 @@ class DAESimulator(WithWarnings):
 
     @property
     def expression(self) -> ca.Function:
-        """The outputs y (p, t) of a scene without bodies: they are plain expressions."""
+        """A function (p, t) -> outputs y of a scene without bodies, in which outputs are plain expressions."""
         if self.dae.n_q:
             raise AttributeError(
                 "The outputs depend on the motion of bodies. They are not expressions of p and t alone."

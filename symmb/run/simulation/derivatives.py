@@ -26,7 +26,7 @@ class Differentiable:
     Attributes
     ----------
     simulator : Simulator
-        with derivatives
+        simulator that gives derivatives
     parameters : dict
         n_p nominal values by name
     """
@@ -116,7 +116,7 @@ class Differentiable:
         steps = _APART * np.where(p, np.abs(p), 1.0)
         ends = self.values(p + np.concatenate([np.diag(steps), -np.diag(steps)]))
         differences = np.moveaxis((ends[: len(p)] - ends[len(p) :]) / (2 * steps[:, None, None]), 0, -1)
-        # Largest difference of derivatives and difference quotients divided by the largest derivative of an output.
+        # Largest difference of derivatives and difference quotients, divided by the largest derivative of an output.
         # Difference quotients have errors of a few times `_APART`.
         off = np.abs(differences - dY) > 0.02 * np.maximum(np.abs(dY), np.abs(differences)).max(axis=0)
         off[np.flatnonzero(self.simulator.times < kink[0])] = False
@@ -167,11 +167,11 @@ def jax_function(
     Parameters
     ----------
     scene : Scene
-        or a simulator with derivatives
+        scene, or a simulator with derivatives
     parameters : list of str
         names of the parameters of the function, in this order; default: all. Others have their nominal values.
     solver, times, outputs
-        of a scene, instead of its own
+        solver, times and outputs of the runs, if they differ from those of the scene
 
     Raises
     ------
@@ -182,8 +182,8 @@ def jax_function(
     AssemblyError
         If the scene cannot be started
     SimulationError
-        If the nominal run breaks down, or the simulator has no derivatives; and for second derivatives. If a later run
-        breaks down, JAX raises its own error, and the text of the error has the reason
+        If the nominal run breaks down, the simulator has no derivatives, or second derivatives are required. If a later
+        run breaks down, JAX raises its own error with the reason
 
     Examples
     --------
@@ -218,12 +218,12 @@ def torch_function(
     Parameters
     ----------
     scene, parameters, solver, times, outputs
-        as of `jax_function`
+        arguments of the same names in `jax_function`
 
     Raises
     ------
     DeclarationError, ImportError, AssemblyError, SimulationError
-        As `jax_function` does; a later run that breaks down raises a SimulationError
+        In the cases in which `jax_function` raises them. If a later run breaks down, SimulationError is raised
 
     Examples
     --------
@@ -244,7 +244,7 @@ def torch_function(
 def _function(
     package: str, wrapped: Callable[[Any, Differentiable], Callable[[Any], Any]], *subject: Any
 ) -> Callable[[Any], Any]:
-    """The runs of a subject as a function of arrays of a package."""
+    """The runs of a scene or simulator as a function of arrays of the given package."""
     owner = f"{package}_function"
     module, runs = optional_package(package, owner, package), Differentiable(owner, *subject)
     runs.at_nominal()
@@ -300,7 +300,7 @@ def _of_torch(torch: Any, runs: Differentiable) -> Callable[[Any], Any]:
 
         @staticmethod
         def backward(ctx: Any, of_y: Any) -> Any:
-            if torch.is_grad_enabled():  # by create_graph=True, for second ones
+            if torch.is_grad_enabled():  # create_graph=True enables it, for second derivatives
                 raise SimulationError(f"torch_function: {_NO_SECOND}")
             return torch.einsum("...ty,...typ->...p", of_y, *ctx.saved_tensors)
 

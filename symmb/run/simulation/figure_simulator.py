@@ -22,20 +22,20 @@ from symmb.run.simulation.panels import Panels
 S = TypeVar("S")
 
 _LEAST, _MOST = 64, 2048
-"""Panels of a run at first."""
+"""Smallest and largest number of panels of a run before divisions."""
 _PARTS, _LEVELS = 8, 9
-"""Number of parts of a divided panel, and largest number of divisions one after the other."""
+"""Number of parts of a divided panel, and maximum number of repeated divisions."""
 _SHORTEST, _BESIDE, _NEAR = 1e-10, 3e-11, 1e-3
-"""Smallest width of a divided panel divided by the horizon; distances of panel ends from an event divided by the
-horizon, and from a bend divided by the width of the panel."""
+"""Smallest width of a divided panel, divided by the horizon; distance of panel ends from an event, divided by the
+horizon; and their distance from a bend, divided by the width of the panel."""
 _SAME = 1e-13
-"""Largest distance of two equal times divided by the horizon."""
+"""Largest distance of two equal times, divided by the horizon."""
 
 
 class FigureSimulator(WithWarnings):
     """The simulator of a scene with scalar outputs. It has the interface of `DAESimulator`, but no derivatives.
 
-    A scalar output has the same value at all times. If all outputs are scalar, there is one time, 0.
+    A scalar output has the same value at all times. If all outputs are scalar, the only time is 0.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class FigureSimulator(WithWarnings):
 
     @property
     def figures(self) -> tuple[str, ...]:
-        """Names of the scalar outputs. Each is one number per run."""
+        """Names of the scalar outputs. Each run has one number for each scalar output."""
         return tuple(rule.name for rule in self._rules)
 
     @property
@@ -112,12 +112,12 @@ class FigureSimulator(WithWarnings):
         sizes = np.abs(cast(Array, self.curves.nominal)).max(axis=0)
         for rule in self._rules:
             size = self._span * rule.per_second if rule.expression < 0 else sizes[rule.expression]
-            # Error of a scalar output divided by the largest value of its expression, and error of a time divided by
-            # the horizon.
+            # Error of a scalar output, divided by the largest value of its expression; error of a time, divided by the
+            # horizon.
             noise[self.outputs.index(rule.name)] += 1e-9 * size
 
     def run(self, P: Array) -> Samples:
-        """Run samples P (N, d) as one block. Outputs of a failed sample are nan."""
+        """Run samples P (N, d) as one block. Outputs (N, n_t, n_y) of a failed sample are nan."""
         P = np.ascontiguousarray(checked_samples(self, P, None))
         with LOCK:
             traces, Y = self._values(P)
@@ -135,9 +135,9 @@ class FigureSimulator(WithWarnings):
     def stream(
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
     ) -> S:
-        """Run samples block by block, and reduce each block."""
+        """Run samples P (N, d) block by block, and reduce each block."""
         require_instance("stream: reduction", reduction, Reduction, "a Reduction")
-        # Samples of a block: their values at all times take some MB.
+        # Number of samples of a block. Their values at all times take some MB.
         return stream(self, P, reduction, executor, progress, 64)
 
     def identity(self) -> str:
@@ -160,7 +160,7 @@ class FigureSimulator(WithWarnings):
         return Y[0], tuple(name for name in self.figures if np.isnan(Y[0, 0, self.outputs.index(name)]))
 
     def _values(self, P: Array) -> "tuple[_Traces, Array]":
-        """Curves of samples, and outputs (N, n_t, n_y). A scalar output is nan if its condition never holds."""
+        """Curves of samples P (N, d), and outputs (N, n_t, n_y). Scalar outputs are nan if a condition never holds."""
         times, grid = self._times_of(self._count)
         traces = self._traces(times, P)
         Y = np.full((len(P), len(self.times), len(self.outputs)), np.nan)
@@ -190,13 +190,13 @@ class FigureSimulator(WithWarnings):
             sizes = self._sizes(traces)
             off = self._divided(panels, ~panels.is_exact(sizes), sizes, np.full((len(self._rules), 1), -np.inf))
             off &= ~_with_stop(panels, traces.stops)
-            # Fraction of panels of the nominal run that may be inexact: if more are, the number of panels is doubled.
+            # Fraction of panels of the nominal run that may be inexact. If more are, the number of panels is doubled.
             if off.mean() <= 0.1 or count >= _MOST:
                 return count
             count = min(2 * count, _MOST)
 
     def _sizes(self, traces: "_Traces") -> Array:
-        """Largest absolute values (N, n_c) of the curves of samples, at least their rounding."""
+        """Largest absolute values (N, n_c) of the curves of samples. They are not below the rounding of the curves."""
         return np.maximum(np.abs(traces.Y[0]).max(axis=2).T, self._rounding)
 
     @cached_property
@@ -207,12 +207,12 @@ class FigureSimulator(WithWarnings):
         change = ca.fabs(ca.jacobian(form.y(x, p, t), x)) @ ca.DM(form.dae.state_sizes)
         f = ca.Function("change", [x, p, t], [ca.densify(change)])
         sizes = f(form.dae.state_sizes, form.dae.p_nominal, float(self.curves.times[0])).full().ravel()
-        # Size of a curve divided by its change by the sizes of all states, below which it is rounding, as the speed of
-        # a fixed point.
+        # Size of a curve, divided by its change by the sizes of all states. Smaller curves are rounding, such as the
+        # speed of a fixed point.
         return 1e-6 * np.where(np.isfinite(sizes), sizes, 0.0)
 
     def _least_count(self) -> int:
-        """A number of panels: half the steps of the nominal run, and so many that panels are shorter than pulses."""
+        """Half the number of steps of the nominal run, or a larger number for which panels are shorter than pulses."""
         runs = self._with_rates
         runs.runs(np.array([list(self.parameters.values())])).t_failed.sum()
         steps = runs.engine().counts.steps if runs.runs_in_lanes else 0
@@ -221,7 +221,7 @@ class FigureSimulator(WithWarnings):
     def _times_of(self, count: int) -> tuple[Array, Array]:
         ends = self.curves.times[[0, -1]]
         windows = [end for rule in self._rules for end in rule.window]
-        # Fraction of a panel by which all panels are shifted: curves bend at round times, which should not be the
+        # Fraction of a panel by which all panels are shifted. Curves bend at round times, which should not be in the
         # middle of a panel.
         inner = ends[0] + self._span / count * (np.arange(1, count) + 0.137)
         grid = _distinct(np.concatenate([ends, inner, windows]), 1e-9 * self._span, windows)
@@ -241,7 +241,7 @@ class FigureSimulator(WithWarnings):
         return _Traces(times, Y, ensemble.ok, ensemble.t_failed, texts, stops)
 
     def _refined(self, panels: Panels, sizes: Array, P: Array, stops: Sequence[Array]) -> Panels:
-        """The panels after divisions. Panels are divided, by further runs, until they are exact or very short."""
+        """The panels after divisions. Further runs divide the panels until they are exact or very short."""
         done, has_stops = list[Panels](), any(own.size for own in stops)
         best = np.full((len(self._rules), len(P)), -np.inf)
         for level in range(_LEVELS):
@@ -249,7 +249,7 @@ class FigureSimulator(WithWarnings):
             divided = self._divided(panels, off, sizes, best)
             if level == 0 and has_stops:
                 divided |= _with_stop(panels, stops)
-            # Largest number of panels of a sample that are divided together: a curve with more bends is noise.
+            # Maximum number of panels of a sample that are divided together. A curve with more bends is noise.
             if not divided.any() or divided.sum() > 2**15 * len(P):
                 break
             coarse, coarse_off, fine = panels.of(divided), off[:, divided], list[Panels]()
@@ -261,7 +261,7 @@ class FigureSimulator(WithWarnings):
                 ends = self.curves.times[[0, -1]]
                 times = _distinct(np.concatenate([ends, *_nodes(begin, end)]), _SAME * self._span)
                 traces = self._traces(times, P[group])
-                if not traces.ok.all():  # only the run at first counts
+                if not traces.ok.all():  # only the first run counts
                     divided &= ~np.isin(panels.sample, group)
                     continue
                 new = _panels(traces, np.searchsorted(group, sample), begin, end)
@@ -273,7 +273,7 @@ class FigureSimulator(WithWarnings):
     def _parts(self, panels: Panels, off: Mask, stops: Sequence[Array]) -> tuple[Indices, Array, Array]:
         """Samples, begins and ends of the parts of panels. Panels are divided evenly, at stops and around bends.
 
-        Panels of the first division are divided evenly: most of them are only too long.
+        In the first division, panels are divided evenly, because most of them are only too long.
         """
         own_stops = _with_stop(panels, stops)
         even = ~own_stops & (panels.width > 0.5 * self._span / self._count)
@@ -296,8 +296,8 @@ class FigureSimulator(WithWarnings):
     def _divided(self, panels: Panels, off: Mask, sizes: Array, best: Array) -> Mask:
         """Mask (n,) of inexact panels that may change a scalar output.
 
-        `best` (n_f, N) has the largest value of each scalar output and sample so far, or the negative time up to which
-        its condition is known to hold first. The method updates `best`.
+        `best` (n_f, N) has the largest value so far of each scalar output and sample. For a scalar output with a
+        condition, it is minus the time at which the condition is known to hold. The method updates `best`.
         """
         divided, slack = np.zeros(off.shape[1], dtype=bool), 4 * panels.misfit
         for number, rule in enumerate(self._rules):
@@ -312,7 +312,7 @@ class FigureSimulator(WithWarnings):
                 divided[some] |= high >= best[number, panels.sample[some]]
             elif rule.kind != "final":
                 holds = inside & (panels.nodes[g, 0].min(axis=0) < -TOUCHED * sizes[panels.sample, g])
-                np.maximum.at(best[number], panels.sample[holds], -panels.end[holds])  # what is later does not count
+                np.maximum.at(best[number], panels.sample[holds], -panels.end[holds])  # later panels have no effect
                 inside &= -panels.begin > best[number, panels.sample]
                 some = np.flatnonzero(inside & (off[g] | (off[e] if e >= 0 else False)))
                 low = panels.of(some).bernstein(g).min(axis=1) - slack[g, some]
@@ -332,7 +332,7 @@ def motion_of(simulator: object) -> DAESimulator | None:
 
 
 class _Traces(NamedTuple):
-    """Curves and rates Y (2, n_c, N, n_t) of samples at times (n_t,), and the times at which steps end at switches."""
+    """Curves and rates Y (2, n_c, N, n_t) of samples at times (n_t,), and times at which steps end at switches [s]."""
 
     times: Array
     Y: Array
@@ -343,14 +343,14 @@ class _Traces(NamedTuple):
 
 
 def _with_rates(curves: DAESimulator) -> Program:
-    """The program of curves whose outputs are followed by their rates."""
+    """The program of curves with further outputs, which are the rates of the curves."""
     form = curves.formulation
     x, p, t = ca.SX.sym("x", form.y.numel_in(0)), ca.SX.sym("p", form.y.numel_in(1)), ca.SX.sym("t")
     y = ca.densify(form.y(x, p, t))
     rates = ca.jtimes(y, t, ca.SX(1))
     if x.numel():
         rates += ca.jtimes(y, x, ca.densify(ca.vertcat(*map(ca.vec, form.dae.rhs(*form.dae.arguments(x, p, t))))))
-    # A speed sqrt(vx^2 + vy^2) has no rate at rest: panels with a rate of 0 there are divided.
+    # A speed sqrt(vx^2 + vy^2) has no rate at rest. There the rate is set to 0, and panels are divided.
     rates = ca.if_else(ca.fabs(rates) < ca.inf, rates, 0)
     return curves.program.with_outputs(common("y", [x, p, t], [ca.densify(ca.vertcat(y, rates))]))
 
@@ -375,7 +375,7 @@ def _distinct(times: Array, distance: float, kept: Sequence[float] = ()) -> Arra
 
 
 def _panels(traces: _Traces, sample: Indices, begin: Array, end: Array) -> Panels:
-    """Panels from begins to ends (n,), which are times of traces. `sample` (n,) are sample numbers of traces."""
+    """Panels from `begin` (n,) to `end` (n,), which are times of the traces. `sample` (n,) are their sample numbers."""
     half = np.append(np.diff(traces.times) / 2, np.inf)
     at = []
     for time in _nodes(begin, end):

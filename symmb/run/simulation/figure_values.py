@@ -9,12 +9,12 @@ from symmb._types import Array, Indices, Mask
 from symmb.run.simulation.panels import GRID, ON_GRID, Panels, highest, values_at
 
 TOUCHED = 1e-9
-"""Margin divided by its largest value in a run, below which a condition is touched."""
+"""Margin, divided by its largest value in a run. A condition is touched if its margin falls below this value."""
 _BISECTIONS, _ROUNDING = 50, 1e-14
 
 
 class Rule(NamedTuple):
-    """How a scalar output follows from curves. `expression` and `margin` are numbers of curves, or -1."""
+    """The rule that gives a scalar output from curves. `expression` and `margin` are numbers of curves, or -1."""
 
     name: str
     kind: str
@@ -26,20 +26,20 @@ class Rule(NamedTuple):
 
     @property
     def sign(self) -> float:
-        """The factor of the expression, so that minima become maxima."""
+        """The factor 1 or -1 of the expression. With it, minima become maxima."""
         return -1.0 if self.kind == "minimum" else 1.0
 
     def inside(self, panels: Panels) -> Mask:
-        """Mask (n,) of panels in the window."""
+        """Mask (n,) of panels in the time window of the scalar output."""
         middle = (panels.begin + panels.end) / 2
         return np.asarray((middle > self.window[0]) & (middle < self.window[1]))
 
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """Curves of samples by their panels, in order. `exact` (n_c, n) tells which panels are exact.
+    """Curves of samples in ordered panels. `exact` (n_c, n) is a mask of exact panels.
 
-    Panels that are not exact are no longer than `shortest` [s], or have no effect.
+    Other panels are not longer than `shortest` [s], or have no effect.
     """
 
     panels: Panels
@@ -71,7 +71,7 @@ class Curves:
             np.maximum.at(best, panels.sample, B[:, [0, -1]].max(axis=1))
             higher = B.max(axis=1) > best[panels.sample] + _ROUNDING * self.sizes[panels.sample, e]
             peaks, sample, off = highest(B[higher])[1], panels.sample[higher], 4 * panels.misfit[e, higher]
-            peaks[peaks <= best[sample] + off] = -np.inf  # as beyond the kink of a curve that is limited to a value
+            peaks[peaks <= best[sample] + off] = -np.inf  # such as after the kink of a curve with a limit
             np.maximum.at(best, sample, peaks)
             values[samples] = rule.sign * best[samples]
         else:
@@ -88,8 +88,8 @@ class Curves:
         """Numbers of the panels in which a condition first holds, or -1, and the places (0 to 1) in these panels.
 
         A condition first holds when its margin falls from above its tolerance to 0, or to a minimum within the
-        tolerance. So a gap that an impact closes counts. A gap that is 0 at the begin does not count if it opens. A
-        margin that is 0 from the begin on counts when it falls below 0.
+        tolerance. This includes a gap that an impact closes, but not a gap that is 0 at the start and opens. If a
+        margin is 0 from the start on, the condition first holds when the margin falls below 0.
         """
         panels, g = self.panels, rule.margin
         B, ends = panels.bernstein(g, self.exact), panels.nodes[g]
@@ -102,10 +102,10 @@ class Curves:
         found |= comes_from_above & (B[:, 0] <= tolerance)
         known = -1
         for k in np.flatnonzero((B.min(axis=1) <= tolerance) & (B.max(axis=1) > tolerance) & ~found):
-            if panels.sample[k] != known:  # later passages do not count
+            if panels.sample[k] != known:  # later passages have no effect
                 found[k], low[k], high[k] = _passage(B[k], tolerance[k])
                 known = panels.sample[k] if found[k] else known
-        found |= B.min(axis=1) < -tolerance  # after both sides were equal: a force that begins
+        found |= B.min(axis=1) < -tolerance  # after a margin of 0, such as before a force starts
         value, rate = ends[:, 0, first]
         holds = value < -tolerance[first]
         holds |= (value <= tolerance[first]) & ((rate < 0) if rule.is_strict else True)
@@ -123,9 +123,9 @@ class Curves:
 
 
 def _passage(B: Array, tolerance: float) -> tuple[bool, float, float]:
-    """Whether a polynomial B (6,) falls to a tolerance, and two places between which it passes 0.
+    """Whether a polynomial B (6,) falls to a tolerance, and two places (0 to 1) between which it passes 0.
 
-    The two places are equal if it does not pass 0.
+    The two places are equal if the polynomial does not pass 0.
     """
     x, values = GRID, B @ ON_GRID
     if values.min() > tolerance:

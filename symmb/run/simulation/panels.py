@@ -12,7 +12,7 @@ _DEGREE = 5
 GRID = np.linspace(0.0, 1.0, 17)
 """Places in a panel (0 to 1) at which polynomials are evaluated first."""
 _EXACT, _ROUGH = 3e-8, 0.03
-"""Largest misfit of an exact polynomial divided by the size of its curve, and divided by the misfit of a cubic
+"""Largest misfit of an exact polynomial: divided by the size of its curve, and divided by the misfit of a cubic
 polynomial to the power of 3/2."""
 
 
@@ -37,7 +37,7 @@ def values_at(B: Array, x: Array) -> Array:
 
 
 def highest(B: Array) -> tuple[Array, Array]:
-    """The maximum points (n,) of polynomials B (n, 6) on [0, 1], and the maxima (n,)."""
+    """The places (n,) of the maxima of polynomials B (n, 6) on [0, 1], and the maxima (n,)."""
     low, high, rows = np.zeros(len(B)), np.ones(len(B)), np.arange(len(B))
     # Number of refinements of a maximum, each by a factor of 8.
     for _ in range(8):
@@ -55,8 +55,8 @@ class Panels:
     Attributes
     ----------
     sample : (n,)              numbers of the samples
-    begin, end : (n,)          [s]
-    nodes : (n_c, 2, 3, n)     values of n_c curves and their rates, each at the begin, middle and end
+    begin, end : (n,)          first and last time of each panel [s]
+    nodes : (n_c, 2, 3, n)     values of n_c curves and their rates, each at the start, middle and end
     """
 
     sample: Indices
@@ -65,7 +65,7 @@ class Panels:
     nodes: Array
 
     def of(self, some: Mask | Indices | slice) -> "Panels":
-        """The panels with these numbers, or of this mask."""
+        """The panels with the given numbers, or in the given mask or slice."""
         return Panels(*(getattr(self, f.name)[..., some] for f in fields(self)))
 
     @classmethod
@@ -76,22 +76,22 @@ class Panels:
 
     @property
     def width(self) -> Array:
-        """Widths (n,) [s]."""
+        """Widths (n,) of the panels [s]."""
         return self.end - self.begin
 
     @cached_property
     def _ends(self) -> list[Array]:
-        """Values, and rates times the width, at the three nodes: six arrays (n_c, n)."""
+        """Six arrays (n_c, n): values, and rates times the width, at the three nodes."""
         return [part for k in range(3) for part in (self.nodes[:, 0, k], self.nodes[:, 1, k] * self.width)]
 
     @cached_property
     def misfit(self) -> Array:
-        """Estimated errors (n_c, n): difference of the rate in the middle from the rate that the ends predict."""
+        """Estimated errors (n_c, n): differences between the rate in the middle and the rate predicted by the ends."""
         e0, d0, _, dm, e1, d1 = self._ends
         return np.abs(dm / 2 - 0.75 * (e1 - e0) + (d0 + d1) / 8)
 
     def is_exact(self, sizes: Array) -> Mask:
-        """Mask (n_c, n) of panels whose polynomials represent the curves. `sizes` (N, n_c) are sizes of the curves."""
+        """Mask (n_c, n) of panels in which polynomials are exact. `sizes` (N, n_c) are sizes of the curves."""
         e0, d0, em, _, e1, d1 = self._ends
         size, cubic = sizes.T[:, self.sample], np.abs(em - (e0 + e1) / 2 - (d0 - d1) / 8)
         most = (_EXACT / _ROUGH) ** 2 * size * size * size
@@ -107,7 +107,7 @@ class Panels:
         return np.asarray(B, dtype=float)
 
     def bends(self) -> Array:
-        """Times (n_c, n) at which the tangents at both ends intersect [s]: a kink is close. nan if they do not."""
+        """Times (n_c, n) at which the tangents at both ends intersect [s], near a kink; nan without intersection."""
         e0, d0, _, _, e1, d1 = self._ends
         with np.errstate(all="ignore"):
             x = (e1 - e0 - d1) / (d0 - d1)

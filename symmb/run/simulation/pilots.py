@@ -1,4 +1,4 @@
-"""The choice of the solver by pilot runs, and the reason for the choice. Each pilot run is judged."""
+"""The choice of the solver by pilot runs, and the reason for the choice. Each pilot run is checked."""
 
 import time
 import warnings
@@ -33,18 +33,18 @@ from symmb.run.simulation.trajectory import Trajectory
 from symmb.run.verification import Examination, work_of
 
 _POSITION_DRIFT, _ENERGY_DRIFT, _SINGULAR_ENERGY_DRIFT = 1e-6, 1e-4, 1e-6
-"""Largest drifts of an accepted run: of positions divided by the size of the scene, of energy divided by the kinetic
-energy, and of energy in a run through a singular position. Above them other solvers are tried. Calibration:
+"""Largest drifts of an accepted run: of positions, divided by the size of the scene; of energy, divided by the kinetic
+energy; and of energy in a run through a singular position. If a drift is larger, other solvers are tried. Calibration:
 tests/test_problems.py."""
 _NEIGHBOURS, _NEIGHBOUR_DISTANCE = 7, 1e-3
-"""Number of pilot runs beside the nominal one, and the largest relative distance of their parameters."""
+"""Number of pilot runs near the nominal run, and largest relative distance of their parameters from nominal ones."""
 TOO_FAST = "a part of the motion decays too fast for explicit steps"
 MANY = 20_000
-"""Steps of a run beyond which an implicit solver may be faster."""
+"""Number of steps of a run. If a run needs more, an implicit solver may be faster."""
 
 _PAIR, _MULTISTEP, _STIFF = DormandPrince(rtol=1e-11), CVODES(), CVODES(stiff=True)
-"""Solvers of one run. At the same tolerance the pair errs no more than CVODES() on each of tests/problems.py, and takes
-a third to a twentieth of the time, except for its compilation. Its steps also end at switches."""
+"""Solvers of one run. At the same tolerance, the errors of the pair are not larger than those of CVODES() in all
+tests/problems.py. It takes a third to a twentieth of the time, plus compilation. Its steps also end at switches."""
 _TIGHTER, _COMPILED = CVODES(rtol=1e-12, stiff=True), (Rosenbrock(), DormandPrince())
 """Solvers of stiff scenes."""
 _SINGULAR = (DormandPrince(stabilization=AugmentedLagrangian()),)
@@ -61,12 +61,12 @@ class Pilot:
 
     Attributes
     ----------
-    message : str       why the run failed; empty if it did not
-    steps : int
+    message : str       why the run failed; empty if it did not fail
+    steps : int         number of steps
     seconds : float     run time [s]
     slow : bool         whether an implicit solver may be faster
     doubt : str         why another solver may be better; empty if there is no reason
-    drift : float       drift that causes the doubt, over the largest accepted drift
+    drift : float       drift that causes `doubt`, divided by the largest accepted drift
     """
 
     message: str
@@ -78,12 +78,12 @@ class Pilot:
 
     @property
     def succeeds(self) -> bool:
-        """Whether the run finished, and no doubt is raised."""
+        """Whether the run finished, and `doubt` is empty."""
         return not (self.message or self.doubt)
 
 
 class Candidates(NamedTuple):
-    """Solvers to try: the first one, an implicit one that may be faster, and others that may succeed if it fails."""
+    """Solvers to try: the first one, an implicit one that may be faster, and others if the first one fails."""
 
     first: Solver
     implicit: Solver
@@ -91,7 +91,7 @@ class Candidates(NamedTuple):
 
 
 def for_studies(stiff: bool) -> Candidates:
-    """Candidates for many runs. For a stiff scene explicit solvers are not tried: they would exceed the step limit."""
+    """Candidates for many runs. Explicit solvers are not tried for stiff scenes: they would exceed the step limit."""
     if not has_compiler():
         return Candidates(_STIFF if stiff else _MANY_RUNS, *for_one_run(stiff)[1:])
     implicit, through = Rosenbrock(), Rosenbrock(stabilization=AugmentedLagrangian())
@@ -115,15 +115,15 @@ def at_tolerances(solver: Solver, tolerances: Mapping[str, Any]) -> Solver:
 
 
 def choose(candidates: Callable[[], Candidates], pilot: Callable[[Solver], Pilot]) -> tuple[Solver, str]:
-    """The first solver whose pilot run succeeds, or a faster one if this run is slow, and the reason."""
+    """The first solver with a successful pilot run, or a faster one if this run is slow, and the reason."""
     choice = partial(_choice, candidates, pilot)
-    return with_compiler(choice, choice)  # the candidates are others if no compiler builds the first
+    return with_compiler(choice, choice)  # there are other candidates if no compiler builds the first one
 
 
 def _choice(candidates: Callable[[], Candidates], pilot: Callable[[Solver], Pilot]) -> tuple[Solver, str]:
     first, implicit, others = candidates()
     run = pilot(first)
-    if REASONS[FailureCode.STICKS] in run.message:  # no motion goes on
+    if REASONS[FailureCode.STICKS] in run.message:  # the motion cannot continue with any solver
         return first, _fault(first, run)
     if not run.succeeds:
         return _replaced(first, run, (*others, implicit), pilot)
@@ -141,7 +141,7 @@ def _choice(candidates: Callable[[], Candidates], pilot: Callable[[Solver], Pilo
 def _replaced(
     failed: Solver, run: Pilot, others: Sequence[Solver], pilot: Callable[[Solver], Pilot]
 ) -> tuple[Solver, str]:
-    """The solver that replaces a failed one: the first that succeeds, or else the one with the smallest drift."""
+    """The solver that replaces a failed one, and the reason: the first that succeeds, or that of the smallest drift."""
     runs, verdicts = {failed: run}, [_fault(failed, run)]
     for solver in others:
         if solver not in runs:
@@ -162,7 +162,7 @@ def _count(run: Pilot) -> str:
 
 
 def given_program(scene: Scene, solver: Solver | None) -> tuple[Program, str] | None:
-    """The program and the reason for its solver: the given one, or the only one that locates events; else None."""
+    """The program with the given solver, or with the only one that locates events, and the reason; otherwise None."""
     if solver is None and not scene.system.collected.has_events:
         return None
     program = program_of(scene, solver)
@@ -177,10 +177,10 @@ def program_for_studies(scene: Scene, threads: int) -> tuple[Program, str]:
     def pilot(solver: Solver) -> Pilot:
         return _pilot_of_samples(program_of(scene, solver).cautious, threads)
 
-    program = program_of(scene, for_studies(False).first)  # refuses a scene that no solver can run as they do
+    program = program_of(scene, for_studies(False).first)  # raises an error if these solvers cannot run the scene
     p = program.bodies.dae.p_nominal
     x0, _ = program.bodies.start.states(p[None])
-    # Explicit steps are tried unless they certainly exceed their limit: up to it, they may still be faster.
+    # Explicit steps are tried unless they certainly exceed their limit. Below it, they may still be faster.
     stiff = Rosenbrock().runs_in_lanes(program.formulation.dae) and starts_stiff(program, x0, p, MOST_STEPS)
     solver, reason = choose(partial(for_studies, stiff), pilot)
     program = program_of(scene, solver)
@@ -191,7 +191,7 @@ def program_for_studies(scene: Scene, threads: int) -> tuple[Program, str]:
 
 
 def starts_stiff(program: Program, x0: Array, p: Array, most: float = STIFF) -> bool:
-    """Whether the motion linearised about the start x0 (1, n_x) has more than `most` time constants in the horizon."""
+    """Whether the horizon has more than `most` time constants of the motion linearised about the start x0 (1, n_x)."""
     X, dae = program.shortest_equations(x0, p)
     return stiffness(dae, X, p, program.times[:1]).is_stiff(np.ptp(program.times), most)
 
@@ -211,17 +211,17 @@ def _pilot_of_samples(program: Program, threads: int) -> Pilot:
     if in_lanes and not message:  # the nominal run may pass a singular position by chance
         shares = np.random.default_rng(0).uniform(-_NEIGHBOUR_DISTANCE, _NEIGHBOUR_DISTANCE, (_NEIGHBOURS, len(p)))
         ensemble = program.runs(p * (1 + shares), threads)
-        late = ensemble.t_failed[~ensemble.ok] > program.times[0]  # no solver can start the others
+        late = ensemble.t_failed[~ensemble.ok] > program.times[0]  # no solver can start the other samples
         message = next((text for text, k in zip(ensemble.messages, late, strict=True) if k), "")
     return Pilot(message, steps, seconds, steps > MANY)
 
 
 class PilotRuns:
-    """Runs of a scene by several solvers with one set of parameters. Each run is judged.
+    """Runs of a scene by several solvers with one set of parameters. Each run is checked.
 
     Attributes
     ----------
-    program : Program           with these parameters; its solver is used only if a reason is given
+    program : Program           program with these parameters; its solver is used only if a reason is given
     reason : str, optional      why the solver of the program runs it; None if a solver is to be chosen
     p, x0 : (n_p,), (1, n_x)    parameters, and the state of the bodies at the start
     start_fault : str           why the scene cannot start; empty if it can
@@ -241,7 +241,7 @@ class PilotRuns:
         self._setup = time.perf_counter() - begin
 
     def _judging(self, program: Program) -> Program:
-        """The program with the parameters of the run, for a run that is judged."""
+        """The program with the parameters of the run, for a run that is checked."""
         return program.cautious.around(self.p)
 
     def run(self, solver: Solver) -> Pilot:
@@ -252,7 +252,7 @@ class PilotRuns:
         form, times = program.formulation, program.times
         x0 = self.x0 if form.bodies is None else form.start.states(self.p[None])[0]
         integration, fine, outputs = program.single()
-        is_close = solver.has_dense_output(form.dae) and len(fine) > len(times) + 1  # cut, but for the start
+        is_close = solver.has_dense_output(form.dae) and len(fine) > len(times) + 1  # not only at the start
         built = time.perf_counter()
         try:
             run = form.run_of_bodies(integration.run(x0, self.p[None])[0], self.p)
@@ -304,7 +304,7 @@ class PilotRuns:
         return solver, _joined(TOO_FAST if stiff else "", reason, self.program.forms.of(solver).why)
 
     def judge(self, solver: Solver) -> Pilot:
-        """Run by a solver, and judge the result."""
+        """Run by a solver, and check the result."""
         pilot = self.run(solver)
         run, trajectory = self.done[solver]
         if pilot.message:
@@ -316,14 +316,14 @@ class PilotRuns:
         singularity = trajectory.singularity
         limit = _SINGULAR_ENERGY_DRIFT if singularity else _ENERGY_DRIFT
         if trajectory.energy_drift > limit:
-            # Branches of the motion meet in singular positions: the solver may have taken another one.
+            # Branches of the motion meet in singular positions. The solver may have taken another branch.
             where = f"{singularity}, " if singularity else ""
             doubt = f"{where}energy drifts by {trajectory.energy_drift:.0e}"
             return replace(pilot, doubt=doubt, drift=trajectory.energy_drift / limit)
         return replace(pilot, slow=pilot.steps > MANY and self._is_stiff(trajectory.examination))
 
     def _is_stiff(self, states: Examination) -> bool:
-        """Whether the motion linearised about some states of a run is stiff."""
+        """Whether the linearised motion is stiff at some states of a run."""
         some = some_states(len(states.t))
         rates = stiffness(self.program.bodies.dae, states.x[some], self.p, states.t[some])
         return rates.is_stiff(np.ptp(self.program.times))

@@ -1,4 +1,4 @@
-"""Doubts about one run: missed switches and impacts, small states, and elements outside their range of validity."""
+"""Warnings about one run: missed switches and impacts, small states, and elements outside their range of validity."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -34,7 +34,7 @@ Hinge = tuple[Point, ca.SX, AbstractBody]
 
 
 def run_doubts(runs: PilotRuns, solver: Solver, trajectory: Trajectory, switches: Kinks | None) -> tuple[str, ...]:
-    """All doubts about a run by a solver. `switches` are the kinks and jumps of its equations."""
+    """All warnings about a run by a solver. `switches` are the kinks and jumps of the equations."""
     return (
         *_switch_doubts(runs, solver),
         *_gap_doubts(runs, solver),
@@ -46,7 +46,7 @@ def run_doubts(runs: PilotRuns, solver: Solver, trajectory: Trajectory, switches
 
 
 def _switch_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
-    """Doubts about fixed steps: they may pass over contacts, force pulses, or switches to which the motion sticks."""
+    """Warnings about fixed steps. They may pass over contacts, force pulses, or switches to which the motion sticks."""
     program = runs.program
     step = solver.step_taken(program.times)
     if doubts := follow_doubts(program.bodies.dae):
@@ -60,8 +60,8 @@ def _switch_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
             f"and again: {SMOOTH}.",
         )
     times, span = stops.times[np.isfinite(stops.times)], np.ptp(program.times)
-    # Errors are visible if more than this fraction of fixed steps have a switch. A motor with pulsed voltage reaches
-    # about a tenth of this value.
+    # Errors are visible if more than this fraction of the fixed steps contains a switch. A motor with pulsed voltage
+    # reaches about a tenth of this value.
     if (share := len(times) * step / span) > 0.1:
         return (
             f"The equations switch {len(times)} times, but steps of {step:.1g} s do not end at switches: a force "
@@ -69,7 +69,7 @@ def _switch_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
             "steps end at switches.",
         )
     distances = np.diff(times)
-    # Switch times count as equal if their difference, divided by the horizon, is below this value.
+    # Times of switches are equal if their difference, divided by the horizon, is below this value.
     distances[distances < 1e-12 * span] = np.inf
     if not (distances <= step).any():
         return ()
@@ -80,7 +80,7 @@ def _switch_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
 
 
 def _gap_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
-    """The doubt that a run has missed an impact, because bodies overlap at a gap."""
+    """A warning if a run has missed an impact, because bodies overlap at a gap."""
     dae, states = runs.program.bodies.dae, runs.done[solver][1].examination
     if dae.impacts is None or not dae.impacts.names:
         return ()
@@ -98,7 +98,7 @@ def _gap_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
 
 
 def _element_doubts(runs: PilotRuns, trajectory: Trajectory) -> Iterator[str]:
-    """Doubts about elements that the run takes outside their range of validity, at output times and between them."""
+    """Warnings about elements outside their range of validity, at output times of the run and between them."""
     scene, dae, states = runs.scene, runs.program.bodies.dae, trajectory.examination
     elements, bind, lam = scene.system.elements, scene.system.bind, scene.system.lam
     known = scene.remembered(_element_doubts, lambda: [
@@ -111,7 +111,7 @@ def _element_doubts(runs: PilotRuns, trajectory: Trajectory) -> Iterator[str]:
     f = scene.remembered((_element_doubts, "values"), lambda: output_function(dae, scene, scene.expression(every)))
     t, first = np.unique(np.append(states.t, trajectory.t), return_index=True)
     values = batch(f, np.vstack([states.x, trajectory.x])[first], runs.p, t[:, None])[0].reshape(len(t), -1)
-    # Largest violation of a margin divided by its largest value that rounding and errors of the run explain.
+    # Largest violation of a margin, divided by its largest value, that rounding and errors of the run explain.
     below = values < -1e-9 * np.abs(values).max(axis=0)
     ends = np.cumsum([margins.numel() for _, margins, _ in known])
     for (title, _, what), own in zip(known, np.split(below, ends[:-1], axis=1), strict=True):
@@ -126,7 +126,7 @@ _LETS_GO = (
 
 
 def _pass_doubts(runs: PilotRuns, solver: Solver, switches: Kinks) -> tuple[str, ...]:
-    """The doubt that a run has missed a switch: the states before and after a step are on different sides of it."""
+    """A warning if a run has missed a switch, because states before and after a step are on different sides of it."""
     (run, trajectory), dae = runs.done[solver], runs.program.bodies.dae
     states = trajectory.examination
     if run.stops is None or dae.sampling is not None:  # sampled laws store their own side of each switch
@@ -149,9 +149,9 @@ def _pass_doubts(runs: PilotRuns, solver: Solver, switches: Kinks) -> tuple[str,
 
 
 def _small_state_doubts(runs: PilotRuns, solver: Solver, run: Trajectory) -> Iterator[str]:
-    """The doubt that outputs change with the absolute tolerances.
+    """A warning if outputs change with the absolute tolerances.
 
-    Only first-order states and velocities that constraints determine are examined: other states of this size are
+    Only first-order states, and velocities that constraints determine, are examined. Other states of this size are
     rounding.
     """
     dae, states, elements, p = runs.program.bodies.judged, run.examination, runs.scene.system.elements, runs.p
@@ -161,7 +161,7 @@ def _small_state_doubts(runs: PilotRuns, solver: Solver, run: Trajectory) -> Ite
     absolute, names = tolerances.absolute(states.x.shape[1]), [e.name for e in elements if isinstance(e, OwnState)]
     own = dae.n_q + dae.n_v + np.array([k for k, name in enumerate(dae.s_names) if name in names], dtype=np.intp)
     sizes = np.abs(states.x[:, own]).max(axis=0, initial=0.0)
-    # Size of a first-order state divided by its absolute tolerance, below which its values have few correct digits.
+    # Size of a first-order state, divided by its absolute tolerance. Smaller states have only a few correct digits.
     is_small = ((sizes > 0) & (sizes < 1e3 * absolute[own])).any()
     if not is_small:
         some = some_states(len(states.t))
@@ -171,13 +171,13 @@ def _small_state_doubts(runs: PilotRuns, solver: Solver, run: Trajectory) -> Ite
         # tests/simulation/test_small_states.py
         if stiffness(shortest, X, p, states.t[some]).decay * np.ptp(run.t) < 1e8:
             return
-    # 1e-6 is the absolute tolerance of a second run divided by the smallest one of the run. None is below 1e-28.
+    # 1e-6 is the absolute tolerance of a second run, divided by the smallest one of the run. It is at least 1e-28.
     atol = max(1e-6 * float(absolute.min()), 1e-28)
     if atol >= absolute.min() or runs.run(other := replace(solver, atol=atol)).message:  # pyright: ignore
         return
     finer = runs.done[other][1]
     change, size = np.abs(run.values - finer.values), np.abs(finer.values)
-    most = size.max(axis=0)  # below the finer tolerances all is rounding
+    most = size.max(axis=0)  # values below the finer tolerances are rounding
     # A change is suspicious if it is above a hundredth of the value, and above 1e3 times the relative tolerance.
     wrong = (change > 1e-2 * size) & (change > 1e3 * tolerances.rtol * most) & (most > atol)
     if wrong.any():
@@ -190,10 +190,10 @@ def _small_state_doubts(runs: PilotRuns, solver: Solver, run: Trajectory) -> Ite
 
 
 def _carrier_doubts(elements: Sequence[object], value: Callable[[Expr], Array]) -> Iterator[str]:
-    """Doubts about gears without a carrier. `value` evaluates expressions at the start.
+    """Warnings about gears without a carrier. `value` evaluates expressions at the start.
 
-    The axis of a wheel may move if all its hinges are on bodies that may turn about other axes. At the ratio 1 a
-    carrier makes no difference.
+    The axis of a wheel may move if all its hinges are on bodies that may turn about other axes. With a ratio of 1, a
+    carrier has no effect.
     """
     joints = [e for e in elements if isinstance(e, AxisJoint) and not isinstance(e, Gear)]
     ground = _fixed_to(Ground(), joints)
@@ -220,7 +220,7 @@ def _name(body: AbstractBody) -> str | None:
 
 
 def _fixed_to(body: AbstractBody, joints: Sequence[AxisJoint]) -> set[str | None]:
-    """Names of the bodies that do not turn against a body. The name of the ground is None."""
+    """Names of the bodies that do not turn relative to a body. The name of the ground is None."""
     names, before = {_name(body)}, 0
     while len(names) > before:
         before = len(names)
@@ -245,6 +245,6 @@ def _is_same(p: Point, u: ca.SX, r: Point, w: ca.SX, value: Callable[[Expr], Arr
     """Whether the axes through points p and r with directions u and w are the same line."""
     size = 1 + ca.norm_1(p.r) + ca.norm_1(r.r)
     beside = ca.vertcat(ca.cross(u, w), ca.cross(p.r - r.r, u) / size)
-    # Axes are equal if the sine of their angle is below this value, and so is their distance divided by the distance of
-    # their points from the origin.
+    # Axes are equal if two numbers are below this value: the sine of their angle, and their distance, divided by the
+    # distance of their points from the origin.
     return bool(np.abs(value(beside)).max() < 1e-6)

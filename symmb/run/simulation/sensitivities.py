@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sensitivities(plot.OverTime, Result, Saved):
-    """dy/dp of outputs y over time at the nominal values of parameters p.
+    """Derivatives dy/dp of outputs y over time, at nominal values of parameters p.
 
     `slopes["x", "k"]` returns one derivative (n_t,). `print` shows the largest derivatives. `plot` draws the changes of
     outputs if a parameter changes by 1 %. `save` writes a file, and `load` reads it.
@@ -34,16 +34,16 @@ class Sensitivities(plot.OverTime, Result, Saved):
     Attributes
     ----------
     name : str
-        of the scene
+        name of the scene
     t : (n_t,)
         times [s]
     names, units : names of the n_y outputs and their units, '' if the unit is not known
     parameters : dict
         n_p nominal values by name
     run : (n_t, n_y)
-        the nominal run
+        outputs of the nominal run
     values : (n_t, n_y, n_p)
-        dy/dp, in units of the output over those of the parameter
+        derivatives dy/dp, in units of the output divided by units of the parameter
 
     Examples
     --------
@@ -69,7 +69,7 @@ class Sensitivities(plot.OverTime, Result, Saved):
     _left = (0, 1)
 
     def __getitem__(self, key: tuple[str, str]) -> Array:
-        """dy/dp (n_t,) of an output and a parameter."""
+        """The derivative dy/dp (n_t,) of an output with respect to a parameter, by their names."""
         if not isinstance(key, tuple) or len(key) != 2:
             raise DeclarationError(
                 f'Sensitivities: expected an output and a parameter, as ["x", "k"], got {shown(key)}.'
@@ -89,7 +89,7 @@ class Sensitivities(plot.OverTime, Result, Saved):
         return f"{self.name}: dy/dp of {counted(len(self.names), 'output')} at the nominal parameters"
 
     def _rows(self, names: Sequence[str]) -> list[list[str]]:
-        """Rows of text: the largest dy/dp of each output and parameter, and the change of the output for 1 %."""
+        """Rows of text: the largest dy/dp for each output and parameter, and the change of the output for 1 %."""
         rows = [["output", "parameter", "nominal", "largest dy/dp", "at [s]", "change for 1 %"]]
         for k, name in enumerate(names):
             places = np.abs(self.values[:, k]).argmax(axis=0)
@@ -140,11 +140,11 @@ def sensitivities(
     Parameters
     ----------
     scene : Scene
-        or a simulator with derivatives
+        scene, or a simulator with derivatives
     parameters : list of str
         names of the parameters p of dy/dp; default: all
     solver, times, outputs
-        of a scene, instead of its own
+        solver, times and outputs of the run, if they differ from those of the scene
 
     Raises
     ------

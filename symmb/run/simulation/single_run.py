@@ -80,26 +80,27 @@ def simulate(
     Parameters
     ----------
     scene : Scene
-        or the result of `prepare`, which has a solver
+        scene, or the result of `prepare`, which has a solver
     solver : Solver
-        or its text on the command line, such as "cvodes:1e-9";
-        default: DormandPrince(rtol=1e-11), or CVODES() without a C compiler; CVODES(stiff=True) for stiff scenes;
-        others, such as those with AugmentedLagrangian(), if these fail; EventDriven() with impacts, and with joints
-        that open or close. `trajectory.reason` gives the reason
+        solver, or a text that names it, such as "cvodes:1e-9". Default: EventDriven() if there are impacts, or joints
+        that open or close; CVODES(stiff=True) for stiff scenes; otherwise DormandPrince(rtol=1e-11), or CVODES()
+        without a C compiler. If these fail, others are tried, such as solvers with AugmentedLagrangian().
+        `trajectory.reason` gives the reason
     parameters : mapping
-        values instead of the nominal ones; or a list of mappings, whose runs are made side by side
+        values instead of the nominal ones; or a list of mappings, for runs that are made in parallel
     rtol, atol : float
-        relative and absolute tolerance of the default solver, instead of its own
+        relative and absolute tolerance, instead of those of the default solver
     check : bool
-        run a second time in another way: by a solver of another family, and in other coordinates if the scene has any.
-        `trajectory.error` (n_t, n_y) is the difference. Warnings give the time from which digits are lost
+        whether a second run is made by a solver of another family and, if possible, in other coordinates.
+        `trajectory.error` (n_t, n_y) is the difference. Warnings give the time after which digits are lost
     times, outputs
-        instead of the times and outputs of the scene
+        times and outputs, if they differ from those of the scene
 
     Returns
     -------
     Trajectory
-        its `warnings` list what is uncertain, and Python issues a SymmbWarning; a Sweep for a list of parameters
+        the run, or a Sweep for a list of parameters. `warnings` list what is uncertain. If there are any, Python also
+        issues a SymmbWarning
 
     Raises
     ------
@@ -147,7 +148,7 @@ def simulate(
 
 
 def _tolerances(rtol: float | None, atol: float | None, is_chosen: bool) -> dict[str, Any]:
-    """The given tolerances by their names. They apply only if no solver is chosen."""
+    """The given tolerances by name. DeclarationError is raised if the user also gives a solver."""
     tolerances = {name: value for name, value in (("rtol", rtol), ("atol", atol)) if value is not None}
     if tolerances and is_chosen:
         raise DeclarationError(
@@ -174,7 +175,7 @@ def _simulated_side_by_side(
 
 
 def _simulated(runs: PilotRuns, check: bool, tolerances: Mapping[str, Any]) -> tuple[Solver, Trajectory]:
-    """The solver of one run, given or chosen here, and its trajectory with reasons and doubts."""
+    """The solver of one run, which is given or chosen here, and the trajectory with reasons and warnings."""
     bodies, times = runs.program.bodies, runs.program.times
     if runs.start_fault:
         begin = f"t = {times[0]:g} s"
@@ -209,7 +210,7 @@ def _simulated(runs: PilotRuns, check: bool, tolerances: Mapping[str, Any]) -> t
 def with_figures_of(trajectory: Trajectory, simulator: FigureSimulator, check: bool) -> Trajectory:
     """The trajectory with the scalar outputs of its scene, and with their errors if `check` is true.
 
-    A scalar output is nan if its condition never holds. This raises a doubt.
+    A scalar output is nan if its condition never holds. In this case there is a warning.
 
     Raises
     ------
@@ -229,7 +230,7 @@ def with_figures_of(trajectory: Trajectory, simulator: FigureSimulator, check: b
 
 
 def _start_fault(runs: PilotRuns) -> str:
-    """The fault of an assembly with the parameters of the run, such as a joint that stays open; '' without a fault."""
+    """The fault of an assembly with the parameters of the run, such as a joint that remains open; '' without fault."""
     scene = runs.scene
     try:
         prepare_start(scene, replace(compile_dae(scene.system), p_nominal=runs.p))
@@ -239,15 +240,15 @@ def _start_fault(runs: PilotRuns) -> str:
 
 
 def _confirmed(runs: PilotRuns, solver: Solver, trajectory: Trajectory, reason: str) -> tuple[Solver, Trajectory, str]:
-    """The solver, run and reason after runs at tighter tolerances, until two runs agree.
+    """The solver, the run and the reason after further runs at tighter tolerances, until two runs agree.
 
-    A motion that meets a switch of the state at a small angle magnifies errors. If it touches a wall shortly before it
-    turns back, errors grow by a factor of several hundred.
+    Errors grow if a motion meets a switch of the state at a small angle. For example, they grow by a factor of several
+    hundred if a body touches a wall shortly before it turns back.
     """
     sizes = runs.program.bodies.dae.state_sizes
-    # Largest number of runs at tighter tolerances, each ten times tighter; largest difference of two runs divided by
-    # the sizes of the states, which is a tenth of the error of default runs; and smallest size of a state divided by
-    # that of its body.
+    # Maximum number of runs, each with ten times tighter tolerances; largest difference of two runs, divided by the
+    # sizes of the states, which is a tenth of the error of default runs; and smallest size of a state, divided by that
+    # of its body.
     for _ in range(2):
         tighter = solver.tighter(times=runs.program.times)
         if runs.run(tighter).message:

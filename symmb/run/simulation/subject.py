@@ -1,4 +1,4 @@
-"""The simulator of a study. The subject of a study is a scene or a simulator."""
+"""The simulator of a study, from the subject of the study, which is a scene or a simulator."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -29,7 +29,7 @@ def simulator_of(
 
     Raises
     ------
-    DeclarationError       if there is no box, an argument has a wrong type, or a simulator is given options of scenes
+    DeclarationError       if there is no box, an argument has a wrong type, or a simulator comes with options of scenes
     """
     solver = solver_of(solver)
     box = getattr(subject, "box", None) if box is None else box
@@ -52,11 +52,11 @@ def simulator_for(
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,
 ) -> Simulator:
-    """The simulator of a scene with these options, or the given simulator. It computes scalar outputs as well.
+    """The simulator of a scene with these options, or the given simulator. It computes scalar outputs too.
 
     Raises
     ------
-    DeclarationError       if the subject has a wrong type, or a simulator is given options of scenes
+    DeclarationError       if the subject has a wrong type, or a simulator comes with options of scenes
     """
     solver = solver_of(solver)
     if isinstance(subject, Scene):
@@ -95,7 +95,7 @@ def with_options(scene: Scene, times: Sequence[float] | Array | None, outputs: M
 
 
 def require_own(subject: object, solver: object, times: object, outputs: object) -> None:
-    """Raise a DeclarationError if a simulator is given options that only a scene accepts."""
+    """Raise a DeclarationError if a simulator comes with options that only scenes accept."""
     if solver is not None or times is not None or outputs is not None:
         raise DeclarationError(f"{subject!r} has its own solver, times and outputs. Pass a Scene to choose other ones.")
 
@@ -103,16 +103,16 @@ def require_own(subject: object, solver: object, times: object, outputs: object)
 def prepare(scene: Scene, solver: Solver | str | None = None) -> DAESimulator:
     """Prepare the equations, the start and the solver of a scene for all its runs. The scene remembers the result.
 
-    The nominal parameters are run in two ways. Their difference leads to warnings.
+    The nominal parameters are run in two ways. If the two runs differ, there are warnings.
 
     `simulate`, `propagate`, `compare`, `linearize`, `stability` and `view` prepare scenes in this way. They also accept
-    the prepared scene instead of the scene. So nothing is derived, chosen or compiled twice.
+    the prepared scene instead of the scene. With it, nothing is derived, chosen or compiled twice.
 
     Parameters
     ----------
     scene : Scene
     solver : Solver, optional
-        or its text on the command line, such as "cvodes:1e-9"; default: pilot runs choose the solver for many runs,
+        solver, or a text that names it, such as "cvodes:1e-9"; default: pilot runs choose the solver for many runs,
         mostly DormandPrince()
 
     Returns
@@ -153,7 +153,7 @@ def simulator_with(scene: Scene, solver: Solver | str | None = None) -> DAESimul
 
 
 def study_simulator(scene: Scene, solver: Solver | None = None) -> SceneSimulator:
-    """The simulator of a study. It computes the scalar outputs of the scene as well, if there are any."""
+    """The simulator of a study of a scene. It also computes the scalar outputs of the scene, if there are any."""
     if not scene.figures:
         return simulator_with(scene, solver)
     curves = scene.curves
@@ -161,7 +161,7 @@ def study_simulator(scene: Scene, solver: Solver | None = None) -> SceneSimulato
 
 
 def scene_of(subject: Scene | DAESimulator) -> Scene:
-    """The given scene, or the scene of a prepared one.
+    """The given scene, or the scene of the result of `prepare`.
 
     Raises
     ------

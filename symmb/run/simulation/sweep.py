@@ -30,32 +30,41 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 _NAMED = 3
+<<<<<<< HEAD
 """Number of failed runs whose reasons are printed."""
 _MOST_IN_LABELS = 3
 """Largest number of parameters that the label of a curve names. With more parameters it is the number of the run."""
+=======
+"""Maximum number of failed runs with printed reasons."""
+>>>>>>> doc2
 Part = tuple[Indices, Array, Mask, tuple[str, ...]]
-"""Numbers of samples, their outputs, a mask of the valid ones, and the messages of the others."""
+"""Numbers of samples (n,), their outputs (n, n_t, n_y), mask of the valid samples (n,), and messages of the others."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sweep(plot.OverTime, Result, WithWarnings, Saved):
     """Runs with several values of parameters.
 
+<<<<<<< HEAD
     `runs["x"]` gives an output of all runs. `print` shows extremes. `plot` draws all runs
     in the order of the parameters that vary. `save` writes a file, and `load` reads it.
+=======
+    `runs["x"]` gives an output of all runs. `print` shows extremes. `plot` draws all runs, coloured by the first
+    parameter that varies. `save` writes a file, and `load` reads it.
+>>>>>>> doc2
 
     Attributes
     ----------
     name : str
-        of the scene or simulator
+        name of the scene or simulator
     t : (n_t,)
         times [s]
     names, units : names of the n_y outputs and their units, '' if the unit is not known
     parameters : dict
-        name -> (N,) values, of all parameters
+        name -> values (N,), for all parameters
     grid : dict
-        name -> values (m,); all combinations are run, and the last parameter changes fastest; empty if the runs are a
-        list
+        name -> values (m,). All combinations are run, and the last parameter changes fastest. The grid is empty if the
+        runs are a list
     values : (N, n_t, n_y)
         outputs; nan after a failure
     ok : (N,)
@@ -63,7 +72,7 @@ class Sweep(plot.OverTime, Result, WithWarnings, Saved):
     messages : tuple of str
         reasons of the failed runs, in order
     figures : tuple of str
-        names of the scalar outputs; each is one number per run
+        names of the scalar outputs; each run has one number for each of them
     simulator : SceneSimulator
         the simulator of the runs, so that `view` can draw them; None for functions and programs, and after `load`
 
@@ -213,9 +222,9 @@ def sweep(
     values : mapping
         name -> (m,) values, in the unit of the parameter or with a compatible unit, such as ([0.24, 0.25], "m")
     solver, times, outputs
-        of a scene, instead of its own
-    executor : anything with an ordered `map`, or an executor; default: runs in this process
-    progress : called with the finished runs and all runs; default: a bar, in notebooks and terminals
+        solver, times and outputs of the runs, if they differ from those of the scene
+    executor : an executor, or an object with an ordered `map`; default: runs in this process
+    progress : function of the numbers of finished runs and of all runs; default: a bar, in notebooks and terminals
 
     Raises
     ------

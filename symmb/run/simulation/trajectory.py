@@ -31,10 +31,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _ROUNDING = 1e-12, 1e-30
-"""A number is printed as 0 if it is smaller than these factors times the largest value of its output, and of all
-outputs."""
+"""A number is printed as 0 if it is smaller than the first factor times the largest value of its output, or than the
+second factor times the largest value of all outputs."""
 _NAMED = 12
-"""Largest number of printed coordinates and velocities of the start."""
+"""Maximum number of printed coordinates and velocities of the start."""
 _START = {"held": "held", "solved": "solved for", "free": "left free"}
 
 
@@ -50,7 +50,7 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
     scene : Scene
         None if the run was read from a file without a scene
     parameters : dict
-        values of this run
+        values of the parameters in this run, by name
     solver, reason : str
         text of the solver, and why symmb chose it; `reason` is empty if the solver was given
     t : (n_t,)
@@ -62,12 +62,13 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
     statistics : dict
         counts of the integrator, and a report on the start
     setup_seconds, run_seconds : float
+        time of the preparation, and time of the run [s]
     events : tuple of Event
-        in order: impacts, and contacts and joints that close or open
+        ordered events: impacts, and contacts and joints that close or open
     error : (n_t, n_y)
         estimated error of the outputs; None without check=True
     run_doubts : tuple of str
-        warnings about the start and the solver, in sentences; `warnings` (or `doubts`) contains all warnings
+        warnings about the start and the solver, as sentences; `warnings` (or `doubts`) contains all warnings
     figures : dict
         scalar outputs by name; `values` repeats them at all times
     run_examination
@@ -232,17 +233,17 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
 
     @cached_property
     def drift(self) -> Drift:
-        """Violation of the constraints at the output times."""
+        """Violation of the constraints at the output times, with arrays (n_t,)."""
         return drift(self._model[1].bodies, self.x, self._p, self.t)
 
     @cached_property
     def energy(self) -> Energy:
-        """Kinetic and potential energy and the work done at the output times."""
+        """Kinetic energy, potential energy, and work since the start, at the output times, each (n_t,) [J]."""
         return energy(self._model[1].bodies, self.x, self._p, self.t, self.work)
 
     @property
     def singularity(self) -> Singularity | None:
-        """The singular position to which the run comes closest; None if it comes close to none."""
+        """The singular position to which the run comes closest; None if the run does not come close to any."""
         return self.examination.singularity
 
     @cached_property
@@ -257,12 +258,12 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
 
     @cached_property
     def energy_drift(self) -> float:
-        """Largest |T + V - W - E_0| over the largest kinetic energy; nan if nothing moves."""
+        """Largest |T + V - W - E_0|, divided by the largest kinetic energy; nan if nothing moves."""
         return self.examination.energy_drift
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
-        """Warnings, in sentences. Empty if no problem is known."""
+        """Warnings about the run, as sentences; empty if no problem is known."""
         scene, program = self._model
         doubts = (
             *program.bodies.start.doubts,
@@ -272,7 +273,7 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
             *linear_theory_doubts(scene, program.bodies.dae, self.x, self._p, self.t),
         )
         longest, step = program.longest_step, program.solver.step_taken(self.t)
-        if step <= longest:  # 0 where steps are controlled
+        if step <= longest:  # 0 for step control
             return doubts
         pulse = f"Steps of {step:.2g} s may miss a pulse in a function of time. Use steps below {longest:.2g} s."
         return (*doubts, pulse)
@@ -331,7 +332,7 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
                     f"{scene.name!r}. Pass the scene of this run."
                 )
         run = cls(scene=scene, program=program, **known)
-        vars(run).update(derived)  # in place of the values that cached properties would compute
+        vars(run).update(derived)  # replaces the values that cached properties would compute
         return run
 
     def _record(self) -> dict[str, Any]:
@@ -361,19 +362,19 @@ class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
 
 
 def _start_lines(start: Mapping[str, list[str]]) -> list[str]:
-    """Lines of text: names that the start held, solved for and left free, and redundant rows."""
+    """Lines of text: names of values that were kept, solved for or left free at the start, and redundant rows."""
     parts = "; ".join(f"{what} {_some(start[key])}" for key, what in _START.items() if start[key])
     redundant = [f"  redundant   {', '.join(start['redundant'])}: smallest reactions"] if start["redundant"] else []
     return [*([f"  start       {parts}"] if parts else []), *redundant]
 
 
 def _some(names: Sequence[str]) -> str:
-    """A list of names, shortened because a robot has hundreds."""
+    """A list of names as text. Long lists are shortened, because a robot has hundreds of names."""
     return ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
 
 
 def _pulse_lines(program: Program) -> list[str]:
-    """A line about the longest step that does not miss a pulse in a function of time; no line without pulses."""
+    """A line of text about the longest step that misses no pulse of a function of time; no line without pulses."""
     longest = program.longest_step
     if not math.isfinite(longest):
         return []

@@ -1,4 +1,4 @@
-"""The file of a run. It contains attributes of a Trajectory, and values that otherwise follow from the equations."""
+"""The file of a run: attributes of a Trajectory, and values that the equations would give without a file."""
 
 import math
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Checks of runs: runs in two ways, drift of constraints and energy, and the linear theory of flexible bodies."""
+"""Checks of runs by a second run, by drifts of constraints and energy, and by the linear theory of flexible bodies."""
 
 from symmb.run.verification.examination import Drift, Energy, Examination, drift, energy, work_of
 from symmb.run.verification.linear_theory import deformation_doubts, linear_theory_doubts

@@ -1,4 +1,4 @@
-"""The examination of a run: drift of its constraints and its energy, singular positions, and doubts."""
+"""The examination of a run: drift of constraints and energy, singular positions, and warnings."""
 
 import math
 from dataclasses import dataclass
@@ -16,14 +16,14 @@ from symmb.run.integrate import CVODES, Run, refined
 from symmb.run.verification.two_ways import ROUNDING, TwoWays, changes_of_outputs
 
 _MOST, _LEAST, _WORK = 10_000, 100, 2e9
-"""Largest and smallest number of examined times. In between, the number of times is `_WORK` over the third power of the
-number of velocities. This takes seconds."""
+"""Largest and smallest number of examined times. Between these, the number of times is `_WORK` divided by the third
+power of the number of velocities, which takes seconds."""
 _AGAIN = CVODES(rtol=1e-8, stiff=True)
 """The solver of second runs between the examined times. It compiles nothing, and stiff motions do not slow it down."""
 _SMALL, _USUAL, _SINGULAR = 1e-6, 2e3, 1e2
-"""Smallest drift of energy that raises a doubt; the same divided by the relative tolerance; and the same near singular
-positions. Regular motions drift by up to 1,000 tolerances with multistep methods, and wrong branches by 300 and more.
-Calibrated by tests/test_problems.py"""
+"""Smallest drift of energy that causes a warning; this drift divided by the relative tolerance; and the same quotient
+near singular positions. Regular motions drift by up to 1,000 tolerances with multistep methods, and wrong branches by
+300 or more. Calibrated by tests/test_problems.py"""
 
 
 class Drift(NamedTuple):
@@ -37,7 +37,7 @@ class Drift(NamedTuple):
 
 
 class Energy(NamedTuple):
-    """Energies at every time [J], each (n_t,): kinetic, potential, and the work done by forces without potential."""
+    """Kinetic energy (n_t,), potential energy (n_t,), and work (n_t,) of forces without potential, at all times [J]."""
 
     kinetic: Array
     potential: Array
@@ -50,7 +50,7 @@ class Energy(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Examination:
-    """States of a run at times over its horizon. The run is judged by them, whatever its output times are.
+    """States of a run at times over its horizon, for checks. The times do not depend on the output times.
 
     Attributes
     ----------
@@ -67,9 +67,9 @@ class Examination:
 
     @classmethod
     def of(cls, program: Program, p: Array, t: Array, x: Array, work: Array, is_close: bool = False) -> "Examination":
-        """The examination of a run with states x (m, n_x), at all its times or at evenly chosen times."""
+        """The examination of a run with states x (m, n_x) and work (m,), at all times t (m,) or at some of them."""
         known = _known(x)
-        end = len(known) - 1 if known.all() else int(known.argmin())  # the first time behind a failure
+        end = len(known) - 1 if known.all() else int(known.argmin())  # the first time after a failure
         number = min(_number(program.bodies.dae), end + 1)
         some = np.unique(np.append(np.linspace(0, end, number).astype(np.intp), max(end - 1, 0)))
         if len(some) < len(t):
@@ -83,8 +83,8 @@ class Examination:
 
     @cached_property
     def violation(self) -> Array:
-        """Largest violations (m,) of position rows, each over the change of its row by displacements of the scene's
-        size [-]."""
+        """Largest violations (m,) of position rows [-]. Each violation is divided by the change of its row by
+        displacements of the size of the scene."""
         dae, bodies = self.program.bodies.start.dae, self.program.bodies.judged
         if dae.Phi is None or dae.G is None:
             return np.zeros(len(self.t))
@@ -95,7 +95,7 @@ class Examination:
 
     @cached_property
     def switch_values(self) -> Array:
-        """Switch functions (m, k): they change sign at the kinks and jumps of the equations."""
+        """Values (m, k) of the switches, which change their sign at kinks and jumps of the equations."""
         kinks = self.program.bodies.kinks(self.program.times)
         return np.empty((len(self.t), 0)) if kinks is None else kinks.values(self.x, self.p, self.t)
 
@@ -105,21 +105,21 @@ class Examination:
 
     @cached_property
     def energy_drift(self) -> float:
-        """Largest |T + V - W - E_0| over the largest kinetic energy; nan if nothing moves."""
+        """Largest |T + V - W - E_0|, divided by the largest kinetic energy; nan if nothing moves."""
         change, largest = _change(self._energy), float(self._energy.kinetic.max(initial=0.0))
         # Drift of energy divided by the largest kinetic energy at the examined times. Above this value, a second run
         # looks for larger kinetic energies between these times.
-        if change > 1e-6 * largest > 0 and not self.is_close:  # these may be the times at which it rests
+        if change > 1e-6 * largest > 0 and not self.is_close:  # the motion may be at rest at all these times
             t, x = self._again
             T, *_ = energy(self.program.bodies, x, self.p, t, np.zeros(len(t)))
             largest = max(largest, float(np.nanmax(T, initial=0.0)))
         scales = self.program.bodies.judged.scales
-        # Kinetic energy divided by that of a motion of the scene's size, below which all speeds are rounding.
+        # Kinetic energy, divided by that of a motion of the scene's size. Below this value, all speeds are rounding.
         return change / largest if largest > 1e-20 * scales.energy * scales.rate**2 else math.nan
 
     @cached_property
     def singularity(self) -> Singularity | None:
-        """The singular position to which the run comes closest; None if it comes close to none."""
+        """The singular position to which the run comes closest; None if the run does not come close to any."""
         near = self.program.bodies.singularity(self.x, self.t, self.p)
         if near or self.program.bodies.dae.G is None or self.program.bodies.dae.impacts is not None:
             return near
@@ -132,8 +132,8 @@ class Examination:
 
     @property
     def fault(self) -> str:
-        """The time and the possible causes if the run leaves its constraints; empty if it does not."""
-        # Violation of positions divided by the size of the scene, above which the positions cannot be reached.
+        """A text with the time and the possible causes if the run leaves its constraints; otherwise empty."""
+        # Violation of positions, divided by the size of the scene. Above this value, the positions cannot be reached.
         left = ~(self.violation <= 1e-2)
         if not left.any():
             return ""
@@ -145,10 +145,10 @@ class Examination:
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
-        """Doubts because of drifts. The energy also drifts at singular positions, because branches meet there.
+        """Warnings because of drifts. The energy also drifts at singular positions, because branches meet there.
 
-        Velocities that a drive prescribes may jump. Fixed steps follow such a jump, but miss its work: the drift of
-        energy raises no doubt then.
+        Velocities that a drive prescribes may jump. Fixed steps follow such a jump, but miss its work. In this case the
+        drift of energy causes no warning.
         """
         position, energy = float(self.violation.max(initial=0.0)), self.energy_drift
         is_singular = self.singularity is not None
@@ -159,7 +159,7 @@ class Examination:
                 f"The run violates its constraints by {position:.0e} of its size: constraints contradict each other, "
                 "or a position is nearly singular.",
             )
-        # Drift of energy by fixed steps, above which the motion changes visibly.
+        # Drift of energy in fixed steps. Above this value, the motion changes visibly.
         if self._rtol is None and energy > 0.01 and self.program.bodies.dae.Phi_t is None:
             return (
                 f"The energy drifts by {energy:.0%}: the steps are too long, or they damp the motion. Use shorter "
@@ -177,13 +177,13 @@ class Examination:
         return getattr(self.program.solver, "rtol", None)
 
     def _is_unexplained(self, drift: float, usual: float = _USUAL) -> bool:
-        """Whether a relative drift is larger than the tolerance explains; False without a tolerance."""
+        """Whether the tolerance does not explain a relative drift, because it is too large; False without tolerance."""
         return self._rtol is not None and drift > max(_SMALL, usual * self._rtol)
 
     def _falls_with_tolerance(self) -> bool:
         """Whether a run at a tenth of the tolerance has a much smaller change of energy, and the same outputs.
 
-        This is so if forces in balance do much work: the change falls to the rounding of the work. On a wrong branch
+        This is true if forces in balance do much work: the change falls to the rounding of the work. On a wrong branch
         the change does not fall.
         """
         # Relative error of the work at the smallest tolerances: CVODES reaches 2e-10, and smaller tolerances do not
@@ -206,11 +206,11 @@ class Examination:
     def _at_failure(self) -> Singularity | None:
         """The singular position at which a run fails. The run is repeated from its last state on the constraints."""
         dae, known = self.program.bodies.dae, _known(self.x)
-        # Violation of positions divided by the size of the scene, below which a state satisfies its constraints.
+        # Violation of positions, divided by the size of the scene. Below it, a state satisfies its constraints.
         sound = known & (self.drift.position <= 1e-6 * dae.scales.length)
         lost, k = int(known.argmin()), int(np.flatnonzero(sound).max(initial=0))
         begin, end, x = float(self.t[k]), float(self.t[lost]), self.x[k]
-        # Number of examinations of a run that fails, each closer to its failure, and largest number of times of each.
+        # Number of examinations of a run that fails, each closer to the failure, and maximum number of times of each.
         for _ in range(2 if known[0] else 0):
             t = np.linspace(begin, end, min(2000, _number(dae)))
             X = _AGAIN.integration(dae, t).run(x[None], self.p[None])[0].X
@@ -223,7 +223,7 @@ class Examination:
 
     @cached_property
     def _again(self) -> tuple[Array, Array]:
-        """Times (m,) and states (m, n_x) of a second run with many times; of the run itself if it has impacts."""
+        """Times (m,) [s] and states (m, n_x) of a second run with many times; with impacts, those of the run itself."""
         dae = self.program.bodies.dae
         if dae.impacts is not None:
             return self.t, self.x
@@ -256,7 +256,7 @@ def _change(energy: Energy) -> float:
     """Largest |T + V - W - E_0| [J], or 0 if this is rounding of the energies."""
     balance = energy.kinetic + energy.potential - energy.work
     change = float(np.abs(balance - balance[0]).max(initial=0.0))
-    # Change of energy divided by the largest energy, below which the change is rounding.
+    # Change of energy, divided by the largest energy. Smaller changes are rounding.
     return change if change > 1e-14 * max(float(np.abs(some).max(initial=0.0)) for some in energy) else 0.0
 
 

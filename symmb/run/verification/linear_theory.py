@@ -1,4 +1,4 @@
-"""Doubts about flexible bodies: deformations beyond linear theory, and loads that the modes do not represent."""
+"""Warnings about flexible bodies: deformations beyond linear theory, and loads that the modes do not represent."""
 
 from collections.abc import Iterator
 
@@ -13,14 +13,14 @@ from symmb.run.formulations import output_function
 from symmb.run.verification.missing_modes import AttachedLoads, along, attached_loads, left_out
 
 TURN = 0.3
-"""Largest rotation of a cross section against the frame of its body [rad] for linear theory. At this rotation the
+"""Largest rotation of a cross section relative to the frame of its body [rad] for linear theory. At this rotation, the
 deflection of a cantilever under a load at its end is 4 % too large, and its shortening is 2 % of its length."""
 _ROUNDING = 1e-9
-"""Largest distance from an interval divided by its width that is rounding."""
+"""Largest distance from an interval, divided by the width of the interval, that is rounding."""
 
 
 def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> tuple[str, ...]:
-    """Doubts about flexible bodies in states X (m, n_x) of all bodies, with parameters p, at times t (m,)."""
+    """Warnings about flexible bodies in states X (m, n_x) of all bodies, with parameters p (n_p,), at times t (m,)."""
     known = np.isfinite(X).all(axis=1)
     X, t = X[known], t[known]
     some = attached_loads(scene) if len(t) else ()
@@ -40,7 +40,7 @@ def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -
 
 
 def deformation_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> Iterator[str]:
-    """Doubts about flexible bodies that bend or spin too much, or whose modes do not belong to parameters p (n_p,)."""
+    """Warnings about flexible bodies that bend or spin too much, or have modes for parameters other than p (n_p,)."""
     for k, body in enumerate(scene.system.bodies):
         if isinstance(body, FlexibleBody) and (n := len(body.modes.stiffness)):
             moved = ca.vertcat(body.eta, body.frame.omega)
@@ -79,14 +79,14 @@ def _beyond(scene: Scene, body: FlexibleBody, p: Array) -> Iterator[str]:
 def _spun(body: FlexibleBody, omega: Array, t: Array) -> Iterator[str]:
     modes = body.modes
     J = modes.J0 - modes.mass * (modes.center @ modes.center * np.eye(3) - np.outer(modes.center, modes.center))
-    # Spin about the axis of a slender body stretches it little.
+    # Spin about its axis stretches a slender body only little.
     rate = np.sqrt(np.einsum("ti,ij,tj->t", omega, J, omega) / np.linalg.eigvalsh(J)[-1])
     lowest, worst = float(np.sqrt(modes.stiffness.min())), t[int(rate.argmax())]
     extents = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(modes.positions.T)), 0.0))  # of the nodes, in rising order
-    # Width over length, below which a body without nodal rotations bends, so that tension makes it stiffer.
+    # Width over length. Below this value, a body without nodal rotations bends, and tension makes it stiffer.
     bends = modes.rotations.any() or extents[1] < 0.3 * extents[2]
-    # Largest angular velocity divided by the first frequency of a body without geometric stiffening. Above this value
-    # centrifugal forces change the frequency by more than 2 %: Southwell's coefficient of a cantilever is 1.2.
+    # Largest angular velocity, divided by the first frequency of a body without geometric stiffening. Above this value,
+    # centrifugal forces change the frequency by more than 2 %. Southwell's coefficient of a cantilever is 1.2.
     if rate.max() > 0.2 * lowest and bends and not modes.is_stiffening:
         yield (
             f"FlexibleBody {body.name!r}: it turns at {rate.max():.3g} rad/s at t = {worst:.3g} s, which is "
@@ -100,7 +100,7 @@ def _stretched(loads: AttachedLoads, w: Array) -> Iterator[str]:
         return
     size = float(np.ptp(loads.body.modes.positions, axis=0).max())
     moved = np.abs((w - along(loads, w)) @ loads.responses.left.T).reshape(len(w), -1, 6)[:, :, :3].max(initial=0.0)
-    # Displacement divided by the size of a body in a direction without modes, above which the direction counts.
+    # Displacement in a direction without modes, divided by the size of a body. Larger displacements cause a warning.
     if moved > 1e-3 * size:
         yield (
             f"FlexibleBody {loads.body.name!r}: its loads would stretch it by {moved:.2g} m in a direction without "

@@ -1,9 +1,9 @@
 """The effects of deformations that the modes of flexible bodies neglect.
 
 If the neglected deformations of a body have the compliance C at its nodes, loads w there cause the missing
-displacements u = C w. If a joint holds such a node, the body moves instead, and other bodies with it: with the least
-kinetic energy, while modes are stiff. So a missing rotation at a weld moves the other end of the body, and a missing
-rotation at a loaded end moves nothing else. The slopes of outputs then give the effect on the outputs.
+displacements u = C w. If a joint holds a node, the body and other bodies move instead. They move with the smallest
+kinetic energy, and modes are stiff. For example, a missing rotation at a weld moves the other end of the body, and a
+missing rotation at a loaded end moves nothing else. The slopes of outputs then give the effect on the outputs.
 """
 
 from collections.abc import Iterator
@@ -30,10 +30,10 @@ class AttachedLoads:
     Parameters
     ----------
     body : FlexibleBody
-    columns : tuple of int     of its velocities in the system
+    columns : tuple of int     columns of the velocities of the body in the system
     nodes : tuple of int       all nodes that the scene uses, with and without loads
     loaded : tuple of int      nodes at which joints and forces act, in rising order
-    wrenches : (6 m,) SX       force and moment at each node in the axes of the body's frame
+    wrenches : (6 m,) SX       force and moment at each node, in the axes of the frame of the body
     """
 
     body: FlexibleBody
@@ -44,7 +44,7 @@ class AttachedLoads:
 
     @property
     def rigid(self) -> int:
-        """Number of velocities of the frame."""
+        """Number of velocities of the frame of the body."""
         return len(self.columns) - len(self.body.modes.stiffness)
 
     @cached_property
@@ -55,7 +55,7 @@ class AttachedLoads:
 
     @property
     def remedy(self) -> str:
-        """The remedy for neglected deformations, in sentences."""
+        """Sentences with a remedy for neglected deformations."""
         structure, count = self.body.modes.flexibility, len(self.body.modes.stiffness)
         if structure is not None and count < structure.of_interfaces:
             return (
@@ -74,9 +74,9 @@ class AttachedLoads:
         return np.concatenate([modes.shapes[nodes], modes.rotations[nodes]], axis=1).reshape(6 * len(nodes), -1)
 
     def placed(self, eta: Array) -> Array:
-        """Slopes (N, m + 1, 6, n_v) of displacements and rotations of the nodes, and last of the frame.
+        """Slopes (N, m + 1, 6, n_v) of displacements and rotations of the m nodes and, last, of the frame.
 
-        They are slopes along the body's velocities in its own axes. `eta` (N, n) are mode coordinates.
+        The slopes are along the velocities of the body, in the axes of the body. `eta` (N, n) are mode coordinates.
         """
         places, own = np.zeros((len(eta), len(self.nodes) + 1, 6, len(self.columns))), slice(self.rigid)
         planar = [0, 1, 5] if self.rigid == 3 else slice(6)
@@ -115,7 +115,7 @@ def _of_forces(scene: Scene, body: FlexibleBody) -> Iterator[tuple[int, ca.SX]]:
 
 
 def _of_constraints(scene: Scene, body: FlexibleBody, rigid: list[int]) -> Iterator[tuple[int, ca.SX]]:
-    """Node and wrench of every constraint at one node, from its work in motions of the frame, columns `rigid` of G."""
+    """Node and wrench of every constraint at one node, from its work in motions of the frame (columns `rigid` of G)."""
     system, frame = scene.system, body.frame
     for element in system.elements:
         rows = system.collected.rows.get(element.name)
@@ -142,8 +142,8 @@ def _clamped(body: FlexibleBody) -> int | None:
 class LeftOut:
     """The largest effect on an output of deformations that the modes of a body neglect.
 
-    `share` is its root mean square over time, over that of the effect of all deformations, or over that of the changes
-    of the output if these are larger.
+    `share` is the root mean square of this effect over time. It is divided by that of the effect of all deformations,
+    or by that of the changes of the output if these are larger.
     """
 
     loads: AttachedLoads
@@ -152,7 +152,7 @@ class LeftOut:
 
 
 def with_loads(scene: Scene, formulation: Formulation, some: tuple[AttachedLoads, ...]) -> Formulation:
-    """The formulation with the wrenches of these loads as its last outputs."""
+    """The formulation with the wrenches of these loads as further outputs, which are the last ones."""
     if not some:
         return formulation
     x, p, t = (ca.SX.sym(name, formulation.y.numel_in(k)) for k, name in enumerate("xpt"))
@@ -171,14 +171,14 @@ def left_out(
     names, states, slopes = scene.remembered(left_out, lambda: _judged(scene, dae, some))
     if not len(names):
         return
-    # Largest number of times at which outputs are judged.
+    # Maximum number of times at which outputs are checked.
     few = np.unique(np.linspace(0, len(t) - 1, min(len(t), 21)).round().astype(int))
     X, t = X[few], t[few]
     values = batch(states, X, p, t[:, None])[0].reshape(len(t), -1)
     numbers = batch(slopes, X, p, t[:, None])
     M, G, J, *more = (part.reshape(len(t), *slopes.size_out(i)) for i, part in enumerate(numbers))
     moved = _Moved(some, M, G)
-    added = np.zeros((2, len(t), len(names)))  # by the modes as they are, and as they follow slow loads
+    added = np.zeros((2, len(t), len(names)))  # by the actual modes, and by modes that follow slow loads
     lacking = np.zeros((len(some), len(t), len(names)))
     at = len(names)
     for k, loads in enumerate(some):
@@ -195,7 +195,7 @@ def left_out(
             bent = _times(J, moved.by(_times(B, modal @ loads.shapes.T))) + _times(own[:, :, loads.rigid :], modal)
             added[kind] += lacking[k] + bent
     Y = values[:, : len(names)]
-    # Change of an output divided by its size, below which it is rounding.
+    # Change of an output, divided by its size. Smaller changes are rounding.
     floor = 1e-9 * (np.abs(Y).max(axis=0) + dae.scales.length)
     size = np.max([*(_rms(some) for some in added), _rms(Y - Y.mean(axis=0)), floor], axis=0)
     for k, loads in enumerate(some):
@@ -220,9 +220,9 @@ def _rms(values: Array) -> Array:
 def _judged(
     scene: Scene, dae: DAE, some: tuple[AttachedLoads, ...]
 ) -> tuple[tuple[str, ...], ca.Function, ca.Function]:
-    """Names of the judged outputs, a Function (x, p, t) of outputs, mode coordinates and loads, and that of `_slopes`.
+    """Names of the checked outputs, a function (x, p, t) -> outputs, mode coordinates and loads, and that of `_slopes`.
 
-    The judged outputs follow from positions alone. Without such outputs, the loaded nodes are judged.
+    The checked outputs depend on positions alone. Without such outputs, the loaded nodes are checked.
     """
     system, solved = scene.system, ca.vertcat(ca.SX(scene.system.lam), scene.system.vdot)
     places = ca.which_depends(scene.y, system.q, 1, True) or []
@@ -238,7 +238,7 @@ def _judged(
 
 
 def _slopes(scene: Scene, some: tuple[AttachedLoads, ...], y: ca.SX) -> ca.Function:
-    """Function (x, p, t) of M, G, slopes of outputs along velocities; rotation and slopes of loads for each body."""
+    """A function (x, p, t) -> M, G, slopes of outputs along velocities; for each body, rotation and slopes of loads."""
     system, lam = scene.system, ca.SX(scene.system.lam)
     states = [ca.vertcat(system.q, system.v, system.s), system.p, time_symbol]
     parts = [system.M, system.G, ca.jacobian(y, system.q) @ system.N]
@@ -249,19 +249,19 @@ def _slopes(scene: Scene, some: tuple[AttachedLoads, ...], y: ca.SX) -> ca.Funct
 
 
 class _Moved:
-    """Motions of bodies with the least kinetic energy that compensate displacements against the rows of joints."""
+    """Motions of bodies that compensate violations of the rows of joints, with the smallest kinetic energy."""
 
     def __init__(self, some: tuple[AttachedLoads, ...], M: Array, G: Array) -> None:
         largest = np.abs(np.einsum("mii->mi", M)).max(axis=1, initial=1e-300)
-        # Inertia of massless bodies divided by the largest inertia.
+        # Inertia of massless bodies, divided by the largest inertia.
         W = M + 1e-12 * largest[:, None, None] * np.eye(M.shape[1])
         slowest = min(float(loads.body.modes.stiffness.min()) for loads in some)
         for loads in some:
             own = list(loads.columns)[loads.rigid :]
-            # Stiffness of modes over their inertia if joints move bodies: loads change slowly.
+            # Stiffness of modes, divided by their inertia, if joints move bodies. Loads change slowly.
             W[:, own, own] += 1e3 / slowest * loads.body.modes.stiffness
         self._moving = np.linalg.solve(W, G.swapaxes(1, 2))
-        # Size divided by that of the loosest row, below which a row depends on other rows.
+        # Size of a row, divided by that of the loosest row. Below this value, the row depends on other rows.
         self._loose = np.linalg.pinv(G @ self._moving, rcond=1e-9, hermitian=True)
 
     def by(self, gaps: Array) -> Array:
@@ -270,7 +270,7 @@ class _Moved:
 
 
 def _users(own: Array, places: Array) -> list[tuple[int, ...]]:
-    """The nodes through which outputs depend on a body. The number of its frame is -1.
+    """For each output, the nodes of a body on which it depends. The number of the frame is -1.
 
     `own` (n_y, n_v) are slopes of the outputs along the velocities of the body.
     """
@@ -279,8 +279,8 @@ def _users(own: Array, places: Array) -> list[tuple[int, ...]]:
     units = np.where(units > 0, units, 1.0)
     slopes, chosen = own / units, [()] * len(own)
     best = np.linalg.norm(slopes, axis=1)
-    # Fraction of the slopes of an output that nodes need not explain, because it depends on positions of the deformed
-    # body.
+    # Fraction of the slopes of an output that nodes need not explain, because the output depends on positions of the
+    # deformed body.
     enough = 0.05 * best
     for some in [*combinations(frame_and_nodes, 1), *combinations(frame_and_nodes, 2)]:
         A = np.concatenate(places[list(some)]) / units
@@ -291,7 +291,7 @@ def _users(own: Array, places: Array) -> list[tuple[int, ...]]:
 
 
 def _direct(own: Array, places: Array) -> Array:
-    """Slopes (N, n_y, 6 m) of outputs along displacements of nodes, from slopes `own` along the body's velocities."""
+    """Slopes (N, n_y, 6 m) of outputs along displacements of nodes. `own` are slopes along velocities of the body."""
     users = _users(own[0], places[0])
     slopes = np.zeros((*own.shape[:2], *places.shape[1:3]))
     for some in set(users) - {()}:

@@ -1,4 +1,4 @@
-"""A run in two independent ways, whose common digits can be trusted, and the effect of state errors on outputs."""
+"""A run in two independent ways, for an estimate of its errors, and the effect of errors of states on outputs."""
 
 import time
 from collections.abc import Callable
@@ -28,25 +28,25 @@ from symmb.run.integrate import (
 from symmb.run.verification.linear_theory import linear_theory_doubts
 
 _CERTAIN, _EXACT = 1e-3, 1e-9
-"""Largest error of a certain output divided by its range: three digits; and divided by its size, for an output that
-hardly changes."""
+"""Largest error of an output with three certain digits, divided by the range of the output. The second value is for an
+output that hardly changes: largest error, divided by the size of the output."""
 _OF_WIDTH = 0.02
-"""Error of a run divided by the width of bounds, above which the bounds are doubted, as for other errors of bounds."""
+"""Error of a run, divided by the width of bounds. A larger error causes a warning, as other errors of bounds do."""
 _GLOBAL, _MULTISTEP, _USUAL = 100, 1000, 1e-8
-"""Largest error of a run divided by the relative tolerance of its steps: for one-step and multistep methods. 2,000
-steps have errors of 40 and 400 tolerances. Larger tolerances than the usual one do not explain larger errors."""
+"""Largest error of a run, divided by the relative tolerance of its steps, for one-step and for multistep methods. 2,000
+steps have errors of 40 and 400 tolerances. Tolerances above `_USUAL` do not explain larger errors."""
 _NAMED = 4
-"""Largest number of outputs in a sentence."""
+"""Maximum number of outputs in a sentence."""
 _FINE, _FINEST = 1e-9, 1e-12
-"""Largest and smallest relative tolerance of a run that checks another run: its own error should not matter."""
+"""Largest and smallest relative tolerance of a run that checks another run. The error of the check should be small."""
 ROUNDING, _SHIFT = 1e-12, 1e-6
-"""Changes of states divided by their sizes: rounding, which no solver resolves; and the change for difference
+"""Changes of states, divided by their sizes: rounding, which no solver resolves, and the change for difference
 quotients."""
 
 
 @dataclass(frozen=True, eq=False)
 class TwoWays:
-    """Outputs of a run in two ways: by solvers of two families, and in two sets of coordinates.
+    """Outputs of a run in two ways, which differ in the family of the solver and, if possible, in the coordinates.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class TwoWays:
     values, others : (m, n_y)      outputs of the first and of the second way; nan after a failure
     ways : (str, str)              solver and coordinates of both ways
     floor : level -> (n_y,)        changes of the outputs if states change by `level` times their sizes
-    levels : (float, float)        level of both ways that their tolerances explain
+    levels : (float, float)        levels of errors that the tolerances of both ways explain
     parameters : str               parameters as text, such as "l1 = 1.02"
     message : str                  time and reason of a failure of the second way; empty without a failure
     seconds : float                time of the second way [s]
@@ -75,9 +75,9 @@ class TwoWays:
 
     @classmethod
     def of(cls, first: Program, second: Program, names: tuple[str, ...], p: Array, values: Array) -> "TwoWays":
-        """A run with parameters p (n_p,) in two ways. `values` (n_t, n_y) are its outputs in the first way.
+        """A run with parameters p (n_p,) in two ways. `values` (n_t, n_y) are the outputs in the first way.
 
-        The outputs are compared at the times of the second way, which are a part of the times of the first way.
+        Outputs are compared at the times of the second way. The first way has these times too.
         """
         begin, some = time.perf_counter(), np.searchsorted(first.times, second.times)
         run = second.runs(p[None])
@@ -113,14 +113,14 @@ class TwoWays:
         return self.beyond(_CERTAIN * self._range, max(self.levels))
 
     def beyond(self, limits: Array, level: float) -> Mask:
-        """Mask (m, n_y) of errors above limits (n_y,), and above the error that a level of the states explains."""
+        """Mask (m, n_y) of errors that are above `limits` (n_y,), and above the changes by a level of the states."""
         size = np.abs(np.nan_to_num(self.values)).max(axis=0, initial=0.0)
         large = self.error > np.maximum(limits, _EXACT * size)
         return large & (self.error > self.floor(level)) if large.any() else large
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """A doubt with the time from which digits are lost, and the largest difference of the ways."""
+        """A warning with the time after which digits are lost, and with the largest difference of both ways."""
         return self._doubts(self.lost, self._range, "a thousandth of their range")
 
     def is_large_beside(self, widths: Array) -> bool:
@@ -128,13 +128,13 @@ class TwoWays:
         return bool(self.beyond(_OF_WIDTH * widths, ROUNDING).any())
 
     def doubts_of_widths(self, widths: Array) -> tuple[str, ...]:
-        """A doubt about errors that are large in comparison with the widths (n_y,) of bounds.
+        """A warning about errors that are large in comparison with the widths (n_y,) of bounds.
 
         The second way is the more accurate one.
         """
         lost = self.beyond(_OF_WIDTH * widths, self.levels[1])
         if lost.any():
-            lost &= widths > self.floor(self.levels[0])  # the width of an output that is certain is an error alone
+            lost &= widths > self.floor(self.levels[0])  # a smaller width is only an error
         return self._doubts(
             lost, widths, f"{_OF_WIDTH:.0%} of the width of their bounds", " Use a solver with a smaller rtol."
         )
@@ -169,7 +169,7 @@ class OtherWays:
         self._told: dict[tuple[str, bytes], Any] = {}
 
     def at_nominal(self) -> tuple[Array, Array, tuple[str, ...]]:
-        """Outputs (n_t, n_y) of the nominal run, their estimated errors (n_y,), and doubts."""
+        """Outputs (n_t, n_y) of the nominal run, their estimated errors (n_y,), and warnings."""
         program = self._program
         dae, start, p = program.bodies.dae, program.bodies.start, program.bodies.dae.p_nominal
         x, t, rtol = start.states(p[None])[0][0], float(program.times[0]), getattr(program.solver, "rtol", None)
@@ -182,7 +182,7 @@ class OtherWays:
         return self._once("values", p, lambda: self._program.runs(p[None]).Y[0])
 
     def two(self, p: Array, finest: bool = False) -> TwoWays:
-        """The run of studies with parameters p (n_p,), and a run in another way, at some of the times.
+        """The run of the program with parameters p (n_p,), and a run in another way, at some of the times.
 
         The second way is more accurate if `finest` is true, or if the two ways disagree.
         """
@@ -190,7 +190,7 @@ class OtherWays:
         return self._once("finest" if finest else "ways", p, ways)
 
     def theory_doubts(self, p: Array) -> tuple[str, ...]:
-        """The doubts of `linear_theory_doubts` about a run with parameters p (n_p,). Nothing is compiled for it."""
+        """Warnings of `linear_theory_doubts` about a run with parameters p (n_p,). Nothing is compiled for this run."""
         return () if self.flexible is None else self._once("theory", p, partial(self._theory, self.flexible, p))
 
     def _theory(self, flexible: Scene, p: Array) -> tuple[str, ...]:
@@ -207,9 +207,9 @@ class OtherWays:
 
     @cached_property
     def _other(self) -> Program:
-        """The program of the second way, at evenly chosen times with the first and the last one."""
+        """The program of the second way, at some output times, which include the first and the last one."""
         times = self._program.times
-        # Largest number of times at which a study compares two ways: as many as a picture shows.
+        # Maximum number of times at which a study compares two ways: as many as a picture shows.
         some = np.unique(np.linspace(0, len(times) - 1, min(len(times), 101)).round().astype(np.intp))
         return other_way(self._program, times[some])
 
@@ -224,7 +224,7 @@ def in_two_ways(
     ways = None if finest else TwoWays.of(program, other, names, p, values)
     if ways is None or ways.lost.any():
         ways = TwoWays.of(program, other_way(program, other.times, finest=True), names, p, values)
-    if ways.message:  # the same family of solvers tells less, but more than nothing
+    if ways.message:  # the same family of solvers gives less information, but some
         tighter = program.solver.tighter(times=program.times)
         by_itself = TwoWays.of(program, Program(program.forms, tighter, other.times), names, p, values)
         ways = ways if by_itself.message else replace(by_itself, unchecked=ways.unchecked)
@@ -232,8 +232,8 @@ def in_two_ways(
 
 
 def other_way(program: Program, times: Array, finest: bool = False) -> Program:
-    """The program of the same scene with a solver of another family, and in other coordinates if there are any."""
-    # With impacts, or drives whose rates jump, there is one family only.
+    """The program of the same scene with a solver of another family, and in other coordinates if these exist."""
+    # Only one family can solve scenes with impacts, or with drives that have jumps in their rates.
     if program.bodies.dae.impacts is not None or program.contradiction or program.is_stateless:
         return program.tighter()
     solver, forms = _another(program.solver, finest), program.forms
@@ -248,7 +248,7 @@ def other_way(program: Program, times: Array, finest: bool = False) -> Program:
 def _another(solver: Solver, finest: bool) -> Solver:
     """A solver of another family. SUNDIALS solvers replace compiled solvers, and compiled solvers replace SUNDIALS.
 
-    Without a C compiler all solvers are of SUNDIALS. BDF and Adams formulas then replace each other.
+    Without a C compiler, all solvers are those of SUNDIALS. BDF formulas then replace Adams formulas, and vice versa.
     """
     stiff = isinstance(solver, Rosenbrock | StabilizedIndex2) or getattr(solver, "stiff", False)
     is_sundials = isinstance(solver, CVODES | IDAS | StabilizedIndex2)
@@ -261,13 +261,13 @@ def _another(solver: Solver, finest: bool) -> Solver:
 
 
 def _error_of_runs(solver: Solver) -> float:
-    """Error of the states over their sizes that the tolerance explains; 0 for a solver with fixed steps."""
+    """Error of the states, divided by their sizes, that the tolerance explains; 0 for a solver with fixed steps."""
     rtol = min(getattr(solver, "rtol", None) or 0.0, _USUAL)
     return rtol * (_MULTISTEP if isinstance(solver, CVODES | IDAS | StabilizedIndex2) else _GLOBAL)
 
 
 def _changes(way: Program, p: Array, level: float) -> Array:
-    """Largest changes of outputs (n_y,) along a run with parameters p if states change by `level` times their sizes."""
+    """Largest changes (n_y,) of outputs in a run with parameters p, if states change by `level` times their sizes."""
     form = way.formulation
     X = way.integration().run(form.start.states(p[None])[0], p[None])[0].X
     return changes_of_outputs(way.bodies.y, *form.in_bodies(X, p), p, way.times, level)
@@ -275,7 +275,7 @@ def _changes(way: Program, p: Array, level: float) -> Array:
 
 def changes_of_outputs(y: ca.Function, dae: DAE, X: Array, p: Array, t: Array, level: float) -> Array:
     """Largest changes (n_y,) of outputs y(x, p, t) along states X (n_t, n_x) that change by a level of their sizes."""
-    k = np.arange(1, X.shape[1] + 1)  # neither symmetry nor differences of states, as joint angles are, cancel these:
+    k = np.arange(1, X.shape[1] + 1)  # symmetry and differences of states, such as joint angles, do not cancel these:
     shares = np.where(np.cos(k**1.5) > 0, 1.0, -1.0) * (1 + k * np.sqrt(1.25) % 1 / 2)
     shifted, here = (batch(y, states, p, t[:, None])[0] for states in (X + _SHIFT * shares * dae.state_sizes, X))
     change = np.nan_to_num(np.abs(shifted - here), posinf=0.0)
@@ -283,11 +283,11 @@ def changes_of_outputs(y: ca.Function, dae: DAE, X: Array, p: Array, t: Array, l
 
 
 def noise_of_outputs(y: ca.Function, dae: DAE, x: Array, p: Array, t: float, rtol: float | None) -> Array:
-    """Errors (n_y,) of outputs y(x, p, t) because of the errors that a solver's steps leave in the states.
+    """Errors (n_y,) of outputs y(x, p, t) because of errors of the states in the steps of a solver.
 
     The state x (n_x,) may be special, such as a state of rest. Therefore the median over states around it is used.
     """
-    # Number of states that estimate the noise; and errors of steps divided by rtol and the sizes of states.
+    # Number of states for the estimate, and errors of steps, divided by rtol and by the sizes of states.
     around = np.random.default_rng(0).uniform(-1, 1, (10, len(x))) * dae.state_sizes
     states = x + np.vstack([np.zeros(len(x)), around])
     shift = np.random.default_rng(1).uniform(-1, 1, states.shape) * _SHIFT * dae.state_sizes
