@@ -222,13 +222,8 @@ def _with_multipliers(options: dict[str, Any], problem: InitialValueProblem) -> 
     return options | {"abstolv": tolerances, "suppress_algebraic": True, "linear_solver": "csparse"}
 
 
-<<<<<<< HEAD
 def _measures(tolerances: StepTolerances) -> tuple[dict[str, Any], Array | None]:
-    """Options for tolerances, and units (n_x + n_quad,) of states and integrals, so that one tolerance serves all."""
-=======
-def _measures(tolerances: Tolerances) -> tuple[dict[str, Any], Array | None]:
     """Options for tolerances, and units (n_x + n_quad,) of states and integrals, for which one tolerance suffices."""
->>>>>>> doc2
     sizes = np.array(tolerances.sizes or (1.0,))
     size = float(sizes.max())
     # Error tests include the integral of the power. Otherwise CasADi's quadratures can have large errors.

@@ -52,13 +52,8 @@ class CompiledSolver(Solver):
     def runs_in_lanes(self, dae: DAE) -> bool:
         return True
 
-<<<<<<< HEAD
     def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> StepTolerances | FixedStep:
-        """The choice of steps in the engine, for Taylor coefficients up to an order and for integrals along the
-=======
-    def step_control(self, dae: DAE, times: Array, order: int = 0, n_quad: int = 0) -> Tolerances | FixedStep:
         """The step control in the engine, for Taylor coefficients up to `order` and `n_quad` integrals along the
->>>>>>> doc2
         motion."""
         return self.tolerances(dae, order, n_quad) if self.controls_step else FixedStep(self.fixed_step(times))
 
@@ -88,13 +83,8 @@ class CompiledSolver(Solver):
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         return CompiledIntegration(self, dae, times, order, work)
 
-<<<<<<< HEAD
     def limited_control(self, dae: DAE, times: Array, order: int, n_quad: int) -> StepTolerances | FixedStep:
-        """The step control. Steps are so short that none passes over a pulse of a function of time."""
-=======
-    def limited_control(self, dae: DAE, times: Array, order: int, n_quad: int) -> Tolerances | FixedStep:
         """The step control, with steps that are shorter than every pulse of a function of time."""
->>>>>>> doc2
         self.require_affordable(times)
         control = self.step_control(dae, times, order, n_quad)
         if isinstance(control, FixedStep):

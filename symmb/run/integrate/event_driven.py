@@ -78,13 +78,8 @@ class EventDriven(Explicit):
 
 def round_otherwise(engine: Engine, other: Engine) -> None:
     """Limit the steps of an engine to less than the mean step of the last run of another engine."""
-<<<<<<< HEAD
     control, span = cast(StepTolerances, engine.control), float(np.ptp(engine.times))
-    # Longest step of a check run divided by the mean step of the checked run. It is not a simple fraction, so that
-=======
-    control, span = cast(Tolerances, engine.control), float(np.ptp(engine.times))
     # Longest step of a check run, divided by the mean step of the checked run. It is not a simple fraction, so that
->>>>>>> doc2
     # rounding errors differ.
     longest = min(control.longest or np.inf, 0.37 * span / max(other.counts.steps, 1))
     engine.control = replace(control, longest=longest)

@@ -186,13 +186,8 @@ class _SmoothPieces:
         (z0,), (speed,) = batch(self._start, y[:n], p, np.array([begin]))
         size = float(np.max(np.abs(y[:n_q]) / units[:n_q], initial=0.0))
         way = float(np.max(np.abs(speed * (end - begin)) / units[:n_q], initial=0.0))
-<<<<<<< HEAD
-        # Relative rounding error of a position. StepTolerances of short pieces are not smaller.
-        noise = 1e-15 * size / self._rtol  # in tolerances, of a displacement 1
-=======
         # Relative rounding error of a position. Tolerances of short pieces are not smaller.
         noise = 1e-15 * size / self._rtol  # divided by the tolerance of a displacement 1
->>>>>>> doc2
         share = max(way, noise) or 1.0
         units[:n_q] *= min(share, 1.0)
         offset = np.full(len(y), noise / share)

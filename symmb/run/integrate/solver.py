@@ -108,13 +108,8 @@ class Solver(ABC):
     @abstractmethod
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration: ...
 
-<<<<<<< HEAD
     def tolerances(self, dae: DAE, order: int = 0, n_quad: int = 0) -> StepTolerances:
-        """The options `rtol` and `atol`; by default the latter is rtol / 100 of the size of each state.
-=======
-    def tolerances(self, dae: DAE, order: int = 0, n_quad: int = 0) -> Tolerances:
         """Step control by the options `rtol` and `atol`. By default, atol is rtol / 100 times the size of each state.
->>>>>>> doc2
 
         Tolerances are for states (n_x,), their Taylor coefficients up to `order`, and `n_quad` integrals along the
         motion. They do not follow the values of coefficients, which are 0 until they jump at kinks.

@@ -30,13 +30,9 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 _NAMED = 3
-<<<<<<< HEAD
-"""Number of failed runs whose reasons are printed."""
+"""Maximum number of failed runs with printed reasons."""
 _MOST_IN_LABELS = 3
 """Largest number of parameters that the label of a curve names. With more parameters it is the number of the run."""
-=======
-"""Maximum number of failed runs with printed reasons."""
->>>>>>> doc2
 Part = tuple[Indices, Array, Mask, tuple[str, ...]]
 """Numbers of samples (n,), their outputs (n, n_t, n_y), mask of the valid samples (n,), and messages of the others."""
 
@@ -45,13 +41,8 @@ Part = tuple[Indices, Array, Mask, tuple[str, ...]]
 class Sweep(plot.OverTime, Result, WithWarnings, Saved):
     """Runs with several values of parameters.
 
-<<<<<<< HEAD
-    `runs["x"]` gives an output of all runs. `print` shows extremes. `plot` draws all runs
-    in the order of the parameters that vary. `save` writes a file, and `load` reads it.
-=======
-    `runs["x"]` gives an output of all runs. `print` shows extremes. `plot` draws all runs, coloured by the first
-    parameter that varies. `save` writes a file, and `load` reads it.
->>>>>>> doc2
+    `runs["x"]` gives an output of all runs. `print` shows extremes. `plot` draws all runs in the order of the
+    parameters that vary. `save` writes a file, and `load` reads it.
 
     Attributes
     ----------
