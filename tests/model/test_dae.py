@@ -62,3 +62,16 @@ def test_retraction_keeps_quaternions_at_unit_length():
     dae = mb.compile_dae(spinning_body().system)
     q, v = random_state(dae, np.random.default_rng(4))
     assert_allclose(np.linalg.norm(numbers(dae.retract, q, 0.3 * v)[3:]), 1, rtol=1e-15)
+
+
+@pytest.mark.parametrize("rows", [[1, 0], [0.0, 1.0, 1.0], np.array([1, 0], dtype=np.int8)], ids=repr)
+def test_rows_to_keep_are_a_set(rows):
+    """In any order, and as numbers of any kind."""
+    system = double_pendulum().system
+    assert mb.compile_dae(system, rows).row_names == ("shoulder.lam[0]", "shoulder.lam[1]")
+
+
+@pytest.mark.parametrize("rows, nullities", [([4], (0, 0)), ([0.5], (0, 0)), ([np.nan], (0, 0)), ([0], (0.5, 0))])
+def test_rows_and_nullities_that_do_not_exist_are_refused(rows, nullities):
+    with pytest.raises(mb.DeclarationError, match="compile_dae: (there is no constraint row|a nullity must be)"):
+        mb.compile_dae(double_pendulum().system, rows, nullities)

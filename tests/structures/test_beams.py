@@ -5,6 +5,7 @@ import pytest
 from problems import read
 from structures import LIGHT, SLENDER, STEEL, cantilever, dofs, frame, frequencies, slope
 
+import symmb as mb
 from symmb import Beam, FiniteElements, Section
 
 BETA = read("beam_modes")
@@ -143,3 +144,10 @@ def test_torsion_constants_of_rectangles():
 def test_elements_of_a_polyline_run_from_corner_to_corner():
     line = FiniteElements.beams(Beam([(0, 0, 0), (1, 0, 0), (1, 2, 0)], SLENDER, LIGHT, elements=2))
     assert line.positions == pytest.approx(np.array([[0, 0, 0], [0.5, 0, 0], [1, 0, 0], [1, 1, 0], [1, 2, 0.0]]))
+
+
+@pytest.mark.parametrize("G", [1e-296, 1e-307])
+def test_ratios_beyond_doubles_are_told(G):
+    beam = mb.Beam([(0, 0, 0), (1, 0, 0)], mb.Section.rectangle(0.02, 0.01), mb.Material(2e11, 7800.0, G=G))
+    with pytest.raises(mb.DeclarationError, match="FiniteElements"):
+        mb.FiniteElements.beams(beam).modes(clamped=0, count=2)

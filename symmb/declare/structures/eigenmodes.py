@@ -14,6 +14,7 @@ MECHANISM = (
     "has motions without strain energy other than rigid motions. Fix loose parts, or choose interfaces (a clamped "
     "node) that hold the body: one node with rotations, or three nodes that are not on a line."
 )
+BEYOND_DOUBLES = "beyond the range of doubles. Check the units of materials and sections."
 INDEFINITE = "the mass matrix is not positive definite. Check its signs and the order of its rows."
 
 
@@ -84,6 +85,8 @@ def _all(K: Sparse, M: Sparse, rigid: Array) -> tuple[Array, Array]:
     scale = stiffness_scale(K)
     K, M = (A if isinstance(A, np.ndarray) else A.toarray() for A in (K, M))
     K, M = scale[:, None] * K * scale, scale[:, None] * M * scale
+    if not (np.isfinite(K).all() and np.isfinite(M).all()):
+        raise DeclarationError(f"FiniteElements: the ratios of stiffness and mass are {BEYOND_DOUBLES}")
     elastic = np.eye(len(K))
     if rigid.size:
         span, _ = np.linalg.qr(M @ (rigid / scale[:, None]), mode="complete")

@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._interrupts import kept_interrupts
-from symmb._options import require_instance, require_numbers
+from symmb._options import require_instance, require_numbers, whole
 from symmb.declare.symbolic import least_multipliers, shared, t, vanishing_rows
 from symmb.equations.model.contact_equations import ContactEquations
 from symmb.equations.model.dae import DAE
@@ -54,10 +54,14 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
     """
     require_instance("compile_dae", system, System, "a System")
     if rows is not None:
-        for row in require_numbers("compile_dae", "rows", rows, None).tolist():
+        given = require_numbers("compile_dae", "rows", rows, None).tolist()
+        for row in given:
             if row not in range(len(system.collected.row_names)):
                 raise DeclarationError(f"compile_dae: there is no constraint row {row:g}.")
+        rows = sorted({int(row) for row in given})  # CasADi crashes with other numbers
     require_numbers("compile_dae", "nullities", nullities, 2)
+    of_rows, of_positions = (whole("compile_dae", "a nullity", n, 0) for n in nullities)
+    nullities = of_rows, of_positions
     system = system.with_inputs
     reduced = system if rows is None else system.keeping(rows, nullities[0])
     a = ca.SX.sym("a", reduced.v.numel())
