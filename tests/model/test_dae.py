@@ -73,5 +73,5 @@ def test_rows_to_keep_are_a_set(rows):
 
 @pytest.mark.parametrize("rows, nullities", [([4], (0, 0)), ([0.5], (0, 0)), ([np.nan], (0, 0)), ([0], (0.5, 0))])
 def test_rows_and_nullities_that_do_not_exist_are_refused(rows, nullities):
-    with pytest.raises(mb.DeclarationError, match="compile_dae: (there is no constraint row|a nullity must be)"):
+    with pytest.raises(mb.DeclarationError, match=r"compile_dae: (there is no constraint row|a nullity must be)"):
         mb.compile_dae(double_pendulum().system, rows, nullities)
