@@ -237,7 +237,7 @@ RECEIVERS = {
 }  # fmt: skip
 CALLS += methods.calls(RECEIVERS, methods.arguments(PIECES), methods.INTERNAL)
 
-ANYTHING: set[tuple[Any, Any]] = {(mb.Box.plus_minus, "l"), (mb.Box.plus_minus, "k")}
+ANYTHING: set[tuple[Any, Any]] = {(mb.Box.plus_minus, "l"), (mb.Box.plus_minus, "k"), (mb.Box.around, 1)}
 """Places of calls where values of every kind are legal."""
 
 WORDS = [

@@ -24,6 +24,7 @@ FAULTS = {
     "parameter in a mass": (lambda: frame().with_mass(0, LENGTH), f"mass {SYMBOL}"),
     "parameter in an inertia": (lambda: frame().with_mass(0, 1.0, LENGTH), f"inertia {SYMBOL}"),
     "parameter in a matrix": (lambda: FiniteElements.matrices(POSITIONS, K.astype(object) * LENGTH, M), f"K {SYMBOL}"),
+    "a module as a matrix": (lambda: FiniteElements.matrices(POSITIONS, np, M), r"K must be an array \(d, d\)"),
     "parameter in damping": (lambda: frame().modes(count=2, damping=LENGTH), "'length' has no value. Give its interv"),
     "parameters in damping": (lambda: frame().modes(count=2, damping=[LENGTH] * 2), f"damping {SYMBOL}"),
     "negative area": (lambda: Section(-1.0, 1, 1, 1), "Section: area must be above 0, got -1"),

@@ -90,7 +90,8 @@ def read(source: Sparse | str | PathLike[str], name: str, k: int) -> Sparse:
             raise
         except (ValueError, OverflowError, MemoryError) as error:
             raise DeclarationError(f"{OWNER}: {name}: {source} is not a Matrix Market file: {error}") from error
-    if hasattr(source, "dtype") and np.iscomplexobj(source):  # lists are reported like other arrays
+    # Lists are reported like other arrays, and NumPy itself has a `dtype`.
+    if isinstance(getattr(source, "dtype", None), np.dtype) and np.iscomplexobj(source):
         raise DeclarationError(f"{OWNER}: {name} is complex. Pass a real matrix, and damping by modes(damping=...).")
     if issparse(source):
         matrix = csc_array(source, dtype=float)
