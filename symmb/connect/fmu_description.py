@@ -111,7 +111,7 @@ def described(path: Path, fmi_type: str | None) -> tuple[FMU, dict[str, Any]]:
     description = _description(path, folder)
     major = str(description.fmiVersion).partition(".")[0]
     if major not in ("2", "3"):
-        raise DeclarationError(f"{OWNER}: {path.name} is of FMI {description.fmiVersion}. Only 2 and 3 are supported.")
+        raise DeclarationError(f"{OWNER}: {path.name} uses FMI {description.fmiVersion}. Only 2 and 3 are supported.")
     chosen = _interface(path, description, fmi_type)
     interface = description.coSimulation if chosen == CO_SIMULATION else description.modelExchange
     _require_binary(path, names, int(major), interface.modelIdentifier)

@@ -49,7 +49,7 @@ def digest(*things: Any) -> str:
     if values.lacking:
         raise UndigestedError(
             f"StoredSimulator: the function depends on an object of the type {values.lacking[0]!r}. symmb cannot see "
-            "its changes. Pass version=, and another version whenever the function changes.",
+            "its changes. Pass version=, and change its value whenever the function changes.",
             key,
         )
     return key

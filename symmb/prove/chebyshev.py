@@ -62,7 +62,7 @@ def integral(n: int) -> Array:
 
 
 def along(matrices: Sequence[Array | None], c: Array) -> Array:
-    """The coefficients c after one matrix is applied along each of the last axes. None does not change an axis."""
+    """The coefficients c after one matrix is applied along each of the last axes. An axis with None has no matrix."""
     first = c.ndim - len(matrices)
     for axis, matrix in enumerate(matrices, first):
         if matrix is None:

@@ -24,7 +24,7 @@ FUNCTION_ULPS = int(FUNCTION_ERROR / (2 * U))
 
 
 class Interval(NamedTuple):
-    """Ends of one interval or of many intervals. The shapes of both arrays are equal, or broadcast."""
+    """Ends of one interval or of many intervals. Both arrays have the same shape, or NumPy can broadcast them."""
 
     lower: Array
     upper: Array

@@ -85,7 +85,7 @@ def equations_at_nodes(step: TimeStep, count: int, basis: Basis) -> list[list[Mo
 class TimePatches:
     """Patches of the boundary of an ellipse of time, with T_k there as Taylor polynomials of the place in a patch.
 
-    Values at conjugate points are conjugate, so half the ellipse is enough. With rho = 1 time is real.
+    Values at conjugate points are conjugate, so half the ellipse is enough. If rho is 1, the time is real.
     """
 
     def __init__(self, rho: float, count: int, degree: int, basis: Basis) -> None:

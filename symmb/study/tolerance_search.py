@@ -1,4 +1,4 @@
-"""The search for the largest factors of tolerances, or for the cheapest tolerances, that satisfy limits of outputs."""
+"""The search for the largest or the cheapest tolerances with which outputs stay within their limits."""
 
 from collections.abc import Callable
 from contextlib import suppress

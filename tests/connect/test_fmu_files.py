@@ -86,7 +86,7 @@ FMI1 = """<fmiModelDescription fmiVersion="1.0" modelName="a" modelIdentifier="a
         (GOOD.replace('valueReference="3"', 'valueReference="c"'), "cannot be read: ERROR (line"),
         (GOOD.replace('declaredType="Damping"', 'declaredType="Lost"'), "cannot be read: "),
         (GOOD.replace('index="8"', 'index="80"'), "cannot be read: "),
-        (FMI1, "is of FMI 1.0. Only 2 and 3 are supported"),
+        (FMI1, "uses FMI 1.0. Only 2 and 3 are supported"),
         (GOOD.replace('fmiVersion="2.0"', 'fmiVersion="7.1"'), "Unsupported FMI version: 7.1"),
         (GOOD.replace("<ModelExchange", "<A").replace("<CoSimulation", "<B"), "cannot be read: ERROR (line 3"),
         (GOOD.replace("Derivatives>", "Rates>"), "cannot be read: ERROR (line"),

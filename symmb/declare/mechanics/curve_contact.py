@@ -66,10 +66,10 @@ class CurveContact(ShapeContact):
     ----------
     name : str
     point_a : Point
-        point at which x and y of the curve are 0
+        origin of the x and y of the curve
     curve : Curve
     point_b : Point
-        centre of the circle, or point at which x and y of `curve_b` are 0
+        centre of the circle, or origin of the x and y of `curve_b`
     radius : Expr
         radius of the circle [m]; 0 is a point. Two curves touch if their distance is `radius`
     law, friction
@@ -189,7 +189,7 @@ class PointOnCurve(Joint):
     ----------
     name : str
     point_a : Point
-        point at which x and y of the curve are 0
+        origin of the x and y of the curve
     point_b : Point
     curve : Curve
     radius : Expr

@@ -204,7 +204,7 @@ def within(**limits: Any) -> dict[str, Any]:
 
 
 def function(of: str) -> dict[str, Any]:
-    """Metadata of a field for functions. The text `of` names the arguments, and ends the error message."""
+    """Metadata of a field for functions. The text names the arguments at the end of an error message."""
     return {"faults": partial(law_faults, of=of)}
 
 

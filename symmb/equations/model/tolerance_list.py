@@ -260,7 +260,7 @@ def _rows_of_csv(owner: str, text: str) -> Iterator[dict[str, Any]]:
     for line in lines[1:]:
         if len(line) > len(head):
             raise DeclarationError(
-                f"{owner}: a row has {len(line)} cells, the head has {len(head)}: {', '.join(line)}."
+                f"{owner}: a row has {len(line)} cells, but the head has {len(head)}. The row is {', '.join(line)}."
             )
         yield {key: cell.strip() for key, cell in zip(head, line, strict=False) if cell.strip()}
 

@@ -89,7 +89,7 @@ class Sensitivities(plot.OverTime, Result, Saved):
         return f"{self.name}: dy/dp of {counted(len(self.names), 'output')} at the nominal parameters"
 
     def _rows(self, names: Sequence[str]) -> list[list[str]]:
-        """Rows of text: the largest dy/dp for each output and parameter, and the change of the output for 1 %."""
+        """Rows of text: the largest dy/dp for each output and parameter, and the change if p changes by 1 %."""
         rows = [["output", "parameter", "nominal", "largest dy/dp", "at [s]", "change for 1 %"]]
         for k, name in enumerate(names):
             places = np.abs(self.values[:, k]).argmax(axis=0)

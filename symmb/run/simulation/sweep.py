@@ -266,7 +266,7 @@ def swept(simulator: Simulator, runs: Sequence[Mapping[str, float]], owner: str)
     rows, units = [], units_of_parameters(nominal)
     for run in (normal_keys(owner, run) for run in runs):
         if not isinstance(run, Mapping):
-            raise DeclarationError(f'{owner}: expected values by name, such as {{"l1": 1.02}}, got {shown(run)}.')
+            raise DeclarationError(f'{owner}: each run must be a mapping, such as {{"l1": 1.02}}, got {shown(run)}.')
         for name in run:
             require_name(owner, "parameter", name, nominal)
         own = {n: number_in(f"{owner}: {n!r}", f"parameter {n!r}", v, units.get(n, "")) for n, v in run.items()}

@@ -78,7 +78,7 @@ def _(element: CurveContact | PointOnCurve, survey: Survey) -> Sketch:
 
 
 def _lines_of(curve: Curve) -> list[ca.SX]:
-    """Places (2,) on a curve [m]. Straight lines between them draw the curve."""
+    """Places (2,) on a curve [m]. The drawing joins them by straight lines."""
     return [ca.substitute(curve.place, curve.s, s) for s in np.linspace(*curve.ends, _LINES + 1).tolist()]
 
 

@@ -272,7 +272,7 @@ def _best_of_each_parameter(surface: GaussianProcess, response: int, sign: float
 
 
 def _beside(places: Array, number: int) -> Array:
-    """A point near each place (n, d). Runs there test whether the response is as flat as the surface.
+    """Points (n, d), one near each place (n, d). Runs there test whether the response is as flat as the surface.
 
     `number` is the number of the round. The directions depend on it.
     """
