@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import symmb as mb
 from symmb.declare.symbolic.jets import jets
-from symmb.run.codegen import Engine, Lanes, Tolerances, model_function
+from symmb.run.codegen import Engine, Lanes, StepTolerances, model_function
 
 K, E, V = 1e8, 0.7, 2.0
 RING = mb.Table([0.0, 1e-3, 3e-3], [0.0, 4e4, 9e5])
@@ -94,7 +94,7 @@ def test_compiled_lanes_agree_with_casadi(law):
         parts.append(ca.vec(ca.jacobian(parts[-1], x)))
     outputs = ca.densify(ca.vertcat(*parts))
     f = model_function(x, p, t, ca.SX.zeros(2), outputs, None)
-    engine = Engine(Lanes(f, Tolerances(1e-8, 1e-8)), np.array([0.0]))
+    engine = Engine(Lanes(f, StepTolerances(1e-8, 1e-8)), np.array([0.0]))
     Y, losses = engine.values(STATES, np.ones((len(STATES), 1)))
     assert np.isnan(losses.t_failed).all()
     expected = ca.Function("f", [x], [outputs])(STATES.T).full().T

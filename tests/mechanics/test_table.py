@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 
 import symmb as mb
-from symmb.run.codegen import Engine, Lanes, Tolerances, model_function
+from symmb.run.codegen import Engine, Lanes, StepTolerances, model_function
 
 RNG = np.random.default_rng(11)
 CURVES = {
@@ -58,7 +58,7 @@ def test_lanes_read_a_table_each_at_its_own_place():
     table, state, p, t = mb.Table(x, y), ca.SX.sym("x"), ca.SX.sym("p"), ca.SX.sym("t")
     outputs = ca.vertcat(table(state), ca.jacobian(table(state), state), table(t))
     f = model_function(state, p, t, ca.SX(0.0), outputs, None)
-    engine = Engine(Lanes(f, Tolerances(1e-8, 1e-8)), np.array([2.5]))
+    engine = Engine(Lanes(f, StepTolerances(1e-8, 1e-8)), np.array([2.5]))
     at = np.linspace(x[0] - 1, x[-1] + 1, 101)
     Y, _ = engine.values(at[:, None], np.ones((101, 1)))
     expected = ca.Function("f", [state, t], [outputs])(at[None], 2.5).full().T
