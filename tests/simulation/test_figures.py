@@ -272,3 +272,17 @@ def test_the_largest_speed_of_a_wheel_that_a_brake_holds_is_rounding():
     system = mb.System(wheel, pin, mb.Clutch("brake", ground, wheel, 5.0), mb.Torque("load", wheel, 3 * mb.t))
     run = mb.simulate(mb.Scene(system, {"pin.angle": 0.3}, [0.0, 1.0], {"peak": mb.maximum(wheel.omega)}))
     assert abs(run["peak"]) < 1e-12
+
+
+@pytest.mark.parametrize("e, slow, number", [(0.5, 0.1, 3), (0.4, 0.05, 2), (0.6, 0.2, 3)])
+@pytest.mark.parametrize("end", [4.75, 5.5, 6.0, 7.25, 10.0])
+def test_two_conditions_hold_at_once_and_not_between_nodes_only(end, e, slow, number):
+    """A bouncing ball is slow at each apex, and low at the apex of this number: the closed form tells when."""
+    ball, g = mb.Body("ball", 1.0, pose=mb.Particle()), 9.81
+    system = mb.System(ball, mb.Gravity(0, -g), mb.Impact("floor", ball.y, e))
+    both = ca.logic_and(ball.y < 0.05, ball.vy**2 < slow**2)
+    outputs = {"t": mb.first_time(both), "y": mb.value_at(ball.y, both)}
+    run = mb.simulate(mb.Scene(system, {"ball.y": 1.0}, [0.0, end], outputs))
+    apex = np.sqrt(2 / g) * (1 + 2 * sum(e**k for k in range(1, number)) + e**number)
+    assert run["t"] == pytest.approx(apex - slow / g, abs=1e-7)
+    assert run["y"] == pytest.approx(e ** (2 * number) - slow**2 / (2 * g), abs=1e-7)

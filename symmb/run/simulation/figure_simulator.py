@@ -17,7 +17,7 @@ from symmb.equations.model import Scene
 from symmb.run.formulations import LOCK, CompiledEnsemble, Program
 from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_values import TOUCHED, Curves, Rule
-from symmb.run.simulation.panels import Panels
+from symmb.run.simulation.panels import ON_GRID, Panels
 
 S = TypeVar("S")
 
@@ -247,8 +247,9 @@ class FigureSimulator(WithWarnings):
         for level in range(_LEVELS):
             off = ~panels.is_exact(sizes) & (panels.width > _SHORTEST * self._span)
             divided = self._divided(panels, off, sizes, best)
-            if level == 0 and has_stops:
-                divided |= _with_stop(panels, stops)
+            if level == 0:
+                divided |= self._dips(panels, sizes)
+                divided |= _with_stop(panels, stops) if has_stops else False
             # Maximum number of panels of a sample that are divided together. A curve with more bends is noise.
             if not divided.any() or divided.sum() > 2**15 * len(P):
                 break
@@ -292,6 +293,19 @@ class FigureSimulator(WithWarnings):
             parts.append((np.full(len(ends) - 1, i), ends[:-1], ends[1:]))
         sample, begin, end = (np.concatenate(some) for some in zip(*parts, strict=True))
         return sample, begin, end
+
+    def _dips(self, panels: Panels, sizes: Array) -> Mask:
+        """Mask (n,) of panels in which a condition would hold between nodes only.
+
+        Several conditions at once have the largest of their margins. Between nodes another margin may be the largest
+        one, which the polynomial of the margins at nodes does not show.
+        """
+        dips = np.zeros(len(panels.sample), dtype=bool)
+        for g in {rule.margin for rule in self._rules if rule.margin >= 0}:
+            tolerance = TOUCHED * sizes[panels.sample, g]
+            above = np.flatnonzero(panels.nodes[g, 0].min(axis=0) > tolerance)
+            dips[above] |= (panels.of(above).bernstein(g) @ ON_GRID).min(axis=1) <= tolerance[above]
+        return dips
 
     def _divided(self, panels: Panels, off: Mask, sizes: Array, best: Array) -> Mask:
         """Mask (n,) of inexact panels that may change a scalar output.

@@ -105,7 +105,9 @@ class Curves:
             if panels.sample[k] != known:  # later passages have no effect
                 found[k], low[k], high[k] = _passage(B[k], tolerance[k])
                 known = panels.sample[k] if found[k] else known
-        found |= B.min(axis=1) < -tolerance  # after a margin of 0, such as before a force starts
+        # After a margin of 0, such as before a force starts. Coefficients may be below 0 where the polynomial is not.
+        below = np.flatnonzero(B.min(axis=1) < -tolerance)
+        found[below] |= (B[below] @ ON_GRID).min(axis=1) < -tolerance[below]
         value, rate = ends[:, 0, first]
         holds = value < -tolerance[first]
         holds |= (value <= tolerance[first]) & ((rate < 0) if rule.is_strict else True)
