@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import symmb as mb
+from models import double_pendulum
 from symmb.show.cli.main import main
 from symmb.show.cli.scene_file import load_subject
 from symmb.show.drawing import of_bounds, page
@@ -286,6 +287,7 @@ def test_a_part_that_fails_tells_why(tmp_path, monkeypatch):
 SCENE = """
 import numpy as np
 import symmb as mb
+from models import double_pendulum
 
 p = mb.Parameters(speed=1.0)
 ball = mb.Body("ball", 1.0, pose=mb.Particle())
@@ -306,6 +308,7 @@ def test_the_command_line_asks_for_contributions_once(tmp_path, monkeypatch):
 
 FAILING = """
 import symmb as mb
+from models import double_pendulum
 
 
 def simulator():
@@ -352,3 +355,12 @@ def test_the_command_line(tmp_path, monkeypatch, capsys):
     assert main(["bound", "roll.py", "--title-block", "autor=A"]) == 2 and "no part 'autor'" in capsys.readouterr().err
     assert main(["compare", "roll.py", "--methods", "vertex", "--report", "c.html"]) == 0
     assert "symmb compare roll.py --methods vertex --report c.html" in text_of(tmp_path / "c.html")
+
+
+def test_a_scene_with_scalar_outputs_is_drawn_at_its_start(tmp_path):
+    scene = double_pendulum.scene().with_times(np.linspace(0, 0.5, 11))
+    tip = scene.outputs["x2"]
+    for outputs in ({"lowest": mb.minimum(tip)}, {"x2": tip, "lowest": mb.minimum(tip)}):
+        mb.propagate(scene.with_outputs(outputs)).report(tmp_path / "a.html")
+        _, found, after = (tmp_path / "a.html").read_text(encoding="utf-8").partition("at its start, at the nominal")
+        assert found and "<img" in after[:200]

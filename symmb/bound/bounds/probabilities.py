@@ -223,7 +223,7 @@ def probability_of(
     last = float(lower[-1]), float(upper[-1]), float(estimate[-1])
     figures = Probability(*samples.about(), event, lower[:-1], upper[:-1], estimate[:-1], last)
     if _is_short(found, error) and upper[-1] > 0:
-        short = f"The error of {error:g} that was asked for is not reached: it is {estimate[-1] / upper[-1]:.2g}."
+        short = f"The error, {estimate[-1]:.2g}, is above {error:g} times the lowest probability, {lower[-1]:.2g}."
         return replace(figures, remarks=(*figures.remarks, short))
     return figures
 

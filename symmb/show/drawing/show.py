@@ -113,7 +113,12 @@ def view(
 
 def start_picture(subject: Scene | DAESimulator) -> bytes:
     """A scene at its start as a PNG. Nothing is compiled or integrated."""
-    scene, program = (subject, program_of(subject)) if isinstance(subject, Scene) else (subject.scene, subject.program)
+    scene = subject if isinstance(subject, Scene) else subject.scene
+    if isinstance(subject, Scene) or scene.figures:  # scalar outputs need several times
+        scene = scene.curves
+        program = program_of(scene)
+    else:
+        program = subject.program
     times, parameters = program.times[:1], ByName(scene.system.parameters)
     at_start = scene.with_times(times)
     x, (fault,) = program.bodies.start.states(np.array([[*parameters.values()]]))
