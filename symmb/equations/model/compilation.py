@@ -54,11 +54,11 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
     """
     require_instance("compile_dae", system, System, "a System")
     if rows is not None:
-        given = require_numbers("compile_dae", "rows", rows, None).tolist()
-        for row in given:
+        indices = require_numbers("compile_dae", "rows", rows, None).tolist()
+        for row in indices:
             if row not in range(len(system.collected.row_names)):
                 raise DeclarationError(f"compile_dae: there is no constraint row {row:g}.")
-        rows = sorted({int(row) for row in given})  # CasADi crashes with other numbers
+        rows = sorted({int(row) for row in indices})  # CasADi crashes with other numbers
     require_numbers("compile_dae", "nullities", nullities, 2)
     of_rows, of_positions = (whole("compile_dae", "a nullity", n, 0) for n in nullities)
     nullities = of_rows, of_positions
