@@ -94,3 +94,19 @@ def test_a_scene_that_does_not_start():
     scene = mb.Scene(mb.System(mass, mb.Force("f", mass.point(0, 0, 0), (-mass.x, 0, 0)), parameters=p))
     with pytest.raises(mb.SimulationError, match="mass is -1, not positive at m = -1"):
         mb.root_locus(scene, "m", (-1.0, 1.0), count=3)
+
+
+@pytest.mark.parametrize("end", [5e-324, 1e-320, 1e-300, 1e-200, 1e-100, 1e100, 1e200, 1e300])
+def test_stiffnesses_of_any_size(end):
+    """A stiffness without normal digits counts as zero, so that the mass moves freely."""
+    locus = mb.root_locus(oscillators(), "k1", (0.0, end), count=2)
+    own = np.abs(locus.eigenvalues[-1].imag).min() if end < 1 else np.abs(locus.eigenvalues[-1].imag).max()
+    assert own == pytest.approx(np.sqrt(end) if end > 1e-307 else 0.0, rel=1e-9)
+
+
+def test_a_matrix_beyond_the_largest_number_is_refused():
+    p = mb.Parameters(k=1.0)
+    mass = mb.Body("mass", 1e-3, pose=mb.Particle())
+    scene = mb.Scene(mb.System(mass, mb.Force("f", mass.point(0, 0, 0), (-p.k * mass.x, 0, 0)), parameters=p))
+    with pytest.raises(mb.SimulationError, match=r"matrix A are infinite or undefined at k = 1e\+307"):
+        mb.root_locus(scene, "k", (1.0, 1e307), count=2)

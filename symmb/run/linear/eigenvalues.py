@@ -50,14 +50,16 @@ def eigenvalues(A: Array) -> Eigenvalues:
     from scipy.linalg import get_lapack_funcs
 
     largest = np.abs(A).max(axis=1, keepdims=True, initial=0.0)
-    A = np.where(np.abs(A) <= _ROUNDING * largest, 0.0, A)  # balancing would magnify entries that are rounding
+    # Balancing would magnify entries that are rounding. Numbers below the smallest normal one have lost their digits.
+    A = np.where(np.abs(A) <= np.maximum(_ROUNDING * largest, np.finfo(float).tiny), 0.0, A)
     if not A.size:
         return Eigenvalues(np.zeros(0, complex), np.zeros((0, 0), complex), np.zeros(0))
     (gebal,) = get_lapack_funcs(("gebal",), (A,))  # SciPy's matrix_balance warns of factors above 1e18
     balanced, _, _, scale, _ = gebal(A, scale=1, permute=0)
     found = _without_null_space(balanced, _ROUNDING * float(np.linalg.norm(balanced)))
     found = found[np.argsort(np.abs(found.values), kind="stable")]  # LAPACK's pairs are conjugate to the last bit
-    return Eigenvalues(found.values, scale[:, None] * found.vectors, found.errors)
+    vectors = scale[:, None] * found.vectors
+    return Eigenvalues(found.values, vectors / np.abs(vectors).max(axis=0), found.errors)  # squares must not overflow
 
 
 def _without_null_space(A: Array, rounding: float) -> Eigenvalues:
@@ -86,7 +88,8 @@ def _regular(A: Array, rounding: float) -> Eigenvalues:
     """
     from scipy.linalg import eig
 
-    values, y, x = cast(tuple[Array, ...], eig(A, left=True, right=True))
+    unit = 2.0 ** np.frexp(np.abs(A).max())[1]  # LAPACK returns wrong values for entries above 1e138
+    values, y, x = cast(tuple[Array, ...], eig(A / unit, left=True, right=True))
     overlap = np.abs(np.einsum("ij,ij->j", y.conj(), x))
     condition = np.minimum(1 / np.maximum(overlap, 1e-300), _ROUNDING**-0.5)
-    return Eigenvalues(values, x, rounding * condition)
+    return Eigenvalues(unit * values, x, rounding * condition)

@@ -47,18 +47,24 @@ class LinearFamily:
     def eigen_of(self, P: Array) -> list[tuple[Eigenvalues, Array]]:
         """The results of `eigen` for each row of parameters P (N, n_p)."""
         X, reasons = self._formulation.start.states(P)
-        faults = [k for k, reason in enumerate(reasons) if reason]
-        if faults:
-            changed = np.flatnonzero(np.ptp(P, axis=0)) if len(P) > 1 else []
-            names = list(self.scene.system.parameters)
-            where = ", ".join(f"{names[k]} = {P[faults[0], k]:g}" for k in changed)
-            raise SimulationError(reasons[faults[0]] + (f" at {where}" if where else ""))
+        for k, reason in enumerate(reasons):
+            if reason:
+                raise SimulationError(reason + self._place(P, k))
         blocks, n_v, found = self._equations.blocks(X, P, self.t), self._formulation.dae.n_v, []
         for k in range(len(P)):
-            A, lift = self._reduced(blocks[k], LinearizationPoint(X[k], P[k], self.t))
+            with np.errstate(over="ignore", invalid="ignore"):
+                A, lift = self._reduced(blocks[k], LinearizationPoint(X[k], P[k], self.t))
+            if not np.isfinite(A).all():
+                raise SimulationError(f"Entries of the matrix A are infinite or undefined{self._place(P, k)}.")
             eigen = eigenvalues(A)
             found.append((eigen, (lift @ eigen.vectors)[:n_v] / self._equations.sizes[:n_v, None]))
         return found
+
+    def _place(self, P: Array, k: int) -> str:
+        """Row k of the samples P (N, n_p) in words: the parameters that differ among the samples."""
+        names = list(self.scene.system.parameters)
+        told = ", ".join(f"{names[i]} = {P[k, i]:g}" for i in np.flatnonzero(np.ptp(P, axis=0)))
+        return f" at {told}" if told else ""
 
     def _reduced(self, blocks: Blocks, point: LinearizationPoint) -> tuple[Array, Array]:
         """The matrix A (n, n) of one sample, and all displacements (n_z, n) for unit states.
