@@ -85,16 +85,19 @@ class Search:
         # At the factor `to_zero`, a parameter such as a mass or length would reach 0.
         self._most = np.minimum(0.99 * to_zero, LARGEST_FACTOR)
         self.evaluations, self.remarks, self.narrow = 1, tuple[str, ...](), tuple[str, ...]()
-        run = simulator.run(np.array([[*map(float, simulator.parameters.values())]]))
+        # Limits hold between output times, too. Studies are at the output times, and single runs at many times.
+        self._finer = Study(simulator, shape).finer or simulator
+        run = self._finer.run(np.array([[*map(float, simulator.parameters.values())]]))
         if not run.ok.all():
             raise PropagationError(f"{OWNER}: the run at the nominal parameters fails: {run.messages[0]}.")
         values = run.Y[0][:, self._columns]
         margins = self._margins(values, values)
         i, k = np.unravel_index(np.argmin(margins), margins.shape)
         if margins[i, k] <= 0:
+            place = f"{[*limits][k]} at {self._finer.times[i]:g} s: {values[i, k]:.6g}"
             raise PropagationError(
-                f"{OWNER}: the nominal run violates or reaches a limit of {[*limits][k]} at {simulator.times[i]:g} s: "
-                f"{values[i, k]:.6g}. The search needs a margin at this time. Change the limit or the nominal values."
+                f"{OWNER}: the nominal run violates or reaches a limit of {place}. The search needs a margin at this "
+                "time. Change the limit or the nominal values."
             )
         self._at_nominal, self._nominal_values = margins.min(axis=0), values
 
@@ -138,8 +141,8 @@ class Search:
 
         The margin is -inf if a run fails.
         """
-        P = parameter_samples(self._simulator, self._box(factors), places)
-        Y, failed = gathered(self._simulator, P, self._executor)
+        P = parameter_samples(self._finer, self._box(factors), places)
+        Y, failed = gathered(self._finer, P, self._executor)
         self.evaluations += len(P)
         Y = Y[..., self._columns]
         return -np.inf if failed else float((self._margins(Y, Y) / self._at_nominal).min())

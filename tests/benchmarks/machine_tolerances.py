@@ -3,9 +3,10 @@
     PYTHONPATH=. python tests/benchmarks/machine_tolerances.py [MACHINES ...] [--seeds 0-2] [--number 3] [--truth DIR]
 
 Each problem has a limit of a random output between that of the nominal run and a little beyond the true range. A factor
-is right if 10,000 runs over its box keep the limit, and a run over a box that is 2 % wider breaks it. Runs are at
-corners, on edges and faces, inside, and then at the neighbours of the worst ones. A line through the worst place of the
-wider box tells how much larger the factor may be at most.
+is right if 10,000 runs over its box keep the limit, and a run over a box that is 2 % wider breaks it. Curves have to
+keep a limit between output times, too: these runs have `PARTS` times as many times. Runs are at corners, on edges and
+faces, inside, and then at the neighbours of the worst ones. A line through the worst place of the wider box tells how
+much larger the factor may be at most.
 """
 
 import argparse
@@ -23,6 +24,8 @@ from symmb.run.simulation import simulator_of
 
 ALLOWED = 1.02
 """A factor may be so many times too small."""
+PARTS = 8
+"""Parts of the distance of two output times. Runs have values at their ends."""
 LOCAL = 0.5, 0.2, 0.05, 0.02
 """Steps of local searches."""
 
@@ -63,7 +66,9 @@ def solve(scene, truth, rng):
     """Factor, how many times larger the true one may be, how far runs are beyond over the width, runs, seconds."""
     names = scene.output_names
     k, sign = int(rng.integers(len(names))), float(rng.choice([-1, 1]))
-    simulator, box = simulator_of(scene.with_outputs({names[k]: scene.outputs[names[k]]}), None)
+    n = len(scene.times)
+    times = np.interp(np.arange(PARTS * (n - 1) + 1) / PARTS, np.arange(n), scene.times)
+    simulator, box = simulator_of(scene.with_outputs({names[k]: scene.outputs[names[k]]}).with_times(times), None)
     nominal = dict(simulator.parameters)
     at_nominal = (sign * simulator.run(np.array([[*nominal.values()]])).Y[0, :, 0]).max()
     reach = (sign * truth[0 if sign < 0 else 1][:, k]).max()

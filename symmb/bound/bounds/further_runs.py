@@ -111,14 +111,8 @@ def _starts(bounds: Envelope, k: int, side: str, rows: Indices) -> Iterator[Arra
     assert study is not None and box is not None
     # Runs of the study at several times, and points that are spread over the box, are starts only if runs cost little.
     d, peaks = len(box), 3 if study.has_lanes else 1
-    first, some = np.zeros((1, d)), rows[:peaks]
-    if bounds.attaining is not None:
-        # Neighbouring times share a run, so the first times alone would give the same start several times.
-        numbers = bounds.attaining.at[side][rows, k]
-        some = rows[np.sort(np.unique(numbers, return_index=True)[1])[:peaks]]
-        columns = [list(bounds.attaining.simulator.parameters).index(name) for name in box.names]
-        samples = bounds.attaining.samples([(side, int(i), k) for i in some])
-        first = box.to_unit(np.stack([sample.P[sample.index, columns] for sample in samples]))
+    some = rows_of_runs(bounds, k, side, rows)[:peaks]
+    first = attaining_points(bounds, k, side, some)
     yield first
     if study.has_lanes:
         # Corners that studies miss usually differ from the known worst corner in two parameters that act only together.
@@ -128,6 +122,27 @@ def _starts(bounds: Envelope, k: int, side: str, rows: Indices) -> Iterator[Arra
     if bounds.surrogate is not None:
         one = np.ones(d)
         yield bounds.surrogate.part(some, [k]).range(-one, one)[2][SIDES.index(side), :, 0]
+
+
+def rows_of_runs(bounds: Envelope, k: int, side: str, rows: Indices) -> Indices:
+    """The rows at which bounds are attained by a run for the first time; all if the runs are not known.
+
+    Neighbouring times share a run, so that the first rows alone would give one run several times.
+    """
+    if bounds.attaining is None:
+        return rows
+    return rows[np.sort(np.unique(bounds.attaining.at[side][rows, k], return_index=True)[1])]
+
+
+def attaining_points(bounds: Envelope, k: int, side: str, rows: Indices) -> Array:
+    """Points (n, d) of the unit box of runs that attain bounds at rows; the middle if the runs are not known."""
+    box, runs = bounds.box, bounds.attaining
+    assert box is not None
+    if runs is None:
+        return np.zeros((1, len(box)))
+    columns = [list(runs.simulator.parameters).index(name) for name in box.names]
+    samples = runs.samples([(side, int(i), k) for i in rows])
+    return box.to_unit(np.stack([sample.P[sample.index, columns] for sample in samples]))
 
 
 def _is_on_hill(bounds: Envelope, k: int, sign: float, excess: _Excess, floor: float) -> bool:

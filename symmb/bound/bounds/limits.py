@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
 Limits = Mapping[str, tuple[float | str | None, float | str | None] | tuple[float | None, float | None, str]]
 """Limits (low, high) of outputs by name, with or without units, such as ("75 deg/s", None). One end may be None."""
-_RISE_SAFETY = 2.0
-"""Safety factor on the estimated rise between two output times. The curve may rise more than the parabola."""
 WARNED = "See the warnings"
 _MOVE = "For a decision, move the limit by more than this number."
 _WORDS = {True: "satisfied", False: "violated", None: "undecided"}
@@ -193,46 +191,12 @@ def other_side(bounds: Envelope, limit: KeptLimit, side: str) -> str:
     excess = limit.low - bounds.lower[:, k] if side == "upper" else bounds.upper[:, k] - limit.high
     row, verb = int(excess.argmax()), "fall below" if side == "upper" else "exceed"
     error = 0.0 if bounds.estimate is None else float(bounds.estimate[row, k])
-    if limit.kept is not False or not excess[row] > max(_rounding(bounds, k), error):
+    if limit.kept is not False or not excess[row] > max(rounding_of(bounds, k), error):
         return ""
     unit = f" {typeset(limit.unit)}".rstrip()
     end = limit.low if side == "upper" else limit.high
     at = "" if limit.output in bounds.figures else f", at {bounds.t[row]:.4g} s"
     return f"In other cases {limit.output} may {verb} its limit of {end:.6g}{unit} by {excess[row]:.3g}{unit}{at}."
-
-
-def between_times(bounds: Envelope, limits: Sequence[KeptLimit]) -> list[str]:
-    """Remarks on limits that are satisfied at all output times, but may be violated between two of them.
-
-    Parabolas through three neighbouring times estimate the bounds between them. Scalar outputs are left out.
-    """
-    remarks = []
-    for limit in limits:
-        k = bounds.names.index(limit.output)
-        if limit.kept is False or limit.output in bounds.figures or len(bounds.t) < 3:
-            continue
-        margins = np.maximum([bounds.lower[:, k] - limit.low, limit.high - bounds.upper[:, k]], 0.0)
-        rises = [(_rise(bounds.t, -own), own[1:-1]) for own in margins if np.isfinite(own).all()]
-        if passed := max((rise[rise > own / _RISE_SAFETY].max(initial=0.0) for rise, own in rises), default=0.0):
-            remarks.append(
-                f"Between two output times {limit.output} may come closer to its limit by about {passed:.2g}"
-                f"{_unit_told(bounds, k)}, and exceed the limit. Use more times, or bound mb.maximum or mb.minimum of "
-                f"{limit.output}."
-            )
-    return remarks
-
-
-def _rise(t: Array, y: Array) -> Array:
-    """Rise (n_t - 2,) above each inner value of the parabola through it and its neighbours; 0 without a peak."""
-    left, right = np.diff(y)[:-1] / np.diff(t)[:-1], np.diff(y)[1:] / np.diff(t)[1:]
-    before, after = np.diff(t)[:-1], np.diff(t)[1:]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slope = (left * after + right * before) / (before + after)
-        rise = slope**2 * (before + after) / (4 * (left - right))
-    least = SAME * np.abs(y).max()
-    flat = np.pad((np.abs(left) * before <= least) & (np.abs(right) * after <= least), 1)  # the output saturates
-    peaks = (left >= 0) & (right <= 0) & (left > right) & ~(flat[:-2] | flat[1:-1] | flat[2:])
-    return np.where(peaks, rise, 0.0)
 
 
 def closest(limits: Sequence[KeptLimit]) -> KeptLimit:
@@ -272,17 +236,17 @@ def _by_nominal_run(bounds: Envelope, k: int, low: float, high: float, found: _D
     if bounds.nominal is None or bounds.box is None or bounds._left_out:
         return found
     margin = np.minimum(bounds.nominal[:, k] - low, high - bounds.nominal[:, k])
-    if not margin.min() < -_rounding(bounds, k):
+    if not margin.min() < -rounding_of(bounds, k):
         return found
     return _Decision(False, "The nominal run is beyond the limit.", np.minimum(found.margin, margin))
 
 
-def _unit_told(bounds: Envelope, k: int) -> str:
+def unit_told(bounds: Envelope, k: int) -> str:
     """The unit of output number k, for use after numbers; empty for SI units."""
     return f" {typeset(told_units(bounds.units, len(bounds.names))[k])}".rstrip()
 
 
-def _rounding(bounds: Envelope, k: int) -> float:
+def rounding_of(bounds: Envelope, k: int) -> float:
     """Error of output number k in a run, caused by rounding or noise."""
     rounding = float(SAME * np.abs([bounds.lower[:, k], bounds.upper[:, k]]).max(initial=0.0))
     return rounding if bounds.noise is None else max(rounding, float(bounds.noise[k]))
@@ -298,8 +262,8 @@ def _doubt(bounds: Envelope, output: str) -> str:
 def _decision(bounds: Envelope, k: int, low: float, high: float) -> _Decision:
     """The decision on a limit of output number k."""
     lower, upper = bounds.lower[:, k], bounds.upper[:, k]
-    margin, rounding = np.minimum(lower - low, high - upper), _rounding(bounds, k)
-    unit = _unit_told(bounds, k)
+    margin, rounding = np.minimum(lower - low, high - upper), rounding_of(bounds, k)
+    unit = unit_told(bounds, k)
     attained = bounds.inner or ((bounds.lower, bounds.upper) if bounds.kind == "sampled" else None)
     beyond = -np.inf if attained is None else max((low - attained[0][:, k]).max(), (attained[1][:, k] - high).max())
     if beyond > rounding:
@@ -333,8 +297,8 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
     """
     assert bounds.estimate is not None
     margin = bounds.lower[:, k] - limit if side == "lower" else limit - bounds.upper[:, k]
-    estimate, rounding, further = bounds.estimate[:, k], _rounding(bounds, k), None
-    unit = _unit_told(bounds, k)
+    estimate, rounding, further = bounds.estimate[:, k], rounding_of(bounds, k), None
+    unit = unit_told(bounds, k)
     # Further runs decide if the distance of a limit from the bounds, relative to the estimated error, is smaller.
     near = 2.0 * estimate
     if bounds.study is not None and bounds.study.has_lanes:

@@ -20,17 +20,9 @@ from symmb._table import aligned, over_times
 from symmb._units import headings, told_names, with_units
 from symmb.bound.bounds import result_file
 from symmb.bound.bounds.answers import Answers
+from symmb.bound.bounds.between_times import with_repeats
 from symmb.bound.bounds.failures import failure_text
-from symmb.bound.bounds.limits import (
-    KeptLimit,
-    LimitCheck,
-    Limits,
-    between_times,
-    closest,
-    kept_limit,
-    limit_pairs,
-    other_side,
-)
+from symmb.bound.bounds.limits import KeptLimit, LimitCheck, Limits, closest, kept_limit, limit_pairs, other_side
 from symmb.bound.bounds.worst_case import WorstCase
 from symmb.results import plot
 from symmb.results.files import Record, Saved, Table, attributes, entries
@@ -105,6 +97,9 @@ class Bounds(Answers, Counted, Result, Saved):
         600 runs, or as many as the study; with other simulators at most twice as many as the study. The limit is then
         satisfied if the closest run is farther inside than the error of the search. Otherwise it is undecided.
 
+        The runs of a scene that come closest to a limit are repeated at 1000 times or more. A limit is also violated if
+        one of them exceeds it between two output times.
+
         An enclosure proves that a limit is satisfied. Samples alone can only show that a limit is violated.
 
         Parameters
@@ -119,10 +114,10 @@ class Bounds(Answers, Counted, Result, Saved):
         """
         pairs = limit_pairs("Bounds.check", limits, self.names, self.units)
         with shown_runs(None, "runs near limits"):
-            checked = [kept_limit(self, name, *ends) for name, ends in pairs.items()]
+            checked, between = with_repeats(self, [kept_limit(self, name, *ends) for name, ends in pairs.items()])
         worst, draw = self._closest_to(checked), partial(self.plot, None)
         others = filter(None, (other_side(self, limit, self._side(limit)) for limit in checked))
-        remarks = (*self._about_nominal(), *others, *between_times(self, checked))
+        remarks = (*self._about_nominal(), *others, *between)
         return LimitCheck(self.t, self.method, tuple(checked), draw, worst, remarks)
 
     def _about_nominal(self) -> tuple[str, ...]:

@@ -21,6 +21,8 @@ from symmb.run.simulation import DAESimulator, SceneSimulator, simulator_with
 _FAILED = (
     "{} of {} runs failed: {}. Take a box without failures; MonteCarlo(n, distributions=...) leaves failed runs out."
 )
+_MANY = 1000
+"""Least number of times at which runs close to limits are repeated, because a contact is short."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +50,21 @@ class Study:
             is_whole = isinstance(simulator, DAESimulator)
             return simulator if is_whole else simulator_with(simulator.scene, simulator.solver)
         raise DeclarationError(f"These bounds hold no scene: they are of {self.simulator!r}.")
+
+    @cached_property
+    def finer(self) -> Simulator | None:
+        """The simulator at `_MANY` times or more, output times among them; None without a scene or without curves."""
+        simulator, n = self.simulator, len(self.simulator.times)
+        if not isinstance(simulator, SceneSimulator) or n < 2:
+            return None
+        parts = -(-_MANY // (n - 1))
+        return simulator.at(np.interp(np.arange(parts * (n - 1) + 1) / parts, np.arange(n), simulator.times))
+
+    def at_many_times(self, points: Array) -> tuple[Array, Array] | None:
+        """Times (n,) of `finer`, and responses (N, n, n_y) at points (N, d) of the unit box; None if it is None."""
+        if self.finer is None:
+            return None
+        return self.finer.times, self.finer.run(parameter_samples(self.finer, self.box, points)).Y
 
     @cached_property
     def adaptive(self) -> Bounds:

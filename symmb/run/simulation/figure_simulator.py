@@ -92,6 +92,12 @@ class FigureSimulator(WithWarnings):
         vars(other).update(vars(self), curves=curves, solver=curves.solver, _with_rates=_with_rates(curves))
         return other
 
+    def at(self, times: Array) -> "FigureSimulator":
+        """The same simulator at other times with the same begin and end."""
+        _, other, curves = self._count, FigureSimulator.__new__(FigureSimulator), self.curves.at(times)
+        vars(other).update(vars(self), curves=curves, times=times)
+        return other
+
     def second_look(self) -> None:
         """Run the nominal parameters in two ways, at the first call. This sets `warnings` and `noise`."""
         if self.noise is not None:

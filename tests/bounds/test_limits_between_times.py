@@ -1,0 +1,67 @@
+"""Limits of curves between output times, against closed forms and finer times."""
+
+import numpy as np
+import pytest
+
+import symmb as mb
+
+G = 9.81
+EXCESS = 1e-3
+"""Relative distance of limits from closed forms."""
+
+
+def pendulum(count: int) -> mb.Scene:
+    """A pendulum that starts horizontally. Its largest velocity at the bottom is sqrt(2 g l)."""
+    p = mb.Parameters(l=1.0)
+    bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    rod = mb.Distance("rod", mb.Ground().point(0, 0), bob.point(0, 0), p.l)
+    system = mb.System(bob, rod, mb.Gravity(0, -G), parameters=p)
+    start, times, box = {"bob.x": p.l, "bob.y": 0.0}, np.linspace(0, 2.3, count), mb.Box(l=(0.9, 1.1))
+    return mb.Scene(system, start, times, {"speed": (bob.vx**2 + bob.vy**2) ** 0.5, "height": bob.y}, box)
+
+
+def dropped(count: int) -> mb.Scene:
+    """A ball that falls on a spring and is thrown back. The force acts for 22 ms."""
+    p = mb.Parameters(k=2e4, h=0.1)
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    floor = mb.Contact("floor", ball.point(0, 0), mb.Ground().point(0, 0), (0, 1, 0), mb.KelvinVoigt(p.k, 0.0))
+    system = mb.System(ball, floor, mb.Gravity(0, -G), parameters=p)
+    outputs, box = {"force": (system.force("floor"), "N")}, mb.Box(k=(1.8e4, 2.2e4), h=(0.095, 0.105))
+    return mb.Scene(system, {"ball.y": p.h}, np.linspace(0, 0.25, count), outputs, box)
+
+
+def largest_force(k: float, h: float) -> float:
+    """Force where the potential energy m g (h + s) is stored in the spring, from k s^2 / 2 = g (h + s)."""
+    return G + np.sqrt(G**2 + 2 * k * G * h)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 6, 11, 12, 17, 40, 101])
+def test_a_run_that_passes_a_limit_between_two_times_violates_it(count):
+    scenes = ((pendulum, "speed", np.sqrt(2 * G * 1.1)), (dropped, "force", largest_force(2.2e4, 0.105)))
+    for scene, name, most in scenes:
+        bounds = mb.propagate(scene(count))
+        inside, outside = (bounds.check({name: (None, (1 + sign * EXCESS) * most)})[name] for sign in (-1, 1))
+        assert inside.kept is False and -1.01 * EXCESS * most < inside.margin.min() < 0
+        assert "beyond the limit" in inside.why and outside.kept
+
+
+@pytest.mark.parametrize("count", [2, 3, 5, 8, 12, 31])
+def test_tolerances_do_not_depend_on_the_number_of_times(count):
+    """The limits are reached at l = 1.05 and at k = 2.1e4, h = 0.1025 (closed forms)."""
+    half = mb.tolerances(pendulum(count), {"speed": (None, np.sqrt(2 * G * 1.05))})
+    assert half.factor == pytest.approx(0.5, rel=0.01) and half.check.kept
+    half = mb.tolerances(dropped(count), {"force": (None, largest_force(2.1e4, 0.1025))})
+    assert half.factor == pytest.approx(0.5, rel=0.01) and half.check.kept
+
+
+def test_the_nominal_run_passes_a_limit_between_two_times():
+    with pytest.raises(
+        mb.PropagationError, match=r"the nominal run violates or reaches a limit of speed at (0\.59|1\.77)"
+    ):
+        mb.tolerances(pendulum(2), {"speed": (None, 4.0)})
+
+
+def test_limits_far_away_have_no_remark():
+    bounds = mb.propagate(dropped(11))
+    assert not bounds.check({"force": (None, 1.2 * largest_force(2.2e4, 0.105))}).remarks
+    assert not mb.propagate(pendulum(5)).check({"height": (-1.2, 0.1)}).remarks
