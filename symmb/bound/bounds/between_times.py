@@ -84,7 +84,8 @@ def _by_runs(bounds: Envelope, limit: KeptLimit, points: Array, times: Array, va
     margin = limit.margin.copy()
     row = int(np.abs(bounds.t - times[moment]).argmin())
     margin[row] = min(margin[row], least)
-    why = f"A run is beyond the limit between two output times, at {times[moment]:.4g} s."
+    between = f" between two output times, at {times[moment]:.4g} s" if moment % every else ""
+    why = f"A run is beyond the limit{between}."
     side = SIDES[int(values[run, moment] > limit.high)]
     before = (limit.further.runs, limit.further.failed) if limit.further else (0, 0)
     further = FurtherRun(side, points[run], values[run, ::every], -least, np.inf, *before, False)
