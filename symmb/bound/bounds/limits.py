@@ -9,7 +9,7 @@ import numpy as np
 
 from symmb._doubt import concerned
 from symmb._errors import DeclarationError
-from symmb._labelled import Labelled, Result, over_outputs, texts
+from symmb._labelled import ByOutput, Labelled, Result, over_outputs, texts
 from symmb._magnitudes import LAST_DIGITS, SAME
 from symmb._names import did_you_mean, normal_keys
 from symmb._options import is_real, require_name, shown
@@ -91,7 +91,7 @@ class KeptLimit:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LimitCheck(plot.OverTimeBesideGiven, Result, Saved):
+class LimitCheck(plot.OverTimeBesideGiven, Result, ByOutput, Saved):
     """The results of limits. `print` shows them, `plot` draws the bounds of the outputs and the limits.
 
     `save` writes a file, and `load` reads it.

@@ -9,7 +9,7 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._errors import DeclarationError
-from symmb._labelled import Counted, Labelled, NamedColumns, Result
+from symmb._labelled import ByOutput, Counted, Labelled, NamedColumns, Result
 from symmb._magnitudes import ROUNDING
 from symmb._names import look_up_by_name
 from symmb._options import require_truth
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Bounds(Answers, Counted, Result, Saved):
+class Bounds(Answers, Counted, Result, ByOutput, Saved):
     """Lower and upper bounds of every output at every time.
 
     `print` shows kind, extremes and widths. `plot` draws the bounds. `save` and `load` write and read files.

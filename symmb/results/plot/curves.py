@@ -82,7 +82,7 @@ def plot_family(
         own = [(panels[k], columns[k]) for k in others]
         look = {"marker": "o", "markersize": 4, "clip_on": False, "linestyle": "-" if over.joined else ""}
         for axes, _ in own if not over.joined else ():
-            axes.xaxis.get_major_locator().set_params(integer=True)
+            axes.locator_params("x", integer=True)
         _draw_family(own, lines, replace(style, label=None, color=None) if in_time else style, **look)
     flatten(panels, rounding(curves, units)[columns])
     first = [in_time[0][0]] if in_time else []

@@ -1,7 +1,7 @@
 """Runs of a scene or a simulator with several values of its parameters."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError, WithWarnings, warn_of
 from symmb._interrupts import kept_interrupts
-from symmb._labelled import Labelled, Named, Result, each_parameter, over_outputs, parameter_names, unit_text
+from symmb._labelled import ByOutput, Labelled, Named, Result, each_parameter, over_outputs, parameter_names, unit_text
 from symmb._limits import require_memory, require_runs
 from symmb._names import ByName, counted, normal_keys
 from symmb._options import require_name, shown
@@ -38,7 +38,7 @@ Part = tuple[Indices, Array, Mask, tuple[str, ...]]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sweep(plot.OverTime, Result, WithWarnings, Saved):
+class Sweep(plot.OverTime, Result, ByOutput, WithWarnings, Saved):
     """Runs with several values of parameters.
 
     `runs["x"]` gives an output of all runs. `print` shows extremes. `plot` draws all runs in the order of the
@@ -101,6 +101,12 @@ class Sweep(plot.OverTime, Result, WithWarnings, Saved):
         name = require_name("Sweep", "output", name, self.names)
         values = self.values[:, :, self.names.index(name)].reshape(*self._shape, len(self.t))
         return values[..., 0] if name in self.figures else values
+
+    def __iter__(self) -> Iterator[str]:
+        raise DeclarationError(
+            'Sweep: a sweep cannot be iterated. runs["x"] is an output of all runs, and runs.values[k] are all outputs '
+            "of run k."
+        )
 
     @property
     def _shape(self) -> tuple[int, ...]:
