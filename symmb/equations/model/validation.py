@@ -1,6 +1,6 @@
 """Checks of a declaration. Each function returns faults of one kind, or raises the faults of one element."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import product
 from typing import Any, TypeVar
 
@@ -32,6 +32,7 @@ from symmb.declare.mechanics import (
     as_matrix,
     inertia_matrix,
     law_value,
+    positive_numbers,
 )
 from symmb.declare.symbolic import Kind, TruthValueError, is_zero, margin_of
 from symmb.equations.model.binding import Binding
@@ -280,9 +281,7 @@ def sign_faults(names: Sequence[str], positive: ca.Function, parameters: Paramet
     return list(parts.values())
 
 
-def positive(
-    inertial: Sequence[Inertia], constraints: Sequence[Constraint], bind: Binding
-) -> Iterator[tuple[str, ca.SX]]:
+def positive(inertial: Sequence[Inertia], elements: Iterable[Element], bind: Binding) -> Iterator[tuple[str, ca.SX]]:
     """Expressions of parameters that must be above 0, with their names."""
     for body, (mass, J) in inertial:
         triangle = (
@@ -292,10 +291,10 @@ def positive(
         for what, value in (("mass", mass), *(("inertia", J[k, k]) for k in range(3)), *triangle):
             if not is_zero(value) and bind.has_parameters_alone(value):
                 yield f"Body {body.name!r}: {what}", value
-    for constraint in constraints:
-        value = constraint.positive(bind)
-        if value.numel() and bind.has_parameters_alone(value):
-            yield f"{constraint.title}: length", value
+    for element in elements:
+        for name, value in positive_numbers(element.title, element, bind):
+            if bind.has_parameters_alone(value):
+                yield name, value
 
 
 def _triangle_minors(body: Body, J: ca.SX) -> list[ca.SX]:

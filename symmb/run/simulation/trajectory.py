@@ -43,7 +43,8 @@ class Trajectory(plot.OverTime, Result, ByOutput, WithWarnings, files.Saved):
     """One run of a scene.
 
     `traj["x1"]` returns an output, a coordinate, a velocity or a multiplier (n_t,) by name. A scalar output is one
-    number. `traj(expression)` evaluates any expression of the scene. `save` writes a file, and `load` reads it.
+    number. If an output has the name of a coordinate, `traj[name]` is the output. `traj(expression)` evaluates any
+    expression of the scene. `save` writes a file, and `load` reads it.
 
     Attributes
     ----------
