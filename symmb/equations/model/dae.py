@@ -49,6 +49,7 @@ class DAE:
     s_names: tuple[str, ...]
     row_names: tuple[str, ...]
     p_names: tuple[str, ...]
+    p_units: Mapping[str, str]  # by name, without parameters that have no unit
     rows: dict[str, slice]  # rows of each constraint
     p_nominal: Array  # (n_p,), nominal parameters
     q_neutral: Array  # (n_q,), zeros and identity rotations

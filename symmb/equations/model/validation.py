@@ -12,6 +12,7 @@ from symmb._magnitudes import SAME
 from symmb._names import name_fault
 from symmb._options import number_text, shown
 from symmb._types import Array
+from symmb._units import units_of_parameters, values_text
 from symmb.declare.mechanics import (
     RESTITUTION,
     TRIANGLE,
@@ -276,7 +277,7 @@ def sign_faults(names: Sequence[str], positive: ca.Function, parameters: Paramet
         p[[order.index(name) for name in box.names]] = corner
         for name, value in zip(names, np.asarray(positive(p)).ravel(), strict=True):
             if not value > 0:
-                at = ", ".join(f"{n} = {v:g}" for n, v in zip(box.names, corner, strict=True))
+                at = values_text(box.names, corner, units_of_parameters(parameters))
                 parts.setdefault(name, f"box: {name} is {value:g}, not positive, at {at}. Narrow the box.")
     return list(parts.values())
 
