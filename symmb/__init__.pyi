@@ -149,6 +149,7 @@ from .run.simulation.trajectory import Trajectory as Trajectory
 from .run.events.impulses import Event as Event
 from .bound.bounds.result import Bounds as Bounds
 from .bound.bounds.contributions import Contributions as Contributions
+from .bound.bounds.limits import LimitCheck as LimitCheck
 from .bound.polynomials.expansion import Expansion as Expansion, Moments as Moments
 from .study.comparison_result import Comparison as Comparison
 from .run.linear.result import Linearization as Linearization

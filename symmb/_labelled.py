@@ -1,11 +1,12 @@
 """Arrays with named dimensions for xarray and pandas. Both packages are optional, and are loaded on demand."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from symmb._errors import DeclarationError
 from symmb._names import look_up_by_name
 from symmb._options import optional_package, require_name
 from symmb._units import units_of_parameters
@@ -157,6 +158,25 @@ class Result:
             If pandas is not installed
         """
         return self._labelled().to_pandas()
+
+
+class ByOutput:
+    """A result with values by the names of outputs, in `names`. Iteration gives these names, as for a dictionary."""
+
+    if TYPE_CHECKING:
+        names: Any
+
+        def __getitem__(self, name: str) -> Any: ...
+
+    def __contains__(self, name: object) -> bool:
+        try:
+            self[name]  # pyright: ignore[reportArgumentType]
+        except DeclarationError:
+            return False
+        return True
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
 
 
 def _columns(name: str, dims: Sequence[str], values: np.ndarray) -> list[tuple[str, np.ndarray]]:

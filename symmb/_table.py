@@ -33,6 +33,18 @@ def at_time(t: Sequence[float] | np.ndarray, i: int) -> str:
     return "" if is_timeless(t) else f" at {t[i]:g} s"
 
 
+def apart(one: float, other: float) -> tuple[str, str]:
+    """Two numbers with two digits, or with as many digits as they need to differ.
+
+    Examples
+    --------
+    >>> apart(0.0102, 0.01), apart(0.5, 0.01)
+    (('0.0102', '0.01'), ('0.5', '0.01'))
+    """
+    pairs = [(f"{one:.{digits}g}", f"{other:.{digits}g}") for digits in range(2, 18)]
+    return next((pair for pair in pairs if pair[0] != pair[1]), pairs[0])
+
+
 def aligned(lines: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> list[str]:
     """Lines of cells as texts. Columns whose number is in ``left`` are aligned on the left, others on the right.
 

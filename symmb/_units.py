@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
@@ -189,6 +189,12 @@ def with_units(values: Mapping[str, str], parameters: object) -> list[str]:
     """Texts such as "arm = 235 mm" for the values of some parameters."""
     units = units_of_parameters(parameters)
     return [f"{name} = {value} {typeset(units.get(name, ''))}".rstrip() for name, value in values.items()]
+
+
+def values_text(names: Iterable[str], values: Iterable[float], units: Mapping[str, str], equals: str = " = ") -> str:
+    """Values of parameters as text for messages, with their units by name."""
+    pairs = zip(names, values, strict=True)
+    return ", ".join(f"{name}{equals}{value:.6g} {typeset(units.get(name, ''))}".rstrip() for name, value in pairs)
 
 
 def label(name: str, unit: str) -> str:

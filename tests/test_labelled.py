@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from faults import refused
 
 import symmb as mb
 from symmb._labelled import parameter_names
@@ -37,6 +38,16 @@ def a_run():
 @cache
 def some_bounds():
     return mb.propagate(SCENE, mb.PolynomialChaos())
+
+
+def test_iteration_gives_the_outputs_and_in_says_what_can_be_looked_up():
+    run, bounds = a_run(), some_bounds()
+    for result in (run, bounds, bounds.check({"x": (-1.0, 1.0), "force": (None, 9.0)})):
+        assert [*result] == ["x", "force"] and "x" in result and "y" not in result and 0 not in result
+    assert "ball.x" in run and "ball.x" not in bounds
+    runs = mb.sweep(SCENE, {"stiffness": [39.0, 41.0]})
+    assert "force" in runs and "ball.x" not in runs
+    refused(r"a sweep cannot be iterated\. runs\[", list, runs)
 
 
 @cache

@@ -13,7 +13,7 @@ from symmb._names import ByName, name_faults, normal, normal_keys
 from symmb._options import is_finite_number, require_name, shown
 from symmb._table import is_timeless
 from symmb._types import Array, Executor
-from symmb._units import numbers_in, quantity, units_of_parameters
+from symmb._units import numbers_in, quantity, units_of_parameters, values_text
 from symmb.connect.executors import LostTask, finished
 from symmb.connect.identity import ChangedFileError
 from symmb.connect.limited_calls import fault_text
@@ -96,13 +96,13 @@ class BlackBox(ABC):
                 raise
             except BaseException as error:  # any exception of the user's code fails the run, also sys.exit
                 t_failed[i] = self.times[0]
-                messages.append(f"{fault_text(error)} ({_text(values)})")
+                messages.append(f"{fault_text(error)} ({_text(self, row)})")
                 continue
             bad = ~np.isfinite(Y[i]).all(axis=1)
             if bad.any():
                 first = int(bad.argmax())
                 t_failed[i] = self.times[first]
-                messages.append(f"{self._irregular(Y[i])} ({_text(values)})")
+                messages.append(f"{self._irregular(Y[i])} ({_text(self, row)})")
                 Y[i, first:] = np.nan
         return Ensemble(Y, np.isnan(t_failed), t_failed, tuple(messages))
 
@@ -200,8 +200,8 @@ def _short(value: Any) -> str:
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
-def _text(values: Mapping[str, float]) -> str:
-    return ", ".join(f"{name}={value:.6g}" for name, value in values.items())
+def _text(simulator: Simulator, p: Array) -> str:
+    return values_text(simulator.parameters, p, units_of_parameters(simulator.parameters), "=")
 
 
 def timed_runs(simulator: Simulator, P: Array) -> tuple[Ensemble, float]:
@@ -214,5 +214,5 @@ def timed_runs(simulator: Simulator, P: Array) -> tuple[Ensemble, float]:
 def lost_runs(simulator: Simulator, P: Array, reason: str) -> Ensemble:
     """Failed runs of samples P (n, d), because their worker died."""
     Y = np.full((len(P), len(simulator.times), len(simulator.outputs)), np.nan)
-    messages = tuple(f"{reason} ({_text(dict(zip(simulator.parameters, p, strict=True)))})" for p in P.tolist())
+    messages = tuple(f"{reason} ({_text(simulator, p)})" for p in P)
     return Ensemble(Y, np.zeros(len(P), dtype=bool), np.full(len(P), simulator.times[0]), messages)

@@ -11,6 +11,7 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._magnitudes import SAME, SLIGHT
 from symmb._types import Array, Indices
+from symmb._units import units_of_parameters, values_text
 from symmb.connect import Simulator
 from symmb.declare.mechanics import NonlinearSpring, SpringDamper
 from symmb.declare.symbolic import On, batch, branches, common, is_zero
@@ -177,7 +178,7 @@ def _require_first(method: object, simulator: CriticalSimulator, samples: Array,
     is_other = ~(np.abs(simulator.run(samples).Y[:, 0] - followed) <= SLIGHT * (high - low)).all(axis=1)
     if is_other.any():
         p = samples[is_other.argmax()]
-        where = ", ".join(f"{name} = {value:.6g}" for name, value in zip(simulator.parameters, p, strict=True))
+        where = values_text(simulator.parameters, p, units_of_parameters(simulator.parameters))
         raise PropagationError(
             f"{method!r}: at {where}, stability changes at values that do not continue the nominal critical values. "
             "Use smaller intervals, or PolynomialChaos()."
@@ -352,7 +353,7 @@ def _contradiction(form: Formulation, P: Array) -> str:
         return ""
     k = int(broken.argmax())
     moved = {name: P[k, i] for i, name in enumerate(form.dae.p_names) if P[k, i] != form.dae.p_nominal[i]}
-    where = ", ".join(f"{name} = {value:.6g}" for name, value in moved.items())
+    where = values_text(moved, moved.values(), form.dae.p_units)
     return f"the start contradicts the rows of constraints, or itself, at {where}"
 
 

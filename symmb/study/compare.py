@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from symmb._errors import PropagationError, SimulationError, warn_of
+from symmb._errors import DeclarationError, PropagationError, SimulationError, warn_of
 from symmb._interrupts import carry, kept_interrupts
 from symmb._options import require_callable
 from symmb._progress import RunProgress, shown
@@ -91,6 +91,8 @@ def compare(
     [2, 3]
     """
     chosen = None if methods is None else _methods(methods)
+    if chosen == ():
+        raise DeclarationError("compare: methods is empty. Pass at least one method, or leave methods out.")
     require_callable("compare: progress", progress, "label", "done", "all")
     if reference is not None and not isinstance(reference, Bounds):
         reference = method_of("compare: reference", reference)

@@ -114,8 +114,9 @@ def _cells(row: Row, yardstick: Yardstick) -> list[str]:
 
 
 def _worst(row: Row, yardstick: Yardstick, outputs: Sequence[str]) -> str:
-    error = np.where(yardstick.zero_width, -1.0, np.where(np.isnan(row.score.error), np.inf, row.score.error))
-    worst = int(np.argmax(error))
+    error = np.where(np.isnan(row.score.error), np.inf, row.score.error)
+    told = np.fmax(error, yardstick.uncertainty)  # at least the mean that is told
+    worst = int(np.argmax(np.where(yardstick.zero_width, -1.0, told)))
     if yardstick.zero_width[worst]:
         return "–"
     return f"{_at_most(row.score.error[worst], yardstick.uncertainty[worst])} {outputs[worst]}"

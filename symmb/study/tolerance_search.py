@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
+from symmb._table import at_time
 from symmb._types import Array, Executor
 from symmb._units import units_of_parameters
 from symmb.bound.bounds import Bounds, LimitCheck, PolynomialChaos, Study, WorstCase, gathered, parameter_samples
@@ -94,10 +95,10 @@ class Search:
         margins = self._margins(values, values)
         i, k = np.unravel_index(np.argmin(margins), margins.shape)
         if margins[i, k] <= 0:
-            place = f"{[*limits][k]} at {self._finer.times[i]:g} s: {values[i, k]:.6g}"
+            when = "" if [*limits][k] in getattr(simulator, "figures", ()) else at_time(self._finer.times, int(i))
             raise PropagationError(
-                f"{OWNER}: the nominal run violates or reaches a limit of {place}. The search needs a margin at this "
-                "time. Change the limit or the nominal values."
+                f"{OWNER}: the nominal run violates or reaches a limit of {[*limits][k]}{when}: "
+                f"{values[i, k]:.6g}. The search needs a margin there. Change the limit or the nominal values."
             )
         self._at_nominal, self._nominal_values = margins.min(axis=0), values
 

@@ -1,7 +1,8 @@
 """The largest tolerances: the largest box of a given shape, or the cheapest box, that satisfies limits of outputs."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -14,9 +15,21 @@ from symmb._options import is_finite_number, require_name, shown
 from symmb._progress import shown_runs
 from symmb._table import aligned
 from symmb._types import Array, Executor
-from symmb.bound.bounds import Bounds, LimitCheck, Limits, PolynomialChaos, WorstCase, finished, limit_pairs, units_of
+from symmb.bound.bounds import (
+    Bounds,
+    LimitCheck,
+    Limits,
+    PolynomialChaos,
+    WorstCase,
+    box_entries,
+    box_of,
+    finished,
+    limit_pairs,
+    units_of,
+)
 from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box, Scene
+from symmb.results.files import NOT_KEPT, Record, Saved, attributes, entries, entry
 from symmb.run.integrate import Solver
 from symmb.run.simulation import SceneSimulator, simulator_of
 from symmb.study.tolerance_search import LARGEST_FACTOR, OWNER, TOLERANCE, Search
@@ -25,8 +38,8 @@ Costs = Mapping[str, Callable[[float], float]] | Callable[[float], float]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Tolerances(Counted, Result):
-    """Tolerances that satisfy limits. `print` shows the tolerances.
+class Tolerances(Counted, Result, Saved):
+    """Tolerances that satisfy limits. `print` shows the tolerances. `save` writes a file, and `load` reads it.
 
     Attributes
     ----------
@@ -63,13 +76,13 @@ class Tolerances(Counted, Result):
     1.25
     """
 
-    box: Box
+    box: Box = field(metadata=entry(box_of))
     factor: float
     factors: dict[str, float]
     cost: float | None
-    binding: WorstCase | None
-    check: LimitCheck
-    bounds: Bounds
+    binding: WorstCase | None = field(metadata=NOT_KEPT)
+    check: LimitCheck = field(metadata=NOT_KEPT)
+    bounds: Bounds = field(metadata=NOT_KEPT)
     evaluations: int
     nominal: dict[str, float]
     remarks: tuple[str, ...] = ()
@@ -106,6 +119,24 @@ class Tolerances(Counted, Result):
 
     def _repr_html_(self) -> str:
         return html.page(html.text(self._head()), html.table(self._rows()), html.text(str(self.check)))
+
+    def _record(self) -> dict[str, Any]:
+        return {
+            **entries(self),
+            **box_entries(self.box),
+            "binding": self.binding and entries(self.binding),
+            "check": self.check._record(),
+            "bounds": self.bounds._record(),
+        }
+
+    @classmethod
+    def _of_record(cls, record: Record) -> "Tolerances":
+        binding = WorstCase.of_record(record.record("binding")) if "binding" in record else None
+        check, bounds = (record.record(name) for name in ("check", "bounds"))
+        parts = {"check": LimitCheck._of_record(check), "bounds": Bounds._of_record(bounds)}
+        result = cls(**attributes(cls, record), binding=binding, **parts)
+        str(result)  # fails if an entry misses a parameter or an output
+        return result
 
     def _labelled(self) -> Labelled:
         ends = np.stack([self.box.lower, self.box.upper], axis=1)

@@ -320,6 +320,14 @@ def test_a_gap_that_is_small_but_as_large_as_the_motion_is_refused():
     refused("the gap is -1e-09 at the start", mb.simulate, scene, error=mb.SimulationError)
 
 
+def test_a_gap_below_0_at_the_start_has_its_own_remedy_only():
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    drag = mb.Force("drag", ball.point(0, 0), (-0.1 * ca.sign(ball.vx), 0))
+    system = mb.System(ball, drag, mb.Gravity(0, -9.81), mb.Impact("floor", ball.y, 0.5))
+    scene = mb.Scene(system, {"ball.y": -0.5, "ball.vx": 1.0}, [0.0, 1.0])
+    refused(r"-0\.5 at the start\. Start with a gap of at least 0\.$", mb.simulate, scene, error=mb.SimulationError)
+
+
 # --- what is refused ---------------------------------------------------------------------------------------
 
 

@@ -34,6 +34,8 @@ RESULTS = {
     "Moments": lambda: result_of("Bounds").moments(),
     "Modes": lambda: mb.FiniteElements.beams(BEAM).modes(clamped=0, count=3),
     "Contributions": lambda: result_of("Bounds").contributions(),
+    "LimitCheck": lambda: result_of("Tolerances").bounds.check({"x": (None, 1.1)}),
+    "Tolerances": lambda: mb.tolerances(Wave(), {"x": (None, 1.2)}, BOX),
     "Sensitivities": lambda: mb.sensitivities(SWING),
     "Sweep": lambda: mb.sweep(SWING, {"k": [30.0, 40.0], "c": [0.1, 0.2, 0.3]}),
     "Calibration": lambda: mb.calibrate(SWING, {"x": 0.1 * np.cos(6.3 * T)}),
@@ -55,7 +57,7 @@ def result_of(kind):
 
 def attributes(result):
     """Attributes of a result by name, without equations and what makes more runs."""
-    names = ("scene", "simulator", "program", "_text", "run_examination", "attaining", "study", "origin")
+    names = ("scene", "simulator", "program", "_text", "run_examination", "attaining", "study", "origin", "bounds")
     return {name: value for name, value in vars(result).items() if name not in names}
 
 
@@ -94,8 +96,21 @@ def test_what_is_saved_is_loaded(tmp_path, kind, suffix):
         again.save(second)
         assert suffix != "json" or second.read_text() == path.read_text()
     if suffix == "json" and kind != "Modes":
-        without = {"Calibration": {"times", "outputs"}, "RootLocus": {"times", "outputs"}, "Linearization": {"times"}}
+        without = {name: {"times", "outputs"} for name in ("Calibration", "RootLocus", "Tolerances")}
+        without |= {"Linearization": {"times"}, "LimitCheck": {"outputs"}}
         assert {"times", "outputs", "version"} - without.get(kind, set()) <= json.loads(path.read_text()).keys()
+
+
+@pytest.mark.parametrize("suffix", ["npz", "json"])
+def test_a_loaded_check_draws_the_same_picture(tmp_path, suffix):
+    tolerances, path = result_of("Tolerances"), tmp_path / f"tolerances.{suffix}"
+    tolerances.save(path)
+    again = mb.Tolerances.load(path)
+    pictures = [own.check.plot(legend=True) for own in (tolerances, again)]
+    lines = [[line.get_xydata() for line in picture.axes[0].lines] for picture in pictures]
+    assert same(*lines) and again.check["x"].high == 1.2 and again.check["x"].low == -np.inf
+    assert same(again.bounds["x"], tolerances.bounds["x"]) and again.check["x"].row == tolerances.check["x"].row
+    assert again.bounds.check({"x": (None, 1.1)}).kept is False
 
 
 def test_a_loaded_run_knows_its_names_and_with_its_scene_any_expression(tmp_path):

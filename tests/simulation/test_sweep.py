@@ -90,6 +90,41 @@ def test_sweeps_become_labelled_arrays_tables_and_pictures(tmp_path):
     plt.close("all")
 
 
+T_PEAK = [0.0, 1.0]
+
+
+@pytest.mark.parametrize("given", [False, True])
+def test_scalar_outputs_are_drawn_over_the_parameter_with_the_most_values(given):
+    p = mb.Parameters(k=(1.0, "N/m"), a=2.0)
+    outputs = {"peak": mb.maximum(p.k * p.a * mb.t), "ramp": p.k * mb.t}
+    scene = mb.Scene(mb.System(parameters=p), times=T_PEAK, outputs=outputs)
+    runs = mb.sweep(scene, {"a": [2.0, 3.0], "k": [3.0, 1.0, 2.0]})
+    axes = plt.subplots(1, 2)[1] if given else runs.plot().axes
+    runs.plot(**({"ax": axes} if given else {}))
+    scalar, ramp = axes
+    for line, a in zip(scalar.lines, (2.0, 3.0), strict=True):
+        np.testing.assert_allclose(line.get_xydata(), [[k, k * a] for k in (1.0, 2.0, 3.0)])
+        assert line.get_label() == f"a = {a:g}"
+    assert scalar.get_xlabel() == "k [N/m]" and scalar.get_xlim() == (1.0, 3.0)
+    assert len(ramp.lines) == 6 and ramp.get_xlabel() == "time [s]" and ramp.get_xlim() == (0.0, 1.0)
+    alone = runs.plot(outputs="peak", color=["r", "g"], label=["soft", "hard"])
+    assert [text.get_text() for text in alone.legends[0].get_texts()] == ["soft", "hard"]
+    assert str(runs).splitlines()[-2].split() == ["peak", "2", "1", "9", "3"]
+    plt.close("all")
+
+
+def test_runs_of_one_time_are_drawn_over_the_parameter_and_lists_over_their_numbers():
+    box = mb.FunctionSimulator(lambda k, a: [[k * a]], {"k": 1.0, "a": 2.0}, [0.0], ["x"])
+    (axes,) = mb.sweep(box, {"k": [1.0, 2.0]}).plot().axes
+    np.testing.assert_allclose(axes.lines[0].get_xydata(), [[1.0, 2.0], [2.0, 4.0]])
+    p = mb.Parameters(k=1.0, a=2.0)
+    scene = mb.Scene(mb.System(parameters=p), times=T_PEAK, outputs={"peak": mb.maximum(p.k * p.a * mb.t)})
+    (axes,) = mb.simulate(scene, parameters=[{"k": 2.0}, {"k": 3.0, "a": 1.0}, {}]).plot().axes
+    (line,) = axes.lines
+    assert sorted(map(tuple, line.get_xydata())) == [(0.0, 4.0), (1.0, 3.0), (2.0, 2.0)] and axes.get_xlabel() == "run"
+    plt.close("all")
+
+
 @pytest.mark.parametrize("scale", [1.0, 1e-3])
 @pytest.mark.parametrize("solver", [None, mb.CVODES(rtol=1e-10), mb.Rosenbrock()], ids=repr)
 def test_sensitivities_are_the_derivatives_of_the_closed_form(scale, solver):

@@ -121,6 +121,19 @@ def test_masses_and_lengths_must_be_positive_for_every_sample():
     refused(r"box: Body 'ball': mass is -1, not positive, at m = -1", scene.with_box, mb.Box(m=(-1, 3)))
 
 
+def test_numbers_of_elements_and_laws_must_be_positive_for_every_sample():
+    p = mb.Parameters(k=(1e5, "N/m"), c=1.0)
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    floor = mb.Contact("floor", ball.point(0, 0), GROUND.point(0, 0), (0, 1, 0), mb.KelvinVoigt(p.k, p.c), radius=0.1)
+    scene = mb.Scene(mb.System(ball, floor, parameters=p), {"ball.y": 0.2}, [0.0, 0.1])
+    refused(r"box: Contact 'floor': stiffness is -1, not positive, at k = -1 N/m", scene.with_box, mb.Box(k=(-1, 2)))
+    refused(r"box: Contact 'floor': damping is -2, not positive, at c = -2", scene.with_box, mb.Box(c=(-2, 2)))
+    ensemble = mb.DAESimulator(scene).run(np.array([[1e5, 0.0], [0.0, 1.0], [1e5, -1.0]]))
+    assert_array_equal(ensemble.ok, [True, False, False])
+    assert "k = 0 N/m, c = 1: Contact 'floor': stiffness is 0, not positive" in ensemble.messages[0]
+    refused(r"\(k = 0 N/m, c = 1\)", mb.simulate, scene, parameters={"k": 0.0}, error=mb.SimulationError)
+
+
 def test_rotations_and_spins_may_depend_on_parameters():
     p = mb.Parameters(tilt=0.4, spin=3.0, r=0.5)
     top = mb.Body("top", 1.0, (1, 1, 1), mb.Spatial())

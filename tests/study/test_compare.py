@@ -95,6 +95,11 @@ def test_slips_are_told_before_anything_runs(arguments, message):
     assert f.runs == 0
 
 
+def test_no_methods_are_told_before_anything_runs():
+    with pytest.raises(mb.DeclarationError, match="methods is empty"):
+        mb.compare(simulator(pytest.fail), [], BOX)
+
+
 def test_no_method_that_can_run_is_an_error():
     with pytest.raises(mb.PropagationError, match=r"No method could run.*Taylor\(order=1\).*derivatives"):
         compare_simulator(simulator(lambda k: k * T), [mb.Taylor(1)], BOX)

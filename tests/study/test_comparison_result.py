@@ -88,6 +88,12 @@ def test_an_error_below_the_uncertainty_is_told_as_at_most_that():
     assert "≤" not in lines_of(comparison(uncertainty=(np.nan, np.nan)), "PolynomialChaos()")[0]
 
 
+def test_the_worst_output_is_not_better_than_the_mean():
+    """The first output has the larger error, and the second one the larger uncertainty, which is told instead."""
+    printed = str(comparison(uncertainty=(1e-9, 1e-1)))
+    assert "≤ 5.0e-02" in printed and "≤ 1.0e-01 " in printed
+
+
 def test_the_head_tells_reference_cost_and_the_solvers_own_error():
     text = str(comparison())
     assert "reference: Scanning(45), 2554 runs, 1.5 s; uncertainty 1.0e-03 of the width" in text

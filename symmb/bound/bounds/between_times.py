@@ -89,7 +89,7 @@ def _by_runs(bounds: Envelope, limit: KeptLimit, points: Array, times: Array, va
     side = SIDES[int(values[run, moment] > limit.high)]
     before = (limit.further.runs, limit.further.failed) if limit.further else (0, 0)
     further = FurtherRun(side, points[run], values[run, ::every], -least, np.inf, *before, False)
-    return replace(limit, kept=False, why=why, margin=margin, further=further), 0.0
+    return replace(limit, kept=False, why=why, margin=margin, row=int(margin.argmin()), further=further), 0.0
 
 
 def _by_parabolas(bounds: Envelope, limit: KeptLimit) -> float:

@@ -9,7 +9,7 @@ from symmb._doubt import Doubt
 from symmb._magnitudes import ROUNDING, SAME
 from symmb._names import counted
 from symmb._types import Array, Executor
-from symmb._units import with_units
+from symmb._units import units_of_parameters, values_text, with_units
 from symmb.bound.bounds.check_runs import check_doubts, some_corners
 from symmb.bound.bounds.method import Method, parameter_samples
 from symmb.bound.bounds.reductions import gathered
@@ -151,7 +151,7 @@ def _linear_theory_doubts(simulator: Simulator, box: Box, seconds: float) -> tup
     # Largest number of parameters with checks of flexible bodies at all corners. With more, two corners are checked.
     unit = corners(d) if d <= 3 else np.repeat([[-1.0], [1.0]], d, axis=1)
     for p in parameter_samples(simulator, box, unit):
-        where = ", ".join(f"{name} = {value:g}" for name, value in zip(simulator.parameters, p, strict=True))
+        where = values_text(simulator.parameters, p, units_of_parameters(simulator.parameters))
         if time.perf_counter() > end:
             break
         if doubts := motion.ways.theory_doubts(p):
@@ -176,7 +176,7 @@ def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
     # The solver does not miss a pulse if its length, relative to the horizon, is larger.
     if others[k] > min(usual / 2, 1e-2 * float(np.ptp(motion.times))):
         return ()
-    where = ", ".join(f"{name} = {value:g}" for name, value in zip(simulator.parameters, P[k + 1], strict=True))
+    where = values_text(simulator.parameters, P[k + 1], units_of_parameters(simulator.parameters))
     return (
         f"At {where} a function of time has a pulse that is shorter than the steps of the solver. The solver may miss "
         "the pulse. Choose nominal parameters for which the pulse is shortest.",

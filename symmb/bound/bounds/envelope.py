@@ -9,7 +9,7 @@ import numpy as np
 from symmb._errors import WithWarnings
 from symmb._magnitudes import SAME
 from symmb._options import require_name, require_positive
-from symmb._types import Array
+from symmb._types import Array, Figure
 from symmb.bound.bounds.failures import Failure
 from symmb.bound.bounds.responses import Runs
 from symmb.bound.bounds.result_file import INNER, Kind, box_of, kind_of
@@ -18,6 +18,7 @@ from symmb.bound.bounds.worst_case import AttainingRuns, WorstCase
 from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import Piecewise
 from symmb.equations.model import Box
+from symmb.results import plot
 from symmb.results.files import NAMES, NOT_KEPT, TIMES, Record, entry
 
 
@@ -159,6 +160,23 @@ class Envelope(WithWarnings):
         if name in self.figures:
             return float(self.lower[0, k]), float(self.upper[0, k])
         return self.lower[:, k], self.upper[:, k]
+
+    def _figure(self, columns: list[int] | None, style: plot.Style, deviation: bool = False) -> Figure:
+        """The picture of some outputs, or of the first six outputs; see `Bounds.plot`."""
+        return plot.plot_bounds(
+            self.t,
+            self.names,
+            plot.Band(f"{self.method}, {self.kind}", self.lower, self.upper),
+            units=self.units,
+            family=plot.family(self.method),
+            chosen=columns,
+            outer=None if self.estimate is None else self.outer,
+            inner=None if self.kind == "sampled" else self.inner,
+            nominal=self.nominal,
+            deviation=deviation,
+            timeless=self.figures if len(self.t) > 1 else (),
+            style=style,
+        )
 
     def _column(self, name: str) -> int:
         """Number of an output."""

@@ -70,8 +70,11 @@ class Laws:
             return ()
         one, more = "distribution of {} is cut to its interval", "distributions of {} are cut to their intervals"
         words = one if len(cut) == 1 else more
-        masses = ", ".join(dict.fromkeys(f"{mass:.2g}" for mass in cut.values()))
-        return (f"The {words.format(', '.join(cut))}. The part outside has a probability of {masses}.",)
+        parts = ", ".join(f"{mass:.2g} for {name}" if len(cut) > 1 else f"{mass:.2g}" for name, mass in cut.items())
+        return (
+            f"The {words.format(', '.join(cut))}. The part outside has a probability of {parts}. Bounds over wider "
+            "intervals include it.",
+        )
 
     def unit_points(self, uniform: Array, box: Box) -> Array:
         """Values (N, n_l) in the unit box from independent, uniformly distributed numbers (N, n_l) of [0, 1]."""

@@ -1,7 +1,7 @@
 """Checks of limits: satisfied, violated, or not decided by the bounds."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from symmb._doubt import concerned
 from symmb._errors import DeclarationError
-from symmb._labelled import Labelled, Result, over_outputs, texts
+from symmb._labelled import ByOutput, Labelled, Result, over_outputs, texts
 from symmb._magnitudes import LAST_DIGITS, SAME
 from symmb._names import did_you_mean, normal_keys
 from symmb._options import is_real, require_name, shown
@@ -18,9 +18,10 @@ from symmb._types import Array
 from symmb._units import number_in, told_units, typeset
 from symmb.bound.bounds.envelope import Envelope
 from symmb.bound.bounds.further_runs import FurtherRun, closest_run
+from symmb.bound.bounds.result_file import box_entries, inner_entries
 from symmb.bound.bounds.worst_case import SIDES, WorstCase
 from symmb.results import plot
-from symmb.results.files import to_jsonable
+from symmb.results.files import NOT_KEPT, TIMES, Record, Saved, attributes, entries, entry, to_jsonable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -53,18 +54,21 @@ class KeptLimit:
     why : str                  a sentence: the reason, or how to decide the limit
     margin : (n_t,)            distance of the bounds from the closer limit, negative beyond the limit. If further runs
                                show a larger distance, this one is given
-    further : FurtherRun       the further run that comes closest to the limit, or None if none was made
+    row : int                  index of the time of the smallest margin
+    further : FurtherRun       the further run that comes closest to the limit, or None if none was made or the check
+                               was read from a file
     width : float              largest width of the bounds
     """
 
     output: str
     unit: str
-    low: float
-    high: float
-    kept: bool | None
+    low: float = field(metadata=entry(lambda record, name: float(np.fmax(record.number(name), -np.inf))))
+    high: float = field(metadata=entry(lambda record, name: float(np.fmin(record.number(name), np.inf))))
+    kept: bool | None = field(metadata=NOT_KEPT)
     why: str
-    margin: Array
-    further: FurtherRun | None = None
+    margin: Array = field(metadata=entry(lambda record, name, n: np.fmax(record.with_nan(name, n), -np.inf), "t"))
+    row: int = field(metadata=entry(lambda record, name: range(record.length("t"))[record.whole(name)]))
+    further: FurtherRun | None = field(default=None, metadata=NOT_KEPT)
     width: float = 0.0
 
     @property
@@ -72,12 +76,6 @@ class KeptLimit:
         """The margin m relative to the width w, m / (|m| + w), from -1 to 1. It compares limits of any units."""
         least = float(self.margin.min())
         return least / (abs(least) + self.width) if least and np.isfinite(least) else float(np.sign(least))
-
-    @property
-    def row(self) -> int:
-        """Index of the time of the smallest margin."""
-        further = self.further
-        return further.row if further and np.isfinite(further.error) else int(self.margin.argmin())
 
     @property
     def text(self) -> str:
@@ -91,24 +89,39 @@ class KeptLimit:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LimitCheck(plot.OverTimeBesideGiven, Result):
+class LimitCheck(plot.OverTimeBesideGiven, Result, ByOutput, Saved):
     """The results of limits. `print` shows them, `plot` draws the bounds of the outputs and the limits.
+
+    `save` writes a file, and `load` reads it.
 
     Attributes
     ----------
-    t : (n_t,)                 times [s]
+    t : (n_t,)
+        times [s]
     method : str
     limits : tuple of KeptLimit
-    draw : function            draws bounds of outputs, given by their names, into axes or a new figure
-    worst : WorstCase          the run that comes closest to a limit, or is farthest beyond a limit; None if not known
-    remarks : tuple of str     remarks in sentences, such as on nominal values outside of the box
+    bounds : Bounds
+        the checked bounds; after `load` the part of them that `plot` draws
+    worst : WorstCase
+        the run that comes closest to a limit, or is farthest beyond a limit; None if not known
+    remarks : tuple of str
+        remarks in sentences, such as on nominal values outside of the box
+
+    Examples
+    --------
+    >>> import numpy as np, symmb as mb
+    >>> t = np.linspace(0.0, 1.0, 3)
+    >>> decay = mb.FunctionSimulator(lambda k: np.exp(-k * t), {"k": 1.0}, t, ["x"])
+    >>> check = mb.propagate(decay, box=mb.Box(k=(0.5, 2.0))).check({"x": (0.1, None)})
+    >>> check.kept, check["x"].text
+    (True, '0.1 <= x')
     """
 
-    t: Array
+    t: Array = field(metadata=TIMES)
     method: str
-    limits: tuple[KeptLimit, ...]
-    draw: "Callable[..., Figure]"
-    worst: WorstCase | None
+    limits: tuple[KeptLimit, ...] = field(metadata=NOT_KEPT)
+    bounds: Envelope = field(metadata=NOT_KEPT)
+    worst: WorstCase | None = field(metadata=NOT_KEPT)
     remarks: tuple[str, ...] = ()
 
     _left = (0, 1, 2)
@@ -161,6 +174,25 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
             results[limit.output] = to_jsonable(result | {"low": limit.low, "high": limit.high})
         return results
 
+    def _record(self) -> dict[str, Any]:
+        own = self.bounds
+        return entries(self) | {
+            "limits": [entries(limit) | {"result": _WORDS[limit.kept]} for limit in self.limits],
+            "bounds": entries(own) | inner_entries(own.inner) | box_entries(own.box),
+            "worst": self.worst and entries(self.worst),
+        }
+
+    @classmethod
+    def _of_record(cls, record: Record) -> "LimitCheck":
+        own, kept = attributes(cls, record), {word: kept for kept, word in _WORDS.items()}
+        limits = tuple(
+            KeptLimit(**attributes(KeptLimit, each), kept=kept[each.text("result", *kept)])
+            for each in record.records("limits")
+        )
+        bounds = Envelope(**attributes(Envelope, record.record("bounds")))
+        worst = WorstCase.of_record(record.record("worst")) if "worst" in record else None
+        return cls(**own, limits=limits, bounds=bounds, worst=worst)
+
     def __str__(self) -> str:
         more = [f"worst case: {self.worst}"] if self.worst else []
         more += [f"remark: {remark}" for remark in self.remarks]
@@ -168,8 +200,7 @@ class LimitCheck(plot.OverTimeBesideGiven, Result):
 
     def _figure(self, columns: list[int] | None, style: plot.Style) -> "Figure":
         some = self.limits if columns is None else [self.limits[k] for k in columns]
-        look = {"label": style.label, "color": style.color, "legend": style.legend}
-        figure = self.draw([limit.output for limit in some], style.ax, **look)
+        figure = self.bounds._figure([self.bounds._column(limit.output) for limit in some], style)
         plot.add_limits(figure, style.ax, [(limit.low, limit.high) for limit in some])
         return figure
 
@@ -228,7 +259,9 @@ def kept_limit(bounds: Envelope, output: str, low: float, high: float) -> KeptLi
         found = _by_nominal_run(bounds if found.kept else bounds._with_nominal(), k, low, high, found)
     with np.errstate(over="ignore", invalid="ignore"):
         width = float(np.fmax.reduce(bounds.upper[:, k] - bounds.lower[:, k], initial=0.0))
-    return KeptLimit(output, unit, low, high, *found, width)
+    kept, why, margin, further = found
+    row = further.row if further and np.isfinite(further.error) else int(margin.argmin())
+    return KeptLimit(output, unit, low, high, kept, why, margin, row, further, width)
 
 
 def _by_nominal_run(bounds: Envelope, k: int, low: float, high: float, found: _Decision) -> _Decision:

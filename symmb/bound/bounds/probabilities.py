@@ -11,7 +11,7 @@ from symmb._labelled import Labelled, Named, Result
 from symmb._limits import require_memory
 from symmb._names import ByName, counted
 from symmb._options import is_finite_number, numbers_of, shown, whole
-from symmb._table import aligned, at_time, is_timeless, over_times, time_text
+from symmb._table import aligned, apart, at_time, is_timeless, over_times, time_text
 from symmb._types import Array
 from symmb._units import number_in, told_names, told_units, units_of_parameters
 from symmb.bound.bounds.law_samples import (
@@ -223,7 +223,8 @@ def probability_of(
     last = float(lower[-1]), float(upper[-1]), float(estimate[-1])
     figures = Probability(*samples.about(), event, lower[:-1], upper[:-1], estimate[:-1], last)
     if _is_short(found, error) and upper[-1] > 0:
-        short = f"The error, {estimate[-1]:.2g}, is above {error:g} times the lowest probability, {lower[-1]:.2g}."
+        told, most = apart(float(estimate[-1]), error * float(lower[-1]))
+        short = f"The error, {told}, is above {most}, which is {error:g} times the lowest probability, {lower[-1]:.2g}."
         return replace(figures, remarks=(*figures.remarks, short))
     return figures
 

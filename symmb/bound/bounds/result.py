@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._errors import DeclarationError
-from symmb._labelled import Counted, Labelled, NamedColumns, Result
+from symmb._labelled import ByOutput, Counted, Labelled, NamedColumns, Result
 from symmb._magnitudes import ROUNDING
 from symmb._names import look_up_by_name
 from symmb._options import require_truth
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Bounds(Answers, Counted, Result, Saved):
+class Bounds(Answers, Counted, Result, ByOutput, Saved):
     """Lower and upper bounds of every output at every time.
 
     `print` shows kind, extremes and widths. `plot` draws the bounds. `save` and `load` write and read files.
@@ -115,10 +114,10 @@ class Bounds(Answers, Counted, Result, Saved):
         pairs = limit_pairs("Bounds.check", limits, self.names, self.units)
         with shown_runs(None, "runs near limits"):
             checked, between = with_repeats(self, [kept_limit(self, name, *ends) for name, ends in pairs.items()])
-        worst, draw = self._closest_to(checked), partial(self.plot, None)
+        worst = self._closest_to(checked)
         others = filter(None, (other_side(self, limit, self._side(limit)) for limit in checked))
         remarks = (*self._about_nominal(), *others, *between)
-        return LimitCheck(self.t, self.method, tuple(checked), draw, worst, remarks)
+        return LimitCheck(self.t, self.method, tuple(checked), self, worst, remarks)
 
     def _about_nominal(self) -> tuple[str, ...]:
         """A remark if the box does not contain the nominal values."""
@@ -219,20 +218,8 @@ class Bounds(Answers, Counted, Result, Saved):
                 "Bounds.plot: deviation needs the nominal run, which these bounds do not hold. Bounds by "
                 "PolynomialChaos() hold it if the nominal parameters are in the middle of the box."
             )
-        figure = plot.plot_bounds(
-            self.t,
-            self.names,
-            plot.Band(f"{self.method}, {self.kind}", self.lower, self.upper),
-            units=self.units,
-            family=plot.family(self.method),
-            chosen=plot.columns_of("Bounds.plot", outputs, self.names),
-            outer=None if self.estimate is None else self.outer,
-            inner=None if self.kind == "sampled" else self.inner,
-            nominal=self.nominal,
-            deviation=deviation,
-            timeless=self.figures if len(self.t) > 1 else (),
-            style=plot.Style("Bounds.plot", ax, **look),
-        )
+        columns = plot.columns_of("Bounds.plot", outputs, self.names)
+        figure = self._figure(columns, plot.Style("Bounds.plot", ax, **look), deviation)
         return plot.finish(figure, "Bounds.plot", path, ax, figsize, title)
 
     def report(self, path: str | Path, limits: Limits | None = None, **block: object) -> None:

@@ -30,10 +30,6 @@ class Constraint(Element):
         """The force [N] of multipliers lam (n,). A unilateral constraint can only exert positive forces."""
         return lam[0]
 
-    def positive(self, bind: Bind) -> ca.SX:
-        """Expressions (n,) that must be positive, such as a length."""
-        return ca.SX(0, 1)
-
 
 @dataclass(frozen=True, eq=False)
 class Motion(Constraint):

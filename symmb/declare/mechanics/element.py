@@ -250,6 +250,21 @@ def bound(law: T, bind: Callable[[Any, str], ca.SX], title: str) -> T:
     return replace(law, **values)  # pyright: ignore[reportArgumentType]
 
 
+def positive_numbers(title: str, owner: object, bind: Bind) -> Iterator[tuple[str, ca.SX]]:
+    """Expressions of an element and its laws that must be above 0, with their names.
+
+    If 0 is allowed as well, the expression is 1 for values of at least 0.
+    """
+    for f, value in _given(owner):
+        if isinstance(value, Law):
+            yield from positive_numbers(title, value, bind)
+        limits = getattr(f.metadata.get("faults"), "keywords", {})
+        if 0.0 in (limits.get("above"), limits.get("least")) and not is_real(value) and not _stays(f.type, value):
+            name = f"{title}: {f.name}"
+            own = bind(value, name)
+            yield name, own if "above" in limits else ca.if_else(own >= 0, 1, own)
+
+
 def _stays(kind: Any, value: object) -> bool:
     """Whether the value is a table or a function that the field of a law accepts. Such values are not bound."""
     kinds = get_args(kind) or (kind,)

@@ -311,10 +311,7 @@ class Distance(Joint):
     unilateral: bool = field(default=False, kw_only=True, metadata=TRUTH)
 
     def position_rows(self, bind: Bind) -> ca.SX:
-        return ca.norm_2(self.d) - self.positive(bind)
-
-    def positive(self, bind: Bind) -> ca.SX:
-        return self.number(bind, "length")
+        return ca.norm_2(self.d) - self.number(bind, "length")
 
 
 @dataclass(frozen=True, eq=False)

@@ -319,7 +319,7 @@ def _assemble(inertial: Sequence[Inertia], bind: Binding, equations: _Equations)
         impacts=tuple((name, *law) for name, law in equations.laws.items()),
         joint_events=tuple(equations.joint_events),
         assembly_cosines=stacked([c.assembly_cosines() for c in equations.constraints if closed.get(c.name, True)]),
-        positive=tuple(positive(inertial, equations.constraints, bind)),
+        positive=tuple(positive(inertial, (*equations.constraints, *equations.actions), bind)),
         loads=tuple(load for action in actions for load in action.loads),
         forces=equations.forces,
         decoupled=(),

@@ -9,6 +9,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._interrupts import kept_interrupts
 from symmb._options import require_instance, require_numbers, whole
+from symmb._units import units_of_parameters
 from symmb.declare.symbolic import least_multipliers, shared, t, vanishing_rows
 from symmb.equations.model.contact_equations import ContactEquations
 from symmb.equations.model.dae import DAE
@@ -84,6 +85,7 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
         s_names=tuple(state.name for state in c.states),
         row_names=c.row_names,
         p_names=tuple(system.parameters),
+        p_units=units_of_parameters(system.parameters),
         rows=c.rows,
         p_nominal=system.parameters.nominal,
         q_neutral=np.array([float(name.endswith(".e0")) for name in c.q_names]),

@@ -49,6 +49,7 @@ class DAE:
     s_names: tuple[str, ...]
     row_names: tuple[str, ...]
     p_names: tuple[str, ...]
+    p_units: Mapping[str, str]  # by name, without parameters that have no unit
     rows: dict[str, slice]  # rows of each constraint
     p_nominal: Array  # (n_p,), nominal parameters
     q_neutral: Array  # (n_q,), zeros and identity rotations
@@ -59,7 +60,7 @@ class DAE:
     retract: ca.Function  # (q, delta) -> q moved by delta
     assembly_cosines: ca.Function | None  # (q, p) -> cosines of the joints, 1 in the intended assembly
     s_start: ca.Function | None  # (q, p) -> start of the first-order states
-    positive: ca.Function  # p -> masses and lengths that must be above 0, named by `positive_names`
+    positive: ca.Function  # p -> masses and other numbers that must be above 0, named by `positive_names`
     positive_names: tuple[str, ...]
     impacts: Impacts | None = None  # gaps that close, and velocities that jump then
     measured: Lazy[Scales] = field(default_factory=lambda: known(Scales()))

@@ -382,7 +382,7 @@ class System(FilledByBlock, ReadEquations):
         return tuple(names), ca.Function("positive", [self.p], [ca.vertcat(ca.SX(0, 1), *values)])
 
     def sign_faults(self, box: Box) -> list[str]:
-        """Messages for masses and lengths that are not positive at a corner of the box."""
+        """Messages for masses and numbers of elements that are not positive at a corner of the box."""
         return sign_faults(*self.positive, self.parameters, box)
 
     @property

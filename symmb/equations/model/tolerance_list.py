@@ -27,14 +27,16 @@ _SIGNS = str.maketrans(
 _DEGREE = "\N{DEGREE SIGN}"
 _LENGTH, _ANGLE = {"m": 1e-3, "mm": 1.0}, {"rad": math.pi / 180, "deg": 1.0}
 """Unit of a nominal value divided by the unit of the size in a text."""
-_UNIT, _DEVIATION = r" *((?:[^\W\d_]|1/|\N{DEGREE SIGN})[^±+%]*?|) *", r"([+-] *\d+(?:\.\d+)?|0(?:\.0+)?)"
+_PLAIN = r"(?:\d+(?:\.\d+)?|\.\d+)"
+"""A number without a sign, such as 0.1 or .1."""
+_UNIT, _DEVIATION = r" *((?:[^\W\d_]|1/|\N{DEGREE SIGN})[^±+%]*?|) *", rf"([+-] *{_PLAIN}|0(?:\.0+)?)"
 _SIZE = rf" *(?:({NUMBER}){_UNIT})?"
-_BOTH_SIDES = re.compile(_SIZE + rf"(?:±|\+ */ *-|\+-) *(\d+(?:\.\d+)?)(?: *(%) *|{_UNIT})")
+_BOTH_SIDES = re.compile(_SIZE + rf"(?:±|\+ */ *-|\+-) *({_PLAIN})(?: *(%) *|{_UNIT})")
 _EACH_SIDE = re.compile(
     _SIZE + r"(?:(?<= )|(?=[+-]))" + _DEVIATION + _UNIT + r"(?:/ *|(?<= )|(?=[+-]))" + _DEVIATION + _UNIT
 )
 _SIGN = re.compile(r"^ *(?:±|\+ */ *-|\+-)")
-_DEVIATION_WITH_UNIT = re.compile(r" *(\d+(?:\.\d+)?) *((?:[^\W\d_]|1/|\N{DEGREE SIGN})[^±+%]*?) *")
+_DEVIATION_WITH_UNIT = re.compile(rf" *({_PLAIN}) *" + r"((?:[^\W\d_]|1/|\N{DEGREE SIGN})[^±+%]*?) *")
 _LIKE_DEVIATIONS = re.compile(r" *-?\d.*[±+/]")
 """Texts that start with a digit and contain a sign of deviations, but have none of the valid forms."""
 _COLUMNS = "name", "nominal", "plus", "minus", "tolerance"

@@ -1,6 +1,6 @@
 """Checks of a declaration. Each function returns faults of one kind, or raises the faults of one element."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import product
 from typing import Any, TypeVar
 
@@ -12,6 +12,7 @@ from symmb._magnitudes import SAME
 from symmb._names import name_fault
 from symmb._options import number_text, shown
 from symmb._types import Array
+from symmb._units import units_of_parameters, values_text
 from symmb.declare.mechanics import (
     RESTITUTION,
     TRIANGLE,
@@ -32,6 +33,7 @@ from symmb.declare.mechanics import (
     as_matrix,
     inertia_matrix,
     law_value,
+    positive_numbers,
 )
 from symmb.declare.symbolic import Kind, TruthValueError, is_zero, margin_of
 from symmb.equations.model.binding import Binding
@@ -275,14 +277,12 @@ def sign_faults(names: Sequence[str], positive: ca.Function, parameters: Paramet
         p[[order.index(name) for name in box.names]] = corner
         for name, value in zip(names, np.asarray(positive(p)).ravel(), strict=True):
             if not value > 0:
-                at = ", ".join(f"{n} = {v:g}" for n, v in zip(box.names, corner, strict=True))
+                at = values_text(box.names, corner, units_of_parameters(parameters))
                 parts.setdefault(name, f"box: {name} is {value:g}, not positive, at {at}. Narrow the box.")
     return list(parts.values())
 
 
-def positive(
-    inertial: Sequence[Inertia], constraints: Sequence[Constraint], bind: Binding
-) -> Iterator[tuple[str, ca.SX]]:
+def positive(inertial: Sequence[Inertia], elements: Iterable[Element], bind: Binding) -> Iterator[tuple[str, ca.SX]]:
     """Expressions of parameters that must be above 0, with their names."""
     for body, (mass, J) in inertial:
         triangle = (
@@ -292,10 +292,10 @@ def positive(
         for what, value in (("mass", mass), *(("inertia", J[k, k]) for k in range(3)), *triangle):
             if not is_zero(value) and bind.has_parameters_alone(value):
                 yield f"Body {body.name!r}: {what}", value
-    for constraint in constraints:
-        value = constraint.positive(bind)
-        if value.numel() and bind.has_parameters_alone(value):
-            yield f"{constraint.title}: length", value
+    for element in elements:
+        for name, value in positive_numbers(element.title, element, bind):
+            if bind.has_parameters_alone(value):
+                yield name, value
 
 
 def _triangle_minors(body: Body, J: ca.SX) -> list[ca.SX]:

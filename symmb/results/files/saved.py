@@ -108,7 +108,7 @@ class Saved:
         FileError
             If the file cannot be written. A previous file is kept
         """
-        sources = {"record": self._named_record, "entries": self.to_json}
+        sources = {"record": self._named_record, "entries": lambda: in_json(self._named_record())}
         save(path, sources | ({"table": self._table} if _has_table(type(self)) else {}))
 
     @classmethod

@@ -1,10 +1,12 @@
 """Pictures of curves over time: a trajectory, several runs, and measured values beside a fitted run."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from symmb._types import Array, Figure
+from symmb._types import Array, Axes, Figure, Indices
 from symmb.results.plot.colours import COLOURS, RUN_COLOUR
 from symmb.results.plot.layout import abscissa, along, cyclic, flatten, legends, outputs_of, panels_over_time, rounding
 from symmb.results.plot.style import OWN, Style
@@ -39,12 +41,25 @@ def plot_trajectory(
     return figure
 
 
+@dataclass(frozen=True)
+class RunLines:
+    """Places x (N,) of runs on the axis `label`. The runs of each pair (name, numbers of runs) are joined by a line, or
+    shown as points."""
+
+    label: str
+    x: Array
+    lines: Sequence[tuple[str, Indices]]
+    joined: bool = True
+
+
 def plot_family(
     t: Array,
     curves: Array,
     names: Sequence[str],
     curve_names: Sequence[str],
     *,
+    timeless: Collection[str] = (),
+    over: RunLines | None = None,
     units: Sequence[str] = (),
     chosen: Sequence[int] | None = None,
     title: str = "",
@@ -53,25 +68,45 @@ def plot_family(
     """Draw curves (N, n_t, n_y) over times t (n_t,) [s], one panel for each output; see `plot_comparison` for the rest.
 
     Each of up to eight curves has a colour and a name. The colours of more curves are a sequence, and the legend names
-    the first, the middle and the last curve.
+    the first, the middle and the last curve. Outputs in `timeless`, with one value for all times, are drawn along
+    `over`.
     """
+    columns, own_names, own_units = outputs_of(names, units, chosen)
+    others = {k: (np.unique(over.x), over.label) for k, name in enumerate(own_names) if over and name in timeless}
+    figure, panels = panels_over_time(style, t, own_names, own_units, title=title, others=others)
+    in_time = [(axes, i) for k, (axes, i) in enumerate(zip(panels, columns, strict=True)) if k not in others]
+    if in_time:
+        _draw_family(in_time, [(n, abscissa(t), y) for n, y in zip(curve_names, curves, strict=True)], style)
+    if over and others:
+        lines = [(name, over.x[runs], curves[runs, 0]) for name, runs in over.lines]
+        own = [(panels[k], columns[k]) for k in others]
+        look = {"marker": "o", "markersize": 4, "clip_on": False, "linestyle": "-" if over.joined else ""}
+        for axes, _ in own if not over.joined else ():
+            axes.locator_params("x", integer=True)
+        _draw_family(own, lines, replace(style, label=None, color=None) if in_time else style, **look)
+    flatten(panels, rounding(curves, units)[columns])
+    first = [in_time[0][0]] if in_time else []
+    legends(figure, [*first, *(panels[k] for k in [*others][:1])], style)
+    return figure
+
+
+def _draw_family(
+    panels: Sequence[tuple[Axes, int]], curves: Sequence[tuple[str, Array, Array]], style: Style, **look: Any
+) -> None:
+    """Draw curves: their names, places (n,) and outputs (n, n_y), of which each panel shows one."""
     from matplotlib import colormaps
 
-    columns, own_names, own_units = outputs_of(names, units, chosen)
     N = len(curves)
     few = N <= len(COLOURS)
     shades = COLOURS[:N] if few else [colormaps["viridis"](0.9 * k / (N - 1)) for k in range(N)]
-    named = {*range(N)} if few else {0, N // 2, N - 1}
-    figure, panels = panels_over_time(style, t, own_names, own_units, title=title)
-    colours, texts = style.colours(shades), style.labels(curve_names)
-    named = named if style.label is None else {*range(N)}
-    for axes, i in zip(panels, columns, strict=True):
-        for k in range(N):
+    named = {*range(N)} if few or style.label is not None else {0, N // 2, N - 1}
+    colours, texts = style.colours(shades), style.labels([name for name, *_ in curves])
+    for axes, i in panels:
+        for k, (_, x, y) in enumerate(curves):
             label = texts[k] if k in named else None
-            axes.plot(abscissa(t), along(t, curves[k, :, i]), color=colours[k], linewidth=1.2, label=label)
-    flatten(panels, rounding(curves, units)[columns])
-    legends(figure, panels[:1], style)
-    return figure
+            axes.plot(
+                x, np.broadcast_to(y[:, i], x.shape), color=colours[k], linewidth=1.2, label=label or None, **look
+            )
 
 
 def plot_fit(series: Sequence[tuple[str, Array, Array, Array]], units: Sequence[str], style: Style = OWN) -> Figure:

@@ -5,10 +5,11 @@ figures directly.
 """
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from textwrap import wrap
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -44,6 +45,9 @@ LEAST_ERROR = 1e-16
 _RANDOM_TURNS, _ABOUT_ZERO = 0.2, 0.05
 """Values are random if they turn at a larger fraction of times; smooth curves turn rarely. Half the height of axes
 about 0."""
+Others = Mapping[int, tuple[Array, str]]
+"""Values and label of the horizontal axis of panels that are not over time, by the number of the panel."""
+_NONE: Others = MappingProxyType({})
 _LEGENDS = ((60, 8.0), (36, 8.0), (24, 7.0), (16, 6.0))
 """Pairs of characters per line and font size [point] for legends in axes of the caller. The first pair that fits is
 used."""
@@ -177,20 +181,21 @@ def columns_of(owner: str, outputs: str | Sequence[str] | None, names: Sequence[
     return [names.index(name) for name in wanted]
 
 
-def new_panels(figure: "FigureBase", t: Array, titles: Sequence[str]) -> list[Axes]:
-    """One panel for each output, with a title, on a common time axis."""
+def new_panels(figure: "FigureBase", t: Array, titles: Sequence[str], others: Others = _NONE) -> list[Axes]:
+    """One panel for each output, with a title, on a common time axis, except the panels with `others`."""
     columns = n_columns(len(titles))
-    grid = figure.subplots(n_rows(len(titles)), columns, sharex=True, squeeze=False).ravel()
+    grid = figure.subplots(n_rows(len(titles)), columns, sharex=not others, squeeze=False).ravel()
     for axes in grid[len(titles) :]:
         axes.set_visible(False)
     for i, (axes, title) in enumerate(zip(grid, titles, strict=False)):
         _entitle(axes, plain(title))
-        _over_time(axes, t)
+        place, text = others.get(i, (t, _time_label(t)))
+        _along(axes, place)
         axes.grid(color="#e3e7eb", linewidth=0.6)
         axes.ticklabel_format(useOffset=False)
         style_axes(axes)
-        if i + columns >= len(titles):
-            axes.set_xlabel(_time_label(t), fontsize=8)
+        if others or i + columns >= len(titles):
+            axes.set_xlabel(text, fontsize=8)
             axes.tick_params(labelbottom=True)
     return list(grid[: len(titles)])
 
@@ -200,7 +205,14 @@ def _entitle(axes: Axes, title: str) -> None:
 
 
 def given_panels(
-    owner: str, ax: GivenAxes, t: Array, names: Sequence[str], units: Sequence[str], *, overlay: bool = False
+    owner: str,
+    ax: GivenAxes,
+    t: Array,
+    names: Sequence[str],
+    units: Sequence[str],
+    *,
+    overlay: bool = False,
+    others: Others = _NONE,
 ) -> list[Axes]:
     """The caller's axes, one for each output, with labels. A single axes is repeated if outputs may share axes."""
     panels = axes_in(owner, ax)
@@ -214,9 +226,10 @@ def given_panels(
     texts = labels(names, units)
     for axes in dict.fromkeys(panels):
         own = [k for k, panel in enumerate(panels) if panel is axes]
+        place, text = others.get(own[0], (t, _time_label(t)))
         if not axes.has_data():
-            _over_time(axes, t)
-        axes.set_xlabel(_time_label(t))
+            _along(axes, place)
+        axes.set_xlabel(text)
         shared = {units[k] if units else "" for k in own}
         unit = shared.pop() if len(shared) == 1 else ""
         common = f"[{typeset(unit)}]" if unit else ""
@@ -241,6 +254,7 @@ def panels_over_time(
     title: str | None = None,
     room: float = 0.0,
     overlay: bool = False,
+    others: Others = _NONE,
 ) -> tuple[Figure, list[Axes]]:
     """The figure and its panels: a new figure with one panel for each output and room for a legend [inch], or the
     figure of the caller's axes.
@@ -248,12 +262,12 @@ def panels_over_time(
     See `given_panels` for overlay.
     """
     if style.ax is not None:
-        panels = given_panels(style.owner, style.ax, t, names, units, overlay=overlay)
+        panels = given_panels(style.owner, style.ax, t, names, units, overlay=overlay, others=others)
         return root(panels[0]), panels
     figure = new_figure(HEAD_HEIGHT + room + ROW_HEIGHT * n_rows(len(names)))
     if title is not None:
         figure.suptitle(plain(title), fontsize=10)
-    return figure, new_panels(figure, t, labels(names, units))
+    return figure, new_panels(figure, t, labels(names, units), others)
 
 
 def three_diagrams(style: Style, room: float) -> tuple[Figure, list[Axes]]:
@@ -292,7 +306,7 @@ def root(axes: Axes) -> Figure:
     return figure.figure
 
 
-def _over_time(axes: Axes, t: Array) -> None:
+def _along(axes: Axes, t: Array) -> None:
     axes.set_xlim(*abscissa(t)[[0, -1]])
     if len(t) == 1:
         axes.set_xticks([] if is_timeless(t) else t)

@@ -10,6 +10,7 @@ from typing import cast
 import numpy as np
 
 from symmb._types import Array, Indices, Mask
+from symmb._units import values_text
 from symmb.connect import BLOCK, Ensemble
 from symmb.declare.symbolic import batch
 from symmb.run.codegen import BLAMED, REASONS, Engine, FailedSamples
@@ -76,11 +77,11 @@ def failure_texts(
     """
     texts = []
     for k in np.flatnonzero(np.isfinite(t_failed)).tolist():
-        values = "".join(f", {n} = {v:.6g}" for n, v in zip(form.dae.p_names, P[k], strict=True))
+        values = values_text(form.dae.p_names, P[k], form.dae.p_units)
         near = None
         if len(texts) < NAMED_SAMPLES:
             near = form.singularity(*states(k), P[k])
-        texts.append(f"t = {t_failed[k]:g} s{values}: {reasons[k]}{f'; {near}' if near else ''}")
+        texts.append(f"t = {t_failed[k]:g} s{values and f', {values}'}: {reasons[k]}{f'; {near}' if near else ''}")
     return tuple(texts)
 
 

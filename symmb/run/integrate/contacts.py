@@ -167,7 +167,7 @@ def _fault_texts(impacts: Impacts) -> tuple[tuple[str, str], ...]:
             )
             for title, opens in events
         ),
-        *((f"Impact {name!r}: the gap is ", " at the start; start with a gap from 0 on") for name in names),
+        *((f"Impact {name!r}: the gap is ", " at the start. Start with a gap of at least 0") for name in names),
         *((f"Impact {name!r}: {before}", behind) for name in names),
     )
 

@@ -11,6 +11,7 @@ from symmb._errors import SimulationError, WithWarnings
 from symmb._names import ByName
 from symmb._options import require_instance
 from symmb._types import Array, Executor, Indices, Mask
+from symmb._units import units_of_parameters, values_text
 from symmb.connect import Ensemble, Progress, Reduction, Samples, checked_samples, digest, stream
 from symmb.declare.symbolic import common
 from symmb.equations.model import Scene
@@ -130,11 +131,10 @@ class FigureSimulator(WithWarnings):
         ok, t_failed, texts = traces.ok.copy(), traces.t_failed.copy(), dict(traces.texts)
         for rule in self._rules:
             for i in np.flatnonzero(np.isnan(Y[:, 0, self.outputs.index(rule.name)]) & ok).tolist():
-                values = "".join(f", {name} = {value:.6g}" for name, value in zip(self.parameters, P[i], strict=True))
+                values = values_text(self.parameters, P[i], units_of_parameters(self.parameters))
                 ok[i], t_failed[i] = False, rule.window[1]
-                texts[i] = (
-                    f"t = {t_failed[i]:g} s{values}: the condition of output {rule.name!r} never holds in the run"
-                )
+                place = ", ".join(filter(None, [f"t = {t_failed[i]:g} s", values]))
+                texts[i] = f"{place}: the condition of output {rule.name!r} never holds in the run"
         Y[~ok] = np.nan
         return Ensemble(Y, ok, t_failed, tuple(texts[i] for i in np.flatnonzero(~ok).tolist()))
 

@@ -13,6 +13,7 @@ from symmb._errors import SymmbWarning
 from symmb._interrupts import carry, runs_of
 from symmb._names import ByName
 from symmb._types import Array
+from symmb._units import units_of_parameters, values_text
 from symmb.equations.model import Scene
 from symmb.run.codegen import REASONS, SLOW, FailureCode, compiler_advice, has_compiler, with_compiler
 from symmb.run.formulations import Program, program_of
@@ -235,7 +236,7 @@ class PilotRuns:
         self.p = np.array(list(parameters.values()))
         self.program, self.reason = self._judging(program), reason
         self.x0, (self.start_fault,) = self.program.bodies.start.states(self.p[None])
-        text = ", ".join(f"{name} = {value:g}" for name, value in parameters.items())
+        text = values_text(parameters, parameters.values(), units_of_parameters(parameters))
         self.where = f" ({text})" if text else ""
         self.done: dict[Solver, tuple[Run, Trajectory]] = {}
         self._setup = time.perf_counter() - begin

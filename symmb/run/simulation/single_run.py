@@ -292,7 +292,8 @@ def parameter_values(scene: Scene, changes: Mapping[str, float]) -> dict[str, fl
 def _breakdown_text(runs: PilotRuns, solver: Solver, reason: str, switches: str) -> str:
     """The message of a failed run: the time, the reason and possible causes."""
     run, trajectory = runs.done[solver]
-    near = trajectory.singularity
+    is_known = "': " in run.message  # a fault of an element, with its own remedy
+    near, switches = (None, "") if is_known else (trajectory.singularity, switches)
     parts = [
         f"{runs.scene.name}: the run breaks down at t = {run.t_failed:g} s{runs.where}: {run.message}",
         f"The position may be singular: {near}" if near else "",

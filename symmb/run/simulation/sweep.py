@@ -1,7 +1,7 @@
 """Runs of a scene or a simulator with several values of its parameters."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -9,14 +9,14 @@ import numpy as np
 
 from symmb._errors import DeclarationError, WithWarnings, warn_of
 from symmb._interrupts import kept_interrupts
-from symmb._labelled import Labelled, Named, Result, each_parameter, over_outputs, parameter_names, unit_text
+from symmb._labelled import ByOutput, Labelled, Named, Result, each_parameter, over_outputs, parameter_names, unit_text
 from symmb._limits import require_memory, require_runs
 from symmb._names import ByName, counted, normal_keys
 from symmb._options import require_name, shown
 from symmb._progress import shown_runs
 from symmb._table import over_times
 from symmb._types import Array, Executor, Expr, Indices, Mask
-from symmb._units import number_in, numbers_in, units_of_parameters
+from symmb._units import label, number_in, numbers_in, units_of_parameters
 from symmb.connect import Progress, Reduction, Samples, Simulator
 from symmb.equations.model import Scene
 from symmb.results import plot
@@ -38,11 +38,12 @@ Part = tuple[Indices, Array, Mask, tuple[str, ...]]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sweep(plot.OverTime, Result, WithWarnings, Saved):
+class Sweep(plot.OverTime, Result, ByOutput, WithWarnings, Saved):
     """Runs with several values of parameters.
 
     `runs["x"]` gives an output of all runs. `print` shows extremes. `plot` draws all runs in the order of the
-    parameters that vary. `save` writes a file, and `load` reads it.
+    parameters that vary, and scalar outputs over the parameter with the most values. `save` writes a file, and `load`
+    reads it.
 
     Attributes
     ----------
@@ -101,6 +102,12 @@ class Sweep(plot.OverTime, Result, WithWarnings, Saved):
         values = self.values[:, :, self.names.index(name)].reshape(*self._shape, len(self.t))
         return values[..., 0] if name in self.figures else values
 
+    def __iter__(self) -> Iterator[str]:
+        raise DeclarationError(
+            'Sweep: a sweep cannot be iterated. runs["x"] is an output of all runs, and runs.values[k] are all outputs '
+            "of run k."
+        )
+
     @property
     def _shape(self) -> tuple[int, ...]:
         return tuple(map(len, self.grid.values())) or (len(self),)
@@ -139,16 +146,16 @@ class Sweep(plot.OverTime, Result, WithWarnings, Saved):
             cells = [name]
             for place in (values.argmin(), values.argmax()) if values.size else ():
                 run, i = np.unravel_index(place, values.shape)
-                cells += [f"{values[run, i]:.6g}", f"{self.t[i]:.6g}", f"{np.flatnonzero(self.ok)[run]}"]
+                time = "" if self.names[k] in self.figures else f"{self.t[i]:.6g}"
+                cells += [f"{values[run, i]:.6g}", time, f"{np.flatnonzero(self.ok)[run]}"]
             rows.append(cells + ["–"] * (len(rows[0]) - len(cells)))
         return over_times(rows, self.t)
 
     def _figure(self, columns: list[int] | None, style: plot.Style) -> "Figure":
-        varied, units = self._varied(), units_of_parameters(self.parameters)
+        varied = self._varied()
         if 0 < len(varied) <= _MOST_IN_LABELS:
             order = np.lexsort([*varied.values()][::-1])
-            words = {n: [f"{n} = {x:g} {units.get(n, '')}".rstrip() for x in v[order]] for n, v in varied.items()}
-            names = [", ".join(words_of_run) for words_of_run in zip(*words.values(), strict=True)]
+            names = [self._words(varied, k) for k in order]
         else:
             order, names = np.arange(len(self)), [f"run {k}" for k in range(len(self))]
         return plot.plot_family(
@@ -156,11 +163,33 @@ class Sweep(plot.OverTime, Result, WithWarnings, Saved):
             self.values[order],
             self.names,
             names,
+            timeless=self.figures if len(self.t) > 1 else self.names,
+            over=self._lines(order),
             units=self.units,
             chosen=columns,
             title=self.name,
             style=style,
         )
+
+    def _words(self, parameters: Iterable[str], run: int) -> str:
+        """Values of parameters in a run, in words."""
+        units = units_of_parameters(self.parameters)
+        return ", ".join(f"{n} = {self.parameters[n][run]:g} {units.get(n, '')}".rstrip() for n in parameters)
+
+    def _lines(self, order: Indices) -> plot.RunLines:
+        """The runs in this order, over the parameter with the most values. Runs of a line differ only in this one.
+
+        If a list of runs varies several parameters, its runs are points over their numbers.
+        """
+        varied = self._varied()
+        if not varied or (len(varied) > 1 and not self.grid):
+            return plot.RunLines("run", order.astype(float), [("", np.arange(len(order)))], joined=False)
+        own = max(varied, key=lambda name: len(np.unique(varied[name])))
+        lines: dict[str, list[int]] = {}
+        for place, run in enumerate(order.tolist()):
+            lines.setdefault(self._words([n for n in varied if n != own], run), []).append(place)
+        text = label(own, units_of_parameters(self.parameters).get(own, ""))
+        return plot.RunLines(text, varied[own][order], [(name, np.array(runs)) for name, runs in lines.items()])
 
     def _record(self) -> dict[str, Any]:
         return super()._record() | {"doubts": self.doubts}

@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError, WithWarnings
-from symmb._labelled import Labelled, Result
+from symmb._labelled import ByOutput, Labelled, Result
 from symmb._names import did_you_mean, normal
 from symmb._options import require_instance
 from symmb._types import Array, Expr
@@ -39,11 +39,12 @@ _START = {"held": "held", "solved": "solved for", "free": "left free"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Trajectory(plot.OverTime, Result, WithWarnings, files.Saved):
+class Trajectory(plot.OverTime, Result, ByOutput, WithWarnings, files.Saved):
     """One run of a scene.
 
     `traj["x1"]` returns an output, a coordinate, a velocity or a multiplier (n_t,) by name. A scalar output is one
-    number. `traj(expression)` evaluates any expression of the scene. `save` writes a file, and `load` reads it.
+    number. If an output has the name of a coordinate, `traj[name]` is the output. `traj(expression)` evaluates any
+    expression of the scene. `save` writes a file, and `load` reads it.
 
     Attributes
     ----------

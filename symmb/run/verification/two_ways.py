@@ -11,6 +11,7 @@ import numpy as np
 
 from symmb._doubt import Doubt
 from symmb._types import Array, Mask
+from symmb._units import values_text
 from symmb.declare.symbolic import batch
 from symmb.equations.model import DAE, Scene
 from symmb.run.codegen import has_compiler
@@ -81,7 +82,7 @@ class TwoWays:
         """
         begin, some = time.perf_counter(), np.searchsorted(first.times, second.times)
         run = second.runs(p[None])
-        parameters = ", ".join(f"{name} = {value:g}" for name, value in zip(first.bodies.dae.p_names, p, strict=True))
+        parameters = values_text(first.bodies.dae.p_names, p, first.bodies.dae.p_units)
         message = "".join(f"breaks down at t = {run.t_failed[0]:g} s: {text}" for text in run.messages)
         where = parameters and f", with {parameters},"
         return cls(
