@@ -112,7 +112,7 @@ def test_runs_begin_at_the_first_time_and_stop_at_each(springs):
 @pytest.mark.parametrize(
     ("stiffness", "text"),
     [
-        (70.0, r"fmi\d(DoStep|Get\w+) failed at t = 0\.\d+ s: the spring is torn by 70 N/m \(stiffness=70\)"),
+        (70.0, r"fmi\d(DoStep|Get\w+) failed at t = 0\.\d+ s: the spring is torn by 70 N/m \(stiffness=70 N/m\)"),
         (85.0, r"the FMU ended the run at t = 0.2\d* s \("),
         (92.0, r"timed out: the FMU had not returned after 1 s \("),
         (97.0, r"the FMU ended its process by SIGABRT \("),
