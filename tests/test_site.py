@@ -159,7 +159,7 @@ def pages_that_do_not_fit(site):
 def test_site(tmp_path):
     """One test, so that one process builds it."""
     command = [sys.executable, "-m", "sphinx", "-Wqb", "html", "--keep-going", ROOT / "examples" / "guide", tmp_path]
-    built = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"SYMMB_CFLAGS": "-O1"})
+    built = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"SYMMB_CFLAGS": "-Og"})
     assert built.returncode == 0, built.stderr
     assert not list(broken_links(tmp_path))
     for page, shown in NOTEBOOKS.items():
