@@ -1,9 +1,12 @@
 """Pulses and switches of time that parameters move: bounds are right, or they are doubtful."""
 
+import warnings
+
 import casadi as ca
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from unit_functions import unit_function
 
 import symmb as mb
 
@@ -84,3 +87,25 @@ def test_pulses_between_the_times_at_which_errors_are_estimated_are_bounded():
     simulator = mb.FunctionSimulator(motion, parameters={"a": 0.0}, times=times, outputs=["y", "z"])
     bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(a=(-1, 1)))
     assert_allclose(bounds["z"][1][in_pulse], 1, atol=0.01)
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_impacts_that_move_past_output_times_are_bounded_at_each_of_them(seed):
+    rng, d, times = np.random.default_rng(seed), 5, np.linspace(0, 2, 81)
+    late, strong = (a / np.abs(a).sum() for a in rng.uniform(0.3, 1, (2, d)) * rng.choice([-1, 1], (2, d)))
+    best = rng.uniform(-0.6, 0.6, d)
+
+    def force(x):
+        """A jump and its decay, (..., n_t) for points (..., d). Few points have their jump just before a time."""
+        delay, off = x @ late, np.square(x - best).mean(axis=-1)
+        since = times - (1 + delay / 2 + delay**2 / 10)[..., None]
+        return np.where(since > 0, (1 + 0.3 * (x @ strong - off))[..., None] * np.exp(-20 * np.maximum(since, 0)), 0)
+
+    simulator, box = unit_function(lambda x: force(x)[:, None], d, times, ["force"])
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
+        bounds = mb.propagate(simulator, mb.PolynomialChaos(seconds=100), box)
+    x = rng.uniform(-1, 1, (60_000, d))
+    x = np.where(rng.uniform(size=x.shape) < rng.choice([0, 0.5, 0.8], (len(x), 1)), np.sign(x), x)
+    highest = np.max([force(part).max(axis=0) for part in np.array_split(x, 60)], axis=0)
+    width = np.sqrt(np.mean(highest**2))  # the force may be 0 at any time
+    assert np.sqrt(np.mean((highest - bounds.upper[:, 0]) ** 2)) < 0.1 * width

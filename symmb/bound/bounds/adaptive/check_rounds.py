@@ -1,13 +1,14 @@
 """Rounds of check runs near extremes: they measure errors of an interpolant's range and of extremes of runs."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
 
 from symmb._magnitudes import SAME
-from symmb._types import Array
-from symmb.bound.bounds.adaptive.check_points import SAFETY, inflated_error
+from symmb._types import Array, Mask
+from symmb.bound.bounds.adaptive.check_points import SAFETY, inflated_error, select_dispersed
 from symmb.bound.bounds.adaptive.continuation import (
     REMAINING_SHARE,
     SPARSE_PROBES,
@@ -15,7 +16,7 @@ from symmb.bound.bounds.adaptive.continuation import (
     Continuation,
     Corrected,
 )
-from symmb.bound.bounds.adaptive.requests import Checks, Places, Steps
+from symmb.bound.bounds.adaptive.requests import Checks, Places, Request, Steps
 from symmb.bound.bounds.adaptive.runs import OutputRuns, relative_rms
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bound.bounds.time_windows import DOUBTFUL, rms
@@ -29,9 +30,9 @@ Larger numbers miss fewer extremes and take more runs."""
 FITTED_VALUES = 4, 12
 """Number of best runs per coefficient for a fit of parabolas. With too few runs, the fit only describes the best runs.
 With too many, it describes runs far from the extreme."""
-NEIGHBOURING_TIMES = 4
-"""Number of output times before and after a time. Further extremes are searched between the extremes at these times.
-Larger numbers take more time, and miss fewer peaks that move far from run to run."""
+BESIDE_STEP = 0.3
+"""Change of one parameter of a run that attains an extreme, in the search for larger extremes. Smaller steps take more
+rounds. Larger ones leave a narrow ridge. (calibrated by tests/benchmarks/everyday_machines.py)"""
 
 
 @dataclass
@@ -60,10 +61,7 @@ class Foreseen:
     def add_at(self, places: Array, foreseen: Array, points: Array, gains: Array) -> None:
         """Add the predicted excess (2, n_t, 1) and the attained one, at places (2, n_t, 1, d) among the points (C,
         d)."""
-        distance = np.full(foreseen.shape, np.inf)
-        for point in points:
-            distance = np.minimum(distance, np.abs(places - point).max(axis=-1))
-        is_run = (distance < SAME) & (foreseen > 0)
+        is_run = is_among(places, points) & (foreseen > 0)
         self.foreseen += float(np.square(foreseen[is_run]).sum())
         self.attained += float(np.square(gains[is_run]).sum())
 
@@ -84,10 +82,11 @@ class CheckRounds:
     did not confirm if this is smaller.
 
     If corners have been run, the extremes of runs are the other answer. Their error is the largest of four values. Two
-    are the gain of the last rounds, and the gain from twice as many runs inside the box. Two are the excess of the
-    range, and of lines between peaks at other times, each times the attained share. If no run differs from the
-    interpolant at a time, the error there is at most this range's excess. The answer with the smaller error over all
-    times counts.
+    are the gain of the last rounds, and the gain from twice as many runs inside the box. One is the excess of the range
+    times the attained share. The last one is the change of the extreme run to a time beside, times the share of this
+    change that runs beside it gained: the other runs are rarely near an extreme of a single time. If no run differs
+    from the interpolant at a time, the error there is at most this range's excess. The answer with the smaller error
+    over all times counts.
 
     Attributes
     ----------
@@ -107,7 +106,7 @@ class CheckRounds:
     tolerance: float
     has_corners: bool
     _foreseen: Foreseen = field(default_factory=Foreseen)
-    _between: Foreseen = field(default_factory=Foreseen)
+    _beside: Foreseen = field(default_factory=Foreseen)
 
     def steps(self) -> Steps:
         """Make rounds of check runs, and return the more accurate of two ranges."""
@@ -118,6 +117,7 @@ class CheckRounds:
         self._typical = rms(few.expected_error(self._places).ravel())
         share = self._remaining_share(self._places)
         self._observed = self._remaining = self.estimate
+        self._searched = np.empty((0, len(runs.box)))
         self._gains, before = [np.full(runs.shape, np.inf)] * LEAST_ROUNDS, np.inf
         n_rounds = n_worse = 0
         while True:
@@ -125,8 +125,7 @@ class CheckRounds:
             if self.has_corners:
                 # The next runs are near known ones. They come first: the last runs must be those that judge the error.
                 yield Checks(separable_extremes(*runs.attained()))
-                between, gaps = between_times(runs)
-                yield Places(between, self._between.share(self._between.attained) * gaps / runs.rms_widths())
+                yield from self._search_beside()
             n_beside = len(runs.points) - n_known
             unconfirmed = self._foreseen.share(self._foreseen.unconfirmed) * self._unattained()
             yield Places(self._places, np.maximum(share * self.estimate, unconfirmed) / runs.rms_widths())
@@ -135,9 +134,6 @@ class CheckRounds:
                 break
             predicted = former.values(points)
             self._foreseen.add(predicted, Y, *extremes)
-            if self.has_corners:
-                gains = np.stack([extremes[0] - runs.extremes[0], runs.extremes[1] - extremes[1]])
-                self._between.add_at(between, gaps, points, gains)
             self._gains.append(inflated_error(np.square(runs.beyond(*extremes))))
             errors = (Y - predicted) / self._remaining_share(points)[:, None, None]
             errors = errors[n_beside:] if n_beside < len(errors) else errors  # earlier ones are near known runs
@@ -154,6 +150,16 @@ class CheckRounds:
                 break
             before = error
         return self._better()
+
+    def _search_beside(self) -> Iterator[Request]:
+        """Runs beside those that attain extremes and change fast there, except where this was done before."""
+        runs, (lowest, highest) = self.runs, self.runs.extremes
+        at, swings = swings_at_extremes(runs)
+        new = select_dispersed(at, np.where(is_among(at, self._searched), 0.0, swings), len(runs.box))
+        yield Checks(points_beside(new))
+        gains = np.stack([lowest - runs.extremes[0], runs.extremes[1] - highest])
+        self._beside.add_at(at, swings, new, gains)
+        self._searched = np.concatenate([self._searched, new])
 
     def _correct(self) -> None:
         """Continue the expansion through all check runs, and compute its range."""
@@ -176,8 +182,9 @@ class CheckRounds:
         foreseen, exceeding, (lowest, highest) = self._foreseen, self._unattained().max(axis=0), self.runs.extremes
         errors = [(self._remaining, self._upper - self._lower, min(foreseen.attained, foreseen.unconfirmed))]
         if self.has_corners and len(self._gains) > 2 * LEAST_ROUNDS - 1:
-            gaps = self._between.share(self._between.attained) * between_times(self.runs)[1].max(axis=0)
-            gained = np.max([*self._gains[-LEAST_ROUNDS:], growth_inside(self.runs), gaps], axis=0)
+            swings = swings_at_extremes(self.runs)[1].max(axis=0)
+            beside = SAFETY * self._beside.share(self._beside.attained) * swings
+            gained = np.max([*self._gains[-LEAST_ROUNDS:], growth_inside(self.runs), beside], axis=0)
             errors.append((gained, highest - lowest, foreseen.attained))
         return [
             np.maximum(spread_over_times(error, width) if spread else error, foreseen.share(part) * exceeding)
@@ -205,24 +212,31 @@ class CheckRounds:
         return EstimatedRange(lower, upper, errors[best], polynomials, name, self._places)
 
 
-def between_times(runs: OutputRuns) -> tuple[Array, Array]:
-    """Places (2, n_t, 1, d) between the extremes before and after each time, and the expected gain (2, n_t, 1).
+def is_among(places: Array, points: Array) -> Mask:
+    """Mask (...) of the places (..., d) that are equal to one of the points (m, d)."""
+    found = np.zeros(places.shape[:-1], dtype=bool)
+    for point in points:
+        found |= np.abs(places - point).max(axis=-1) < SAME
+    return found
 
-    A peak may move with the parameters, and pass an output time between two runs. The place of this peak is
-    interpolated between the parameters of the two runs.
+
+def swings_at_extremes(runs: OutputRuns) -> tuple[Array, Array]:
+    """Places (2, n_t, 1, d) of the extremes of runs, and how much these runs change to a time beside (2, n_t, 1).
+
+    Where a run changes fast, e.g. at an impact, few runs of the box are near an extreme at the same time. Changes up to
+    a fraction DOUBTFUL of the width are 0.
     """
     points, Y = runs.attained()
-    k, values = np.arange(runs.shape[0]), np.stack([-Y.min(axis=0), Y.max(axis=0)])[..., 0]
-    at = points[np.stack([Y.argmin(axis=0), Y.argmax(axis=0)])[..., 0]]
-    gaps, places = np.zeros(values.shape), at.copy()
-    for before, after in np.ndindex(NEIGHBOURING_TIMES, NEIGHBOURING_TIMES):
-        first, last = np.maximum(k - before - 1, 0), np.minimum(k + after + 1, len(k) - 1)
-        share = (before + 1) / (before + after + 2)
-        gap = (1 - share) * values[:, first] + share * values[:, last] - values
-        is_larger = gap > gaps
-        gaps[is_larger] = gap[is_larger]
-        places[is_larger] = ((1 - share) * at[:, first] + share * at[:, last])[is_larger]
-    return places[:, :, None], gaps[..., None]
+    rows, k = np.stack([Y.argmin(axis=0), Y.argmax(axis=0)]), np.arange(runs.shape[0])[:, None]
+    before, now, after = (Y[rows, np.clip(k + step, 0, len(k) - 1), 0] for step in (-1, 0, 1))
+    swings = np.maximum(np.abs(before - now), np.abs(after - now))
+    return points[rows], np.where(swings > DOUBTFUL * runs.rms_widths(), swings, 0.0)
+
+
+def points_beside(places: Array) -> Array:
+    """Points (N, d) that differ from one of the places (m, d) by BESIDE_STEP in one parameter."""
+    steps = BESIDE_STEP * np.concatenate([np.eye(places.shape[1]), -np.eye(places.shape[1])])
+    return np.unique(np.clip(places[:, None] + steps, -1.0, 1.0).reshape(-1, places.shape[1]), axis=0)
 
 
 def growth_inside(runs: OutputRuns) -> Array:
