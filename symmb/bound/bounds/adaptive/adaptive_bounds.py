@@ -8,6 +8,7 @@ from symmb._doubt import Doubt
 from symmb._errors import PropagationError
 from symmb._magnitudes import LAST_DIGITS, SAME, SLIGHT
 from symmb._threads import one_thread
+from symmb._table import apart
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.bound.bounds.adaptive.clock import Clock
 from symmb.bound.bounds.adaptive.many_parameters import range_of_many
@@ -147,7 +148,7 @@ def _of_accuracy(
     if is_enough and (runs.noise <= tolerance * runs.rms_widths()).all():
         return (), ()
     error = float(np.max(rms(estimate) / runs.rms_widths(), initial=0.0))
-    short = _SHORT.format(tolerance=tolerance, error=error)
+    short = _SHORT.format(*apart(tolerance, error))
     if is_enough or not runs.clock.is_cut:
         return (short,), ()
     cut = Doubt(_CUT.format(tolerance=tolerance))  # the estimated error shows the effect on each output
@@ -192,7 +193,7 @@ _CUT = (
     "than three times as long as they did. PolynomialChaos(seconds=...) allows more."
 )
 """The warning if a study had no time to refine the bounds and its error is far above the tolerance."""
-_SHORT = "The tolerance {tolerance:g} was not reached: the estimated error is {error:.2g} times the width."
+_SHORT = "The tolerance {} was not reached: the estimated error is {} times the width."
 """A warning if the runs are too few, or if noise and rounding are too large."""
 
 
