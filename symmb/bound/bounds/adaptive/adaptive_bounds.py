@@ -7,8 +7,8 @@ import numpy as np
 from symmb._doubt import Doubt
 from symmb._errors import PropagationError
 from symmb._magnitudes import LAST_DIGITS, SAME, SLIGHT
-from symmb._threads import one_thread
 from symmb._table import apart
+from symmb._threads import one_thread
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.bound.bounds.adaptive.clock import Clock
 from symmb.bound.bounds.adaptive.many_parameters import range_of_many
