@@ -45,6 +45,13 @@ def test_a_run_that_passes_a_limit_between_two_times_violates_it(count):
         assert "beyond the limit" in inside.why and outside.kept
 
 
+def test_the_worst_case_is_the_run_that_passes_the_limit():
+    most = largest_force(2.2e4, 0.105)
+    worst = mb.propagate(dropped(5)).check({"force": (None, 0.9 * most)}).worst
+    assert worst is not None and worst.value == pytest.approx(most, rel=1e-3)
+    assert worst.parameters["k"] == 2.2e4 and worst.parameters["h"] == 0.105
+
+
 @pytest.mark.parametrize("count", [2, 3, 5, 8, 12, 31])
 def test_tolerances_do_not_depend_on_the_number_of_times(count):
     """The limits are reached at l = 1.05 and at k = 2.1e4, h = 0.1025 (closed forms)."""

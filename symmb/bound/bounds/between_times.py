@@ -86,9 +86,10 @@ def _by_runs(bounds: Envelope, limit: KeptLimit, points: Array, times: Array, va
     margin[row] = min(margin[row], least)
     between = f" between two output times, at {times[moment]:.4g} s" if moment % every else ""
     why = f"A run is beyond the limit{between}."
-    side = SIDES[int(values[run, moment] > limit.high)]
+    side, own = SIDES[int(values[run, moment] > limit.high)], values[run, ::every].copy()
+    own[row] = values[run, moment]  # so that this run is the worst case at the output time beside
     before = (limit.further.runs, limit.further.failed) if limit.further else (0, 0)
-    further = FurtherRun(side, points[run], values[run, ::every], -least, np.inf, *before, False)
+    further = FurtherRun(side, points[run], own, -least, np.inf, *before, False)
     return replace(limit, kept=False, why=why, margin=margin, row=int(margin.argmin()), further=further), 0.0
 
 
