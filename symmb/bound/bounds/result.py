@@ -96,7 +96,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         600 runs, or as many as the study; with other simulators at most twice as many as the study. The limit is then
         satisfied if the closest run is farther inside than the error of the search. Otherwise it is undecided.
 
-        The runs of a scene that come closest to a limit are repeated at 1000 times or more. A limit is also violated if
+        The runs of a scene that come closest to a limit are repeated at 1000 or more times. A limit is also violated if
         one of them exceeds it between two output times.
 
         An enclosure proves that a limit is satisfied. Samples alone can only show that a limit is violated.

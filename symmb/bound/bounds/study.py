@@ -53,7 +53,7 @@ class Study:
 
     @cached_property
     def finer(self) -> Simulator | None:
-        """The simulator at `_MANY` times or more, output times among them; None without a scene or without curves."""
+        """The simulator at `_MANY` times at least, with the output times; None without a scene or without curves."""
         simulator, n = self.simulator, len(self.simulator.times)
         if not isinstance(simulator, SceneSimulator) or n < 2:
             return None

@@ -24,6 +24,10 @@ def run() -> int | str | None:
             signal.signal(number, signal.SIG_IGN)  # the work is done: signals must not change the exit status
     except KeyboardInterrupt:
         status = INTERRUPTED
+    except RuntimeError as error:  # of Python 3.11, if a signal arrives while a class is made
+        if not isinstance(error.__cause__, KeyboardInterrupt):
+            raise
+        status = INTERRUPTED
     if status == INTERRUPTED:
         end_now()  # otherwise Python would end by SIGINT if a module was loading
     try:
