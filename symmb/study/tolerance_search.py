@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
-from symmb._table import at_time
 from symmb._types import Array, Executor
 from symmb._units import units_of_parameters
-from symmb.bound.bounds import Bounds, LimitCheck, PolynomialChaos, Study, WorstCase, gathered, parameter_samples
+from symmb.bound.bounds import Bounds, Extremes, LimitCheck, PolynomialChaos, Study, WorstCase, parameter_samples
 from symmb.bound.polynomials.ranges import Piecewise
 from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box
@@ -86,24 +85,24 @@ class Search:
         # At the factor `to_zero`, a parameter such as a mass or length would reach 0.
         self._most = np.minimum(0.99 * to_zero, LARGEST_FACTOR)
         self.evaluations, self.remarks, self.narrow = 1, tuple[str, ...](), tuple[str, ...]()
-        # Limits hold between output times, too. Studies are at the output times, and single runs at many times.
-        self._finer = Study(simulator, shape).finer or simulator
-        run = self._finer.run(np.array([[*map(float, simulator.parameters.values())]]))
+        # Limits hold between output times, too. Studies are at the output times, single runs have all values.
+        self._extremes = Extremes(simulator, [*limits], executor)
+        nominal = np.array([[*map(float, simulator.parameters.values())]])
+        run = simulator.run(nominal)
         if not run.ok.all():
             raise PropagationError(f"{OWNER}: the run at the nominal parameters fails: {run.messages[0]}.")
-        values = run.Y[0][:, self._columns]
-        margins = self._margins(values, values)
-        i, k = np.unravel_index(np.argmin(margins), margins.shape)
-        if margins[i, k] <= 0:
-            when = "" if [*limits][k] in getattr(simulator, "figures", ()) else at_time(self._finer.times, int(i))
+        lowest, highest = self._extremes(nominal)[:, 0]
+        self._at_nominal = self._margins(lowest, highest)
+        if self._at_nominal.min() <= 0:
+            k = int(self._at_nominal.argmin())
+            value = lowest[k] if lowest[k] - self._low[k] <= 0 else highest[k]
             raise PropagationError(
-                f"{OWNER}: the nominal run violates or reaches a limit of {[*limits][k]}{when}: "
-                f"{values[i, k]:.6g}. The search needs a margin there. Change the limit or the nominal values."
+                f"{OWNER}: the nominal run violates or reaches a limit of {[*limits][k]}: {value:.6g}. The search "
+                "needs a margin. Change the limit or the nominal values."
             )
-        self._at_nominal, self._nominal_values = margins.min(axis=0), values
 
     def _margins(self, lower: Array, upper: Array) -> Array:
-        """Margins (..., n_t, n_l) of bounds, for outputs with limits."""
+        """Margins (..., n_l) of bounds (..., n_l) of outputs with limits."""
         return np.minimum(lower - self._low, self._high - upper)
 
     def _box(self, factors: Array) -> Box:
@@ -142,11 +141,10 @@ class Search:
 
         The margin is -inf if a run fails.
         """
-        P = parameter_samples(self._finer, self._box(factors), places)
-        Y, failed = gathered(self._finer, P, self._executor)
+        P = parameter_samples(self._simulator, self._box(factors), places)
         self.evaluations += len(P)
-        Y = Y[..., self._columns]
-        return -np.inf if failed else float((self._margins(Y, Y) / self._at_nominal).min())
+        shares = self._margins(*self._extremes(P)) / self._at_nominal
+        return float(np.nan_to_num(shares, nan=-np.inf).min())
 
     def _met(self, ray: _Bracket) -> tuple[float, bool]:
         """The factor between `low` and `high` at which runs reach a limit, and whether runs fail at larger factors.
@@ -238,18 +236,9 @@ class Search:
 
     def binding(self, bounds: Bounds, check: LimitCheck) -> WorstCase | None:
         """The run that is closest to a limit, relative to the margin of the nominal run."""
-        left = dict[tuple[str, str], float]()
-        for (name, (low, high)), k, values in zip(
-            self._limits.items(), self._columns, self._nominal_values.T, strict=True
-        ):
-            if low > -np.inf:
-                left[name, "lower"] = (bounds.lower[:, k].min() - low) / (values.min() - low)
-            if high < np.inf:
-                left[name, "upper"] = (high - bounds.upper[:, k].max()) / (high - values.max())
-        name, side = min(left, key=lambda each: left[each])
-        if check.worst is not None and (check.worst.output, check.worst.side) == (name, side):
-            return check.worst
-        return getattr(bounds.worst(name), side)
+        left = [own.margin.min() / nominal for own, nominal in zip(check.limits, self._at_nominal, strict=True)]
+        limit = check.limits[int(np.argmin(left))]
+        return bounds._closest_to([limit]) or getattr(bounds.worst(limit.output), bounds._side(limit))
 
     def signs(self, factors: Array) -> tuple[str, ...]:
         """One sentence if larger factors (d,) would let a parameter reach 0; otherwise empty."""
@@ -264,7 +253,8 @@ class Search:
         The search starts at the largest common factor. Further studies follow until the factors are inside a box with
         accurate polynomials. If the polynomials are wrong, the common factor may have a lower cost.
         """
-        common = factors = self.largest(np.ones(len(self._shape)))[0]
+        common, whole = self.largest(np.ones(len(self._shape)))
+        factors, remarks = common, self.remarks
         for _ in range(_MAX_STUDIES):
             wide = np.minimum(_WIDER * factors, self._most)
             surrogate = self._polynomials(wide)
@@ -277,7 +267,12 @@ class Search:
             is_inside = (factors < wide * (1 - _SETTLED)) | (factors >= self._most * (1 - _SETTLED))
             if (is_inside & (factors > start * _NARROWER * (1 + _SETTLED))).all():
                 break
-        return self.largest(factors if cost(factors) < cost(common) else common)
+        if cost(factors) < cost(common):
+            found = self.largest(factors)
+            if cost(found[0]) < cost(common):
+                return found
+        self.remarks = remarks
+        return common, whole
 
     def _polynomials(self, factors: Array) -> Piecewise | None:
         """The polynomials of the outputs with limits over a box; None if the polynomials are not accurate."""

@@ -19,5 +19,5 @@ from symmb.bound.bounds.registry import METHODS, method_of, read_method
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.result_file import INNER, box_coordinates, box_entries, box_of, inner_entries, kind_of
 from symmb.bound.bounds.sampling import MonteCarlo, Scanning, Vertex
-from symmb.bound.bounds.study import Study
+from symmb.bound.bounds.study import Extremes, Study
 from symmb.bound.bounds.worst_case import SIDES, Sample, WorstCase, row_of, worst_rows

@@ -58,6 +58,7 @@ class KeptLimit:
     further : FurtherRun       the further run that comes closest to the limit, or None if none was made or the check
                                was read from a file
     width : float              largest width of the bounds
+    between : float            time of the smallest margin [s] if it is between two output times; otherwise nan
     """
 
     output: str
@@ -70,12 +71,17 @@ class KeptLimit:
     row: int = field(metadata=entry(lambda record, name: range(record.length("t"))[record.whole(name)]))
     further: FurtherRun | None = field(default=None, metadata=NOT_KEPT)
     width: float = 0.0
+    between: float = field(default=np.nan, metadata=entry(lambda record, name: record.number(name)))
 
     @property
     def share(self) -> float:
         """The margin m relative to the width w, m / (|m| + w), from -1 to 1. It compares limits of any units."""
         least = float(self.margin.min())
         return least / (abs(least) + self.width) if least and np.isfinite(least) else float(np.sign(least))
+
+    def time(self, t: Array) -> float:
+        """The time of the smallest margin [s], from the output times t (n_t,)."""
+        return float(t[self.row] if np.isnan(self.between) else self.between)
 
     @property
     def text(self) -> str:
@@ -158,12 +164,13 @@ class LimitCheck(plot.OverTimeBesideGiven, Result, ByOutput, Saved):
         for limit in self.limits:
             least, _ = self._least(limit)
             margin = f"{least:.4g}{' ' * bool(limit.unit)}{typeset(limit.unit)}"
-            rows.append([limit.text, _WORDS[limit.kept], limit.why, margin, time_text(self.t, limit.row, limit.margin)])
+            time = time_text(self.t, limit.row, limit.margin) if np.isnan(limit.between) else f"{limit.between:.6g}"
+            rows.append([limit.text, _WORDS[limit.kept], limit.why, margin, time])
         return over_times(rows, self.t)
 
     def _least(self, limit: KeptLimit) -> tuple[float, float]:
         """The smallest margin of a limit, and its time [s]."""
-        return float(limit.margin[limit.row]), float(self.t[limit.row])
+        return float(limit.margin[limit.row]), limit.time(self.t)
 
     def to_json(self) -> dict[str, dict[str, Any]]:
         """For each limit: the result, the reason, the smallest margin, its time, and the ends (None if infinite)."""
@@ -341,7 +348,7 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
         near = near + 0.5 * (bounds.upper - bounds.lower)[:, k].max()
     if bounds.study is not None and (margin < near).any():
         further = closest_run(bounds, k, side, limit, np.argsort(margin, kind="stable"), rounding)
-        if (found := _by_further_run(further, limit, margin, rounding, unit)) is not None:
+        if (found := by_further_run(further, limit, margin, rounding, unit)) is not None:
             return found
     if (margin < -np.maximum(estimate, rounding)).any():
         error = estimate[(margin + estimate).argmin()]
@@ -356,7 +363,7 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
     )
 
 
-def _by_further_run(further: FurtherRun, limit: float, margin: Array, rounding: float, unit: str) -> _Decision | None:
+def by_further_run(further: FurtherRun, limit: float, margin: Array, rounding: float, unit: str) -> _Decision | None:
     """The decision by the further run that is closest to a limit; None if its search was not completed.
 
     The limit is violated if the run is beyond the limit. It is satisfied if the run is farther inside than the error of

@@ -19,7 +19,7 @@ from symmb._table import aligned, over_times
 from symmb._units import headings, told_names, with_units
 from symmb.bound.bounds import result_file
 from symmb.bound.bounds.answers import Answers
-from symmb.bound.bounds.between_times import with_repeats
+from symmb.bound.bounds.between_times import with_peaks
 from symmb.bound.bounds.failures import failure_text
 from symmb.bound.bounds.limits import KeptLimit, LimitCheck, Limits, closest, kept_limit, limit_pairs, other_side
 from symmb.bound.bounds.worst_case import WorstCase
@@ -113,7 +113,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         """
         pairs = limit_pairs("Bounds.check", limits, self.names, self.units)
         with shown_runs(None, "runs near limits"):
-            checked, between = with_repeats(self, [kept_limit(self, name, *ends) for name, ends in pairs.items()])
+            checked, between = with_peaks(self, [kept_limit(self, name, *ends) for name, ends in pairs.items()])
         worst = self._closest_to(checked)
         others = filter(None, (other_side(self, limit, self._side(limit)) for limit in checked))
         remarks = (*self._about_nominal(), *others, *between)
@@ -139,6 +139,8 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         if further is None:
             return case
         case = self._closer(case, further.side, further.place, float(further.values[i]))
+        if np.isfinite(limit.between) and case.attained == further.values[i]:
+            case = replace(case, time=limit.between)
         return replace(case, value=case.attained) if np.isfinite(further.error) else case
 
     def _side(self, limit: KeptLimit) -> str:

@@ -1,5 +1,6 @@
 """The data from which bounds were computed. They are stored with the bounds for further runs."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -7,7 +8,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
 from symmb._progress import shown_runs
-from symmb._types import Array
+from symmb._types import Array, Executor
 from symmb.bound.bounds.method import parameter_samples
 from symmb.bound.bounds.polynomial_chaos import PolynomialChaos
 from symmb.bound.bounds.reductions import FailedRuns, gathered
@@ -16,13 +17,33 @@ from symmb.bound.nodes import Sobol
 from symmb.connect import Simulator, noise_from_runs
 from symmb.equations.model import Box, Scene
 from symmb.run.integrate import Solver
-from symmb.run.simulation import DAESimulator, SceneSimulator, simulator_with
+from symmb.run.simulation import DAESimulator, FigureSimulator, SceneSimulator, motion_of, simulator_with
 
 _FAILED = (
     "{} of {} runs failed: {}. Take a box without failures; MonteCarlo(n, distributions=...) leaves failed runs out."
 )
-_MANY = 1000
-"""Least number of times at which runs close to limits are repeated, because a contact is short."""
+_MANY, _LEAST_PARTS = 1000, 4
+"""Least number of times that show when a run exceeds a limit. Least number of parts of the distance of output times."""
+
+
+class Extremes:
+    """A function: samples P (N, d) -> lowest and highest values over time (2, N, n) of n outputs, nan in failed runs.
+
+    For scenes, the values between output times count as well. Other simulators have values at output times only.
+    """
+
+    def __init__(self, simulator: Simulator, names: Sequence[str], executor: Executor | None = None) -> None:
+        self._executor, self._columns = executor, [tuple(simulator.outputs).index(name) for name in names]
+        self._simulator, self._has_peaks = simulator, False
+        if isinstance(simulator, SceneSimulator) and len(simulator.times) > 1:
+            self._simulator, self._has_peaks = FigureSimulator.of_peaks(simulator, names), True
+
+    def __call__(self, P: Array) -> Array:
+        Y, _ = gathered(self._simulator, P, self._executor)
+        if self._has_peaks:
+            return np.moveaxis(Y[:, 0].reshape(len(P), -1, 2), 2, 0)
+        Y = Y[:, :, self._columns]
+        return np.stack([Y.min(axis=1), Y.max(axis=1)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,20 +72,26 @@ class Study:
             return simulator if is_whole else simulator_with(simulator.scene, simulator.solver)
         raise DeclarationError(f"These bounds hold no scene: they are of {self.simulator!r}.")
 
-    @cached_property
-    def finer(self) -> Simulator | None:
-        """The simulator at `_MANY` times at least, with the output times; None without a scene or without curves."""
-        simulator, n = self.simulator, len(self.simulator.times)
-        if not isinstance(simulator, SceneSimulator) or n < 2:
-            return None
-        parts = -(-_MANY // (n - 1))
-        return simulator.at(np.interp(np.arange(parts * (n - 1) + 1) / parts, np.arange(n), simulator.times))
+    def extremes(self, names: tuple[str, ...], points: Array) -> Array:
+        """Lowest and highest values over time (2, N, n) of outputs at points (N, d); see `Extremes`."""
+        if names not in self._extremes:
+            self._extremes[names] = Extremes(self.simulator, names)
+        return self._extremes[names](parameter_samples(self.simulator, self.box, points))
 
-    def at_many_times(self, points: Array) -> tuple[Array, Array] | None:
-        """Times (n,) of `finer`, and responses (N, n, n_y) at points (N, d) of the unit box; None if it is None."""
-        if self.finer is None:
-            return None
-        return self.finer.times, self.finer.run(parameter_samples(self.finer, self.box, points)).Y
+    @cached_property
+    def _extremes(self) -> "dict[tuple[str, ...], Extremes]":
+        return {}
+
+    def at_many_times(self, place: Array) -> tuple[Array, Array]:
+        """Times (n,), and the curves (n, n_c) of the run at a place (d,) of the unit box, in the order of the outputs.
+
+        Each distance of output times has the same number of parts.
+        """
+        motion = motion_of(self.simulator)
+        assert motion is not None
+        parts, n = max(-(-_MANY // (len(motion.times) - 1)), _LEAST_PARTS), len(motion.times)
+        times = np.interp(np.arange(parts * (n - 1) + 1) / parts, np.arange(n), motion.times)
+        return times, motion.at(times).run(parameter_samples(motion, self.box, place[None])).Y[0]
 
     @cached_property
     def adaptive(self) -> Bounds:

@@ -46,22 +46,48 @@ class FigureSimulator(WithWarnings):
     """
 
     def __init__(self, scene: Scene, curves: DAESimulator) -> None:
-        self.scene: Scene | None = scene
-        self.curves, self.name, self.box = curves, scene.name, scene.box
-        self.parameters = ByName(curves.parameters)
-        self.outputs, self.units = scene.output_names, scene.units
-        self.times = curves.times if scene.curve_names else np.zeros(1)
-        self.solver, self.reason, self.threads = curves.solver, curves.reason, curves.threads
-        self._span = float(np.ptp(curves.times))
-        self._columns = [self.outputs.index(name) for name in scene.curve_names]
-        self._rules, n = list[Rule](), len(scene.curve_names)
+        rules, n = list[Rule](), len(scene.curve_names)
         for name, f in scene.figures.items():
             expression = -1 if f.expression is None else n
             n += f.expression is not None
             margin = -1 if f.margin is None else n
-            self._rules.append(Rule(name, f.kind, expression, margin, f.is_strict, f.window, f.per_second))
+            rules.append(Rule(name, f.kind, expression, margin, f.is_strict, f.window, f.per_second))
             n += f.margin is not None
-        self._with_rates = _with_rates(curves)
+        self.outputs, self.units = scene.output_names, scene.units
+        self._columns = [self.outputs.index(name) for name in scene.curve_names]
+        self._hold(scene, curves, _with_rates(curves), rules)
+
+    @classmethod
+    def of_peaks(cls, simulator: "SceneSimulator", names: Sequence[str]) -> "FigureSimulator":
+        """The simulator of the lowest and the highest value over time of each of these outputs.
+
+        Both are scalar outputs, one after the other. Scalar outputs of the given simulator have two equal values.
+        """
+        own, known = cls.__new__(cls), dict[str, Rule]()
+        if isinstance(simulator, DAESimulator):
+            curves, rates = simulator, _with_rates(simulator)
+        else:
+            curves, rates = simulator.curves, simulator._with_rates
+            known = {rule.name: rule for rule in simulator._rules}
+        window = float(curves.times[0]), float(curves.times[-1])
+        rules = [
+            known[name]._replace(name=f"{name}, {kind}")
+            if name in known
+            else Rule(f"{name}, {kind}", kind, tuple(curves.outputs).index(name), -1, False, window)
+            for name in names
+            for kind in ("minimum", "maximum")
+        ]
+        own.outputs, own.units, own._columns = tuple(rule.name for rule in rules), None, []
+        own._hold(None, curves, rates, rules)
+        return own
+
+    def _hold(self, scene: Scene | None, curves: DAESimulator, with_rates: Program, rules: list[Rule]) -> None:
+        """Set the attributes that follow from the simulator of the curves and from the rules of scalar outputs."""
+        self.scene, self.curves, self.name, self.box = scene, curves, curves.name, curves.box
+        self.parameters = ByName(curves.parameters)
+        self.times = curves.times if self._columns else np.zeros(1)
+        self.solver, self.reason, self.threads = curves.solver, curves.reason, curves.threads
+        self._span, self._rules, self._with_rates = float(np.ptp(curves.times)), rules, with_rates
         self.doubts: tuple[str, ...] = curves.start.doubts
         self.noise: Array | None = None
         self.nominal: Array | None = None
@@ -91,12 +117,6 @@ class FigureSimulator(WithWarnings):
         """The same simulator with a solver that is ten times more accurate, or more if its steps would not change."""
         _, other, curves = self._count, FigureSimulator.__new__(FigureSimulator), self.curves.tighter()
         vars(other).update(vars(self), curves=curves, solver=curves.solver, _with_rates=_with_rates(curves))
-        return other
-
-    def at(self, times: Array) -> "FigureSimulator":
-        """The same simulator at other times with the same begin and end."""
-        _, other, curves = self._count, FigureSimulator.__new__(FigureSimulator), self.curves.at(times)
-        vars(other).update(vars(self), curves=curves, times=times)
         return other
 
     def second_look(self) -> None:

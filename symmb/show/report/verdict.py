@@ -62,6 +62,8 @@ def verdict(bounds: Bounds, check: LimitCheck | None) -> list[tuple[str, str]]:
     if n := len(bounds.doubts):
         more.append(f"{'A warning says' if n == 1 else f'{n} warnings say'} what is uncertain: see the annex.")
     more += bounds._about_nominal()
+    told = " ".join((*more, *(text for _, text in some)))
+    more += [remark for remark in (check.remarks if check else ()) if remark not in told]
     return [("" if check is None else STATES[check.kept], head), *some[:_MOST_LISTED], *(("", text) for text in more)]
 
 
@@ -159,11 +161,11 @@ def _least_excess(bounds: Bounds, limit: KeptLimit) -> tuple[float, int]:
 
 
 def _sentence(bounds: Bounds, limit: KeptLimit) -> str:
-    def at(row: int) -> str:
-        return "" if name in bounds.figures or is_timeless(bounds.t) else f", at {bounds.t[row]:.4g} s"
+    def at(time: float) -> str:
+        return "" if name in bounds.figures or is_timeless(bounds.t) else f", at {time:.4g} s"
 
     name, margin = limit.output, float(limit.margin[limit.row])
-    where = at(limit.row) + _when(bounds, limit)
+    where = at(limit.time(bounds.t)) + _when(bounds, limit)
     least = f"The smallest margin is {_text(margin, limit.unit)}{where}."
     end = _end(bounds, limit)
     if abs(margin) <= SAME * abs(end):
@@ -178,7 +180,7 @@ def _sentence(bounds: Bounds, limit: KeptLimit) -> str:
         return f"It is not decided whether {name} is {_inside(limit)}. {least if margin >= 0 else beyond}"
     if every > 0:
         least = _text(every, limit.unit)
-        other = f"{at(row)}," if row != limit.row and at(row) else ""
+        other = f"{at(bounds.t[row])}," if row != limit.row and at(bounds.t[row]) else ""
         by = "" if least == _text(most, limit.unit) else f"at least {least}{other} and up to "
         return f"{name} {does} {limit_of} in all cases, by {by}{up_to}."
     if nominal > 0:
@@ -249,6 +251,8 @@ def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
         return ["Intervals that hold the nominal values are needed to find tolerances that satisfy the limits."]
     if not limits or box is None or (surrogate := bounds.good_surrogate(columns)) is None:
         return [_SEARCH] * bool(limits)
+    if any(np.isfinite(limit.between) for limit in limits):  # polynomials have values at output times only
+        return [_SEARCH]
     nominal = [bounds.nominal_parameters.get(name, middle) for name, middle in zip(box.names, box.center, strict=True)]
     reduced, names = _Reduced(box, np.clip(box.to_unit(np.array(nominal)), -1.0, 1.0), []), dict[str, None]()
     for limit, k in zip(limits, columns, strict=True):
