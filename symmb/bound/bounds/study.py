@@ -91,7 +91,7 @@ class Study:
         assert motion is not None
         parts, n = max(-(-_MANY // (len(motion.times) - 1)), _LEAST_PARTS), len(motion.times)
         times = np.interp(np.arange(parts * (n - 1) + 1) / parts, np.arange(n), motion.times)
-        return times, motion.at(times).run(parameter_samples(motion, self.box, place[None])).Y[0]
+        return times, motion.program.at(times).runs(parameter_samples(motion, self.box, place[None])).Y[0]
 
     @cached_property
     def adaptive(self) -> Bounds:

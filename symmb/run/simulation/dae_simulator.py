@@ -131,10 +131,6 @@ class DAESimulator(WithWarnings):
         """The same simulator with another solver."""
         return self if solver == self.solver else self._by(self.program.by(solver))
 
-    def at(self, times: Array) -> "DAESimulator":
-        """The same simulator at other times with the same begin and end."""
-        return self._by(self.program.at(times))
-
     def _by(self, program: Program) -> "DAESimulator":
         other = DAESimulator.__new__(DAESimulator)
         vars(other).update(vars(self) | {"_setup": self.setup_seconds})
