@@ -70,3 +70,54 @@ def test_limits_far_away_have_no_remark():
     bounds = mb.propagate(dropped(11))
     assert not bounds.check({"force": (None, 1.2 * largest_force(2.2e4, 0.105))}).remarks
     assert not mb.propagate(pendulum(5)).check({"height": (-1.2, 0.1)}).remarks
+
+
+def bouncing(times: np.ndarray, restitution: float) -> mb.Scene:
+    """A ball that falls from the height h, and is thrown back with a part of its speed sqrt(2 g h)."""
+    p = mb.Parameters(h=0.7, e=restitution)
+    ball = mb.Body("ball", 0.4, pose=mb.Particle())
+    system = mb.System(ball, mb.Impact("floor", ball.y, p.e), mb.Gravity(0, -G), parameters=p)
+    box = mb.Box.plus_minus(p, h="3%", e="4%")
+    return mb.Scene(system, {"ball.y": p.h}, times, {"v": ball.vy, "y": ball.y}, box)
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize("seed", range(3))
+def test_speeds_at_impacts_count(seed):
+    """The speed is largest at the instant of an impact, which is no output time."""
+    rng = np.random.default_rng(seed)
+    times, e = np.sort([0.0, *rng.uniform(0.05, 0.85, rng.integers(1, 9)), 0.9]), rng.uniform(0.4, 0.8)
+    scene, wider = bouncing(times, e), rng.uniform(0.7, 2.5)
+    fastest = np.sqrt(2 * G * 0.7 * (1 + 0.03 * wider))
+    for limits, most in (
+        ({"v": (-fastest, None)}, fastest),
+        ({"v": (None, fastest * e * (1 + 0.04 * wider))}, fastest),
+    ):
+        found = mb.tolerances(scene, limits)
+        assert found.factor == pytest.approx(wider, rel=0.01) and found.check.kept
+        assert found.binding is not None and found.binding.parameters["h"] == pytest.approx(most**2 / 2 / G, rel=1e-3)
+    bounds = mb.propagate(scene)
+    assert bounds.check({"y": (1e-6, None)})["y"].kept is False  # each run touches the floor
+    assert bounds.check({"y": (-1e-6, None)})["y"].kept is not False
+
+
+def test_both_ends_are_told():
+    check = mb.propagate(pendulum(3)).check({"height": (-1.0, -0.02)})
+    assert check.kept is False and len(check.remarks) == 1
+    assert "In other cases height may exceed its limit of -0.02" in check.remarks[0]
+
+
+def test_more_than_a_thousand_times_are_divided():
+    """The oscillator is at zero at all output times."""
+    p = mb.Parameters(v=2.0)
+    mass = mb.Body("mass", 1.0, pose=mb.Particle())
+    system = mb.System(mass, mb.Force("spring", mass.point(0, 0), (-((6 * np.pi) ** 2) * mass.x, 0)), parameters=p)
+    scene = mb.Scene(system, {"mass.vx": p.v}, np.arange(1100) / 6, {"x": mass.x}, mb.Box(v=(1.9, 2.1)))
+    limit = mb.propagate(scene).check({"x": (None, 2.05 / (6 * np.pi))})["x"]
+    assert limit.kept is False and limit.margin.min() == pytest.approx(-0.05 / (6 * np.pi), rel=1e-3)
+
+
+def test_tolerances_with_costs_are_no_dearer_than_with_one_factor():
+    scene = pendulum(2)
+    limits = {"speed": (None, np.sqrt(2 * G * 1.05))}
+    assert mb.tolerances(scene, limits, costs={}).cost == pytest.approx(2.0, rel=0.01)

@@ -38,15 +38,17 @@ def with_peaks(bounds: Envelope, limits: Sequence[KeptLimit]) -> tuple[list[Kept
         told = [_remark(bounds, limit) for limit in curves if limit.kept is not False and len(bounds.t) > 2]
         return list(limits), [remark for remark in told if remark]
     points = np.concatenate([_first(bounds), *(part for limit in curves for part in _repeated(bounds, limit))])
-    extremes, examined = study.extremes(names, points), dict[str, KeptLimit]()
+    extremes, examined, remarks = study.extremes(names, points), dict[str, KeptLimit](), list[str]()
     for j, limit in enumerate(curves):
-        for side, end, own in zip(SIDES, (limit.low, limit.high), extremes[..., j], strict=True):
-            if np.isfinite(end):
-                search = _Excess(bounds, limit, side, names)
-                search.add(points, own)
-                limit = search.examined(limit, points)
+        searches = [_Excess(bounds, limit, side, names) for side in SIDES]
+        for search, own in zip(searches, extremes[..., j], strict=True):
+            search.add(points, own)
+            limit = search.examined(limit, points)
         examined[limit.output] = limit
-    return [examined.get(limit.output, limit) for limit in limits], []
+        less = min(searches, key=lambda search: search.largest)
+        if less.largest > rounding_of(bounds, bounds.names.index(limit.output)):
+            remarks.append(less.remark())
+    return [examined.get(limit.output, limit) for limit in limits], remarks
 
 
 class _Excess:
@@ -59,8 +61,8 @@ class _Excess:
         self._bounds, self._side, self._names = bounds, side, names
         self._number, self._k = names.index(limit.output), bounds.names.index(limit.output)
         self._sign, self._end = (-1.0, limit.low) if side == "lower" else (1.0, limit.high)
-        self.runs, self.failed, self.largest, self.place = 0, 0, -np.inf, np.zeros(0)
-        self.values = np.zeros(0)
+        self.runs, self.failed, self.largest = 0, 0, -np.inf
+        self.place, self.values = np.zeros(0), np.zeros(0)
 
     def __call__(self, points: Array) -> Array:
         """Excess (N,) at points (N, d); minus infinity for failed runs."""
@@ -80,6 +82,8 @@ class _Excess:
 
     def examined(self, limit: KeptLimit, points: Array) -> KeptLimit:
         """The limit after a search from the best of the points (n, d), if these come closer than the bounds."""
+        if not np.isfinite(self._end):
+            return limit
         bounds, k = self._bounds, self._k
         rounding, estimate = rounding_of(bounds, k), bounds.estimate
         bound = self._sign * ((bounds.lower if self._side == "lower" else bounds.upper)[:, k] - self._end)
@@ -99,6 +103,12 @@ class _Excess:
         margin[further.row] = min(margin[further.row], -self.largest)
         between = np.nan if time in bounds.t else time
         return replace(limit, kept=kept, why=why, margin=margin, row=further.row, further=further, between=between)
+
+    def remark(self) -> str:
+        """A sentence on this end of a limit, if the other end is exceeded by more."""
+        name, verb = self._bounds.names[self._k], "fall below" if self._side == "lower" else "exceed"
+        unit = unit_told(self._bounds, self._k)
+        return f"In other cases {name} may {verb} its limit of {self._end:.6g}{unit} by {self.largest:.3g}{unit}."
 
     def _decided(self, limit: KeptLimit, further: FurtherRun, time: float, rounding: float) -> tuple[bool | None, str]:
         """The result of the limit and its reason, from the run that comes closest to it, at a time."""

@@ -115,8 +115,11 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         with shown_runs(None, "runs near limits"):
             checked, between = with_peaks(self, [kept_limit(self, name, *ends) for name, ends in pairs.items()])
         worst = self._closest_to(checked)
-        others = filter(None, (other_side(self, limit, self._side(limit)) for limit in checked))
-        remarks = (*self._about_nominal(), *others, *between)
+        told = " ".join(between)
+        others = [
+            other_side(self, limit, self._side(limit)) for limit in checked if f"cases {limit.output} may" not in told
+        ]
+        remarks = (*self._about_nominal(), *filter(None, others), *between)
         return LimitCheck(self.t, self.method, tuple(checked), self, worst, remarks)
 
     def _about_nominal(self) -> tuple[str, ...]:
@@ -140,7 +143,9 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
             return case
         case = self._closer(case, further.side, further.place, float(further.values[i]))
         if np.isfinite(limit.between) and case.attained == further.values[i]:
-            case = replace(case, time=limit.between)
+            case = replace(
+                case, time=limit.between, varied=tuple(case.parameters) if self.box is None else self.box.names
+            )
         return replace(case, value=case.attained) if np.isfinite(further.error) else case
 
     def _side(self, limit: KeptLimit) -> str:
