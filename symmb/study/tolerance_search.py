@@ -92,7 +92,7 @@ class Search:
         if not run.ok.all():
             raise PropagationError(f"{OWNER}: the run at the nominal parameters fails: {run.messages[0]}.")
         lowest, highest = self._extremes(nominal)[:, 0]
-        self._at_nominal = self._margins(lowest, highest)
+        self._lowest, self._highest, self._at_nominal = lowest, highest, self._margins(lowest, highest)
         if self._at_nominal.min() <= 0:
             k = int(self._at_nominal.argmin())
             value = lowest[k] if lowest[k] - self._low[k] <= 0 else highest[k]
@@ -236,9 +236,19 @@ class Search:
 
     def binding(self, bounds: Bounds, check: LimitCheck) -> WorstCase | None:
         """The run that is closest to a limit, relative to the margin of the nominal run."""
-        left = [own.margin.min() / nominal for own, nominal in zip(check.limits, self._at_nominal, strict=True)]
-        limit = check.limits[int(np.argmin(left))]
-        return bounds._closest_to([limit]) or getattr(bounds.worst(limit.output), bounds._side(limit))
+        left = dict[tuple[int, str], float]()
+        for n, (limit, k) in enumerate(zip(check.limits, self._columns, strict=True)):
+            if limit.low > -np.inf:
+                left[n, "lower"] = (bounds.lower[:, k].min() - limit.low) / (self._lowest[n] - limit.low)
+            if limit.high < np.inf:
+                left[n, "upper"] = (limit.high - bounds.upper[:, k].max()) / (limit.high - self._highest[n])
+            if limit.further and np.isfinite(limit.between):
+                left[n, limit.further.side] = limit.margin.min() / self._at_nominal[n]
+        n, side = min(left, key=lambda each: left[each])
+        limit = check.limits[n]
+        if side == bounds._side(limit) and (case := bounds._closest_to([limit])):
+            return case
+        return getattr(bounds.worst(limit.output), side)
 
     def signs(self, factors: Array) -> tuple[str, ...]:
         """One sentence if larger factors (d,) would let a parameter reach 0; otherwise empty."""
