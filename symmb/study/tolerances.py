@@ -28,7 +28,7 @@ from symmb.bound.bounds import (
     units_of,
 )
 from symmb.connect import Progress, Simulator
-from symmb.equations.model import Box, Scene
+from symmb.equations.model import Box, Scene, with_some_outputs
 from symmb.results.files import NOT_KEPT, Record, Saved, attributes, entries, entry
 from symmb.run.integrate import Solver
 from symmb.run.simulation import SceneSimulator, simulator_of
@@ -233,8 +233,7 @@ def _of_outputs(simulator: Simulator, box: Box, names: Sequence[str]) -> Simulat
         return simulator
     if len(names) == len(simulator.outputs):
         return simulator
-    scene = simulator.scene.with_outputs({name: simulator.scene.outputs[name] for name in names})
-    return simulator_of(scene, box, simulator.solver)[0]
+    return simulator_of(with_some_outputs(simulator.scene, names), box, simulator.solver)[0]
 
 
 def _total_cost(costs: Costs, shape: Box) -> Callable[[Array], float]:

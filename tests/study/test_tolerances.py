@@ -110,6 +110,18 @@ def test_outputs_without_a_limit_take_no_part():
     assert found.factor == pytest.approx((np.arccos(0.1) ** 2 - 2) / 0.1, rel=2e-3)
 
 
+def test_parameter_that_acts_on_an_output_without_a_limit_is_used():
+    w = mb.Parameters(k=2.0, w=1.0)
+    mass = mb.Body("mass", 1.0, pose=mb.Particle())
+    law = mb.Force("law", mass.point(0, 0), (-w.k * mass.x, 0))
+    outputs = {"x": mass.x, "wave": w.w * mass.x, "peak": mb.maximum(w.w * mass.x)}
+    system = mb.System(mass, law, parameters=w)
+    scene = mb.Scene(system, {"mass.x": 1.0}, np.linspace(0, 1, 5), outputs, mb.Box(k=(1.9, 2.1), w=(0.9, 1.1)))
+    found = mb.tolerances(scene, {"x": (0.1, None)})
+    assert found.check.kept and not found.bounds.doubts and found.binding
+    assert found.factor == pytest.approx((np.arccos(0.1) ** 2 - 2) / 0.1, rel=2e-3)
+
+
 def test_no_limit_binds():
     narrow = mb.Box(a=(0.99, 1.01), b=(1.98, 2.02), c=(2.85, 2.95))
     found = mb.tolerances(chain(), {"gap": (None, 100.0)}, narrow)
