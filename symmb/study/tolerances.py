@@ -164,7 +164,7 @@ def tolerances(
     """The largest, or the cheapest, tolerances with which outputs satisfy limits at all times.
 
     All deviations of the box from the nominal values are multiplied by one factor, up to 16. With costs, each deviation
-    has a separate factor. If all values of an interval have one sign, as for a mass, the sign is kept. Studies with
+    has a separate factor. If an interval has no values of both signs, as for a mass, the sign is kept. Studies with
     PolynomialChaos() find the worst places of a box. Runs there show the factor at which a limit is reached. At the
     end, a study and `Bounds.check` verify the box. Costs are minimised with the polynomials of studies. Outputs without
     a limit are left out.

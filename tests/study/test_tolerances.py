@@ -44,6 +44,25 @@ def test_parameters_whose_interval_has_one_sign_keep_it(nominal, low, high, cost
     assert 0 < closest < 0.03
 
 
+@pytest.mark.parametrize(("nominal", "low", "high"), [(0.05, 0.0, 0.1), (-0.05, -0.07, 0.0), (0.05, 1e-4, 0.1)])
+@pytest.mark.parametrize("costs", [None, {}])
+def test_an_interval_that_ends_at_0_keeps_its_sign(nominal, low, high, costs):
+    """A stiffness or a damping may be 0, but it cannot be below 0. The given box is not reduced."""
+    simulator = mb.FunctionSimulator(lambda a, b: [[a + b]], {"a": nominal, "b": 3.0}, [0.0], ["y"])
+    found = mb.tolerances(simulator, {"y": (-50.0, 50.0)}, mb.Box(a=(low, high), b=(2.0, 4.0)), costs=costs)
+    assert found.factors["a"] == pytest.approx(1, rel=2e-3)
+    a, b = found.box.bounds
+    assert a == pytest.approx((low, high), abs=1e-4) and min(a) * max(a) >= 0
+    assert found.factors["b"] == pytest.approx(1 if costs is None else 0.99 * 3, rel=2e-3)
+    assert found.remarks[-1].startswith("The search ends here, because with larger tolerances a")
+
+
+def test_an_interval_from_a_nominal_value_of_0_is_scaled():
+    simulator = mb.FunctionSimulator(lambda a: [[a]], {"a": 0.0}, [0.0], ["y"])
+    found = mb.tolerances(simulator, {"y": (None, 0.3)}, mb.Box(a=(0.0, 0.1)))
+    assert found.factor == pytest.approx(3, rel=2e-3) and found.box.lower[0] == 0
+
+
 def test_the_cheapest_chain():
     """The least sum of 1 / s_i with sum s_i h_i = w has s_i = w / (sqrt(h_i) sum sqrt(h))."""
     found = mb.tolerances(chain(), {"gap": (None, 0.25)}, BOX, costs={})
