@@ -79,11 +79,11 @@ class Search:
                 raise DeclarationError(
                     f"{OWNER}: the nominal value {name} = {p:g} is outside of its interval from {low:g} to {high:g}."
                 )
-        closest = np.where(shape.lower > 0, shape.lower, np.where(shape.upper < 0, shape.upper, self._nominal))
+        closest = np.where(shape.lower >= 0, shape.lower, np.where(shape.upper <= 0, shape.upper, self._nominal))
         with np.errstate(divide="ignore", invalid="ignore"):
             to_zero = np.where(closest != self._nominal, self._nominal / (self._nominal - closest), np.inf)
-        # At the factor `to_zero`, a parameter such as a mass or length would reach 0.
-        self._most = np.minimum(0.99 * to_zero, LARGEST_FACTOR)
+        # At the factor `to_zero`, a parameter such as a mass or length would reach 0. The given box is allowed.
+        self._most = np.clip(0.99 * to_zero, 1.0, LARGEST_FACTOR)
         self.evaluations, self.remarks, self.narrow = 1, tuple[str, ...](), tuple[str, ...]()
         # Limits hold between output times, too. Studies are at the output times, single runs have all values.
         self._extremes = Extremes(simulator, [*limits], executor)
@@ -106,6 +106,7 @@ class Search:
         return np.minimum(lower - self._low, self._high - upper)
 
     def _box(self, factors: Array) -> Box:
+        factors = np.minimum(factors, self._most)  # rounding would let an end at 0 change its sign
         low = self._nominal - factors * (self._nominal - self._shape.lower)
         high = self._nominal + factors * (self._shape.upper - self._nominal)
         ends = np.stack([low, high], axis=1).tolist()

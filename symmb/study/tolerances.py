@@ -28,7 +28,7 @@ from symmb.bound.bounds import (
     units_of,
 )
 from symmb.connect import Progress, Simulator
-from symmb.equations.model import Box, Scene
+from symmb.equations.model import Box, Scene, with_some_outputs
 from symmb.results.files import NOT_KEPT, Record, Saved, attributes, entries, entry
 from symmb.run.integrate import Solver
 from symmb.run.simulation import SceneSimulator, simulator_of
@@ -164,7 +164,7 @@ def tolerances(
     """The largest, or the cheapest, tolerances with which outputs satisfy limits at all times.
 
     All deviations of the box from the nominal values are multiplied by one factor, up to 16. With costs, each deviation
-    has a separate factor. If all values of an interval have one sign, as for a mass, the sign is kept. Studies with
+    has a separate factor. If an interval has no values of both signs, as for a mass, the sign is kept. Studies with
     PolynomialChaos() find the worst places of a box. Runs there show the factor at which a limit is reached. At the
     end, a study and `Bounds.check` verify the box. Costs are minimised with the polynomials of studies. Outputs without
     a limit are left out.
@@ -233,8 +233,7 @@ def _of_outputs(simulator: Simulator, box: Box, names: Sequence[str]) -> Simulat
         return simulator
     if len(names) == len(simulator.outputs):
         return simulator
-    scene = simulator.scene.with_outputs({name: simulator.scene.outputs[name] for name in names})
-    return simulator_of(scene, box, simulator.solver)[0]
+    return simulator_of(with_some_outputs(simulator.scene, names), box, simulator.solver)[0]
 
 
 def _total_cost(costs: Costs, shape: Box) -> Callable[[Array], float]:

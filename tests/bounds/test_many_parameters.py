@@ -5,6 +5,7 @@ import subprocess
 import sys
 import warnings
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from _directions import directions
 from _engineering import cases, monotone_series
 
 import symmb as mb
+from symmb.bound.bounds.adaptive.output_study import OutputStudy
 
 T = np.linspace(0.0, 5.0, 11)
 
@@ -233,3 +235,11 @@ def test_few_directions_of_many_parameters(number):
     bounds, _ = study(lambda **p: case.f(case.t, **p), case.box, case.t)
     error = np.maximum(np.abs(bounds.lower[:, 0] - case.lower), np.abs(bounds.upper[:, 0] - case.upper))
     assert bounds.doubts or error.max() < 0.02 * (case.upper - case.lower).max()
+
+
+@pytest.mark.parametrize(("before", "is_stalled"), [(0.1 * (1 + 1e-9), True), (0.1 * (1 + 1e-3), True), (1.0, False)])
+def test_an_error_that_hardly_decreases_is_stalled(before, is_stalled):
+    """The number of nodes that the tolerance would take is beyond the largest number."""
+    study = OutputStudy(SimpleNamespace(box=range(7), shape=(20, 1), left=1000), 1e-2, False)
+    study.grid, study._error, study._errors = SimpleNamespace(row=range(100)), np.float64(0.1), {50: before}
+    assert study._is_stalled() == is_stalled

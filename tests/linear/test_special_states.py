@@ -39,3 +39,15 @@ def test_repeated_eigenvalues_keep_their_modes():
     assert 2 * np.pi * lin.frequencies == pytest.approx([3.0, 3.0, 3.0], rel=1e-9)
     shapes = np.array([[abs(amplitude) for amplitude in mode.shape.values()] for mode in lin.modes])
     assert np.linalg.matrix_rank(shapes) == 3
+
+
+@pytest.mark.parametrize("values", [(1.0, 1.0, 1e160), (1e-98, 1e150, 1e170), (1.0, 1.0, 1.7e308)])
+def test_strong_dampers_do_not_overflow(values):
+    """The fast eigenvalue is -c/m. Squares of such numbers overflow."""
+    m, k, c = values
+    p = mb.Parameters(m=m, k=k, c=c)
+    mass = mb.Body("mass", p.m, 1.0)
+    slide = mb.Prismatic("slide", mb.Ground().point(0, 0), mass.point(0, 0), (1, 0))
+    law = mb.Force("law", mass.point(0, 0), (-p.k * mass.x - p.c * mass.vx, 0))
+    found = mb.linearize(mb.Scene(mb.System(mass, slide, law, parameters=p))).eigenvalues
+    assert found[1] == pytest.approx(-c / m, rel=1e-9) and abs(found[0]) <= 1e-13 * c / m

@@ -77,7 +77,10 @@ def test_tolerances_of_every_kind_become_intervals():
         ("40 0.1/0.2", "is not a tolerance"), ("40 +0.1", "is not a tolerance"), ("400/-0.2", "is not a tolerance"),
         ("40 ±-0.1", "is not a tolerance"), ("40 ±100%", "percentage '40 ±100%'"), ("41 ±0.1",
             "0.041 .in m. or 41 .in mm."),
-        ("0 ±0.1", "the unit of deviations from 0 may be m or mm"), ("±0.1", "is not a tolerance. Write a number"),
+        ("0 ±0.1", "the unit of deviations from 0 may be m or mm"),
+        ("±0.1", "in the unit of the parameter or in mm. Write the number 0.1"), ("±.1", "Write the number 0.1"),
+        (".1", "Write the number 0.1"), ("+.1/-2e-1", r"Write the pair of numbers .-0.2, 0.1. in the unit"),
+        ("40 +1e-1", "is not a tolerance"), ("40 ±1e999", "is not a finite number"),
     ],
 )  # fmt: skip
 def test_what_is_no_tolerance_is_told(tolerance, why):
@@ -96,7 +99,8 @@ def test_a_nominal_value_in_the_place_of_a_tolerance_is_refused(text):
 @pytest.mark.parametrize(
     ("text", "lower", "upper"),
     [
-        ("40 ±0.1", 39.9, 40.1), ("40±.1", 39.9, 40.1), ("40 +.1/-.2", 39.8, 40.1),
+        ("40 ±0.1", 39.9, 40.1), ("40±.1", 39.9, 40.1), ("40 +.1/-.2", 39.8, 40.1), ("40±1e-1", 39.9, 40.1),
+        ("4E1 ± 1E-1", 39.9, 40.1), ("40 +1e-1/-2e-1", 39.8, 40.1), ("40 ±1e0%", 39.6, 40.4),
         ("40 +/- 0.1", 39.9, 40.1), (" 40 +-0.1 ", 39.9, 40.1),
         ("40 ± 1%", 39.6, 40.4), ("40 ±1 %", 39.6, 40.4), ("40 +0.1/-0.2", 39.8, 40.1), ("40 +0.1 / -0.2", 39.8, 40.1),
         ("40 -0.2/+0.1", 39.8, 40.1), ("40 +0.1 -0.2", 39.8, 40.1), ("40 +0.3/+0.1", 40.1, 40.3),
@@ -124,7 +128,8 @@ def test_signs_of_diameters_and_angles():
     refused(r"For a value below 0, write '-140 ±0\.5'", mb.Box.plus_minus, mb.Parameters(x=-0.14), x="140 ISO 2768-m")
 
 
-def test_negative_sizes_have_deviations():
+def test_negative_sizes_have_deviations_and_grades_are_no_exponents():
+    assert mb.Box.plus_minus({"pin": 40.0}, pin="40e7") == mb.Box.plus_minus({"pin": 40.0}, pin="40 e7")
     assert mb.Box.plus_minus({"angle": -30.0}, angle="-30 +1/-2")["angle"] == (-32, -29)
 
 

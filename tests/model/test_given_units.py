@@ -158,7 +158,8 @@ def test_tolerances_without_a_size(seed):
     own, other = rng.choice(["mm", "cm", "in", "m", "µm", "ft"], 2)
     ratio, (nominal, size) = FACTORS.get(other, 1.0) / FACTORS.get(own, 1.0), rng.uniform(1, 9, 2).round(3)
     p = mb.Parameters(arm=(nominal, own))
-    for text in (f"{size} {other}", f"±{size} {other}", (size, other), (-size, size, other), f"+/- {size} {other}"):
+    texts = f"{size} {other}", f"±{size} {other}", f"±{size:.3e} {other}", f"+/- {size} {other}"
+    for text in (*texts, (size, other), (-size, size, other)):
         ends = nominal - size * ratio, nominal + size * ratio
         assert mb.Box.plus_minus(p, arm=text)["arm"] == pytest.approx(ends, rel=1e-12), text
     ends = nominal - size * ratio, nominal + 2 * size * ratio
@@ -175,7 +176,7 @@ def test_tolerances_without_a_size(seed):
         ("1,5 mm", "'arm'"), ("1,5%", "Use a point"), ("±1,5%", "Use a point"),
         ((1, "kg"), "'kg' does not fit"), (("1 mm", 2), "either both ends or neither must have a unit"), ((1, 2, "mmm"),
             "'mmm' is not a"),
-        ((-1, "mm"), "at least 0"), ("-1%", "at least 0 % and"),
+        ((-1, "mm"), "at least 0"), ("-1%", "at least 0 % and"), (".1", "or a tolerance. Write '±.1'"),
     ],
 )  # fmt: skip
 def test_tolerances_without_a_size_that_are_refused(tolerance, why):

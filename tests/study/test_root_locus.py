@@ -72,6 +72,8 @@ def test_faults():
     refused(r"root_locus: no parameter 'k3'", mb.root_locus, scene, "k3", (0, 1))
     refused("range must be two numbers", mb.root_locus, scene, "k1", (0, float("nan")))
     refused("lower end of the range must be below", mb.root_locus, scene, "k1", (2, 1))
+    refused("wider than the largest number", mb.root_locus, scene, "c1", (-1.7e308, 1.7e308))
+    refused("wider than the largest number", mb.critical, scene, "c1", (-1.7e308, 1.7e308))
     refused("count must be an integer of at least 2", mb.root_locus, scene, "k1", (1, 2), count=1)
     refused("Expected a Scene, got System", mb.root_locus, scene.system, "k1", (1, 2))
     refused("the box has 'q', which is not a parameter", mb.root_locus, scene, "k1", (1, 2), box=mb.Box(q=(1, 2)))
@@ -102,6 +104,11 @@ def test_stiffnesses_of_any_size(end):
     locus = mb.root_locus(oscillators(), "k1", (0.0, end), count=2)
     own = np.abs(locus.eigenvalues[-1].imag).min() if end < 1 else np.abs(locus.eigenvalues[-1].imag).max()
     assert own == pytest.approx(np.sqrt(end) if end > 1e-307 else 0.0, rel=1e-9)
+
+
+def test_dampings_of_any_size():
+    locus = mb.root_locus(oscillators(), "c1", (0.0, 1.7e308), count=3)
+    np.testing.assert_allclose(locus.eigenvalues[1:, -1].real, [-0.85e308, -1.7e308], rtol=1e-9)
 
 
 def test_a_matrix_beyond_the_largest_number_is_refused():

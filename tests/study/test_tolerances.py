@@ -44,6 +44,25 @@ def test_parameters_whose_interval_has_one_sign_keep_it(nominal, low, high, cost
     assert 0 < closest < 0.03
 
 
+@pytest.mark.parametrize(("nominal", "low", "high"), [(0.05, 0.0, 0.1), (-0.05, -0.07, 0.0), (0.05, 1e-4, 0.1)])
+@pytest.mark.parametrize("costs", [None, {}])
+def test_an_interval_that_ends_at_0_keeps_its_sign(nominal, low, high, costs):
+    """A stiffness or a damping may be 0, but it cannot be below 0. The given box is not reduced."""
+    simulator = mb.FunctionSimulator(lambda a, b: [[a + b]], {"a": nominal, "b": 3.0}, [0.0], ["y"])
+    found = mb.tolerances(simulator, {"y": (-50.0, 50.0)}, mb.Box(a=(low, high), b=(2.0, 4.0)), costs=costs)
+    assert found.factors["a"] == pytest.approx(1, rel=2e-3)
+    a = found.box["a"]
+    assert a == pytest.approx((low, high), abs=1e-4) and min(a) * max(a) >= 0
+    assert found.factors["b"] == pytest.approx(1 if costs is None else 0.99 * 3, rel=2e-3)
+    assert found.remarks[-1].startswith("The search ends here, because with larger tolerances a")
+
+
+def test_an_interval_from_a_nominal_value_of_0_is_scaled():
+    simulator = mb.FunctionSimulator(lambda a: [[a]], {"a": 0.0}, [0.0], ["y"])
+    found = mb.tolerances(simulator, {"y": (None, 0.3)}, mb.Box(a=(0.0, 0.1)))
+    assert found.factor == pytest.approx(3, rel=2e-3) and found.box.lower[0] == 0
+
+
 def test_the_cheapest_chain():
     """The least sum of 1 / s_i with sum s_i h_i = w has s_i = w / (sqrt(h_i) sum sqrt(h))."""
     found = mb.tolerances(chain(), {"gap": (None, 0.25)}, BOX, costs={})
@@ -107,6 +126,18 @@ def test_outputs_without_a_limit_take_no_part():
     limits = {"x": (0.1, None)}
     found, beside = (mb.tolerances(each, limits) for each in (scene, both))
     assert (beside.factor, beside.evaluations, beside.bounds.names) == (found.factor, found.evaluations, ("x",))
+    assert found.factor == pytest.approx((np.arccos(0.1) ** 2 - 2) / 0.1, rel=2e-3)
+
+
+def test_parameter_that_acts_on_an_output_without_a_limit_is_used():
+    w = mb.Parameters(k=2.0, w=1.0)
+    mass = mb.Body("mass", 1.0, pose=mb.Particle())
+    law = mb.Force("law", mass.point(0, 0), (-w.k * mass.x, 0))
+    outputs = {"x": mass.x, "wave": w.w * mass.x, "peak": mb.maximum(w.w * mass.x)}
+    system = mb.System(mass, law, parameters=w)
+    scene = mb.Scene(system, {"mass.x": 1.0}, np.linspace(0, 1, 5), outputs, mb.Box(k=(1.9, 2.1), w=(0.9, 1.1)))
+    found = mb.tolerances(scene, {"x": (0.1, None)})
+    assert found.check.kept and not found.bounds.doubts and found.binding
     assert found.factor == pytest.approx((np.arccos(0.1) ** 2 - 2) / 0.1, rel=2e-3)
 
 

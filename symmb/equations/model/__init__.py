@@ -14,4 +14,4 @@ from symmb.equations.model.scene import Scene
 from symmb.equations.model.start_values import JointValue, Prescribed
 from symmb.equations.model.system import System
 from symmb.equations.model.units import units_of
-from symmb.equations.model.unused_parameters import unused_parameters
+from symmb.equations.model.unused_parameters import unused_parameters, with_some_outputs

@@ -27,8 +27,11 @@ _SIGNS = str.maketrans(
 _DEGREE = "\N{DEGREE SIGN}"
 _LENGTH, _ANGLE = {"m": 1e-3, "mm": 1.0}, {"rad": math.pi / 180, "deg": 1.0}
 """Unit of a nominal value divided by the unit of the size in a text."""
-_PLAIN = r"(?:\d+(?:\.\d+)?|\.\d+)"
-"""A number without a sign, such as 0.1 or .1."""
+_DIGITS = r"(?:\d+(?:\.\d+)?|\.\d+)"
+_PLAIN = rf"{_DIGITS}(?:[eE][+-]?\d+)?+"
+"""A number without a sign, such as 0.1, .1 or 1e-1."""
+_NO_GRADE = rf"{_DIGITS}(?:[eE][+-]\d+)?+"
+"""A number with a signed exponent, if any, because 25e8 is a size with the grade e8."""
 _UNIT, _DEVIATION = r" *((?:[^\W\d_]|1/|\N{DEGREE SIGN})[^±+%]*?|) *", rf"([+-] *{_PLAIN}|0(?:\.0+)?)"
 _SIZE = rf" *(?:({NUMBER}){_UNIT})?"
 _BOTH_SIDES = re.compile(_SIZE + rf"(?:±|\+ */ *-|\+-) *({_PLAIN})(?: *(%) *|{_UNIT})")
@@ -36,7 +39,8 @@ _EACH_SIDE = re.compile(
     _SIZE + r"(?:(?<= )|(?=[+-]))" + _DEVIATION + _UNIT + r"(?:/ *|(?<= )|(?=[+-]))" + _DEVIATION + _UNIT
 )
 _SIGN = re.compile(r"^ *(?:±|\+ */ *-|\+-)")
-_DEVIATION_WITH_UNIT = re.compile(rf" *({_PLAIN}) *" + r"((?:[^\W\d_]|1/|\N{DEGREE SIGN})[^±+%]*?) *")
+_BARE = re.compile(rf" *({_NO_GRADE}) *")
+_DEVIATION_WITH_UNIT = re.compile(rf" *({_NO_GRADE}) *" + r"((?:[^\W\d_]|1/|\N{DEGREE SIGN})[^±+%]*?) *")
 _LIKE_DEVIATIONS = re.compile(r" *-?\d.*[±+/]")
 """Texts that start with a digit and contain a sign of deviations, but have none of the valid forms."""
 _COLUMNS = "name", "nominal", "plus", "minus", "tolerance"
@@ -135,6 +139,7 @@ def _of_text(owner: str, name: str, nominal: float, text: str, own: str) -> Inte
             )
         return _share(owner, name, nominal, text, percent)
     if told is None or not (own or told.size is not None or told.unit):
+        _require_kind(owner, name, text, told, own)
         told = _of_grade(owner, name, text, "mm" if own else "")
     if own:
         return _in_unit(owner, name, nominal, text, told, own)
@@ -145,6 +150,22 @@ def _of_text(owner: str, name: str, nominal: float, text: str, own: str) -> Inte
     if told.percent is not None:
         return _share(owner, name, nominal, text, told.percent)
     return unit * told.ends[0], unit * told.ends[1]
+
+
+def _require_kind(owner: str, name: str, text: str, told: _Told | None, own: str) -> None:
+    """Raise a DeclarationError if a text has numbers only, so that their unit, or whether they are a size, is open."""
+    bare = _BARE.fullmatch(text.translate(_SIGNS))
+    if bare and own:
+        raise DeclarationError(
+            f"{owner}: {text!r} of {name!r} may be a nominal value or a tolerance. Write '±{bare[1]}' for a tolerance."
+        )
+    if bare or told is not None:
+        low, high = told.ends if told is not None else (0.0, float(bare[1] if bare else 0.0))
+        numbers = f"the number {high:g}" if bare or low == -high else f"the pair of numbers ({low:g}, {high:g})"
+        raise DeclarationError(
+            f"{owner}: {text!r} of {name!r} may be in the unit of the parameter or in mm. Write {numbers} in the unit "
+            f"of the parameter, or a size in mm with its deviations, such as '40 ±0.1'."
+        )
 
 
 def _in_unit(owner: str, name: str, nominal: float, text: str, told: _Told, own: str) -> Interval:

@@ -1,6 +1,6 @@
 """Parameters without effect on a scene."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import casadi as ca
 
@@ -11,6 +11,14 @@ def unused_parameters(scene: Scene, names: Iterable[str]) -> tuple[str, ...]:
     """The named parameters that appear in no equation, start value, guess or output of the scene."""
     used = scene.remembered(unused_parameters, lambda: _used(scene))
     return tuple(name for name in names if name not in used)
+
+
+def with_some_outputs(scene: Scene, names: Sequence[str]) -> Scene:
+    """A copy with some of the given outputs. Parameters that only the other outputs depend on remain used."""
+    outputs = scene.outputs or {}
+    some = scene.with_outputs({name: outputs[name] for name in names})
+    some.remembered(unused_parameters, lambda: scene.remembered(unused_parameters, lambda: _used(scene)))
+    return some
 
 
 def _used(scene: Scene) -> frozenset[str]:

@@ -9,6 +9,8 @@ from symmb._types import Array, Indices, Mask
 
 _ROUNDING = 1e-13
 """Relative error of the entries of a matrix, a few hundred rounding errors, from the equations of motion."""
+_LARGE = 1e100
+"""Entry [1/s] above which a matrix is scaled, because sums of squares overflow above 1e154."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +58,11 @@ def eigenvalues(A: Array) -> Eigenvalues:
         return Eigenvalues(np.zeros(0, complex), np.zeros((0, 0), complex), np.zeros(0))
     (gebal,) = get_lapack_funcs(("gebal",), (A,))  # SciPy's matrix_balance warns of factors above 1e18
     balanced, _, _, scale, _ = gebal(A, scale=1, permute=0)
+    largest = float(np.abs(balanced).max())
+    unit = 2.0 ** (np.frexp(largest)[1] - 1) if largest > _LARGE else 1.0
+    balanced = balanced / unit
     found = _without_null_space(balanced, _ROUNDING * float(np.linalg.norm(balanced)))
+    found = Eigenvalues(unit * found.values, found.vectors, unit * found.errors)
     found = found[np.argsort(np.abs(found.values), kind="stable")]  # LAPACK's pairs are conjugate to the last bit
     vectors = scale[:, None] * found.vectors
     return Eigenvalues(found.values, vectors / np.abs(vectors).max(axis=0), found.errors)  # squares must not overflow

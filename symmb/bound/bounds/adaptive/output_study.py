@@ -177,7 +177,7 @@ class OutputStudy:
             return False
         factor = self._error / min((error for n, error in self._errors.items() if 2 * n <= nodes), default=np.inf)
         most = self.runs.left + nodes if self.is_patient else 2 * PATIENCE * d
-        return factor >= 1 or nodes * 2 ** (np.log(self.tolerance / self._error) / np.log(factor)) > most
+        return factor >= 1 or np.log(self.tolerance / self._error) / np.log(factor) > np.log2(most / nodes)
 
     def _searched(self, found: EstimatedRange) -> Steps:
         """The range after further check runs near extremes, which end when they do not exceed earlier runs.
