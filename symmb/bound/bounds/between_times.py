@@ -9,8 +9,8 @@ from symmb._magnitudes import SAME
 from symmb._types import Array
 from symmb.bound.bounds.direct_search import direct_search
 from symmb.bound.bounds.envelope import Envelope
-from symmb.bound.bounds.further_runs import FurtherRun, attaining_points, rows_of_runs
-from symmb.bound.bounds.limits import KeptLimit, by_further_run, rounding_of, unit_told
+from symmb.bound.bounds.further_runs import Excess, attaining_points, rows_of_runs
+from symmb.bound.bounds.limits import KeptLimit, between_text, by_further_run, rounding_of, unit_told
 from symmb.bound.bounds.worst_case import SIDES
 from symmb.bound.nodes import corners
 
@@ -40,108 +40,53 @@ def with_peaks(bounds: Envelope, limits: Sequence[KeptLimit]) -> tuple[list[Kept
     points = np.concatenate([_first(bounds), *(part for limit in curves for part in _repeated(bounds, limit))])
     extremes, examined, remarks = study.extremes(names, points), dict[str, KeptLimit](), list[str]()
     for j, limit in enumerate(curves):
-        searches = [_Excess(bounds, limit, side, names) for side in SIDES]
-        for search, own in zip(searches, extremes[..., j], strict=True):
-            search.add(points, own)
-            limit = search.examined(limit, points)
+        k, ends = bounds.names.index(limit.output), (limit.low, limit.high)
+        found = [Excess(bounds, k, side, end) for side, end in zip(SIDES, ends, strict=True)]
+        for excess, own in zip(found, extremes[..., j], strict=True):
+            excess.add(points, own)
+            limit = _examined(bounds, limit, k, excess, points)
         examined[limit.output] = limit
-        less = min(searches, key=lambda search: search.largest)
-        if less.largest > rounding_of(bounds, bounds.names.index(limit.output)):
-            remarks.append(less.remark())
+        n = int(np.argmin([excess.largest for excess in found]))
+        if found[n].largest > rounding_of(bounds, k):
+            verb, unit = ("fall below", "exceed")[n], unit_told(bounds, k)
+            remarks.append(
+                f"In other cases {limit.output} may {verb} its limit of {ends[n]:.6g}{unit} by "
+                f"{found[n].largest:.3g}{unit}."
+            )
     return [examined.get(limit.output, limit) for limit in limits], remarks
 
 
-class _Excess:
-    """The excess of the highest or lowest values of runs over one end of a limit, which is negative inside.
-
-    The run with the largest excess is stored.
-    """
-
-    def __init__(self, bounds: Envelope, limit: KeptLimit, side: str, names: tuple[str, ...]) -> None:
-        self._bounds, self._side, self._names = bounds, side, names
-        self._number, self._k = names.index(limit.output), bounds.names.index(limit.output)
-        self._sign, self._end = (-1.0, limit.low) if side == "lower" else (1.0, limit.high)
-        self.runs, self.failed, self.largest = 0, 0, -np.inf
-        self.place, self.values = np.zeros(0), np.zeros(0)
-
-    def __call__(self, points: Array) -> Array:
-        """Excess (N,) at points (N, d); minus infinity for failed runs."""
-        assert self._bounds.study is not None
-        own = self._bounds.study.extremes(self._names, points)[SIDES.index(self._side), :, self._number]
-        return self.add(points, own)
-
-    def add(self, points: Array, own: Array) -> Array:
-        """Excess (N,) of runs with the extremes (N,) at points (N, d)."""
-        excess = np.nan_to_num(self._sign * (own - self._end), nan=-np.inf)
-        i = int(excess.argmax())
-        if excess[i] > self.largest:
-            self.largest, self.place = float(excess[i]), points[i]
-        self.values = excess
-        self.runs, self.failed = self.runs + len(points), self.failed + int(np.isnan(own).sum())
-        return excess
-
-    def examined(self, limit: KeptLimit, points: Array) -> KeptLimit:
-        """The limit after a search from the best of the points (n, d), if these come closer than the bounds."""
-        if not np.isfinite(self._end):
-            return limit
-        bounds, k = self._bounds, self._k
-        rounding, estimate = rounding_of(bounds, k), bounds.estimate
-        bound = self._sign * ((bounds.lower if self._side == "lower" else bounds.upper)[:, k] - self._end)
-        row = int(bound.argmax())
-        known = float(bound[row]) + (0.0 if estimate is None else float(estimate[row, k]))
-        if limit.kept is False:
-            known = max(known, -float(limit.margin.min()))
-        if self.largest <= (known if limit.kept is False else min(known, 0.0)) + rounding:
-            return limit
-        error = np.inf
-        if limit.kept is not False and self.largest <= rounding:
-            starts = points[np.argsort(-self.values, kind="stable")[:_STARTS]]
-            error = direct_search(self, starts, _MOST_RUNS, rounding).error
-        further, time = self._further_run(error)
-        kept, why = self._decided(limit, further, time, rounding)
-        margin = limit.margin.copy()
-        margin[further.row] = min(margin[further.row], -self.largest)
-        between = np.nan if time in bounds.t else time
-        return replace(limit, kept=kept, why=why, margin=margin, row=further.row, further=further, between=between)
-
-    def remark(self) -> str:
-        """A sentence on this end of a limit, if the other end is exceeded by more."""
-        name, verb = self._bounds.names[self._k], "fall below" if self._side == "lower" else "exceed"
-        unit = unit_told(self._bounds, self._k)
-        return f"In other cases {name} may {verb} its limit of {self._end:.6g}{unit} by {self.largest:.3g}{unit}."
-
-    def _decided(self, limit: KeptLimit, further: FurtherRun, time: float, rounding: float) -> tuple[bool | None, str]:
-        """The result of the limit and its reason, from the run that comes closest to it, at a time."""
-        if limit.kept is False:
-            return False, limit.why
-        if self.largest > rounding:
-            between = "" if time in self._bounds.t else f" between two output times, at {time:.4g} s"
-            return False, f"A run is beyond the limit{between}."
-        if limit.kept is None:
-            return None, limit.why
-        unit = unit_told(self._bounds, self._k)
-        found = by_further_run(further, self._end, limit.margin, rounding, unit)
-        if found is not None:
-            return found.kept, found.why
-        close = (
-            f"Between output times, {self.runs} runs stay {-self.largest:.3g}{unit} inside. Other runs may be closer."
+def _examined(bounds: Envelope, limit: KeptLimit, k: int, excess: Excess, points: Array) -> KeptLimit:
+    """The limit of output number k after a search from the best of the points (n, d), if one is closer than known."""
+    is_lower, rounding = excess.side == "lower", rounding_of(bounds, k)
+    inside = bounds.lower[:, k] - limit.low if is_lower else limit.high - bounds.upper[:, k]
+    if not np.isfinite(inside).all():
+        return limit
+    row = int(inside.argmin())
+    known = -float(inside[row]) + (0.0 if bounds.estimate is None else float(bounds.estimate[row, k]))
+    if limit.further and limit.further.side == excess.side:
+        known = max(known, limit.further.beyond)
+    if limit.kept is False:
+        known = max(known, -float(limit.margin.min()))
+    if excess.largest <= (known if limit.kept is False else min(known, 0.0)) + rounding:
+        return limit
+    error = np.inf
+    if limit.kept is not False and excess.largest <= rounding:
+        starts = points[np.argsort(-excess.first, kind="stable")[:_STARTS]]
+        error = direct_search(excess, starts, _MOST_RUNS, rounding).error
+    further, unit = excess.further_run(error), unit_told(bounds, k)
+    kept, why = limit.kept, limit.why
+    if kept is not False and excess.largest > rounding:
+        kept, why = False, f"A run is beyond the limit{between_text(further)}."
+    elif kept:
+        found = by_further_run(further, limit.low if is_lower else limit.high, limit.margin, rounding, unit)
+        close = f"{excess.runs} runs stay {-excess.largest:.3g}{unit} inside, but others may be closer."
+        kept, why = (
+            (found.kept, found.why) if found else (None, f"{close} Limit mb.maximum or mb.minimum of the output.")
         )
-        return None, f"{close} Limit mb.maximum or mb.minimum of {limit.output}."
-
-    def _further_run(self, error: float) -> tuple[FurtherRun, float]:
-        """The run with the largest excess, and the time of its extreme [s]."""
-        bounds, study = self._bounds, self._bounds.study
-        assert study is not None
-        times, Y = study.at_many_times(self.place)
-        values = Y[:, [name for name in bounds.names if name not in bounds.figures].index(bounds.names[self._k])]
-        every = (len(times) - 1) // (len(bounds.t) - 1)
-        moment = int(np.nan_to_num(self._sign * values, nan=-np.inf).argmax())
-        at_times, row = values[::every].copy(), int(np.abs(bounds.t - times[moment]).argmin())
-        at_times[row] = self._end + self._sign * self.largest  # so that this run is the worst case at this time
-        further = FurtherRun(
-            self._side, self.place, at_times, self.largest, error, self.runs, self.failed, is_flat=False
-        )
-        return further, float(times[moment])
+    margin = limit.margin.copy()
+    margin[further.row] = min(margin[further.row], -excess.largest)
+    return replace(limit, kept=kept, why=why, margin=margin, row=further.row, further=further, between=further.between)
 
 
 def _first(bounds: Envelope) -> Array:

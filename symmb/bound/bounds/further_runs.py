@@ -1,7 +1,7 @@
 """Further runs near a limit: the search for the run that comes closest to the limit."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -34,6 +34,7 @@ class FurtherRun:
     error : float              distance by which other runs may be closer; infinite if the search was not completed
     runs, failed : int         number of further runs, and of those that failed
     is_flat : bool             whether most runs have the same extreme, because the output is limited to this value
+    between : float            time of the closest value [s] if it is between two output times; otherwise nan
     """
 
     side: str
@@ -44,6 +45,7 @@ class FurtherRun:
     runs: int
     failed: int
     is_flat: bool
+    between: float = np.nan
 
     @property
     def row(self) -> int:
@@ -51,24 +53,44 @@ class FurtherRun:
         return int(np.nanargmin(self.values) if self.side == "lower" else np.nanargmax(self.values))
 
 
-class _Excess:
-    """The excess of runs over a limit, which is negative inside. The run with the largest excess is stored."""
+class Excess:
+    """The largest excess of runs over one end of a limit, which is negative inside. The best run is stored.
 
-    def __init__(self, bounds: Envelope, k: int, sign: float, limit: float) -> None:
+    Curves of scenes count with their extremes over time, also between output times. Other outputs have values at output
+    times only.
+
+    Attributes
+    ----------
+    side : str                     side of the limit, "lower" or "upper"
+    largest, place : float, (d,)   largest excess so far, and its point of the unit box
+    runs, failed : int             number of runs so far, and of those that failed
+    first : (N,)                   excess of the first runs
+    """
+
+    def __init__(self, bounds: Envelope, k: int, side: str, limit: float) -> None:
         assert bounds.study is not None and bounds.box is not None
-        self._study, self._k, self._sign, self._limit = bounds.study, k, sign, limit
+        self.side, self._bounds, self._study, self._k, self._limit = side, bounds, bounds.study, k, limit
+        self._sign = -1.0 if side == "lower" else 1.0
+        self.has_peaks = bounds.study.has_lanes and len(bounds.t) > 1 and bounds.names[k] not in bounds.figures
         self.runs, self.failed, self.largest, self.first = 0, 0, -np.inf, np.zeros(0)
-        self.place, self.values = np.zeros(len(bounds.box)), np.full(len(bounds.t), np.nan)
+        self.place = np.zeros(len(bounds.box))
 
     def __call__(self, points: Array) -> Array:
         """Largest excess (N,) over time at points (N, d); minus infinity for failed runs."""
-        Y, bad = self._study.attempted(points)
-        excess = np.nan_to_num((self._sign * (Y[:, :, self._k] - self._limit)).max(axis=1), nan=-np.inf)
+        if self.has_peaks:
+            own = self._study.extremes((self._bounds.names[self._k],), points)[SIDES.index(self.side), :, 0]
+        else:
+            own = self._sign * (self._sign * self._study.attempted(points)[0][:, :, self._k]).max(axis=1)
+        return self.add(points, own)
+
+    def add(self, points: Array, own: Array) -> Array:
+        """Excess (N,) of runs at points (N, d) with known extremes (N,)."""
+        excess = np.nan_to_num(self._sign * (own - self._limit), nan=-np.inf)
         i = int(excess.argmax())
         self.first = self.first if self.runs else excess
         if excess[i] > self.largest:
-            self.largest, self.place, self.values = float(excess[i]), points[i], Y[i, :, self._k]
-        self.runs, self.failed = self.runs + len(points), self.failed + len(bad)
+            self.largest, self.place = float(excess[i]), points[i]
+        self.runs, self.failed = self.runs + len(points), self.failed + int(np.isnan(own).sum())
         return excess
 
     def is_flat(self) -> bool:
@@ -76,6 +98,23 @@ class _Excess:
         least = self.largest - LAST_DIGITS * (abs(self._limit) + abs(self.largest))
         nominal = self._study.nominal[0] if np.mean(self.first >= least) > 0.5 else None
         return nominal is not None and bool((self._sign * (nominal[:, self._k] - self._limit)).max() >= least)
+
+    def further_run(self, error: float, is_flat: bool = False) -> FurtherRun:
+        """The run with the largest excess. Other runs may be closer to the limit by an error."""
+        bounds, between = self._bounds, np.nan
+        if not self.has_peaks or self.largest == -np.inf:
+            values = self._study.attempted(self.place[None])[0][0, :, self._k]
+        else:
+            times, Y = self._study.at_many_times(self.place)
+            curves = [name for name in bounds.names if name not in bounds.figures]
+            fine = Y[:, curves.index(bounds.names[self._k])]
+            every = (len(times) - 1) // (len(bounds.t) - 1)
+            moment = int(np.nan_to_num(self._sign * fine, nan=-np.inf).argmax())
+            values, row = fine[::every].copy(), int(np.abs(bounds.t - times[moment]).argmin())
+            if moment % every:
+                # The extreme counts as the value at the closest output time, so that the margin there is right.
+                between, values[row] = float(times[moment]), self._limit + self._sign * self.largest
+        return FurtherRun(self.side, self.place, values, self.largest, error, self.runs, self.failed, is_flat, between)
 
 
 def closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indices, enough: float) -> FurtherRun:
@@ -86,9 +125,9 @@ def closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indices
     parameters changed, and points spread over the box. If the limit is close, lines through the best run follow. An
     excess above `enough` ends the search.
     """
-    study, box, sign = bounds.study, bounds.box, -1.0 if side == "lower" else 1.0
+    study, box = bounds.study, bounds.box
     assert study is not None and box is not None
-    excess = _Excess(bounds, k, sign, limit)
+    excess = Excess(bounds, k, side, limit)
     points = np.clip(np.concatenate([*_starts(bounds, k, side, rows)]).round(9), -1.0, 1.0)  # corners to the last digit
     points = np.concatenate([points, np.where(points < 0, -1.0, 1.0)])
     # Many runs of a scene cost little. Other simulators make at most twice as many runs as the study.
@@ -100,9 +139,10 @@ def closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indices
         lines[range(len(box)), :, range(len(box))] = np.linspace(-1.0, 1.0, LINE_POINTS)
         error = direct_search(excess, np.concatenate([excess.place[None], *lines]), most, enough).error
     is_flat = excess.is_flat()
-    if study.has_lanes and bounds.estimate is not None and not is_flat and _is_on_hill(bounds, k, sign, excess, enough):
+    found = excess.further_run(error, is_flat)
+    if study.has_lanes and bounds.estimate is not None and not is_flat and _is_on_hill(bounds, k, found, enough):
         error = max(error, min(float(bounds.estimate[:, k].max()), _MISSED_HILL * _width(bounds, k)))
-    return FurtherRun(side, excess.place, excess.values, excess.largest, error, excess.runs, excess.failed, is_flat)
+    return replace(found, error=error)
 
 
 def _starts(bounds: Envelope, k: int, side: str, rows: Indices) -> Iterator[Array]:
@@ -145,15 +185,14 @@ def attaining_points(bounds: Envelope, k: int, side: str, rows: Indices) -> Arra
     return box.to_unit(np.stack([sample.P[sample.index, columns] for sample in samples]))
 
 
-def _is_on_hill(bounds: Envelope, k: int, sign: float, excess: _Excess, floor: float) -> bool:
+def _is_on_hill(bounds: Envelope, k: int, run: FurtherRun, floor: float) -> bool:
     """Whether the closest run is inside the box in a parameter that acts at the time of the run's extreme.
 
     A parameter without effect at this time makes no hill, so no higher hill can be beside it.
     """
-    inside = np.abs(excess.place) < 1.0
-    if bounds.surrogate is not None:
-        row = int(np.nan_to_num(sign * excess.values, nan=-np.inf).argmax())
-        inside &= bounds.surrogate.part([row], [k]).acting(np.array([floor]))
+    inside = np.abs(run.place) < 1.0
+    if bounds.surrogate is not None and np.isfinite(run.values).any():
+        inside &= bounds.surrogate.part([run.row], [k]).acting(np.array([floor]))
     return bool(inside.any())
 
 

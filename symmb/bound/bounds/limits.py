@@ -237,6 +237,11 @@ def other_side(bounds: Envelope, limit: KeptLimit, side: str) -> str:
     return f"In other cases {limit.output} may {verb} its limit of {end:.6g}{unit} by {excess[row]:.3g}{unit}{at}."
 
 
+def between_text(run: FurtherRun) -> str:
+    """Words for the time of a run's extreme between output times; empty if it is at an output time."""
+    return "" if np.isnan(run.between) else f" between two output times, at {run.between:.4g} s"
+
+
 def closest(limits: Sequence[KeptLimit]) -> KeptLimit:
     """The limit with the smallest relative margin."""
     return min(limits, key=lambda limit: limit.share)
@@ -268,7 +273,8 @@ def kept_limit(bounds: Envelope, output: str, low: float, high: float) -> KeptLi
         width = float(np.fmax.reduce(bounds.upper[:, k] - bounds.lower[:, k], initial=0.0))
     kept, why, margin, further = found
     row = further.row if further and np.isfinite(further.error) else int(margin.argmin())
-    return KeptLimit(output, unit, low, high, kept, why, margin, row, further, width)
+    between = further.between if further and row == further.row else np.nan
+    return KeptLimit(output, unit, low, high, kept, why, margin, row, further, width, between)
 
 
 def _by_nominal_run(bounds: Envelope, k: int, low: float, high: float, found: _Decision) -> _Decision:
@@ -372,7 +378,8 @@ def by_further_run(further: FurtherRun, limit: float, margin: Array, rounding: f
     inside, error = -further.beyond, max(further.error, rounding)
     own = limit - further.values if further.side == "upper" else further.values - limit
     if inside < -rounding:
-        return _Decision(False, "A further run is beyond the limit.", np.fmin(margin, own), further)
+        why = f"A further run is beyond the limit{between_text(further)}."
+        return _Decision(False, why, np.fmin(margin, own), further)
     if further.failed:
         why = f"{further.failed} of {further.runs} further runs near the limit failed."
         return _Decision(None, why, margin, further)

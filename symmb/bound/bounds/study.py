@@ -34,16 +34,21 @@ class Extremes:
 
     def __init__(self, simulator: Simulator, names: Sequence[str], executor: Executor | None = None) -> None:
         self._executor, self._columns = executor, [tuple(simulator.outputs).index(name) for name in names]
-        self._simulator, self._has_peaks = simulator, False
+        self._simulator, self._peaks = simulator, None
         if isinstance(simulator, SceneSimulator) and len(simulator.times) > 1:
-            self._simulator, self._has_peaks = FigureSimulator.of_peaks(simulator, names), True
+            self._peaks = FigureSimulator.of_peaks(simulator, names)
 
     def __call__(self, P: Array) -> Array:
-        Y, _ = gathered(self._simulator, P, self._executor)
-        if self._has_peaks:
-            return np.moveaxis(Y[:, 0].reshape(len(P), -1, 2), 2, 0)
-        Y = Y[:, :, self._columns]
+        if self._peaks is not None:
+            return _lowest_and_highest(self._peaks, P, self._executor)
+        Y = gathered(self._simulator, P, self._executor)[0][:, :, self._columns]
         return np.stack([Y.min(axis=1), Y.max(axis=1)])
+
+
+def _lowest_and_highest(peaks: FigureSimulator, P: Array, executor: Executor | None) -> Array:
+    """Lowest and highest values (2, N, n) of samples P (N, d), from the scalar outputs of `FigureSimulator.of_peaks`."""
+    Y, _ = gathered(peaks, P, executor)
+    return np.moveaxis(Y[:, 0].reshape(len(P), -1, 2), 2, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,13 +78,15 @@ class Study:
         raise DeclarationError(f"These bounds hold no scene: they are of {self.simulator!r}.")
 
     def extremes(self, names: tuple[str, ...], points: Array) -> Array:
-        """Lowest and highest values over time (2, N, n) of outputs at points (N, d); see `Extremes`."""
-        if names not in self._extremes:
-            self._extremes[names] = Extremes(self.simulator, names)
-        return self._extremes[names](parameter_samples(self.simulator, self.box, points))
+        """Lowest and highest values over time (2, N, n) of curves of a scene at points (N, d); nan for failed runs."""
+        if names not in self._peaks:
+            base = next(iter(self._peaks.values()), self.simulator)  # its equations are compiled already
+            assert isinstance(base, SceneSimulator)
+            self._peaks[names] = FigureSimulator.of_peaks(base, names)
+        return _lowest_and_highest(self._peaks[names], parameter_samples(self.simulator, self.box, points), None)
 
     @cached_property
-    def _extremes(self) -> "dict[tuple[str, ...], Extremes]":
+    def _peaks(self) -> dict[tuple[str, ...], FigureSimulator]:
         return {}
 
     def at_many_times(self, place: Array) -> tuple[Array, Array]:
