@@ -106,9 +106,12 @@ def test_scalar_outputs_are_drawn_over_the_parameter_with_the_most_values(given)
         np.testing.assert_allclose(line.get_xydata(), [[k, k * a] for k in (1.0, 2.0, 3.0)])
         assert line.get_label() == f"a = {a:g}"
     assert scalar.get_xlabel() == "k [N/m]" and scalar.get_xlim() == (1.0, 3.0)
+    looks = [(line.get_color(), line.get_linestyle()) for line in (*scalar.lines, *ramp.lines)]
+    assert len({colour for colour, _ in looks}) == 8 and [dashes for _, dashes in looks] == ["--"] * 2 + ["-"] * 6
     assert len(ramp.lines) == 6 and ramp.get_xlabel() == "time [s]" and ramp.get_xlim() == (0.0, 1.0)
     alone = runs.plot(outputs="peak", color=["r", "g"], label=["soft", "hard"])
     assert [text.get_text() for text in alone.legends[0].get_texts()] == ["soft", "hard"]
+    assert {line.get_linestyle() for line in alone.axes[0].lines} == {"-"}
     assert str(runs).splitlines()[-2].split() == ["peak", "2", "1", "9", "3"]
     plt.close("all")
 

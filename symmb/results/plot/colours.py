@@ -4,7 +4,8 @@ from zlib import crc32
 
 COLOURS = ("#0b6fb8", "#d1495b", "#2e8b57", "#e08e00", "#7a4fb5", "#4b5563", "#00929c", "#9c5a2d")
 """Colours of methods. Line style and marker differ too, for readers who cannot distinguish red and green."""
-_PALETTE = (*COLOURS, "#c2428d", "#7d8b1a", "#3d5a80", "#d9772b", "#5aa36f", "#8f9bb3")
+PALETTE = (*COLOURS, "#c2428d", "#7d8b1a", "#3d5a80", "#d9772b", "#5aa36f", "#8f9bb3")
+"""`COLOURS`, and further colours for pictures with more lines."""
 _METHODS = (
     "PolynomialChaos",
     "PolynomialChaos.paper",
@@ -49,5 +50,5 @@ def colour_of(family: str) -> str:
     for names in (_METHODS, _SOLVERS):
         for name in (family, family.partition("(")[0]):
             if name in names:
-                return _PALETTE[names.index(name)]
-    return _PALETTE[crc32(family.encode()) % len(_PALETTE)]
+                return PALETTE[names.index(name)]
+    return PALETTE[crc32(family.encode()) % len(PALETTE)]

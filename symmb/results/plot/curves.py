@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from symmb._types import Array, Axes, Figure, Indices
-from symmb.results.plot.colours import COLOURS, RUN_COLOUR
+from symmb.results.plot.colours import COLOURS, PALETTE, RUN_COLOUR
 from symmb.results.plot.layout import abscissa, along, cyclic, flatten, legends, outputs_of, panels_over_time, rounding
 from symmb.results.plot.style import OWN, Style
 
@@ -69,7 +69,7 @@ def plot_family(
 
     Each of up to eight curves has a colour and a name. The colours of more curves are a sequence, and the legend names
     the first, the middle and the last curve. Outputs in `timeless`, with one value for all times, are drawn along
-    `over`.
+    `over`. Beside curves, several such lines are dashed and have other colours, because they belong to other names.
     """
     columns, own_names, own_units = outputs_of(names, units, chosen)
     others = {k: (np.unique(over.x), over.label) for k, name in enumerate(own_names) if over and name in timeless}
@@ -83,7 +83,12 @@ def plot_family(
         look = {"marker": "o", "markersize": 4, "clip_on": False, "linestyle": "-" if over.joined else ""}
         for axes, _ in own if not over.joined else ():
             axes.locator_params("x", integer=True)
-        _draw_family(own, lines, replace(style, label=None, color=None) if in_time else style, **look)
+        if in_time:
+            style = replace(style, label=None, color=None)
+        if in_time and len(lines) > 1:
+            _draw_family(own, lines, style, beside=len(curves), **look | {"linestyle": "--" if over.joined else ""})
+        else:
+            _draw_family(own, lines, style, **look)
     flatten(panels, rounding(curves, units)[columns])
     first = [in_time[0][0]] if in_time else []
     legends(figure, [*first, *(panels[k] for k in [*others][:1])], style)
@@ -91,14 +96,24 @@ def plot_family(
 
 
 def _draw_family(
-    panels: Sequence[tuple[Axes, int]], curves: Sequence[tuple[str, Array, Array]], style: Style, **look: Any
+    panels: Sequence[tuple[Axes, int]],
+    curves: Sequence[tuple[str, Array, Array]],
+    style: Style,
+    beside: int = 0,
+    **look: Any,
 ) -> None:
-    """Draw curves: their names, places (n,) and outputs (n, n_y), of which each panel shows one."""
+    """Draw curves: their names, places (n,) and outputs (n, n_y), of which each panel shows one.
+
+    The colours differ from those of `beside` curves that the picture already has.
+    """
     from matplotlib import colormaps
 
     N = len(curves)
     few = N <= len(COLOURS)
-    shades = COLOURS[:N] if few else [colormaps["viridis"](0.9 * k / (N - 1)) for k in range(N)]
+    # Many curves beside have the colours of a sequence.
+    first = beside if beside <= len(COLOURS) else 0
+    sequence = colormaps["plasma" if beside else "viridis"]
+    shades = [cyclic(PALETTE, first + k) if few else sequence(0.9 * k / (N - 1)) for k in range(N)]
     named = {*range(N)} if few or style.label is not None else {0, N // 2, N - 1}
     colours, texts = style.colours(shades), style.labels([name for name, *_ in curves])
     for axes, i in panels:

@@ -83,7 +83,9 @@ class TwoWays:
         begin, some = time.perf_counter(), np.searchsorted(first.times, second.times)
         run = second.runs(p[None])
         parameters = values_text(first.bodies.dae.p_names, p, first.bodies.dae.p_units)
-        message = "".join(f"breaks down at t = {run.t_failed[0]:g} s: {text}" for text in run.messages)
+        at = f"t = {run.t_failed[0]:g} s"
+        told = f"{at}{parameters and f', {parameters}'}: "  # the time and the parameters are not repeated
+        message = "".join(f"breaks down at {at}: {text.removeprefix(told)}" for text in run.messages)
         where = parameters and f", with {parameters},"
         return cls(
             t=second.times,
