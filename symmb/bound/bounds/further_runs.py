@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
-from symmb._magnitudes import LAST_DIGITS
+from symmb._magnitudes import LAST_DIGITS, SAME
 from symmb._types import Array, Indices
 from symmb.bound.bounds.direct_search import LINE_POINTS, direct_search
 from symmb.bound.bounds.envelope import Envelope
@@ -109,7 +109,9 @@ class Excess:
             curves = [name for name in bounds.names if name not in bounds.figures]
             fine = Y[:, curves.index(bounds.names[self._k])]
             every = (len(times) - 1) // (len(bounds.t) - 1)
-            moment = int(np.nan_to_num(self._sign * fine, nan=-np.inf).argmax())
+            own = np.nan_to_num(self._sign * fine, nan=-np.inf)
+            best = np.flatnonzero(own >= own.max() - SAME * abs(own.max()))
+            moment = int(min(best, key=lambda i: i % every != 0))  # an output time if its value is as large
             values, row = fine[::every].copy(), int(np.abs(bounds.t - times[moment]).argmin())
             if moment % every:
                 # The extreme counts as the value at the closest output time, so that the margin there is right.

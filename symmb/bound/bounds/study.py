@@ -46,7 +46,7 @@ class Extremes:
 
 
 def _lowest_and_highest(peaks: FigureSimulator, P: Array, executor: Executor | None) -> Array:
-    """Lowest and highest values (2, N, n) of samples P (N, d), from the scalar outputs of `FigureSimulator.of_peaks`."""
+    """Lowest and highest values (2, N, n) of samples P (N, d), from the outputs of `FigureSimulator.of_peaks`."""
     Y, _ = gathered(peaks, P, executor)
     return np.moveaxis(Y[:, 0].reshape(len(P), -1, 2), 2, 0)
 
