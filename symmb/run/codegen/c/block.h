@@ -2,8 +2,8 @@
 
    Vector instructions pay only if all lanes do the same, so that the worst lane decides the length of a step. A sample that
    fails has shortened the steps of the others before. Therefore its block runs again from the first time without it, so that
-   the results of the others do not depend on it. If the steps of a block run out, the samples that made the steps short fail,
-   and then run alone, see ensemble.h.
+   the results of the others do not depend on it. If the steps of a block run out, the samples that made the steps short fail
+   at first, and run alone later, see ensemble.h.
 
    The model in front of this file, such as model.h, gives the sizes and functions named there. */
 #ifndef BLOCK_H
@@ -65,8 +65,8 @@ typedef struct {
   double soon;   /* longest step from t on, because a contact may close soon after it */
   long number, next, live, sample[WIDTH];
   long alone;                 /* 1 + the number of the sample that runs alone, or 0 */
-  double suspicion[WIDTH];    /* of samples of the block that failed because shared steps ran out: largest for those that need
-                                 most steps, 0 for others */
+  double suspicion[WIDTH];    /* of samples that failed perhaps because of their neighbours: largest for those that need most
+                                 steps, 0 for others */
   long stop[WIDTH];           /* the next switch of time of each sample, and the first of them */
   double stop_time, from, to; /* rates are evaluated between these times */
   long steps, iterations, most;
@@ -103,8 +103,14 @@ PRIVATE void fail_sample(const Block *b, Study *s, long lane, double t, char why
   for (int j = 0; j < N_X; ++j) s->x_failed[i * N_X + j] = b->part[lane / W].x[place[j]][lane % W];
 }
 
-/* Fraction of the largest load of a run. Errors of order 8 have this ratio if one lane needs 2.4 times the steps of the other. */
-#define SMALL_LOAD 1e-3
+/* Notes that a sample which has failed runs alone later, if it has neighbours. */
+PRIVATE void suspect(Block *b, long lane, double suspicion) {
+  b->suspicion[b->sample[lane] % WIDTH] = b->live > 1 ? suspicion : 0.0;
+}
+
+/* Fraction of the largest load of a run, below which a lane is not to blame. Errors of order 8 have this ratio if one lane needs
+   1.8 times the steps of the other. */
+#define SMALL_LOAD 1e-2
 
 /* The samples whose errors made the steps short fail, because there are too many steps. Returns 0. */
 PRIVATE int fail_by_steps(Block *b, Study *s) {
@@ -115,7 +121,7 @@ PRIVATE int fail_by_steps(Block *b, Study *s) {
     if (load < SMALL_LOAD * most) continue;
     fail_sample(b, s, l, b->t, MANY);
     /* Samples that fail first, in a run of more samples, need more steps than those of the runs without them. */
-    b->suspicion[b->sample[l] % WIDTH] = b->live > 1 ? b->live + load / b->steps : 0.0;
+    suspect(b, l, b->live + load / b->steps);
   }
   return 0;
 }

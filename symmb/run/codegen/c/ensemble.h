@@ -4,8 +4,8 @@
 
 #include "begin.h"
 
-/* Samples of a block that run alone and fail alone too, before the others are taken to fail as well. */
-#define MOST_LOST 2
+/* Samples of a block that run out of steps alone too, before the others are taken to do so as well. */
+#define MOST_LOST 3
 
 /* Runs the samples that begin() starts, again without those that fail, until the others reach the end. Their extremes extend
    those in lower and upper, of n numbers. */
@@ -24,8 +24,7 @@ static void run_samples(Block *b, Study *s, double *restrict lower, double *rest
   }
 }
 
-/* Of the samples of the block that failed because shared steps ran out, the one that needs the fewest steps; -1 if none is
-   left. */
+/* The sample that runs alone next: of those that need to, the one that needs the fewest steps. -1 if none is left. */
 static int least_suspicious(const Block *b) {
   int least = -1;
   for (int l = 0; l < WIDTH; ++l)
@@ -47,9 +46,9 @@ int work(Study *s, double *restrict lower, double *restrict upper) {
     b->alone = 0;
     memset(b->suspicion, 0, sizeof b->suspicion);
     run_samples(b, s, lower, upper, n);
-    /* Steps that run out may be the fault of a neighbour, so that samples fail only if they fail alone too. A run that is lost
-       costs all its steps. Therefore those that need the fewest steps run first, and behind MOST_LOST lost runs, samples that
-       need more steps are taken to fail alone too. */
+    /* Steps that run out or become too short may be the fault of a neighbour, so that samples fail only if they fail alone too.
+       A run alone that runs out of steps is expensive. Therefore samples that need the fewest steps run first, and behind
+       MOST_LOST such runs, the other samples, which need more steps, are taken to fail alone too. */
     for (int lost = 0, l; lost < MOST_LOST && (l = least_suspicious(b)) >= 0;) {
       const long i = b->number * WIDTH + l;
       b->suspicion[l] = 0.0;

@@ -69,8 +69,12 @@ PRIVATE double largest_error(Block *b, const Study *s, M *large) {
 
 /* The samples of the marked lanes fail, because no shorter step is left. Returns 0. */
 PRIVATE int fail_samples(Block *b, Study *s, const M *marked, char why) {
+  /* In steps that neighbours make very short, residuals and estimated errors are rounding, and good samples fail too. */
   for (int l = 0; l < b->live; ++l)
-    if (marked[l / W][l % W]) fail_sample(b, s, l, b->t, why);
+    if (marked[l / W][l % W]) {
+      fail_sample(b, s, l, b->t, why);
+      suspect(b, l, 1.0);
+    }
   return 0;
 }
 
