@@ -213,7 +213,7 @@ class Engine:
 
         The samples have states x0 (N, n_x), or (N, 0) if the engine computes the start, and parameters p (N, n_p).
         """
-        Y = np.full((len(p), len(self.times), self.n_y), np.nan)
+        Y = np.empty((len(p), len(self.times), self.n_y))
         return Y, self._run(x0, p, Y, [None] * threads)
 
     def extremes(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, Array, FailedSamples]:

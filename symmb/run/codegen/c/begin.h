@@ -58,16 +58,19 @@ static int place_samples(Block *b, Study *s) {
   return finite;
 }
 
-/* Starts the samples of a block that did not fail. Returns 0 if there are none. A block that lost samples begins again without
-   them, see block.h: its passes are forgotten, and samples move up into the free lanes. */
+/* Starts the samples of a block that did not fail, or the one that runs alone. Returns 0 if there are none. A block that lost
+   samples begins again without them, see block.h: its values and passes are forgotten, and samples move up into the free lanes. */
 PRIVATE int begin(Block *b, Study *s) {
   b->t = s->times[0];
   b->next = 1;
   for (;;) {
     b->live = 0;
     for (long i = b->number * WIDTH; i < b->number * WIDTH + WIDTH && i < s->n; ++i)
-      if (s->t_failed[i] != s->t_failed[i]) b->sample[b->live++] = i;
+      if (s->t_failed[i] != s->t_failed[i] && (!b->alone || b->alone == i + 1)) b->sample[b->live++] = i;
     if (!b->live) return 0;
+    EACH_PART(b) a->load = zero();
+    for (long l = 0; l < b->live && s->Y; ++l)
+      for (long i = 0; i < s->n_t * N_Y; ++i) s->Y[b->sample[l] * s->n_t * N_Y + i] = NAN;
     for (long l = 0; l < b->live && s->passes; ++l)
       for (long j = 0; j < s->most_passes; ++j) s->passes[b->sample[l] * s->most_passes + j] = NAN;
     memset(b->stop, 0, sizeof b->stop);

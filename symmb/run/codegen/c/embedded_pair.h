@@ -161,11 +161,15 @@ PRIVATE int accept_step(Block *b, Study *s, double shortest) {
   const double size = log(e), least = log(ERROR_LEAST);
   /* The comparisons are written so that a NaN counts as an error that is too large: a lane that left the domain of a
      function requires a shorter step, and only at the shortest one does its sample fail. The length t_new - t of a shortest
-     step is rounded and may exceed `shortest` by a little. Too many steps are the fault of no single lane: all fail. */
-  const int too_many = ++b->steps == s->most_steps;
-  if (too_many || (!(e <= 1.0) && b->h <= shortest * 1.0000001)) {
+     step is rounded and may exceed `shortest` by a little. */
+  EACH_PART(b) a->load += v_smaller(norm[a - b->part], each(1.0)); /* 1 for NaN */
+  if (++b->steps == s->most_steps) {
+    fail_by_steps(b, s);
+    return FAILED;
+  }
+  if (!(e <= 1.0) && b->h <= shortest * 1.0000001) {
     for (int l = 0; l < WIDTH; ++l)
-      if (too_many || !(norm[l / W][l % W] <= 1.0)) fail_sample(b, s, l, b->t, too_many ? MANY : STEPS);
+      if (!(norm[l / W][l % W] <= 1.0)) fail_sample(b, s, l, b->t, STEPS);
     return FAILED;
   }
   if (!(e <= 1.0)) {

@@ -41,6 +41,7 @@ PRIVATE int solve(Block *b, const Study *s, M *unsolved) {
     b->iterations += n;
     most = n > most ? n : most;
     unsolved[a - b->part] = N_Z > 0 ? active : (M)zero();
+    a->load += truth(unsolved[a - b->part]);
     solved &= none(unsolved[a - b->part]);
   }
   if (solved && most > b->most) b->most = most;
@@ -59,6 +60,7 @@ PRIVATE double largest_error(Block *b, const Study *s, M *large) {
     }
     sum = v_sqrt(sum / (double)SIZE(N_E));
     large[a - b->part] = ~(M)(sum <= 1.0);
+    a->load += v_smaller(sum, each(1.0)); /* 1 for NaN */
     const double here = largest_lane(sum);
     e = here > e || here != here ? here : e;
   }
@@ -67,8 +69,12 @@ PRIVATE double largest_error(Block *b, const Study *s, M *large) {
 
 /* The samples of the marked lanes fail, because no shorter step is left. Returns 0. */
 PRIVATE int fail_samples(Block *b, Study *s, const M *marked, char why) {
+  /* In steps that neighbours make very short, residuals and estimated errors are rounding, and good samples fail too. */
   for (int l = 0; l < b->live; ++l)
-    if (marked[l / W][l % W]) fail_sample(b, s, l, b->t, why);
+    if (marked[l / W][l % W]) {
+      fail_sample(b, s, l, b->t, why);
+      suspect(b, l, 1.0);
+    }
   return 0;
 }
 
@@ -106,10 +112,7 @@ PRIVATE int run_until(Block *b, Study *s, long n) {
         memcpy(a->x, a->k, N_W * sizeof(V));
       }
     }
-    if (++b->steps > s->most_steps) {
-      EACH_PART(b) marked[a - b->part] = (M)zero() == 0;
-      return fail_samples(b, s, marked, MANY);
-    }
+    if (++b->steps > s->most_steps) return fail_by_steps(b, s);
     /* Newton's method fails if its guess is far off. A shorter step has a closer guess. */
     if (!solve(b, s, marked)) {
       if (!(b->h > 1.0000001 * shortest)) return fail_samples(b, s, marked, NEWTON);
