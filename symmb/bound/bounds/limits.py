@@ -324,7 +324,7 @@ def _decision(bounds: Envelope, k: int, low: float, high: float) -> _Decision:
         return _Decision(None, why, margin)
     if bounds.kind == "enclosure":
         if (margin >= 0).all():
-            return _Decision(True, "It is proved that no response violates the limit.", margin)
+            return _Decision(True, "It is proved that no response violates the limit at the output times.", margin)
         if ((lower > high) | (upper < low)).any():
             return _Decision(False, "There is a time at which all responses are beyond the limit.", margin)
         why = "The proved bounds are beyond the limit, but may be wider than the responses. Use more boxes."

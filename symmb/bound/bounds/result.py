@@ -96,10 +96,12 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         600 runs, or as many as the study; with other simulators at most twice as many as the study. The limit is then
         satisfied if the closest run is farther inside than the error of the search. Otherwise it is undecided.
 
-        The runs of a scene that come closest to a limit are repeated at 1000 or more times. A limit is also violated if
-        one of them exceeds it between two output times.
+        For scenes, runs count with their lowest and highest values over time, as from `mb.minimum` and `mb.maximum`.
+        These are the nominal run, the corners of the box if they are few, the runs closest to the limit, and all runs
+        of the search. Other simulators have values at output times only.
 
-        An enclosure proves that a limit is satisfied. Samples alone can only show that a limit is violated.
+        An enclosure proves that a limit is satisfied at the output times. Samples alone can only show that a limit is
+        violated.
 
         Parameters
         ----------
