@@ -25,7 +25,7 @@ def over_times(rows: Sequence[Sequence[str]], t: Sequence[float] | np.ndarray = 
 
 def time_text(t: Sequence[float] | np.ndarray, i: int, *values: np.ndarray) -> str:
     """Time number i as text. The text is empty if the values (n_t,) are equal at all times, as for scalar outputs."""
-    return "" if len(t) > 1 and all(np.ptp(own) == 0 for own in values) else f"{t[i]:.6g}"
+    return "" if len(t) > 1 and all((own == own[0]).all() for own in values) else f"{t[i]:.6g}"
 
 
 def at_time(t: Sequence[float] | np.ndarray, i: int) -> str:

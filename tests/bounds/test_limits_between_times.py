@@ -121,3 +121,17 @@ def test_tolerances_with_costs_are_no_dearer_than_with_one_factor():
     scene = pendulum(2)
     limits = {"speed": (None, np.sqrt(2 * G * 1.05))}
     assert mb.tolerances(scene, limits, costs={}).cost == pytest.approx(2.0, rel=0.01)
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_infinite_bounds_have_infinite_margins():
+    """The enclosure of 1 / k^2 is infinite if the interval of k contains 0."""
+    p = mb.Parameters(k=1.0)
+    mass = mb.Body("mass", 1.0, pose=mb.Particle())
+    system = mb.System(mass, mb.Gravity(0, -G), parameters=p)
+    scene = mb.Scene(system, times=[0.0, 0.5, 1.0], outputs={"x": mb.t / p.k**2}, box=mb.Box(k=(-1.0, 2.0)))
+    bounds = mb.propagate(scene, mb.TaylorModel())
+    assert np.isinf(bounds.upper).any()
+    for limits in ((None, 0.5), (-0.5, 0.5), (-1.0, None)):
+        check = bounds.check({"x": limits})
+        assert not check.kept and check["x"].margin.min() == -np.inf and "-inf" in str(check)

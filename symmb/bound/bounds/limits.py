@@ -308,7 +308,7 @@ def _doubt(bounds: Envelope, output: str) -> str:
 def _decision(bounds: Envelope, k: int, low: float, high: float) -> _Decision:
     """The decision on a limit of output number k."""
     lower, upper = bounds.lower[:, k], bounds.upper[:, k]
-    margin, rounding = np.minimum(lower - low, high - upper), rounding_of(bounds, k)
+    margin, rounding = np.fmin(lower - low, high - upper), rounding_of(bounds, k)  # nan if bound and limit are infinite
     unit = unit_told(bounds, k)
     attained = bounds.inner or ((bounds.lower, bounds.upper) if bounds.kind == "sampled" else None)
     beyond = -np.inf if attained is None else max((low - attained[0][:, k]).max(), (attained[1][:, k] - high).max())

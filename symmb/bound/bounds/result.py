@@ -84,6 +84,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "study": None, "attaining": None}
 
+    @np.errstate(invalid="ignore")  # bounds and limits may be infinite
     def check(self, limits: Limits) -> LimitCheck:
         """Check whether outputs satisfy limits for all parameters of the box, at all times.
 
@@ -150,6 +151,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
             )
         return replace(case, value=case.attained) if np.isfinite(further.error) else case
 
+    @np.errstate(invalid="ignore")  # bounds and limits may be infinite
     def _side(self, limit: KeptLimit) -> str:
         """The side of a limit that is closest."""
         i, k = limit.row, self._column(limit.output)
