@@ -17,7 +17,7 @@ import symmb as mb
 T = np.linspace(0.0, 0.2, 5)
 
 RESULTS = {
-    "Bounds", "Calibration", "Comparison", "Contributions", "Event", "Linearization", "Modes", "Moments", "RootLocus", "Sensitivities", "Stability",
+    "Bounds", "Calibration", "Comparison", "Contributions", "Event", "LimitCheck", "Linearization", "Modes", "Moments", "RootLocus", "Sensitivities", "Stability",
     "Sweep", "Tolerances", "Trajectory",
 }  # fmt: skip
 """What symmb makes and nobody else does; its methods are called."""
@@ -77,6 +77,8 @@ OF_OWNER: dict[str, dict[str, Any]] = {
     "Modes.load": {"path": "modes.npz"},
     "Bounds.load": {"path": "saved.npz"},
     "Comparison.load": {"path": "saved.json"},
+    "LimitCheck.load": {"path": "limits.npz"},
+    "Tolerances.load": {"path": "tolerances.npz"},
     "Trajectory.load": {"path": "run.npz"},
     "Trajectory.reaction": {"joint": "hinge"},
     "System.reaction": {"name": "hinge"},
@@ -154,8 +156,11 @@ def _call(f: Callable[..., Any], good: Mapping[str, Any]) -> Call | None:
     except (ValueError, TypeError):
         return None
     args, options = [], {}
+    receiver = getattr(f, "__self__", None)
+    owner = receiver if inspect.isclass(receiver) else type(receiver)
+    own = OF_OWNER.get(f.__qualname__, {}) | OF_OWNER.get(f"{owner.__name__}.{f.__name__}", {})
     for parameter in parameters:
-        value = (good | OF_OWNER.get(f.__qualname__, {})).get(
+        value = (good | own).get(
             parameter.name, None if parameter.default is inspect.Parameter.empty else parameter.default
         )
         if parameter.kind in (parameter.POSITIONAL_ONLY, parameter.POSITIONAL_OR_KEYWORD):

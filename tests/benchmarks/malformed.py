@@ -233,7 +233,7 @@ RECEIVERS = {
     "scene": SCENE, "system": SCENE.system, "body": ROD, "point": A, "joint": HINGE, "box": BOX, "bounds": BOUNDS, "run": RUN, "comparison": COMPARISON, "function": DECAY,
     "simulator": mb.DAESimulator(SCENE), "linearization": mb.linearize(SCENE), "modal": mb.ModalSimulator(SCENE), "mesh": mb.FiniteElements.beams(BEAM), "modes": MODES, "parameters": SCENE.system.parameters,
     "table": mb.Table([0, 1], [0, 1]), "locus": mb.root_locus(SCENE, "k", (4.0, 5.0), count=3), "expansion": mb.Expansion(np.array([[0], [1]]), np.zeros((2, 1, 1)), ("l",)),
-    "stored": mb.StoredSimulator(DECAY, Path(FOLDER.name, "runs.db")), "rotation": mb.rotation(axis=(0, 0, 1), angle=0.3), "method": mb.MonteCarlo(10),
+    "stored": mb.StoredSimulator(DECAY, Path(FOLDER.name, "runs.db")), "rotation": mb.rotation(axis=(0, 0, 1), angle=0.3), "method": mb.MonteCarlo(10), "check": BOUNDS.check({"x": (None, 1.0)}), "tolerances": mb.tolerances(DECAY, {"x": (0.8, None)}, box=BOX),
 }  # fmt: skip
 CALLS += methods.calls(RECEIVERS, methods.arguments(PIECES), methods.INTERNAL)
 
@@ -419,6 +419,7 @@ def write_files() -> None:
     for name, text in FILES.items():
         Path(name).write_text(text if name != "scene.py" else _scene_file(text), encoding="utf-8")
     BOUNDS.save("saved.npz"), COMPARISON.save("saved.json"), RUN.save("run.npz"), MODES.save("modes.npz")
+    RECEIVERS["check"].save("limits.npz"), RECEIVERS["tolerances"].save("tolerances.npz")
 
 
 def _scene_file(body: str) -> str:

@@ -11,7 +11,7 @@ from symmb._doubt import concerned
 from symmb._errors import DeclarationError
 from symmb._labelled import ByOutput, Labelled, Result, over_outputs, texts
 from symmb._magnitudes import LAST_DIGITS, SAME
-from symmb._names import did_you_mean, normal_keys
+from symmb._names import normal_keys
 from symmb._options import is_real, require_name, shown
 from symmb._table import aligned, over_times, time_text
 from symmb._types import Array
@@ -151,10 +151,7 @@ class LimitCheck(plot.OverTimeBesideGiven, Result, ByOutput, Saved):
 
     def __getitem__(self, output: str) -> KeptLimit:
         """The limit of an output."""
-        for limit in self.limits:
-            if limit.output == output:
-                return limit
-        raise DeclarationError(f"There is no limit of {shown(output)}.{did_you_mean(output, self.names)}")
+        return self.limits[self.names.index(require_name("LimitCheck", "limit of", output, self.names))]
 
     def _head(self) -> str:
         return f"Limits by {self.method}: {_WORDS[self.kept]}"
