@@ -220,6 +220,8 @@ class Search:
         # Two studies give one place with different rounding. Each place needs a run at every factor.
         ray.places = np.unique(np.concatenate([ray.places, self._worst_places(bounds, check)]).round(9), axis=0)
         if check.kept:
+            if ray.best is None:  # larger boxes that were undecided may be decided: runs show how far limits are
+                ray.high, ray.undecided, ray.why = np.inf, None, ""
             ray.low, ray.best = s, bounds
         else:
             ray.high, ray.why = s, "" if check.kept is False else (*bounds.doubts, _undecided(check))[0]

@@ -17,8 +17,8 @@ _CLOSE_TO_LIMIT = 0.03
 """Distance of a limit divided by the width of bounds. If it is smaller, lines along the axes follow after the search,
 because a peak that passes output times makes many hills. Smaller values miss more. Larger values take more runs."""
 _MISSED_HILL = 1e-3
-"""Distance divided by the width of bounds that a search may miss if it ends inside the box. A slightly higher hill may
-be beside the highest known hill. tests/benchmarks/machine_tolerances.py"""
+"""Distance that a search may miss if it ends inside the box, divided by the spread of the extremes of its first runs. A
+slightly higher hill may be beside the highest known hill. tests/benchmarks/machine_tolerances.py"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +93,11 @@ class Excess:
         self.runs, self.failed = self.runs + len(points), self.failed + int(np.isnan(own).sum())
         return excess
 
+    @property
+    def spread(self) -> float:
+        """Distance of the largest excess from the least excess of the first runs."""
+        return self.largest - float(self.first[np.isfinite(self.first)].min(initial=self.largest))
+
     def is_flat(self) -> bool:
         """Whether most starts and the nominal run have the largest excess. This does not happen on a hill."""
         least = self.largest - LAST_DIGITS * (abs(self._limit) + abs(self.largest))
@@ -143,7 +148,7 @@ def closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indices
     is_flat = excess.is_flat()
     found = excess.further_run(error, is_flat)
     if study.has_lanes and bounds.estimate is not None and not is_flat and _is_on_hill(bounds, k, found, enough):
-        error = max(error, min(float(bounds.estimate[:, k].max()), _MISSED_HILL * _width(bounds, k)))
+        error = max(error, min(float(bounds.estimate[:, k].max()), _MISSED_HILL * excess.spread))
     return replace(found, error=error)
 
 
