@@ -50,6 +50,24 @@ def test_limits_of_estimates_are_kept_violated_or_undecided(limits, kept):
     assert {True: "satisfied", False: "violated", None: "undecided"}[check.kept] in str(check)
 
 
+def test_a_limit_close_to_a_stop_is_decided():
+    """All parameters act on the motion, but only the place of the stop acts on the largest way."""
+    v = {"mass": 75.0, "push": 450.0, "mu": 0.15, "stop": 0.2, "rebound": 0.4, "preload": 27.0}
+    p, ground = mb.Parameters(**v), mb.Ground()
+    slide = mb.Body("slide", p.mass, 6.0)
+    rail = mb.Prismatic("rail", ground.point(0, 0), slide.point(0, 0), axis=(1, 0, 0))
+    push = p.push * ca.fmax(1 - mb.t / 1.5, 0) + 200 * (p.stop - rail.displacement)
+    shoes = mb.Friction(
+        "shoes", ground.point(0, 0), slide.point(0, 0), (1, 0), p.mass * 9.81 + p.preload, mb.Coulomb(p.mu, 0.02)
+    )
+    stop = mb.Stop("end", rail, None, p.stop, restitution=p.rebound)
+    system = mb.System(slide, rail, mb.Actuator("push", rail, push), shoes, stop, parameters=p)
+    box = mb.Box(**{name: (0.96 * x, 1.04 * x) for name, x in v.items()} | {"stop": (0.1995, 0.2005)})
+    bounds = mb.propagate(mb.Scene(system, times=np.linspace(0, 1.2, 121), outputs={"way": rail.displacement}, box=box))
+    for share in (0.02, -0.02):  # of the tolerance of the stop
+        assert bounds.check({"way": (None, 0.2005 + share * 5e-4)}).kept is (share > 0)
+
+
 def test_an_estimate_that_straddles_a_limit_does_not_decide():
     lower, upper, error = np.zeros((2, 1)), np.ones((2, 1)), np.full((2, 1), 0.1)
     bounds = mb.Bounds(np.array([0.0, 1.0]), ("y",), lower, upper, "estimate", "PolynomialChaos()", 9, estimate=error)
