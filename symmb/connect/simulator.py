@@ -26,7 +26,8 @@ Progress = Callable[[int, int], None]
 """A function of the number of finished samples and the number of all samples."""
 
 BLOCK = 128
-"""Samples of a block. They suffice for vectorised loops, and 12 outputs at 1001 times take only 12 MB."""
+"""Samples of a block, except for compiled scenes (`block_size` in `run/formulations/ensembles.py`). They suffice for
+vectorised loops, and 12 outputs at 1001 times take only 12 MB."""
 
 
 class Samples(Protocol):

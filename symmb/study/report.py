@@ -14,7 +14,11 @@ _LEFT = {"method", "kind", "worst output"}
 
 
 def table(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]) -> str:
-    """The rows as an aligned table. Errors are the mean and the largest error over the outputs with a width."""
+    """The rows as an aligned table.
+
+    An error is the mean over the outputs that vary over the box. The last column shows the output with the largest
+    error.
+    """
     lines = cells(rows, yardstick, outputs)
     text = aligned(lines, left=left_columns(lines[0]))
     return "\n".join([text[0], "-" * max(map(len, text)), *text[1:]])

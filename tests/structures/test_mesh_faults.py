@@ -12,7 +12,7 @@ LENGTH = P.length
 LINE = [(0, 0, 0), (1, 0, 0)]
 CIRCLE = Section.circle(0.1)
 POSITIONS, K, M, _ = lattice()
-SYMBOL = "contains a symbol, but modes are computed once in numbers. Use parameters in joints, forces, rigid bodies"
+SYMBOL = "contains a symbol. Give numbers, because the modes are computed once. Use parameters in joints"
 
 FAULTS = {
     "parameter without a value": (

@@ -99,8 +99,8 @@ class Optimization(Method):
         most = self.budget // 2 // cost
         if not most:
             raise PropagationError(
-                f"{self!r}: a run with derivatives in {d} parameters counts {cost}, more than half the budget. "
-                f"Give a budget of at least {2 * cost}."
+                f"{self!r}: a run with derivatives in {d} parameters counts as {cost} evaluations. "
+                f"This is more than half the budget. Give a budget of at least {2 * cost}."
             )
         new = corners(d) if 2**d < most else np.empty((0, d))
         new = np.concatenate([np.zeros((1, d)), new])

@@ -133,8 +133,9 @@ class TaylorModel(Method):
 class _Outlook:
     """A message that reports once how long a proof takes, if it takes minutes.
 
-    The first steps are short and become longer, so that the last step predicts better than all steps. Before a proof
-    ends early, steps become short again, and all steps predict better.
+    The remaining time is predicted from the last step and from the mean of all steps. The smaller prediction counts.
+    The first steps are short, so the mean predicts too much time. Before an early end, the last step is short too and
+    predicts too much.
     """
 
     def __init__(self, method: TaylorModel) -> None:

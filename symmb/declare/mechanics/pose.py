@@ -180,5 +180,5 @@ class Fixed(Pose):
 
 
 def turns_about_z(pose: Pose) -> bool:
-    """Whether a body of this pose turns about z only, so that its angle is a coordinate."""
+    """Whether one angle about z gives the orientation: for a planar pose, or for a body that is fixed."""
     return isinstance(pose, Planar | Fixed)

@@ -17,8 +17,8 @@ def numbers(value: npt.ArrayLike, owner: str, name: str, *shapes: Shape) -> Arra
     """A read-only copy of finite numbers in one of the shapes, or of a scalar. A letter in a shape is any size."""
     if any(type(item).__module__.split(".")[0] in ("casadi", "sympy") for item in _items(value)):
         raise DeclarationError(
-            f"{owner}: {name} contains a symbol, but modes are computed once in numbers. Use parameters in joints, "
-            "forces, rigid bodies, materials, sections and damping ratios only."
+            f"{owner}: {name} contains a symbol. Give numbers, because the modes are computed once. Use parameters in "
+            "joints, forces, rigid bodies, materials, sections and damping ratios only."
         )
     shapes = shapes or ((),)
     expected = " or ".join(map(_words, shapes))

@@ -20,8 +20,8 @@ from symmb.equations.start.joint_values import (
     with_turns,
 )
 from symmb.equations.start.labels import constraint_of_row
+from symmb.equations.start.residual_limits import SOLVED
 from symmb.equations.start.scales import with_coarse_scales
-from symmb.equations.start.tolerances import SOLVED
 
 
 def assemble(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:

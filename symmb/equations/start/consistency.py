@@ -8,9 +8,9 @@ from symmb._magnitudes import SLIGHT
 from symmb._types import Array
 from symmb.equations.start.labels import constraint_of_row
 from symmb.equations.start.rank import vanishing_combinations
+from symmb.equations.start.residual_limits import VIOLATION
 from symmb.equations.start.scales import rest_states
 from symmb.equations.start.start import Start
-from symmb.equations.start.tolerances import VIOLATION
 
 
 def check_velocities(start: Start, p0: Array) -> None:

@@ -13,8 +13,8 @@ from symmb.declare.symbolic import t as time
 from symmb.equations.model import DAE, Scene
 from symmb.equations.start.equilibrium import is_stable
 from symmb.equations.start.rank import redundant_names, vanishing_combinations
+from symmb.equations.start.residual_limits import SOLVED
 from symmb.equations.start.sparse_rows import normal_solver
-from symmb.equations.start.tolerances import SOLVED
 
 
 def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: Indices) -> Iterator[str]:

@@ -8,8 +8,8 @@ from symmb._magnitudes import FACTORS, NOTHING
 from symmb._types import Array, Indices
 from symmb.equations.model import DAE
 from symmb.equations.start.labels import coordinate_of
+from symmb.equations.start.residual_limits import SOLVED
 from symmb.equations.start.scales import evaluate_at_rest, resting
-from symmb.equations.start.tolerances import SOLVED
 
 _TOLERANCE = 1e-11
 """Residual forces divided by the forces of a displacement of the scene's size. tests/start/test_equilibrium.py"""

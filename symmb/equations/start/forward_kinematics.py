@@ -21,7 +21,7 @@ from symmb.declare.symbolic import product, t
 from symmb.equations.model import DAE, Scene
 from symmb.equations.start.joint_tree import GROUND
 from symmb.equations.start.joint_values import of_positions
-from symmb.equations.start.tolerances import SOLVED
+from symmb.equations.start.residual_limits import SOLVED
 
 J = TypeVar("J", bound=Joint)
 _ROTATION, _POSITION = ("theta", "e0"), ("x", "y", "z")

@@ -15,6 +15,7 @@ from symmb.equations.start.assembly import drive_rows
 from symmb.equations.start.gauss_newton import with_fewest_turns
 from symmb.equations.start.implicit_function import ImplicitMap
 from symmb.equations.start.rank import independent_rows_and_columns, lasting_rows
+from symmb.equations.start.residual_limits import SOLVED
 from symmb.equations.start.scales import (
     evaluate_at_rest,
     general_entries,
@@ -25,7 +26,6 @@ from symmb.equations.start.scales import (
     with_coarse_scales,
 )
 from symmb.equations.start.start import Start, start_functions
-from symmb.equations.start.tolerances import SOLVED
 
 
 def start_in_joints(start: Start, scene: Scene, joints: System) -> Start | None:

@@ -30,9 +30,9 @@ from symmb.equations.start.joint_values import (
 )
 from symmb.equations.start.labels import coordinate_of, coordinate_with_value
 from symmb.equations.start.rank import independent_rows, independent_rows_and_columns, lasting_rows, redundant_names
+from symmb.equations.start.residual_limits import VIOLATION
 from symmb.equations.start.scales import general_entries, jacobian_at_rest, resting, row_sizes, with_coarse_scales
 from symmb.equations.start.start import Start, start_functions
-from symmb.equations.start.tolerances import VIOLATION
 from symmb.equations.start.velocities import start_velocities
 
 

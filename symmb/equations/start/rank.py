@@ -10,9 +10,9 @@ from symmb._errors import AssemblyError
 from symmb._magnitudes import SLIGHT
 from symmb._types import Array, Indices
 from symmb.equations.model import DAE
+from symmb.equations.start.residual_limits import SOLVED
 from symmb.equations.start.scales import above_zero, evaluate_at_rest, jacobian_at_rest, own_scales, resting, row_sizes
 from symmb.equations.start.sparse_rows import LARGE, determining_columns, least_step
-from symmb.equations.start.tolerances import SOLVED
 
 _AS_INDEPENDENT = 0.3
 """Chosen rows are sufficient if their smallest singular value, relative to the value of all rows, is above this ratio.

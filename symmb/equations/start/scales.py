@@ -11,7 +11,7 @@ from symmb._magnitudes import ROUNDING, SMALL
 from symmb._types import Array, Indices, Mask
 from symmb.declare.symbolic import evaluated
 from symmb.equations.model import DAE, Scales, is_linear
-from symmb.equations.start.tolerances import SOLVED
+from symmb.equations.start.residual_limits import SOLVED
 
 Arguments = tuple[Any, ...]
 """The arguments (q, v[, s], p, t) of the DAE's Functions."""

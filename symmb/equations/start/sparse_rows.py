@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._types import Array, Indices
-from symmb.equations.start.tolerances import SOLVED
+from symmb.equations.start.residual_limits import SOLVED
 
 LARGE = 150
 """From this number of rows or columns on, sparse factors are faster than dense factors. tests/benchmarks/scaling.py"""

@@ -18,8 +18,8 @@ from symmb._types import Array
 from symmb.declare.symbolic import batch, evaluated, jet_function, saddle_solver
 from symmb.equations.model import DAE, Scales, is_linear
 from symmb.equations.start.implicit_function import LAST_DIGITS, ImplicitMap
+from symmb.equations.start.residual_limits import VIOLATION
 from symmb.equations.start.scales import distances, length_of, power_of_two, sizes_of_parts
-from symmb.equations.start.tolerances import VIOLATION
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,8 @@ from symmb.declare.symbolic import common, is_singular, is_zero, pattern, saddle
 from symmb.equations.model import DAE, Scene
 from symmb.equations.start.joint_tree import GROUND, Group, JointTree
 from symmb.equations.start.rank import strong_rows
+from symmb.equations.start.residual_limits import SOLVED, VIOLATION
 from symmb.equations.start.scales import evaluate_at_rest, jacobian_at_rest, resting
-from symmb.equations.start.tolerances import SOLVED, VIOLATION
 
 
 def start_velocities(

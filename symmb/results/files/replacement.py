@@ -1,4 +1,4 @@
-"""A file that replaces the previous file after it is complete."""
+"""A file that replaces the previous file after it is complete, and errors and suffixes of files."""
 
 import os
 import stat

@@ -1,4 +1,4 @@
-"""One colour for each method, the same in every picture."""
+"""Colours of methods, solvers, curves and bodies. A method has the same colour in every picture."""
 
 from zlib import crc32
 

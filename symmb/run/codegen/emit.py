@@ -63,8 +63,8 @@ _TURNED = {ca.OP_SIN: ca.OP_COS, ca.OP_COS: ca.OP_SIN}
 class _Schedule:
     """The statements of a function in pieces.
 
-    The first pieces compute angles. A loop after them computes the sines and cosines of all angles. The loop works on
-    many angles in parallel, while single calls would wait for each result.
+    The first pieces compute angles. A loop after them computes the sines and cosines of all angles. The loop computes
+    many sines and cosines in parallel. Separate calls would compute one after the other.
 
     Attributes
     ----------

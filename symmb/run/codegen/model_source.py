@@ -137,7 +137,7 @@ def source_of(
     f : ca.Function            from `model_function` or `scheme_function`
     fixed : bool               whether an explicit method has fixed steps
     scheme : Scheme or None    the scheme of a `scheme_function`
-    hysteresis : (m,)          distance by which each switch must be passed, larger than its rounding
+    hysteresis : (m,)          distance by which the value of each switch must pass 0, larger than its rounding error
     contacts : Contacts        contacts and joints; their gaps and margins are the last switches
     one_run : bool             whether the source is for single runs of one lane by c/one_run.h, with the data of pieces
     """

@@ -1,6 +1,7 @@
 """Events of contacts and joints, and switches of time and of the state.
 
-The solvers that use these are in `integrate`.
+`time_switches` finds the times of switches before a run. `step_ends` in `integrate` passes them to the solvers, and
+`find_stop` in `codegen/c/switches.h` ends steps there.
 """
 
 from symmb.run.events.impulses import Event, event_doubts, events_of

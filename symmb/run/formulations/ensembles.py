@@ -1,4 +1,4 @@
-"""Trajectories of many samples of a DAE, and messages of failed samples."""
+"""Trajectories of many samples of a DAE, messages of failed samples, and the number of samples in a block."""
 
 import math
 from collections.abc import Callable, Sequence

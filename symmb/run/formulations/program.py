@@ -290,6 +290,6 @@ def _require_able(solver: Solver, dae: DAE, times: Array, contradiction: Break |
         )
     if contradiction and not solver.keeps_positions:
         raise DeclarationError(
-            f"{contradiction}. {solver!r} integrates accelerations, which do not contain this jump. Give a "
+            f"{contradiction}. {solver!r} integrates accelerations only, so it would miss this jump. Give a "
             "law with a continuous rate, or use a solver that keeps positions, such as NSTIFFSI2(step=...)."
         )

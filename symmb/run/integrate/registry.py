@@ -124,7 +124,8 @@ def read_solver(text: str) -> Solver:
     if len(options) < len(words):
         raise DeclarationError(f"The solver {text!r} sets an option twice.")
     solver = read_spec(":".join(part for part in parts if part not in WORDS), SOLVERS, "solver")
-    missing = options.keys() - {f.name for f in fields(solver)}
-    if missing:
-        raise DeclarationError(f"The solver {text!r}: {type(solver).__name__} has no option {missing.pop()!r}.")
+    known = {f.name for f in fields(solver)}
+    unknown = [word for word in parts if word in WORDS and WORDS[word][0] not in known]
+    if unknown:
+        raise DeclarationError(f"The solver {text!r}: {type(solver).__name__} has no option {unknown[0]!r}.")
     return replace(solver, **options)

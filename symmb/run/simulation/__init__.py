@@ -1,4 +1,7 @@
-"""Runs of scenes. `simulate` makes one run, and a `DAESimulator` runs samples of parameters."""
+"""Runs of scenes. `simulate` makes one run, and a `DAESimulator` runs samples of parameters.
+
+`pilots` chooses the solver by short trial runs.
+"""
 
 from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_simulator import FigureSimulator, SceneSimulator, motion_of

@@ -44,7 +44,7 @@ class Differentiable:
         if isinstance(simulator, FigureSimulator):
             raise SimulationError(
                 f"{owner}: scalar outputs have no derivatives: {', '.join(simulator.figures)}. Remove them from "
-                "outputs=, or use the contributions of bounds."
+                "outputs=, or call contributions() of the bounds from propagate()."
             )
         if not isinstance(simulator, Jets):
             raise SimulationError(f"{owner}: {shown(scene)} has no derivatives. Pass a Scene.")

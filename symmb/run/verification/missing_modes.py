@@ -291,7 +291,7 @@ def _users(own: Array, places: Array) -> list[tuple[int, ...]]:
 
 
 def _direct(own: Array, places: Array) -> Array:
-    """Slopes (N, n_y, 6 m) of outputs along displacements of nodes. `own` are slopes along velocities of the body."""
+    """Derivatives (N, n_y, 6 m) of outputs by displacements of nodes, from those by velocities of the body, `own`."""
     users = _users(own[0], places[0])
     slopes = np.zeros((*own.shape[:2], *places.shape[1:3]))
     for some in set(users) - {()}:

@@ -76,10 +76,10 @@ class CheckRounds:
     """The range of an expansion continued through check runs, or the extremes of runs, and the error of either one.
 
     The runs of a round show the error of the expansion, which earlier rounds have corrected. Rounds end when this error
-    is small enough or no longer falls. The continuation leaves a share s(x) of the typical error at x. An error e at x
-    thus suggests the error e / s(x) elsewhere. The range may exceed all runs. Runs attained a share of earlier
-    predicted excesses: the bounds keep this share of the excess. Its error is the same share, or the share that runs
-    did not confirm if this is smaller.
+    is small enough or no longer falls. At x, the continuation expects an error of s(x) times the typical error. If a
+    new run at x shows the error e, the estimate of the typical error is e / s(x). The range may exceed all runs. Runs
+    attained a share of earlier predicted excesses: the bounds keep this share of the excess. Its error is the same
+    share, or the share that runs did not confirm if this is smaller.
 
     If corners have been run, the extremes of runs are the other answer. Their error is the largest of four values. Two
     are the gain of the last rounds, and the gain from twice as many runs inside the box. One is the excess of the range
