@@ -8,8 +8,17 @@ import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
 from symmb._types import Array, Executor
-from symmb._units import units_of_parameters
-from symmb.bound.bounds import Bounds, Extremes, LimitCheck, PolynomialChaos, Study, WorstCase, parameter_samples
+from symmb._units import told_units, typeset, units_of_parameters
+from symmb.bound.bounds import (
+    Bounds,
+    Extremes,
+    LimitCheck,
+    PolynomialChaos,
+    Study,
+    WorstCase,
+    parameter_samples,
+    units_of,
+)
 from symmb.bound.polynomials.ranges import Piecewise
 from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box
@@ -95,10 +104,13 @@ class Search:
         self._lowest, self._highest, self._at_nominal = lowest, highest, self._margins(lowest, highest)
         if self._at_nominal.min() <= 0:
             k = int(self._at_nominal.argmin())
-            value = lowest[k] if lowest[k] - self._low[k] <= 0 else highest[k]
+            is_low = lowest[k] - self._low[k] <= 0
+            value, limit = (lowest[k], self._low[k]) if is_low else (highest[k], self._high[k])
+            unit = typeset(told_units(units_of(simulator), len(simulator.outputs))[self._columns[k]])
+            own = " ".join(filter(None, [f"{limit:.6g}", unit]))
             raise PropagationError(
-                f"{OWNER}: the nominal run violates or reaches a limit of {[*limits][k]}: {value:.6g}. The search "
-                "needs a margin. Change the limit or the nominal values."
+                f"{OWNER}: the nominal run violates or reaches the limit {own} of {[*limits][k]}: {value:.6g}. The "
+                "search needs a margin. Change the limit or the nominal values."
             )
 
     def _margins(self, lower: Array, upper: Array) -> Array:

@@ -195,7 +195,7 @@ def test_a_tolerance_that_is_not_reached_is_told(tmp_path, f, noise, method):
     box = mb.Box(a=(-1.0, 1.0), b=(-1.0, 1.0))
     bounds = mb.propagate(simulator, method, box)
     (remark,) = bounds.remarks
-    assert remark.startswith(f"The tolerance {method.tolerance:g} was not reached: the estimated error is ")
+    assert remark.startswith(f"The tolerance {method.tolerance:g} of the method was not reached: the estimated error")
     assert float(remark.split()[-4]) > method.tolerance and remark in str(bounds)
     bounds.save(tmp_path / "b.json")
     assert mb.Bounds.load(tmp_path / "b.json").remarks == bounds.remarks

@@ -57,7 +57,7 @@ def test_limits_stand_in_the_file(folder):
     main(["bound", "roll.py", "--limit", "x=:2.3", "y=1:1.5", "--json", "b.json"])
     limits = json.loads((folder / "b.json").read_text())["limits"]
     assert [*limits] == ["x", "y"] and limits["y"]["result"] == "violated"
-    assert limits["y"]["why"] == "A run is beyond the limit."
+    assert limits["y"]["why"] == "The nominal run is beyond the limit."
     assert limits["x"] == {**limits["x"], "result": "satisfied", "time": 2.0, "low": None, "high": 2.3}
     assert limits["x"]["margin"] == pytest.approx(0.1) and limits["y"]["margin"] == pytest.approx(-0.5)
     assert mb.Bounds.load("b.json")["x"][1][-1] == pytest.approx(2.2)

@@ -50,7 +50,7 @@ def test_a_kept_limit(seed):
     check, ((state, head), (_, text), *_), steps = told(bounds, {bounds.names[0]: (None, limit)})
     least = check.limits[0].margin[check.limits[0].row]
     assert state == "satisfied" and head == "The limit is satisfied in all cases within the tolerances."
-    assert text.startswith(f"{bounds.names[0]} is at most {limit:.6g} in all cases within the tolerances.")
+    assert text.startswith(f"'{bounds.names[0]}' is at most {limit:.6g} in all cases within the tolerances.")
     assert f"The smallest margin is {least:.3g}, at {T[check.limits[0].row]:.4g} s" in text
     assert steps[0] == "No tolerance needs to be tightened."
 
@@ -68,7 +68,7 @@ def test_a_violated_limit_and_what_keeps_it(seed, side):
     limit, excess = check.limits[0], abs(end - outer)
     assert state == own == "violated" and head == "The limit is violated in some cases."
     verb = "fall below" if side == "lower" else "exceed"
-    start = f"{bounds.names[0]} may {verb} its limit of {end:.6g} by {-limit.margin[limit.row]:.3g}"
+    start = f"'{bounds.names[0]}' may {verb} its limit of {end:.6g} by {-limit.margin[limit.row]:.3g}"
     assert text.startswith(start) and -limit.margin[limit.row] == pytest.approx(excess, rel=1e-3)
     assert "nominal values" not in text
     when = re.findall(r"(\w+) is (high|low) \(([^)]+)\)", text)
@@ -107,7 +107,7 @@ def test_nominal_values_beyond_a_limit(seed):
         assert f"limit of {limit:.6g} in all cases, by at least {least:.3g}" in sentences[1][1]
     else:
         assert f"exceeds its limit of {limit:.6g} by {peak - limit:.3g} at the nominal values, and" in sentences[1][1]
-    assert steps[0].startswith(f"The nominal values violate the limit of {bounds.names[0]} by {peak - limit:.3g}: ")
+    assert steps[0].startswith(f"The nominal values violate the limit of '{bounds.names[0]}' by {peak - limit:.3g}: ")
     assert not any("ighten" in step for step in steps)
 
 
@@ -119,10 +119,10 @@ def test_what_samples_leave_undecided(seed):
     assert [state for state, _ in sentences[:3]] == ["undecided"] * 3
     assert sentences[0][1] == "Both limits are not decided."
     least = check.limits[0].margin[check.limits[0].row]
-    start = f"It is not decided whether {bounds.names[0]} is at most {limit:.6g}. The smallest margin is {least:.3g}"
+    start = f"It is not decided whether '{bounds.names[0]}' is at most {limit:.6g}. The smallest margin is {least:.3g}"
     assert sentences[1][1].startswith(start)
     assert f"Only the {bounds.evaluations} cases that were run are known" in sentences[3][1]
-    assert steps[0] == f"{bounds.names[0]}: {check.limits[0].why}"
+    assert steps[0] == f"'{bounds.names[0]}': {check.limits[0].why}"
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -135,7 +135,7 @@ def test_a_proved_limit(seed):
     limit = float(1.2 * 1.1 * p["speed"])
     check, sentences, _ = told(bounds, {"x": (None, limit)})
     assert check.kept and sentences[0][0] == "satisfied"
-    assert f"x is at most {limit:.6g} m in all cases" in sentences[1][1]
+    assert f"'x' is at most {limit:.6g} m in all cases" in sentences[1][1]
     assert f"The smallest margin is {limit - 1.1 * p['speed']:.3g} m" in sentences[1][1]
     assert sentences[-1][1] == "The bounds for these sentences are proved."
 
@@ -157,12 +157,12 @@ def test_all_cases_violate_a_limit(seed, method):
     _, sentences, steps = told(bounds, {"x": (None, limit)})
     assert sentences[0] == ("violated", "The limit is violated in all cases.")
     least, most = f"{low - limit:.3g} m", f"{high - limit:.3g} m"
-    start = f"x exceeds its limit of {limit:.6g} m in all cases, by at least {least} and up to {most}, at 1 s"
+    start = f"'x' exceeds its limit of {limit:.6g} m in all cases, by at least {least} and up to {most}, at 1 s"
     assert sentences[1][1].startswith(start) and "idle" not in sentences[1][1]
     assert any("leaves out nominal values" in text for _, text in sentences) != is_inside
     who, change = ("The nominal values", "them") if is_inside else ("All cases", "the intervals")
     excess = p["speed"] - limit if is_inside else low - limit
-    assert steps[0] == f"{who} violate the limit of x by {excess:.3g} m: change {change}, or the limit."
+    assert steps[0] == f"{who} violate the limit of 'x' by {excess:.3g} m: change {change}, or the limit."
 
 
 @pytest.mark.parametrize("method", ["vertex", "pce:2", "pce", "mc:200"])
@@ -184,9 +184,9 @@ def test_parameters_without_an_effect_are_not_named(seed, method):
 def test_ranges_without_limits(seed):
     _, _, _, bounds, low, high = bounded(seed + 50)
     _, sentences, steps = told(bounds, None)
-    assert sentences[1] == ("", f"{bounds.names[0]} is between {low:.4g} and {high:.4g}.")
+    assert sentences[1] == ("", f"'{bounds.names[0]}' is between {low:.4g} and {high:.4g}.")
     assert steps[0].startswith("Give limits")
-    assert any(step.startswith(f"The spread of {bounds.names[0]}, ") for step in steps)
+    assert any(step.startswith(f"The spread of '{bounds.names[0]}', ") for step in steps)
 
 
 def test_urgent_limits_come_first_and_the_annex_has_the_rest(tmp_path):
@@ -224,7 +224,7 @@ def test_intervals_beside_the_nominal_values_and_fixed_ones():
     simulator = mb.FunctionSimulator(lambda k, m: (k + m) * T, {"k": 2.0, "m": 1.0}, T, ["x"])
     bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(k=(1.9, 2.4), m=(1.0, 1.0)))
     _, sentences, steps = told(bounds, {"x": (None, 3.2)})
-    assert sentences[1][1] == "x may exceed its limit of 3.2 by 0.2, at 1 s, when k is high (2.4)."
+    assert sentences[1][1] == "'x' may exceed its limit of 3.2 by 0.2, at 1 s, when k is high (2.4)."
     above, below = map(float, re.search(r"k from 2 \+0.4 −0.1 to 2 \+(\S+) −(\S+)\.$", steps[0]).groups())
     assert 0.19 < above < 0.2 and above == pytest.approx(4 * below, rel=0.01)
 
@@ -246,4 +246,4 @@ def test_names_in_sentences_are_no_markup(tmp_path):
     mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(**{name: (1.0, 3.0)})).report(path, {name: (None, 2.5)})
     page = path.read_text()
     assert "<script" not in page
-    assert f"{name} may exceed its limit of 2.5 by 0.5, at 1 s, when {name} is high (3)." in html.unescape(page)
+    assert f"'{name}' may exceed its limit of 2.5 by 0.5, at 1 s, when {name} is high (3)." in html.unescape(page)

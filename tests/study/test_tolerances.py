@@ -207,5 +207,5 @@ def test_what_is_malformed_is_told(arguments, text):
 
 
 def test_a_nominal_run_beyond_a_limit_is_told():
-    with pytest.raises(mb.PropagationError, match="nominal run violates or reaches a limit of gap"):
+    with pytest.raises(mb.PropagationError, match=r"nominal run violates or reaches the limit .* of gap"):
         mb.tolerances(chain(), {"gap": (None, 0.05)}, BOX)

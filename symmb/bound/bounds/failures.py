@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -33,11 +34,21 @@ class Failure:
 
 
 def failure_text(failed: Sequence[Failure], most: int = 5, indent: str = "  ") -> str:
-    """The first failed runs, one line for each."""
-    lines = [f"{indent}{run}" for run in failed[:most]]
-    if len(failed) > most:
-        lines.append(f"{indent}and {len(failed) - most} more")
+    """The first run that failed for each reason, and how many others failed for the same reason."""
+    counts = Counter(_reason(run) for run in failed)
+    firsts = {_reason(run): run for run in reversed(failed)}
+    lines = []
+    for reason, n in [*counts.items()][:most]:
+        others = f" ({n - 1} other {'runs fail' if n > 2 else 'run fails'} for the same reason)" if n > 1 else ""
+        lines.append(f"{indent}{firsts[reason]}{others}")
+    if len(counts) > most:
+        lines.append(f"{indent}and {sum([*counts.values()][most:])} more")
     return "\n".join(lines)
+
+
+def _reason(run: Failure) -> str:
+    """The end of a message, without the time and the parameters of the run."""
+    return run.message.rpartition(": ")[2]
 
 
 @dataclass(frozen=True)

@@ -264,8 +264,8 @@ def kept_limit(bounds: Envelope, output: str, low: float, high: float) -> KeptLi
     """The checked limit of an output."""
     k = bounds.names.index(output)
     unit, found = bounds.units[k] if bounds.units else "", _decision(bounds, k, low, high)
-    if found.kept is None or (found.kept and bounds.kind != "enclosure"):
-        found = _by_nominal_run(bounds if found.kept else bounds._with_nominal(), k, low, high, found)
+    if not (found.kept and bounds.kind == "enclosure"):
+        found = _by_nominal_run(bounds._with_nominal() if found.kept is None else bounds, k, low, high, found)
     with np.errstate(over="ignore", invalid="ignore"):
         width = float(np.fmax.reduce(bounds.upper[:, k] - bounds.lower[:, k], initial=0.0))
     kept, why, margin, further = found
@@ -281,7 +281,8 @@ def _by_nominal_run(bounds: Envelope, k: int, low: float, high: float, found: _D
     margin = np.minimum(bounds.nominal[:, k] - low, high - bounds.nominal[:, k])
     if not margin.min() < -rounding_of(bounds, k):
         return found
-    return _Decision(False, "The nominal run is beyond the limit.", np.minimum(found.margin, margin))
+    further = found.further if found.kept is False else None
+    return _Decision(False, "The nominal run is beyond the limit.", np.minimum(found.margin, margin), further)
 
 
 def unit_told(bounds: Envelope, k: int) -> str:

@@ -67,7 +67,9 @@ class Binding:
         expression = given(law)
         if expression is None:
             more = ""
-            if isinstance(law, tuple) or (isinstance(law, str) and any(map(str.isdigit, law[:2]))):
+            if isinstance(law, list) and len(law) == 2 and isinstance(law[1], str):
+                more = f" Write a tuple for an expression with a unit, such as ({shown(law[0])}, {law[1]!r})."
+            elif isinstance(law, tuple) or (isinstance(law, str) and any(map(str.isdigit, law[:2]))):
                 more = " Write numbers in SI units, as np.deg2rad(80) for 80°."
             elif isinstance(law, str):
                 more = " Write the expression itself, such as rod.x, without quotation marks."

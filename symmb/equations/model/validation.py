@@ -72,7 +72,8 @@ def name_faults(elements: Sequence[object], parameters: Parameters) -> list[str]
     faults += [f"{title}: a parameter or the time has this name. Choose another." for title in own]
     for e in elements:
         if not isinstance(e, Body | Element):
-            faults.append(f"System: {shown(e)} is neither a body, a constraint nor a force. Pass parameters=p.")
+            remedy = " Pass parameters=p." if isinstance(e, Parameters) else ""
+            faults.append(f"System: {shown(e)} is neither a body, a constraint nor a force.{remedy}")
             continue
         fault = name_fault(e.name, without=".[] ")
         if fault:
@@ -263,8 +264,8 @@ def require_inertia(M: ca.Sparsity, G: ca.SX, v_names: Sequence[str]) -> None:
     free = [name for name, column in zip(v_names, columns, strict=True) if not column.nnz()]
     if free:
         raise DeclarationError(
-            f"Nothing determines the acceleration of {', '.join(free)}. Give the body a mass or an inertia, or "
-            "add joints that connect it with other bodies."
+            f"Nothing determines the acceleration of {', '.join(free)}. Give the body a mass for its translation and "
+            "an inertia for its rotation, or add joints that connect it with other bodies."
         )
 
 

@@ -2,8 +2,8 @@
 
 `preparation` makes the start of a scene, and `start` is the map from parameters to states that results. `assembly` and
 `gauss_newton` solve for the nominal positions, `implicit_function` for those of each sample, `velocities` for
-velocities and `equilibrium` for equilibria. `rank` determines the rank of the constraints at the nominal start. `joint_start` and
-`joint_values` do the same in joint coordinates.
+velocities and `equilibrium` for equilibria. `rank` determines the rank of the constraints at the nominal start.
+`joint_start` and `joint_values` do the same in joint coordinates.
 """
 
 from symmb.equations.start.joint_start import start_in_joints

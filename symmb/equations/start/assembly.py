@@ -126,7 +126,7 @@ def _reached(
         drives = [e.name for e in scene.system.elements if isinstance(e, Motion) and e.name in dae.rows]
         drives = [e for e in drives if e != name and violation[dae.rows[e]].max() > SLIGHT * violation.max()]
         also = f", against the drive of {', '.join(map(repr, drives))}" if drives else ""
-        raise FailedAssembly(f"The start does not satisfy Phi = 0: residual {worst:.2g} {where}{also}.", name)
+        raise FailedAssembly(f"The start does not satisfy Phi = 0: a residual of {worst:.2g} {where}{also}.", name)
     flipped = _flipped_joint(scene, dae, q)
     if flipped is not None:
         raise FailedAssembly(

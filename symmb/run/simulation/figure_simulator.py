@@ -154,7 +154,7 @@ class FigureSimulator(WithWarnings):
                 values = values_text(self.parameters, P[i], units_of_parameters(self.parameters))
                 ok[i], t_failed[i] = False, rule.window[1]
                 place = ", ".join(filter(None, [f"t = {t_failed[i]:g} s", values]))
-                texts[i] = f"{place}: the condition of output {rule.name!r} never holds in the run"
+                texts[i] = f"{place}: the condition of output {rule.name!r} never holds until the end of the run"
         Y[~ok] = np.nan
         return Ensemble(Y, ok, t_failed, tuple(texts[i] for i in np.flatnonzero(~ok).tolist()))
 

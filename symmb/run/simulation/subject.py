@@ -32,6 +32,8 @@ def simulator_of(
     DeclarationError       if there is no box, an argument has a wrong type, or a simulator comes with options of scenes
     """
     solver = solver_of(solver)
+    if not (isinstance(subject, Scene) or hasattr(subject, "stream")):
+        raise DeclarationError(f"Expected a Scene or a simulator, got {type(subject).__name__}. {_SCENE}")
     box = getattr(subject, "box", None) if box is None else box
     if box is None:
         raise DeclarationError("No box: no parameter has an interval. Pass a box, such as box=Box(l1=(0.95, 1.05)).")
@@ -39,8 +41,6 @@ def simulator_of(
         raise DeclarationError(
             f"box: {shown(box)} is not a Box. Write Box(l1=(0.95, 1.05)), or Box(**intervals) for a dict."
         )
-    if not (isinstance(subject, Scene) or hasattr(subject, "outputs")):
-        raise DeclarationError(f"Expected a Scene or a simulator, got {type(subject).__name__}. {_SCENE}")
     simulator = simulator_for("", subject, solver, times, outputs)
     return simulator, box.with_units(units_of_parameters(simulator.parameters))
 
@@ -61,7 +61,7 @@ def simulator_for(
     solver = solver_of(solver)
     if isinstance(subject, Scene):
         return study_simulator(with_options(subject, times, outputs), solver)
-    if not hasattr(subject, "outputs"):
+    if not hasattr(subject, "stream"):
         raise DeclarationError(f"{owner}: expected a Scene or a simulator, got {shown(subject)}.")
     require_own(subject, solver, times, outputs)
     if isinstance(subject, DAESimulator) and subject.scene is not None and subject.scene.figures:

@@ -170,10 +170,14 @@ class BodySketch:
         _, spread, axes = np.linalg.svd(cloud - middle)
         rank = int((spread > SMALL * spread[0]).sum())
         if rank == 1:
+            center = np.zeros(3)
+            is_beside = np.linalg.norm(np.cross(cloud[0], cloud[1])) > 2 * u * np.linalg.norm(cloud[1] - cloud[0])
+            if not is_beside:  # the bar reaches the centre of mass, which may be beyond the points
+                cloud = np.vstack([cloud, center])
             along = (cloud - middle) @ axes[0]
-            a, b, center = cloud[along.argmin()], cloud[along.argmax()], np.zeros(3)
+            a, b = cloud[along.argmin()], cloud[along.argmax()]
             yield self._bar(a, b, u)
-            if np.linalg.norm(np.cross(a, b)) > 2 * u * np.linalg.norm(b - a):  # the centre of mass is beside the bar
+            if is_beside:
                 yield self._shape("plate", (self._at(a), self._at(b), self._at(center)), (u,), faint=True)
                 for end in (a, b):
                     yield self._bar(center, end, 0.45 * u)

@@ -33,8 +33,8 @@ _CERTAIN = {
 _WARNED = "A warning prevents a decision: see the annex. Remove its cause, or use another method."
 _SEARCH = "`mb.tolerances(...)` makes further runs, and finds tolerances that satisfy the limits."
 _AGAIN = (
-    "These tolerances include a margin for the estimated error of the study. `mb.tolerances(...)` makes further runs "
-    "instead, and finds the largest common factor of all tolerances."
+    "These tolerances include a margin for the estimated error of the study. A search with further runs by "
+    "`mb.tolerances(...)` finds the largest common factor of all tolerances."
 )
 
 
@@ -48,7 +48,9 @@ def verdict(bounds: Bounds, check: LimitCheck | None) -> list[tuple[str, str]]:
     if check is None:
         head = "No limits were given. These are the ranges within the tolerances."
         ends = zip(bounds.names, bounds.lower.min(axis=0), bounds.upper.max(axis=0), _units(bounds), strict=True)
-        some = [("", f"{name} is between {_text(a, '', 4)} and {_text(b, unit, 4)}.") for name, a, b, unit in ends]
+        some = [
+            ("", f"{_quoted(name)} is between {_text(a, '', 4)} and {_text(b, unit, 4)}.") for name, a, b, unit in ends
+        ]
     else:
         everywhere = [_least_excess(bounds, limit)[0] > 0 for limit in check.limits if limit.kept is False]
         head = _headline([limit.kept for limit in check.limits], "all" if all(everywhere) else "some")
@@ -87,7 +89,7 @@ def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions |
     lost = {limit: excess[limit] for limit in beyond if excess[limit] > 0}
     at_limit = [limit for limit in beyond if limit not in lost and excess[limit] >= -SAME * abs(ends[limit])]
     if at_limit:
-        names = _listed([limit.output for limit in at_limit])
+        names = _listed([_named(limit) for limit in at_limit])
         texts.append(
             f"The nominal values reach the limit of {names}. Change these values or the limit. No tolerance helps."
         )
@@ -101,12 +103,12 @@ def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions |
 def _undecided(limits: Sequence[KeptLimit]) -> list[str]:
     """The reasons why limits are undecided."""
     some = [limit for limit in limits if limit.kept is None][:_MOST_LISTED]
-    return [f"{own.output}: {_WARNED if own.why.startswith(WARNED) else own.why}" for own in some]
+    return [f"{_named(own)}: {_WARNED if own.why.startswith(WARNED) else own.why}" for own in some]
 
 
 def _lost(bounds: Bounds, excess: Mapping[KeptLimit, float]) -> str:
     """A sentence about limits that no tolerance satisfies, with the excess of the nominal values or of all cases."""
-    words = [f"{limit.output} by {_text(value, limit.unit)}" for limit, value in excess.items()][:_MOST_LISTED]
+    words = [f"{_named(limit)} by {_text(value, limit.unit)}" for limit, value in excess.items()][:_MOST_LISTED]
     more = [f"{len(excess) - _MOST_LISTED} other outputs"] * (len(excess) > _MOST_LISTED)
     is_nominal = np.isfinite(_nominal_excess(bounds, next(iter(excess))))
     who, change = ("The nominal values", "them") if is_nominal else ("All cases", "the intervals")
@@ -123,6 +125,15 @@ def _listed(words: Sequence[str], last: str = "and") -> str:
 
 def _units(owner: Bounds | Box) -> Sequence[str]:
     return getattr(owner, "units", ()) or ("",) * len(owner.names)
+
+
+def _named(limit: KeptLimit) -> str:
+    return _quoted(limit.output)
+
+
+def _quoted(output: str) -> str:
+    """An output in quotation marks, because names such as 'open' may read as words of the sentence."""
+    return f"'{output}'"
 
 
 def _column(bounds: Bounds, limit: KeptLimit) -> int:
@@ -162,9 +173,9 @@ def _least_excess(bounds: Bounds, limit: KeptLimit) -> tuple[float, int]:
 
 def _sentence(bounds: Bounds, limit: KeptLimit) -> str:
     def at(time: float) -> str:
-        return "" if name in bounds.figures or is_timeless(bounds.t) else f", at {time:.4g} s"
+        return "" if limit.output in bounds.figures or is_timeless(bounds.t) else f", at {time:.4g} s"
 
-    name, margin = limit.output, float(limit.margin[limit.row])
+    name, margin = _named(limit), float(limit.margin[limit.row])
     where = at(limit.time(bounds.t)) + _when(bounds, limit)
     least = f"The smallest margin is {_text(margin, limit.unit)}{where}."
     end = _end(bounds, limit)
@@ -239,7 +250,7 @@ def _spread(bounds: Bounds, rows: Mapping[int, int], shares: Contributions | Non
         names = [n for n in sorted(alone, key=lambda n: -alone[n]) if alone[n] > _LEAST_PART * max(alone.values())]
         words = [f"{n} ({_text(alone[n], unit)} alone)" for n in names[:_MOST_PARAMETERS]]
         width = _text(shares.width[i, k], unit)
-        texts += [f"The spread of {bounds.names[k]}, {width}, comes from {_listed(words)}."] if words else []
+        texts += [f"The spread of {_quoted(bounds.names[k])}, {width}, comes from {_listed(words)}."] if words else []
     return texts
 
 
@@ -308,7 +319,7 @@ class _Reduced:
 
 def _proposed(reduced: _Reduced, limits: Sequence[KeptLimit], some: Sequence[str]) -> list[str]:
     """Tolerances of single parameters, or of all together, that satisfy the limits."""
-    goal = f"To keep {_listed([f'{limit.output} {_inside(limit)}' for limit in limits[:_MOST_LISTED]])}"
+    goal = f"To keep {_listed([f'{_named(limit)} {_inside(limit)}' for limit in limits[:_MOST_LISTED]])}"
     factors = {name: reduced.largest([name]) for name in some}
     if best := sorted((n for n in some if factors[n] >= _LEAST_PART), key=lambda n: -factors[n])[:_MOST_PARAMETERS]:
         changes = [reduced.change(n, factors[n]) for n in best]

@@ -193,7 +193,7 @@ _CUT = (
     "than three times as long as they did. PolynomialChaos(seconds=...) allows more."
 )
 """The warning if a study had no time to refine the bounds and its error is far above the tolerance."""
-_SHORT = "The tolerance {} was not reached: the estimated error is {} times the width."
+_SHORT = "The tolerance {} of the method was not reached: the estimated error is {} times the width."
 """A warning if the runs are too few, or if noise and rounding are too large."""
 
 
