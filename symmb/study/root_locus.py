@@ -89,7 +89,8 @@ class RootLocus(plot.ThreeDiagrams, Counted, WithWarnings, Saved):
     @property
     def damping(self) -> Array:
         """(n, k) damping ratios of the oscillations, nan if the oscillation does not exist [-]."""
-        return (0.0 - self.modes.real) / np.abs(self.modes)
+        with np.errstate(invalid="ignore"):  # an eigenvalue of 0 has no damping ratio
+            return (0.0 - self.modes.real) / np.abs(self.modes)
 
     def __str__(self) -> str:
         table = aligned(self._rows()) if self.modes.size else []

@@ -147,7 +147,7 @@ def test_failed_runs_are_told():
 
 
 def test_a_budget_below_one_run_with_derivatives():
-    with pytest.raises(mb.PropagationError, match=r"in 2 parameters counts 3.*Give a budget of at least 6"):
+    with pytest.raises(mb.PropagationError, match=r"in 2 parameters counts as 3.*Give a budget of at least 6"):
         propagate(Wave(), Optimization(budget=5), BOX)
     with pytest.warns(mb.SymmbWarning, match="estimated error is above 10 % of the width"):
         assert propagate(Wave(), Optimization(budget=6), BOX).evaluations <= 6

@@ -49,6 +49,8 @@ class Figure:
         for part in parts:
             if part is not None and not _is_expression(part):
                 return f"expected an expression over time, got {shown(part)}."
+        if isinstance(self.expression, bool | np.bool_):
+            return f"expected an expression over time, got {self.expression}."
         if isinstance(self.condition, bool | np.bool_):
             return f"the condition is {self.condition} at all times. {EXAMPLE}"
         return ""

@@ -32,7 +32,7 @@ def simulator_of(
     DeclarationError       if there is no box, an argument has a wrong type, or a simulator comes with options of scenes
     """
     solver = solver_of(solver)
-    if not (isinstance(subject, Scene) or hasattr(subject, "stream")):
+    if not (isinstance(subject, Scene) or hasattr(subject, "outputs")):
         raise DeclarationError(f"Expected a Scene or a simulator, got {type(subject).__name__}. {_SCENE}")
     box = getattr(subject, "box", None) if box is None else box
     if box is None:
@@ -61,7 +61,7 @@ def simulator_for(
     solver = solver_of(solver)
     if isinstance(subject, Scene):
         return study_simulator(with_options(subject, times, outputs), solver)
-    if not hasattr(subject, "stream"):
+    if not hasattr(subject, "outputs"):
         raise DeclarationError(f"{owner}: expected a Scene or a simulator, got {shown(subject)}.")
     require_own(subject, solver, times, outputs)
     if isinstance(subject, DAESimulator) and subject.scene is not None and subject.scene.figures:
@@ -170,6 +170,6 @@ def scene_of(subject: Scene | DAESimulator) -> Scene:
     scene = subject.scene if isinstance(subject, DAESimulator) else subject
     if isinstance(scene, Scene):
         return scene
-    if hasattr(subject, "stream"):
+    if hasattr(subject, "outputs"):
         raise DeclarationError(f"{subject!r} is a simulator. Call its run(P) with samples P (N, d) of its parameters.")
     raise DeclarationError(f"Expected a Scene, got {type(subject).__name__}. {_SCENE}")

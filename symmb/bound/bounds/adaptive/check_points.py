@@ -11,6 +11,9 @@ from symmb.bound.nodes import corners
 SAFETY = 2.5
 """Safety factor on measured errors and on the standard deviation of noise, because errors elsewhere may be larger. A
 smaller factor misses more, a larger factor takes more runs."""
+FIELD_SAFETY = 1.6
+"""SAFETY of outputs with many functions of time, because check runs show their errors at many times. A smaller factor
+takes fewer runs and misses more."""
 CANDIDATES = 150
 """Number of extremes from which check points are chosen, since all pairs are compared. It is also the number of starts
 of searches on surfaces. Larger numbers take more time and miss fewer extremes."""

@@ -15,10 +15,23 @@ from symmb.bound.polynomials.ranges import Piecewise, joined
 
 
 def range_of_many(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange:
-    """The ranges of all outputs. The study of an output uses all runs, and requests runs until its error is small."""
+    """The ranges of all outputs. The study of an output uses all runs, and requests runs until its error is small.
+
+    A kink may change a few corners only. If runs cost little, the corners of all extremes are run at the end. Studies
+    with larger errors there continue with runs at all corners.
+    """
     studies = [OutputStudy(OutputRuns(runs, k), tolerance, is_patient) for k in range(runs.shape[1])]
-    steps = {k: study.steps() for k, study in enumerate(studies)}
-    found = dict[int, EstimatedRange]()
+    found = _found(runs, studies, studies)
+    if studies[0].runs.has_lanes and not runs.clock.is_late:
+        runs.check(_distinct([study.corners_of(own) for study, own in found.items()])[: runs.left])
+        found = {study: study.with_corners(own) for study, own in found.items()}
+        found |= _found(runs, studies, [study for study in studies if study.continues(found[study])])
+    return _joined(runs, [found[study] for study in studies])
+
+
+def _found(runs: Runs, studies: list[OutputStudy], some: list[OutputStudy]) -> dict[OutputStudy, EstimatedRange]:
+    """The ranges of some of all studies, which advance together."""
+    steps, found = {study: study.steps() for study in some}, dict[OutputStudy, EstimatedRange]()
 
     def predict(points: Array) -> Array:
         return np.concatenate(
@@ -27,16 +40,16 @@ def range_of_many(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRa
 
     for n_rounds in count():
         requests = list[Request]()
-        for k, own in list(steps.items()):
+        for study, own in list(steps.items()):
             try:
                 requests.append(next(own))
             except StopIteration as end:
-                found[k] = end.value
-                del steps[k]
+                found[study] = end.value
+                del steps[study]
         if not requests:
-            break
-        _answer(runs, requests, predict if n_rounds else None)
-    return _joined(runs, [found[k] for k in range(len(studies))])
+            return found
+        _answer(runs, requests, predict if n_rounds or some is not studies else None)
+    raise AssertionError
 
 
 def _answer(runs: Runs, requests: list[Request], predict: Callable[[Array], Array] | None) -> None:

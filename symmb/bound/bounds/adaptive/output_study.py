@@ -4,6 +4,7 @@ from collections.abc import Generator, Iterator
 
 import numpy as np
 
+from symmb._types import Array
 from symmb.bound.bounds.adaptive.check_points import (
     PATIENCE,
     SAFETY,
@@ -65,6 +66,8 @@ class OutputStudy:
         yield from self._grown(self.grid.missing(along_axes(d, 2)))
         self._probes = np.concatenate([quasi_random_points(SPARSE_PROBES, d), evenly_spread_points(runs.probes, d)])
         yield Checks(self._probes)
+        if self._has_corners:  # the study continues
+            yield Checks(corner_design(d))
         while True:
             yield from self._screened()
             step = largest(self.sizes, min(max(d, int(GROWTH * len(self.grid.row))), self._left))
@@ -90,6 +93,28 @@ class OutputStudy:
             else:
                 self._errors[len(self.grid.row)] = self._error
                 yield from self._grown(step)
+
+    def corners_of(self, found: EstimatedRange) -> Array:
+        """The corners (N, d) next to the extremes of a range, unless corners have been run."""
+        d = len(self.runs.box)
+        if found.places is None or self._has_corners:
+            return np.empty((0, d))
+        return np.unique(np.where(found.places < 0, -1.0, 1.0).reshape(-1, d), axis=0)
+
+    def with_corners(self, found: EstimatedRange) -> EstimatedRange:
+        """A range with the extremes of all runs. What exceeds the estimate is an error."""
+        runs, (lowest, highest) = self.runs, self.runs.extremes
+        beyond = runs.beyond(found.lower - found.estimate, found.upper + found.estimate)
+        estimate = np.maximum(found.estimate, inflated_error(np.square(beyond)))
+        lower, upper = np.minimum(found.lower, lowest), np.maximum(found.upper, highest)
+        return found._replace(lower=lower, upper=upper, estimate=estimate)
+
+    def continues(self, found: EstimatedRange) -> bool:
+        """Whether the study continues with runs at all corners, because its error is larger than it was."""
+        is_large = relative_rms(found.estimate, self.runs.rms_widths()) > self.tolerance
+        is_continued = found.is_enough and is_large and not self._has_corners
+        self._has_corners |= is_continued
+        return is_continued
 
     def _screened(self) -> Iterator[Request]:
         """Estimate the error of the interpolant, and verify a small error by further runs."""

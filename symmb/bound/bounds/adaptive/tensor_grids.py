@@ -10,6 +10,7 @@ from symmb._magnitudes import SAME
 from symmb._types import Array, Indices, Mask
 from symmb.bound.bounds.adaptive.check_points import (
     FEW_SHAPES,
+    FIELD_SAFETY,
     PATIENCE,
     PROBES,
     SAFETY,
@@ -27,9 +28,8 @@ from symmb.bound.polynomials.ranges import RANGE_ERROR, Piecewise
 
 MANY_VALUES = 1000
 """Number of values of a run above which the output is a field. A mean over fewer values is less reliable."""
-FIELD_TRUST, FIELD_SAFETY = 0.18, 1.6
-"""TRUST and SAFETY of fields, because check runs show errors at many times. Smaller ones take fewer runs and miss
-more."""
+FIELD_TRUST = 0.18
+"""TRUST of fields, because check runs show errors at many times. Smaller values take fewer runs and miss more."""
 KINK_GAIN = 0.9
 """Fraction of the error that may remain after half of all rounds near kinks. Larger fractions take more runs that do
 not help."""

@@ -59,7 +59,9 @@ class Exact:
     DeclarationError
         If the tolerance is below 1e-12 or at least 1, or the budget is not a positive whole number.
 
-    Notes ----- Two parameters take about ten boxes, six some hundreds, and ten or more may use up the budget. Errors
+    Notes
+    -----
+    Two parameters take about ten boxes, six some hundreds, and ten or more may use up the budget. Errors
     decrease with the cube of the box size: a tolerance of 1e-8 takes less than twice as long as 1e-3. Without a C
     compiler the bounds are those of Bernstein or ChebyshevInclusion, which are wider. The points then come from a
     search along one parameter after the other.
