@@ -49,9 +49,10 @@ PARAMETERS: list[mb.Parameters] = []
 
 def use(result: Any) -> str:
     """Use a result; what is wrong with it, empty if nothing."""
-    if isinstance(result, Method) and not _is_long(result.planned_runs(1)):
+    steps = getattr(result, "steps", 1)  # of a swarm or a solver
+    if isinstance(result, Method) and not _is_long(result.planned_runs(1)) and not _is_long(steps):
         result = mb.propagate(DECAY, result, BOX)
-    if isinstance(result, Solver) and not _is_long(getattr(result, "steps", 1)) and not _is_short(result):
+    if isinstance(result, Solver) and not _is_long(steps) and not _is_short(result):
         result = mb.simulate(SCENE, result)
     equations(result)
     if isinstance(result, mb.Scene) and not _is_long(len(result.times)) and result.times[-1] - result.times[0] < LONG:
