@@ -262,7 +262,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         >>> bounds = mb.propagate(decay, mb.PolynomialChaos(), mb.Box(k=(0.5, 2.0)))
         >>> path = pathlib.Path(tempfile.mkdtemp()) / "report.html"
         >>> bounds.report(path, {"x": (0.1, None)}, author="A. Miller", drawing="D-17")
-        >>> "x is at least 0.1 in all cases" in path.read_text()
+        >>> "is at least 0.1 in all cases" in path.read_text()
         True
         """
         presentation("write_bounds")(self, path, limits, block)
