@@ -3,6 +3,7 @@
 import tracemalloc
 from contextlib import nullcontext
 
+import casadi as ca
 import numpy as np
 import pytest
 from conftest import but_long
@@ -304,6 +305,27 @@ def test_ten_parameters_take_fewer_than_500_runs():
     short = np.maximum(np.maximum(bounds.lower - attained.lower, attained.upper - bounds.upper), 0.0)
     assert (np.sqrt(np.mean(short**2, axis=0)) < 5e-3 * width).all()
     assert (short <= bounds.estimate + 1e-6 * width).mean() > 0.98
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_kink_at_one_of_256_corners_is_found(seed):
+    """A sum of waves has its maximum at one corner or another. For a moment, one of these corners has a kink."""
+    rng, d, t = np.random.default_rng(seed), 8, np.linspace(0.0, 1.0, 101)
+    rate, phase, moment = rng.uniform(3, 15, d), rng.uniform(0, 6, d), rng.uniform(0.3, 0.7)
+    signs = np.sign(np.cos(rate * moment + phase))
+
+    def response(x, time, positive, cos, exp):
+        waves = sum(cos(rate[i] * time + phase[i]) * x[i] for i in range(d))
+        excess = positive(sum(signs[i] * x[i] for i in range(d)) - (d - 1.5))
+        return waves + 1.5 * exp(-(((time - moment) / 0.015) ** 2)) * excess
+
+    p = mb.Parameters(**{f"x{i}": 0.0 for i in range(d)})
+    y = response([getattr(p, name) for name in p], mb.t, lambda z: ca.fmax(z, 0), ca.cos, ca.exp)
+    box = mb.Box(**dict.fromkeys(p, (-1.0, 1.0)))
+    bounds = mb.propagate(mb.Scene(mb.System(parameters=p), times=t, outputs={"y": y}, box=box))
+    corners = np.indices((2,) * d).reshape(d, -1, 1) * 2.0 - 1
+    exact = response(corners, t, lambda z: np.maximum(z, 0), np.cos, np.exp).max(axis=0)
+    assert (exact - bounds.upper[:, 0] - bounds.estimate[:, 0]).max() < 0.01 * (exact + exact).max()
 
 
 @pytest.mark.parametrize("d", but_long([2, 4], 4))

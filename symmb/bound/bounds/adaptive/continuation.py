@@ -28,9 +28,8 @@ SPARSE_RANGE = 0.02
 class Continuation:
     """Expected coefficients beyond those of a grid, before and after further runs are known.
 
-    The coefficients beyond the grid are modelled as independent Gaussian variables with mean 0. Their
-    sizes are extrapolated from the grid.
-    Given the interpolant's errors e at some points, their most likely values are
+    The coefficients beyond the grid are modelled as independent Gaussian variables with mean 0. Their sizes are
+    extrapolated from the grid. Given the interpolant's errors e at some points, their most likely values are
 
         c = S F' (F F' + noise)^-1 e = S (F' F + noise)^-1 F' e,
 

@@ -1,7 +1,6 @@
 """Bounds over many parameters. Each output has its own study, and all studies share their runs."""
 
 from collections.abc import Callable, Sequence
-from itertools import count
 
 import numpy as np
 
@@ -30,7 +29,7 @@ def range_of_many(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRa
 
 
 def _found(runs: Runs, studies: list[OutputStudy], some: list[OutputStudy]) -> dict[OutputStudy, EstimatedRange]:
-    """The ranges of some of all studies, which advance together."""
+    """The ranges of some of all studies, which advance together and share their runs."""
     steps, found = {study: study.steps() for study in some}, dict[OutputStudy, EstimatedRange]()
 
     def predict(points: Array) -> Array:
@@ -38,7 +37,8 @@ def _found(runs: Runs, studies: list[OutputStudy], some: list[OutputStudy]) -> d
             [np.broadcast_to(s.expansion.values(points), (len(points), runs.shape[0], 1)) for s in studies], axis=2
         )
 
-    for n_rounds in count():
+    known = None if some is studies else predict  # at first, there are no interpolants that could predict
+    while True:
         requests = list[Request]()
         for study, own in list(steps.items()):
             try:
@@ -48,8 +48,8 @@ def _found(runs: Runs, studies: list[OutputStudy], some: list[OutputStudy]) -> d
                 del steps[study]
         if not requests:
             return found
-        _answer(runs, requests, predict if n_rounds or some is not studies else None)
-    raise AssertionError
+        _answer(runs, requests, known)
+        known = predict
 
 
 def _answer(runs: Runs, requests: list[Request], predict: Callable[[Array], Array] | None) -> None:
