@@ -36,6 +36,8 @@ _MAX_STUDIES = 12
 _WIDER, _NARROWER = 1.6, 0.25
 """Largest and smallest ratio of a factor after one allocation to the factor before. The polynomials must be accurate in
 the box with the largest ratio."""
+_FARTHER = 0.25, 0.8
+"""Smallest and largest ratio of a factor to the next one, while no run that violates a limit is known."""
 
 
 @dataclass
@@ -246,8 +248,14 @@ class Search:
         ray.reach, is_failed = self._met(ray)
         ray.why = ray.why if is_failed or ray.reach == ray.high else ""
         ray.violation = ray.violation if ray.why else min(ray.violation, ray.reach)
-        # If no run with a violated limit is known, the next factor is at most 4 times the factor of this study.
-        return min(ray.reach * (1 - ray.less), 4.0 * s, ray.most)
+        if ray.reach == np.inf:
+            # No run that violates a limit is known. The next factor is up to twice as far as linear margins reach.
+            nominal = zip(check.limits, self._at_nominal, strict=True)
+            left = min(float(limit.margin.min() / margin) for limit, margin in nominal)
+            return min(s / np.clip(1 - 2 * left, *_FARTHER), ray.most)
+        # Each violated study in a row shows that the known runs are not the worst ones: the next one is farther away.
+        less, ray.less = (ray.less, 4 * ray.less) if check.kept is False else (_SETTLED / 2, _SETTLED / 2)
+        return min(max(ray.reach * (1 - less), (ray.low + ray.reach) / 2), ray.most)
 
     def binding(self, bounds: Bounds, check: LimitCheck) -> WorstCase | None:
         """The run that is closest to a limit, relative to the margin of the nominal run."""

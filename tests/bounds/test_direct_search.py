@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from symmb.bound.bounds.direct_search import direct_search
+from symmb.bound.bounds.gradient_sampling import gradient_sampling
 
 
 def ridge(x):
@@ -45,3 +47,23 @@ def test_places_without_a_value_are_left_out():
     found = direct_search(lambda x: np.where(x[:, 0] > 0.5, -np.inf, bowl(x)), np.zeros((1, 3)), most=1000)
     assert found.value == pytest.approx(1.55, abs=0.2) and found.place[0] <= 0.5
     assert direct_search(lambda x: np.full(len(x), -np.inf), np.zeros((1, 3)), most=1000).error == np.inf
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_crease_is_followed_to_its_largest_value(seed):
+    # The least of two slopes whose normals are opposed in all but one direction: the crease leads to a vertex of a
+    # linear program, which SciPy knows.
+    rng = np.random.default_rng(seed)
+    d = int(rng.integers(4, 11))
+    slope, drift = rng.normal(size=d), 0.1 * rng.normal(size=d)
+    slopes, heights = np.stack([slope + drift, drift - slope]), rng.normal(size=2) * 0.3
+    rows, sides = np.column_stack([-slopes, np.ones(2)]), [(-1, 1)] * d + [(None, None)]
+    known = linprog(-np.eye(d + 1)[d], rows, heights, bounds=sides)
+
+    def f(x):
+        return (x @ slopes.T + heights).min(axis=1)
+
+    starts = np.random.default_rng(seed).uniform(-1, 1, (16, d))
+    polled = direct_search(f, starts, most=600)
+    found = gradient_sampling(f, polled.place, polled.value, 1e-4, np.inf)
+    assert found.value == pytest.approx(-known.fun, abs=1e-6)

@@ -10,6 +10,7 @@ from symmb._magnitudes import LAST_DIGITS, SAME
 from symmb._types import Array, Indices
 from symmb.bound.bounds.direct_search import LINE_POINTS, direct_search
 from symmb.bound.bounds.envelope import Envelope
+from symmb.bound.bounds.gradient_sampling import gradient_sampling
 from symmb.bound.bounds.worst_case import SIDES
 from symmb.bound.nodes import Sobol
 
@@ -19,6 +20,8 @@ because a peak that passes output times makes many hills. Smaller values miss mo
 _MISSED_HILL = 1e-3
 """Distance that a search may miss if it ends inside the box, divided by the spread of the extremes of its first runs. A
 slightly higher hill may be beside the highest known hill. tests/benchmarks/machine_tolerances.py"""
+_SUFFICIENT_GAIN = 1e-4
+"""Gain of a step along a crease, divided by the same spread. A smaller gain does not matter to an engineer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +148,9 @@ def closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indices
         lines = np.tile(excess.place, (len(box), LINE_POINTS, 1))
         lines[range(len(box)), :, range(len(box))] = np.linspace(-1.0, 1.0, LINE_POINTS)
         error = direct_search(excess, np.concatenate([excess.place[None], *lines]), most, enough).error
+        if excess.largest <= enough and (np.abs(excess.place) < 1.0).any():
+            sufficient = _SUFFICIENT_GAIN * excess.spread
+            error = gradient_sampling(excess, excess.place, excess.largest, sufficient, enough).error
     is_flat = excess.is_flat()
     found = excess.further_run(error, is_flat)
     if study.has_lanes and bounds.estimate is not None and not is_flat and _is_on_hill(bounds, k, found, enough):
