@@ -25,6 +25,7 @@ from symmb.bound.bounds.adaptive.secants import secant_extremes
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bound.bounds.time_windows import DOUBTFUL, average_over_window, is_doubtful, is_doubtful_in_window
 from symmb.bound.polynomials.ranges import RANGE_ERROR, Piecewise
+from symmb.run.simulation import SceneSimulator
 
 MANY_VALUES = 1000
 """Number of values of a run above which the output is a field. A mean over fewer values is less reliable."""
@@ -106,7 +107,9 @@ class TensorGrids:
     def __init__(self, runs: Runs, tolerance: float) -> None:
         d = len(runs.box)
         self._runs, self._tolerance, self._counts = runs, tolerance, np.full(runs.shape[1], True)
-        part = (np.zeros(d), np.ones(d), np.full(d, 4 if d == 1 else 2))
+        # Runs of scenes cost less than a round that refines the grid. Other simulators start with nine runs.
+        is_fine = d == 1 or (d == 2 and isinstance(runs.simulator, SceneSimulator))
+        part = (np.zeros(d), np.ones(d), np.full(d, 4 if is_fine else 2))
         runs.at(nodes_of(part))  # widths follow from runs
         self._pieces = [Piece.of(runs, part, self._widths)]
         self._chosen, self._parts, self._has_fields = self._pieces[0], list[Part](), False
