@@ -14,6 +14,9 @@ from symmb.bound.bounds.gradient_sampling import gradient_sampling
 from symmb.bound.bounds.worst_case import SIDES
 from symmb.bound.nodes import Sobol
 
+_NEAR_LIMIT = 0.2
+"""Distance of a limit divided by the width of bounds. If it is smaller, the search follows creases. Polls missed up to
+0.15 of the width there. tests/bounds/test_creases.py"""
 _CLOSE_TO_LIMIT = 0.03
 """Distance of a limit divided by the width of bounds. If it is smaller, lines along the axes follow after the search,
 because a peak that passes output times makes many hills. Smaller values miss more. Larger values take more runs."""
@@ -142,20 +145,27 @@ def closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indices
     points = np.concatenate([points, np.where(points < 0, -1.0, 1.0)])
     # Many runs of a scene cost little. Other simulators make at most twice as many runs as the study.
     most = max(600, bounds.evaluations) if study.has_lanes else 2 * bounds.evaluations
-    error = direct_search(excess, points, most, enough).error
-    if study.has_lanes and 0 <= -excess.largest < _CLOSE_TO_LIMIT * _width(bounds, k):
+    error, width = direct_search(excess, points, most, enough).error, _width(bounds, k)
+    if study.has_lanes and 0 <= -excess.largest < _NEAR_LIMIT * width:
+        error = _along_crease(excess, error, enough)
+    if study.has_lanes and 0 <= -excess.largest < _CLOSE_TO_LIMIT * width:
         # A poll stays on its hill. Lines over the whole box find other hills along each parameter.
-        lines = np.tile(excess.place, (len(box), LINE_POINTS, 1))
+        before, lines = excess.largest, np.tile(excess.place, (len(box), LINE_POINTS, 1))
         lines[range(len(box)), :, range(len(box))] = np.linspace(-1.0, 1.0, LINE_POINTS)
-        error = direct_search(excess, np.concatenate([excess.place[None], *lines]), most, enough).error
-        if excess.largest <= enough and (np.abs(excess.place) < 1.0).any():
-            sufficient = _SUFFICIENT_GAIN * excess.spread
-            error = gradient_sampling(excess, excess.place, excess.largest, sufficient, enough).error
+        found = direct_search(excess, np.concatenate([excess.place[None], *lines]), most, enough)
+        error = _along_crease(excess, found.error, enough) if excess.largest > before else found.error
     is_flat = excess.is_flat()
-    found = excess.further_run(error, is_flat)
-    if study.has_lanes and bounds.estimate is not None and not is_flat and _is_on_hill(bounds, k, found, enough):
+    run = excess.further_run(error, is_flat)
+    if study.has_lanes and bounds.estimate is not None and not is_flat and _is_on_hill(bounds, k, run, enough):
         error = max(error, min(float(bounds.estimate[:, k].max()), _MISSED_HILL * excess.spread))
-    return replace(found, error=error)
+    return replace(run, error=error)
+
+
+def _along_crease(excess: Excess, error: float, enough: float) -> float:
+    """The error of the closest run after a search along a crease, if the run is inside the box and is not beyond."""
+    if excess.largest > enough or (np.abs(excess.place) == 1.0).all():
+        return error
+    return gradient_sampling(excess, excess.place, excess.largest, _SUFFICIENT_GAIN * excess.spread, enough).error
 
 
 def _starts(bounds: Envelope, k: int, side: str, rows: Indices) -> Iterator[Array]:
