@@ -121,7 +121,7 @@ def test_runs_that_cannot_be_gone_on_from_are_refused(tmp_path):
     scene = four_bar.scene().with_times(np.linspace(0, 1, 11))
     run = mb.simulate(scene)
     refused(r"expected a run that simulate\(\) returned, got Scene\.", scene.starting_at, scene)
-    refused(r"another system: only one of them has 'rod1\.x'", double_pendulum.scene().starting_at, run)
+    refused(r"another system: only one of the systems has 'rod1\.x'", double_pendulum.scene().starting_at, run)
     refused("the run has failed", scene.starting_at, replace(run, x=run.x * np.nan))
     run.save(tmp_path / "run.npz")
     refused(r"Pass the scene: Trajectory\.load", scene.starting_at, mb.Trajectory.load(tmp_path / "run.npz"))
