@@ -63,7 +63,7 @@ class Start:
         u, ok = self.position.solve(P)
         x = batch(self.state, u, P)[0]
         ok = ok & (batch(self.holds, x, u, P)[0] > 0).all(axis=1)
-        reasons = ["" if good else "the start could not be solved for" for good in ok.tolist()]
+        reasons = ["" if good else "the start could not be computed" for good in ok.tolist()]
         values = batch(self.dae.positive, P)[0]
         for k, which in np.argwhere(~(values > 0)).tolist()[::-1]:  # the first fault of each sample remains
             reasons[k] = f"{self.dae.positive_names[which]} is {values[k, which]:g}, not positive"

@@ -80,7 +80,7 @@ def one_sided(dae: DAE) -> OneSided | None:
 
 
 class _Equations:
-    """The functions of a DAE as expressions of common symbols. `more` are the symbols that the rates do not have.
+    """The functions of a DAE as expressions of common symbols. `more` are the symbols that the rates do not contain.
 
     `whole` is a Function of the expressions with kinks. The rates are the first of them.
     """

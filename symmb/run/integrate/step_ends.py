@@ -26,7 +26,7 @@ class SwitchedProblem:
     problem                  problem with the sides as last parameters
     switches : (2 m,) SX     switches and their rates
     ends : StepEnds          ends of steps
-    ranged : (m,) SX         expressions with bounds that replace those of the switches; None: the switches themselves
+    ranged : (m,) SX         expressions whose bounds replace the bounds of the switches; None: no replacement
     """
 
     problem: InitialValueProblem

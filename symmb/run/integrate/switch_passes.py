@@ -97,7 +97,7 @@ def follow_doubts(dae: DAE) -> tuple[str, ...]:
     """Warnings about runs in which step control has to follow switches of the state."""
     if not follows_switches(dae):
         return ()
-    text = "The equations have switches of the state, at which no step ends without a C compiler"
+    text = "The equations have switches of the state. Without a C compiler, steps do not end at switches"
     return (f"{text}: short pulses may be missed. {compiler_advice()}",)
 
 

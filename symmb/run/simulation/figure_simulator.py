@@ -216,7 +216,7 @@ class FigureSimulator(WithWarnings):
             sizes = self._sizes(traces)
             off = self._divided(panels, ~panels.is_exact(sizes), sizes, np.full((len(self._rules), 1), -np.inf))
             off &= ~_with_stop(panels, traces.stops)
-            # Fraction of panels of the nominal run that may be inexact. If more panels are inexact, their number is doubled.
+            # Fraction of panels of the nominal run that may be inexact. If more are inexact, all panels are halved.
             if off.mean() <= 0.1 or count >= _MOST:
                 return count
             count = min(2 * count, _MOST)

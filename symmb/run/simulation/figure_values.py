@@ -105,7 +105,7 @@ class Curves:
             if panels.sample[k] != known:  # later passages have no effect
                 found[k], low[k], high[k] = _passage(B[k], tolerance[k])
                 known = panels.sample[k] if found[k] else known
-        # The margin may be 0 before, such as before a force starts. Coefficients below 0 do not make the polynomial negative.
+        # The margin may be 0 before this. A polynomial with coefficients below 0 may be positive.
         below = np.flatnonzero(B.min(axis=1) < -tolerance)
         found[below] |= (B[below] @ ON_GRID).min(axis=1) < -tolerance[below]
         value, rate = ends[:, 0, first]

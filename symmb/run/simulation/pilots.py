@@ -253,7 +253,7 @@ class PilotRuns:
         form, times = program.formulation, program.times
         x0 = self.x0 if form.bodies is None else form.start.states(self.p[None])[0]
         integration, fine, outputs = program.single()
-        is_close = solver.has_dense_output(form.dae) and len(fine) > len(times) + 1  # times between outputs, after the start
+        is_close = solver.has_dense_output(form.dae) and len(fine) > len(times) + 1  # times between outputs
         built = time.perf_counter()
         try:
             run = form.run_of_bodies(integration.run(x0, self.p[None])[0], self.p)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 _NAMED = 3
 """Maximum number of failed runs with printed reasons."""
 _MOST_IN_LABELS = 3
-"""Largest number of parameters that the label of a curve names. With more parameters, the label is the number of the run."""
+"""Largest number of parameters in the label of a curve. With more parameters, the label is the number of the run."""
 Part = tuple[Indices, Array, Mask, tuple[str, ...]]
 """Numbers of samples (n,), their outputs (n, n_t, n_y), mask of the valid samples (n,), and messages of the others."""
 

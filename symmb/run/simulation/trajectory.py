@@ -375,7 +375,7 @@ def _some(names: Sequence[str]) -> str:
 
 
 def _pulse_lines(program: Program) -> list[str]:
-    """A line of text about the longest step that detects all pulses of functions of time; no line if there are no pulses."""
+    """A line of text about the longest step that detects all pulses of functions of time; no line without pulses."""
     longest = program.longest_step
     if not math.isfinite(longest):
         return []

@@ -119,7 +119,7 @@ class Examination:
 
     @cached_property
     def singularity(self) -> Singularity | None:
-        """The singular position to which the run comes closest; None if the run does not come close to any."""
+        """The singular position to which the run comes closest; None if it does not come close to one."""
         near = self.program.bodies.singularity(self.x, self.t, self.p)
         if near or self.program.bodies.dae.G is None or self.program.bodies.dae.impacts is not None:
             return near
@@ -183,8 +183,8 @@ class Examination:
     def _falls_with_tolerance(self) -> bool:
         """Whether a run at a tenth of the tolerance has a much smaller change of energy, and the same outputs.
 
-        This is true if forces in balance do much work: the change falls to the rounding of the work. On a wrong branch
-        the change does not fall.
+        This is true if balanced forces do much work: the change of energy then falls to the rounding of the work. On a
+        wrong branch, the change does not fall.
         """
         # Relative error of the work at the smallest tolerances: CVODES reaches 2e-10, and smaller tolerances do not
         # help.
@@ -223,7 +223,7 @@ class Examination:
 
     @cached_property
     def _again(self) -> tuple[Array, Array]:
-        """Times (m,) [s] and states (m, n_x) of a second run with many times; with impacts, those of the run itself."""
+        """Times (m,) [s] and states (m, n_x) of a second run with many times; with impacts, of the run itself."""
         dae = self.program.bodies.dae
         if dae.impacts is not None:
             return self.t, self.x

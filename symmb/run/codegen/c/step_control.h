@@ -17,7 +17,7 @@
 
 PRIVATE const double absolute[] = {1e-10, 1e-10}, stops[] = {0.0}, knots[] = {0.0};
 PRIVATE const int n_knots[] = {0};
-PRIVATE const char *const faults[] = {"the start could not be solved for", "the step became too short"};
+PRIVATE const char *const faults[] = {"the start could not be computed", "the step became too short"};
 
 const double scene_times[] = {0.0, 0.5, 1.0}, scene_nominal[] = {2.0, 0.0};
 const char *const scene_names[] = {"omega", "x", ""};
