@@ -171,7 +171,7 @@ class Emitter:
         order = [k for k in computed if parameters_only or not self._hoisted(k)]
         turns = {(nodes[k].operation, nodes[k].arguments): k for k in order if nodes[k].operation in _TURNED}
         twins = {k: turns[_TURNED[code], a] for (code, a), k in turns.items() if (_TURNED[code], a) in turns}
-        # The later of both moves to the earlier one. This is possible, because both have the same argument.
+        # The later statement moves to the earlier statement. This is possible, because both have the same argument.
         return sorted(order, key=lambda k: (min(k, twins.get(k, k)), k)), twins
 
     def _angles(self, order: Sequence[int]) -> list[int]:
@@ -188,7 +188,7 @@ class Emitter:
 
     def _carried(self, pieces: Sequence[Sequence[int]], count: int) -> dict[int, int]:
         """Places in w of values that later pieces use. The first place is `count`."""
-        # Places are allocated like registers: a place is free after the piece of last use. So w stays in the cache.
+        # Places are allocated like registers: a place is free after the last piece that uses it. So w stays small.
         piece = {k: i for i, ks in enumerate(pieces) for k in ks}
         last_use = dict(piece)
         for k, i in piece.items():
