@@ -24,8 +24,8 @@ class StepTolerances:
     """Step control by relative and absolute tolerances, with a longest step [s], which is 0 if there is no limit.
 
     The absolute tolerance of a state is `atol` times its size in `sizes` (n_x,), by default 1. In explicit steps, the
-    tolerance begins with the fraction `least` of this value. It grows to `growth` times the largest value of the state.
-    It also grows to `growth` times the change that the slope predicts for the time `ahead`, up to `atol` times the size.
+    tolerance begins with the fraction `least` of this value. It grows to `growth` times the largest value of the state,
+    and to `growth` times the change that the slope predicts for the time `ahead`, up to `atol` times the size.
     """
 
     rtol: float
