@@ -21,7 +21,7 @@ from symmb.run.integrate import Run, Solver
 _STAGE = 8
 """Number of operations for sums of slopes, for each state and each stage of an explicit step."""
 _CHEAPER = 0.8
-"""Coordinates of joints are chosen if their operations, divided by those in coordinates of bodies, are below this ratio.
+"""Coordinates of joints are chosen if their operations, over those in coordinates of bodies, are below this ratio.
 For the same error, they take up to a fifth more steps (double pendulum, heavy top, four-bar)."""
 
 
