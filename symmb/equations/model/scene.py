@@ -185,7 +185,9 @@ class Scene:
         """Guessed coordinates of bodies and of joints."""
         resolved = listed_values(self.system, self.guess, "guess")
         if resolved.v or any(value.is_rate for value in resolved.joints):
-            raise DeclarationError("guess: velocities need no guess: their equations are linear. List them in start.")
+            raise DeclarationError(
+                "guess: velocities need no guess, because their equations are linear. List them in start."
+            )
         if resolved.states:
             names = ", ".join(map(repr, resolved.states))
             raise DeclarationError(f"guess: {names} is a first-order state and needs no guess. List it in start.")
