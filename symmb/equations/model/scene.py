@@ -442,7 +442,7 @@ def _time_faults(times: Sequence[float] | Array) -> list[str]:
     # Solvers take small steps between two times.
     if array.size > 1 and rounding > SLIGHT * horizon:
         return [
-            f"times: floating-point numbers near {end:g} are {rounding:.1g} s apart, too coarse for {horizon:g} s of "
-            "output. Start the times at 0."
+            f"times: floating-point numbers near {end:g} are {rounding:.1g} apart, which is too coarse for "
+            f"{horizon:g} s. Start the times at 0."
         ]
     return []
