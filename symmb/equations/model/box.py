@@ -188,7 +188,7 @@ class Box:
         Raises
         ------
         DeclarationError
-            If the file is not a table of tolerances, or if a nominal value differs from that of the parameter.
+            If the file is not a table of tolerances, or if a nominal value differs from that in `parameters`.
         FileError
             If the file cannot be read.
         """
@@ -199,7 +199,7 @@ class Box:
         return cls(**intervals_in_file(Path(path), nominal, units)).with_units(units)
 
     def __or__(self, other: "Box") -> "Box":
-        """The intervals of both boxes. A parameter in both boxes must have the same interval in both."""
+        """The intervals of both boxes. A common parameter must have the same interval in both boxes."""
         if not isinstance(other, Box):
             return NotImplemented
         mine, theirs = (box.intervals for box in (self, other))

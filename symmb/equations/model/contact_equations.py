@@ -30,7 +30,7 @@ class Impacts:
     names: tuple[str, ...]
     closed: Indices  # (n,), indices of the states s for closed contacts
     gaps: ca.Function  # -> gaps (n,), their rates (n,), and the sizes of the coordinates in the gaps (n,)
-    # -> forces in closed contacts (n,), 0 in open ones, accelerations of the gaps (n,), the sizes of the terms in
+    # -> forces in closed contacts (n,), 0 in open contacts, accelerations of gaps (n,), the sizes of the terms in
     # these sums (n,), and effective inertias 1 / D_kk (n,)
     forces: ca.Function
     impulses: ca.Function  # -> W (n, n_v), B (n_v, n), rates g_t of gaps at rest (n,), restitutions (n,)
@@ -124,7 +124,7 @@ class ContactEquations:
         return ca.substitute(expression, ca.vertcat(*symbols.values()), ca.vertcat(*values))
 
     def _without_rounding(self, event: JointEvent, rate: ca.SX, accelerations: ca.SX) -> ca.SX:
-        """The rate of an event's margin, with 0 for rates that are rounding.
+        """The rate of an event's margin, with 0 for rates that are rounding errors.
 
         Rounding must not make a clutch stick. It must also not close a Latch after its joint has opened without a jump
         of accelerations. The margin of a clutch during an impulse depends on the impulse only.

@@ -44,9 +44,9 @@ class Scene:
     ----------
     system : System
     start : mapping
-        name -> number or expression of parameters. Names are those of bodies ("rod.theta", "rod.vx", "top.rotation",
-        "top.omega"), of joints ("elbow.angle", "elbow.angle_rate", "slide.displacement", "slide.displacement_rate") and
-        of `State`s. The start has exactly these values. Other values follow from Phi = 0 and its rate. Relative rates
+        name -> number or expression of parameters. Names belong to bodies ("rod.theta", "rod.vx", "top.rotation",
+        "top.omega"), to joints ("elbow.angle", "elbow.angle_rate", "slide.displacement", "slide.displacement_rate") and
+        to `State`s. The start has exactly these values. Other values follow from Phi = 0 and its rate. Relative rates
         of joints are 0 if the constraints do not determine them
     times : (n_t,) array
         or a list; increasing times of the outputs [s], or a pair with a unit, such as ([0, 5], "ms"). The run starts at

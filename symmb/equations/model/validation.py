@@ -104,7 +104,7 @@ def membership_faults(element: Element, known: Collection[int]) -> list[str]:
 
 
 def mass_and_inertia(body: Body, bind: Binding) -> tuple[ca.SX, ca.SX]:
-    """Mass (scalar) and inertia (3, 3) of a body as SX. All faults of both are raised at once."""
+    """Mass (scalar) and inertia (3, 3) of a body as SX. All faults of mass and inertia are raised at once."""
     mass = bind(body.mass, f"Body {body.name!r}: mass")
     bind.check(body.laws, f"Body {body.name!r}: stiffness or damping")
     J = inertia_matrix(body, as_matrix(body.inertia, f"Body {body.name!r}: inertia", bind))

@@ -108,7 +108,7 @@ def _size(dae: DAE, q: Array) -> float:
 def is_stable(K: Array, G: Array) -> bool:
     """Whether the equilibrium is stable: no displacement with G d = 0 causes forces -K d that increase it.
 
-    Forces that are rounding compared with the largest forces count as neutral.
+    Forces that are rounding errors of the largest forces count as zero.
     """
     along = np.linalg.svd(G)[2][len(G) :].T
     values = np.linalg.eigvals(along.T @ K @ along).real

@@ -66,7 +66,7 @@ def length_of(dae: DAE, q: Array, G: Array, part: Mask | None = None) -> float:
 def distances(dae: DAE, at: Arguments, span: float) -> Array:
     """Distances (n_v,) that speeds and accelerations cover in a time [s], from the arguments of the DAE's Functions.
 
-    Accelerations count as zero if they are rounding compared with accelerations at later times and positions.
+    Accelerations count as zero if they are rounding errors of accelerations at later times and positions.
     """
     q, v, *others, begin = at
 
@@ -87,7 +87,7 @@ def sizes_of_parts(dae: DAE, at: Arguments, G: Array, span: float, size: float) 
 
     Lengths above 1 m are replaced by coarse scales, which are 1 for usual lengths. Sizes of velocities depend on
     rates only if the rates are unusual, because slow motions occur together with fast motions. `size` is the size of
-    the whole scene. It replaces the size of a part if this part is so small that its motion may be rounding.
+    the whole scene. It replaces the size of a part if this part is so small that its motion may be a rounding error.
     """
     labels = _parts(dae)
     sizes, rates = np.full(len(labels), size), [coarse(min(1.0, _USUAL_RATE / span)) if span else 1.0]

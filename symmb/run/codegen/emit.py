@@ -16,7 +16,7 @@ LARGE_MODEL = 5000
 minutes. tests/benchmarks/scaling.py"""
 
 _CHUNK = 400
-"""Statements in one C function. Compilers take more than linear time for long ones. tests/benchmarks/scaling.py"""
+"""Statements in one C function. The time of compilers grows faster than the length. tests/benchmarks/scaling.py"""
 
 _PART = 50
 """Number of pieces of functions in one part. The parts of a large model are compiled in parallel."""
@@ -56,7 +56,7 @@ _POWERS = {-2.0: "1.0 / ({0} * {0})", -1.0: "1.0 / {0}", 3.0: "{0} * {0} * {0}",
 _MASKS = {ca.OP_AND, ca.OP_OR, ca.OP_FMIN, ca.OP_FMAX}
 """Operations that combine masks. In C a comparison of plain numbers is an int, which is not a mask of lanes."""
 _TURNED = {ca.OP_SIN: ca.OP_COS, ca.OP_COS: ca.OP_SIN}
-"""Sine -> cosine, and cosine -> sine. Both functions of an angle together cost little more than one of them."""
+"""Sine -> cosine, and cosine -> sine. Sine and cosine of an angle together cost little more than one of both."""
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ def cores() -> int:
 
 
 def side_by_side(work: Callable[[A], R], arguments: Sequence[A]) -> list[R]:
-    """Results for all arguments, from several threads. This thread computes the first, and those without a thread."""
+    """Results for all arguments, from several threads. This thread computes the first, and all without a thread."""
     first, *others = arguments
     if not others:
         return [work(first)]

@@ -31,7 +31,7 @@ class _Multistep(Solver):
 
     @abstractmethod
     def _method(self, options: dict[str, Any], problem: InitialValueProblem, length: float) -> dict[str, Any]:
-        """CasADi's options for an integration over a time `length` [s]. `options` are those for tolerances."""
+        """CasADi's options for an integration over a time `length` [s]. `options` are the options for tolerances."""
 
     def has_dense_output(self, dae: DAE) -> bool:
         return not isinstance(self.stabilization, Projection) and not has_kinks(dae.rhs) and dae.sampling is None

@@ -49,7 +49,7 @@ def contacts_of(dae: DAE, impacts: Impacts, with_work: bool) -> Contacts:
 
 
 def _tolerances(dae: DAE, joints: JointEvents) -> tuple[float, ...]:
-    """Values (m,) below which margins of conditions are rounding. For conditions of forces, one joint is closed.
+    """Values (m,) below which margins are rounding errors. For conditions of forces, one joint is closed.
 
     With more closed joints, forces of redundant joints would be unlimited at states that violate constraints.
     """
@@ -141,7 +141,7 @@ def _start(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t: ca.SX, span: ca.SX
     gap, rate, _ = impacts.gaps(*dae.arguments(x, p, t))
     way = ca.fabs(rate) * span + impacts.forces(*dae.arguments(x, p, t))[2] * span**2 / 2
     e = impacts.impulses(*dae.arguments(x, p, t))[3]
-    # Negative gap at the start that is rounding, divided by the size of the scene, or by the distance that speed and
+    # Negative gap at the start that counts as 0, divided by the size of the scene, or by the distance that speed and
     # acceleration of the gap give until the end. The gap itself may be the only known length.
     rounding = ca.fmax(1e-9 * dae.scales.length, 1e-7 * way)
     faults = [ca.logic_not(gap >= -rounding), ca.logic_not(ca.logic_and(e >= 0, e <= 1))]

@@ -20,7 +20,7 @@ class OneSided:
     ----------
     dae : DAE
     switches                 (x, (p, sides), t) -> values (m,) of the switches, and their rates (m,)
-    hysteresis : (m,)        changes of the values that are rounding
+    hysteresis : (m,)        changes of the values that are rounding errors
     """
 
     dae: DAE

@@ -43,7 +43,7 @@ class SwitchPasses:
             x, p = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names))
             t = ca.SX.sym("t")
             nothing = ca.Function("nothing", [x, p, t], [ca.SX(1, 1)])
-            # Tolerance of these runs, divided by that of the solver. Smallest tolerance of these runs: below it, steps
+            # Tolerance of these runs over that of the solver. Smallest tolerance of these runs: below it, steps
             # are rounding.
             solver = DormandPrince(max(0.1 * rtol, 1e-12))
             engine = solver.engine(Task(dae, times[[0, -1]], nothing, start=start))

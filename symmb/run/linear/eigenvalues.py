@@ -35,7 +35,7 @@ class Eigenvalues:
 
     @property
     def damped(self) -> Array:
-        """The values (n,). A real part that is rounding is set to 0."""
+        """The values (n,). A real part that is a rounding error is set to 0."""
         return np.where(np.abs(self.values.real) <= self.errors, 1j * self.values.imag, self.values)
 
     def __getitem__(self, which: Indices) -> "Eigenvalues":
@@ -52,7 +52,7 @@ def eigenvalues(A: Array) -> Eigenvalues:
     from scipy.linalg import get_lapack_funcs
 
     largest = np.abs(A).max(axis=1, keepdims=True, initial=0.0)
-    # Balancing would magnify entries that are rounding. Numbers below the smallest normal number have lost digits.
+    # Balancing would magnify rounding errors. Numbers below the smallest normal number have lost digits.
     A = np.where(np.abs(A) <= np.maximum(_ROUNDING * largest, np.finfo(float).tiny), 0.0, A)
     if not A.size:
         return Eigenvalues(np.zeros(0, complex), np.zeros((0, 0), complex), np.zeros(0))

@@ -136,7 +136,7 @@ def _require_free_inputs(inputs: Sequence[str], blocks: Blocks) -> None:
     """Raise a DeclarationError if an input moves constraints. States would then depend on the rate of the input."""
     moved = np.abs(blocks.row_inputs[0]).max(axis=0, initial=0.0)
     for name, size in zip(inputs, moved, strict=False):
-        # Slope of a constraint with respect to an input, divided by its largest slope. Smaller slopes are rounding.
+        # Slope of a constraint with respect to an input, over its largest slope. Smaller slopes are rounding errors.
         if size > 1e-12 * np.abs(blocks.rows[0]).max(initial=0.0):
             raise DeclarationError(
                 f"linearize: input {name!r} moves constraints, such as a length or a position. Use inputs that change "

@@ -169,7 +169,7 @@ def jax_function(
     scene : Scene
         scene, or a simulator with derivatives
     parameters : list of str
-        names of the parameters of the function, in this order; default: all. Others have their nominal values.
+        names of the parameters of the function, in this order; default: all. Other parameters are nominal.
     solver, times, outputs
         solver, times and outputs of the runs, if they differ from those of the scene
 

@@ -227,7 +227,7 @@ class FigureSimulator(WithWarnings):
 
     @cached_property
     def _rounding(self) -> Array:
-        """Absolute values (n_c,) below which curves are rounding."""
+        """Absolute values (n_c,) below which curves are rounding errors."""
         form = self.curves.formulation
         x, p, t = ca.SX.sym("x", form.y.numel_in(0)), ca.SX.sym("p", form.y.numel_in(1)), ca.SX.sym("t")
         change = ca.fabs(ca.jacobian(form.y(x, p, t), x)) @ ca.DM(form.dae.state_sizes)
@@ -321,7 +321,7 @@ class FigureSimulator(WithWarnings):
         return sample, begin, end
 
     def _dips(self, panels: Panels, sizes: Array) -> Mask:
-        """Mask (n,) of panels in which a condition would hold between nodes only.
+        """Mask (n,) of panels in which a condition is true only between nodes.
 
         The margin of several conditions is the largest of their margins. Between nodes, the margin of another condition
         may be the largest. The polynomial through the nodes does not show this.

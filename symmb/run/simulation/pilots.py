@@ -38,7 +38,7 @@ _POSITION_DRIFT, _ENERGY_DRIFT, _SINGULAR_ENERGY_DRIFT = 1e-6, 1e-4, 1e-6
 energy; and of energy in a run through a singular position. If a drift is larger, other solvers are tried. Calibration:
 tests/test_problems.py."""
 _NEIGHBOURS, _NEIGHBOUR_DISTANCE = 7, 1e-3
-"""Number of pilot runs near the nominal run, and largest relative distance of their parameters from nominal ones."""
+"""Number of pilot runs near the nominal run, and largest relative distance of their parameters from nominal values."""
 TOO_FAST = "a part of the motion decays too fast for explicit steps"
 MANY = 20_000
 """Number of steps of a run. If a run needs more, an implicit solver may be faster."""
@@ -84,7 +84,7 @@ class Pilot:
 
 
 class Candidates(NamedTuple):
-    """Solvers to try: the first one, an implicit one that may be faster, and others if the first one fails."""
+    """Solvers to try: the first solver, an implicit solver that may be faster, and more if the first solver fails."""
 
     first: Solver
     implicit: Solver

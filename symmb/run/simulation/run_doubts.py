@@ -177,7 +177,7 @@ def _small_state_doubts(runs: PilotRuns, solver: Solver, run: Trajectory) -> Ite
         return
     finer = runs.done[other][1]
     change, size = np.abs(run.values - finer.values), np.abs(finer.values)
-    most = size.max(axis=0)  # values below the finer tolerances are rounding
+    most = size.max(axis=0)  # values below the finer tolerances are errors
     # A change is suspicious if it is above a hundredth of the value, and above 1e3 times the relative tolerance.
     wrong = (change > 1e-2 * size) & (change > 1e3 * tolerances.rtol * most) & (most > atol)
     if wrong.any():

@@ -34,7 +34,7 @@ _NAMED = 3
 _MOST_IN_LABELS = 3
 """Largest number of parameters in the label of a curve. With more parameters, the label is the number of the run."""
 Part = tuple[Indices, Array, Mask, tuple[str, ...]]
-"""Numbers of samples (n,), their outputs (n, n_t, n_y), mask of the valid samples (n,), and messages of the others."""
+"""Numbers of samples (n,), their outputs (n, n_t, n_y), mask of valid samples (n,), and messages of invalid samples."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

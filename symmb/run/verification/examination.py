@@ -114,7 +114,7 @@ class Examination:
             T, *_ = energy(self.program.bodies, x, self.p, t, np.zeros(len(t)))
             largest = max(largest, float(np.nanmax(T, initial=0.0)))
         scales = self.program.bodies.judged.scales
-        # Kinetic energy, divided by that of a motion of the scene's size. Below this value, all speeds are rounding.
+        # Kinetic energy over that of a motion of the scene's size. Below this value, all speeds are rounding errors.
         return change / largest if largest > 1e-20 * scales.energy * scales.rate**2 else math.nan
 
     @cached_property
@@ -256,7 +256,7 @@ def _change(energy: Energy) -> float:
     """Largest |T + V - W - E_0| [J], or 0 if this is rounding of the energies."""
     balance = energy.kinetic + energy.potential - energy.work
     change = float(np.abs(balance - balance[0]).max(initial=0.0))
-    # Change of energy, divided by the largest energy. Smaller changes are rounding.
+    # Change of energy, divided by the largest energy. Smaller changes are rounding errors.
     return change if change > 1e-14 * max(float(np.abs(some).max(initial=0.0)) for some in energy) else 0.0
 
 

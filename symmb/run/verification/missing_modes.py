@@ -195,7 +195,7 @@ def left_out(
             bent = _times(J, moved.by(_times(B, modal @ loads.shapes.T))) + _times(own[:, :, loads.rigid :], modal)
             added[kind] += lacking[k] + bent
     Y = values[:, : len(names)]
-    # Change of an output, divided by its size. Smaller changes are rounding.
+    # Change of an output, divided by its size. Smaller changes are rounding errors.
     floor = 1e-9 * (np.abs(Y).max(axis=0) + dae.scales.length)
     size = np.max([*(_rms(some) for some in added), _rms(Y - Y.mean(axis=0)), floor], axis=0)
     for k, loads in enumerate(some):

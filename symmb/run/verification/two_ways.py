@@ -251,7 +251,7 @@ def other_way(program: Program, times: Array, finest: bool = False) -> Program:
 def _another(solver: Solver, finest: bool) -> Solver:
     """A solver of another family. SUNDIALS solvers replace compiled solvers, and compiled solvers replace SUNDIALS.
 
-    Without a C compiler, all solvers are those of SUNDIALS. BDF formulas then replace Adams formulas, and vice versa.
+    Without a C compiler, all solvers are SUNDIALS solvers. BDF formulas then replace Adams formulas, and vice versa.
     """
     stiff = isinstance(solver, Rosenbrock | StabilizedIndex2) or getattr(solver, "stiff", False)
     is_sundials = isinstance(solver, CVODES | IDAS | StabilizedIndex2)

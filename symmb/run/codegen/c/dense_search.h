@@ -172,7 +172,7 @@ static inline void meet_row(Best *b, Span y, int number) {
 
 /* Extremes y of samples of two rows `up` and `down`, in a piece (y[0], y[2]) and in its mirror image (y[1], y[3]). Samples are
    symmetric about 0, and Legendre polynomials are even or odd. The values at x and -x are therefore the sum and the difference
-   of the sums over even and odd degrees. Both values need the operations of only one. */
+   of the sums over even and odd degrees. Both values together need no more products than one value. */
 static void samples(const float *v, long n, long from, long to, const F *up, const F *down, Span y[4]) {
   Span near = y[0], far = y[1], near_down = y[2], far_down = y[3];
   for (long r = from; r < to; r += 2) { /* two at a time, because their number is even. These sums are independent */

@@ -26,8 +26,7 @@ static void run_samples(Block *b, Study *s, double *restrict lower, double *rest
   }
 }
 
-/* The sample that runs alone next: the one that needs the fewest steps, of all samples that must run alone. -1 if there is
-   none. */
+/* The next sample that runs alone: of all samples that must run alone, it needs the fewest steps. -1 if there is none. */
 static int least_suspicious(const Block *b) {
   int least = -1;
   for (int l = 0; l < WIDTH; ++l)

@@ -342,9 +342,9 @@ PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
       c.rate[k] = b->gap[N_I + k][0];
       if (c.touching[k]) fastest = fmax(fastest, fabs(c.rate[k]));
     }
-    /* With the rate v and the acceleration a, a gap rises by v^2 / (2 a). A rate counts as rest if this is at most rounding.
-       Otherwise a ball that comes to rest would bounce forever. A rate also counts as rest if it changes the gap by less than
-       its rounding in the whole run. Otherwise a row of bodies without forces, with slower and slower impacts, would never
+    /* With the rate v and the acceleration a, a gap rises by v^2 / (2 a). The contact is at rest if this is at most a rounding
+       error. Otherwise a ball that comes to rest would bounce forever. It is also at rest if the rate changes the gap by less
+       than its rounding in the whole run. Otherwise a row of bodies without forces, with slower and slower impacts, would never
        rest. */
     for (int k = 0; k < N_I; ++k) {
       const double slow_rate = fmax(SMALL * fastest, rounding[k] / span);

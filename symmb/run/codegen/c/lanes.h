@@ -101,7 +101,7 @@ BY_LANE_1(v_ceil, ceil)
 PRIVATE inline V v_smaller(V a, V b) { return choose(a < b, a, b); }
 PRIVATE inline V v_larger(V a, V b) { return choose(a > b, a, b); }
 #endif
-/* As fmin and fmax: if one argument is NaN, the result is the other. */
+/* Like fmin and fmax: if one argument is NaN, the result is the other argument. */
 PRIVATE inline V v_fmin(V a, V b) { return choose(b != b, a, v_smaller(a, b)); }
 PRIVATE inline V v_fmax(V a, V b) { return choose(b != b, a, v_larger(a, b)); }
 

@@ -29,10 +29,10 @@ typedef long long M __attribute__((vector_size(8 * W), aligned(8)));
 typedef struct {
   long d, n, n_low, padded, order, n_samples, n_sums; /* n_low products have a degree of at most 2 */
   const int *linear, *square; /* (d) numbers of T_1 and T_2 of each parameter */
-  const int *pairs;           /* of each parameter with those before it, number of the product of both */
+  const int *pairs;           /* for each parameter and each earlier parameter, number of their product */
   const int *parent, *factor; /* (n) a product is its parent times a value of a single parameter */
-  const int *fibres;          /* (..., order + 1) of each parameter in turn, those longer than 1; n ends them */
-  const int *first;           /* (d + 1) where those of each parameter start */
+  const int *fibres;          /* (..., order + 1) fibres longer than 1 of each parameter in turn; n ends them */
+  const int *first;           /* (d + 1) start of the fibres of each parameter */
   const double *weights;      /* (padded, n_sums): of derivatives along each parameter, then of terms of higher degree */
   const double *halving;      /* (order + 1, order + 1) by columns */
   const double *samples;      /* (n_samples, order + 2): x and T_j(x) */

@@ -282,8 +282,8 @@ PRIVATE V sign_change(Part *a, Block *b, int k, M marked, V low, V high, V at_lo
   return high;
 }
 
-/* The first fraction of a step at which a switch falls below 0, with an error of ROUGH, for switches that are below 0 at the
-   end of the step; 2 without a pass. */
+/* The first fraction of a step at which a switch falls below 0, with an error of ROUGH. Only switches that are below 0 at the
+   end of the step are examined. The result is 2 without a pass. */
 PRIVATE double rough_pass(Block *b) {
   /* An earlier pass of a switch that returns is not found here. The shorter step or first_pass will find it. */
   double first = 2.0;
