@@ -118,7 +118,7 @@ class System(FilledByBlock, ReadEquations):
         return _restored((*self.elements, *more), parameters, ca.SX(self.lam), self.vdot, self._added)
 
     def keeping(self, rows: Sequence[int], nullity: int = 0) -> "System":
-        """A copy with only these rows and new multipliers. `nullity` of their linear combinations vanish."""
+        """A copy with only these rows and new multipliers. `nullity` is the number of their vanishing combinations."""
         return self._with(collected=self.collected.keeping(rows), nullity=nullity)
 
     def _with(self, **changes: Any) -> "System":

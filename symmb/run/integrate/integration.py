@@ -251,7 +251,7 @@ def stateless_integration(dae: DAE, times: Array, order: int = 0) -> Integration
 
 
 def pieces_between(begin: float, end: float, stops: Array) -> Iterator[tuple[float, float]]:
-    """The pieces of an interval between stops. Pieces end shortly before a stop, and start shortly after it."""
+    """The pieces of an interval between stops. Pieces end before and start after a stop by rounding errors."""
     for stop in stops[(stops >= begin) & (stops <= end)].tolist():
         margin = 2 * np.spacing(max(abs(stop), 1e-3 * (end - begin)))
         if stop - margin > begin:

@@ -132,7 +132,7 @@ class Solver(ABC):
     def tighter(self, factor: float = 10.0, times: Array | None = None) -> Self:
         """The same solver with options that make errors about `factor` times smaller.
 
-        Output times limit fixed steps. If the times (n_t,) [s] are given, steps are shorter than the present steps.
+        Output times limit fixed steps. If the times (n_t,) [s] are given, steps are shorter than the steps so far.
         """
         values = self._values
         changes: dict[str, Any] = {}
