@@ -85,9 +85,9 @@ def test_a_joint_opens_closes_and_opens_again():
 
 
 def test_a_condition_that_holds_at_the_start_is_refused():
-    with pytest.raises(mb.SimulationError, match="Release 'pin': its condition already holds at the start"):
+    with pytest.raises(mb.SimulationError, match="Release 'pin': its condition is already true at the start"):
         mb.simulate(swinging(lambda rod, pin: [mb.Release(pin, rod.theta < 1.0)]))
-    with pytest.raises(mb.SimulationError, match="Latch 'hook': its condition already holds at the start"):
+    with pytest.raises(mb.SimulationError, match="Latch 'hook': its condition is already true at the start"):
         mb.simulate(carts(lambda a, b, hook: [mb.Latch(hook, b.x - a.x < 3.0)]))
 
 

@@ -115,7 +115,7 @@ def led_by(*laws):
 def test_drives_that_break_are_told_by_all_who_integrate_accelerations(law, text):
     scene = led_by(law)
     for run in (mb.simulate, mb.DAESimulator, lambda scene: mb.simulate(scene, mb.IDAS())):
-        with pytest.raises(mb.DeclarationError, match=f"'drive0' asks for {text}.*such as NSTIFFSI2"):
+        with pytest.raises(mb.DeclarationError, match=f"'drive0' requires {text}.*such as NSTIFFSI2"):
             run(scene)
     keeps = mb.simulate(scene, mb.NSTIFFSI2(step=0.01))
     assert not keeps.doubts

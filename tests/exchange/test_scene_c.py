@@ -108,7 +108,7 @@ def test_faults_of_a_program_end_it_with_a_sentence(tmp_path, capsys):
     main(["codegen", "bouncing_ball", "-o", str(tmp_path)])
     subprocess.run([COMPILERS[0], "scene.c", "main.c", "-lm", "-o", "scene"], cwd=tmp_path, check=True)
     for word, status, text in (
-        ("restitution=1.5", 1, "The run fails at t = 0 s: the start could not be solved for.\n"),
+        ("restitution=1.5", 1, "The run fails at t = 0 s: the start could not be computed.\n"),
         ("restitution=much", 2, "restitution=much is not a parameter with a finite number. Write name=number.\n"),
         ("restitution=nan", 2, "restitution=nan is not a parameter with a finite number. Write name=number.\n"),
         ("elasticity=0.5", 2, "elasticity=0.5 is not a parameter with a finite number. Write name=number.\n"),

@@ -75,8 +75,8 @@ def test_a_sample_that_cannot_be_assembled_fails_at_the_start():
     assert_array_equal(ensemble.ok, [True, False, True])
     assert_allclose(ensemble.Y[[0, 2], :, 0], np.arccos([[0.5, 0.5], [0.9, 0.9]]))
     assert ensemble.t_failed[1] == 0.0
-    assert ensemble.messages[0].startswith("t = 0 s, w = 1.5: the start could not be solved for")
-    with pytest.raises(mb.SimulationError, match=r"t = 0 s \(w = 1\.5\): the start could not be solved for.*'wall'"):
+    assert ensemble.messages[0].startswith("t = 0 s, w = 1.5: the start could not be computed")
+    with pytest.raises(mb.SimulationError, match=r"t = 0 s \(w = 1\.5\): the start could not be computed.*'wall'"):
         mb.simulate(scene, parameters={"w": 1.5})
 
 

@@ -87,7 +87,7 @@ FAULTS = [
         "TorsionSpring 's': planar bodies turn about z only",
     ),
     (lambda: [mb.TorsionSpring("s", GROUND, CENTRE, 1.0)], "TorsionSpring 's': expected a body, got Point"),
-    (lambda: [mb.Motion("drive", 1.0, mb.t)], "Motion 'drive': no coordinate can satisfy the row"),
+    (lambda: [mb.Motion("drive", 1.0, mb.t)], "Motion 'drive': no coordinate can satisfy row"),
     (lambda: [mb.Motion("drive", ROD1.x, ROD1.x)], "Motion 'drive': all rows of this constraint are identically zero"),
     (
         lambda: [mb.Contact("c", CENTRE, ORIGIN, (0, 1), mb.KelvinVoigt(1e5), 0.1, 0.3)],

@@ -191,5 +191,5 @@ def test_what_gives_no_derivatives(make, package):
     refused(r"has no derivatives. Pass a Scene.", make, box, error=mb.SimulationError)
     refused("lenght", make, coupler_curve(), ["lenght"])
     f, too_long = make(coupler_curve()), [9.0, 1.0, 1.0, 1.0]
-    with pytest.raises(Exception, match="the start could not be solved for"):
+    with pytest.raises(Exception, match="the start could not be computed"):
         f(package.tensor(too_long) if make is mb.torch_function else np.array(too_long))

@@ -222,7 +222,7 @@ def test_a_motor_that_contradicts_the_start_is_named():
     def starts(law, start, *more):
         mb.DAESimulator(mb.Scene(mb.System(rod, hinge, mb.Motion("motor", *law), *more), start, times=[0, 1]))
 
-    with pytest.raises(mb.AssemblyError, match=r"hinge\.angle_rate is off by 1 from the value of 'motor'"):
+    with pytest.raises(mb.AssemblyError, match=r"hinge\.angle_rate differs by 1 from the value of 'motor'"):
         starts((hinge.angle, 2 * mb.t), {"hinge.angle_rate": 1.0})
     with pytest.raises(mb.AssemblyError, match="in joint 'hinge', against the drive of 'motor'"):
         starts((rod.x, 0.9 + mb.t), {"rod.theta": 0.0, "rod.y": 0.2})

@@ -253,7 +253,7 @@ def test_samples_that_contradict_the_constraints_fail():
     scene = mb.Scene(system, {"a.angle": p.a, "d.angle": d}, guess={"b.angle": 0.1})
     simulator = mb.DAESimulator(scene, mb.DormandPrince())
     _, reasons = simulator.start.states(np.array([[0.8], [0.9]]))
-    assert reasons[0] == "" and "could not be solved" in reasons[1]
+    assert reasons[0] == "" and "could not be computed" in reasons[1]
     assert simulator.run(np.array([[0.8], [0.9]])).ok.tolist() == [True, False]
 
 

@@ -372,7 +372,7 @@ def test_assemblies_of_any_size_are_checked(length):
     assert not start.redundant
     assert_allclose([at["rod.theta"][0], at["rod.x"][0] / length], [np.arccos(0.8), 0.4])
     x, reasons = start.states(np.array([[0.5], [1.5]]))
-    assert reasons == ("", "the start could not be solved for") and np.isnan(x[1]).all()
+    assert reasons == ("", "the start could not be computed") and np.isnan(x[1]).all()
 
 
 @pytest.mark.parametrize("speed", [1e-15, 1e-6, 1.0])

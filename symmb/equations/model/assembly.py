@@ -263,7 +263,7 @@ def _write_equations(
         faults += held_faults(element, equations.positions, equations.velocities)
     for force, own in actions.items():
         faults += chain.from_iterable(plane_faults(force.title, action) for action in own)
-    # Margins of events may contain rows of joints, so they are derived last and only for sound rows.
+    # Margins of events may contain rows of joints, so margins are derived last, and only if no row has a fault.
     if events and not faults:
         _gate_rows(equations, bind)
         for k, (e, _) in enumerate(events):
@@ -273,7 +273,7 @@ def _write_equations(
 
 
 def _gate_rows(equations: _Equations, bind: Binding) -> None:
-    """Rewrite the rows of joints that open or close. Rows of open joints are 0. A Latch keeps the pose at closing."""
+    """Rewrite the rows of joints that open or close. Rows of open joints are 0. A Latch keeps its pose at closing."""
     for name in row_gates(event for event, _ in equations.joint_events):
         parts, own = [], equations.positions[name]
         for event, _ in equations.joint_events:
@@ -351,7 +351,7 @@ def stacked(parts: Sequence[ca.SX]) -> ca.SX:
 def _forces(
     bodies: Sequence[Body], shares: Sequence[Inertial], actions: Sequence[Action]
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Generalised forces without potential, forces with potential and gyroscopic terms, and the potential."""
+    """Generalised forces without potential, all other generalised forces with gyroscopic terms, and the potential."""
     zero = {id(b): ca.SX(b.frame.v.numel(), 1) for b in bodies}
     work, conservative = dict(zero), dict(zero)
     potential = ca.SX(0)

@@ -70,7 +70,7 @@ class Box:
         object.__setattr__(self, "units", units if any(units) else ())
 
     def with_units(self, units: Mapping[str, str]) -> "Box":
-        """The box in these units of the parameters, by name. Ends without a unit are in the unit of the parameter.
+        """The box in these units, given by name of the parameter. Ends without a unit are already in this unit.
 
         Raises
         ------
@@ -144,11 +144,11 @@ class Box:
         ----------
         parameters : mapping of name to nominal value
         **tolerances : by name, a number (for both sides), a pair (lower, upper) of signed deviations, or a percentage
-            such as "1%"; or a size in mm with its deviations, such as "40 ±0.1", "40 +/- 0.1", "40 ±1%" or
-            "40 +0.1/-0.2"; or a size with its grade by ISO 286 or ISO 2768, such as "40 H7" or "120 ISO 2768-m". The
-            nominal value must be equal to the size, in m or mm; for an angle such as "30° ±0.5°", in rad or degrees.
-            For a parameter with a unit, sizes and deviations may have other units of the same kind, as in "±0.1 mm" and
-            "23.5 cm +1/-2 mm". Sizes and deviations without a unit are in the unit of the parameter; sizes with a grade
+            such as "1%". A size in mm may also have deviations, such as "40 ±0.1", "40 +/- 0.1", "40 ±1%" or
+            "40 +0.1/-0.2", or a grade by ISO 286 or ISO 2768, such as "40 H7" or "120 ISO 2768-m". The nominal value
+            must then be equal to the size, in m or mm. For an angle such as "30° ±0.5°", it is in rad or degrees. For a
+            parameter with a unit, sizes and deviations may have other units of the same kind, as in "±0.1 mm" and
+            "23.5 cm +1/-2 mm". Sizes and deviations without a unit are in the unit of the parameter. Sizes with a grade
             are in mm
 
         Raises
@@ -174,8 +174,8 @@ class Box:
     def read(cls, path: str | PathLike[str], parameters: Mapping[str, SupportsFloat] | None = None) -> "Box":
         """The intervals of a table of tolerances.
 
-        A CSV file has a head with `name`, `nominal`, `plus` and `minus`. `plus` and `minus` are the distances of the
-        ends from the nominal value; without `minus`, `plus` holds for both sides. Instead of `plus` and `minus`, a
+        A CSV file has the columns `name`, `nominal`, `plus` and `minus`. `plus` and `minus` are the distances of the
+        ends from the nominal value. Without `minus`, `plus` is used for both sides. Instead of `plus` and `minus`, a
         column `tolerance` may contain texts for `plus_minus`, such as 1%, 40 ±0.1 or 40 H7. In a TOML file each
         parameter is a table with these keys. Numbers are in the unit of the parameter, or have a unit of the same kind,
         such as 0.5 mm.
@@ -188,7 +188,7 @@ class Box:
         Raises
         ------
         DeclarationError
-            If the file is not a table of tolerances, or if a nominal value differs from that of the parameter.
+            If the file is not a table of tolerances, or if a nominal value differs from that in `parameters`.
         FileError
             If the file cannot be read.
         """
@@ -199,7 +199,7 @@ class Box:
         return cls(**intervals_in_file(Path(path), nominal, units)).with_units(units)
 
     def __or__(self, other: "Box") -> "Box":
-        """The intervals of both boxes. A parameter in both boxes must have the same interval in both."""
+        """The intervals of both boxes. A common parameter must have the same interval in both boxes."""
         if not isinstance(other, Box):
             return NotImplemented
         mine, theirs = (box.intervals for box in (self, other))
@@ -253,7 +253,7 @@ class Box:
         return (values - self.center) / np.where(radius > 0, radius, np.inf)
 
     def _finite_points(self, name: str, values: object) -> Array:
-        """Numbers (N, d); DeclarationError if one is not finite, or if the shape is another one."""
+        """Numbers (N, d). Raises DeclarationError if a number is not finite or if the shape is not (N, d)."""
         points = require_numbers(repr(self), name, values, len(self), leading=True)
         if not np.isfinite(points).all():
             raise DeclarationError(f"{self!r}: {name} must be finite numbers, got {shown(values)}.")

@@ -24,7 +24,7 @@ _EXAMPLE = Path(__file__).with_name("example.c.in")
 def save_c(
     functions: Mapping[str, ca.Function], folder: str | Path, *, name: str = "model", example: str | None = None
 ) -> tuple[Path, ...]:
-    """Write `<name>.c`, `<name>.h` and, if there is the text of an example, `main.c`. Existing files are replaced.
+    """Write `<name>.c` and `<name>.h`, and `main.c` if its text is given. Existing files are replaced.
 
     The names of the C functions are `<name>_<key>`, because a function `gamma` would clash with math.h.
     """
@@ -146,15 +146,15 @@ def _quoted(text: str) -> str:
 
 
 _HEADER = """\
-/* All functions are called alike:
+/* All functions are called in the same way:
  *
  *     int flag = f(arg, res, iw, w, mem);                flag is 0 if all went well
  *
- * arg[i] points to the numbers of input i, res[i] to the place for those of output i (0: not wanted).
- * Matrices are stored column by column. If entries of a matrix are listed below, only they are stored, in this
- * order. (row, column) are counted from 0. f_sparsity_out(i) gives the same in compressed columns:
+ * arg[i] points to the numbers of input i. res[i] points to the memory for output i, or is 0 if it is not needed.
+ * Matrices are stored column by column. If entries of a matrix are listed below, only these are stored, in this
+ * order. (row, column) are counted from 0. f_sparsity_out(i) returns the same pattern in compressed columns:
  * {rows, columns, start of each column..., total, row of each nonzero...}, or {rows, columns, 1} if all
- * entries are stored. f_work tells how long arg, res, iw and w must be; mem comes from f_checkout() and goes
- * back with f_release(mem).
+ * entries are stored. f_work returns the lengths of arg, res, iw and w. Get mem from f_checkout() and release
+ * it with f_release(mem).
  */
 """

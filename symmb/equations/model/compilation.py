@@ -33,8 +33,8 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
     rows : sequence of int, optional
         indices of the constraint rows to keep if the other rows are redundant
     nullities : (int, int)
-        numbers of linear combinations that vanish at all positions that satisfy the constraints: combinations of these
-        rows, and of the position rows among them
+        numbers of vanishing linear combinations of these rows, and of the position rows among them. The combinations
+        vanish at all positions that satisfy the constraints
 
     Returns
     -------
@@ -59,7 +59,7 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
         for row in indices:
             if row not in range(len(system.collected.row_names)):
                 raise DeclarationError(f"compile_dae: there is no constraint row {row:g}.")
-        rows = sorted({int(row) for row in indices})  # CasADi crashes with other numbers
+        rows = sorted({int(row) for row in indices})  # CasADi crashes with indices that are not of type int
     require_numbers("compile_dae", "nullities", nullities, 2)
     of_rows, of_positions = (whole("compile_dae", "a nullity", n, 0) for n in nullities)
     nullities = of_rows, of_positions
@@ -115,7 +115,7 @@ def _equations(
 ) -> dict[str, Lazy[ca.Function]]:
     """The Functions of the equations of motion of the scene, by name.
 
-    `whole` is the system with its redundant rows, and the numbers of vanishing combinations of rows.
+    `whole` is a pair: the system with its redundant rows, and the numbers of vanishing combinations of rows.
     """
     a, lam = ca.SX.sym("a", system.v.numel()), ca.SX(system.lam)
     right = ca.SX.sym("gamma", lam.numel())
@@ -176,7 +176,7 @@ def _equations(
 
 
 def _redundancy_equations(system: System, reduced: System, nullities: tuple[int, int]) -> dict[str, Outputs]:
-    """The outputs that a system with redundant rows needs: multipliers of least norm and vanishing combinations.
+    """The outputs that a system with redundant rows needs: multipliers of smallest norm and vanishing combinations.
 
     `reduced` has the rows that determine the motion. `nullities` are the numbers of vanishing combinations of these
     rows and of the position rows among them, 0 for rows that are independent at all positions.
@@ -200,7 +200,7 @@ def _functions(
 ) -> dict[str, ca.Function]:
     """A Function of the states and of additional inputs for each dictionary of outputs.
 
-    Common subexpressions are searched once for all Functions, because most Functions share some.
+    Common subexpressions are searched once for all Functions, because most Functions have some in common.
     """
     states = [("q", system.q), ("v", system.v), *([("s", system.s)] if system.s.numel() else [])]
     states += [("p", system.p), ("t", t)]

@@ -5,8 +5,8 @@ With gaps g, their rates g' = W v + g_t, and the effects B, L of unit forces alo
     M B + G' L = W',    G B = 0,    D = W B,
 
 the forces f >= 0 in closed contacts follow from g'' = W (v'_free + B f) + zeta = 0, and velocities jump by B P.
-States c are 1 for closed contacts and 0 for open contacts. In (c D c + 1 - c) f = -c (W v'_free + zeta) the forces of
-open contacts are 0. So one set of equations holds for all combinations.
+States c are 1 for closed contacts and 0 for open contacts. With (c D c + 1 - c) f = -c (W v'_free + zeta), the forces
+of open contacts are 0. So the same equations are valid for all combinations of open and closed contacts.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,11 +30,11 @@ class Impacts:
     names: tuple[str, ...]
     closed: Indices  # (n,), indices of the states s for closed contacts
     gaps: ca.Function  # -> gaps (n,), their rates (n,), and the sizes of the coordinates in the gaps (n,)
-    # -> forces in closed contacts (n,), 0 in open ones, accelerations of the gaps (n,), the sizes of the terms in
+    # -> forces in closed contacts (n,), 0 in open contacts, accelerations of gaps (n,), the sizes of the terms in
     # these sums (n,), and effective inertias 1 / D_kk (n,)
     forces: ca.Function
     impulses: ca.Function  # -> W (n, n_v), B (n_v, n), rates g_t of gaps at rest (n,), restitutions (n,)
-    # -> q (n_q,), v (n_v,) after the least change in the norm of M that makes closed gaps and their rates 0
+    # -> q (n_q,), v (n_v,) after the smallest change in the norm of M that makes closed gaps and their rates 0
     project: ca.Function
     joints: "JointEvents | None" = None  # None without joints that open and close
 
@@ -53,21 +53,21 @@ class JointEvents:
     names: tuple[str, ...]  # of the joints
     titles: tuple[str, ...]  # of the events, for messages
     opens: tuple[bool, ...]  # whether the joint opens
-    holding: tuple[int, ...]  # the states s for conditions that hold
+    holding: tuple[int, ...]  # the states s that record whether conditions are true
     flags: tuple[int, ...]  # the states s for joints that the event keeps closed
     others: tuple[tuple[int, ...], ...]  # `flags` of other events of the same joint
     rows: tuple[slice, ...]  # of the joints
     by_force: tuple[bool, ...]  # whether the margin needs multipliers
-    place: tuple[int, ...]  # (k,), the states s for places of closing, or for directions of slip of clutches
+    place: tuple[int, ...]  # (k,), the states s for poses at closing, or for directions of slip of clutches
     owners: tuple[int, ...]  # (k,), the events that set these states
     clutches: tuple[
         tuple[int, int], ...
     ]  # (c, 2), indices of two states: 1 while the clutch sticks, and the direction of slip
     margins: ca.Function  # -> margins (m,), negative if conditions hold, and their rates (m,)
-    places: ca.Function  # -> places of joints that close now (k,)
+    places: ca.Function  # -> new values of the states `place` for joints that close now (k,)
     slips: ca.Function  # -> slips of the clutches (c,), and their rounding errors (c,)
-    # -> v (n_v,), after the least change in the norm of M that makes the rates of all rows 0, impulses (n_r,) of the
-    # rows that are kept, and their work [J]
+    # -> v (n_v,) after the smallest change in the norm of M that makes the rates of all rows 0, impulses (n_r,) of
+    # these rows, and their work [J]
     jump: ca.Function
 
     @property
@@ -117,17 +117,17 @@ class ContactEquations:
             at = c.rows.get(name, slice(0, 0))
             own, raw = least[at], multipliers[at]
             if name in clutches:  # other rows move the clutch against any torque: the sign follows from the multipliers
-                # The solver's lift makes multipliers of contradictory rows 1e10 times larger than the least-norm ones.
+                # In the solver, multipliers of contradictory rows are 1e10 times larger than the smallest ones.
                 # tests/events/test_clutches.py
                 own = ca.if_else(ca.fabs(raw) > 100 * ca.fabs(own), raw, own)
             values.append(ca.vertcat(own, ca.SX.zeros(lam.numel() - own.numel())))
         return ca.substitute(expression, ca.vertcat(*symbols.values()), ca.vertcat(*values))
 
     def _without_rounding(self, event: JointEvent, rate: ca.SX, accelerations: ca.SX) -> ca.SX:
-        """The rate of an event's margin, with 0 for rates that are rounding.
+        """The rate of an event's margin, with 0 for rates that are rounding errors.
 
-        Rounding must not make a clutch stick, and must not close a Latch if its joint has opened without a jump of
-        accelerations. The margin of a clutch during an impulse depends on the impulse only.
+        Rounding must not make a clutch stick. It must also not close a Latch after its joint has opened without a jump
+        of accelerations. The margin of a clutch during an impulse depends on the impulse only.
         """
         system = self._system
         if isinstance(event, Struck):
@@ -172,7 +172,7 @@ class ContactEquations:
         return common(name, states, dense, ["q", "v", "s", "p", "t"], list(outputs))
 
     def _slipping(self, *outputs: ca.SX) -> list[ca.SX]:
-        """Outputs for an impulse, in which all clutches slip, because a clutch transmits no impulse."""
+        """Outputs for an impulse. All clutches slip during an impulse, because a clutch transmits no impulse."""
         sticks = ca.vertcat(ca.SX(0, 1), *[e.flag.sx for e, _ in self._c.joint_events if isinstance(e, Sticks)])
         return ca.substitute([*outputs], [sticks], [ca.SX.zeros(sticks.shape)])
 

@@ -41,7 +41,7 @@ class DAE:
 
     Every Function takes (q, v, p, t), or (q, v, s, p, t) if there are first-order states, unless said otherwise. A part
     that the scene does not have is None. The Functions in `equations` and the scales are made at their first use.
-    Otherwise most of the time would go to a formulation that the scene does not use.
+    Otherwise most of the time would be spent on Functions that the formulation of the scene does not use.
     """
 
     q_names: tuple[str, ...]
@@ -64,7 +64,7 @@ class DAE:
     positive_names: tuple[str, ...]
     impacts: Impacts | None = None  # gaps that close, and velocities that jump then
     measured: Lazy[Scales] = field(default_factory=lambda: known(Scales()))
-    s_rest: Array | None = None  # (n_s,), states at the start from which angles count their turns; None: 0
+    s_rest: Array | None = None  # (n_s,), states at the start of the count of turns of angles; None: zeros
     sampling: Sampling | None = None  # values that are held between instants
 
     rhs = Equation[ca.Function]()  # -> q', v' [, s']
@@ -76,13 +76,13 @@ class DAE:
     Phi_t = Equation[ca.Function | None]()  # -> partial time derivative of the position rows (n_c,), only with drives
     gamma = Equation[ca.Function | None]()  # -> right side of G v' = gamma (n_r,)
     s_rate = Equation[ca.Function]()  # -> s', as in `rhs`, without accelerations
-    # (..., r) -> delta (n_v,), the least displacement in the norm of M with G delta = r
+    # (..., r) -> delta (n_v,), the displacement with G delta = r that is smallest in the norm of M
     min_norm_correction = Equation[ca.Function | None]()
     power = Equation[ca.Function | None]()  # (..., lam) -> power of forces without potential and of drives [W]
-    # (..., lam) -> multipliers of all rows of least norm with the same effect; only if rows are redundant
+    # (..., lam) -> multipliers of all rows with the same effect and the smallest norm; only if rows are redundant
     distribute_multipliers = Equation[ca.Function | None]()
-    # -> combinations of all rows, and of the position rows, that vanish wherever the constraints hold, (n_r, k) and
-    # (n_c, k_c); only if redundant rows are not left out
+    # -> combinations (n_r, k) of all rows and (n_c, k_c) of the position rows that vanish wherever the constraints are
+    # satisfied; only if redundant rows are not left out
     vanishing = Equation[ca.Function | None]()
 
     @property
@@ -98,7 +98,7 @@ class DAE:
 
     @cached_property
     def memory(self) -> dict[Any, Any]:
-        """Results derived from the equations. They hold for all nominal parameters."""
+        """Results derived from the equations. They are valid for all nominal parameters."""
         return {}
 
     def remembered(self, derive: Callable[["DAE", Array], T], times: Array = NO_TIMES, *more: float) -> T:
@@ -213,9 +213,9 @@ class DAE:
     def save_c(self, folder: str | Path, start: Mapping[str, Array] | None = None) -> tuple[Path, ...]:
         """Write the Functions as C with a header and a small main program. The files need only a C compiler.
 
-        The main program has no events: with impacts or sampled values, the functions of their equations replace it. The
-        program integrates from "q" (n_q,), "v" (n_v,), "s" (n_s,) and "p" (n_p,) in `start` over "times" (n_t,). The
-        default is one second from neutral coordinates at rest. The method returns the paths of the files.
+        The main program integrates from "q" (n_q,), "v" (n_v,), "s" (n_s,) and "p" (n_p,) in `start` over "times"
+        (n_t,). The default is one second from neutral coordinates at rest. With impacts or sampled values, there is no
+        main program, but the Functions of their equations are written. The method returns the paths of the files.
         """
         exported = ("rhs", "M", "Q", "Phi", "Phi_q", "Phi_t", "gamma", "forward", "energy")
         functions = {name: f for name in exported if (f := getattr(self, name)) is not None}

@@ -101,7 +101,7 @@ class ReadEquations:
     def to_sympy(self: Any, *names: str) -> dict:
         """The equations as SymPy matrices by name: M, N, Q, Phi, Phi_q, Phi_t, Psi, gamma, or only the given names.
 
-        Entries are simplified if this takes few operations, as in `equations()`.
+        Entries are simplified if the simplification takes few operations, as in `equations()`.
         """
         require_names("to_sympy", "part", names, self.parts)
         return matrices_of(self, names or self.parts)

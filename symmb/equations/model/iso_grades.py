@@ -131,7 +131,7 @@ def _upper_end_of_hole(text: str, size: float, letter: str, grade: int, begin: f
         raise DeclarationError(f"{text!r}: ISO 286 defines K up to the grade K8.")
     if (letter, grade) == ("m", 6) and 250 < size <= 315:
         return -9.0  # the standard's only exception
-    # A hole with a shaft of the next finer grade has the same fit as a shaft with a hole if the letters are exchanged.
+    # If the letters of hole and shaft are exchanged, a hole has the same fit with a shaft of the next finer grade.
     finer = size > _SIZES[0] and 2 < grade <= (8 if letter in "kmn" else 7)
     return -begin + (_GRADES[grade][k] - _GRADES[grade - 1][k] if finer else 0.0)
 

@@ -102,8 +102,8 @@ class JointMotion:
 def _quaternion_of_frame(F: ca.SX, bind: Binding) -> ca.SX:
     """The quaternion (4,) of a rotation matrix that may depend on parameters, scalar first.
 
-    The component that is largest at the nominal parameters divides the other components. The result is regular for
-    rotations up to 60 degrees from the nominal rotation. (Shepperd 1978, J. Guid. Control 1(3))
+    The formulas divide by the component that is largest at the nominal parameters. The result is regular for rotations
+    up to 60 degrees from the nominal rotation. (Shepperd 1978, J. Guid. Control 1(3))
     """
     if F.is_constant():
         return quaternion_of(F)

@@ -1,4 +1,4 @@
-"""The equations of motion in the coordinates of the joints that carry the bodies."""
+"""The equations of motion in joint coordinates."""
 
 from collections.abc import Mapping, Sequence
 from copy import copy
@@ -50,7 +50,7 @@ class JointSpace:
         rigid = [k for k, body in enumerate(c.bodies) if not (isinstance(body.pose, Particle) or body.pose.modes)]
         counts = {name: where.stop - where.start for name, where in c.rows.items()}
         joints = [e for e in elements if isinstance(e, Joint)]
-        # The rigid bodies in an order with carriers first, and the indices of the remaining rows.
+        # The rigid bodies, each after its carrier, and the indices of the remaining rows.
         self.links = _by_trees(spanning_tree(c.bodies, rigid, joints, counts, c.bind, turns))
         self.tree = ArticulatedBodies(c.bodies, self.links)
         carrying = {link.carrying.joint.name for link in self.links if link.carrying is not None}

@@ -79,7 +79,7 @@ def _require_same_system(system: System, run: EndedRun) -> None:
     of_scene = [*c.q_names, *c.v_names, *_untouched(system), *system.parameters]
     if of_run != of_scene:
         odd = [*(n for n in of_scene if n not in of_run), *(n for n in of_run if n not in of_scene)]
-        what = f"only one of them has {odd[0]!r}" if odd else "the order of their bodies or parameters differs"
+        what = f"only one of the systems has {odd[0]!r}" if odd else "the order of their bodies or parameters differs"
         raise DeclarationError(f"{_WHERE}: the run is of another system: {what}. Pass a run of this scene.")
     missing = [state.name for state in c.states if state.name not in s_names]
     if missing:

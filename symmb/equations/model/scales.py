@@ -19,7 +19,7 @@ class Scales:
     def work(self) -> float:
         """Factor of the absolute tolerance of work."""
         energy = self.energy * self.rate**2
-        # Works that cancel leave rounding errors of the energy, so 1 % of the energy is the smallest scale.
+        # Positive and negative work may cancel except for rounding of the energy, so the scale is at least 1 % of it.
         return max(min(self.size, energy), 0.01 * energy)
 
     @property

@@ -32,8 +32,8 @@ Output = Expr | Figure | tuple[Expr | Figure, str]
 
 
 class _Fitting(str):
-    """A unit that fits its output. The unit is not checked again: expressions in a pickle share no nodes, so that fewer
-    of their units are known."""
+    """A unit that fits its output. It is not checked again, because fewer units are known after pickling: expressions
+    in a pickle share no nodes."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -44,10 +44,10 @@ class Scene:
     ----------
     system : System
     start : mapping
-        name -> number or expression of parameters. Names are those of bodies ("rod.theta", "rod.vx", "top.rotation",
-        "top.omega"), of joints ("elbow.angle", "elbow.angle_rate", "slide.displacement", "slide.displacement_rate") and
-        of `State`s. These values hold exactly. Other values follow from Phi = 0 and its rate. Relative rates of joints
-        that nothing determines are 0
+        name -> number or expression of parameters. Names belong to bodies ("rod.theta", "rod.vx", "top.rotation",
+        "top.omega"), to joints ("elbow.angle", "elbow.angle_rate", "slide.displacement", "slide.displacement_rate") and
+        to `State`s. The start has exactly these values. Other values follow from Phi = 0 and its rate. Relative rates
+        of joints are 0 if the constraints do not determine them
     times : (n_t,) array
         or a list; increasing times of the outputs [s], or a pair with a unit, such as ([0, 5], "ms"). The run starts at
         the first time. Default: 0 only
@@ -134,7 +134,7 @@ class Scene:
         if coordinates is not None and not (isinstance(coordinates, str) and coordinates in ("joint", "body")):
             faults.append(f'coordinates: {shown(coordinates)} is neither "joint" nor "body".')
         if self.restart is not None and not untimely and float(np.asarray(self.times)[0]) != self.restart.time:
-            faults.append(f"times: the scene continues a run that ended at {self.restart.time!r} s. Start there.")
+            faults.append(f"times: the scene continues a run that ended at {self.restart.time!r} s. Start at it.")
         if self.restart is not None and self.equilibrium:
             faults.append("equilibrium: the scene continues a run. Omit equilibrium.")
         faults += [f"name {shown(self.name)}: {fault}" for fault in [name_fault(self.name)] if fault]
@@ -185,7 +185,9 @@ class Scene:
         """Guessed coordinates of bodies and of joints."""
         resolved = listed_values(self.system, self.guess, "guess")
         if resolved.v or any(value.is_rate for value in resolved.joints):
-            raise DeclarationError("guess: velocities need no guess, their equations are linear. List them in start.")
+            raise DeclarationError(
+                "guess: velocities need no guess, because their equations are linear. List them in start."
+            )
         if resolved.states:
             names = ", ".join(map(repr, resolved.states))
             raise DeclarationError(f"guess: {names} is a first-order state and needs no guess. List it in start.")
@@ -371,7 +373,7 @@ class Scene:
         return replace(self, system=self.system.with_elements((), self.system.parameters.with_nominal(values)))
 
     def with_inputs(self, names: Sequence[str]) -> "Scene":
-        """A copy in which the inputs of these names become the last parameters, for programs that set them."""
+        """A copy in which the inputs with these names are the last parameters, so that other programs can set them."""
         symbols = [self.system.inputs[name] for name in names]
         if not symbols:
             return self
@@ -381,8 +383,8 @@ class Scene:
         """A copy that continues a run. The parameters of the run become the nominal parameters.
 
         Positions, velocities, states, turns of angles, held values and closed contacts are taken from the end of the
-        run. The times are shifted to start at this end, so functions of `t` continue. With other parameters,
-        coordinates and velocities change by the smallest amount that satisfies the constraints.
+        run. The times are shifted to start at this end, so functions of `t` continue. For other values of
+        parameters, coordinates and velocities change by the smallest amount that satisfies the constraints.
 
         Parameters
         ----------
@@ -440,7 +442,7 @@ def _time_faults(times: Sequence[float] | Array) -> list[str]:
     # Solvers take small steps between two times.
     if array.size > 1 and rounding > SLIGHT * horizon:
         return [
-            f"times: numbers near {end:g} are {rounding:.1g} apart, which is too coarse for {horizon:g} s. Start the "
-            "times at 0."
+            f"times: floating-point numbers near {end:g} are {rounding:.1g} apart, which is too coarse for "
+            f"{horizon:g} s. Start the times at 0."
         ]
     return []

@@ -39,7 +39,7 @@ def spanning_tree(
     bind: Binding,
     turns: Mapping[str, int],
 ) -> tuple[Link, ...]:
-    """The links of the `rigid` bodies in an order with carriers first.
+    """The links of the `rigid` bodies, each after the link of its carrier.
 
     `turns` are whole turns of body b relative to body a in planar joints that do not count turns.
 

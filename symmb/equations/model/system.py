@@ -45,7 +45,7 @@ class System(FilledByBlock, ReadEquations):
 
     Parameters
     ----------
-    *elements : Body, Constraint, ForceElement or Impact, in the order of coordinates and rows
+    *elements : Body, Constraint, ForceElement or Impact; their order is the order of coordinates and rows
     parameters : Parameters
         default: the parameters with symbols in the elements
 
@@ -118,7 +118,7 @@ class System(FilledByBlock, ReadEquations):
         return _restored((*self.elements, *more), parameters, ca.SX(self.lam), self.vdot, self._added)
 
     def keeping(self, rows: Sequence[int], nullity: int = 0) -> "System":
-        """A copy with these rows only, and with new multipliers. `nullity` linear combinations of the rows vanish."""
+        """A copy with only these rows and new multipliers. `nullity` is the number of their vanishing combinations."""
         return self._with(collected=self.collected.keeping(rows), nullity=nullity)
 
     def _with(self, **changes: Any) -> "System":
@@ -129,10 +129,11 @@ class System(FilledByBlock, ReadEquations):
 
     @kept_interrupts()
     def joint_space(self, turns: Mapping[str, int] | None = None) -> "System":
-        """The same system in coordinates of its joints: q, v, M, Q, and the remaining rows of Phi and Psi.
+        """The same system in joint coordinates. Constraint rows that the joint coordinates satisfy are left out.
 
-        A spanning tree of joints carries the bodies. Joints that close loops keep their rows. Bodies without a carrying
-        joint, flexible bodies and particles keep their coordinates. `turns` (see `JointSpace`) are rarely needed.
+        The joints of a spanning tree determine the poses of the bodies. Joints that close loops keep their rows. Bodies
+        without a joint in the tree, flexible bodies and particles keep their coordinates. `turns` (see `JointSpace`)
+        are rarely needed.
 
         Examples
         --------
@@ -145,15 +146,17 @@ class System(FilledByBlock, ReadEquations):
         """
         if gated := self.collected.gated:
             names = ", ".join(map(repr, gated))
-            raise DeclarationError(f"Joint coordinates are not possible, because {names} may open or close in a run.")
+            raise DeclarationError(
+                f"Joint coordinates are not possible, because {names} may open or close. Use coordinates of bodies."
+            )
         joints = JointSpace(self.collected, self.elements, turns or {})
         return self._with(collected=joints.collected, nullity=0, _joints=joints)
 
     @property
     def joints(self) -> "JointSpace":
-        """The joints that carry the bodies of a `joint_space`."""
+        """The joint coordinates of a system that `joint_space()` returned."""
         if self._joints is None:
-            raise DeclarationError("The system has the coordinates of bodies. Use system.joint_space().")
+            raise DeclarationError("The system has coordinates of bodies. Use system.joint_space().joints.")
         return self._joints
 
     @property
@@ -283,7 +286,7 @@ class System(FilledByBlock, ReadEquations):
 
     @cached_property
     def Phi_t(self) -> ca.SX:
-        """Partial time derivative of the position constraints, (n_c,). Only rows of drives have an entry."""
+        """Partial time derivative of the position constraints, (n_c,). It is nonzero only for rows of drives."""
         return ca.sparsify(ca.jacobian(self.Phi, t))
 
     @cached_property
@@ -299,7 +302,7 @@ class System(FilledByBlock, ReadEquations):
 
     @cached_property
     def gamma(self) -> ca.SX:
-        """Right side of G v' = gamma, (n_c + n_psi,): the negative derivative of the rows' rates for v' = 0."""
+        """Right side of G v' = gamma, (n_c + n_psi,). It is minus the time derivative of `Phi_dot` for v' = 0."""
         x, rates = ca.vertcat(self.q, self.s), ca.vertcat(self.qdot, self.s_rate)
         return ca.densify(-(ca.jtimes(self.Phi_dot, x, rates) + ca.jacobian(self.Phi_dot, t)))
 
@@ -325,7 +328,7 @@ class System(FilledByBlock, ReadEquations):
         return self.solve(self.Q, self.gamma)[0]
 
     def retract(self, delta: ca.SX) -> ca.SX:
-        """Coordinates (n_q,) after a small displacement (n_v,), velocity times time. Quaternions keep norm 1."""
+        """Coordinates (n_q,) after a small displacement delta = v dt (n_v,). Quaternions keep norm 1."""
         return self.collected.retract(delta) if self._joints is None else self._joints.retract(self.q, delta)
 
     @property
@@ -340,9 +343,9 @@ class System(FilledByBlock, ReadEquations):
 
     @cached_property
     def power(self) -> ca.SX:
-        """Power of forces without potential, of drives and of added or removed mass [W], in q, v, s, lam, p, t.
+        """Power of forces without potential, of drives and of added or removed mass [W].
 
-        Mass joins or leaves a body at the velocity of the body, so M v' = Q holds.
+        The power depends on q, v, s, lam, p and t. Added and removed mass has the velocity of the body, so M v' = Q.
         """
         at_rest = ca.substitute(self.Phi_dot, self.v, ca.SX.zeros(self.v.shape))
         of_forces = self.collected.power if self._joints is None else self._joints.power
@@ -359,9 +362,9 @@ class System(FilledByBlock, ReadEquations):
         return reaction([e for e in self.elements if isinstance(e, Joint)], name, self.Phi, self.lam)
 
     def force(self, name: str) -> ca.SX:
-        """Force of the element with this name [N, N m]: pull of a spring or rope, push of a contact, law of a motor.
+        """Force of the element with this name [N, N m], such as the tension of a spring or the torque of a motor.
 
-        The force of a contact at several places is the sum without friction.
+        The force of a contact is its normal force. For several contact points, it is the sum of the normal forces.
 
         Raises
         ------
@@ -382,7 +385,7 @@ class System(FilledByBlock, ReadEquations):
         return tuple(names), ca.Function("positive", [self.p], [ca.vertcat(ca.SX(0, 1), *values)])
 
     def sign_faults(self, box: Box) -> list[str]:
-        """Messages for masses and numbers of elements that are not positive at a corner of the box."""
+        """Messages for masses and for numbers such as lengths that are not positive at a corner of the box."""
         return sign_faults(*self.positive, self.parameters, box)
 
     @property

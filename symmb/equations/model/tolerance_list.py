@@ -153,7 +153,7 @@ def _of_text(owner: str, name: str, nominal: float, text: str, own: str) -> Inte
 
 
 def _require_kind(owner: str, name: str, text: str, told: _Told | None, own: str) -> None:
-    """Raise a DeclarationError if a text has numbers only, so that their unit, or whether they are a size, is open."""
+    """Raise a DeclarationError if a text has only numbers, so it is unclear which unit they have or what they mean."""
     bare = _BARE.fullmatch(text.translate(_SIGNS))
     if bare and own:
         raise DeclarationError(
@@ -222,7 +222,7 @@ def _share(owner: str, name: str, nominal: float, text: str, percent: float) -> 
 
 
 def _unit(owner: str, name: str, nominal: float, text: str, size: float) -> float:
-    """Factor from the size in a text [mm or °] to the nominal value [m or mm, rad or °]."""
+    """Factor that converts the size in a text [mm or °] to the nominal value [m or mm, rad or °]."""
     units = _ANGLE if _DEGREE in text else _LENGTH
     own, other = units
     if size == 0:
@@ -312,7 +312,7 @@ def _of_row(
             )
     if "tolerance" in row:
         if "plus" in row or "minus" in row:
-            raise DeclarationError(f"{owner}: {name!r} has a tolerance and plus or minus. Give only one of both.")
+            raise DeclarationError(f"{owner}: {name!r} has tolerance and also plus or minus. Remove one of them.")
         return interval_of(owner, name, nominal, _number_or_text(row["tolerance"]), unit)
     if "plus" not in row:
         raise DeclarationError(f"{owner}: {name!r} needs plus and minus, or a tolerance.")

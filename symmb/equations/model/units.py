@@ -81,13 +81,13 @@ def _of_parameters(system: System) -> list[tuple[ca.SX, Unit]]:
 
 
 def _handles(system: System) -> list[tuple[ca.SX, Unit]]:
-    """The handles of joints that expressions may contain, with their units. A handle exists only after it was read."""
+    """The handles of joints that expressions may contain, with their units. A handle exists after its first use."""
     joints = [e for e in system.elements if isinstance(e, Joint)]
     return [(vars(j)[name], unit) for j in joints for name, unit in _HANDLES.items() if name in vars(j)]
 
 
 def _forces(system: System, y: ca.SX) -> list[tuple[ca.SX, Unit]]:
-    """Forces of elements among expressions (n_y,), with units that stiffnesses without a unit cannot give."""
+    """Forces of elements among expressions (n_y,), with their units. Their laws may have stiffnesses without a unit."""
     forces, whole = system.collected.forces, {entry.element_hash() for entry in ca.vertsplit(ca.SX(y))}
     torques = {e.name for e in system.elements if isinstance(e, ForceElement) and e.turns}
     return [
@@ -153,7 +153,7 @@ def _operation(code: int, arguments: Sequence[Unit | None]) -> Unit | None:
 def _sum(first: Unit | None, second: Unit | None) -> Unit | None:
     if not first or not second or first == second:
         return first or second
-    straight = [unit for unit in (first, second) if not unit[3]]  # a radius of 1 is not seen
+    straight = [unit for unit in (first, second) if not unit[3]]  # x + l sin(theta) with l = 1 is a length
     return straight[0] if len(straight) == 1 else None
 
 

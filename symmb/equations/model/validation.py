@@ -104,7 +104,7 @@ def membership_faults(element: Element, known: Collection[int]) -> list[str]:
 
 
 def mass_and_inertia(body: Body, bind: Binding) -> tuple[ca.SX, ca.SX]:
-    """Mass (scalar) and inertia (3, 3) of a body as SX. All faults of both are raised at once."""
+    """Mass (scalar) and inertia (3, 3) of a body as SX. All faults of mass and inertia are raised at once."""
     mass = bind(body.mass, f"Body {body.name!r}: mass")
     bind.check(body.laws, f"Body {body.name!r}: stiffness or damping")
     J = inertia_matrix(body, as_matrix(body.inertia, f"Body {body.name!r}: inertia", bind))
@@ -147,7 +147,7 @@ def position_rows(constraint: Constraint, rows: ca.SX, bind: Binding) -> list[ca
     for row in nonzero:
         bind.check(row, constraint.title)
         if not bind.symbols(Kind.COORDINATE, row):
-            faults.append(f"{constraint.title}: no coordinate can satisfy the row {row} = 0. Check points, axis, law.")
+            faults.append(f"{constraint.title}: no coordinate can satisfy row {row} = 0. Check points, axis and law.")
         if bind.symbols(Kind.VELOCITY, row):
             faults.append(f"{constraint.title}: a position row must not contain velocities. Use VelocityConstraint.")
         faults += [f"{constraint.title}: {fault}" for fault in _state_faults(row, bind)]
@@ -272,7 +272,7 @@ def require_inertia(M: ca.Sparsity, G: ca.SX, v_names: Sequence[str]) -> None:
 def sign_faults(names: Sequence[str], positive: ca.Function, parameters: Parameters, box: Box) -> list[str]:
     """Messages for values that are not positive at a corner of the box. `positive` maps parameters to the values."""
     order, parts = list(parameters), {}
-    # More than about a thousand corners are not checked: then samples fail one by one.
+    # A box with more than 1024 corners is not checked. Its invalid samples then fail one by one.
     for corner in product(*box.bounds) if len(box) <= 10 else ():
         p = parameters.nominal
         p[[order.index(name) for name in box.names]] = corner
@@ -300,7 +300,7 @@ def positive(inertial: Sequence[Inertia], elements: Iterable[Element], bind: Bin
 
 
 def _triangle_minors(body: Body, J: ca.SX) -> list[ca.SX]:
-    """Three expressions that are positive if no principal moment of a spatial body exceeds the sum of the others.
+    """Three expressions that are positive if each principal moment of a spatial body is at most the sum of the others.
 
     The expressions are the leading minors of tr(J) / 2 - J, the second moments of the mass, with an allowance for
     rounding. The first minor is half of the sum of two moments minus the third moment.

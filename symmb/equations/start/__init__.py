@@ -1,9 +1,9 @@
 """Consistent starts: positions, velocities and equilibria that satisfy the constraints.
 
-`preparation` makes the start of a scene, and `start` is the map from parameters to states that results. `assembly` and
-`gauss_newton` solve for the nominal positions, `implicit_function` for those of each sample, `velocities` for
-velocities and `equilibrium` for equilibria. `rank` determines the rank of the constraints at the nominal start.
-`joint_start` and `joint_values` do the same in joint coordinates.
+`preparation` computes the start of a scene. `start` has the result, a map from parameters to states. `assembly` and
+`gauss_newton` solve for the nominal positions, and `implicit_function` for the positions of each sample. `velocities`
+computes velocities, and `equilibrium` computes equilibria. `rank` determines the rank of the constraints at the nominal
+start. `joint_start` and `joint_values` compute starts in joint coordinates.
 """
 
 from symmb.equations.start.joint_start import start_in_joints

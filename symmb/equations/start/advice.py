@@ -1,4 +1,4 @@
-"""Advice for assemblies that fail. Each advice was tried before it is given."""
+"""Remedies for assemblies that fail. Each remedy is tried before a message suggests it."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
@@ -18,11 +18,11 @@ Assembles = Callable[[Scene], bool]
 
 
 def advice(scene: Scene, dae: DAE, joint: str, free: Indices, size: float, assembles: Assembles) -> str:
-    """Advice that names listed coordinates to remove, or a coordinate to guess. Bodies of the joint are tried first.
+    """The listed coordinates to remove, or a coordinate to guess, as text. Bodies of the joint are tried first.
 
     `free` are the indices of displacements that are not listed, and `size` [m] is the size of the scene.
     """
-    # Large scenes take longer to assemble, so fewer are tried.
+    # Large scenes take longer to assemble, so fewer remedies are tried.
     name, tries = joint.split(".")[0], max(300 // max(dae.n_v, 1), 1)
     joints = [e for e in scene.system.elements if isinstance(e, Constraint) and e.name == name]
     owners = {name, *(body.name for e in joints for body in e.bodies())}

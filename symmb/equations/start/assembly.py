@@ -84,12 +84,12 @@ def _assembled(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
     if scene.restart is None:
         q = placed_along_joints(scene, dae, q, s, free, t0)
         s = with_turns(scene, q, s, np.empty(0, dtype=np.intp))
-        if scene.guessed.joints:  # bodies need not be placed along the joint of the guess
+        if scene.guessed.joints:  # forward kinematics may not satisfy all guessed joint values
             guessed = with_position_rows(scene.system, dae, scene.guessed.joints)
             q, *_ = _position_rows(scene, guessed, q, t0).reach(q, s, free)
         s = rows.with_turns_of(drive_rows(scene, dae), q, s)
-        # Full steps may leave a local minimum of the violation, but may also jump to another assembly. They come
-        # second.
+        # Full steps are tried second. They may leave a local minimum of the violation, but may also jump to another
+        # assembly.
         attempts = [(False, True), (False, False), *[(True, True)] * bool(rows.angles.size)]
     failures = []
     for is_turned, is_damped in attempts:
@@ -130,7 +130,7 @@ def _reached(
     flipped = _flipped_joint(scene, dae, q)
     if flipped is not None:
         raise FailedAssembly(
-            f"Joint {flipped!r} is assembled the wrong way round: its parallel frames end antiparallel.", flipped
+            f"Joint {flipped!r} is assembled the wrong way round: its frames are antiparallel, not parallel.", flipped
         )
     return q, with_turns(scene, q, s, rows.angles)
 

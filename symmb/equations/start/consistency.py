@@ -35,7 +35,7 @@ def check_velocities(start: Start, p0: Array) -> None:
         k = int(off.argmax())
         others = _determining(start, k, q, v, p0, s)
         asked = f" from the value of {', '.join(map(repr, others))}" if others else ""
-        what = f"{start.joint_values[k]} is off by {off.max():.2g}{asked}"
+        what = f"{start.joint_values[k]} differs by {off.max():.2g}{asked}"
     else:
         what = f"rate {r.max():.2g} in joint {constraint_of_row(dae, int(r.argmax()))!r}"
     raise AssemblyError(f"The start velocities contradict the constraints: {what}. {remedy}")

@@ -30,7 +30,7 @@ def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: In
     if dae.G is not None:
         G = evaluated(dae.G, *map(np.atleast_1d, at)) * dae.displacement_scales
     yield from _open_outputs(scene, dae, at, G, len(rows))
-    driven = dae.Phi is not None and dae.Phi.jac_sparsity(0, dae.Phi.n_in() - 1).nnz()  # laws may jump as well
+    driven = dae.Phi is not None and dae.Phi.jac_sparsity(0, dae.Phi.n_in() - 1).nnz()  # the law of a drive may jump
     gated = any(scene.system.collected.gated.values())  # a joint that locks the mechanism may open
     if not dae.n_v or len(scene.times) < 2 or v.any() or driven or gated:
         return
@@ -49,7 +49,7 @@ def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: In
 
 
 def _open_outputs(scene: Scene, dae: DAE, at: tuple[Array | float, ...], G: Array, rank: int) -> Iterator[str]:
-    """The warning that outputs depend on how redundant rows of G (n_r, n_v) share their forces."""
+    """The warning that outputs depend on the distribution of forces among redundant rows of G (n_r, n_v)."""
     lam, y = ca.SX(scene.system.lam), scene.y
     if rank == len(G) or not any(ca.which_depends(y, lam, 1, True)):
         return
@@ -66,9 +66,9 @@ def _open_outputs(scene: Scene, dae: DAE, at: tuple[Array | float, ...], G: Arra
         outputs = ", ".join(repr(name) for name, own in zip(scene.curve_names, is_open, strict=True) if own)
         names = ", ".join(map(repr, redundant_names(G / sizes, rank, dae.rows)))
         yield (
-            f"Outputs {outputs} depend on how the redundant constraints {names} share their load. Rigid bodies do not "
-            "determine this, so the smallest reactions are used. Replace a joint that is not stiff by a Bushing, or "
-            "by a joint with fewer rows."
+            f"Outputs {outputs} depend on how the redundant constraints {names} share their load. This is not "
+            "unique for rigid bodies, so the smallest reactions are used. Replace a joint that is not stiff by a "
+            "Bushing, or by a joint with fewer rows."
         )
 
 
@@ -82,7 +82,7 @@ def _is_unstable(dae: DAE, at: tuple[Array | float, ...], G: Array, rows: Indice
         return False
     delta, others = ca.SX.sym("delta", dae.n_v), [ca.SX(ca.DM(part)) for part in at[1:]]
     moved = dae.retract(ca.SX(ca.DM(at[0])), ca.SX(ca.DM(scales)) * delta)
-    if dae.sampling is not None:  # held values follow displacements
+    if dae.sampling is not None:  # sampled values change with displacements
         s = ca.SX(ca.DM(at[2]))
         for _, count in dae.sampling.states:
             s[count] = 0

@@ -12,7 +12,8 @@ from symmb.equations.start.residual_limits import SOLVED
 from symmb.equations.start.scales import evaluate_at_rest, resting
 
 _TOLERANCE = 1e-11
-"""Residual forces divided by the forces of a displacement of the scene's size. tests/start/test_equilibrium.py"""
+"""Accepted residual forces, divided by the forces of a displacement of the scene's size.
+tests/start/test_equilibrium.py"""
 
 
 def imbalance(dae: DAE, q: ca.SX, lam: ca.SX, p: ca.SX, t0: float, free: Indices, rows: Indices) -> ca.SX:
@@ -89,7 +90,7 @@ def _damped_newton(
         A = J.copy()
         A[:n, :n] -= drag * M
         weights = np.concatenate([np.ones(n), np.full(m, np.abs(A[:n, :n]).max(initial=0.0) or 1.0)])
-        # Weights make displacements and multipliers comparable, so that the cut-off of small singular values is fair.
+        # Weights make displacements and multipliers comparable, so that one limit for singular values suits both.
         z = weights * np.linalg.lstsq(weights[:, None] * A * weights, -weights * r, rcond=FACTORS)[0]
         reach = float(np.abs(z[:n] / scales).max(initial=0.0))
         z[:n] *= min(1.0, longest / max(reach, NOTHING))
@@ -107,7 +108,7 @@ def _size(dae: DAE, q: Array) -> float:
 def is_stable(K: Array, G: Array) -> bool:
     """Whether the equilibrium is stable: no displacement with G d = 0 causes forces -K d that increase it.
 
-    Forces that are rounding compared with the largest forces count as neutral.
+    Forces that are rounding errors of the largest forces count as zero.
     """
     along = np.linalg.svd(G)[2][len(G) :].T
     values = np.linalg.eigvals(along.T @ K @ along).real

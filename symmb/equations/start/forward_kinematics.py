@@ -58,9 +58,9 @@ class _Kinematics:
     def along(self, joints: list[J], handle: str, parts: tuple[str, ...]) -> Iterator[tuple[J, int]]:
         """Pairs of a joint and the body that the joint places. Joints that determine more come first.
 
-        The ground, bodies with listed `parts`, and guessed bodies without a joint value are in place from the start.
-        Each other body follows a neighbour in place. A body without a connection to these bodies carries the bodies
-        connected with it.
+        The ground, bodies with listed `parts`, and guessed bodies without a joint value are already placed. Each other
+        body is placed relative to a neighbour that is already placed. If no placed body is connected with a body, the
+        body keeps its position, and the connected bodies are placed relative to it.
         """
         bodies, names = range(len(self.scene.system.bodies)), [body.name for body in self.scene.system.bodies]
         beside = self._beside(joints, handle)

@@ -22,7 +22,7 @@ def with_fewest_turns(
 ) -> Array:
     """Values x (n,) in which whole turns are added to the angles (indices) to minimise a violation.
 
-    Changes of the violation up to `least` count as rounding.
+    Changes of the violation up to `least` count as rounding errors.
     """
     x = x.copy()
     for k in angles:

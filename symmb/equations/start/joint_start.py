@@ -31,7 +31,7 @@ from symmb.equations.start.start import Start, start_functions
 def start_in_joints(start: Start, scene: Scene, joints: System) -> Start | None:
     """The start in joint coordinates for the system `joints`, from the start of the bodies.
 
-    None if the loop rows are close to singular in joint coordinates.
+    Returns None if the loop rows are close to singular in joint coordinates.
     """
     bodies, p = scene.system, scene.system.p
     x = ca.vertcat(bodies.q, bodies.v, bodies.s)
@@ -81,9 +81,9 @@ def _with_driven_turns(dae: DAE, rows: Indices, q: Array, t0: float) -> Array:
 def _with_independent_rows(start: Start, joints: System, q: Array) -> DAE | None:
     """The equations with coarse scales and with independent loop rows only.
 
-    The start of the bodies has decided the rank of all rows. The rank of the loop rows is this rank minus the number of
-    rows of carrying joints, because these rows are independent. None if the loop rows do not have this rank at q
-    (n_q,).
+    The rank of all rows is known from the start of the bodies. The rank of the loop rows is this rank minus the number
+    of rows of carrying joints, because rows of carrying joints are independent. Returns None if the loop rows do not
+    have this rank at q (n_q,).
     """
     t0, space, bodies = start.t0, joints.joints, start.dae
     dae = with_coarse_scales(compile_dae(joints), q, t0)
@@ -108,7 +108,7 @@ def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.F
     """A start that is computed in joint coordinates.
 
     Listed and constant displacements of bodies are held. Together with the loop rows they determine the joint
-    coordinates. None if the rows do not suffice, for example close to singular positions.
+    coordinates. Returns None if the rows do not suffice, for example close to singular positions.
     """
     bodies, space, p = scene.system, joints.joints, scene.system.p
     p_nominal = start.dae.p_nominal
@@ -170,14 +170,14 @@ def _values(scene: Scene, joints: System, q: ca.SX, q_b: ca.SX) -> list[ca.SX]:
 def _sufficient(slopes: Array, sizes: Array, first: int) -> list[int]:
     """Indices of independent rows that determine the unknowns. The `first` rows have precedence over the other rows.
 
-    `sizes` are general sizes of the first rows. Such a row may vanish except for rounding.
+    `sizes` are general sizes of the first rows, because a first row may vanish except for rounding.
     """
     own = np.linalg.norm(slopes, axis=1)
     own[: len(sizes)] = row_sizes(slopes[: len(sizes)], sizes[:, None])
     listed, _ = independent_rows_and_columns(slopes[:first], own[:first])
     if len(listed) == slopes.shape[1]:
         return listed.tolist()
-    # Loops only count for motions that the listed rows leave free.
+    # Rows of loops are chosen for the motions that the listed rows leave free.
     V = np.linalg.svd(slopes[listed])[2][len(listed) :] if len(listed) else np.eye(slopes.shape[1])
     loops, _ = independent_rows_and_columns(slopes[first:] @ V.T, own[first:])
     return [*listed.tolist(), *(first + loops).tolist()]
@@ -189,7 +189,7 @@ def _displacement(system: System, begin: ca.SX, end: ca.SX) -> ca.SX:
     for body, n_v in zip(system.bodies, system.block_sizes, strict=True):
         if isinstance(body.pose, Spatial):
             e = product(conjugate(begin[at + 3 : at + 7]), end[at + 3 : at + 7])
-            # The sign takes the shorter of both rotations: e and -e are the same rotation.
+            # e and -e are the same orientation. The sign selects the shorter rotation.
             parts += [end[at : at + 3] - begin[at : at + 3], 2 * ca.sign(e[0]) * e[1:]]
             parts.append(end[at + 7 : at + n_v + 1] - begin[at + 7 : at + n_v + 1])
             at += n_v + 1

@@ -219,7 +219,7 @@ class _Positions:
 
 def _probes(positions: _Positions, p0: Array, distance: float = 1e-2) -> tuple[Array, Array]:
     """Start coordinates (k, n_q) at the nominal and at neighbouring parameters, and these parameters (k, n_p)."""
-    # Decisions on velocities must hold near the nominal parameters too: a listed speed may be 0 at its nominal value.
+    # Decisions on velocities must also be valid near the nominal parameters: a listed speed may be 0 only there.
     near = np.random.default_rng(0).uniform(-distance, distance, p0.shape) * np.where(p0 != 0, p0, 1.0)
     P = np.stack([p0, p0 + near]) if p0.size else p0[None]
     q, ok = positions.at(P)
@@ -228,7 +228,7 @@ def _probes(positions: _Positions, p0: Array, distance: float = 1e-2) -> tuple[A
 
 
 def _solve_positions(scene: Scene, at: _Rows, reference: ca.Function, free: Indices) -> _Positions:
-    """Choose the unknown displacements: one for each independent row, or all free ones in equilibrium."""
+    """Choose the unknown displacements: one for each independent row, or all free displacements for an equilibrium."""
     p, dae, q0, t0 = scene.system.p, at.dae, at.q, at.t0
     rows, columns = independent_rows_and_columns(at.G[: dae.n_c, free], at.sizes[: dae.n_c])
     solved, lam0, stiffness = free[columns], np.empty(0), 1.0
@@ -240,7 +240,7 @@ def _solve_positions(scene: Scene, at: _Rows, reference: ca.Function, free: Indi
     delta = ca.SX(ca.DM(places, dae.displacement_scales[solved])) @ u
     (q,) = shared([dae.retract(reference(p, ca.DM(q0)), delta)])
     if scene.equilibrium:
-        # Newton's method ends by the size of displacements. Multipliers divided by the stiffness have a similar size.
+        # Newton's method ends if displacements are small. Multipliers divided by the stiffness have a similar size.
         share = ca.SX.sym("share", len(rows))
         z, lam = ca.vertcat(u, share), ca.SX(ca.DM(lam0)) + stiffness * share
         residual = imbalance(dae, q, lam, p, t0, free, rows)

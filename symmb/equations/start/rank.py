@@ -100,14 +100,14 @@ def lasting_rows(dae: DAE, q: Array, t0: float, rows: Indices, general: Array) -
 
     The given independent rows are kept if they stay as independent as all rows along the possible motion from q (n_q,).
     Otherwise only rows that are superfluous everywhere are removed, because each vanishing combination is expensive.
-    `general` (n_r, n_v) are sizes of the entries of the Jacobian. A row has one size at all positions, because it may
-    vanish at some position.
+    `general` (n_r, n_v) are sizes of the entries of the Jacobian. The size of a row is the same at all positions,
+    because the row may vanish at some position.
     """
     scales, rank = own_scales(dae, q, t0), len(rows)
     if not rank:
         return rows, (0, 0)
     usual = np.linalg.norm(general * scales, axis=1)
-    # 15 long steps: a mechanism with one degree of freedom makes two turns to and fro.
+    # With 15 long steps, a mechanism with one degree of freedom makes two turns forward and back.
     at = [q, *_positions(dae, q, t0, usual, rank, walks=2, steps=15, distance=0.3)]
     walked = np.stack([jacobian_at_rest(dae, position, t0) * scales for position in at])
     walked /= row_sizes(walked, general * scales)[:, None]

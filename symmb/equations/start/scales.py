@@ -19,7 +19,7 @@ _STEP_BITS = 10
 """Binary digits between coarse scales: usual lengths from 1/32 to 32 m get the scale 1."""
 _USUAL_RATE = 2.0**_STEP_BITS
 """Rate [1/s] of mechanisms with stiff springs and fast rotors. The reciprocal is the rate of slow machines. Absolute
-tolerances of velocities correspond to rates between both."""
+tolerances of velocities correspond to rates between these two rates."""
 
 
 def evaluate_at_rest(f: ca.Function, dae: DAE, q: Array, t0: float) -> Array:
@@ -52,7 +52,7 @@ def rest_states(dae: DAE) -> Array:
 def length_of(dae: DAE, q: Array, G: Array, part: Mask | None = None) -> float:
     """The largest coordinate of translation [m]; the largest lever arm if the coordinates are zero; or 0.
 
-    G (n_r, n_v) is the Jacobian of the rows at coordinates q (n_q,). `part` (n_x,) selects the states that count.
+    G (n_r, n_v) is the Jacobian of the rows at coordinates q (n_q,). `part` (n_x,) selects the states to use.
     """
     linear_q, linear = _is_linear(dae.q_names), _is_linear(dae.v_names)
     own_q, own = (slice(None),) * 2 if part is None else (part[: dae.n_q], part[dae.n_q : dae.n_q + dae.n_v])
@@ -66,7 +66,7 @@ def length_of(dae: DAE, q: Array, G: Array, part: Mask | None = None) -> float:
 def distances(dae: DAE, at: Arguments, span: float) -> Array:
     """Distances (n_v,) that speeds and accelerations cover in a time [s], from the arguments of the DAE's Functions.
 
-    Accelerations count as zero if they are rounding compared with accelerations at later times and positions.
+    Accelerations count as zero if they are rounding errors of accelerations at later times and positions.
     """
     q, v, *others, begin = at
 
@@ -75,7 +75,7 @@ def distances(dae: DAE, at: Arguments, span: float) -> Array:
         return np.abs(dae.rhs(there, v, *others, begin + share * span)[1].full().ravel())
 
     first = accelerations(0.0, 0.0)
-    # Few periodic laws repeat at these fractions of the span, and a wheel is near each of its positions at one of them.
+    # Few periodic laws have equal values at all these fractions of the span. At the fractions, a wheel has many angles.
     fractions = 0.13, 0.37, 0.71, 0.05, 0.29, 0.53, 0.83, 0.97
     later = [accelerations(share, moved) for share in fractions for moved in (0.0, share)]
     first[first < SOLVED * np.fmax.reduce(later)] = 0.0
@@ -85,9 +85,9 @@ def distances(dae: DAE, at: Arguments, span: float) -> Array:
 def sizes_of_parts(dae: DAE, at: Arguments, G: Array, span: float, size: float) -> tuple[Array, float]:
     """Sizes of the states (n_x,), computed for each independent part of the scene, and the largest rate [1/s].
 
-    Lengths above 1 m count by their coarse scales, and usual lengths count as 1. Sizes of velocities depend on rates
-    only if these are unusual, because slow motions occur together with fast motions. `size` is the size of the whole
-    scene. It replaces the size of a part if this part is so small that its motion may be rounding.
+    Lengths above 1 m are replaced by coarse scales, which are 1 for usual lengths. Sizes of velocities depend on
+    rates only if the rates are unusual, because slow motions occur together with fast motions. `size` is the size of
+    the whole scene. It replaces the size of a part if this part is so small that its motion may be a rounding error.
     """
     labels = _parts(dae)
     sizes, rates = np.full(len(labels), size), [coarse(min(1.0, _USUAL_RATE / span)) if span else 1.0]
@@ -174,7 +174,7 @@ def own_scales(dae: DAE, q: Array, t0: float) -> Array:
 def general_entries(dae: DAE, q: Array, t0: float) -> Array:
     """General sizes of the entries of the velocity Jacobian, (n_r, n_v): the largest absolute values around q (n_q,).
 
-    The positions need not be on the constraints.
+    The positions need not satisfy the constraints.
     """
     random, scales = np.random.default_rng(0), own_scales(dae, q, t0)
     # Far enough to leave positions at which an entry vanishes by chance. test_assembly.py
@@ -190,11 +190,11 @@ def general_entries(dae: DAE, q: Array, t0: float) -> Array:
 def row_sizes(A: Array, general: Array) -> Array:
     """Sizes (m,) of the rows of A (m, n): their norms, or their general sizes if the norms are small.
 
-    For A (k, m, n) at several positions, the largest norms count. A row that is much smaller than the norm of its
+    For A (k, m, n) at several positions, the largest norms are used. A row that is much smaller than the norm of its
     entries in `general` (m, n) is a vanishing row or its rounding.
     """
     own, usual = np.atleast_2d(np.linalg.norm(A, axis=-1)).max(axis=0), np.linalg.norm(general, axis=1)
-    # A row that is rounding (1e-16) must not be scaled up to a row. test_redundancy.py
+    # A row of rounding errors (1e-16) must not be scaled up to norm 1. test_redundancy.py
     return above_zero(np.where(own > SMALL * usual, own, usual))
 
 

@@ -28,7 +28,7 @@ class Singularity:
 def singularity(dae: DAE, X: Array, p: Array, times: Array) -> Singularity | None:
     """The position among states X (m, n_x) that is closest to singular; None if all positions are regular.
 
-    Rows of joints that open and close do not count.
+    Rows of joints that open and close are not included.
     """
     lasting = dae.lasting
     if dae.G is None or not len(X) or not lasting.size:

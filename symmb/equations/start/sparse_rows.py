@@ -18,8 +18,8 @@ def determining_columns(A: Array, clear: float = 1e-5, strong: float = 0.3) -> I
     """Indices of m columns that determine the unit rows of A (m, n), in ascending order.
 
     Gaussian elimination takes the row with the fewest entries next. Its pivot has at least the fraction `strong` of the
-    largest entry of the row. A pivot below `clear` or above 1 / `clear` does not decide the rank reliably. None if the
-    rows are not reliably independent.
+    largest entry of the row. A pivot below `clear` or above 1 / `clear` does not decide the rank reliably. Returns
+    None if the rows are not reliably independent.
     """
     rows = {i: {int(k): float(row[k]) for k in np.flatnonzero(row)} for i, row in enumerate(A)}
     holders: dict[int, set[int]] = defaultdict(set)

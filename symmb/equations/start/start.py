@@ -63,7 +63,7 @@ class Start:
         u, ok = self.position.solve(P)
         x = batch(self.state, u, P)[0]
         ok = ok & (batch(self.holds, x, u, P)[0] > 0).all(axis=1)
-        reasons = ["" if good else "the start could not be solved for" for good in ok.tolist()]
+        reasons = ["" if good else "the start could not be computed" for good in ok.tolist()]
         values = batch(self.dae.positive, P)[0]
         for k, which in np.argwhere(~(values > 0)).tolist()[::-1]:  # the first fault of each sample remains
             reasons[k] = f"{self.dae.positive_names[which]} is {values[k, which]:g}, not positive"
@@ -106,7 +106,7 @@ class Start:
         J, r = self.position.jacobian(u, p), self.position.residual(u, p)
         newton = saddle_solver(ca.SX.eye(u.numel()), J, [1] * u.numel())(ca.SX(u.numel(), 1), r)[0]
         rounded = ca.fabs(r) <= LAST_DIGITS * ca.sum2(ca.fabs(J))
-        # Near singular positions, steps of rounding would never become small. They must end the iteration.
+        # Near singular positions, steps are rounding errors and never become small. Such steps must end the iteration.
         newton = ca.if_else(_all(rounded), 0, newton)
         state = self.state(u, p)
         good = _all(ca.vertcat(self.holds(state, u, p), self.dae.positive(p) > 0))

@@ -2,9 +2,9 @@
 
 Velocities are computed along the tree of joints for groups of bodies. A group is a single body, or the bodies of loops
 with common joints. A group moves rigidly with the body that carries it, unless listed velocities or drives forbid this.
-Then the deviation d has the least kinetic energy d' M d / 2 with G (v + d) + Phi_t = 0. If this is impossible too, the
-group and the group of its carrier deviate together. All choices are made once, at the nominal parameters. Flywheels
-come last, because the mechanism turns them.
+Then the group deviates from this motion by the velocities d that have the smallest kinetic energy d' M d / 2 with
+G (v + d) + Phi_t = 0. If no such d exists, the group and the group of its carrier deviate together. All choices are
+made once, at the nominal parameters. Flywheels come last, because the mechanism turns them.
 """
 
 from collections.abc import Mapping
@@ -30,7 +30,7 @@ def start_velocities(
 ) -> ca.Function:
     """Velocities at the start as a Function (q, p) -> v.
 
-    `listed` velocities (by index) hold exactly. `at` are assembled coordinates (k, n_q) for k sets of parameters (k,
+    `listed` velocities (by index) are kept. `at` are assembled coordinates (k, n_q) for k sets of parameters (k,
     n_p); the nominal set is the first.
     """
     rates = _Rates(scene, dae, listed, at, t0)
@@ -153,7 +153,7 @@ class _Rates:
         return rows
 
     def kept(self, v: Array) -> ca.SX:
-        """Velocities (n_v,) that satisfy listed values and independent rows. The change has least kinetic energy."""
+        """Velocities (n_v,) after the change of smallest kinetic energy that satisfies listed values and rows."""
         all_columns = list(range(self.dae.n_v))
         begin = ca.vertcat(*[self.listed.get(i, ca.SX(v[i])) for i in all_columns]) if all_columns else ca.SX(0, 1)
         free = [i for i in all_columns if i not in self.listed]
@@ -220,7 +220,7 @@ class _Rates:
         return expression
 
     def _deviated(self, v: ca.SX, rows: list[int], columns: list[int], free: list[int], weak: float) -> ca.SX:
-        """Velocities v, with free velocities changed with least kinetic energy to satisfy all independent rows."""
+        """Velocities v after the change of `free` velocities of smallest kinetic energy that satisfies the rows."""
         independent = [rows[i] for i in strong_rows(self._unit_rows(rows, columns, free), weak)]
         if not independent:
             return v

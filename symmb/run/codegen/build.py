@@ -110,7 +110,7 @@ def load(source: str, *names: str) -> ctypes.CDLL:
 
     Raises
     ------
-    NoCompilerError        if there is no C compiler, or none builds the source
+    NoCompilerError        if there is no C compiler that can build the source
     UnsafeFolderError      if others can write to the folder for temporary files
     """
     return _with_next_compiler(lambda compiler: _loaded(source, compiler, *names))
@@ -126,7 +126,7 @@ def portable_library(files: Mapping[str, str], sources: Sequence[str]) -> bytes:
 
     Raises
     ------
-    NoCompilerError        if there is no C compiler, or none builds the sources
+    NoCompilerError        if there is no C compiler that can build the sources
     """
 
     def built(compiler: _Compiler) -> bytes:
@@ -193,7 +193,7 @@ def _opened(library: Path | None, *names: str) -> ctypes.CDLL | None:
 
 
 def _has_its_segments(content: bytes) -> bool:
-    """Whether an ELF library of 64 bits is complete. To load an incomplete file would end the process."""
+    """Whether an ELF library of 64 bits is complete. Loading an incomplete file would end the process."""
     if content[:5] != b"\x7fELF\x02":
         return True
     order = "<" if content[5:6] == b"\x01" else ">"
@@ -329,7 +329,7 @@ def _probed(command: tuple[str, ...], own: tuple[str, ...] | None = None) -> _Co
     """
     version, refused = _version(command), ""
     own = _flags() if own is None else own
-    # The vector functions of the C library first: without them exp, log and pow are computed lane by lane.
+    # The vector functions of the C library are tried first. Without them, exp, log and pow are computed lane by lane.
     for native, extra in itertools.product(_NATIVE, (_LIBMVEC, ())):
         flags = (*own, native, *extra)
         try:

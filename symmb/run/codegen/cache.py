@@ -107,7 +107,7 @@ def _trim() -> None:
     if sum(status.st_size for _, status in found) > LARGEST:
         for path, status in found:
             size += status.st_size
-            if size > 0.9 * LARGEST:  # with the limit itself, files would be removed for each new model
+            if size > 0.9 * LARGEST:  # a smaller size, so that not every new model removes files
                 path.unlink(missing_ok=True)
 
 

@@ -16,7 +16,7 @@ LARGE_MODEL = 5000
 minutes. tests/benchmarks/scaling.py"""
 
 _CHUNK = 400
-"""Statements in one C function. Compilers take more than linear time for long ones. tests/benchmarks/scaling.py"""
+"""Statements in one C function. The time of compilers grows faster than the length. tests/benchmarks/scaling.py"""
 
 _PART = 50
 """Number of pieces of functions in one part. The parts of a large model are compiled in parallel."""
@@ -56,7 +56,7 @@ _POWERS = {-2.0: "1.0 / ({0} * {0})", -1.0: "1.0 / {0}", 3.0: "{0} * {0} * {0}",
 _MASKS = {ca.OP_AND, ca.OP_OR, ca.OP_FMIN, ca.OP_FMAX}
 """Operations that combine masks. In C a comparison of plain numbers is an int, which is not a mask of lanes."""
 _TURNED = {ca.OP_SIN: ca.OP_COS, ca.OP_COS: ca.OP_SIN}
-"""Sine -> cosine, and cosine -> sine. Both functions of an angle together cost little more than one of them."""
+"""Sine -> cosine, and cosine -> sine. Sine and cosine of an angle together cost little more than one of both."""
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ class Emitter:
         order = [k for k in computed if parameters_only or not self._hoisted(k)]
         turns = {(nodes[k].operation, nodes[k].arguments): k for k in order if nodes[k].operation in _TURNED}
         twins = {k: turns[_TURNED[code], a] for (code, a), k in turns.items() if (_TURNED[code], a) in turns}
-        # The later of both moves to the earlier one. This is possible, because both have the same argument.
+        # The later statement moves to the earlier statement. This is possible, because both have the same argument.
         return sorted(order, key=lambda k: (min(k, twins.get(k, k)), k)), twins
 
     def _angles(self, order: Sequence[int]) -> list[int]:
@@ -188,7 +188,7 @@ class Emitter:
 
     def _carried(self, pieces: Sequence[Sequence[int]], count: int) -> dict[int, int]:
         """Places in w of values that later pieces use. The first place is `count`."""
-        # Places are allocated like registers: a place is free after the piece of last use. So w stays in the cache.
+        # Places are allocated like registers: a place is free after the last piece that uses it. So w stays small.
         piece = {k: i for i, ks in enumerate(pieces) for k in ks}
         last_use = dict(piece)
         for k, i in piece.items():

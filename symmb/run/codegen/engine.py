@@ -23,9 +23,9 @@ from symmb.run.schemes import MOST_STEPS
 class StepTolerances:
     """Step control by relative and absolute tolerances, with a longest step [s], which is 0 if there is no limit.
 
-    The absolute tolerance of a state is `atol` times its size in `sizes` (n_x,), by default 1. In explicit steps it
-    changes with the state: it begins with the fraction `least` of this value. It is at least `growth` times the largest
-    value so far. The value to which the slope leads in the time `ahead` counts too, up to `atol` times the size.
+    The absolute tolerance of a state is `atol` times its size in `sizes` (n_x,), by default 1. In explicit steps, the
+    tolerance begins with the fraction `least` of this value. It grows to `growth` times the largest value of the state,
+    and to `growth` times the change that the slope predicts for the time `ahead`, up to `atol` times the size.
     """
 
     rtol: float
@@ -89,7 +89,7 @@ class Lanes:
 _EVENTS = 50
 """Number of events of a sample for which there is space at first. If there are more, the runs are made again."""
 MOST_PASSES = 1000
-"""Passes of switches that are noted for a sample. Other solvers end their steps only at passes that are noted."""
+"""Maximum number of recorded passes of switches of a sample. Other solvers end their steps only at recorded passes."""
 
 
 _DATA: dict[str, Array] = {}
@@ -268,7 +268,7 @@ class Engine:
 
         if not all(side_by_side(work, extremes[: max(1, -(-N // self.width))])):
             raise MemoryError("not enough memory for the compiled engine")
-        if study.n_events > len(events):  # the runs are the same again, so that this room is enough
+        if study.n_events > len(events):  # the repeated runs have the same number of events
             self._room = study.n_events // N + 1
             return self._run(given, p, Y, extremes)
         self.counts = Counts(study.steps, study.iterations, study.most)

@@ -16,7 +16,7 @@ REASONS = (
     "an output is not finite",
     "Newton's method does not converge, even with the shortest step",
     f"{MOST_STEPS} steps are not enough",
-    "the motion sticks to a switch of a force, which turns it back from both sides",
+    "the motion sticks to a switch of a force, because the force pushes it back from both sides",
     "Impact {} cannot rebound, because the constraints determine the rate of its gap",
     "impacts of {} at one instant do not end",
     "the closed contacts {} depend on each other",

@@ -83,7 +83,7 @@ def scene_source(scene: SceneSource) -> dict[str, str]:
     atol = control.absolute(lanes.f.numel_in("x"))
     # A program does not know the names of contacts.
     reasons = (reason.replace("Impact {}", "an impact").replace("of {}", "of the scene") for reason in REASONS)
-    faults = ["the start could not be solved for", *(reason.replace(" {}", "") for reason in reasons)]
+    faults = ["the start could not be computed", *(reason.replace(" {}", "") for reason in reasons)]
     source = [
         source_of(lanes.f, False, lanes.scheme, lanes.ends.hysteresis, lanes.contacts, one_run=True),
         '#include "scene.h"',

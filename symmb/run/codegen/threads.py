@@ -33,7 +33,7 @@ def cores() -> int:
 
 
 def side_by_side(work: Callable[[A], R], arguments: Sequence[A]) -> list[R]:
-    """Results for all arguments, from several threads. This thread works on the first one, and on those left over."""
+    """Results for all arguments, from several threads. This thread computes the first, and all without a thread."""
     first, *others = arguments
     if not others:
         return [work(first)]
@@ -58,7 +58,7 @@ def on_threads(work: Callable[[ctypes.c_long], object], n: int, seconds: float) 
     `seconds` is the expected time of the work in one thread. Short work is done in this thread.
     """
     counter = ctypes.c_long(0)
-    if seconds <= 0.1:  # an interrupt, which Python handles between calls of C only, may wait as long as this
+    if seconds <= 0.1:  # Python handles interrupts only after this call of C
         work(counter)
         return
     count = max(1, min(cores(), n // 128))  # fewer pieces take less time than the start of a thread

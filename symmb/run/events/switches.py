@@ -63,7 +63,7 @@ class Kinks:
             return np.nan
         sides = np.where(np.abs(values) > _CLEAR * np.abs(values).max(axis=0, initial=0.0), np.sign(values), 0.0)
         changed = np.any((sides[1:] * sides[:-1] < 0) & self.located, axis=1)
-        if not sides[0, self.located].all():  # other switches jump with a switch on which the motion begins
+        if not sides[0, self.located].all():  # the motion begins on a switch, and other switches may jump with it
             changed[:1] = False
         near, passes = _NEAR * float(np.ptp(times) if len(times) else 0.0), np.sort(passes)
         met = np.searchsorted(passes, times[1:] + near) > np.searchsorted(passes, times[:-1] - near)
@@ -198,7 +198,7 @@ def _shortest_pulse(t: Array, law: Array, stops: Array) -> float:
     stops = np.sort(stops)
     counts = np.searchsorted(stops, t[last + 1], "right") > np.searchsorted(stops, t[before])
     high = np.maximum.reduceat(far, np.column_stack([before + 1, last + 1]).ravel())[::2] > 0.5 * top
-    lengths = np.maximum(t[last] - t[before + 1], (t[last + 1] - t[before]) / 2)  # the second for a single sample
+    lengths = np.maximum(t[last] - t[before + 1], (t[last + 1] - t[before]) / 2)  # the second for one sample
     return float(lengths[high & ~counts].min(initial=np.inf))
 
 
@@ -210,7 +210,7 @@ class Break(NamedTuple):
     what: str
 
     def __str__(self) -> str:
-        return f"{self.name!r} asks for {self.what} that jump at t = {self.time:.6g} s"
+        return f"{self.name!r} requires {self.what} that jump at t = {self.time:.6g} s"
 
 
 def broken(dae: DAE, q: Array, times: Array) -> Break | None:
@@ -266,7 +266,7 @@ def _equations(dae: DAE, _: Array) -> ca.Function:
     at = dae.arguments(x, p, t)
     parts = [dae.Q(*at)]
     if dae.n_v:
-        inertia = dae.inertia(*at, ca.DM([*range(1, dae.n_v + 1)]))  # of different accelerations
+        inertia = dae.inertia(*at, ca.DM([*range(1, dae.n_v + 1)]))  # for accelerations that differ from each other
         parts += [inertia[k] for k, moves in enumerate(ca.which_depends(inertia, t, 1, True)) if moves]
     if dae.gamma is not None:
         parts.append(dae.gamma(*at))

@@ -22,7 +22,7 @@ LOCK = RLock()
 the computation."""
 IRREGULAR_OUTPUT = REASONS[1]
 NAMED_SAMPLES = 5
-"""Number of failed samples of a block with messages that name joints. Only so many messages are printed."""
+"""Number of failed samples of a block with messages that name joints. No more messages are printed."""
 
 
 def block_size(n_x: int, values: int, compiled: bool, keeps_trajectories: bool) -> int:

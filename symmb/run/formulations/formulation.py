@@ -21,8 +21,8 @@ from symmb.run.integrate import Run, Solver
 _STAGE = 8
 """Number of operations for sums of slopes, for each state and each stage of an explicit step."""
 _CHEAPER = 0.8
-"""Coordinates of joints are chosen if their operations, over those in coordinates of bodies, are below this ratio. For
-the same error, coordinates of joints take up to a fifth more steps (double pendulum, heavy top, four-bar)."""
+"""Coordinates of joints are chosen if their operations, over those in coordinates of bodies, are below this ratio.
+For the same error, they take up to a fifth more steps (double pendulum, heavy top, four-bar)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class Formulation:
     start : Start
     y : (x, p, t) -> outputs (n_y,)
     declared : (x, p, t, multipliers, accelerations of the bodies) -> outputs (n_y,)
-    bodies : InBodies          the bodies, if these are coordinates of joints
+    bodies : InBodies          the bodies, if the coordinates are those of joints
     why : str                  why these coordinates are chosen; empty for coordinates of bodies, or if they are given
     judging : equations with the scales of bodies that move along joints. They take fewer operations than `dae`
     """
@@ -101,7 +101,7 @@ class Formulation:
 
 @dataclass(frozen=True, eq=False)
 class InBodies:
-    """The bodies of a scene that runs in coordinates of its joints. x are states of the joints, if not stated.
+    """The bodies of a scene that runs in coordinates of its joints. By default, x are states of the joints.
 
     Attributes
     ----------
@@ -134,7 +134,7 @@ class Formulations(NamedTuple):
     ----------
     bodies : Formulation           formulation in coordinates of the bodies
     joints : Formulation or None   formulation in coordinates of the joints, if the scene runs in them
-    spare : Formulation or None    formulation in coordinates of the joints, if they are not used: more operations
+    spare : Formulation or None    the same, if it is not used because it has more operations
     """
 
     bodies: Formulation
@@ -185,7 +185,7 @@ def _formulations(scene: Scene) -> Formulations:
     if counted and joints.operations > _CHEAPER * bodies.operations:
         return Formulations(bodies, None, joints)
     of_bodies = f"{bodies.operations}" if counted else f"more than {least}"
-    why = f"coordinates of joints, which take fewer operations: {joints.operations}, {of_bodies} in those of bodies"
+    why = f"coordinates of joints, which take fewer operations: {joints.operations} instead of {of_bodies}"
     return Formulations(beside, replace(joints, why=why), None)
 
 

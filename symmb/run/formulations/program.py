@@ -67,7 +67,7 @@ class Program:
     forms : Formulations
     solver : Solver
     times : (n_t,)                    output times [s]
-    contradiction : Break, optional   a drive with a law of time that jumps, which accelerations do not show
+    contradiction : Break, optional   a drive whose law of time jumps; accelerations do not show such a jump
     compiled : the compiled parts. Programs share these parts if their runs differ only in parameters
     """
 
@@ -140,7 +140,7 @@ class Program:
     def single(self) -> tuple[Integration, Array, Indices]:
         """The integration of one run with its work, its times (m,), and the indices (n_t,) of the output times in them.
 
-        If this does not change the steps, the times (m,) are close together, and include more than the output times.
+        If further times do not change the steps, the times (m,) are close together, also between output times.
         """
 
         def make() -> tuple[Integration, Array, Indices]:
@@ -213,7 +213,7 @@ class Program:
         parameters."""
         copy = replace(self, forms=self.forms.around(p))
         same = copy.longest_step == self.longest_step
-        return copy if same else replace(copy, compiled=_Compiled())  # the copy follows other pulses
+        return copy if same else replace(copy, compiled=_Compiled())  # the copy has other pulses
 
     def with_outputs(self, y: Any) -> "Program":
         """The program of the same runs with outputs y (x, p, t), in the coordinates in which the samples run."""
@@ -241,8 +241,8 @@ class Program:
     def shortest_equations(self, X: Array, p: Array) -> tuple[Array, DAE]:
         """Equations in some coordinates, and the states (m, n_x) in these coordinates for states X of the bodies.
 
-        Coordinates are those of joints if the scene has no loops, or if the equations of the bodies are long. Otherwise
-        they are those of bodies.
+        Coordinates of joints are used if the scene has no loops, or if the equations of the bodies are long. Otherwise
+        coordinates of bodies are used.
         """
         tree = self.forms.least_constrained
         if tree.bodies is None or (tree.has_loops and self.bodies.least_operations <= _LONG):
@@ -274,7 +274,7 @@ def program_of(scene: Scene, solver: Solver | None = None) -> Program:
 
 
 def _require_able(solver: Solver, dae: DAE, times: Array, contradiction: Break | None) -> None:
-    """Raise DeclarationError if the solver cannot run a scene. The start may contradict the rates of drives."""
+    """Raise DeclarationError if the solver cannot run a scene, for example because the law of a drive jumps."""
     if dae.sampling is not None and not solver.controls_step:
         missed = dae.sampling.missed(times)
         if not solver.begins_anew or missed.size:
@@ -286,10 +286,10 @@ def _require_able(solver: Solver, dae: DAE, times: Array, contradiction: Break |
     if dae.impacts is not None and not solver.locates_events:
         raise DeclarationError(
             f"{solver!r} does not locate the events of {impacts_text(dae.impacts)}. "
-            "Use EventDriven(), which is the default there."
+            "Use EventDriven(), which is the default for impacts and joint events."
         )
     if contradiction and not solver.keeps_positions:
         raise DeclarationError(
             f"{contradiction}. {solver!r} integrates accelerations only, so it would miss this jump. Give a "
-            "law with a continuous rate, or use a solver that keeps positions, such as NSTIFFSI2(step=...)."
+            "law with a continuous rate, or use a solver that satisfies Phi = 0, such as NSTIFFSI2(step=...)."
         )

@@ -31,7 +31,7 @@ class _Multistep(Solver):
 
     @abstractmethod
     def _method(self, options: dict[str, Any], problem: InitialValueProblem, length: float) -> dict[str, Any]:
-        """CasADi's options for an integration over a time `length` [s]. `options` are those for tolerances."""
+        """CasADi's options for an integration over a time `length` [s]. `options` are the options for tolerances."""
 
     def has_dense_output(self, dae: DAE) -> bool:
         return not isinstance(self.stabilization, Projection) and not has_kinks(dae.rhs) and dae.sampling is None
@@ -156,8 +156,8 @@ class StabilizedIndex2(Solver):
 
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         options, units = _measures(self.tolerances(dae, n_quad=int(work and dae.power is not None)))
-        # IDAS computes no consistent rates at index 2. With rates of zero, the first step is rejected until the motion
-        # in it is within the tolerance.
+        # IDAS computes no consistent rates at index 2. With rates of zero, IDAS shortens the first step until the
+        # motion in this step is within the tolerance.
         # First step of index 2, divided by rtol and by the time of the fastest motion at the start. SUNDIALS may reject
         # a first step ten times, and divides it by four each time. So the first step may be a million times too long
         # after a restart.

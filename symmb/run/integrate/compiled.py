@@ -31,7 +31,7 @@ class Task(NamedTuple):
     order : int             if above 0, x and p are the Taylor coefficients of `InitialValueProblem.jets`
     work : bool             whether the power of forces without potential is integrated too [J]
     start : Start           compiled too, unless it is large; None if the caller gives the state of each run
-    alone : bool            whether runs need no Python. Then the start is always compiled, and the C code locates
+    alone : bool            whether runs work without Python. Then the start is always compiled, and the C code locates
                             switches
     """
 
@@ -63,7 +63,7 @@ class CompiledSolver(Solver):
         Raises
         ------
         NoCompilerError
-            If there is no C compiler, or none builds the engine
+            If there is no C compiler that can build the engine
         """
         impacts = task.dae.impacts
         events = f", which locates the events of {impacts_text(impacts)}," if impacts else ""

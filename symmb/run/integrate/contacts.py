@@ -49,9 +49,9 @@ def contacts_of(dae: DAE, impacts: Impacts, with_work: bool) -> Contacts:
 
 
 def _tolerances(dae: DAE, joints: JointEvents) -> tuple[float, ...]:
-    """Values (m,) below which margins of conditions are rounding. For conditions of forces, one joint is closed.
+    """Values (m,) below which margins are rounding errors. For conditions of forces, one joint is closed.
 
-    With more closed joints, states that violate constraints would give unlimited forces of redundant joints.
+    With more closed joints, forces of redundant joints would be unlimited at states that violate constraints.
     """
     x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
 
@@ -70,7 +70,7 @@ def _tolerances(dae: DAE, joints: JointEvents) -> tuple[float, ...]:
 
 
 def with_gaps(frozen: SwitchedProblem, dae: DAE, impacts: Impacts, work: bool) -> SwitchedProblem:
-    """A problem with further switches: gaps of contacts, which are 1 if closed, and then margins of joints.
+    """A problem with further switches: gaps of contacts, with the value 1 if closed, and then margins of joints.
 
     A margin is above 0 on its present side. It is 1 if the event would change nothing. The new problem also projects
     states onto closed contacts. With `work`, it has an integral along the motion, to which impulses add their work.
@@ -141,7 +141,7 @@ def _start(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t: ca.SX, span: ca.SX
     gap, rate, _ = impacts.gaps(*dae.arguments(x, p, t))
     way = ca.fabs(rate) * span + impacts.forces(*dae.arguments(x, p, t))[2] * span**2 / 2
     e = impacts.impulses(*dae.arguments(x, p, t))[3]
-    # Negative gap at the start that is rounding, divided by the size of the scene, or by the distance that speed and
+    # Negative gap at the start that counts as 0, divided by the size of the scene, or by the distance that speed and
     # acceleration of the gap give until the end. The gap itself may be the only known length.
     rounding = ca.fmax(1e-9 * dae.scales.length, 1e-7 * way)
     faults = [ca.logic_not(gap >= -rounding), ca.logic_not(ca.logic_and(e >= 0, e <= 1))]
@@ -161,8 +161,8 @@ def _fault_texts(impacts: Impacts) -> tuple[tuple[str, str], ...]:
     return (
         *(
             (
-                f"{title}: its condition already holds at the start, and only acts when it becomes true. Start where "
-                f"it does not hold, or {'leave the joint out' if opens else 'leave the Latch out'}",
+                f"{title}: its condition is already true at the start, but acts only when it becomes true. Start where "
+                f"it is false, or {'leave the joint out' if opens else 'leave the Latch out'}",
                 "",
             )
             for title, opens in events
@@ -173,7 +173,7 @@ def _fault_texts(impacts: Impacts) -> tuple[tuple[str, str], ...]:
 
 
 def _joints_started(dae: DAE, joints: JointEvents, x: ca.SX, p: ca.SX, t: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """The state with the conditions of joints that hold at the start, and faults of the joints.
+    """The state, in which true conditions of joints are recorded, and faults of the joints.
 
     A fault is a condition that would have acted before the start. Clutches without slip stick.
     """

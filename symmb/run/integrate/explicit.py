@@ -102,10 +102,10 @@ def _compiled_start(
 class DormandPrince(Explicit):
     """Embedded pair of order 8 with step control and dense output, compiled for many samples in parallel.
 
-    Blocks of 8 samples, by sample number, share their steps. With `Projection()`, positions and velocities are
-    projected onto the constraints after every step. Steps end at switches of forces or of functions of time, such as
-    `if_else`, `fabs` and `fmax`. This includes switches that the motion passes twice within a step. Steps also end
-    where `exp`, `tanh`, `erf` or `cosh` of positions or of time is steep. So they miss no smooth pulse of these.
+    Each 8 successive samples have the same steps. With `Projection()`, positions and velocities are projected onto the
+    constraints after every step. Steps end at switches of forces or of functions of time, such as `if_else`, `fabs` and
+    `fmax`. This includes switches that the motion passes twice within a step. Steps also end where `exp`, `tanh`, `erf`
+    or `cosh` of positions or of time is steep. So smooth pulses of these functions are not missed.
 
     Parameters
     ----------

@@ -109,7 +109,7 @@ def collocation(problem: InitialValueProblem, degree: int) -> Advance:
         "number_of_finite_elements": 1,
         "interpolation_order": degree,
         "collocation_scheme": "radau",
-        # Newton's method converges quadratically: after a step of 1e-10 the error is rounding, also in large unknowns.
+        # Newton's method converges quadratically: after a step of 1e-10, only rounding errors remain.
         "rootfinder_options": {"abstol": 1e-12, "abstolStep": 1e-10},
     }
     one = ca.integrator("one", "collocation", {k: e for k, e in dae.items() if e.numel()}, 0, 1, options)

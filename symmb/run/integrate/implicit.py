@@ -189,7 +189,7 @@ class NSTIFFSI2(_PositionScheme):
 
 @dataclass(frozen=True, repr=False)
 class BDFI3(_PositionScheme):
-    """Second-order BDF on the index-3 form. Positions satisfy the constraints, velocities only up to errors of steps.
+    """Second-order BDF on the index-3 form. Positions satisfy the constraints. Velocities have small violations.
 
     Parameters
     ----------

@@ -40,7 +40,7 @@ class InitialValueProblem:
         return common("project", [self.x, self.p, self.t], [self.projected])
 
     def in_units(self, units: Array) -> "InitialValueProblem":
-        """The problem of x and integrals divided by units (n_x + n_quad,). Then one absolute tolerance fits all."""
+        """The problem of x and integrals divided by units (n_x + n_quad,). Then one absolute tolerance is enough."""
         n, D = self.x.numel(), ca.DM(units[: self.x.numel()])
 
         def at(f: ca.SX) -> ca.SX:

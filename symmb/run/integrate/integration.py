@@ -98,7 +98,7 @@ class Integration:
 
         Raises
         ------
-        KeyboardInterrupt      at the end of the call of CasADi in which it arrives; it carries the runs so far
+        KeyboardInterrupt      at the end of the current call of CasADi; the exception contains the runs so far
         """
         interrupts = Interrupts()
         n, units = self.n_x, self.units
@@ -199,7 +199,7 @@ class Integration:
 
     def _unstarted(self) -> Run:
         n_t = len(self.times)
-        message = "the start could not be solved for"
+        message = "the start could not be computed"
         return Run(np.full((n_t, self.n_x), np.nan), np.zeros((n_t, self.n_quad)), float(self.times[0]), message)
 
     def advance(self, f: ca.Function | None, p: Array, begin: float, end: float, x: Array) -> tuple[Array, Array]:
@@ -251,7 +251,7 @@ def stateless_integration(dae: DAE, times: Array, order: int = 0) -> Integration
 
 
 def pieces_between(begin: float, end: float, stops: Array) -> Iterator[tuple[float, float]]:
-    """The pieces of an interval between stops. Pieces end before a stop and start after it, both only by rounding."""
+    """The pieces of an interval between stops. Pieces end before and start after a stop by rounding errors."""
     for stop in stops[(stops >= begin) & (stops <= end)].tolist():
         margin = 2 * np.spacing(max(abs(stop), 1e-3 * (end - begin)))
         if stop - margin > begin:

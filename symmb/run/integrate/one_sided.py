@@ -20,7 +20,7 @@ class OneSided:
     ----------
     dae : DAE
     switches                 (x, (p, sides), t) -> values (m,) of the switches, and their rates (m,)
-    hysteresis : (m,)        changes of the values that are rounding
+    hysteresis : (m,)        changes of the values that are rounding errors
     """
 
     dae: DAE
@@ -80,7 +80,7 @@ def one_sided(dae: DAE) -> OneSided | None:
 
 
 class _Equations:
-    """The functions of a DAE as expressions of common symbols. `more` are the symbols that the rates do not have.
+    """The functions of a DAE as expressions of common symbols. `more` are the symbols that the rates do not contain.
 
     `whole` is a Function of the expressions with kinks. The rates are the first of them.
     """

@@ -33,8 +33,8 @@ def sampled_jets(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, order: int) -> ca.SX
 def project(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, projections: int) -> ca.SX | None:
     """The state x (n_x,) on the constraints: Newton steps for the positions, then one correction of the velocities.
 
-    Each Newton step moves q by the displacement delta that minimises delta' M delta subject to G delta = -Phi. Newton
-    converges quadratically from a small drift, so `projections` is 1 after one step and 3 after an output interval.
+    Each Newton step moves q by the displacement delta that minimises delta' M delta subject to G delta = -Phi. The
+    steps converge quadratically from a small drift. So `projections` is 1 after a step and 3 after an output interval.
     """
     if dae.min_norm_correction is None or dae.Phi_dot is None:
         return normalize(dae, x)
@@ -45,6 +45,6 @@ def project(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, projections: int) -> ca.S
             at = dae.arguments(x, p, time)
             violation = ca.vertcat(dae.Phi(*at), ca.SX.zeros(dae.n_r - dae.n_c))
             x = ca.vertcat(dae.retract(at[0], dae.min_norm_correction(*at, -violation)), x[dae.n_q :, :])
-    # The velocities use the matrix of the last Newton step. The error of this is a product of two small drifts.
+    # The velocities use the matrix of the last Newton step. The resulting error is a product of two small drifts.
     change = dae.min_norm_correction(*at, -dae.Phi_dot(*dae.arguments(x, p, time)))
     return x + ca.vertcat(ca.SX.zeros(dae.n_q), change, ca.SX.zeros(dae.n_s))

@@ -66,7 +66,7 @@ class AugmentedLagrangian:
         lam <- lam + a (G v' - b)
 
     The matrix is regular even if rows depend on each other. The motion can pass singular positions, and constraints can
-    carry bodies without mass. a is `penalty` times the mean of the diagonal of M.
+    move bodies without mass. a is `penalty` times the mean of the diagonal of M.
 
     Parameters
     ----------

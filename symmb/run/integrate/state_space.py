@@ -94,7 +94,7 @@ class _Partitioned(Integration):
             path.before_stop = last if stop > last else stop - 4 * float(np.spacing(max(abs(stop), 1e-3 * span)))
             try:
                 y = advance(begin, end, np.concatenate([x, np.zeros(self.n_quad)]))
-            except KeyboardInterrupt:  # the base class keeps what is known, and raises it again
+            except KeyboardInterrupt:  # the base class stores the run so far, and raises the interrupt again
                 raise RuntimeError("interrupted") from None
             return y[: self.n_x], y[self.n_x :]
 

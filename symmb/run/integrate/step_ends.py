@@ -26,7 +26,7 @@ class SwitchedProblem:
     problem                  problem with the sides as last parameters
     switches : (2 m,) SX     switches and their rates
     ends : StepEnds          ends of steps
-    ranged : (m,) SX         expressions with bounds that replace those of the switches; None: the switches themselves
+    ranged : (m,) SX         expressions whose bounds replace the bounds of the switches; None: no replacement
     """
 
     problem: InitialValueProblem
@@ -96,12 +96,12 @@ def hysteresis_of(dae: DAE, switches: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX, sides
     values = np.nan_to_num(batch(change, size, dae.p_nominal, np.zeros(1), on_sides)[0].reshape(-1, m), posinf=0.0)
     least = np.where(values > 0, values, np.inf).min(axis=0)
     values = np.where(values[0] > 0, values[0], np.where(np.isfinite(least), least, 1.0))
-    # If a large number is added to a small state, the rounding of the sum is larger than that of the state.
+    # If a large number is added to a small state, the rounding error of the sum is larger than that of the state.
     value, share = ca.Function("value", [x, p, t, sides], [ca.densify(switches)]), np.linspace(0.0, 1.0, _BESIDE)
     near = batch(value, size * (1 + _NEAR * share[:, None]), dae.p_nominal, np.zeros(1), on_sides[0])[0].reshape(-1, m)
     line = np.column_stack([np.ones(_BESIDE), share])
     known = np.isfinite(near).all(axis=0)
     rounding = np.zeros(m)
     rounding[known] = np.ptp(near[:, known] - line @ (np.linalg.pinv(line) @ near[:, known]), axis=0)
-    # A change of a switch is rounding up to this fraction of its change by the sizes of all states.
+    # Changes of a switch up to this fraction of its change by the sizes of all states are rounding errors.
     return tuple(np.maximum(1e-13 * values, _SEVERAL * rounding).tolist())

@@ -11,7 +11,7 @@ from symmb.equations.model import DAE
 from symmb.run.integrate.initial_value_problem import build_problem
 
 STIFF = 2e3
-"""A motion is stiff if its horizon is longer than this many shortest time constants. Explicit steps are about one."""
+"""A motion is stiff if its horizon is longer than this many shortest time constants. Explicit steps take about one."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Stiffness:
         return max(self.decay, self.frequency)
 
     def is_stiff(self, span: float, most: float = STIFF) -> bool:
-        """Whether steps over a time `span` [s] should not resolve the decay, because it has over `most` time constants.
+        """Whether the decay has more than `most` time constants in a `span` [s], so that steps should not resolve it.
 
         Near an unstable position, some motions decay as fast as others grow. Steps must resolve this growth.
         """

@@ -43,7 +43,7 @@ class SwitchPasses:
             x, p = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names))
             t = ca.SX.sym("t")
             nothing = ca.Function("nothing", [x, p, t], [ca.SX(1, 1)])
-            # Tolerance of these runs, divided by that of the solver. Smallest tolerance of these runs: below it, steps
+            # Tolerance of these runs over that of the solver. Smallest tolerance of these runs: below it, steps
             # are rounding.
             solver = DormandPrince(max(0.1 * rtol, 1e-12))
             engine = solver.engine(Task(dae, times[[0, -1]], nothing, start=start))
@@ -97,7 +97,7 @@ def follow_doubts(dae: DAE) -> tuple[str, ...]:
     """Warnings about runs in which step control has to follow switches of the state."""
     if not follows_switches(dae):
         return ()
-    text = "The equations have switches of the state, at which no step ends without a C compiler"
+    text = "The equations have switches of the state. Without a C compiler, steps do not end at switches"
     return (f"{text}: short pulses may be missed. {compiler_advice()}",)
 
 

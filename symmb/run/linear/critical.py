@@ -139,7 +139,7 @@ def require_range(owner: str, scene: Scene, parameter: str, range: tuple[float, 
         raise DeclarationError(f"{owner}: range must be two numbers, lower and upper, got {shown(range)}.")
     lower, upper = map(float, range)
     if not lower < upper:
-        raise DeclarationError(f"{owner}: the lower end of the range must be below the upper one, got {shown(range)}.")
+        raise DeclarationError(f"{owner}: the lower end of the range must be below the upper end, got {shown(range)}.")
     if not np.isfinite(upper - lower):
         raise DeclarationError(
             f"{owner}: the range from {lower:g} to {upper:g} is wider than the largest number. Pass a narrower range."

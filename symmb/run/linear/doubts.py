@@ -62,7 +62,7 @@ def _doubts_of_loads(some: tuple[AttachedLoads, ...], motion: SteadyMotion, bloc
             continue
         share = np.real(np.einsum("vk,vw,wk->k", own.conj(), loads.responses.energy, own)) / potential
         high = np.sqrt(1 + np.maximum(share, 0.0)) - 1
-        # Frequency, divided by the highest frequency of the modes of a body. Below it, oscillations should be right.
+        # Frequency, divided by the highest frequency of the modes of a body. Below it, frequencies should be right.
         promised = rates <= 0.5 * np.sqrt(loads.body.modes.stiffness.max())
         # Maximum number of checked oscillations, from the lowest frequency on. Few users need higher frequencies.
         promised[0], promised[6:] = True, False

@@ -35,7 +35,7 @@ class Eigenvalues:
 
     @property
     def damped(self) -> Array:
-        """The values (n,). A real part that is rounding is set to 0."""
+        """The values (n,). A real part that is a rounding error is set to 0."""
         return np.where(np.abs(self.values.real) <= self.errors, 1j * self.values.imag, self.values)
 
     def __getitem__(self, which: Indices) -> "Eigenvalues":
@@ -47,12 +47,12 @@ def eigenvalues(A: Array) -> Eigenvalues:
 
     The null space of A is split off until the remaining matrix is regular (Golub & Van Loan, Matrix Computations,
     section 7.6.5). With this, chains of free motions, such as a position and its rate, have eigenvalues 0. Otherwise
-    they would have the square root of rounding.
+    these eigenvalues would have the size of the square root of rounding.
     """
     from scipy.linalg import get_lapack_funcs
 
     largest = np.abs(A).max(axis=1, keepdims=True, initial=0.0)
-    # Balancing would magnify entries that are rounding. Numbers below the smallest normal one have lost their digits.
+    # Balancing would magnify rounding errors. Numbers below the smallest normal number have lost digits.
     A = np.where(np.abs(A) <= np.maximum(_ROUNDING * largest, np.finfo(float).tiny), 0.0, A)
     if not A.size:
         return Eigenvalues(np.zeros(0, complex), np.zeros((0, 0), complex), np.zeros(0))
@@ -63,7 +63,7 @@ def eigenvalues(A: Array) -> Eigenvalues:
     balanced = balanced / unit
     found = _without_null_space(balanced, _ROUNDING * float(np.linalg.norm(balanced)))
     found = Eigenvalues(unit * found.values, found.vectors, unit * found.errors)
-    found = found[np.argsort(np.abs(found.values), kind="stable")]  # LAPACK's pairs are conjugate to the last bit
+    found = found[np.argsort(np.abs(found.values), kind="stable")]  # pairs of LAPACK are exactly conjugate
     vectors = scale[:, None] * found.vectors
     return Eigenvalues(found.values, vectors / np.abs(vectors).max(axis=0), found.errors)  # squares must not overflow
 

@@ -19,7 +19,7 @@ class LinearFamily:
     """The linearisation of a scene at its start as a function of its parameters.
 
     A SymmbWarning is issued, and added to `doubts`, if the scene starts neither in equilibrium nor in a steady motion.
-    The same applies if modes of flexible bodies make frequencies too high at the nominal parameters.
+    There is also a warning if modes of flexible bodies make frequencies too high at the nominal parameters.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -74,6 +74,6 @@ class LinearFamily:
         """
         free = free_states(self._equations, blocks)
         motion = SteadyMotion(self._equations, point, blocks, free)
-        if self._turns is None and motion.moves:  # the first sample that moves shows if coordinates have to turn
+        if self._turns is None and motion.moves:  # the first sample that moves decides whether coordinates turn
             self._turns = motion.turning is not None and bool(motion.turning.any())
         return motion.turned(motion.best_turning() if self._turns and motion.moves else None), motion.lift

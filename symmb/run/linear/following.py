@@ -55,7 +55,7 @@ def followed(at: Callable[[float], tuple[Eigenvalues, Array]], start: tuple[Eige
         rows, columns = linear_sum_assignment(-overlap)
         alike, following = overlap[rows, columns], candidates[columns]
         swapped = _swapped(np.abs(eigen.values[place[rows]]), np.abs(new.values[following]))
-        # Smallest similarity of two modes if each is the only one at its point.
+        # Smallest similarity of two modes if each is the only mode at its point.
         least = _ALIKE if len(place) + len(candidates) > 2 else 0.5
         # Shortest step, divided by the line. If two frequencies change their order within this step, they cross.
         if step > 2.0**-10 and (len(rows) < len(place) or alike.min(initial=1.0) < least or swapped):

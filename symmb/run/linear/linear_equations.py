@@ -157,7 +157,7 @@ class LinearEquations:
 def independent(equations: LinearEquations, blocks: Blocks) -> Indices:
     """Numbers of independent displacements, velocities and states of the first sample.
 
-    The rank of the rows is that of the equations of motion, which is determined at the start.
+    The rank of the rows is known from the equations of motion. It is determined at the start.
     """
     from scipy.linalg import qr
 

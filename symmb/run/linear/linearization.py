@@ -42,7 +42,7 @@ def linearize(
     time : float or str, optional
         an output time of the run [s], or a text with a unit; default: the last output time
     parameters : mapping, optional
-        values of parameters instead of the nominal ones, for a scene
+        values of parameters instead of the nominal values, for a scene
     inputs : names
         names of actuators, inputs or parameters; an actuator gets an additional force or torque
     outputs : names, optional
@@ -85,7 +85,7 @@ def linearize(
     doubts = doubts_of(extended, motion, blocks, loads)
     n, n_u, more = len(free), len(inputs), np.zeros((len(motion.lift), len(uniform)))
     lift = np.hstack([motion.lift, more])
-    # Deviations of outputs with uniform motions are those with the start values of these motions.
+    # Columns for positions and velocities of uniform motions at time t, from the columns for their start values.
     of_starts = blocks.D[0][:, n_u:].copy()
     of_starts[:, 1::2] -= (t - scene.times[0]) * of_starts[:, ::2]
     whole = np.zeros((n + len(uniform),) * 2)
@@ -112,7 +112,7 @@ def linearize(
 
 
 def formulation_of(scene: Scene) -> Formulation:
-    """The formulation in joint coordinates if they exist, because they do not turn with a body that spins."""
+    """The formulation in joint coordinates if possible, because joint coordinates do not turn with a spinning body."""
     can_choose = scene.coordinates is None and not scene.system.collected.gated
     if can_choose and scene.system.joint_space().joints.names:
         with suppress(DeclarationError):
@@ -127,7 +127,7 @@ def _require_slopes_of_outputs(names: Sequence[str], *parts: Array) -> None:
     for name, *rows in zip(names, *parts, strict=True):
         if not all(np.isfinite(row).all() for row in rows):
             raise DeclarationError(
-                f"linearize: output {name!r} has no finite derivative at this state, as a square root or a norm at 0. "
+                f"linearize: output {name!r} has no finite derivative at this state, such as a square root at 0. "
                 "Remove this output, or linearise at a state nearby."
             )
 
@@ -136,10 +136,10 @@ def _require_free_inputs(inputs: Sequence[str], blocks: Blocks) -> None:
     """Raise a DeclarationError if an input moves constraints. States would then depend on the rate of the input."""
     moved = np.abs(blocks.row_inputs[0]).max(axis=0, initial=0.0)
     for name, size in zip(inputs, moved, strict=False):
-        # Slope of a constraint with respect to an input, divided by its largest slope. Smaller slopes are rounding.
+        # Slope of a constraint with respect to an input, over its largest slope. Smaller slopes are rounding errors.
         if size > 1e-12 * np.abs(blocks.rows[0]).max(initial=0.0):
             raise DeclarationError(
-                f"linearize: input {name!r} moves constraints, as a length or a position does. Use inputs that change "
+                f"linearize: input {name!r} moves constraints, such as a length or a position. Use inputs that change "
                 "forces only."
             )
 

@@ -109,7 +109,7 @@ class LocusSimulator(BlackBox):
         self.units = tuple(unit for unit in ("Hz", "1", "1/s", "1/s") for _ in numbers)
 
     def restrict(self, P: Array) -> None:
-        """Remove the oscillations that a sample of P (N, d) does not have from `known`."""
+        """Remove from `known` the oscillations that some sample of P (N, d) does not have."""
         for row in P:
             self.known &= ~np.isnan(self._followed(row))
 

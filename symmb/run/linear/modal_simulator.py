@@ -79,8 +79,8 @@ class ModalSimulator(BlackBox):
     def crossings(self, box: Box) -> tuple[str, ...]:
         """Sentences about frequencies that cross on straight lines from the nominal parameters to corners of a box.
 
-        A sentence names the first corner with this crossing. If frequencies come close and part again, while their
-        modes exchange shapes, they keep their order. Sentences also name modes that exchange shapes too fast.
+        A sentence names the first corner with this crossing. Frequencies that come close and separate again keep their
+        order, although their modes exchange shapes. Sentences also name modes that exchange shapes in a shortest step.
         """
         nominal, told = self.family.nominal, {}
         names = list(self.parameters)

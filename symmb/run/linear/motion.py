@@ -71,7 +71,7 @@ class Origin:
         z = ca.SX.sym("z", len(self.lift))
         delta, more = z[: dae.n_v], z[dae.n_v :]
         moved = ca.vertcat(dae.retract(x[: dae.n_q, :], delta), x[dae.n_q :] + more)
-        # Number of Newton steps that close joints after large linear displacements. The last step is only rounding.
+        # Number of Newton steps that close joints after large linear displacements. The last step removes rounding.
         closed = project(dae, moved, p, ca.SX(self.point.t), 4)
         return common("displaced", [x, z, p], [ca.densify(moved if closed is None else closed)])
 

@@ -76,8 +76,8 @@ def require_smooth(formulation: Formulation, point: LinearizationPoint, equation
     blocks = equations.blocks(x[None], point.p[None], point.t)
     if not all(np.isfinite(block).all() for block in (blocks.A, blocks.B, blocks.rows)):
         raise DeclarationError(
-            "linearize: a derivative of the equations is infinite or undefined at this state, as the derivative of a "
-            "square root or a norm at 0. Linearise at a state nearby."
+            "linearize: a derivative of the equations is infinite or undefined at this state, such as the derivative "
+            "of a square root or a norm at 0. Linearise at a state nearby."
         )
     if dae.sampling is not None:
         raise DeclarationError(
@@ -108,8 +108,8 @@ def require_smooth(formulation: Formulation, point: LinearizationPoint, equation
         aside = 1e-7 * sizes * slopes[k] / steep[k]
         blocks = equations.blocks(np.stack([x - aside, x + aside]), np.stack([point.p] * 2), point.t)
         near, far = (np.abs(_jump(dae, point, share * aside)) for share in (0.5, 1.0))
-        # Ratio of the difference of forces at half the distance to that at the distance: it is 1/2 for a continuous
-        # force, and 1 for a jump. And rounding of a difference, divided by rates at displacements of the scene's size.
+        # The differences of forces at half the distance and at the whole distance have the ratio 1/2 for a continuous
+        # force, and 1 for a jump. `noise` is the rounding of a difference.
         noise = 1e-12 * float((np.abs(blocks.A).max(axis=0) @ equations.sizes).max())
         jumps = bool((near > 0.9 * far + noise).any())
         # Largest relative difference of equal derivatives. A continuous derivative changes by about 1e-7.

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from scipy.signal import StateSpace
 
 _MOST, _LEAST = 3, 0.1
-"""Maximum number of printed displacements of a mode, and smallest printed one, divided by the largest displacement."""
+"""Maximum number of printed displacements of a mode, and smallest printed displacement, divided by the largest one."""
 _HEAD, _LEFT = ("mode", "frequency [Hz]", "damping [-]", "moves most"), (0, 3)
 
 

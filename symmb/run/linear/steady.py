@@ -26,7 +26,7 @@ DOUBT = (
     "describe the later motion."
 )
 _DEPENDENT = 1e-9
-"""Relative difference. Below it, two rotations of coordinates have the same effect, and differences are rounding."""
+"""Relative difference. Below it, two rotations of coordinates have the same effect, or differ by rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class SteadyMotion:
 
     @cached_property
     def lift(self) -> Array:
-        """All displacements, velocities and states (n_z, n) for unit values of the independent ones."""
+        """All displacements, velocities and states (n_z, n) for unit values of the independent states."""
         return lifts(self.blocks, self.free)[0]
 
     @cached_property

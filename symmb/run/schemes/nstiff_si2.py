@@ -7,7 +7,7 @@ from symmb.run.schemes.step import At, Step, sizes
 
 
 def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
-    """The step of eqs. (5)-(7) of Wang & Yang (2021), for steps of varying length; of index 3 if not stabilised.
+    """The step of eqs. (5)-(7) of Wang & Yang (2021), for steps of varying length; without stabilisation, of index 3.
 
     The unknowns are v', q', lam and mu. The BDF formula gives the new state q, v. The equations are
 
@@ -61,7 +61,7 @@ def nstiff_si2(dae: DAE, work: bool, stabilized: bool = True) -> Step:
     begin = _first_history(At(dae, x, p, t), h, n_quad)
     vdot_now, lam_now = here.solved()
     rate_now = ca.vertcat(here.qdot, vdot_now, here.sdot)
-    # The errors of this formula and of the explicit one are multiples of the third derivative, as their difference is.
+    # The errors of both formulas are multiples of the third derivative, and so is their difference.
     predicted = now + (1 + ratio) * h * rate_now - ratio**2 * (now - before)
     return Step(
         x=x,

@@ -59,8 +59,8 @@ class DAESimulator(WithWarnings):
     doubts : tuple of str
         warnings about the start and, after `second_look`, about the nominal run
     noise : (n_y,) array
-        estimated errors of the outputs: the error of the solver's steps or that of the nominal run, if it is larger;
-        None before `second_look`
+        estimated errors of the outputs: the larger of the error of the solver's steps and the error of the nominal
+        run; None before `second_look`
     nominal : (n_t, n_y) array
         outputs of the nominal run; None before `second_look`
 
@@ -105,7 +105,7 @@ class DAESimulator(WithWarnings):
         return f"DAESimulator({self.name!r}, {self.solver!r})"
 
     def __getstate__(self) -> dict[str, Any]:
-        flexible = self.ways.flexible  # only these checks of a study need the scene
+        flexible = self.ways.flexible  # a copy needs the scene only for these checks
         # A copy has one thread, because many copies run in parallel.
         return vars(self) | {"scene": flexible, "ways": OtherWays(self.program, self.outputs, flexible), "threads": 1}
 
@@ -204,7 +204,7 @@ class DAESimulator(WithWarnings):
             x0, _ = form.start.states(p[None])
             X = self.program.integration().run(x0, p[None], 1)[0].X
             first = kinks.first(X[(ok := np.isfinite(X).all(axis=1))], p, self.times[ok])
-            if form.dae.impacts is None:  # passes that cancel between two output times
+            if form.dae.impacts is None:  # a switch may be passed twice between two output times
                 first = np.fmin(first, SwitchPasses(form.dae, self.times).first(x0, p[None]))
             return None if np.isnan(first) else (float(first), str(kinks))
 

@@ -98,7 +98,7 @@ class Differentiable:
         return self.checked_slopes(self._nominal[self._columns])
 
     def checked_slopes(self, P: Array) -> tuple[Array, Array]:
-        """The results of `slopes`. Runs with jumps cause a warning if their difference quotients disagree."""
+        """The results of `slopes`. There is a warning if a run has jumps and difference quotients disagree."""
         Y, dY = self.slopes(P)
         if isinstance(self.simulator, Kinked):
             n_p = len(self._columns)
@@ -125,7 +125,7 @@ class Differentiable:
             return ""
         return (
             f"Derivatives for {', '.join(names)} are not valid from t = {kink[0]:g} s on: they ignore the {kink[1]} "
-            "that the run meets at this time. Compare with runs at nearby parameters, as by sweep."
+            "that the run meets at this time. Compare them with runs at nearby parameters (sweep)."
         )
 
     def require_shape(self, shape: Sequence[int]) -> None:
@@ -169,7 +169,7 @@ def jax_function(
     scene : Scene
         scene, or a simulator with derivatives
     parameters : list of str
-        names of the parameters of the function, in this order; default: all. Others have their nominal values.
+        names of the parameters of the function, in this order; default: all. Other parameters are nominal.
     solver, times, outputs
         solver, times and outputs of the runs, if they differ from those of the scene
 

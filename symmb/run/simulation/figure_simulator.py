@@ -216,7 +216,7 @@ class FigureSimulator(WithWarnings):
             sizes = self._sizes(traces)
             off = self._divided(panels, ~panels.is_exact(sizes), sizes, np.full((len(self._rules), 1), -np.inf))
             off &= ~_with_stop(panels, traces.stops)
-            # Fraction of panels of the nominal run that may be inexact. If more are, the number of panels is doubled.
+            # Fraction of panels of the nominal run that may be inexact. If more are inexact, all panels are halved.
             if off.mean() <= 0.1 or count >= _MOST:
                 return count
             count = min(2 * count, _MOST)
@@ -227,14 +227,14 @@ class FigureSimulator(WithWarnings):
 
     @cached_property
     def _rounding(self) -> Array:
-        """Absolute values (n_c,) below which curves are rounding."""
+        """Absolute values (n_c,) below which curves are rounding errors."""
         form = self.curves.formulation
         x, p, t = ca.SX.sym("x", form.y.numel_in(0)), ca.SX.sym("p", form.y.numel_in(1)), ca.SX.sym("t")
         change = ca.fabs(ca.jacobian(form.y(x, p, t), x)) @ ca.DM(form.dae.state_sizes)
         f = ca.Function("change", [x, p, t], [ca.densify(change)])
         sizes = f(form.dae.state_sizes, form.dae.p_nominal, float(self.curves.times[0])).full().ravel()
-        # Size of a curve, divided by its change by the sizes of all states. Smaller curves are rounding, such as the
-        # speed of a fixed point.
+        # Size of a curve, divided by its change if all states change by their sizes. Smaller curves are rounding, such
+        # as the speed of a fixed point.
         return 1e-6 * np.where(np.isfinite(sizes), sizes, 0.0)
 
     def _least_count(self) -> int:
@@ -288,7 +288,7 @@ class FigureSimulator(WithWarnings):
                 ends = self.curves.times[[0, -1]]
                 times = _distinct(np.concatenate([ends, *_nodes(begin, end)]), _SAME * self._span)
                 traces = self._traces(times, P[group])
-                if not traces.ok.all():  # only the first run counts
+                if not traces.ok.all():  # these panels stay as they are
                     divided &= ~np.isin(panels.sample, group)
                     continue
                 new = _panels(traces, np.searchsorted(group, sample), begin, end)
@@ -321,10 +321,10 @@ class FigureSimulator(WithWarnings):
         return sample, begin, end
 
     def _dips(self, panels: Panels, sizes: Array) -> Mask:
-        """Mask (n,) of panels in which a condition would hold between nodes only.
+        """Mask (n,) of panels in which a condition is true only between nodes.
 
-        Several conditions at once have the largest of their margins. Between nodes another margin may be the largest
-        one, which the polynomial of the margins at nodes does not show.
+        The margin of several conditions is the largest of their margins. Between nodes, the margin of another condition
+        may be the largest. The polynomial through the nodes does not show this.
         """
         dips = np.zeros(len(panels.sample), dtype=bool)
         for g in {rule.margin for rule in self._rules if rule.margin >= 0}:

@@ -71,7 +71,7 @@ class Curves:
             np.maximum.at(best, panels.sample, B[:, [0, -1]].max(axis=1))
             higher = B.max(axis=1) > best[panels.sample] + _ROUNDING * self.sizes[panels.sample, e]
             peaks, sample, off = highest(B[higher])[1], panels.sample[higher], 4 * panels.misfit[e, higher]
-            peaks[peaks <= best[sample] + off] = -np.inf  # such as after the kink of a curve with a limit
+            peaks[peaks <= best[sample] + off] = -np.inf  # not above an end value, except for errors
             np.maximum.at(best, sample, peaks)
             values[samples] = rule.sign * best[samples]
         else:
@@ -105,7 +105,7 @@ class Curves:
             if panels.sample[k] != known:  # later passages have no effect
                 found[k], low[k], high[k] = _passage(B[k], tolerance[k])
                 known = panels.sample[k] if found[k] else known
-        # After a margin of 0, such as before a force starts. Coefficients may be below 0 where the polynomial is not.
+        # The margin may be 0 before this. A polynomial with coefficients below 0 may be positive.
         below = np.flatnonzero(B.min(axis=1) < -tolerance)
         found[below] |= (B[below] @ ON_GRID).min(axis=1) < -tolerance[below]
         value, rate = ends[:, 0, first]

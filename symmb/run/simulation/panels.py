@@ -50,7 +50,7 @@ def highest(B: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Panels:
-    """Pieces of curves of samples.
+    """Curves of samples in short intervals of time.
 
     Attributes
     ----------

@@ -38,14 +38,14 @@ _POSITION_DRIFT, _ENERGY_DRIFT, _SINGULAR_ENERGY_DRIFT = 1e-6, 1e-4, 1e-6
 energy; and of energy in a run through a singular position. If a drift is larger, other solvers are tried. Calibration:
 tests/test_problems.py."""
 _NEIGHBOURS, _NEIGHBOUR_DISTANCE = 7, 1e-3
-"""Number of pilot runs near the nominal run, and largest relative distance of their parameters from nominal ones."""
+"""Number of pilot runs near the nominal run, and largest relative distance of their parameters from nominal values."""
 TOO_FAST = "a part of the motion decays too fast for explicit steps"
 MANY = 20_000
 """Number of steps of a run. If a run needs more, an implicit solver may be faster."""
 
 _PAIR, _MULTISTEP, _STIFF = DormandPrince(rtol=1e-11), CVODES(), CVODES(stiff=True)
-"""Solvers of one run. At the same tolerance, the errors of the pair are not larger than those of CVODES() in all
-tests/problems.py. It takes a third to a twentieth of the time, plus compilation. Its steps also end at switches."""
+"""Solvers of one run. For all tests/problems.py, the errors of DormandPrince are at most those of CVODES() at the same
+tolerance. It takes a third to a twentieth of the time, plus compilation. Its steps also end at switches."""
 _TIGHTER, _COMPILED = CVODES(rtol=1e-12, stiff=True), (Rosenbrock(), DormandPrince())
 """Solvers of stiff scenes."""
 _SINGULAR = (DormandPrince(stabilization=AugmentedLagrangian()),)
@@ -84,7 +84,7 @@ class Pilot:
 
 
 class Candidates(NamedTuple):
-    """Solvers to try: the first one, an implicit one that may be faster, and others if the first one fails."""
+    """Solvers to try: the first solver, an implicit solver that may be faster, and more if the first solver fails."""
 
     first: Solver
     implicit: Solver
@@ -118,7 +118,7 @@ def at_tolerances(solver: Solver, tolerances: Mapping[str, Any]) -> Solver:
 def choose(candidates: Callable[[], Candidates], pilot: Callable[[Solver], Pilot]) -> tuple[Solver, str]:
     """The first solver with a successful pilot run, or a faster one if this run is slow, and the reason."""
     choice = partial(_choice, candidates, pilot)
-    return with_compiler(choice, choice)  # there are other candidates if no compiler builds the first one
+    return with_compiler(choice, choice)  # if no compiler works, other candidates are tried
 
 
 def _choice(candidates: Callable[[], Candidates], pilot: Callable[[Solver], Pilot]) -> tuple[Solver, str]:
@@ -142,7 +142,7 @@ def _choice(candidates: Callable[[], Candidates], pilot: Callable[[Solver], Pilo
 def _replaced(
     failed: Solver, run: Pilot, others: Sequence[Solver], pilot: Callable[[Solver], Pilot]
 ) -> tuple[Solver, str]:
-    """The solver that replaces a failed one, and the reason: the first that succeeds, or that of the smallest drift."""
+    """The first solver that succeeds, otherwise the solver with the smallest drift, and the reason for the choice."""
     runs, verdicts = {failed: run}, [_fault(failed, run)]
     for solver in others:
         if solver not in runs:
@@ -181,7 +181,7 @@ def program_for_studies(scene: Scene, threads: int) -> tuple[Program, str]:
     program = program_of(scene, for_studies(False).first)  # raises an error if these solvers cannot run the scene
     p = program.bodies.dae.p_nominal
     x0, _ = program.bodies.start.states(p[None])
-    # Explicit steps are tried unless they certainly exceed their limit. Below it, they may still be faster.
+    # Explicit steps are not tried if they certainly exceed the step limit. Below the limit, they may be faster.
     stiff = Rosenbrock().runs_in_lanes(program.formulation.dae) and starts_stiff(program, x0, p, MOST_STEPS)
     solver, reason = choose(partial(for_studies, stiff), pilot)
     program = program_of(scene, solver)
@@ -223,7 +223,7 @@ class PilotRuns:
     Attributes
     ----------
     program : Program           program with these parameters; its solver is used only if a reason is given
-    reason : str, optional      why the solver of the program runs it; None if a solver is to be chosen
+    reason : str, optional      why this solver is used; None if a solver is to be chosen
     p, x0 : (n_p,), (1, n_x)    parameters, and the state of the bodies at the start
     start_fault : str           why the scene cannot start; empty if it can
     where : str                 the parameters as text for a message; empty if there are none
@@ -253,7 +253,7 @@ class PilotRuns:
         form, times = program.formulation, program.times
         x0 = self.x0 if form.bodies is None else form.start.states(self.p[None])[0]
         integration, fine, outputs = program.single()
-        is_close = solver.has_dense_output(form.dae) and len(fine) > len(times) + 1  # not only at the start
+        is_close = solver.has_dense_output(form.dae) and len(fine) > len(times) + 1  # times between outputs
         built = time.perf_counter()
         try:
             run = form.run_of_bodies(integration.run(x0, self.p[None])[0], self.p)

@@ -171,13 +171,13 @@ def _small_state_doubts(runs: PilotRuns, solver: Solver, run: Trajectory) -> Ite
         # tests/simulation/test_small_states.py
         if stiffness(shortest, X, p, states.t[some]).decay * np.ptp(run.t) < 1e8:
             return
-    # 1e-6 is the absolute tolerance of a second run, divided by the smallest one of the run. It is at least 1e-28.
+    # The absolute tolerance of a second run is 1e-6 times the smallest one of the run, but at least 1e-28.
     atol = max(1e-6 * float(absolute.min()), 1e-28)
     if atol >= absolute.min() or runs.run(other := replace(solver, atol=atol)).message:  # pyright: ignore
         return
     finer = runs.done[other][1]
     change, size = np.abs(run.values - finer.values), np.abs(finer.values)
-    most = size.max(axis=0)  # values below the finer tolerances are rounding
+    most = size.max(axis=0)  # values below the finer tolerances are errors
     # A change is suspicious if it is above a hundredth of the value, and above 1e3 times the relative tolerance.
     wrong = (change > 1e-2 * size) & (change > 1e3 * tolerances.rtol * most) & (most > atol)
     if wrong.any():

@@ -84,10 +84,10 @@ def simulate(
     solver : Solver
         solver, or a text that names it, such as "cvodes:1e-9". Default: EventDriven() if there are impacts, or joints
         that open or close; CVODES(stiff=True) for stiff scenes; otherwise DormandPrince(rtol=1e-11), or CVODES()
-        without a C compiler. If these fail, others are tried, such as solvers with AugmentedLagrangian().
+        without a C compiler. If these solvers fail, other solvers are tried, for example with AugmentedLagrangian().
         `trajectory.reason` gives the reason
     parameters : mapping
-        values instead of the nominal ones; or a list of mappings, for runs that are made in parallel
+        values instead of the nominal values; or a list of mappings, for runs that are made in parallel
     rtol, atol : float
         relative and absolute tolerance, instead of those of the default solver
     check : bool
@@ -99,8 +99,8 @@ def simulate(
     Returns
     -------
     Trajectory
-        the run, or a Sweep for a list of parameters. `warnings` list what is uncertain. If there are any, Python also
-        issues a SymmbWarning
+        the run, or a Sweep for a list of parameters. `warnings` list what is uncertain. If there are warnings, Python
+        also issues a SymmbWarning
 
     Raises
     ------
@@ -246,9 +246,9 @@ def _confirmed(runs: PilotRuns, solver: Solver, trajectory: Trajectory, reason: 
     hundred if a body touches a wall shortly before it turns back.
     """
     sizes = runs.program.bodies.dae.state_sizes
-    # Maximum number of runs, each with ten times tighter tolerances; largest difference of two runs, divided by the
-    # sizes of the states, which is a tenth of the error of default runs; and smallest size of a state, divided by that
-    # of its body.
+    # At most two further runs are made, each with ten times tighter tolerances. Two runs agree if their difference,
+    # divided by the sizes of the states, is at most a tenth of the error of default runs. The size of a state is at
+    # least 0.001 times its typical size.
     for _ in range(2):
         tighter = solver.tighter(times=runs.program.times)
         if runs.run(tighter).message:

@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 _NAMED = 3
 """Maximum number of failed runs with printed reasons."""
 _MOST_IN_LABELS = 3
-"""Largest number of parameters that the label of a curve names. With more parameters it is the number of the run."""
+"""Largest number of parameters in the label of a curve. With more parameters, the label is the number of the run."""
 Part = tuple[Indices, Array, Mask, tuple[str, ...]]
-"""Numbers of samples (n,), their outputs (n, n_t, n_y), mask of the valid samples (n,), and messages of the others."""
+"""Numbers of samples (n,), their outputs (n, n_t, n_y), mask of valid samples (n,), and messages of invalid samples."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -177,9 +177,9 @@ class Sweep(plot.OverTime, Result, ByOutput, WithWarnings, Saved):
         return ", ".join(f"{n} = {self.parameters[n][run]:g} {units.get(n, '')}".rstrip() for n in parameters)
 
     def _lines(self, order: Indices) -> plot.RunLines:
-        """The runs in this order, over the parameter with the most values. Runs of a line differ only in this one.
+        """The runs in this order, over the parameter with the most values. Runs of a line differ only in it.
 
-        If a list of runs varies several parameters, its runs are points over their numbers.
+        If a list of runs varies several parameters, the runs are points over the numbers of the runs.
         """
         varied = self._varied()
         if not varied or (len(varied) > 1 and not self.grid):

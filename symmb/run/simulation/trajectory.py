@@ -244,7 +244,7 @@ class Trajectory(plot.OverTime, Result, ByOutput, WithWarnings, files.Saved):
 
     @property
     def singularity(self) -> Singularity | None:
-        """The singular position to which the run comes closest; None if the run does not come close to any."""
+        """The singular position to which the run comes closest; None if it does not come close to one."""
         return self.examination.singularity
 
     @cached_property
@@ -375,7 +375,7 @@ def _some(names: Sequence[str]) -> str:
 
 
 def _pulse_lines(program: Program) -> list[str]:
-    """A line of text about the longest step that misses no pulse of a function of time; no line without pulses."""
+    """A line of text about the longest step that detects all pulses of functions of time; no line without pulses."""
     longest = program.longest_step
     if not math.isfinite(longest):
         return []

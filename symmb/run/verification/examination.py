@@ -114,12 +114,12 @@ class Examination:
             T, *_ = energy(self.program.bodies, x, self.p, t, np.zeros(len(t)))
             largest = max(largest, float(np.nanmax(T, initial=0.0)))
         scales = self.program.bodies.judged.scales
-        # Kinetic energy, divided by that of a motion of the scene's size. Below this value, all speeds are rounding.
+        # Kinetic energy over that of a motion of the scene's size. Below this value, all speeds are rounding errors.
         return change / largest if largest > 1e-20 * scales.energy * scales.rate**2 else math.nan
 
     @cached_property
     def singularity(self) -> Singularity | None:
-        """The singular position to which the run comes closest; None if the run does not come close to any."""
+        """The singular position to which the run comes closest; None if it does not come close to one."""
         near = self.program.bodies.singularity(self.x, self.t, self.p)
         if near or self.program.bodies.dae.G is None or self.program.bodies.dae.impacts is not None:
             return near
@@ -183,8 +183,8 @@ class Examination:
     def _falls_with_tolerance(self) -> bool:
         """Whether a run at a tenth of the tolerance has a much smaller change of energy, and the same outputs.
 
-        This is true if forces in balance do much work: the change falls to the rounding of the work. On a wrong branch
-        the change does not fall.
+        This is true if balanced forces do much work: the change of energy then falls to the rounding of the work. On a
+        wrong branch, the change does not fall.
         """
         # Relative error of the work at the smallest tolerances: CVODES reaches 2e-10, and smaller tolerances do not
         # help.
@@ -223,7 +223,7 @@ class Examination:
 
     @cached_property
     def _again(self) -> tuple[Array, Array]:
-        """Times (m,) [s] and states (m, n_x) of a second run with many times; with impacts, those of the run itself."""
+        """Times (m,) [s] and states (m, n_x) of a second run with many times; with impacts, of the run itself."""
         dae = self.program.bodies.dae
         if dae.impacts is not None:
             return self.t, self.x
@@ -256,7 +256,7 @@ def _change(energy: Energy) -> float:
     """Largest |T + V - W - E_0| [J], or 0 if this is rounding of the energies."""
     balance = energy.kinetic + energy.potential - energy.work
     change = float(np.abs(balance - balance[0]).max(initial=0.0))
-    # Change of energy, divided by the largest energy. Smaller changes are rounding.
+    # Change of energy, divided by the largest energy. Smaller changes are rounding errors.
     return change if change > 1e-14 * max(float(np.abs(some).max(initial=0.0)) for some in energy) else 0.0
 
 

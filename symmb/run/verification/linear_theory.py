@@ -16,7 +16,7 @@ TURN = 0.3
 """Largest rotation of a cross section relative to the frame of its body [rad] for linear theory. At this rotation, the
 deflection of a cantilever under a load at its end is 4 % too large, and its shortening is 2 % of its length."""
 _ROUNDING = 1e-9
-"""Largest distance from an interval, divided by the width of the interval, that is rounding."""
+"""Largest distance from an interval, divided by the width of the interval, that counts as a rounding error."""
 
 
 def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -> tuple[str, ...]:

@@ -64,7 +64,7 @@ class AttachedLoads:
             )
         return (
             "Compute its modes with interfaces=[...]: the nodes at which joints and forces act, except a clamped node. "
-            "Further modes by a larger count= then follow inertia."
+            "Further modes (a larger count=) then follow inertial loads."
         )
 
     @cached_property
@@ -142,8 +142,8 @@ def _clamped(body: FlexibleBody) -> int | None:
 class LeftOut:
     """The largest effect on an output of deformations that the modes of a body neglect.
 
-    `share` is the root mean square of this effect over time. It is divided by that of the effect of all deformations,
-    or by that of the changes of the output if these are larger.
+    `share` is the root mean square of this effect over time. It is divided by the root mean square of the effect of all
+    deformations, or of the changes of the output if the changes are larger.
     """
 
     loads: AttachedLoads
@@ -195,7 +195,7 @@ def left_out(
             bent = _times(J, moved.by(_times(B, modal @ loads.shapes.T))) + _times(own[:, :, loads.rigid :], modal)
             added[kind] += lacking[k] + bent
     Y = values[:, : len(names)]
-    # Change of an output, divided by its size. Smaller changes are rounding.
+    # Change of an output, divided by its size. Smaller changes are rounding errors.
     floor = 1e-9 * (np.abs(Y).max(axis=0) + dae.scales.length)
     size = np.max([*(_rms(some) for some in added), _rms(Y - Y.mean(axis=0)), floor], axis=0)
     for k, loads in enumerate(some):
@@ -220,7 +220,7 @@ def _rms(values: Array) -> Array:
 def _judged(
     scene: Scene, dae: DAE, some: tuple[AttachedLoads, ...]
 ) -> tuple[tuple[str, ...], ca.Function, ca.Function]:
-    """Names of the checked outputs, a function (x, p, t) -> outputs, mode coordinates and loads, and that of `_slopes`.
+    """Names of the checked outputs, a function (x, p, t) -> outputs, mode coordinates and loads, and `_slopes` of them.
 
     The checked outputs depend on positions alone. Without such outputs, the loaded nodes are checked.
     """
@@ -261,7 +261,7 @@ class _Moved:
             # Stiffness of modes, divided by their inertia, if joints move bodies. Loads change slowly.
             W[:, own, own] += 1e3 / slowest * loads.body.modes.stiffness
         self._moving = np.linalg.solve(W, G.swapaxes(1, 2))
-        # Size of a row, divided by that of the loosest row. Below this value, the row depends on other rows.
+        # Singular value, divided by the largest one. Below this value, rows depend on each other.
         self._loose = np.linalg.pinv(G @ self._moving, rcond=1e-9, hermitian=True)
 
     def by(self, gaps: Array) -> Array:
@@ -291,7 +291,7 @@ def _users(own: Array, places: Array) -> list[tuple[int, ...]]:
 
 
 def _direct(own: Array, places: Array) -> Array:
-    """Derivatives (N, n_y, 6 m) of outputs by displacements of nodes, from those by velocities of the body, `own`."""
+    """Derivatives (N, n_y, 6 m) with respect to displacements of nodes, from the slopes `own` of the outputs."""
     users = _users(own[0], places[0])
     slopes = np.zeros((*own.shape[:2], *places.shape[1:3]))
     for some in set(users) - {()}:

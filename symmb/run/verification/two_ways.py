@@ -116,7 +116,7 @@ class TwoWays:
         return self.beyond(_CERTAIN * self._range, max(self.levels))
 
     def beyond(self, limits: Array, level: float) -> Mask:
-        """Mask (m, n_y) of errors that are above `limits` (n_y,), and above the changes by a level of the states."""
+        """Mask (m, n_y) of errors above `limits` (n_y,) that changes of the states by `level` do not explain."""
         size = np.abs(np.nan_to_num(self.values)).max(axis=0, initial=0.0)
         large = self.error > np.maximum(limits, _EXACT * size)
         return large & (self.error > self.floor(level)) if large.any() else large
@@ -137,7 +137,7 @@ class TwoWays:
         """
         lost = self.beyond(_OF_WIDTH * widths, self.levels[1])
         if lost.any():
-            lost &= widths > self.floor(self.levels[0])  # a smaller width is only an error
+            lost &= widths > self.floor(self.levels[0])  # tolerances explain smaller widths
         return self._doubts(
             lost, widths, f"{_OF_WIDTH:.0%} of the width of their bounds", " Use a solver with a smaller rtol."
         )
@@ -227,7 +227,7 @@ def in_two_ways(
     ways = None if finest else TwoWays.of(program, other, names, p, values)
     if ways is None or ways.lost.any():
         ways = TwoWays.of(program, other_way(program, other.times, finest=True), names, p, values)
-    if ways.message:  # the same family of solvers gives less information, but some
+    if ways.message:  # a check by the same family of solvers is better than no check
         tighter = program.solver.tighter(times=program.times)
         by_itself = TwoWays.of(program, Program(program.forms, tighter, other.times), names, p, values)
         ways = ways if by_itself.message else replace(by_itself, unchecked=ways.unchecked)
@@ -251,7 +251,7 @@ def other_way(program: Program, times: Array, finest: bool = False) -> Program:
 def _another(solver: Solver, finest: bool) -> Solver:
     """A solver of another family. SUNDIALS solvers replace compiled solvers, and compiled solvers replace SUNDIALS.
 
-    Without a C compiler, all solvers are those of SUNDIALS. BDF formulas then replace Adams formulas, and vice versa.
+    Without a C compiler, all solvers are SUNDIALS solvers. BDF formulas then replace Adams formulas, and vice versa.
     """
     stiff = isinstance(solver, Rosenbrock | StabilizedIndex2) or getattr(solver, "stiff", False)
     is_sundials = isinstance(solver, CVODES | IDAS | StabilizedIndex2)
@@ -278,7 +278,7 @@ def _changes(way: Program, p: Array, level: float) -> Array:
 
 def changes_of_outputs(y: ca.Function, dae: DAE, X: Array, p: Array, t: Array, level: float) -> Array:
     """Largest changes (n_y,) of outputs y(x, p, t) along states X (n_t, n_x) that change by a level of their sizes."""
-    k = np.arange(1, X.shape[1] + 1)  # symmetry and differences of states, such as joint angles, do not cancel these:
+    k = np.arange(1, X.shape[1] + 1)  # changes that do not cancel in sums and differences of states:
     shares = np.where(np.cos(k**1.5) > 0, 1.0, -1.0) * (1 + k * np.sqrt(1.25) % 1 / 2)
     shifted, here = (batch(y, states, p, t[:, None])[0] for states in (X + _SHIFT * shares * dae.state_sizes, X))
     change = np.nan_to_num(np.abs(shifted - here), posinf=0.0)

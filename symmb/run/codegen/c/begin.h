@@ -1,18 +1,18 @@
-/* The begin of a block: its samples at the first time, with their parameters, their states and their first outputs.
+/* The start of a block: its samples at the first time, with their parameters, states and first outputs.
 
-   The file of steps in front of this file gives run(): embedded_pair.h, fixed_step.h or implicit_step.h. */
+   The file of steps before this file defines run(): embedded_pair.h, fixed_step.h or implicit_step.h. */
 #ifndef BEGIN_H
 #define BEGIN_H
 
 #include "embedded_pair.h"
 
 #if STARTED
-#define START_CONVERGED 1e-9 /* step over the size of the unknowns: convergence is quadratic, so that the error is rounding */
+#define START_CONVERGED 1e-9 /* step over the size of the unknowns. Convergence is quadratic, so the error is rounding */
 #define START_ITERATIONS 30
-#define START_SIZE 1e-3 /* least size of the unknowns */
+#define START_SIZE 1e-3 /* smallest size of the unknowns */
 
-/* The state at the first time, by Newton's method from u = 0, in each lane until its own step is small. It is NaN in lanes
-   that do not converge. */
+/* The state at the first time, by Newton's method from u = 0. In each lane, the method ends when the step of this lane is
+   small. The state is NaN in lanes without convergence. */
 static void assemble(Part *a, V t) {
   V *u = a->scratch, *du = a->scratch + SIZE(N_U);
   memset(u, 0, SIZE(N_U) * sizeof(V));
@@ -32,7 +32,7 @@ static void assemble(Part *a, V t) {
 }
 #endif
 
-/* States of a block at the first time, of its samples that did not fail. Lanes without a sample repeat other samples, so
+/* The states at the first time of the samples of a block that did not fail. Lanes without a sample repeat other samples, so
    that they do not change the common step. Returns 0 if a state is not finite; its sample then fails. */
 static int place_samples(Block *b, Study *s) {
   int finite = 1;
@@ -58,8 +58,9 @@ static int place_samples(Block *b, Study *s) {
   return finite;
 }
 
-/* Starts the samples of a block that did not fail, or the one that runs alone. Returns 0 if there are none. A block that lost
-   samples begins again without them, see block.h: its values and passes are forgotten, and samples move up into the free lanes. */
+/* Starts the samples of a block that did not fail, or the sample that runs alone. Returns 0 if there are none. A block that
+   lost samples starts again without them, see block.h. Its values and passes are deleted, and its samples move to the free
+   lanes. */
 PRIVATE int begin(Block *b, Study *s) {
   b->t = s->times[0];
   b->next = 1;

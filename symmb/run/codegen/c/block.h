@@ -1,11 +1,11 @@
-/* A block of WIDTH samples that share their steps: its data, and what it stores.
+/* A block of WIDTH samples that have the same steps: its data, and the results that it stores.
 
-   Vector instructions pay only if all lanes do the same, so that the worst lane decides the length of a step. A sample that
-   fails has shortened the steps of the others before. Therefore its block runs again from the first time without it, so that
-   the results of the others do not depend on it. If the steps of a block run out, the samples that made the steps short fail
-   at first, and run alone later, see ensemble.h.
+   Vector instructions are useful only if all lanes do the same. Therefore the lane with the largest error determines the step.
+   Before a sample fails, it shortens the steps of the other samples. Therefore its block runs again from the first time without
+   this sample, so that the results of the other samples do not depend on it. If a block takes too many steps, the samples that
+   made the steps short fail at first. They run alone later, see ensemble.h.
 
-   The model in front of this file, such as model.h, gives the sizes and functions named there. */
+   The model before this file, such as model.h, defines the sizes and functions. */
 #ifndef BLOCK_H
 #define BLOCK_H
 
@@ -17,36 +17,36 @@
 enum { CHUNK = N_X > 512 ? 1 : N_X > 64 ? 4 : 16 }; /* output times at once; the states at these times fit into a cache */
 #define SIZE(n) ((n) > 0 ? (n) : 1)
 
-/* A study: n samples, rows of p (n, N_P) and, unless STARTED, x0 (n, N_X), at n_t times. */
+/* A study of n samples at n_t times. p (n, N_P) and, unless STARTED, x0 (n, N_X) have a row for each sample. */
 typedef struct {
   const double *x0, *p, *times;
   long n, n_t;
-  double rtol, growth; /* of steps with control; absolute tolerance over the largest value of a state */
-  double ahead, least; /* time [s] over which slopes predict the sizes of the states; least tolerances over atol */
+  double rtol, growth; /* for step control; absolute tolerance over the largest value of a state */
+  double ahead, least; /* time [s] over which slopes predict the sizes of the states; first tolerances over atol */
   const double *atol;  /* (N_X,) absolute tolerances by the sizes of the states */
   double longest;    /* step, or 0 */
-  double newton;     /* largest change of unknowns, over their sizes, at which Newton's method ends */
+  double newton;     /* Newton's method ends at smaller changes of unknowns over their sizes */
   long most_steps;
   long next_block;  /* number of the block that the next free thread takes */
   double *t_failed; /* (n,) time at which a sample failed [s], NaN while it has not */
-  char *failure;    /* (n,) why it failed */
-  double *x_failed; /* (n, N_X) the state at the begin of its last step */
+  char *failure;    /* (n,) reason of the failure */
+  double *x_failed; /* (n, N_X) the state at the start of its last step */
   double *Y;        /* (n, n_t, N_Y) values, or NULL */
-  const double *stops; /* (n, n_stops) switches of time in order [s], infinite behind the last one, or NULL */
+  const double *stops; /* (n, n_stops) switches of time in order [s], infinite after the last one, or NULL */
   long n_stops;
-  double *passes; /* (n, most_passes) times at which switches of the state are passed [s], NaN behind the last, or NULL */
+  double *passes; /* (n, most_passes) times at which switches of the state are passed [s], NaN after the last, or NULL */
   long most_passes;
-  long steps, iterations, most; /* taken by all blocks; iterations of Newton's method, and the most in a step */
-  double *events;               /* (most_events, EVENT) as impacts.h notes them; there may be more */
+  long steps, iterations, most; /* of all blocks; iterations of Newton's method, and their maximum in a step */
+  double *events;               /* (most_events, EVENT) recorded by impacts.h; there may be more events */
   long n_events, most_events;
 } Study;
 
-/* What a block holds of W of its lanes. */
+/* The data of W lanes of a block. */
 typedef struct {
   V x[SIZE(N_X)], x_new[SIZE(N_X)], k[SIZE(N_K)], F[7 * SIZE(N_USED)];
-  V c[SIZE(N_C) + SIZE(N_CARRIED)];                /* values of parameters alone, then room for the model's functions */
+  V c[SIZE(N_C) + SIZE(N_CARRIED)];                /* values of parameters, then space for the model's functions */
   V x_at[CHUNK * SIZE(N_X)], y[CHUNK * SIZE(N_Y)]; /* states and outputs at some times */
-  V atol[SIZE(N_X)];                               /* by the largest value of each state so far */
+  V atol[SIZE(N_X)];                               /* from the largest value of each state so far */
   V load;                                          /* sum of the errors of all steps of the run, each at most 1 */
   V p[SIZE(N_P)], scratch[2 * (N_X > N_U ? SIZE(N_X) : N_U)]; /* parameters; errors of a step, or unknowns at the start */
 #if N_S > 0
@@ -57,62 +57,64 @@ typedef struct {
 #endif
 } Part;
 
-/* A block under way, at t, on a step of length h. */
+/* A block at the time t, in a step of length h. */
 typedef struct {
   Part part[PARTS];
   double t, t_new, h, h_next;
   double before; /* logarithm of the error of the previous step */
-  double soon;   /* longest step from t on, because a contact may close soon after it */
+  double soon;   /* longest step from t on, because a contact may close soon after t */
   long number, next, live, sample[WIDTH];
   long alone;                 /* 1 + the number of the sample that runs alone, or 0 */
-  double suspicion[WIDTH];    /* of samples that failed perhaps because of their neighbours: largest for those that need most
-                                 steps, 0 for others */
+  double suspicion[WIDTH];    /* of samples that may have failed because of other samples: largest for samples that
+                                 need most steps, 0 without suspicion */
   long stop[WIDTH];           /* the next switch of time of each sample, and the first of them */
   double stop_time, from, to; /* rates are evaluated between these times */
   long steps, iterations, most;
-  int under_way, meets, contact; /* whether a step is taken but not finished, and has events at its end; see impacts.h */
-  double pass;                   /* the fraction of the step at which it passes a switch, 2 if it passes none */
-  int shortened;                 /* whether the step was shortened, so that it ends just behind a switch */
-  double wanted, first;          /* of implicit steps: the next length, and the first length of a run or behind a stop */
-  int fresh;                     /* of implicit steps: whether the history begins with the next step */
+  int under_way, meets, contact; /* whether a step is not finished, and has events at its end; see impacts.h */
+  double pass;                   /* the fraction of the step at which a switch is passed; 2 without a pass */
+  int shortened;                 /* whether the step was shortened, so that it ends just after a switch */
+  double wanted, first;          /* of implicit steps: the next length, and the first length of a run or after a stop */
+  int fresh;                     /* of implicit steps: whether the history starts with the next step */
   double *lower, *upper; /* extremes of the block, (n_t, N_Y) */
 #if N_G > 0
   V gap[SIZE(3 * N_I)], force[SIZE(4 * N_I)], law[SIZE(2 * N_I * (N_V + 1))]; /* values of the functions of contacts, see
                                                                               impacts.h */
   V margin[SIZE(2 * N_E)], closing[SIZE(N_PLACE)], jumped[N_V + N_ROWS + 1];  /* and of joints */
-  double crowd_start;     /* time from which events follow each other at once [s] */
+  double crowd_start;     /* start of a sequence of events without pause [s] */
   long n_events, n_crowd; /* events of the run, and since crowd_start */
 #endif
 } Block;
 
 #define EACH_PART(b) for (Part *a = (b)->part; a < (b)->part + PARTS; ++a)
 
-/* The slope of state i, from x and the stored slopes k. Slopes of positions are velocities, which x already contains. */
+/* The slope of state i, from x and the stored slopes k. The slope of a position is a velocity, which x already contains. */
 PRIVATE inline V slope(const V *x, const V *k, int i) { return N_OWN == N_X || i < N_OWN ? k[i] : x[i - N_OWN]; }
 
-/* The time t of a stage, moved between the switches of time around the step. A stage at the end of a step lies at a switch,
-   and by rounding behind it. There the rates have the other branch, and the step would see a jump. */
+/* The time t of a stage, moved between the switches of time before and after the step. A stage at the end of a step is at a
+   switch, or after it because of rounding. After the switch, the rates would have the other branch, and the step would contain
+   a jump. */
 PRIVATE double between_stops(const Block *b, double t) { return t < b->from ? b->from : t > b->to ? b->to : t; }
 
 /* Marks the sample of a lane as failed. */
 PRIVATE void fail_sample(const Block *b, Study *s, long lane, double t, char why) {
-  /* Lanes from `live` on repeat samples. They fail with these, because they have the same numbers. */
+  /* Lanes from `live` on repeat samples. They fail together with the repeated samples, because they have the same sample
+     numbers. */
   const long i = b->sample[lane % b->live];
   s->t_failed[i] = t;
   s->failure[i] = why;
   for (int j = 0; j < N_X; ++j) s->x_failed[i * N_X + j] = b->part[lane / W].x[place[j]][lane % W];
 }
 
-/* Notes that a sample which has failed runs alone later, if it has neighbours. */
+/* Records that a failed sample runs alone later, if other samples are in its block. */
 PRIVATE void suspect(Block *b, long lane, double suspicion) {
   b->suspicion[b->sample[lane] % WIDTH] = b->live > 1 ? suspicion : 0.0;
 }
 
-/* Fraction of the largest load of a run, below which a lane is not to blame. Errors of order 8 have this ratio if one lane needs
-   1.8 times the steps of the other. */
+/* Fraction of the largest load of a run. Lanes with a smaller load do not cause the short steps. Errors of order 8 have this
+   ratio if one lane needs 1.8 times the steps of another lane. */
 #define SMALL_LOAD 1e-2
 
-/* The samples whose errors made the steps short fail, because there are too many steps. Returns 0. */
+/* The samples with errors that made the steps short fail, because there are too many steps. Returns 0. */
 PRIVATE int fail_by_steps(Block *b, Study *s) {
   double most = 0.0;
   for (long l = 0; l < b->live; ++l) most = fmax(most, b->part[l / W].load[l % W]);
@@ -120,13 +122,13 @@ PRIVATE int fail_by_steps(Block *b, Study *s) {
     const double load = b->part[l / W].load[l % W];
     if (load < SMALL_LOAD * most) continue;
     fail_sample(b, s, l, b->t, MANY);
-    /* Samples that fail first, in a run of more samples, need more steps than those of the runs without them. */
+    /* Samples that fail in earlier runs, with more samples in the block, need more steps than samples that fail later. */
     suspect(b, l, b->live + load / b->steps);
   }
   return 0;
 }
 
-/* Notes that the sample of a lane passes a switch at time t. */
+/* Records that the sample of a lane passes a switch at time t. */
 PRIVATE void note_pass(const Block *b, const Study *s, long lane, double t) {
   double *own = s->passes + b->sample[lane] * s->most_passes;
   for (long j = 0; j < s->most_passes; ++j)
@@ -136,10 +138,10 @@ PRIVATE void note_pass(const Block *b, const Study *s, long lane, double t) {
     }
 }
 
-/* The largest lane of numbers that are not negative, or NaN if one is NaN. */
+/* The largest of numbers that are not negative, over all lanes; NaN if one of them is NaN. */
 PRIVATE double largest_lane(V a) {
-  /* No comparison with NaN is true, so that a NaN in m stays. A maximum that loses it would accept a step in which a lane
-     has left the domain of a function. */
+  /* Comparisons with NaN are false, so a NaN in m stays. Without the NaN, a step would be accepted although a lane has left the
+     domain of a function. */
   double m = 0.0;
   for (int l = 0; l < W; ++l) m = a[l] > m || a[l] != a[l] ? a[l] : m;
   return m;
@@ -149,8 +151,8 @@ PRIVATE double largest_lane(V a) {
 PRIVATE void extremes(const Block *b, long n, double *lower, double *upper) {
   long i = 0;
 #ifdef TREE
-  /* Lane by lane, W vectors need W (W - 1) comparisons; a tree of shuffles needs W - 1 vector minima. The last W vectors
-     overlap those before. This is harmless, because the same extremes are computed again. */
+  /* Lane by lane, W vectors need W (W - 1) comparisons. A tree of shuffles needs only W - 1 vector minima. The last W vectors
+     overlap the vectors before them. This has no effect, because the same extremes are computed again. */
   for (; n >= W && i < n; i += W) {
     if (i > n - W) i = n - W;
     const V *least = b->part->y + i, *most = least;
@@ -183,8 +185,8 @@ PRIVATE void extremes(const Block *b, long n, double *lower, double *upper) {
 
 /* Stores the outputs at n times from number `first` on. Returns 0 if a lane is not finite; its sample then fails. */
 PRIVATE int store_outputs(Block *b, Study *s, long first, long n) {
-  /* A number times 0 is NaN if it is not finite, and else 0. One sum thus tests all outputs without a branch, and the search
-     for the sample is made only if the test fails. There are two sums because each addition waits for the previous one. */
+  /* A number times 0 is NaN if the number is not finite, otherwise 0. So one sum tests all outputs without a branch. The sample
+     is searched only if the test fails. There are two sums, because each addition waits for the previous addition. */
   V even = zero(), odd = zero();
   EACH_PART(b) {
     long i = n * N_Y % 2;
@@ -201,8 +203,8 @@ PRIVATE int store_outputs(Block *b, Study *s, long first, long n) {
         fail_sample(b, s, l, s->times[first + i / SIZE(N_Y)], OUTPUT);
         break;
       }
-  /* Values are stored in spite of a failure: a failed sample has its values up to that time, and the others are overwritten
-     when the block runs again. Extremes of a block count only when it has run to its end, see ensemble.h. */
+  /* Values are stored even after a failure. A failed sample keeps its values up to that time. The values of other samples are
+     overwritten when the block runs again. Extremes of a block are used only after a complete run, see ensemble.h. */
   for (long l = 0; l < b->live && s->Y; ++l) {
     double *to = s->Y + (b->sample[l] * s->n_t + first) * N_Y;
     for (long i = 0; i < n * N_Y; ++i) to[i] = b->part[l / W].y[i][l % W];

@@ -1,11 +1,11 @@
-/* Extremes of tensor polynomials of up to three parameters: the best of a dense grid of samples, in single precision,
-   then Newton's steps. One lane for each polynomial.
+/* Extremes of tensor polynomials of up to three parameters: the best sample of a dense grid, in single precision, then Newton's
+   steps. There is one lane for each polynomial.
 
-   A response has one polynomial for each output and time, thousands in all, with the same degrees. Branch and bound takes
-   other boxes for each of them and cannot run in lanes. A grid is the same for all of them, and its samples are sums over one
-   parameter after the other, so that a sample takes about as many products as the degree of one parameter. Ehlich and Zeller
-   (1964) prove how far a polynomial may go beyond samples at the extremes of a Chebyshev polynomial of a multiple of its
-   degree. */
+   A response has one polynomial for each output and time, thousands in all, with the same degrees. Branch and bound uses
+   different boxes for each polynomial, so it cannot run in lanes. A grid is the same for all polynomials. Its samples are sums
+   over one parameter after another, so a sample takes about as many products as the degree of one parameter. Ehlich and Zeller
+   (1964) prove a bound for the range of a polynomial beyond samples at the extremes of a Chebyshev polynomial with a multiple
+   of its degree. */
 #ifndef DENSE_SEARCH_H
 #define DENSE_SEARCH_H
 
@@ -16,26 +16,26 @@
 #define HIGHEST_DEGREE 64
 #define ORDERS (HIGHEST_DEGREE + 1)
 #define DIRECTIONS 3 /* largest number of parameters: the size of the grid grows with its power */
-#define PIECES 4     /* of the last parameter of a wavy polynomial. Newton's method starts in each of them */
+#define PIECES 4     /* of the last parameter of a polynomial with many waves. Newton's method starts in each piece */
 enum { STEPS = 15 };
 #define TINY 1e-300
-#define ENOUGH 1e-7 /* gain of a step, over the range, below which the search ends */
+#define ENOUGH 1e-7 /* the search ends when a step gains less than this fraction of the range */
 
 typedef struct {
   long n[DIRECTIONS], K[DIRECTIONS];     /* polynomials and samples along each parameter; 1 along missing ones */
   const double *x[DIRECTIONS];           /* (K) samples */
-  const double *values[DIRECTIONS];      /* (K, n) Legendre polynomials there */
+  const double *values[DIRECTIONS];      /* (K, n) Legendre polynomials at the samples */
   const float *single[DIRECTIONS];       /* the same in single precision */
-  const double *factors;                 /* (ORDERS, 2) of their recurrence */
+  const double *factors;                 /* (ORDERS, 2) factors of their recurrence */
   const int *rows;                       /* (n0 n1 n2) of the coefficients, the last parameter's degrees fastest */
-  long pieces;                           /* of the last parameter: Newton's steps start from the best sample of each */
-  double reach;                          /* fraction of the range by which extremes may go beyond the samples near them */
+  long pieces;                           /* of the last parameter. Newton's steps start from the best sample of each piece */
+  double reach;                          /* largest distance of an extreme from the samples near it, over the range */
 } Grid;
 
 /* Legendre polynomials at x, and their first two derivatives. */
 static void legendre(const Grid *g, V x, long n, V f[3][ORDERS]) {
-  /* P'_(j+1) = P'_(j-1) + (2 j + 1) P_j holds at the ends as well, where most extremes lie. The formula with P_j and P_(j-1)
-     alone divides by 1 - x^2, which is 0 there. */
+  /* P'_(j+1) = P'_(j-1) + (2 j + 1) P_j is also valid at the ends, where most extremes are. The formula with only P_j and
+     P_(j-1) divides by 1 - x^2, which is 0 there. */
   f[0][0] = each(1.0);
   f[1][0] = f[2][0] = zero();
   if (n > 1) f[0][1] = x, f[1][1] = each(1.0), f[2][1] = zero();
@@ -53,8 +53,8 @@ typedef struct {
 
 /* The polynomials at points x, times the sign. */
 static Local local(const Grid *g, const V *c, const V *x, double sign) {
-  /* Sums over one parameter inside of the next: coefficients are read once, and each needs three products instead of the ten of
-     a value with all its first and second derivatives. */
+  /* Sums over one parameter are nested in sums over the next parameter. So coefficients are read once, and each coefficient
+     needs three products instead of the ten products of a value with all its first and second derivatives. */
   V f[DIRECTIONS][3][ORDERS];
   Local l = {0};
   for (int k = 0; k < DIRECTIONS; ++k) legendre(g, x[k], g->n[k], f[k]);
@@ -75,10 +75,10 @@ static Local local(const Grid *g, const V *c, const V *x, double sign) {
   return l;
 }
 
-/* A direction of descent along the parameters that are free: Newton's, if the Hessian is positive definite. */
+/* A direction of descent for the free parameters. It is Newton's direction if the Hessian is positive definite. */
 static void direction(const Grid *g, const Local *l, const V *x, V *p) {
-  /* A parameter at an end, with a slope that leads out of the box, is fixed. Its row and column leave the Hessian: a Newton
-     step of all parameters that is cut off at the end would not lead down. */
+  /* A parameter at an end is fixed if its slope points out of the box. Its row and column are removed from the Hessian. A
+     Newton step of all parameters that is cut off at the end might not descend. */
   V h[6], z[DIRECTIONS], free[DIRECTIONS];
   memcpy(h, l->h, sizeof h);
   for (int k = 0; k < DIRECTIONS; ++k) {
@@ -87,9 +87,9 @@ static void direction(const Grid *g, const Local *l, const V *x, V *p) {
     z[k] = -free[k] * l->g[k];
   }
   h[1] *= free[0] * free[1], h[3] *= free[0] * free[2], h[4] *= free[1] * free[2];
-  /* The factorization L D L^T with magnitudes of D instead of D. If all pivots are positive, it is exact and gives Newton's
-     step. If not, it still gives a direction of descent, away from saddles and maxima. TINY keeps missing parameters from
-     0 / 0. */
+  /* The factorization L D L^T with absolute values of D instead of D. If all pivots are positive, it is exact and gives
+     Newton's step. Otherwise it still gives a direction of descent, away from saddle points and maxima. TINY prevents 0 / 0 for
+     missing parameters. */
   const V d0 = v_fabs(h[0]) + TINY, l1 = h[1] / d0, l3 = h[3] / d0;
   const V d1 = v_fabs(h[2] - l1 * h[1]) + TINY, mixed = h[4] - l3 * h[1], l4 = mixed / d1;
   const V d2 = v_fabs(h[5] - l3 * h[3] - l4 * mixed) + TINY;
@@ -100,11 +100,11 @@ static void direction(const Grid *g, const Local *l, const V *x, V *p) {
   p[0] = free[0] * (z[0] / d0 - l1 * p[1] - l3 * p[2]);
 }
 
-/* From the best sample x to the extreme near it, until steps gain less than enough; sign is 1 for minima, -1 for maxima. */
+/* From the best sample x to the extreme near it, until steps gain less than enough. sign is 1 for minima and -1 for maxima. */
 static V polish(const Grid *g, const V *c, V *x, V enough, double sign) {
-  /* A trust region: the extreme belongs to the best sample, so that a step leads over one sample at first. It may double after
-     a gain, and is quartered after a failure. Steps are compared with the distance of samples near x, which lie closer
-     together at the ends, as x = cos(theta). */
+  /* A trust region. The extreme is near the best sample, so the first step covers at most the distance of one sample. The limit
+     may double after a gain, and is divided by four after a failure. Steps are compared with the distance of samples near x.
+     Samples are closer together at the ends, because x = cos(theta). */
   Local here = local(g, c, x, sign);
   V reach = each(1.0); /* longest step, in distances between samples */
   for (int step = 0; step < STEPS; ++step) {
@@ -120,7 +120,7 @@ static V polish(const Grid *g, const V *c, V *x, V enough, double sign) {
       to[k] = v_larger(v_smaller(x[k] + part * p[k], each(1.0)), each(-1.0));
       gain -= here.g[k] * (to[k] - x[k]);
     }
-    if (none((M)(gain > enough))) break; /* lanes that are done go along: their steps are better or are not taken */
+    if (none((M)(gain > enough))) break; /* other lanes continue: their steps are better or are not used */
     const Local there = local(g, c, to, sign);
     const M better = (M)(there.y < here.y);
     reach *= choose(better, 2.0, 0.25);
@@ -131,8 +131,8 @@ static V polish(const Grid *g, const V *c, V *x, V enough, double sign) {
   return here.y;
 }
 
-/* Twice as many polynomials in single precision. Its seven digits are enough to choose the best samples: samples that differ
-   by rounding are equally good starts of Newton's method, which works in double precision. */
+/* Twice as many polynomials in single precision. Its seven digits are enough to choose the best samples, because samples that
+   differ by rounding are equally good starts of Newton's method, which uses double precision. */
 typedef float F __attribute__((vector_size(8 * W), aligned(8 * W)));
 typedef int N __attribute__((vector_size(8 * W), aligned(8 * W)));
 typedef float H __attribute__((vector_size(4 * W), aligned(4 * W)));
@@ -146,7 +146,7 @@ static inline F f_smaller(F a, F b) { return f_blend((N)(a < b), a, b); }
 static inline F f_larger(F a, F b) { return f_blend((N)(a > b), a, b); }
 #endif
 
-/* The least and largest samples of a row; and of all rows, with the numbers of their rows. */
+/* The smallest and largest samples of a row, and of all rows with the numbers of their rows. */
 typedef struct {
   F low, high;
 } Span;
@@ -161,8 +161,8 @@ static inline void meet(Span *span, F low, F high) {
 }
 
 static inline void meet_row(Best *b, Span y, int number) {
-  /* Only rows are remembered. The place within a row is found again by place(), once for a polynomial: to carry it along would
-     cost a blend for each sample. */
+  /* Only rows are stored. place() finds the sample within a row again, once for each polynomial. Storing it here would cost a
+     blend for each sample. */
   const N low = (N)(y.low < b->y.low), high = (N)(y.high > b->y.high);
   b->lowest = (low & number) | (~low & b->lowest);
   b->highest = (high & number) | (~high & b->highest);
@@ -171,11 +171,11 @@ static inline void meet_row(Best *b, Span y, int number) {
 }
 
 /* Extremes y of samples of two rows `up` and `down`, in a piece (y[0], y[2]) and in its mirror image (y[1], y[3]). Samples are
-   symmetric about 0, and Legendre polynomials are even or odd. The values at x and -x are therefore the sum and the
-   difference of the sums over even and odd degrees, for the work of one of them. */
+   symmetric about 0, and Legendre polynomials are even or odd. The values at x and -x are therefore the sum and the difference
+   of the sums over even and odd degrees. Both values together need no more products than one value. */
 static void samples(const float *v, long n, long from, long to, const F *up, const F *down, Span y[4]) {
   Span near = y[0], far = y[1], near_down = y[2], far_down = y[3];
-  for (long r = from; r < to; r += 2) { /* two at a time, since their number is even: sums do not wait for each other */
+  for (long r = from; r < to; r += 2) { /* two at a time, because their number is even. These sums are independent */
     const float *f = v + r * n, *g = f + n;
     F a = f[0] * up[0], b = g[0] * up[0], c = f[0] * down[0], d = g[0] * down[0];
     for (long e = 2; e < n; e += 2) a += f[e] * up[e], b += g[e] * up[e], c += f[e] * down[e], d += g[e] * down[e];
@@ -192,8 +192,8 @@ static void samples(const float *v, long n, long from, long to, const F *up, con
 
 /* The rows, p K1 + q, of the best samples in each piece of the last parameter. */
 static void scan(const Grid *g, const F *c, F *plane, F *up, Best best[PIECES]) {
-  /* Valleys of a wavy polynomial may differ by less than samples can see. Newton's method therefore starts in each piece of the
-     parameter with the highest degree, which is the last one. */
+  /* Minima of a polynomial with many waves may differ by less than the errors of samples. Therefore Newton's method starts in
+     each piece of the parameter with the highest degree, which is the last parameter. */
   const long n1 = g->n[1], n = g->n[2], n12 = n1 * n, K1 = g->K[1], half = g->K[2] / 2, parts = (g->pieces + 1) / 2;
   const F none = {0};
   const Span empty = {none + INFINITY, none - INFINITY};
@@ -204,7 +204,7 @@ static void scan(const Grid *g, const F *c, F *plane, F *up, Best best[PIECES]) 
       plane[j] = none;
       for (long a = 0; a < g->n[0]; ++a) plane[j] += g->single[0][p * g->n[0] + a] * c[a * n12 + j];
     }
-    for (long q = 0; q <= K1 / 2; ++q) { /* half of the rows: the others are their mirror images, `down` */
+    for (long q = 0; q <= K1 / 2; ++q) { /* half of the rows. The other rows are their mirror images, `down` */
       const float *f = g->single[1] + q * n1;
       F middle[2] = {none, none};
       for (long j = 0; j < n; ++j) {
@@ -232,8 +232,8 @@ static void scan(const Grid *g, const F *c, F *plane, F *up, Best best[PIECES]) 
   }
 }
 
-/* The best sample x of a piece, in the row of each lane; sign is 1 for minima, -1 for maxima. The bounds of a piece must be
-   those of scan(), whose pieces are mirrored. */
+/* The best sample x of a piece, in the row of each lane. sign is 1 for minima and -1 for maxima. The bounds of a piece must be
+   equal to the bounds in scan(), which has mirrored pieces. */
 static void place(const Grid *g, const V *c, const int *rows, long piece, double sign, V *row, V *x) {
   const long n = g->n[2], half = g->K[2] / 2, parts = (g->pieces + 1) / 2, mirror = g->pieces - 1 - piece;
   long from = half * piece / parts, to = piece == parts - 1 ? half + 1 : half * (piece + 1) / parts;
@@ -261,8 +261,9 @@ static void place(const Grid *g, const V *c, const int *rows, long piece, double
   }
 }
 
-/* Coefficients (n, MANY) in single precision, divided by the sum of their magnitudes, `size`. They can neither overflow nor
-   vanish then. The constant is left out: it moves no extreme, and a large one would take the digits of all others. */
+/* Coefficients (n, MANY) in single precision, divided by the sum of their absolute values, `size`. So they cannot overflow or
+   vanish. The constant is left out, because it does not move extremes, and a large constant would reduce the digits of all
+   values. */
 static void to_single(const V *c, long n, H *single, V *size) {
   V sum = zero();
   for (long j = 1; j < n; ++j) sum += v_fabs(c[j]);
@@ -271,9 +272,9 @@ static void to_single(const V *c, long n, H *single, V *size) {
   *size = sum;
 }
 
-/* Lanes in which a polynomial is certainly monotone along each parameter, and the corner x of its minimum then. As |P_j'| is at
-   most j (j + 1) / 2, a linear term that exceeds the others in this measure decides the sign of the slope. Most responses
-   to small tolerances are of this kind, and need no grid. */
+/* Lanes in which a polynomial is certainly monotone along each parameter, and then the corner x of its minimum. |P_j'| is at
+   most j (j + 1) / 2. So a linear term that is larger than the sum of the others in this measure determines the sign of the
+   slope. Most responses to small tolerances are of this kind, and need no grid. */
 static M monotone(const Grid *g, const V *c, V *x) {
   const V *linear[] = {c + g->n[1] * g->n[2], c + g->n[2], c + 1};
   V steepest[DIRECTIONS] = {{0}};
@@ -290,13 +291,13 @@ static M monotone(const Grid *g, const V *c, V *x) {
     x[k] = zero();
     if (g->n[k] == 1) continue;
     x[k] = choose(*linear[k] > 0.0, -1.0, 1.0);
-    is_monotone &= (M)(2.0 * v_fabs(*linear[k]) >= steepest[k]); /* steepest contains the linear term as well */
+    is_monotone &= (M)(2.0 * v_fabs(*linear[k]) >= steepest[k]); /* steepest also contains the linear term */
   }
   return is_monotone;
 }
 
-/* C (n0 n1 n2, m) -> values (2, m) and points (2, 3, m) of minima and maxima. `next` counts the polynomials that
-   threads have taken. Returns 0 if there is not enough memory. */
+/* C (n0 n1 n2, m) -> values (2, m) and points (2, 3, m) of minima and maxima. `next` counts the polynomials that threads have
+   taken. Returns 0 if there is not enough memory. */
 int dense(const Grid *g, long *next, long m, const double *C, double *values, double *points);
 int dense(const Grid *g, long *next, long m, const double *C, double *values, double *points) {
   const long n = g->n[0] * g->n[1] * g->n[2], n12 = g->n[1] * g->n[2];
@@ -338,7 +339,7 @@ int dense(const Grid *g, long *next, long m, const double *C, double *values, do
             const N *rows = side ? &best[s].highest : &best[s].lowest, is_far = (N)(gap > (float)g->reach * range);
             V tolerance = enough;
             for (int l = 0; l < W; ++l)
-              if (is_far[h * W + l]) tolerance[l] = INFINITY; /* no steps: the extreme must lie in another piece */
+              if (is_far[h * W + l]) tolerance[l] = INFINITY; /* no steps, because the extreme must be in another piece */
             place(g, c + h * n, (const int *)rows + h * W, s, sign, row, x);
             const V y = polish(g, c + h * n, x, tolerance, sign);
             const M better = (M)(y < least);

@@ -1,21 +1,23 @@
-/* An ensemble of n samples: threads take one block after another and store the values of all samples, or running extremes. */
+/* An ensemble of n samples. Each thread takes one block after another, and stores the values of all samples or their
+   extremes. */
 #ifndef ENSEMBLE_H
 #define ENSEMBLE_H
 
 #include "begin.h"
 
-/* Samples of a block that run out of steps alone too, before the others are taken to do so as well. */
+/* Maximum number of samples of a block that also need too many steps alone. After these, the other samples fail without another
+   run. */
 #define MOST_LOST 3
 
-/* Runs the samples that begin() starts, again without those that fail, until the others reach the end. Their extremes extend
-   those in lower and upper, of n numbers. */
+/* Runs the samples that begin() starts. The run is repeated without failed samples, until the other samples reach the end.
+   Their extremes extend the extremes in lower and upper, of n numbers. */
 static void run_samples(Block *b, Study *s, double *restrict lower, double *restrict upper, long n) {
   int started;
   b->steps = b->iterations = b->most = 0;
   while ((started = begin(b, s)) && !run(b, s)) {}
   __atomic_fetch_add(&s->steps, b->steps, __ATOMIC_RELAXED);
   __atomic_fetch_add(&s->iterations, b->iterations, __ATOMIC_RELAXED);
-  /* An atomic maximum, which C does not have: a failed exchange reads the maximum of another thread. */
+  /* An atomic maximum, which C does not have. A failed exchange reads the maximum of another thread. */
   for (long most = s->most; b->most > most &&
        !__atomic_compare_exchange_n(&s->most, &most, b->most, 0, __ATOMIC_RELAXED, __ATOMIC_RELAXED);) {}
   for (long i = 0; started && i < n; ++i) {
@@ -24,7 +26,7 @@ static void run_samples(Block *b, Study *s, double *restrict lower, double *rest
   }
 }
 
-/* The sample that runs alone next: of those that need to, the one that needs the fewest steps. -1 if none is left. */
+/* The next sample that runs alone: of all samples that must run alone, it needs the fewest steps. -1 if there is none. */
 static int least_suspicious(const Block *b) {
   int least = -1;
   for (int l = 0; l < WIDTH; ++l)
@@ -32,8 +34,8 @@ static int least_suspicious(const Block *b) {
   return least;
 }
 
-/* The work of one thread: it runs blocks until none is left. Values go to s->Y, or extremes to lower and upper (n_t, N_Y),
-   which also contain those of earlier blocks. Returns 0 if there is not enough memory. */
+/* The work of one thread: it runs blocks until all blocks are taken. It writes values to s->Y, or extremes to lower and upper
+   (n_t, N_Y), which also contain the extremes of earlier blocks. Returns 0 if there is not enough memory. */
 int work(Study *s, double *restrict lower, double *restrict upper);
 int work(Study *s, double *restrict lower, double *restrict upper) {
   const long n = s->Y ? 0 : s->n_t * N_Y;
@@ -46,9 +48,9 @@ int work(Study *s, double *restrict lower, double *restrict upper) {
     b->alone = 0;
     memset(b->suspicion, 0, sizeof b->suspicion);
     run_samples(b, s, lower, upper, n);
-    /* Steps that run out or become too short may be the fault of a neighbour, so that samples fail only if they fail alone too.
-       A run alone that runs out of steps is expensive. Therefore samples that need the fewest steps run first, and behind
-       MOST_LOST such runs, the other samples, which need more steps, are taken to fail alone too. */
+    /* Another sample of the block may cause too many or too short steps. Therefore samples fail only if they also fail alone. A
+       run alone with too many steps is expensive. Therefore samples that need the fewest steps run first. After MOST_LOST runs
+       with too many steps, the other samples, which need more steps, fail without a run. */
     for (int lost = 0, l; lost < MOST_LOST && (l = least_suspicious(b)) >= 0;) {
       const long i = b->number * WIDTH + l;
       b->suspicion[l] = 0.0;

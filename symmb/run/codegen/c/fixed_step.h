@@ -1,6 +1,6 @@
-/* Fixed steps of an explicit Runge-Kutta method: every interval between two output times is cut into equal steps.
+/* Fixed steps of an explicit Runge-Kutta method. Every interval between two output times is divided into equal steps.
 
-   The generated tableau gives stages(b), for x_new. */
+   The generated tableau defines stages(b), which computes x_new. */
 #ifndef FIXED_STEP_H
 #define FIXED_STEP_H
 

@@ -1,4 +1,4 @@
-/* The functions of FMI 3.0 for co-simulation and, where states have rates, model exchange. */
+/* The functions of FMI 3.0 for co-simulation and, if states have rates, for model exchange. */
 #ifndef FMI3_H
 #define FMI3_H
 

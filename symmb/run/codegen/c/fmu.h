@@ -1,6 +1,6 @@
-/* What FMI 2 and FMI 3 have in common: an instance of an FMU, over the run of scene.h.
+/* The common part of FMI 2 and FMI 3: an instance of an FMU, which uses the run of scene.h.
 
-   Value references: 0 is the time. Behind it stand parameters and inputs, outputs, states, their rates and switches. */
+   Value references: 0 is the time. Then follow parameters and inputs, outputs, states, their rates and switches. */
 #ifndef FMU_H
 #define FMU_H
 
@@ -11,9 +11,9 @@
 
 #include "scene.h"
 
-/* Functions of FMI must have all parameters of the standard, used or not. */
+/* Functions of FMI must have all parameters of the standard, also unused ones. */
 #pragma GCC diagnostic ignored "-Wunused-parameter"
-#define PRIVATE static __attribute__((unused)) /* a function that one of the versions may do without */
+#define PRIVATE static __attribute__((unused)) /* a function that one of the versions may not use */
 #define EXPORT __attribute__((visibility("default")))
 
 #define NO_INSTANCE "the token does not match, the FMU has no model exchange, or there is not enough memory"
@@ -28,11 +28,11 @@ enum { N_VALUES = SWITCHES + SCENE_N_SWITCHES };
 typedef struct Instance {
   Scene *scene;
   Phase phase;
-  int exchange, changed; /* whether others integrate; whether parameters have changed since they were last used */
+  int exchange, changed; /* whether the importing program integrates; whether parameters have changed since their last use */
   double t, end, tolerance;
   int logs;
   void (*log)(struct Instance *, Status, const char *text);
-  void *environment, *callback; /* of the program that logs */
+  void *environment, *callback; /* for log messages */
   char name[100];
 } Instance;
 
@@ -47,7 +47,7 @@ PRIVATE Status fault(Instance *i, const char *call, const char *text) {
   return FMI_ERROR;
 }
 
-/* Whether a call may come now. */
+/* Whether a call is allowed in the present phase. */
 PRIVATE Status allow(Instance *i, const char *call, int phases) {
   return i && i->phase & phases ? FMI_OK : fault(i, call, "this function is not allowed in this state");
 }
@@ -62,7 +62,7 @@ PRIVATE Status go(Instance *i, const char *call, int from, Phase to) {
 /* Reports a function that the FMU does not support. */
 PRIVATE Status refuse(Instance *i, const char *call) { return fault(i, call, "this FMU does not support this function"); }
 
-/* Reports the fault by which the run has ended. */
+/* Reports the fault that has ended the run. */
 PRIVATE Status fail(Instance *i, const char *call) {
   char text[300];
   snprintf(text, sizeof text, "t = %g s: %s", i->t, scene_fault(i->scene));
@@ -98,7 +98,7 @@ PRIVATE Instance *instance_of(const char *token, int exchange) {
   return i;
 }
 
-/* Sets the times of a run. It begins at the first time of the scene, because consistent starts are computed there. */
+/* Sets the times of a run. A run begins at the first time of the scene, because consistent starts are computed there. */
 PRIVATE Status set_up(Instance *i, const char *call, int has_tolerance, double tolerance, double begin, int has_end, double end) {
   if (allow(i, call, IDLE) != FMI_OK) return FMI_ERROR;
   if (begin != scene_times[0]) return fault(i, call, "the start time must be that of the default experiment");
@@ -114,7 +114,7 @@ PRIVATE Status enter(Instance *i, const char *call) {
   return FMI_OK;
 }
 
-/* Passes on the parameters and inputs that were set to the run. */
+/* Passes new values of parameters and inputs to the run. */
 PRIVATE Status update(Instance *i, const char *call) {
   if (i->phase == FAILED) return fault(i, call, "the run has failed");
   if (!i->changed || i->phase == IDLE) return FMI_OK;
@@ -205,7 +205,7 @@ PRIVATE Status set_states(Instance *i, const char *call, const double *x, size_t
   return FMI_OK;
 }
 
-/* Values from one reference to the one before another. */
+/* Values of the references from `first` up to, but not including, `end`. */
 PRIVATE Status get_part(Instance *i, const char *call, unsigned first, unsigned end, size_t n, double *values) {
   unsigned references[N_VALUES];
   if (allow(i, call, ANY) != FMI_OK) return FMI_ERROR;

@@ -1,37 +1,38 @@
 /* Impacts, and contacts that close and open. Velocities jump by B P, where P are impulses along the gaps of contacts.
 
-   Events are located one by one (Acary and Brogliato 2008, chapter 8), which needs three decisions that no equation of
-   motion makes. Of several impacts at one instant, in_turn decides the order. Of several slow contacts, close_contacts decides
-   which stay closed: the complementarity of gaps and forces. And a sequence of impacts whose intervals shrink to nothing (Zeno)
-   must end in a closed contact: rates below `rest`, at which a gap would rise by no more than its rounding, count as 0.
+   Events are located one by one (Acary and Brogliato 2008, chapter 8). This needs three decisions that do not follow from
+   equations of motion. For several impacts at one instant, in_turn chooses the order. For several slow contacts, close_contacts
+   chooses the contacts that stay closed, by the complementarity of gaps and forces. A sequence of impacts with intervals that
+   decrease to 0 (Zeno) must end in a closed contact. Therefore rates below `rest` count as 0. At such rates, a gap would rise
+   by at most its rounding.
 
-   A joint that opens or closes has a state, flag_state, that is 1 while the joint's rows are among the others; other_state
-   are such states of other events of the same joint. It changes at the instant at which the margin of a condition falls
-   below 0. holding_state is 1 from then on, until the margin rises above 0. When rows enter, velocities jump, and place_state
-   stores where the joint closes.
+   A joint that opens or closes has a state, flag_state, which is 1 while its rows are active; other_state are the same states
+   of other events of this joint. The state changes at the instant at which the margin of a condition falls below 0.
+   holding_state is 1 from this instant on, until the margin rises above 0. When rows become active, velocities jump, and
+   place_state stores the position at which the joint closes.
 
-   A block is one sample here, because the velocities of each sample jump at times of its own. The model gives
-   gaps(x, c, t, out), with their rates and the sizes of the coordinates in them behind them; forces(x, c, t, out): forces in
-   closed contacts, accelerations of gaps, sizes of the terms of these and effective inertias; impulses(x, c, t, out):
-   W (N_I, N_V) and B (N_V, N_I) by columns, rates of gaps at rest and restitutions; held(x, c, t, out), the state moved into
-   its closed contacts; margins(x, c, t, out), with their rates behind them; places(x, c, t, out), the values of place_state
-   that events set; and jump(x, c, t, out): velocities after the jump, impulses of the N_ROWS rows and their work.
-   contact_state lists the states that are 1 for closed contacts. LENGTH and ENERGY are sizes of the motion, displacement those
-   of displacements (N_V). */
+   A block is one sample here, because the velocities of each sample jump at different times. The model defines these functions.
+   gaps(x, c, t, out): gaps, their rates, and the sizes of the coordinates in them. forces(x, c, t, out): forces in closed
+   contacts, accelerations of gaps, sizes of the terms of both, and effective inertias. impulses(x, c, t, out): W (N_I, N_V) and
+   B (N_V, N_I) by columns, rates of gaps at rest, and restitutions. held(x, c, t, out): the state, projected onto its closed
+   contacts. margins(x, c, t, out): margins and their rates. places(x, c, t, out): the values of place_state that events set.
+   jump(x, c, t, out): velocities after the jump, impulses of the N_ROWS rows, and their work. contact_state lists the states
+   that are 1 for closed contacts. LENGTH and ENERGY are sizes of the motion, and `displacement` (N_V) are sizes of
+   displacements. */
 #ifndef IMPACTS_H
 #define IMPACTS_H
 
 #include "switches.h"
 
-enum { IMPACT, CLOSES, OPENS, BLAMED }; /* what events are; contacts are blamed for a failure */
+enum { IMPACT, CLOSES, OPENS, BLAMED }; /* kinds of events; BLAMED contacts cause a failure */
 
 #if N_G > 0
-#define MOST_IMPACTS (1 + 1000 * N_I * N_I) /* at one instant: those of a row that lose all energy die away in 100 N_I^2 */
-#define MOST_NOTED 50       /* impacts at one instant that are noted one by one: more are one event of each contact */
+#define MOST_IMPACTS (1 + 1000 * N_I * N_I) /* at one instant: a row of bodies without restitution needs 100 N_I^2 */
+#define MOST_NOTED 50       /* impacts at one instant recorded one by one. More impacts are one event of each contact */
 #define SAME_JUMP 1e-6    /* difference of jumps of velocity, over their size, above which the order of impacts matters */
-#define CROWD_SPAN 1e-12  /* fraction of the run's time: more than CROWD events within it are an endless sequence */
+#define CROWD_SPAN 1e-12  /* fraction of the run's time. More than CROWD events in it are an endless sequence */
 #define CROWD 1000
-#define MOST_EVENTS 50000   /* of a run: more mean a motion that bounces faster and faster */
+#define MOST_EVENTS 50000   /* of a run. With more events, a motion bounces faster and faster */
 #define CONTACT_STEP 1e-13  /* fraction of the run's time: shorter steps after an event are lost in rounding */
 #define MOST_IMPULSES 6     /* rows of a joint */
 #define ROUNDS 3            /* of joints and impacts at one instant */
@@ -39,13 +40,13 @@ enum { IMPACT, CLOSES, OPENS, BLAMED }; /* what events are; contacts are blamed 
 
 /* Contacts at one instant. */
 typedef struct {
-  double rate[SIZE(N_I)], rest[SIZE(N_I)]; /* rates of gaps, and the largest rates that count as rest */
+  double rate[SIZE(N_I)], rest[SIZE(N_I)]; /* rates of gaps, and largest rates at rest */
   double D[SIZE(N_I)][SIZE(N_I)], impulse[SIZE(N_I)], work[SIZE(N_I)]; /* D = W B: rates of gaps by impulses (Delassus) */
   int touching[SIZE(N_I)], movable[SIZE(N_I)];
 } Instant;
 
-/* Notes event `what` of contact or joint k, with its n impulses L. Events without room are counted, so that the run can be made
-   again with enough room. */
+/* Records event `what` of contact or joint k, with its n impulses L. If there is no space, events are only counted. The run is
+   then repeated with enough space. */
 PRIVATE void note_event(
     const Block *b, Study *s, int what, int k, double from, double to, double work, int ordered, const V *L, int n) {
   const long i = __atomic_fetch_add(&s->n_events, 1, __ATOMIC_RELAXED);
@@ -54,7 +55,7 @@ PRIVATE void note_event(
   if (i < s->most_events) memcpy(s->events + EVENT * i, event, sizeof event);
 }
 
-/* The sample fails, and the marked contacts are noted as the reason. Returns 0. */
+/* The sample fails, and the marked contacts are recorded as the reason. Returns 0. */
 PRIVATE int blame(Block *b, Study *s, const int *marked, char why) {
   for (int k = 0; k < N_I; ++k)
     if (marked[k]) note_event(b, s, BLAMED, k, 0.0, 0.0, 0.0, 0, NULL, 0);
@@ -67,17 +68,19 @@ PRIVATE int hits(const Instant *c, int k) { return c->touching[k] && c->rate[k] 
 /* Orders of impacts at one instant. */
 enum { FIRST_TO_LAST, LAST_TO_FIRST, STRONGEST };
 
-/* Impacts in rounds, until no touching contact closes. All contacts that close at the begin of a round are struck one after
-   the other, from the first to the last or from the last to the first; or only the contact with the most energy is struck.
-   The impacts are noted if a study is given. Returns one more than their number, or 0 if they do not end.
+/* Impacts in rounds, until no touching contact closes. A round has one impact for each contact that closes at its start: from
+   the first contact to the last, or from the last to the first. With STRONGEST, a round has an impact only for the contact with
+   the most energy. Impacts are recorded if a study is given. Returns the number of impacts plus 1, or 0 if the impacts do not
+   end.
 
-   Newton's law of one impact is applied in turn, not to all contacts at once: at once, a ball that hits a row of equal balls
-   would move all of them, while a wave runs through real rows and moves the last one only. */
+   Newton's law is applied to one impact after another, not to all contacts at once. At once, a ball that hits a row of equal
+   balls would move all of them. In a real row, a wave runs through the row, and only the last ball moves. */
 PRIVATE int in_turn(Instant *c, const Block *b, int order, Study *s, int ordered) {
   int number = 0, before = -1;
   memset(c->impulse, 0, sizeof c->impulse);
   memset(c->work, 0, sizeof c->work);
-  /* Impulses of a round change the rates of other gaps. Contacts that begin to close by them are struck in the next round. */
+  /* Impulses of a round change the rates of other gaps. Contacts that begin to close because of this have their impacts in the
+     next round. */
   while (number > before && number < MOST_IMPACTS) {
     int closing[SIZE(N_I)];
     double energy[SIZE(N_I)], most = 0.0;
@@ -90,15 +93,15 @@ PRIVATE int in_turn(Instant *c, const Block *b, int order, Study *s, int ordered
     for (int k = 0; k < N_I; ++k) closing[k] = closing[k] && (order != STRONGEST || energy[k] == most);
     for (int n = 0; n < N_I; ++n) {
       const int k = order == LAST_TO_FIRST ? N_I - 1 - n : n;
-      if (!closing[k] || !hits(c, k)) continue; /* an impulse of this round may have opened it already */
+      if (!closing[k] || !hits(c, k)) continue; /* an impulse of this round may have opened contact k */
       const double from = c->rate[k], to = -b->law[2 * N_I * N_V + N_I + k][0] * from;
       const double P = (to - from) / c->D[k][k];
-      /* An impulse does its work at the mean rate, less the rate of a surface that is moved by a law of time. */
+      /* The work of an impulse is the impulse times the mean rate, without the rate of a surface that a law of time moves. */
       const double work = P * ((from + to) / 2 - b->law[2 * N_I * N_V + k][0]);
       const V L = each(P);
       if (s) note_event(b, s, IMPACT, k, from, to, work, ordered, &L, 1);
       for (int i = 0; i < N_I; ++i) c->rate[i] += c->D[i][k] * P;
-      c->rate[k] = to; /* without the rounding of the sum: restitution 0 leaves exactly 0 */
+      c->rate[k] = to; /* not a sum, because restitution 0 must give exactly 0 */
       c->impulse[k] += P;
       c->work[k] += work;
       ++number;
@@ -114,8 +117,8 @@ PRIVATE double jump_of(const Block *b, int i, const double *P) {
   return jump;
 }
 
-/* Whether impacts in another order would change the velocities otherwise than in `all`. The laws of rigid bodies do not tell
-   the order. If the result depends on it, the events say so, and a warning can follow. */
+/* Whether impacts in another order would change the velocities differently from `all`. The laws of rigid bodies do not
+   determine the order. If the result depends on the order, the events record this, and there is a warning. */
 PRIVATE int order_matters(const Instant *c, const Instant *all, const Block *b) {
   double size = 0.0, change = 0.0;
   for (int order = LAST_TO_FIRST; order <= STRONGEST; ++order) {
@@ -133,8 +136,8 @@ PRIVATE int order_matters(const Instant *c, const Instant *all, const Block *b) 
 PRIVATE int apply_impulses(Instant *c, Block *b, Study *s) {
   Part *a = b->part;
   int immovable[SIZE(N_I)], any = 0;
-  /* An impulse cannot change a gap that the constraints determine. Its effective inertia 1 / D[k][k] is infinite but for
-     rounding: 1e12 times the largest inertia of the scene or more. */
+  /* An impulse cannot change a gap that the constraints determine. Its effective inertia 1 / D[k][k] is infinite except for
+     rounding, and is at least 1e12 times the largest inertia of the scene. */
   impulses(a->x, a->c, each(b->t), b->law);
   for (int k = 0; k < N_I; ++k) {
     double size = 0.0;
@@ -145,7 +148,8 @@ PRIVATE int apply_impulses(Instant *c, Block *b, Study *s) {
     for (int j = 0; j < N_V; ++j) size += pow(b->law[k + N_I * j][0] * displacement[j], 2.0);
     c->movable[k] = c->D[k][k] * ENERGY > SMALL * size;
   }
-  /* A trial without notes comes first: each event says whether the order matters, which is known behind all of them only. */
+  /* The first trial does not record events. Each event records whether the order matters, and this is known only after all
+     impacts. */
   Instant all = *c;
   const int number = in_turn(&all, b, FIRST_TO_LAST, NULL, 0), is_few = number <= MOST_NOTED;
   const int ordered = number > 2 && order_matters(c, &all, b);
@@ -162,16 +166,16 @@ PRIVATE int apply_impulses(Instant *c, Block *b, Study *s) {
   return 1;
 }
 
-/* Closes the slow contacts whose forces push. Returns 0 if they depend on each other. */
+/* Closes the slow contacts with forces that push. Returns 0 if these contacts depend on each other. */
 PRIVATE int close_contacts(Block *b, const int *slow, const int *released) {
   Part *a = b->part;
   int closed[SIZE(N_I)], any_closed = 0;
   for (int k = 0; k < N_I; ++k) closed[k] = slow[k] && !released[k];
-  /* A linear complementarity problem, solved by single changes of the set of closed contacts, as pivoting methods do: the force
-     in a contact depends on which others are closed. The strongest pull opens first, and a contact closes only when none
-     pulls, until all forces push and no open gap closes. Pulls are compared as accelerations over the size of their terms,
-     because contacts of a light and of a heavy body have forces of different sizes. A set that returns would go round for
-     ever, so that the number of changes is limited. */
+  /* A linear complementarity problem. It is solved by single changes of the set of closed contacts, as in pivoting methods,
+     because the force in a contact depends on the other closed contacts. The contact with the strongest pull opens first. A
+     contact closes only if no contact pulls. The changes end when all forces push and no open gap closes. Pulls are compared as
+     accelerations over the size of their terms, because contacts of light and heavy bodies have forces of different sizes. A
+     set may occur again without end, so the number of changes is limited. */
   for (int n = 0; n < 3 * N_I + 3; ++n) {
     double pull[SIZE(N_I)], most = 0.0;
     int changed = 0;
@@ -193,8 +197,8 @@ PRIVATE int close_contacts(Block *b, const int *slow, const int *released) {
   }
   for (int k = 0; k < N_I; ++k) any_closed |= is_closed(a, k);
   if (any_closed) {
-    /* A contact closes with a gap and a rate that are small, but not 0. Constraints on accelerations alone would keep the rate,
-       and the gap would drift as long as the contact stays closed. */
+    /* A contact closes with a gap and a rate that are small, but not 0. Constraints on accelerations alone would not change the
+       rate, and the gap would drift while the contact is closed. */
     held(a->x, a->c, each(b->t), a->x_new);
     memcpy(a->x, a->x_new, sizeof a->x);
   }
@@ -203,8 +207,8 @@ PRIVATE int close_contacts(Block *b, const int *slow, const int *released) {
 
 /* Whether events follow each other without end. */
 PRIVATE int is_endless(Block *b, double span) {
-  /* Two limits: a joint that closes and opens at once never leaves its instant, while a ball between two walls that approach
-     each other bounces faster and faster, each time a little later. */
+  /* There are two limits. A joint that closes and opens at once stays at one instant. A ball between two walls that approach
+     each other bounces faster and faster, and time advances a little with each impact. */
   const int moved = b->t - b->crowd_start > CROWD_SPAN * span;
   if (moved) b->crowd_start = b->t;
   b->n_crowd = moved ? 0 : b->n_crowd + 1;
@@ -214,7 +218,7 @@ PRIVATE int is_endless(Block *b, double span) {
 #if N_E > 0
 PRIVATE double flag(const Part *a, const int *states, int k) { return a->x[place[states[k]]][0]; }
 
-/* Whether event k would change its joint: it opens a closed one, or closes an open one. */
+/* Whether event k would change its joint: it opens a closed joint, or closes an open joint. */
 PRIVATE int is_armed(const Part *a, int k) {
   double closed = flag(a, flag_state, k);
   for (int i = 0; i < N_OTHERS; ++i) closed += other_owner[i] == k ? flag(a, other_state, i) : 0.0;
@@ -231,24 +235,26 @@ PRIVATE void move_joint(Block *b, int k) {
     if (place_owner[i] == k) a->x[place[place_state[i]]] = b->closing[i];
 }
 
-/* Whether the clutch of event k begins to slip before the clutch of event i: a clutch that is struck is first, then a clutch
-   that has just stuck, then the clutch with the larger excess of torque. */
+/* Whether the clutch of event k begins to slip before the clutch of event i. Clutches with an impact are first, then clutches
+   that have just stuck, then clutches in the order of their torques above the limit, the largest first. */
 PRIVATE int is_sooner(const Block *b, const int *fresh, int k, int i) {
   if (slips[k] != slips[i]) return slips[k] > slips[i];
   return fresh[k] > fresh[i] || (fresh[k] == fresh[i] && b->margin[k][0] < b->margin[i][0]);
 }
 
-/* Opens and closes joints whose conditions begin to hold: first the joint of event `passed`, and then joints whose conditions
-   hold by that. A condition that holds before its event is armed must first cease to hold. A condition on a reaction does not
-   hold while the joint is open and has none. Of several clutches one begins to slip at a time, because the others may hold
-   then. Clutches that stick before any impulse of this instant have a slip that is an error of the step only. It is projected
-   away: otherwise the clutches would stick again when they begin to slip the other way. Returns 0 if the sample fails. */
+/* Opens and closes joints with conditions that become true: first the joint of event `passed`, then joints with conditions that
+   become true because of this. A condition that is true before its event is armed must first become false. A condition on a
+   reaction is false while the joint is open, because there is no reaction. If several clutches can slip, only one begins to
+   slip at a time, because the others may then stick. Clutches that stick before any impulse of this instant have a slip that is
+   only an error of the step. This slip is removed by projection. Otherwise the clutches would stick again when they begin to
+   slip in the other direction. Returns 0 if the sample fails. */
 PRIVATE int move_joints(Block *b, Study *s, int passed, int is_first) {
   Part *a = b->part;
   const V t = each(between_stops(b, b->t));
-  int fresh[N_E]; /* clutches that have stuck at this instant */
+  int fresh[N_E]; /* clutches that began to stick at this instant */
   memset(fresh, 0, sizeof fresh);
-  /* What one joint does changes the margins of others at the same instant: all are evaluated again until none acts. */
+  /* A joint that opens or closes changes the margins of other joints at the same instant. All margins are evaluated again until
+     no joint changes. */
   for (int n = 0; n <= 4 * N_E; ++n, passed = -1, is_first = 0) {
     int acts[N_E], any = 0, closes = 0, sticks = 0, first = -1;
     double rate[N_E], work = 0.0;
@@ -257,8 +263,8 @@ PRIVATE int move_joints(Block *b, Study *s, int passed, int is_first) {
     for (int k = 0; k < N_E; ++k) {
       const double off = hysteresis[N_S - N_E + k], margin = b->margin[k][0];
       const int held = flag(a, holding_state, k) > 0.5, armed = is_armed(a, k);
-      /* The margin of the event that the search has found is 0 but for rounding, and its sign says nothing: this event changes
-         by being found. Others have their hysteresis, in which the rate decides. */
+      /* The margin of the event that the search has found is 0 except for rounding, so its sign has no meaning: this event
+         always takes place. Other events have a hysteresis, within which the rate decides. */
       const int falls = margin < -off || (armed && margin <= off && b->margin[N_E + k][0] < 0.0);
       const int holds = k == passed ? !held : held ? margin <= off && (armed || !opens[k] || !by_force[k]) : falls;
       a->x[place[holding_state[k]]] = each(holds);
@@ -270,7 +276,8 @@ PRIVATE int move_joints(Block *b, Study *s, int passed, int is_first) {
     }
     if (!any) return 1;
     for (int k = 0; k < N_E; ++k) {
-      /* A clutch that must wait loses its note too, so that it acts in a later round if its torque is still too large. */
+      /* The condition of a clutch that must wait is reset, so that the clutch slips in a later round if its torque is still too
+         large. */
       if (slips[k] && k != first) acts[k] = (a->x[place[holding_state[k]]] = zero(), 0);
       for (int i = 0; i < N_E && acts[k]; ++i) {
         const int stuck = slips[i] && !opens[k] && flag_state[i] == flag_state[k];
@@ -284,8 +291,8 @@ PRIVATE int move_joints(Block *b, Study *s, int passed, int is_first) {
       memcpy(a->x, a->x_new, sizeof a->x);
     }
     memset(b->jumped, 0, sizeof b->jumped);
-    /* Joints that close at one instant share one jump: in turn, each would destroy what the one before has achieved. Margins
-       are computed again for the rates behind the jump, which the events report. */
+    /* Joints that close at one instant have one common jump. One after another, each jump would violate the rows of the joint
+       before. Margins are computed again for the rates after the jump, because the events report these margins. */
     if (closes) {
       jump(a->x, a->c, t, b->jumped);
       for (int i = 0; i < N_V; ++i) a->x[place[N_Q + i]] = b->jumped[i];
@@ -298,7 +305,7 @@ PRIVATE int move_joints(Block *b, Study *s, int passed, int is_first) {
       const double after = b->margin[N_E + k][0];
       if (opens[k]) note_event(b, s, OPENS, N_I + k, rate[k], after, 0.0, 0, NULL, 0);
       else note_event(b, s, CLOSES, N_I + k, rate[k], after, work, 0, b->jumped + N_V + first_row[k], count_row[k]);
-      work = opens[k] ? work : 0.0; /* the work of the common jump is noted once, with the first joint */
+      work = opens[k] ? work : 0.0; /* the first joint records the work of the common jump */
     }
   }
   fail_sample(b, s, 0, b->t, ENDLESS);
@@ -312,20 +319,20 @@ PRIVATE int move_joints(Block *b, Study *s, int passed, int is_first) {
 #endif
 
 /* Continues after an event: contact number `contact` closes, or contact number contact - N_G opens, or the condition of a joint
-   changes; it is -1 if no event is known. Returns 0 if the sample fails. */
+   changes. `contact` is -1 if no event is known. Returns 0 if the sample fails. */
 PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
   Part *a = b->part;
   const double span = s->times[s->n_t - 1] - s->times[0];
   int before[SIZE(N_I)], slow[SIZE(N_I)], released[SIZE(N_I)], now[SIZE(N_I)];
   double flight = INFINITY, rounding[SIZE(N_I)];
   Instant c;
-  for (int n = 0, hit = 1; hit && n < ROUNDS; ++n) { /* impulses let clutches slip, which the next round finds */
+  for (int n = 0, hit = 1; hit && n < ROUNDS; ++n) { /* the next round finds clutches that slip because of impulses */
     double fastest = 0.0;
     if (!move_joints(b, s, n == 0 && contact < N_G ? contact - N_I : -1, n == 0)) return 0;
     gaps(a->x, a->c, each(b->t), b->gap);
     forces(a->x, a->c, each(b->t), b->force);
-    /* A contact takes part if it was closed, if its gap is within rounding of 0, or if the search found its pass: the time of
-       the pass is rounded, and within this rounding a fast gap may change by more than its own rounding. */
+    /* A contact is included if it was closed, if its gap is 0 except for rounding, or if the search found its pass. The time of
+       a pass is rounded. Within this rounding, a fast gap may change by more than its own rounding. */
     for (int k = 0; k < N_I; ++k) {
       const double slack = SMALL * b->force[2 * N_I + k][0] * b->force[3 * N_I + k][0];
       rounding[k] = ROUNDED * (LENGTH + b->gap[2 * N_I + k][0]);
@@ -335,9 +342,10 @@ PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
       c.rate[k] = b->gap[N_I + k][0];
       if (c.touching[k]) fastest = fmax(fastest, fabs(c.rate[k]));
     }
-    /* With the rate v and the acceleration a, a gap rises by v^2 / (2 a). A rate at which this is within rounding counts as
-       rest. Otherwise a ball that comes to rest would bounce for ever. So does a rate that changes the gap by less than its
-       rounding in the whole run. Otherwise a row without forces, whose impacts get slower and slower, would never rest. */
+    /* With the rate v and the acceleration a, a gap rises by v^2 / (2 a). The contact is at rest if this is at most a rounding
+       error. Otherwise a ball that comes to rest would bounce forever. It is also at rest if the rate changes the gap by less
+       than its rounding in the whole run. Otherwise a row of bodies without forces, with slower and slower impacts, would never
+       rest. */
     for (int k = 0; k < N_I; ++k) {
       const double slow_rate = fmax(SMALL * fastest, rounding[k] / span);
       c.rest[k] = fmax(sqrt(2.0 * rounding[k] * b->force[2 * N_I + k][0]), slow_rate);
@@ -346,7 +354,7 @@ PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
     hit = 0;
     for (int k = 0; k < N_I; ++k) hit |= N_E > 0 && c.impulse[k] != 0.0;
   }
-  /* A gap that joints hold needs no force of a contact, and none could be determined. */
+  /* A gap that joints determine needs no contact force, and the equations would not determine such a force. */
   for (int k = 0; k < N_I; ++k) slow[k] = c.touching[k] && c.movable[k] && fabs(c.rate[k]) <= c.rest[k];
   const int closes = close_contacts(b, slow, released);
   for (int k = 0; k < N_I; ++k) now[k] = is_closed(a, k);
@@ -361,19 +369,19 @@ PRIVATE int meet_contacts(Block *b, Study *s, int contact) {
     if (now[k] || !c.touching[k]) continue;
     if (c.rate[k] > c.rest[k] && acceleration < 0.0) flight = fmin(flight, -2.0 * c.rate[k] / acceleration);
     if (!slow[k]) continue;
-    /* It leaves so slowly that rounding may turn it back. Without this, the next step would end at once. */
+    /* The gap opens so slowly that rounding may make it negative. Without this value, the next step would end at once. */
     a->raised[i] += rounding[k];
     a->u[i] += rounding[k];
   }
-  /* The flight on a parabola lasts 2 v / a. A step half as long again ends behind the next contact, with one maximum of the gap
-     in it, so that the sign at its end shows the pass at once. */
+  /* The flight on a parabola lasts 2 v / a. A step that is 1.5 times as long ends after the next contact. The gap has only one
+     maximum in this step, so the sign of the gap at the end shows the pass. */
   b->soon = fmax(1.5 * flight, CONTACT_STEP * span);
   if (!is_endless(b, span)) return 1;
   fail_sample(b, s, 0, b->t, ENDLESS);
   return 0;
 }
 
-/* Events at the first time, and the outputs behind them. Returns 0 if the sample fails. */
+/* Events at the first time, and the outputs after them. Returns 0 if the sample fails. */
 PRIVATE int begin_contacts(Block *b, Study *s) {
   b->crowd_start = b->t;
   b->n_events = b->n_crowd = 0;
@@ -382,7 +390,7 @@ PRIVATE int begin_contacts(Block *b, Study *s) {
   return 1;
 }
 
-/* Outputs at the times that are reached, behind the event there. Returns 0 if an output is not finite. */
+/* Outputs at output times that are reached, after the event at this time. Returns 0 if an output is not finite. */
 PRIVATE int observe_due(Block *b, Study *s) {
   while (b->next < s->n_t && s->times[b->next] <= b->t) {
     EACH_PART(b) outputs(a->x, a->c, each(b->t), a->y);

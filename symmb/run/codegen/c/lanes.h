@@ -1,6 +1,6 @@
-/* Vectors of W doubles, as wide as those of the processor, with one lane for each of W samples that run side by side. WIDTH
-   samples share their steps and fill PARTS vectors. WIDTH is the same on every processor, so that results do not depend on the
-   processor. */
+/* Vectors of W doubles, where W is the vector width of the processor. Each lane is one of W samples that run in parallel. WIDTH
+   samples have the same steps and fill PARTS vectors. WIDTH is the same on every processor, so that results do not depend on
+   the processor. */
 #ifndef LANES_H
 #define LANES_H
 
@@ -10,7 +10,7 @@
 #ifndef WIDTH
 #define WIDTH 8
 #endif
-#if WIDTH == 1 /* samples whose velocities jump at times of their own have steps of their own */
+#if WIDTH == 1 /* samples with jumps of velocities have separate steps */
 #define W 1
 #elif defined(__AVX512F__)
 #define W 8
@@ -24,9 +24,9 @@
 typedef double V __attribute__((vector_size(8 * W), aligned(8 * W)));
 typedef long long M __attribute__((vector_size(8 * W), aligned(8 * W)));
 #define NOINLINE __attribute__((noinline))
-#define PRIVATE static __attribute__((unused)) /* a function of this file that a model may do without */
+#define PRIVATE static __attribute__((unused)) /* a function that a model may not use */
 
-/* A function of a model. If the parts of a model are compiled one by one, PART is the number of the part. */
+/* A function of a model. If the parts of a model are compiled separately, PART is the number of the part. */
 #ifdef PART
 #define PIECE __attribute__((noinline, visibility("hidden")))
 #else
@@ -35,7 +35,7 @@ typedef long long M __attribute__((vector_size(8 * W), aligned(8 * W)));
 
 PRIVATE inline V zero(void) { return (V){0}; }
 PRIVATE inline V blend(M mask, V a, V b) { return (V)(((M)a & mask) | ((M)b & ~mask)); }
-#define each(a) ((a) - zero()) /* a number in each lane. A sum with 0 would make -0 to 0, and compilers could not drop it */
+#define each(a) ((a) - zero()) /* a number in each lane. A sum with 0 would change -0 to 0, and compilers could not remove it */
 #define choose(mask, a, b) blend((M)(mask), each(a), each(b))
 #define truth(mask) blend((M)(mask), each(1.0), zero())
 PRIVATE inline int none(M mask) {
@@ -43,7 +43,8 @@ PRIVATE inline int none(M mask) {
   for (int l = 0; l < W; ++l) any |= mask[l];
   return !any;
 }
-/* The first `count` of W numbers, or all of them. Other lanes are 0, and other places of an array stay as they are. */
+/* The first `count` of W numbers, or all of them. When reading, other lanes are 0. When writing, other entries of the array do
+   not change. */
 PRIVATE inline V some_of(const double *from, long count) {
   V a = zero();
   if (count >= W) memcpy(&a, from, sizeof a); else memcpy(&a, from, count * sizeof *from);
@@ -54,7 +55,7 @@ PRIVATE inline void to_some(double *to, V a, long count) {
 }
 PRIVATE inline V v_fabs(V a) { return (V)((M)a & 0x7fffffffffffffffLL); }
 
-/* Elementary functions: the vector functions of the C library if it has them, else lane by lane. */
+/* Elementary functions: the vector functions of the C library if they exist, otherwise calls lane by lane. */
 #define BY_LANE_1(name, f) PRIVATE inline V name(V a) { for (int l = 0; l < W; ++l) a[l] = f(a[l]); return a; }
 #define BY_LANE_2(name, f) PRIVATE inline V name(V a, V b) { for (int l = 0; l < W; ++l) a[l] = f(a[l], b[l]); return a; }
 #if defined(LIBMVEC) && W == 8
@@ -71,7 +72,8 @@ FROM_LIBRARY_1(exp)
 FROM_LIBRARY_1(log)
 FROM_LIBRARY_2(pow)
 
-/* Single instructions by their names: the compiler's header of intrinsics takes a sixth of the time of a small model. */
+/* Single instructions by their names, because the compiler's header of intrinsics takes a sixth of the time of a small
+   model. */
 #define BY_INSTRUCTION_1(name, text) \
   PRIVATE inline V name(V a) { V b; __asm__(text " %1, %0" : "=v"(b) : "v"(a)); return b; }
 #define BY_INSTRUCTION_2(T, name, text) /* with NaN in a or b, the result is b */ \
@@ -99,13 +101,13 @@ BY_LANE_1(v_ceil, ceil)
 PRIVATE inline V v_smaller(V a, V b) { return choose(a < b, a, b); }
 PRIVATE inline V v_larger(V a, V b) { return choose(a > b, a, b); }
 #endif
-/* As fmin and fmax: if one argument is NaN, the result is the other. */
+/* Like fmin and fmax: if one argument is NaN, the result is the other argument. */
 PRIVATE inline V v_fmin(V a, V b) { return choose(b != b, a, v_smaller(a, b)); }
 PRIVATE inline V v_fmax(V a, V b) { return choose(b != b, a, v_larger(a, b)); }
 
-/* Sine and cosine together, to an ulp: reduction by multiples of pi / 2 (Cody and Waite 1980) in parts whose products are
-   exact, then the polynomials of FDLIBM (Sun Microsystems 1993) on [-pi/4, pi/4]. Lanes of large or infinite numbers go
-   through the library. */
+/* Sine and cosine together, with errors of an ulp. Angles are reduced by multiples of pi / 2 in parts with exact products (Cody
+   and Waite 1980). Then the polynomials of FDLIBM (Sun Microsystems 1993) are used on [-pi/4, pi/4]. Lanes with large or
+   infinite numbers use the library. */
 PRIVATE NOINLINE void sincos_by_lane(V a, V *s, V *c) {
   for (int l = 0; l < W; ++l) {
     (*s)[l] = sin(a[l]);
@@ -131,7 +133,7 @@ PRIVATE inline __attribute__((always_inline)) void sincos_inline(V a, V *s, V *c
   if (__builtin_expect(!all_below(v_fabs(a), 1e5), 0)) sincos_by_lane(a, s, c);
 }
 
-/* A call in a large model: compilers take minutes for many of these in line. */
+/* A call in a large model, because compilers take minutes for many inline copies. */
 #if defined(LARGE) && LARGE
 PRIVATE NOINLINE
 #else
@@ -141,7 +143,8 @@ void v_sincos(V a, V *s, V *c) { sincos_inline(a, s, c); }
 PRIVATE inline V v_sin(V a) { V s, c; v_sincos(a, &s, &c); return s; }
 PRIVATE inline V v_cos(V a) { V s, c; v_sincos(a, &s, &c); return c; }
 
-/* Replaces each of n angles, a[0], a[2], ..., by its sine, with its cosine behind it. They do not wait for each other. */
+/* Replaces each of n angles, a[0], a[2], ..., by its sine, followed by its cosine. The computations are independent of each
+   other. */
 PRIVATE NOINLINE void sines(int n, V *a) {
   for (int i = 0; i < n; ++i) sincos_inline(a[2 * i], a + 2 * i, a + 2 * i + 1);
 }
@@ -165,7 +168,7 @@ BY_LANE_2(v_remainder, remainder)
 BY_LANE_2(v_copysign, copysign)
 BY_LANE_2(v_hypot, hypot)
 
-/* The smallest, or largest, lanes of W vectors in one vector, by a tree of shuffles. */
+/* The smallest or largest lane of each of W vectors, in one vector, by a tree of shuffles. */
 #if defined(__has_builtin)
 #if __has_builtin(__builtin_shufflevector) && W > 1
 #define TREE
@@ -194,11 +197,11 @@ TREE_OF(tree_larger, v_larger)
 #endif
 #endif
 
-/* The rows of pieces (symbolic/pieces.py) that contain numbers `at`. The n rows have their groups in the first column, and their
-   begins in the second. */
+/* The rows of pieces (symbolic/pieces.py) that contain the numbers `at`. The first column of the n rows has groups, and the
+   second column has the start of each piece. */
 PRIVATE NOINLINE V v_search(const double *rows, long n, V group, V at) {
   for (int l = 0; l < W; ++l) {
-    long low = -1, high = n; /* rows up to low are not behind (group, at), those from high on are */
+    long low = -1, high = n; /* rows up to low are not after (group, at), rows from high on are */
     while (high - low > 1) {
       long row = low + (high - low) / 2;
       if (rows[row] < group[l] || (rows[row] == group[l] && rows[n + row] <= at[l])) low = row;

@@ -6,7 +6,8 @@
 
 #include "scene.h"
 
-/* Sets the parameter of an argument "name=value". Returns 0 if there is no parameter of this name, or no finite number. */
+/* Sets the parameter of an argument "name=value". Returns 0 if no parameter has this name, or if the value is not a finite
+   number. */
 static int set_parameter(double *parameters, const char *argument) {
   const char *equals = strchr(argument, '=');
   for (int i = 0; i < SCENE_N_P && equals; ++i)

@@ -1,8 +1,8 @@
-/* An example of the model that the generator writes in front of the other files: a harmonic oscillator.
+/* An example of the model that the generator writes before the other files: a harmonic oscillator.
 
    x' = v, v' = -omega^2 x, with the parameter omega and the output x. Each file of this folder can be compiled with this model
-   alone. The functions get the values c of a part, which prepare() computes from the parameters. Behind the N_C values of c
-   there is room for the functions. */
+   alone. The functions receive the values c of a part. prepare() computes N_C values of c from the parameters. After these
+   there is space for values of the functions. */
 #ifndef MODEL_H
 #define MODEL_H
 
@@ -10,10 +10,10 @@
 
 #define N_P 1       /* parameters */
 #define N_C 1       /* values that depend on parameters alone */
-#define N_CARRIED 0 /* values that functions carry from one of their pieces to the next */
+#define N_CARRIED 0 /* values that pieces of a function pass to later pieces */
 #define N_Y 1       /* outputs */
 #define N_USED 1    /* states that outputs need */
-#define PROJECTED 0 /* 1: project() moves states onto the constraints */
+#define PROJECTED 0 /* 1: project() projects states onto the constraints */
 #define N_RANGED 0  /* states that the bounds of switches depend on; switches.h */
 #define N_S 0       /* switches of the state, whose sides are the last parameters; switches.h */
 #define N_G 0       /* contacts, and events of joints, whose gaps and margins are the last switches; impacts.h */
@@ -28,7 +28,7 @@ PRIVATE void prepare(const V *p, V *c) { c[0] = p[0] * p[0]; }
 #ifndef IMPLICIT_STEP_H
 
 #define N_X 2
-#define N_OWN 2     /* states with slopes of their own, which stand first; the others are integrals of the first states */
+#define N_OWN 2     /* the first states, with own slopes; the other states are integrals of the first states */
 #define N_K (3 * N_OWN)
 
 PRIVATE void rates(const V *x, V *c, V t, V *out) {
@@ -39,7 +39,8 @@ PRIVATE void rates(const V *x, V *c, V t, V *out) {
 
 #else
 
-/* The implicit Euler method: x holds the history (2), the length of the step and the unknowns, the new state (2). */
+/* The implicit Euler method. x contains the history (2), the length of the step, and the unknowns, which are the new state
+   (2). */
 #define N_W 2
 #define N_Z 2
 #define N_TESTED 2
@@ -73,7 +74,7 @@ PRIVATE void outputs(const V *x, V *c, V t, V *out) {
   out[0] = x[0];
 }
 
-PRIVATE const int place[] = {0, 1, 2, 3, 4}; /* place of each state among the states that are given */
+PRIVATE const int place[] = {0, 1, 2, 3, 4}; /* place in x of each state of the model */
 PRIVATE const int used[] = {0};              /* the states that outputs need */
 
 #endif

@@ -1,4 +1,4 @@
-/* One run of one sample: the functions of scene.h. A block of one lane goes from one requested time to the next. */
+/* One run of one sample: the functions of scene.h. A block of one lane advances from one requested time to the next. */
 #ifndef ONE_RUN_H
 #define ONE_RUN_H
 
@@ -28,7 +28,7 @@ double *scene_parameters(Scene *scene) { return scene->p; }
 const double *scene_outputs(const Scene *scene) { return scene->Y + N_Y; }
 const char *scene_fault(const Scene *scene) { return scene->fault; }
 
-/* Returns whether the run goes on, and notes why it does not. */
+/* Returns whether the run continues. If it does not, the reason is stored. */
 static int note_fault(Scene *scene, int goes_on) {
   if (!goes_on) scene->fault = faults[1 + scene->failure];
   return goes_on;
@@ -48,7 +48,7 @@ static int compare_times(const void *a, const void *b) {
 }
 #endif
 
-/* The times at which steps end, in order. Times that differ by rounding become equal: no step fits between them. */
+/* The times at which steps end, in order. Times that differ by rounding become equal, because no step fits between them. */
 static void find_stops(Scene *scene) {
   memcpy(scene->stops, stops, N_STOPS * sizeof(double));
 #if N_TIMES > 0
@@ -124,7 +124,7 @@ void scene_states(const Scene *scene, double *x) {
 }
 
 #if SCENE_HAS_RATES
-/* The part of the run, whose x_at is the state at the time reached. */
+/* The part of the run. Its x_at is the state at the present time. */
 static Part *at_time(Scene *scene) {
   Part *a = scene->block.part;
   for (int i = 0; i < N_X; ++i) a->x_at[i] = state_of(&scene->block, a, i, scene->t);

@@ -1,15 +1,15 @@
 /* Ranges of polynomials in Chebyshev form on [-1, 1]^d by branch and bound, one after the other, depth first.
 
-   Ratschek and Rokne (1988), New Computer Methods for Global Optimization. On a box with coordinates z in [-1, 1]^d the terms
-   of degree one and two are minimised exactly if there are two parameters. With more parameters they are bounded below by a
-   sum of parabolas, one for each free parameter. A product m z_i z_j is bounded by the plane through its edges at a corner e,
-   m (e_j z_i + e_i z_j - e_i e_j), if it is positive there and both parameters tend to that corner, else by
-   -|m| (z_i^2 + z_j^2) / 2. All other terms are bounded by |T| <= 1. If a derivative cannot vanish, the box is left, or
-   its parameter is fixed at the end of its range.
+   Ratschek and Rokne (1988), New Computer Methods for Global Optimization. On a box with coordinates z in [-1, 1]^d, the sum of
+   the terms of degree one and two is minimised exactly if there are two parameters. With more parameters, it is bounded below
+   by a sum of parabolas, one for each free parameter. A product m z_i z_j is bounded by the plane through its edges at a corner
+   e, m (e_j z_i + e_i z_j - e_i e_j), if it is positive at e and both parameters tend to e. Otherwise it is bounded by -|m|
+   (z_i^2 + z_j^2) / 2. All other terms are bounded by |T| <= 1. If a derivative cannot vanish, the box is discarded, or its
+   parameter is fixed at the end of its range.
 
-   Terms of degree three fall with the cube of the size of a box, and near an extreme so do the errors of these bounds: few
-   halvings are enough. Bounds by |T| <= 1 alone have errors of the size of the quadratic terms, by which values near a smooth
-   extreme differ. They would leave a cluster of boxes around it, whatever their size. */
+   Terms of degree three decrease with the cube of the size of a box. So do the errors of these bounds near an extreme, and few
+   halvings are enough. Bounds by |T| <= 1 alone would have errors of the size of the quadratic terms. Values near a smooth
+   extreme also differ by the quadratic terms. So such bounds would leave many boxes around the extreme, of any size. */
 #ifndef POLYNOMIAL_RANGES_H
 #define POLYNOMIAL_RANGES_H
 
@@ -17,22 +17,22 @@
 #include <string.h>
 
 #define W 8 /* doubles in a vector */
-enum { PATIENCE = 10, FEW = 32, STARTS = 10, PART = 16 }; /* boxes before a descent pays; number of terms up to which none is
-   left out; further descents; polynomials that a thread takes at once */
-#define LEFT_OUT 0.05 /* fraction of the tolerance for terms left out. They count twice, in a bound and in a value */
+enum { PATIENCE = 10, FEW = 32, STARTS = 10, PART = 16 }; /* boxes before a descent; number of terms up to which no term
+   is left out; further descents; polynomials that a thread takes at once */
+#define LEFT_OUT 0.05 /* fraction of the tolerance for terms left out. They change both a bound and a value */
 #define PRUNED 0.9    /* fraction of the tolerance for bounds: 0.9 + 2 * 0.05 is 1 */
-#define STOPPED 1073741824 /* more than there are polynomials */
-#define RELAXED 1e-3 /* tolerance after the budget is used up for the first time: smaller ones hardly take more boxes */
+#define STOPPED 1073741824 /* larger than the number of polynomials */
+#define RELAXED 1e-3 /* tolerance of repeated searches: smaller tolerances take hardly more boxes */
 typedef double V __attribute__((vector_size(8 * W), aligned(8)));
 typedef long long M __attribute__((vector_size(8 * W), aligned(8)));
 
 typedef struct {
-  long d, n, n_low, padded, order, n_samples, n_sums; /* n_low products are of degree 2 at most */
+  long d, n, n_low, padded, order, n_samples, n_sums; /* n_low products have a degree of at most 2 */
   const int *linear, *square; /* (d) numbers of T_1 and T_2 of each parameter */
-  const int *pairs;           /* of each parameter with those before it, number of the product of both */
+  const int *pairs;           /* for each parameter and each earlier parameter, number of their product */
   const int *parent, *factor; /* (n) a product is its parent times a value of a single parameter */
-  const int *fibres;          /* (..., order + 1) of each parameter in turn, those longer than 1; n ends them */
-  const int *first;           /* (d + 1) where those of each parameter start */
+  const int *fibres;          /* (..., order + 1) fibres longer than 1 of each parameter in turn; n ends them */
+  const int *first;           /* (d + 1) start of the fibres of each parameter */
   const double *weights;      /* (padded, n_sums): of derivatives along each parameter, then of terms of higher degree */
   const double *halving;      /* (order + 1, order + 1) by columns */
   const double *samples;      /* (n_samples, order + 2): x and T_j(x) */
@@ -40,8 +40,8 @@ typedef struct {
 
 typedef struct {
   const Basis *basis;
-  double tolerance;        /* largest excess of a bound, over the range */
-  long budget, depth, proves; /* without proof, the best values found are the range where the budget runs out */
+  double tolerance;        /* largest distance of a bound from a value, over the range */
+  long budget, depth, proves; /* without proofs, the best values are the result if the budget is used up */
   double *stack;           /* (depth, padded + 2 d + 2) of boxes: coefficients, centre, half widths, which are 0 where
                               fixed, how many coefficients are left, and the sum of those left out */
   double *values, *powers; /* (n), (d, order + 1): of all products, and of the T_j of each parameter */
@@ -49,20 +49,21 @@ typedef struct {
   double *slope, *local;   /* (n_sums) and (4, d) of a box: variation of the derivatives, then their values and others */
   double *terms;           /* (2, order + 1) of a single parameter */
   double *changed;         /* (padded) coefficients after the change of basis */
-  long *next;              /* polynomials that threads have taken; STOPPED or more if the search is given up */
+  long *next;              /* polynomials that threads have taken; at least STOPPED if the search is stopped */
 } Search;
 
 typedef struct {
-  double best, bound, *at; /* the least value known and where, and what it cannot fall below */
+  double best, bound, *at; /* the smallest known value, its lower bound, and its point */
 } Extreme;
 
-/* Whether the search is given up. A single search of many parameters may take seconds, and an interrupt cannot wait so long. */
+/* Whether the search is stopped. A single search of many parameters may take seconds, and an interrupt must not wait so
+   long. */
 static int is_stopped(const Search *s) { return __atomic_load_n(s->next, __ATOMIC_RELAXED) >= STOPPED; }
 
 static double total(V a) { return ((a[0] + a[4]) + (a[1] + a[5])) + ((a[2] + a[6]) + (a[3] + a[7])); }
 
-/* Sums (n_sums) of the magnitudes of coefficients, weighted by each column of weights. The bounds of all derivatives and of the
-   terms of high degree are one product of a matrix with a vector, so that coefficients are read once. */
+/* Sums (n_sums) of the absolute values of coefficients, weighted by each column of weights. The bounds of all derivatives and
+   of the terms of high degree are one product of a matrix and a vector, so that coefficients are read once. */
 static void weighted(const Basis *b, const double *c, long n, double *sums) {
   for (long k = 0; k < b->n_sums; k += W) {
     const double *w = b->weights + k;
@@ -91,7 +92,7 @@ static double value(const Search *s, const double *c, const double *x, long n) {
   return total(sum);
 }
 
-/* The least value of g x + h x^2 on [-1, 1], and where. */
+/* The smallest value of g x + h x^2 on [-1, 1], and its x. */
 static double parabola(double g, double h, double *x) {
   if (fabs(g) < 2.0 * h) {
     *x = -0.5 * g / h;
@@ -101,7 +102,7 @@ static double parabola(double g, double h, double *x) {
   return h - fabs(g);
 }
 
-/* The least value of g.z + h.z^2 + m z_0 z_1 on the square [-1, 1]^2, and where. */
+/* The smallest value of g.z + h.z^2 + m z_0 z_1 on the square [-1, 1]^2, and its z. */
 static double paraboloid(const double *g, const double *h, double m, double *z) {
   const double det = 4.0 * h[0] * h[1] - m * m;
   if (h[0] > 0.0 && det > 0.0) {
@@ -122,8 +123,8 @@ static double paraboloid(const double *g, const double *h, double m, double *z) 
   return best;
 }
 
-/* Leave out coefficients of high degree as far as allowed, and return how many remain, padded. A term of degree j falls by
-   2^-j in each halving, so that small boxes need the low degrees only. */
+/* Leave out coefficients of high degree within the allowed error, and return the padded number of the remaining coefficients. A
+   term of degree j decreases by 2^-j in each halving, so small boxes need only low degrees. */
 static long trim(const Basis *b, double *c, double *left, double allowed) {
   long n = (long)left[0];
   if (b->n <= FEW) return b->padded;
@@ -147,8 +148,8 @@ static void fix(const Basis *b, double *c, long k, double end, long n) {
   }
 }
 
-/* Coefficients on the half that lies towards `end`, in `near`, and on the other half, in place. The halves are mirror images of
-   each other, so that even and odd degrees give both for the work of one of them. */
+/* Coefficients on the half at `end`, in `near`, and on the other half, in place. The halves are mirror images of each other, so
+   sums of even and odd degrees give both halves with the operations of one half. */
 static void halve(const Search *s, double *c, double *near, long k, double end, long n) {
   const Basis *b = s->basis;
   const long size = b->order + 1;
@@ -170,8 +171,8 @@ static void halve(const Search *s, double *c, double *near, long k, double end, 
   }
 }
 
-/* A lower bound of the polynomial on a box, with the point z where it would be taken; infinite if no minimum lies in it.
-   Parameters along which the polynomial is monotone are fixed. */
+/* A lower bound of the polynomial on a box, and the point z of this bound; infinite if the box has no minimum. Parameters along
+   which the polynomial is monotone are fixed. */
 static double lower_bound(const Search *s, double *box, long *widest, double allowed) {
   const Basis *b = s->basis;
   const long d = b->d;
@@ -179,7 +180,8 @@ static double lower_bound(const Search *s, double *box, long *widest, double all
   double *restrict g = s->local, *restrict h = g + d, *restrict ends = h + d, *restrict near = ends + d;
   double *restrict slope = s->slope, *restrict z = s->z;
   long n = 0;
-  /* A fixed parameter has no more terms that bend the others, and these may become monotone by that. */
+  /* A fixed parameter no longer has terms that affect the slopes of the other parameters. So the polynomial may become monotone
+     along these. */
   for (int again = 1; again;) {
     again = 0;
     n = trim(b, c, left, allowed);
@@ -187,8 +189,8 @@ static double lower_bound(const Search *s, double *box, long *widest, double all
     for (long k = 0; k < d; ++k) g[k] = c[b->linear[k]], ends[k] = g[k] > 0.0 ? -1.0 : 1.0;
     for (long k = 0; k < d; ++k) {
       if (half[k] == 0.0 || fabs(g[k]) < slope[k]) continue;
-      /* The polynomial falls through this face. If another box lies behind the face, the polynomial falls further there, and
-         this box has no minimum. Terms that were left out must not change this; |T_j'| is at most j^2. */
+      /* The polynomial decreases through this face. If there is another box on the other side of the face, the polynomial is
+         smaller there, and this box has no minimum. Terms that were left out must not change this; |T_j'| is at most j^2. */
       const double face = centre[k] + ends[k] * half[k];
       if (fabs(face) < 1.0 && fabs(g[k]) > slope[k] + b->order * b->order * left[1]) return INFINITY;
       fix(b, c, k, ends[k], n);
@@ -197,8 +199,8 @@ static double lower_bound(const Search *s, double *box, long *widest, double all
       again = 1;
     }
   }
-  /* T_2 = 2 z^2 - 1 gives the squares. The parameter with the largest variation of its derivative is halved next: it is the
-     reason why the box is neither monotone nor well bounded. */
+  /* T_2 = 2 z^2 - 1 gives the squares. The parameter with the largest variation of its derivative is halved next, because its
+     variation is the main reason for a wide bound. */
   double bound = c[0] - left[1] - slope[d], most = -1.0;
   for (long k = 0; k < d; ++k) {
     h[k] = 2.0 * c[b->square[k]];
@@ -213,7 +215,7 @@ static double lower_bound(const Search *s, double *box, long *widest, double all
     double gi = 0.0, hi = 0.0;
     for (long j = 0; j < i; ++j) {
       const double m = c[*pair++], corner = ni * near[j], push = m * corner;
-      const double plane = 0.5 * (push + fabs(push)); /* compilers make no branch of it, which would be foreseen wrongly */
+      const double plane = 0.5 * (push + fabs(push)); /* without a branch, which would often be predicted wrongly */
       const double bend = 0.5 * fabs(m - plane * corner);
       gi += plane * ni;
       g[j] += plane * near[j];
@@ -243,8 +245,8 @@ static double series(const double *g, long n, double x, double *first, double *s
   return y;
 }
 
-/* The point x where a series is least on [-1, 1], and the difference to its value at the given x: the best of samples, then
-   Newton's steps. */
+/* The point x at which a series is smallest on [-1, 1], and the difference from its value at the given x. The search uses the
+   best of the samples, then Newton's steps. */
 static double least(const Basis *b, const double *g, double *x) {
   const long n = b->order + 1;
   double first, second, to = *x, y;
@@ -265,8 +267,8 @@ static double least(const Basis *b, const double *g, double *x) {
   return now - best;
 }
 
-/* Descend from s->x along one parameter after the other, as long as this gains. Each line search is global, so that it leaves
-   valleys in which a descent along the gradient would end. */
+/* Descend from s->x along one parameter after another, as long as the value decreases. Each line search is global, so it leaves
+   local minima at which a descent along the gradient would end. */
 static void descend(const Search *s, const double *c, Extreme *e, double enough) {
   const Basis *b = s->basis;
   const long size = b->order + 1;
@@ -297,8 +299,8 @@ static void descend(const Search *s, const double *c, Extreme *e, double enough)
   }
 }
 
-/* Descend from the best point with a quarter of the parameters put to the other end, again and again: of many parameters most
-   extremes lie at corners, and no search by boxes sees all of these. */
+/* Descend repeatedly from the best point, with a quarter of the parameters moved to the other end. With many parameters, most
+   extremes are at corners, and a search by boxes cannot visit all corners. */
 static void explore(const Search *s, const double *c, Extreme *e, double enough) {
   unsigned long long random = 88172645463325252ULL; /* Marsaglia's xorshift (2003) */
   for (int start = 0; start < STARTS; ++start) {
@@ -310,8 +312,8 @@ static void explore(const Search *s, const double *c, Extreme *e, double enough)
   }
 }
 
-/* Searches the least value to an error of `share` times the range up to `top`, and of `floor` by rounding. Returns 0 if the
-   budget is used up. */
+/* Searches the smallest value, with an error of `share` times the range up to `top`, and of `floor` by rounding. Returns 0 if
+   the budget is used up. */
 static int search(const Search *s, const double *c, Extreme *e, double top, double share, double floor) {
   const Basis *b = s->basis;
   const long own = 2 * b->d + 2, stride = b->padded + own;
@@ -321,13 +323,13 @@ static int search(const Search *s, const double *c, Extreme *e, double top, doub
   s->stack[stride - 2] = (double)b->n;
   s->stack[stride - 1] = 0.0;
   e->bound = INFINITY;
-  /* Depth first: the stack holds at most one box for each halving, while the list of a best-first search would grow without
-     limit. Its disadvantage, boxes that a better value would have pruned, is small because good values come first: from
-     corners, from the points of bounds, and from descents. */
+  /* Depth first: the stack has at most one box for each halving, while the list of a best-first search would grow without
+     limit. A disadvantage is that some boxes are examined that a better value would have excluded. It is small, because good
+     values are found early: at corners, at the points of bounds, and by descents. */
   while (used && !is_stopped(s)) {
     double *box = s->stack + --used * stride, *centre = box + b->padded, *half = centre + b->d;
     if (++count > s->budget || used + 2 > s->depth) return 0;
-    /* The tolerance is relative to the range between the best values known. It grows with each better value. */
+    /* The tolerance is relative to the range between the best known values. It grows with each better value. */
     double slack = share * (top - e->best) + floor;
     const double bound = lower_bound(s, box, &widest, LEFT_OUT * slack);
     if (bound < e->best - PRUNED * slack) {
@@ -336,7 +338,7 @@ static int search(const Search *s, const double *c, Extreme *e, double top, doub
       if (y < e->best) {
         e->best = y;
         for (long k = 0; k < b->d; ++k) e->at[k] = centre[k] + half[k] * s->z[k];
-        if (count > PATIENCE) { /* easy searches end before a descent, which costs as much as many boxes, pays */
+        if (count > PATIENCE) { /* easy searches end before this: a descent costs as much as many boxes */
           memcpy(s->x, e->at, b->d * sizeof *s->x);
           descend(s, c, e, 0.1 * slack);
         }
@@ -344,7 +346,7 @@ static int search(const Search *s, const double *c, Extreme *e, double top, doub
       }
       if (bound < e->best - PRUNED * slack) {
         double *near = box + stride;
-        /* The half that contains the point of the bound is put on top and is searched next: it has the better values. */
+        /* The half with the point of the bound is put on top and is searched next, because it has the better values. */
         const double end = s->z[widest] > 0.0 ? 1.0 : -1.0;
         halve(s, box, near, widest, end, n);
         half[widest] *= 0.5;
@@ -361,8 +363,8 @@ static int search(const Search *s, const double *c, Extreme *e, double top, doub
   return 1;
 }
 
-/* Bounds of a polynomial, and points where they are nearly taken. `gaps` are the distances of the bounds from the values at
-   these points if the budget was used up, else 0. The coefficients are overwritten. */
+/* Bounds of a polynomial, and points with values close to the bounds. `gaps` are the distances of the bounds from these values
+   if the budget was used up, otherwise 0. The coefficients are overwritten. */
 static void range(const Search *s, double *c, double *found, double *const *at, double *gaps) {
   const Basis *b = s->basis;
   double floor = 0.0;
@@ -384,7 +386,7 @@ static void range(const Search *s, double *c, double *found, double *const *at, 
   long steady = 0;
   weighted(b, c, b->padded, s->slope);
   for (long k = 0; k < b->d; ++k) steady += fabs(c[b->linear[k]]) >= s->slope[k];
-  if (steady == b->d) { /* monotone: both are taken at corners */
+  if (steady == b->d) { /* monotone: both extremes are at corners */
     found[0] = y[0], found[1] = y[1];
     gaps[0] = gaps[1] = 0.0;
     return;
@@ -393,8 +395,8 @@ static void range(const Search *s, double *c, double *found, double *const *at, 
   for (int side = 0; side < 2; ++side) {
     Extreme *e = two + side, *other = two + 1 - side;
     double loose = 1.0;
-    /* An unfinished search proves nothing, because boxes on its stack have no bounds yet. It is made again with a larger
-       tolerance, of RELAXED at least, because smaller ones would use up the budget again. */
+    /* An unfinished search proves nothing, because boxes on its stack have no bounds yet. It is repeated with a tolerance of at
+       least RELAXED, because smaller tolerances would use up the budget again. */
     while (!search(s, c, e, -other->best, loose * s->tolerance, loose * floor)) {
       if (loose == 1.0) explore(s, c, e, RELAXED * (-other->best - e->best));
       if (!s->proves) {
@@ -410,8 +412,8 @@ static void range(const Search *s, double *c, double *found, double *const *at, 
   found[1] = -two[1].bound;
 }
 
-/* Coefficients C (m, padded), or with a change of basis (n_given, padded) others (n_given, m), -> bounds (2, m), points
-   (2, m, d) and gaps (2, m). Without the change C is overwritten. */
+/* Coefficients C (m, padded) -> bounds (2, m), points (2, m, d) and gaps (2, m). With a change of basis (n_given, padded), the
+   given coefficients have another basis, (n_given, m). Without it, C is overwritten. */
 void ranges(const Search *s, long m, double *C, const double *change, long n_given, double *found, double *points,
             double *gaps);
 void ranges(const Search *s, long m, double *C, const double *change, long n_given, double *found, double *points,

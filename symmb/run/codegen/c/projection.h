@@ -1,10 +1,10 @@
-/* The projection of a state onto the constraints, by the model's project(), for scenes that have one. */
+/* The projection of a state onto the constraints by the function project() of the model, if the model has this function. */
 #ifndef PROJECTION_H
 #define PROJECTION_H
 
 #include "block.h"
 
-/* Writes the state x (N_X) of a part at time t, moved onto the constraints, to out (N_X); x and out do not overlap. */
+/* Writes the state x (N_X) of a part at time t, projected onto the constraints, to out (N_X). x and out do not overlap. */
 PRIVATE void move_onto_constraints(Part *a, const V *x, double t, V *out) {
 #if PROJECTED
   project(x, a->c, each(t), out);
@@ -14,10 +14,11 @@ PRIVATE void move_onto_constraints(Part *a, const V *x, double t, V *out) {
 #endif
 }
 
-#define REACHED 1e-9 /* change over the largest state: the projection converges quadratically, so that the error is rounding */
+#define REACHED 1e-9 /* change over the largest state. Convergence is quadratic, so the error is rounding */
 enum { PROJECTIONS_AT_MOST = PROJECTED ? 20 : 0 };
 
-/* Moves the block onto the constraints at time t after a change of parameters, which may be far. Returns 0 if one fails. */
+/* Projects the block onto the constraints at time t after a change of parameters, which may be large. Returns 0 if a sample
+   fails. */
 PRIVATE int reach_constraints(Block *b, Study *s, double t) {
   int reached = 1;
   EACH_PART(b) {
@@ -41,7 +42,7 @@ PRIVATE int reach_constraints(Block *b, Study *s, double t) {
   return reached;
 }
 
-/* Moves the block onto the constraints and computes its outputs there. */
+/* Projects the block onto the constraints, and computes its outputs there. */
 PRIVATE void observe(Block *b) {
   EACH_PART(b) {
 #if PROJECTED

@@ -1,31 +1,32 @@
-/* Switches: where equations have kinks or jumps. No step passes over a switch, because across it the error of a method of
-   order 8 falls with the first or second power of the step only, and the control would reject step after step.
+/* Switches: kinks and jumps of the equations. No step passes over a switch, because the error of such a step would decrease
+   only with the first or second power of the step. The step control would then reject many steps.
 
-   Switches of time have known places, where steps end. Within a step the equations keep their branches on one side of each
-   switch of the state, so that all stages are smooth. u is a switch times its side. The switch is passed where u falls
-   below 0. The step then ends there, and the side changes. From then on u is raised by a hysteresis above rounding, until a
-   step begins beyond it: without it, rounding would pass the switch again at once. switches(x, c, t, u) gives the N_S
-   switches, and changes(x, c, t, u) their rates. Sides, 1 or -1, are the last of the parameters.
+   Switches of time have known times, at which steps end. Within a step, the equations keep their branches on one side of each
+   switch of the state, so that all stages are smooth. u is a switch times its side. The switch is passed when u falls below 0.
+   Then the step ends, and the side changes. After this, u is raised by a hysteresis above rounding, until a step begins beyond
+   the hysteresis. Otherwise rounding would pass the switch again at once. switches(x, c, t, u) computes the N_S switches, and
+   changes(x, c, t, u) computes their rates. Sides, 1 or -1, are the last parameters.
 
-   A pass must not be missed if a switch falls below 0 and rises again within a step. The search therefore has three stages,
-   each more expensive than the one before: signs at the ends of the step with ranges over a box around it (may_pass), a root
-   between the ends (rough_pass), and ranges over parts of the step that are halved until nothing is open (first_pass).
+   The search must also find a pass if a switch falls below 0 and rises again within a step. Therefore the search has three
+   stages, each more expensive than the stage before. may_pass examines signs at the ends of the step, and ranges over a box
+   around the step. rough_pass finds a root between the ends. first_pass examines ranges over parts of the step, which are
+   halved until all passes are excluded or found.
 
-   The last N_G switches are gaps of N_I open contacts, and 1 of closed ones, and margins of conditions at which joints open
-   and close. They keep their side. A gap or margin that begins below 0 by rounding is raised to 0. A closed contact opens
-   when its force falls to 0: number N_S + k is the force in contact k. */
+   The last N_G switches are gaps of N_I open contacts (1 for closed contacts), and margins of conditions of joints that open
+   and close. They keep their sides. A gap or margin that begins below 0 because of rounding is raised to 0. A closed contact
+   opens when its force falls to 0: number N_S + k is the force in contact k. */
 #ifndef SWITCHES_H
 #define SWITCHES_H
 
 #include "projection.h"
 
-#define STOP_MARGIN 4.5e-16 /* fraction of a time by which switches of time may be off by rounding */
+#define STOP_MARGIN 4.5e-16 /* relative rounding error of switches of time */
 
-/* Finds the next switch of time of a sample in the block. Returns whether there is one at t. Rates are evaluated behind the
-   previous switch and before the next one, whatever their rounding. */
+/* Finds the next switch of time of a sample in the block. Returns whether there is a switch at t. Rates are evaluated after the
+   previous switch and before the next switch, also with rounding. */
 PRIVATE int find_stop(Block *b, const Study *s) {
   /* The margin is relative to the time. Near time 0 it would vanish, although switches there have rounding errors of the terms
-     from which they are computed: a thousandth of the horizon stands for the size of these terms. */
+     from which they are computed. A thousandth of the horizon is used as the size of these terms. */
   const double least = 1e-3 * (s->times[s->n_t - 1] - s->times[0]);
   int at_stop = 0;
   b->stop_time = INFINITY;
@@ -39,37 +40,37 @@ PRIVATE int find_stop(Block *b, const Study *s) {
   return at_stop;
 }
 
-#define LATE 0.99    /* a pass before this fraction of a step is early: the step is taken again, by a shorter one */
+#define LATE 0.99    /* a pass before this fraction of a step is early, and a shorter step replaces the step */
 #define BEYOND 1.002 /* length of the shorter step over the length to the pass */
 #define ROUGH 4e-3   /* error of a rough pass: 1 / (1.002 * 1.004) > 0.99, so that a shorter step has a late pass */
 
 #if N_S > 0
-#define AT_ONCE 2.220446049250313e-16 /* fraction of a step, 2^-52, that stands for its begin */
-#define LEAST_PART 9.094947017729282e-13 /* fraction of a step, 2^-40: shorter parts are judged by their ends */
-#define MOST_PARTS 256      /* parts of a step that are examined if ranges do not exclude a pass: the step then ends before the
-                               next one */
-#define LONG_PART 0.015625  /* fraction of a step, 2^-6: the least length of parts behind MOST_PARTS */
-#define SETTLINGS 8         /* passes over switches that depend on the sides of others */
-#define MOST_ROOT_STEPS 150 /* every third is a bisection, of which 52 are enough */
-#define SCREEN 0.25         /* largest distance of a state from the cubic of its step, over that between cubic and chord: four
-                               times the value of a sine whose phase changes by 2 in a step */
-#define SLIGHT 1e-3         /* fraction of a hysteresis that counts as 0 within a step: the hysteresis itself may be larger than
-                               the height of a narrow pulse */
-#define SLOPE_OFF 3.0792    /* 16 sqrt(3) / 9, the largest slope of 16 z^2 (1 - z)^2, which is at most 1: that of the distance
-                               between a function and the cubic with its values and slopes at both ends */
-#define ROUNDED 1.7763568394002505e-15 /* fraction of lengths, 2^-49, below which a gap is 0: eight roundings */
+#define AT_ONCE 2.220446049250313e-16 /* fraction of a step, 2^-52, for its start */
+#define LEAST_PART 9.094947017729282e-13 /* fraction of a step, 2^-40. In shorter parts, only ends are examined */
+#define MOST_PARTS 256      /* maximum number of examined parts of a step if ranges do not exclude a pass. The step then
+                               ends before the next part */
+#define LONG_PART 0.015625  /* fraction of a step, 2^-6: the smallest examined length after MOST_PARTS */
+#define SETTLINGS 8         /* repetitions for switches that depend on the sides of other switches */
+#define MOST_ROOT_STEPS 150 /* every third step is a bisection, and 52 bisections are enough */
+#define SCREEN 0.25         /* largest distance of a state from the cubic of its step, over the distance of cubic and chord:
+                               four times the value of a sine with a change of phase of 2 in a step */
+#define SLIGHT 1e-3         /* fraction of a hysteresis that counts as 0 within a step. A hysteresis may be larger than the
+                               height of a narrow pulse */
+#define SLOPE_OFF 3.0792    /* 16 sqrt(3) / 9, the largest slope of 16 z^2 (1 - z)^2, which is at most 1. A function has this
+                               distance from the cubic with its values and slopes at both ends */
+#define ROUNDED 1.7763568394002505e-15 /* fraction of lengths, 2^-49, below which a gap is 0: eight rounding errors */
 #ifndef LENGTH
 #define LENGTH 0.0 /* without contacts */
 #endif
-#define REVERSAL 10.0       /* hystereses that a motion must come back in a tenth of a step to count as sticking */
+#define REVERSAL 10.0       /* a motion sticks if it returns by this number of hystereses in a tenth of a step */
 #define SMALL 1e-12         /* fraction of the terms of a sum below which the sum is rounding */
 #define FORCE_PARTS 4       /* parts of a step in which a force that opens a contact or a joint is evaluated, at both ends and
-                               in the middle: a force solves a linear system, whose ranges are too wide to tell more */
-#define FORCE_LEAST 6.103515625e-05 /* fraction of a step, 2^-14: shorter parts are judged by their ends */
+                               in the middle. Ranges of forces from linear systems are too wide */
+#define FORCE_LEAST 6.103515625e-05 /* fraction of a step, 2^-14. In shorter parts, only ends are examined */
 
 PRIVATE V *sides(Part *a) { return a->p + N_P - N_S; }
 
-/* The switches u at x, times their sides, and raised. */
+/* The switches u at x, times their sides, and raised by the hysteresis. */
 PRIVATE void on_sides(Part *a, const V *x, V t, V *u) {
   switches(x, a->c, t, u);
   for (int k = 0; k < N_S; ++k) u[k] = u[k] * sides(a)[k] + a->raised[k];
@@ -85,10 +86,10 @@ PRIVATE void rates_on_sides(Part *a, const V *x, V t, V *du) {
 PRIVATE void settle(Block *b) {
   EACH_PART(b) {
     M changed = (M)zero() == 0;
-    /* A switch within hysteresis of 0 has no side of its own: the motion goes to the side that its rate leads to. If the
-       rate is 0 too, the side stays. Gaps and margins keep their sides, because events of contacts decide about them.
-       A switch may depend on the sides of others, so that one pass over all of them is not enough. Two switches may also
-       turn each other for ever, so that the number of passes is limited. */
+    /* The side of a switch within the hysteresis around 0 follows from its rate. If the rate is 0 too, the side does not
+       change. Gaps and margins keep their sides, because events of contacts decide about them. A switch may depend on the sides
+       of other switches, so one pass over all switches is not enough. Two switches may also change each other forever, so the
+       number of passes is limited. */
     for (int n = 0; n < SETTLINGS && !none(changed); ++n) {
       switches(a->x, a->c, each(between_stops(b, b->t)), a->u);
       changes(a->x, a->c, each(between_stops(b, b->t)), a->du);
@@ -103,7 +104,7 @@ PRIVATE void settle(Block *b) {
     }
     for (int k = 0; k < N_S; ++k) a->raised[k] = each(hysteresis[k]);
     on_sides(a, a->x, each(between_stops(b, b->t)), a->u);
-    /* A gap that begins below 0 by rounding would count as passed in each step. Therefore it is raised to 0. */
+    /* A gap that begins below 0 because of rounding would be passed in each step. Therefore it is raised to 0. */
     for (int k = N_S - N_G; k < N_S; ++k) {
       const V lift = v_larger(-a->u[k], zero());
       a->raised[k] += lift;
@@ -116,7 +117,7 @@ PRIVATE void settle(Block *b) {
 /* Whether contact k is closed. */
 PRIVATE int is_closed(const Part *a, int k) { return a->x[place[contact_state[k]]][0] > 0.5; }
 
-/* The force in closed contact k at x, raised by its rounding: only a pull above its rounding opens the contact. */
+/* The force in closed contact k at x, raised by its rounding, so that only a pull above rounding opens the contact. */
 PRIVATE V contact_force(const Part *a, Block *b, int k, const V *x, V t) {
   forces(x, (V *)a->c, t, b->force);
   return b->force[k] + SMALL * b->force[2 * N_I + k] * b->force[3 * N_I + k];
@@ -129,13 +130,14 @@ PRIVATE V contact_force(const Part *a, Block *b, int k, const V *x, V t) {
 }
 #endif
 
-/* The box of a state and its slope in a part of a step, a `share` of it: x and dx at its ends, slopes over the whole step,
-   and the largest distance `off` of the state from the cubic with these values and slopes. */
+/* The box of a state and its slope in a part of a step. `share` is the length of the part, divided by the step. The inputs are
+   x and dx at both ends of the part, with slopes for the whole step, and the largest distance `off` of the state from the cubic
+   with these values and slopes. */
 PRIVATE void bound_state(Part *a, int row, double share, V x, V dx, V x_end, V dx_end, V off) {
   /* With the change d of the state in the part, the cubic is x + z d + z (1 - z) ((1 - z) (first - d) + z (d - last)). Its
-     distance from the chord is z (1 - z), at most 1 / 4, times a number between first - d and d - last. Its slope is
-     (1 - z) first + z last + z (1 - z) (6 d - 3 first - 3 last), at most `bend` outside of the slopes at the ends. These
-     bounds are a little wide, but need no roots, unlike the extremes of the cubic. */
+     distance from the chord is z (1 - z), at most 1 / 4, times a number between first - d and d - last. Its slope is (1 - z)
+     first + z last + z (1 - z) (6 d - 3 first - 3 last). This is at most `bend` outside of the range of the slopes at the ends.
+     These bounds are slightly too wide, but need no roots, unlike the extremes of the cubic. */
   const V d = x_end - x, first = share * dx, last = share * dx_end, bend = 0.75 * (2.0 * d - first - last);
   const V from = 0.25 * (first - d), to = 0.25 * (d - last);
   const V slope_off = SLOPE_OFF * off;
@@ -158,9 +160,9 @@ PRIVATE int is_by_force(int k) {
 #endif
 }
 
-/* Lanes in which a part of a step may hide a pass that the values u and u_end at its ends do not show: a switch that is not
+/* Lanes in which a part of a step may contain a pass that the values u and u_end at its ends do not show. Such a switch is not
    monotone, and may fall below 0 by more than rounding and rise again. Ranges of the switches and of their rates over the box
-   decide. Where they are too wide, they cost a search, but hide no pass. */
+   decide this. Ranges that are too wide cause a search, but no pass is missed. */
 PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, const V *u_end) {
   V *time = a->box + 4 * N_X, range[4 * N_S];
   M open = (M)zero();
@@ -173,15 +175,15 @@ PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, c
     const M up = (M)(sides(a)[k] > 0.0);
     const V least = blend(up, range[k], -range[N_S + k]) + a->raised[k];
     const double slight = is_gap(k) ? ROUNDED * LENGTH : SLIGHT * hysteresis[k];
-    /* Ranges of a switch that stays at 0 always leave something open by rounding, however short the part. Parts therefore
-       allow for it; a whole step does not, because its halves cost little and exclude more. */
+    /* For a switch that stays at 0, ranges cannot exclude a pass because of rounding, even in short parts. Therefore rounding
+       is allowed in parts. It is not allowed in a whole step, because the halves of a step cost little and exclude more. */
     const V rounding = each(share < 1.0 ? slight : 0.0);
     const V fall = blend(up, range[2 * N_S + k], -range[3 * N_S + k]), rise = blend(up, range[3 * N_S + k], -range[2 * N_S + k]);
-    /* Between two values with rates in [fall, rise] a switch stays above the crossing of two straight lines: one that falls
-       as fast as it may from the begin, and one that rises as fast as it may to the end. */
+    /* Between two values with rates in [fall, rise], a switch stays above the intersection of two straight lines. One line
+       falls from the first value with the rate `fall`. The other line rises to the last value with the rate `rise`. */
     const V from = u[k] + rounding, to = u_end[k] + rounding;
     const M between = (M)(from >= 0.0) & (M)(from * rise - to * fall > -fall * rise);
-    /* A switch that ends below 0 has a known pass, but if it is not monotone there may be an earlier one. */
+    /* A switch that ends below 0 has a known pass. If it is not monotone, an earlier pass may exist. */
     const M above = (M)(u_end[k] >= 0.0) & ((M)(least > -rounding) | between);
     open |= ~(above | (M)(fall >= 0.0) | (M)(rise <= 0.0));
   }
@@ -191,11 +193,12 @@ PRIVATE M is_open(Part *a, V begin, V end, double share, double h, const V *u, c
 /* Whether a switch may have been passed in a step. `last` is the place in k of the slope at the end. */
 PRIVATE int may_pass(Block *b, int last) {
   M any = (M)zero();
-  /* Forces have no useful ranges: steps with a closed contact, or a joint that opens by its force, are always searched. */
+  /* Ranges of forces are too wide. So steps with a closed contact, or with a joint that opens by its force, are always
+     searched. */
   for (int k = 0; k < N_I; ++k) any |= is_closed(b->part, k) - (M)zero();
   for (int k = 0; k < N_S; ++k) any |= is_by_force(k) - (M)zero();
   EACH_PART(b) {
-    /* A switch is no longer raised as soon as it is above the hysteresis by itself: the next fall below 0 is not rounding. */
+    /* A switch that is above the hysteresis is no longer raised, because its next fall below 0 is not rounding. */
     for (int k = 0; k < N_S; ++k) {
       const V u = a->u[k] - a->raised[k];
       const M beyond = (M)(u > a->raised[k]);
@@ -205,9 +208,9 @@ PRIVATE int may_pass(Block *b, int last) {
     on_sides(a, a->x_new, each(between_stops(b, b->t_new)), a->u_new);
     for (int k = 0; k < N_S; ++k) any |= (M)(a->u[k] < 0.0) | (M)(a->u_new[k] < 0.0);
   }
-  /* Signs at the ends miss a switch that is passed twice in between. Ranges over a box around the step exclude that for most
-     steps, at the cost of one evaluation: a search is made only where they do not. The interpolant, which costs three
-     evaluations, does not exist yet. The cubic through the ends is used instead, with SCREEN for its distance from the state. */
+  /* Signs at the ends do not show a switch that is passed twice in between. For most steps, ranges over a box around the step
+     exclude this at the cost of one evaluation. Only the other steps are searched. The interpolant costs three evaluations, and
+     does not exist yet. Therefore the cubic through the ends is used, with SCREEN for its distance from the state. */
   if (!none(any)) return 1;
   EACH_PART(b) {
     for (int j = 0; j < N_RANGED; ++j) {
@@ -221,7 +224,7 @@ PRIVATE int may_pass(Block *b, int last) {
   return 0;
 }
 
-/* The states x at fractions z of the step, which differ from lane to lane. */
+/* The states x at fractions z of the step. Each lane has a different fraction. */
 PRIVATE void state_at(const Part *a, V z, V *x) {
   const V r = 1.0 - z;
   for (int i = 0; i < N_X; ++i) {
@@ -232,8 +235,8 @@ PRIVATE void state_at(const Part *a, V z, V *x) {
 
 /* The derivative of state i with respect to the fraction z of the step. */
 PRIVATE V change_at(const Part *a, int i, double z) {
-  /* The product rule along the nested form of the interpolant: y and dy are the value and the slope of what is inside, and
-     the factors are z and 1 - z in turn. */
+  /* The product rule for the nested form of the interpolant. y and dy are the value and the slope of the inner part. The
+     factors are z and 1 - z in turn. */
   const V *f = a->F + 7 * i;
   const double r = 1.0 - z;
   V y = f[6], dy = zero();
@@ -252,16 +255,18 @@ PRIVATE V switch_at(Part *a, Block *b, int k, V z) {
   return a->u_at[k];
 }
 
-/* The sign change of switch or force k between fractions low and high of the step, in marked lanes: the upper end of an
-   interval around it, with the relative length `off` at most. The upper end, so that the state there is behind the pass. */
+/* The sign change of switch or force k between fractions low and high of the step, in marked lanes. The result is the upper end
+   of an interval around the sign change, with a relative length of at most `off`. So the state at the result is after the
+   pass. */
 PRIVATE V sign_change(Part *a, Block *b, int k, M marked, V low, V high, V at_low, V at_high, double off) {
-  /* Values at the ends, where the end that stays is reduced by the rule of Anderson and Bjoerck (1973). Otherwise regula falsi
-     keeps one end of a convex function for ever and converges linearly. */
+  /* Values at the ends. The value at the end that does not move is reduced by the rule of Anderson and Bjoerck (1973).
+     Otherwise, for a convex function, one end of regula falsi would never move, and convergence would be linear. */
   V kept_low = at_low, kept_high = at_high;
   for (int n = 0; n < MOST_ROOT_STEPS; ++n) {
     const M open = marked & (M)(high - low > off * high + 4.4e-16);
     if (none(open)) break;
-    /* Even so it may creep along a switch with a corner, and bisection alone takes 52 steps: every third step is one. */
+    /* For a switch with a corner, convergence may still be slow. Bisection alone takes 52 steps, so every third step is a
+       bisection. */
     V z = low + (high - low) * (n % 3 == 2 ? each(0.5) : kept_low / (kept_low - kept_high));
     z = choose((z > low) & (z < high), z, low + 0.5 * (high - low));
     const V at = switch_at(a, b, k, z);
@@ -277,10 +282,10 @@ PRIVATE V sign_change(Part *a, Block *b, int k, M marked, V low, V high, V at_lo
   return high;
 }
 
-/* The first fraction of a step, to an error of ROUGH, at which a switch falls below 0 that is below 0 at the end; 2 without
-   one. */
+/* The first fraction of a step at which a switch falls below 0, with an error of ROUGH. Only switches that are below 0 at the
+   end of the step are examined. The result is 2 without a pass. */
 PRIVATE double rough_pass(Block *b) {
-  /* An earlier pass of a switch that returns is missed here. It is found in the shorter step, or in this one by first_pass. */
+  /* An earlier pass of a switch that returns is not found here. The shorter step or first_pass will find it. */
   double first = 2.0;
   EACH_PART(b)
     for (int k = 0; k < N_S; ++k) {
@@ -292,15 +297,16 @@ PRIVATE double rough_pass(Block *b) {
   return first;
 }
 
-/* The box of a part of a step between fractions low and high, at whose end the state is x_at. */
+/* The box of a part of a step between fractions low and high. The state at the end of the part is x_at. */
 PRIVATE void bound_part(Part *a, double low, double high) {
   const double share = high - low, square = share * share;
   for (int j = 0; j < N_RANGED; ++j) {
     const int i = place[ranged[j]];
     const V *f = a->F + 7 * i;
-    /* A function is off the cubic through its ends by at most its fourth derivative over 384, times the fourth power of the
-       length. In z, the terms z^2 r^2, z^3 r^2, z^3 r^3 and z^4 r^3 of f[3] to f[6] with r = 1 - z have fourth derivatives of
-       at most 24, 72, 72 and 96. The fourth power makes boxes of short parts nearly exact: few halvings are enough. */
+    /* The distance of a function from the cubic through its ends is at most its fourth derivative over 384, times the fourth
+       power of the length. In z, the terms z^2 r^2, z^3 r^2, z^3 r^3 and z^4 r^3 of f[3] to f[6] with r = 1 - z have fourth
+       derivatives of at most 24, 72, 72 and 96. Because of the fourth power, boxes of short parts are nearly exact, and few
+       halvings are enough. */
     const V off = 0.0625 * v_fabs(f[3]) + 0.1875 * (v_fabs(f[4]) + v_fabs(f[5])) + 0.25 * v_fabs(f[6]);
     a->x_end[j] = a->x_at[i];
     a->dx_end[j] = change_at(a, i, high);
@@ -308,15 +314,15 @@ PRIVATE void bound_part(Part *a, double low, double high) {
   }
 }
 
-/* Whether a parabola through three values that are not negative, with twice its bend, falls below 0 between them. Three values
-   do not determine a force. Twice the bend is a margin for its higher derivatives. */
+/* Whether a parabola through three values of at least 0, with twice its curvature, falls below 0 between them. Three values do
+   not determine a force. The doubled curvature is a margin for higher derivatives of the force. */
 PRIVATE int may_fall(double from, double middle, double to) {
   const double bend = 4.0 * (from + to - 2.0 * middle), slope = to - from - bend;
   return bend > 0.0 && slope < 0.0 && slope + 2.0 * bend > 0.0 && from < slope * slope / (4.0 * bend);
 }
 
-/* The first fraction of the step, before the given one, at which force k falls below 0, or the given one. Parts are halved
-   until no parabola falls below 0 between values that do not. */
+/* The first fraction of the step, before `first`, at which force k falls below 0; otherwise `first`. Parts are halved until no
+   parabola through values of at least 0 falls below 0. */
 PRIVATE double first_fall(Part *a, Block *b, int k, double first) {
   double low = 0.0, share = 1.0 / FORCE_PARTS;
   V from = switch_at(a, b, k, zero());
@@ -340,8 +346,7 @@ PRIVATE double first_fall(Part *a, Block *b, int k, double first) {
   return first;
 }
 
-/* The first fraction of the step, before the given one, at which a force opens a closed contact or a joint, or the given
-   one. */
+/* The first fraction of the step, before `first`, at which a force opens a closed contact or a joint; otherwise `first`. */
 PRIVATE double first_release(Block *b, double first) {
   Part *a = b->part;
   for (int k = 0; k < N_S + N_I; ++k) {
@@ -356,16 +361,16 @@ PRIVATE double first_release(Block *b, double first) {
 }
 
 /* Finds the first switch that each lane passes, in `which`, and the fraction of the step, in `when`. Parts of the step are
-   halved until ranges along the interpolant exclude all passes that the signs at their ends do not show. Returns the least
-   fraction, 2 without a pass. If no lane passes a switch at this fraction, nothing is known about the step behind it. */
+   halved until ranges along the interpolant exclude all passes that the signs at their ends do not show. Returns the smallest
+   fraction, or 2 without a pass. If no lane passes a switch at this fraction, the step after it has not been examined. */
 PRIVATE double first_pass(Block *b) {
   double first = 2.0, low = 0.0, share = 1.0;
   int parts = 0;
   EACH_PART(b) {
     a->when = each(2.0);
     if (N_I) rates_on_sides(a, a->x, each(between_stops(b, b->t)), a->du);
-    /* A switch that has jumped below 0 at the begin of the step is passed there. So is a gap that is 0 and closes: its change
-       in the first part may be lost in rounding, and no sign would show it. */
+    /* A switch that has jumped below 0 at the start of the step is passed there. A gap that is 0 and closes is also passed
+       there, because rounding may hide its change in the first part. */
     for (int k = 0; k < N_S; ++k) {
       const M closes = is_gap(k) ? (M)(a->u[k] == 0.0) & (M)(a->du[k] < 0.0) : (M)zero();
       const M jumped = ((M)(a->u[k] < 0.0) | closes) & (M)(a->when > 1.0);
@@ -380,9 +385,9 @@ PRIVATE double first_pass(Block *b) {
       a->dx_low[j] = change_at(a, i, 0.0);
     }
   }
-  /* Parts from the begin of the step on. A part in which a pass may hide is halved, and the parts behind it are longer again.
-     They begin at multiples of their length, so that their ends are exact and the last part ends at 1. All lanes share the
-     parts, and the search ends with the part in which a lane passes first, because the step leads no further. */
+  /* Parts in order, from the start of the step on. A part that may contain an unseen pass is halved. The following parts become
+     longer again. Parts begin at multiples of their length, so that their ends are exact and the last part ends at 1. All lanes
+     have the same parts. The search ends with the first part in which a lane passes a switch, because the step ends there. */
   while (low < 1.0 && first > 1.0) {
     const double high = low + share;
     M open = (M)zero();
@@ -392,8 +397,8 @@ PRIVATE double first_pass(Block *b) {
       bound_part(a, low, high);
       open |= is_open(a, each(b->t + low * b->h), each(b->t + high * b->h), share, b->h, a->u_low, a->u_new);
     }
-    /* Where ranges never exclude a pass, as with a switch that stays near 0, the step ends behind the parts that are known:
-       a shorter step is better than a search without an end. */
+    /* If ranges never exclude a pass, as for a switch that stays near 0, the step ends after the examined parts. A shorter step
+       is better than a search without an end. */
     if (++parts > MOST_PARTS && low >= LONG_PART) return first_release(b, low);
     if (!none(open) && share > (parts > MOST_PARTS ? LONG_PART : LEAST_PART)) {
       share *= 0.5;
@@ -404,7 +409,7 @@ PRIVATE double first_pass(Block *b) {
         const V end = a->u_new[k];
         const M passes = (M)(end < 0.0);
         if (none(passes)) continue;
-        /* The root needs two signs: the value at `low` counts as 0 at least. */
+        /* A root needs two values of different sign, so the value at `low` is replaced by 0 if it is below 0. */
         const V when = sign_change(a, b, k, passes, each(low), each(high), v_larger(a->u_low[k], zero()), end, 0.0);
         const M sooner = passes & (M)(when < a->when);
         a->when = blend(sooner, when, a->when);
@@ -421,21 +426,22 @@ PRIVATE double first_pass(Block *b) {
   return first_release(b, first);
 }
 
-/* The number of the contact that closes at the fraction z where the step ends, or N_G plus the number of the contact that
-   opens there; -1 without one. */
+/* The number of the contact that closes at the fraction z at which the step ends, or N_G plus the number of the contact that
+   opens there; -1 if there is none. */
 PRIVATE int contact_at(const Block *b, double z) {
   const Part *a = b->part;
   return N_G > 0 && z <= 1.0 && a->when[0] <= z ? (int)fmax(a->which[0] - (N_S - N_G), -1.0) : -1;
 }
 
 /* Moves x_new to the fraction z of the step, at t_new, and changes the sides of the switches that are passed there. Returns 0
-   if samples stick: a switch that turns a motion back from both sides is passed for ever. */
+   if samples stick. If the motion returns to a switch from both sides, it would pass the switch forever. */
 PRIVATE int change_sides(Block *b, Study *s, double z) {
   int moves = 1;
   EACH_PART(b) {
-    /* Behind the pass the rates are those of the other side. If both sides lead to the switch, the motion slides along it
-       (Filippov), which neither branch describes, and steps would end there for ever. The test needs a return by REVERSAL
-       hystereses within a tenth of a step: slower returns are rounding or a motion that touches the switch. */
+    /* After the pass, the rates are those of the other side. If the motion moves to the switch from both sides, it slides along
+       the switch (Filippov). Neither branch describes such a motion, and steps would end there forever. For this test, the
+       motion must return by REVERSAL hystereses within a tenth of a step. Slower returns are rounding, or a motion that touches
+       the switch. */
     const V t = each(between_stops(b, b->t_new));
     V before[SIZE(N_S)];
     M passed[SIZE(N_S)];
@@ -465,8 +471,8 @@ PRIVATE int change_sides(Block *b, Study *s, double z) {
   return moves;
 }
 
-/* Raises the switches that are 0 behind a pass. The projection has moved the state and may have brought other switches to 0.
-   They count as passed only if they also fall. */
+/* Raises the switches that are 0 after a pass. The projection has moved the state, and may have moved other switches to 0.
+   These are passed only if they also fall. */
 PRIVATE void raise_switches(Block *b) {
   EACH_PART(b) {
     V before[SIZE(N_S)];
@@ -485,7 +491,7 @@ PRIVATE void raise_switches(Block *b) {
   }
 }
 
-/* Takes the switches at the end of a step as those at the begin of the next step, which saves an evaluation. */
+/* Uses the switches at the end of a step for the start of the next step. This saves an evaluation. */
 PRIVATE void keep_switches(Block *b) {
   EACH_PART(b) memcpy(a->u, a->u_new, sizeof a->u);
 }

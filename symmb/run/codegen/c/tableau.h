@@ -5,17 +5,17 @@
 #include "block.h"
 
 #define END 2            /* place in k of the slope at the end of the step */
-#define SAFETY 0.9       /* of the step that the error allows */
-#define EXPONENT 0.5     /* of the error */
+#define SAFETY 0.9       /* fraction of the step that the error allows */
+#define EXPONENT 0.5     /* exponent of the error */
 #define MEMORY 0.08      /* weight of the error of the previous step */
-#define SHRINK_LEAST 0.2 /* least factor of a step that is rejected */
+#define SHRINK_LEAST 0.2 /* smallest factor of a rejected step */
 #define CHANGE_LEAST 0.3
-#define CHANGE_MOST 5.0  /* bounds of the factor of a step that is accepted */
-#define ERROR_LEAST 1e-4 /* smaller errors count as this in the memory */
+#define CHANGE_MOST 5.0  /* bounds of the factor of an accepted step */
+#define ERROR_LEAST 1e-4 /* smaller previous errors are replaced by this value */
 #define SHORTEST 1e-14   /* fraction of the horizon */
-#define MOST_MISSED 300.0 /* tolerances by which an interpolant may miss the state of its last stage */
-#define LAST_STAGE 1.0   /* its fraction of the step */
-#define ROUNDED_STEP 1e-6 /* step over its time, below which the rounding of its end changes its length */
+#define MOST_MISSED 300.0 /* largest error of the interpolant at its last stage, in tolerances */
+#define LAST_STAGE 1.0   /* fraction of the step of the last stage */
+#define ROUNDED_STEP 1e-6 /* step over time. In shorter steps, rounding of the end changes the length */
 
 /* Slopes before the end of the step, and x_new. */
 PRIVATE void stages(Block *b) {
@@ -26,7 +26,7 @@ PRIVATE void stages(Block *b) {
   }
 }
 
-/* Estimated errors over the step's length, of two orders. */
+/* Estimated errors of two orders, divided by the length of the step. */
 PRIVATE void errors(const Part *a, double h, V *e5, V *e3) {
   (void)h;
   for (int i = 0; i < N_X; ++i) e5[i] = e3[i] = 0.5 * (a->k[N_OWN + i] - a->k[i]);

@@ -1,5 +1,5 @@
-/* Coefficients of sums of interpolants on tensor grids, and sums of squares of coefficients. There is one lane for each response.
-   Blocks of responses fit into a cache, so that they pass through memory once. */
+/* Coefficients of sums of interpolants on tensor grids, and sums of squares of coefficients. There is one lane for each
+   response. Blocks of responses fit into a cache, so that they are read from memory only once. */
 #ifndef TENSOR_FIT_H
 #define TENSOR_FIT_H
 
@@ -8,7 +8,7 @@
 #include "lanes.h"
 
 #define CACHED 8192 /* vectors that fit into a cache */
-#define LONGEST 64  /* vectors of a row that a thread takes at a time: with more, other threads would have nothing to do */
+#define LONGEST 64  /* vectors of a row that a thread takes at a time. With more, other threads would wait */
 
 typedef struct {
   long count, n, largest;    /* tensor grids, nodes of all of them together, and of the largest */
@@ -21,8 +21,8 @@ typedef struct {
   const double *fits;        /* from values to coefficients */
 } Tensors;
 
-/* Rows a to a + 3, or fewer, of a matrix (n, n), applied to vectors at distances of `after`. Each vector is loaded once for four
-   sums, which do not wait for each other. */
+/* Rows a to a + 3, or fewer, of a matrix (n, n), applied to vectors at distances of `after`. Each vector is loaded once for
+   four sums, which are independent of each other. */
 static inline void four_rows(const double *A, long n, long a, long after, const V *in, V *out) {
   const double *r0 = A + a * n, *r1 = a + 1 < n ? r0 + n : r0, *r2 = a + 2 < n ? r1 + n : r0, *r3 = a + 3 < n ? r2 + n : r0;
   V s0 = zero(), s1 = zero(), s2 = zero(), s3 = zero();
@@ -43,7 +43,8 @@ static void along(const double *A, long before, long n, long after, const V *in,
       for (long a = 0; a < n; a += 4) four_rows(A, n, a, after, in + i, out + i);
 }
 
-/* Values y (n) at the nodes -> coefficients, in place. `in` and `out` are as large as the largest grid, and `sum` as y. */
+/* Values y (n) at the nodes -> coefficients, in place. `in` and `out` have the size of the largest grid, and `sum` has the size
+   of y. */
 static void interpolate(const Tensors *t, V *y, V *sum, V *in, V *out) {
   for (long k = 0; t->count > 1 && k < t->n; ++k) sum[k] = zero();
   for (long g = 0; g < t->count; ++g) {
@@ -64,9 +65,9 @@ static void interpolate(const Tensors *t, V *y, V *sum, V *in, V *out) {
   memcpy(y, sum, t->n * sizeof *y);
 }
 
-/* Values Y (n, m) at the nodes, whose rows may lie anywhere, -> coefficients C (n, m). `next` counts the responses that threads
-   have taken, many at a time, because only long parts of rows pass through memory fast. Returns 0 if there is not enough
-   memory. */
+/* Values Y (n, m) at the nodes -> coefficients C (n, m). The rows of Y may be anywhere in memory. `next` counts the responses
+   that threads have taken. A thread takes many responses at a time, because memory is fast only for long parts of rows. Returns
+   0 if there is not enough memory. */
 int fit(const Tensors *t, long *next, long m, const double *const *Y, double *C);
 int fit(const Tensors *t, long *next, long m, const double *const *Y, double *C) {
   const long n = t->n, most = CACHED / n, tile = most < 1 ? 1 : most < LONGEST ? most : LONGEST;
@@ -84,7 +85,8 @@ int fit(const Tensors *t, long *next, long m, const double *const *Y, double *C)
   return enough;
 }
 
-/* Coefficients C (.., m) -> sums of squares (count, m) over groups. Group g has the rows[first[g]] to rows[first[g + 1] - 1]. */
+/* Coefficients C (.., m) -> sums of squares (count, m) over groups. Group g has the rows[first[g]] to rows[first[g + 1] -
+   1]. */
 void squares(long m, const double *C, long count, const long *first, const long *rows, double *sums);
 void squares(long m, const double *C, long count, const long *first, const long *rows, double *sums) {
   for (long begin = 0; begin < m; begin += LONGEST * W) { /* parts of rows that stay in the cache for all groups */
