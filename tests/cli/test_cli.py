@@ -13,7 +13,7 @@ import pytest
 
 import symmb as mb
 from symmb.show.cli.main import main
-from symmb.show.cli.scene_file import shipped_names
+from symmb.show.cli.scene_file import load_scene, shipped_names
 
 PENDULUM = """
 import numpy as np
@@ -203,7 +203,12 @@ def test_a_scene_finds_itself_and_its_neighbours(scene, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("name", shipped_names())
-def test_shipped_scenes_go_by_name(name, capsys):
+def test_shipped_scenes_go_by_name(name):
+    assert load_scene(name).outputs
+
+
+@pytest.mark.parametrize("name", ["double_pendulum", "half_car"])
+def test_equations_of_shipped_scenes_are_printed(name, capsys):
     assert main(["equations", name]) == 0
     assert capsys.readouterr().out.startswith("System")
 

@@ -10,7 +10,7 @@ from overconstrained import LINKAGES, bennett
 import symmb as mb
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 @pytest.mark.parametrize("linkage", LINKAGES, ids=lambda linkage: linkage.__name__)
 def test_overconstrained_linkages_move_and_are_checked(linkage, seed):
     ring, rate = linkage(seed), float(np.random.default_rng(seed).uniform(2, 5))
