@@ -3,16 +3,15 @@
 from collections.abc import Callable
 
 import numpy as np
-from scipy.optimize import linprog
 
 from symmb._types import Array
 from symmb.bound.bounds.direct_search import Found
 
-RADII, STEPS = (0.5, 0.25, 0.12, 0.06), 12
+RADII, STEPS = (1.0, 1.0, 0.4, 0.4, 0.16, 0.16, 0.064, 0.064), 40
 """Distances from the best place within which gradients are sampled, and the largest number of steps. A step that gains
-nothing takes the next distance."""
-POINTS = 5
-"""Number of gradients of a step. Five random points are on both sides of a crease with a probability of 15/16."""
+nothing takes the next distance. Each distance has two chances, because the random points may miss a piece."""
+POINTS = 4
+"""Number of random points of a step. They are on both sides of a crease with a probability of 7/8."""
 LENGTHS = (2.0, 1.0, 0.5, 0.25)
 """Largest steps, divided by the radius. Gradients are less valid at longer distances."""
 DIFFERENCE = 1e-3
@@ -31,19 +30,28 @@ def gradient_sampling(f: Callable[[Array], Array], x: Array, fx: float, sufficie
     Parameters
     ----------
     f : values (N,) at points (N, d), minus infinity if there is no value
-    sufficient : gain of a step that is not followed by shorter steps
+    sufficient : largest gain after which the next step is shorter
     enough : value above which the search ends
     """
     d, rng, gain, radii = len(x), np.random.default_rng(0), np.inf, list(RADII)
+    # Gradients are evaluated beside places that are often on a crease, because differences there would mix the pieces.
+    shortest, beside = np.empty((0, d)), 0.02
+    known = np.empty((0, d)), np.empty(0), np.empty((0, d))
     for _ in range(STEPS):
-        # The place itself is often on the crease. Differences there would mix the pieces.
-        points = np.clip(x + radii[0] * rng.uniform(-1.0, 1.0, (POINTS, d)), -1.0, 1.0)
+        radius = radii[0]
+        around = [shortest + beside * radius * rng.uniform(-1.0, 1.0, shortest.shape)]
+        around += [x + radius * rng.uniform(-1.0, 1.0, (POINTS, d))]
+        points = np.clip(np.concatenate(around), -1.0, 1.0)
         values, gradients = _gradients(f, points)
-        pieces = np.isfinite(values) & np.isfinite(gradients).all(axis=1)
-        if not pieces.any():
+        ok = np.isfinite(values) & np.isfinite(gradients).all(axis=1)
+        new = points[ok], values[ok], gradients[ok]
+        known = tuple(np.concatenate(both) for both in zip(known, new, strict=True))
+        near = np.abs(known[0] - x).max(axis=1) <= 2 * radius
+        if not near.any():
             break
-        known = points[pieces], values[pieces], gradients[pieces]
-        steps = np.stack([_largest_of_least(x, *known, length * radii[0]) for length in LENGTHS])
+        pieces = [part[near] for part in known]
+        steps = np.stack([_largest_of_least(x, *pieces, length * radius) for length in LENGTHS])
+        shortest = steps[-1:]  # if this step gains nothing, a piece is missing there
         points, values = np.concatenate([points, steps]), np.concatenate([values, f(steps)])
         best = int(values.argmax())
         gain = max(float(values[best]) - fx, 0.0)
@@ -70,6 +78,8 @@ def _gradients(f: Callable[[Array], Array], points: Array) -> tuple[Array, Array
 
 def _largest_of_least(x: Array, points: Array, values: Array, gradients: Array, length: float) -> Array:
     """The place (d,) of the box, at most a length from x, at which the least of linear pieces is largest."""
+    from scipy.optimize import linprog
+
     d = len(x)
     rows = np.column_stack([-gradients, np.ones(len(points))])  # t <= value + gradient (y - point)
     right = values - (gradients * points).sum(axis=1)
