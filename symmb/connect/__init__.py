@@ -1,6 +1,7 @@
 """Simulators as black boxes: parameters in, trajectories out.
 
-This folder has their interface, executors, functions, external programs and FMUs, and the store of runs.
+The modules define the interface of simulators, the executors and the store of runs. Simulators are made from functions,
+programs and FMUs.
 """
 
 from symmb.connect.black_box import BlackBox

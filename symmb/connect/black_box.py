@@ -45,7 +45,7 @@ class BlackBox(ABC):
         Raises
         ------
         SimulationError
-            If the run fails. Messages show its text only; for other exceptions, they also show the type
+            If the run fails. Its text is the message of the run. For other exceptions, the message also has the type
         """
 
     def _declare(
@@ -62,7 +62,7 @@ class BlackBox(ABC):
             raise DeclarationError(f"{owner}: times must be numbers, got {shown(times)}.")
         times = instants.copy()
         if times.ndim != 1 or not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
-            raise DeclarationError(f"{owner}: times must be finite and increase, shape (n_t,), n_t >= 1.")
+            raise DeclarationError(f"{owner}: times must be finite and increase, with the shape (n_t,) and n_t >= 1.")
         if not isinstance(outputs, str | list | tuple):
             raise DeclarationError(f"{owner}: outputs must be a list of names, got {shown(outputs)}.")
         names = (outputs,) if isinstance(outputs, str) else tuple(outputs)
@@ -111,8 +111,8 @@ class BlackBox(ABC):
     ) -> S:
         """Run samples P (N, d), reduce them in blocks, and merge the states of the blocks in their order.
 
-        A task is one run if runs are slow, and several runs of a block if runs are fast. The durations of earlier tasks
-        decide. Blocks do not depend on the tasks. For this reason the result does not depend on the executor.
+        A task is one run if runs are slow, and several runs of a block if runs are fast. The number follows from the
+        duration of earlier runs. Blocks do not depend on tasks, so the result does not depend on the executor.
         """
         P = checked_samples(self, P, progress)
         all_blocks, tasks = blocks(len(P), samples_of_block(len(P))), list[Array]()
@@ -122,7 +122,7 @@ class BlackBox(ABC):
             for indices in all_blocks:
                 begin, end = int(indices[0]), int(indices[-1]) + 1
                 while begin < end:
-                    # Duration of a task of fast runs [s]. The time to send a task is small compared with it.
+                    # A task of fast runs takes 0.02 s. The time to send a task is small compared with this time.
                     size = max(1, min(end - begin, int(0.02 / seconds))) if seconds else end - begin
                     tasks.append(P[begin : begin + size])
                     begin += size
@@ -180,7 +180,7 @@ class BlackBox(ABC):
 
 
 def samples_of_block(n: int) -> int:
-    """Number of samples in each of 64 blocks of n samples. The last digit of sums depends on this number."""
+    """Number of samples of a block, if n samples form 64 blocks. The rounding of sums depends on this number."""
     return 1 + n // 64
 
 

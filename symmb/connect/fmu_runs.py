@@ -19,8 +19,8 @@ from symmb.connect.fmu_description import CO_SIMULATION, FMU, Variable, fmpy
 from symmb.connect.fmu_instance import ENDED, Instance, Status, has_error, is_fatal, last_line, listen, logged
 
 RTOL = 1e-9
-"""Relative tolerance. It is small, because bounds subtract runs that differ little. With it, the error of an oscillator
-is 1e-7 after ten periods (tests/connect/test_fmu.py)."""
+"""Relative tolerance. It is small, because bounds use small differences between runs. With this tolerance, the error of
+an oscillator is 1e-7 after ten periods (tests/connect/test_fmu.py)."""
 
 
 @dataclass
@@ -33,7 +33,7 @@ class FMURunner:
     parameters, outputs : variables of the FMU
     times : (n_t,) output times [s]
     step : longest communication step [s]; all steps have this length if the FMU needs equal steps
-    patience : if a run fails within this time [s] without a reason, it is made again with full logging. Many FMUs
+    patience : longest failed run [s] that is repeated with full logging, if the FMU has logged no reason. Many FMUs
         report reasons only with full logging
     """
 
@@ -94,7 +94,7 @@ class FMURunner:
         return rows
 
     def _outputs(self, instance: Instance) -> Array:
-        """Outputs (n_t, n_y) of an instance that is started, by communication steps from time to time."""
+        """Outputs (n_t, n_y) of an instance at its start. Communication steps advance it from one time to the next."""
         rows, read = np.empty((len(self.times), len(self.outputs))), instance.reader(self.outputs)
         step = self._cosimulate if self.fmu.fmi_type == CO_SIMULATION else self._integration(instance)
         read(rows[0])
@@ -110,7 +110,7 @@ class FMURunner:
         self._t = begin + length
 
     def _integration(self, instance: Instance) -> Callable[[Instance, float, float], None]:
-        """A function that makes communication steps by the solver. Several instances use the same solver."""
+        """A function that advances an instance by one communication step, with the solver of all instances."""
         events = _EventMode(instance)
         if self._solver is None:
             self._solver = _new_solver(self.fmu, instance, self.times[0], self.step)
@@ -140,7 +140,7 @@ class FMURunner:
                 instance.model.enterContinuousTimeMode()
                 solver.restart(instance, self._t)
             count = count + 1 if self._t - begin <= near else 0
-            # Maximum number of events at one time. More events count as an endless sequence.
+            # Maximum number of events at one time. A longer sequence is assumed to be endless.
             if count > 1000:
                 raise SimulationError("there are too many events at the same time")
 
@@ -189,7 +189,7 @@ def _new_solver(fmu: FMU, instance: Instance, t: float, step: float) -> Any:
     """
 
     class CVODE(fmpy("sundials").CVodeSolver):
-        """CVODE that stores exceptions in callbacks of C, which Python ignores. `advance` raises the exception."""
+        """CVODE with stored exceptions. Python ignores exceptions in callbacks of C, so `advance` raises them."""
 
         fault: Exception | None = None
 
@@ -222,7 +222,7 @@ def _new_solver(fmu: FMU, instance: Instance, t: float, step: float) -> Any:
                 self.fault = error
                 return (
                     1 if getattr(error, "status", None) == Status.DISCARD else -1
-                )  # 1: tried again with a smaller step
+                )  # 1: CVODE tries a smaller step
 
     return CVODE(
         nx=fmu.n_states,

@@ -31,10 +31,10 @@ from symmb.connect.identity import digest
 from symmb.connect.limited_calls import LimitedCalls
 
 _LONG_RUN = 10.0
-"""Duration of a long run [s]. Each long run gets a new process, whose start takes little time in comparison."""
+"""Duration of a long run [s]. Each long run gets a new process. The start of a process is short in comparison."""
 _RESET, _NEW_INSTANCE, _NEW_PROCESS = "reset", "new instance", "new process"
 _KINDS: dict[tuple[str, str], str] = {}
-"""Digest of an FMU's file, and interface -> the way to repeat runs exactly: reset, instance or process."""
+"""(digest of the file of an FMU, interface) -> what an exact repetition of a run needs: reset, instance or process."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,16 +42,16 @@ class FMUSimulator(BlackBox):
     """Trajectories from a Functional Mock-up Unit of FMI 2 or 3. Install FMPy by `pip install 'symmb[fmu]'`.
 
     Runs are made in separate processes. If an FMU crashes, only one run fails. Runs of several threads are parallel.
-    Each process keeps an instance. The instance is reset between two runs. A test at the first run checks that a run
-    after a reset is bitwise the same. If it is not, and after a failed run, a new instance is made. If a run in a new
-    instance is not the same either, each run gets a new process.
+    Each process keeps an instance of the FMU, and resets it between two runs. The first run is repeated after a reset,
+    as a test. If the outputs differ in any bit, each run gets a new instance. If they still differ, each run gets a new
+    process. After a failed run, a new instance is always made.
 
     Parameters
     ----------
     path : str or Path
-        the .fmu file. Processes on other computers need it at the same path
+        the .fmu file. If other computers make runs, they need the file at the same path
     parameters : mapping
-        nominal values by name of the variable, in the unit of the model description. They are set before the start
+        nominal values by name of the variable, in the unit of the model description. A run starts with these values
     times : (n_t,)
         increasing times of the rows [s]; the run starts at the first time
     outputs : list of str

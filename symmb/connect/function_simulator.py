@@ -19,20 +19,20 @@ class FunctionSimulator(BlackBox):
     Parameters
     ----------
     f : function that is called as ``f(**parameters)`` and returns (n_t, n_y), or (n_t,) if there is one output.
-        A sample fails if its call raises, returns another shape, or returns a value that is masked or not finite.
+        A sample fails if its call raises an exception, or returns another shape or a masked or infinite value or nan.
         If the executor runs in other processes, f must be picklable, such as a function of a module.
     parameters : nominal values by name
     times : (n_t,) increasing times of the rows [s]
     outputs : n_y names of the columns
-    noise : errors of the output values by name, as ``{"x": 1e-6}``; the errors of other outputs are 0. None: errors
-        are not known, and are measured if needed
+    noise : errors of the output values by name, as ``{"x": 1e-6}``; the errors of other outputs are 0. None: the errors
+        are not known; adaptive methods measure them
     timeout : longest time of a call [s]. Calls are then made in forked processes, which are ended after this time
 
     Raises
     ------
     DeclarationError
-        If times do not increase, names repeat or are not allowed, there are no outputs, a value is not a number, or
-        noise is negative or names an unknown output
+        If times do not increase, there are no outputs, a name is not valid or repeated, a value is not a number, or
+        noise is negative
 
     Examples
     --------
