@@ -253,7 +253,7 @@ class Search:
             nominal = zip(check.limits, self._at_nominal, strict=True)
             left = min(float(limit.margin.min() / margin) for limit, margin in nominal)
             return min(s / np.clip(1 - 2 * left, *_FARTHER), ray.most)
-        # Each violated study in a row shows that the known runs are not the worst ones: the next one is farther away.
+        # If several studies in a row are violated, the known runs are not the worst ones. The distance is increased.
         less, ray.less = (ray.less, 4 * ray.less) if check.kept is False else (_SETTLED / 2, _SETTLED / 2)
         return min(max(ray.reach * (1 - less), (ray.low + ray.reach) / 2), ray.most)
 

@@ -1,4 +1,4 @@
-"""Local search along creases: the largest value of the least of several smooth functions, over the unit box."""
+"""Local search along a crease, where two smooth parts of a function meet, for the largest value over the unit box."""
 
 from collections.abc import Callable
 
@@ -15,16 +15,15 @@ POINTS = 4
 LENGTHS = (2.0, 1.0, 0.5, 0.25)
 """Largest steps, divided by the radius. Gradients are less valid at longer distances."""
 DIFFERENCE = 1e-3
-"""Distance of the differences that approximate gradients. Relative errors of 1e-6 of values are errors of 1e-3 of
-gradients."""
+"""Step of the finite differences that give gradients. If values have errors of 1e-6, gradients have errors of 1e-3."""
 
 
 def gradient_sampling(f: Callable[[Array], Array], x: Array, fx: float, sufficient: float, enough: float) -> Found:
     """Search for the largest value of f from a place x (d,) where polls stop, because f has a crease there.
 
-    The least largest value of a response over time, for instance, is in a crease between two peaks. Each step takes
-    gradients at random points around the best place, so that all pieces of f are sampled. Linear programs find the
-    largest value of the least of these linear pieces within several distances.
+    The lowest peak of a response over time, for instance, is in a crease between two peaks. Each step takes gradients
+    at random points around the best place. Each gradient gives a linear function, and f is about the smallest of these
+    functions. Linear programs find where this smallest value is largest, within several distances.
     (Burke, Lewis, Overton 2005, A robust gradient sampling algorithm for nonsmooth, nonconvex optimization)
 
     Parameters
@@ -77,7 +76,7 @@ def _gradients(f: Callable[[Array], Array], points: Array) -> tuple[Array, Array
 
 
 def _largest_of_least(x: Array, points: Array, values: Array, gradients: Array, length: float) -> Array:
-    """The place (d,) of the box, at most a length from x, at which the least of linear pieces is largest."""
+    """The point (d,) of the box, at most a length from x, at which the smallest of the linear functions is largest."""
     from scipy.optimize import linprog
 
     d = len(x)

@@ -1,4 +1,4 @@
-"""Rounds of check runs near extremes: they measure errors of an interpolant's range and of extremes of runs."""
+"""Rounds of check runs near extremes. The runs show the error of the range of an interpolant, and that of their own extremes."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
