@@ -1,4 +1,4 @@
-"""Rounds of check runs near extremes. The runs show the error of the range of an interpolant, and that of their own extremes."""
+"""Rounds of check runs near extremes. They show the errors of two answers: a range of polynomials, extremes of runs."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -73,20 +73,24 @@ class Foreseen:
 
 @dataclass
 class CheckRounds:
-    """The range of an expansion continued through check runs, or the extremes of runs, and the error of either one.
+    """Two ranges of an output with their errors, from rounds of check runs. The range with the smaller error is used.
 
-    The runs of a round show the error of the expansion, which earlier rounds have corrected. Rounds end when this error
-    is small enough or no longer falls. At x, the continuation expects an error of s(x) times the typical error. If a
-    new run at x shows the error e, the estimate of the typical error is e / s(x). The range may exceed all runs. Runs
-    attained a share of earlier predicted excesses: the bounds keep this share of the excess. Its error is the same
-    share, or the share that runs did not confirm if this is smaller.
+    The first range is that of an expansion, which is corrected by the check runs of each round. The runs of the next
+    round show its error. Rounds end when this error is small enough or no longer decreases. The continuation expects an
+    error at x that is s(x) times the typical error. A new run at x with the error e suggests a typical error of
+    e / s(x). The first range may exceed all runs. In earlier rounds, runs have attained a part of the predicted excess.
+    The bounds contain this part of the present excess. The error of the excess is as large, or it is the part that runs
+    did not confirm if that is smaller.
 
-    If corners have been run, the extremes of runs are the other answer. Their error is the largest of four values. Two
-    are the gain of the last rounds, and the gain from twice as many runs inside the box. One is the excess of the range
-    times the attained share. The last one is the change of the extreme run to a time beside, times the share of this
-    change that runs beside it gained: the other runs are rarely near an extreme of a single time. If no run differs
-    from the interpolant at a time, the error there is at most this range's excess. The answer with the smaller error
-    over all times counts.
+    The second range is that of the extremes of all runs, if corners have been run. Its error is the largest of four:
+
+    - the gain of the last rounds
+    - the gain from twice as many runs inside the box
+    - the excess of the first range, times the part that runs have attained
+    - the change of the extreme run to the next time, times the part of this change that runs near it gained. The other
+      runs are rarely near an extreme of a single time.
+
+    If no run differs from the interpolant at a time, the error there is at most the excess of the first range.
 
     Attributes
     ----------
