@@ -233,7 +233,7 @@ def test_the_nominal_run_violates_a_limit_with_any_method(method):
     assert bounds.check({"x": (None, 1.6)}).kept is not False and not bounds.check({"x": (None, 1.6)}).remarks
     check = mb.propagate(scene, method, mb.Box(k=(1.9, 2.1), a=(1.0, 1.1))).check({"x": (None, 1.2)})
     assert check.kept is not False
-    remark = "The box leaves out nominal values (a = 1.3), so that the nominal run is none of its cases."
+    remark = "The nominal values (a = 1.3) are outside of the box. The nominal run is not one of its cases."
     assert check.remarks == (remark,) and f"remark: {remark}" in str(check)
 
 

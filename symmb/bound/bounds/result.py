@@ -129,7 +129,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         """A remark if the box does not contain the nominal values."""
         values = {name: f"{self.nominal_parameters[name]:.6g}" for name in self._left_out}
         listed = ", ".join(with_units(values, self.nominal_parameters))
-        text = f"The box leaves out nominal values ({listed}), so that the nominal run is none of its cases."
+        text = f"The nominal values ({listed}) are outside of the box. The nominal run is not one of its cases."
         return (text,) if values else ()
 
     def _closest_to(self, limits: Sequence[KeptLimit]) -> WorstCase | None:
@@ -226,8 +226,8 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         require_truth("Bounds.plot", "deviation", deviation)
         if deviation and self.nominal is None:
             raise DeclarationError(
-                "Bounds.plot: deviation needs the nominal run, which these bounds do not hold. Bounds by "
-                "PolynomialChaos() hold it if the nominal parameters are in the middle of the box."
+                "Bounds.plot: deviation needs the nominal run, which these bounds do not have. Bounds by "
+                "PolynomialChaos() have it if the nominal parameters are in the middle of the box."
             )
         columns = plot.columns_of("Bounds.plot", outputs, self.names)
         figure = self._figure(columns, plot.Style("Bounds.plot", ax, **look), deviation)

@@ -157,7 +157,9 @@ class WorstCase:
         """
         scene = getattr(self.simulator, "scene", None)
         if not isinstance(scene, Scene):
-            raise DeclarationError("This worst case holds no scene: its bounds were read from a file, or have none.")
+            raise DeclarationError(
+                "This worst case has no scene, because its bounds are from a file or of another simulator."
+            )
         return scene.with_nominal(self.parameters)
 
     def run(self) -> Trajectory | Array:
@@ -168,7 +170,7 @@ class WorstCase:
         DeclarationError    if the bounds were read from a file
         """
         if self.simulator is None:
-            raise DeclarationError("This worst case holds no simulator: its bounds were read from a file.")
+            raise DeclarationError("This worst case has no simulator, because its bounds were read from a file.")
         if isinstance(self.simulator, SceneSimulator):
             return simulate(self.scene, self.simulator.solver)
         return np.array(self.simulator.run(np.array([[*self.parameters.values()]])).Y[0])

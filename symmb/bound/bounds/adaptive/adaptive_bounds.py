@@ -189,8 +189,8 @@ def _of_rounding(runs: Runs, is_noise: Mask) -> tuple[str, ...]:
 
 
 _CUT = (
-    "The study ended before it reached the tolerance {tolerance:g}: beside its runs it took more than 1 s, and more "
-    "than three times as long as they did. PolynomialChaos(seconds=...) allows more."
+    "The study ended before it reached the tolerance {tolerance:g}. Its work beside the runs took more than 1 s, "
+    "and more than three times as long as the runs. PolynomialChaos(seconds=...) allows more."
 )
 """The warning if a study had no time to refine the bounds and its error is far above the tolerance."""
 _SHORT = "The tolerance {} of the method was not reached: the estimated error is {} times the width."
