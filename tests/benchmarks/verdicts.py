@@ -101,9 +101,9 @@ def faults(case, bounds, limits, rng, counted):
     Y, nominal = case.sampled(rng, case.low, case.high), case.values(case.nominal[None])[0]
     is_left_out = bool(((case.nominal < case.low) | (case.nominal > case.high)).any())
     told = [text for _, text in sentences]
-    if any("leaves out nominal values" in text for text in told) != is_left_out:
+    if any("are outside of the box" in text for text in told) != is_left_out:
         yield "the remark about nominal values is needless or missing"
-    if any("leaves out nominal values" in text for text in check.remarks) != is_left_out:
+    if any("are outside of the box" in text for text in check.remarks) != is_left_out:
         yield "the remark of check is needless or missing"
     results = {state: sum(limit.kept is state for limit in check.limits) for state in (True, False, None)}
     for state, words in ((True, "satisfied"), (False, "violated"), (None, "not decided")):

@@ -159,7 +159,7 @@ def test_all_cases_violate_a_limit(seed, method):
     least, most = f"{low - limit:.3g} m", f"{high - limit:.3g} m"
     start = f"'x' exceeds its limit of {limit:.6g} m in all cases, by at least {least} and up to {most}, at 1 s"
     assert sentences[1][1].startswith(start) and "idle" not in sentences[1][1]
-    assert any("leaves out nominal values" in text for _, text in sentences) != is_inside
+    assert any("are outside of the box" in text for _, text in sentences) != is_inside
     who, change = ("The nominal values", "them") if is_inside else ("All cases", "the intervals")
     excess = p["speed"] - limit if is_inside else low - limit
     assert steps[0] == f"{who} violate the limit of 'x' by {excess:.3g} m: change {change}, or the limit."
