@@ -33,7 +33,7 @@ run = mb.simulate(scene)  # one run: run["tip_y"] is an array over time
 bounds = mb.propagate(scene, mb.PolynomialChaos())  # bounds["tip_y"] is lower and upper
 limits = {"tip_y": (None, 0.18)}
 print(bounds.check(limits))  # does the tip stay below 0.18 m?
-factor = mb.tolerances(scene, limits).factor  # the largest that satisfies the limit
+factor = mb.tolerances(scene, limits).factor  # the largest factor that satisfies the limit
 print(f"With {factor:.2f} times these tolerances the limit is satisfied.")
 
 corners = mb.propagate(scene, mb.Vertex())
