@@ -93,7 +93,7 @@ assert np.allclose(bounds["range"], worst, rtol=1e-3)  # the width of the bounds
 assert not bounds.warnings
 
 if __name__ == "__main__":
-    print(f"The range is {run['range']:.0f} m. Its bounds are {bounds['range'][0]:.0f} and {bounds['range'][1]:.0f} m.\n")
+    print(f"The range is {run['range']:.0f} m, the bounds are {bounds['range'][0]:.0f} and {bounds['range'][1]:.0f}.\n")
     print(bounds.contributions())
     if len(sys.argv) > 1:
         folder = Path(sys.argv[1])
