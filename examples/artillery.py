@@ -1,8 +1,8 @@
-"""Section 5 of Wang & Yang (2021): how far two eccentricities of the recoiling mass spread the shots of a gun.
+"""Section 5 of Wang & Yang (2021): how do two eccentricities of the recoiling mass change the motion of a gun?
 
-Nine runs give the bounds of the muzzle's vibration until the projectile has left, and a scan confirms them. Run as a
-program with a folder, `python examples/artillery.py FOLDER`, it does the whole study of the paper's Figs. 13 to 15 and
-draws it there: chaos expansions and Taylor's method against the 10 x 10 scan, over 14 ms and over the recoil cycle.
+Nine runs give the bounds of the muzzle's vibration until the projectile has left the barrel. A scan confirms them.
+`python examples/artillery.py FOLDER` makes the whole study of the paper's Figs. 13 to 15 and writes the pictures into
+FOLDER. It compares chaos expansions and Taylor's method with the 10 x 10 scan, over 14 ms and over the recoil cycle.
 """
 
 import sys
@@ -34,9 +34,9 @@ for name in MUZZLE:
         (np.maximum(most - high, 0) + np.maximum(low - least, 0)).mean() / width,
     )
 
-# Nine runs say what a hundred do: the response to these eccentricities is nearly linear.
+# Nine runs give nearly the bounds of a hundred runs, because the response to these eccentricities is nearly linear.
 assert all(over < 0.02 and under < 0.01 for over, under in shares.values())
-# At 14 ms the muzzle points up around what was measured, and e_z decides to which side.
+# The measured vertical angle at 14 ms is inside the bounds. The bounds of the horizontal angle are symmetric about 0.
 low, high = np.degrees(scan["muzzle_vertical"])
 assert low[-1] < 0.01382 < high[-1]
 left, right = np.degrees(scan["muzzle_horizontal"])
@@ -44,7 +44,7 @@ assert abs(left[-1] + right[-1]) < 1e-3 * right[-1]
 
 
 def study(end: float, outputs: tuple[str, ...]) -> mb.Comparison:
-    """All methods against the paper's scan."""
+    """Comparison of all methods with the paper's scan."""
     case = scene(end=end)
     assert case.outputs is not None
     case = case.with_outputs({name: case.outputs[name] for name in outputs})
@@ -52,7 +52,7 @@ def study(end: float, outputs: tuple[str, ...]) -> mb.Comparison:
 
 
 def draw(folder: Path) -> None:
-    """The counterparts of Figs. 13 to 15."""
+    """Draw the same pictures as Figs. 13 to 15 of the paper."""
     import casadi as ca
     from matplotlib.figure import Figure
 
@@ -86,8 +86,8 @@ def draw(folder: Path) -> None:
 
 if __name__ == "__main__":
     for name, (over, under) in shares.items():
-        print(f"{name}: 9 runs against 100: over {over:.1%}, under {under:.1%} of the width")
-    print(f"muzzle at 14 ms: {low[-1]:.5f} to {high[-1]:.5f} deg up")
+        print(f"{name}: bounds of 9 runs are {over:.1%} of the width outside and {under:.1%} inside those of 100 runs")
+    print(f"The muzzle points {low[-1]:.5f} to {high[-1]:.5f} deg up at 14 ms.")
     if len(sys.argv) > 1:
         folder = Path(sys.argv[1])
         folder.mkdir(parents=True, exist_ok=True)

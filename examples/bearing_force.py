@@ -1,7 +1,7 @@
-"""How much does a bearing feel of play in the parts? A slider-crank is driven at constant speed; the bounds of the
-force in its crankpin follow from intervals of the lengths and of the slider's mass.
+"""How much does a bearing force depend on tolerances? A slider-crank is driven at constant speed. The lengths and the
+slider's mass have intervals. The example computes the bounds of the force in the crankpin.
 
-`python examples/bearing_force.py FOLDER` draws the mechanism and the bounds there.
+`python examples/bearing_force.py FOLDER` writes pictures of the mechanism and of the bounds into FOLDER.
 """
 
 import sys
@@ -12,7 +12,7 @@ import numpy as np
 
 import symmb as mb
 
-SPEED = 2 * np.pi  # one turn a second
+SPEED = 2 * np.pi  # one turn per second
 
 p = mb.Parameters(crank=0.1, rod=0.3, slider_mass=2.0)
 ground = mb.Ground()
@@ -44,12 +44,12 @@ scene = mb.Scene(
 run = mb.simulate(scene)
 bounds = mb.propagate(scene, mb.PolynomialChaos())
 
-# The stroke has a closed form, and so has its range: it grows with both lengths where the crank points outwards.
+# The stroke has a closed form. When the crank points outwards, the stroke increases with both lengths.
 theta = SPEED * scene.times
 stroke = 0.1 * np.cos(theta) + np.sqrt(0.3**2 - (0.1 * np.sin(theta)) ** 2)
 assert np.abs(run["stroke"] - stroke).max() < 1e-6
 assert abs(bounds["stroke"][1][0] - (0.102 + 0.303)) < 1e-6
-assert run.energy_drift < 1e-6  # the motor's and the damper's work are counted
+assert run.energy_drift < 1e-6  # the energy balance includes the work of motor and damper
 force_low, force_high = bounds["pin_force"]
 assert (force_low <= run["pin_force"] + 1e-6).all() and (run["pin_force"] <= force_high + 1e-6).all()
 

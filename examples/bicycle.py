@@ -1,8 +1,8 @@
-"""A bicycle without a rider is pushed to the side. Does it come upright again, if its speed is not known well?
+"""A bicycle is pushed to the side. Does it return to the upright position if its speed is uncertain?
 
 The Whipple bicycle has four bodies: rear frame with a stiff rider, front frame, two thin wheels that roll without slip.
-Its motion about upright is known: between 4.3 and 6.0 m/s it is stable, slower it weaves, faster it falls slowly.
-`python examples/bicycle.py FOLDER` draws it there.
+The upright motion is stable between 4.3 and 6.0 m/s. At lower speeds it weaves, at higher speeds it falls slowly.
+`python examples/bicycle.py FOLDER` writes pictures into FOLDER.
 
 Source: Meijaard, Papadopoulos, Ruina, Schwab (2007), Linearized dynamics equations for the balance and steer of a
 bicycle, Proc. R. Soc. A 463, table 1 and equation (5.3).
@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 
 import symmb as mb
 
-G, TILT, PUSH = 9.81, np.pi / 10, 0.05  # [m/s^2], of the steering axis [rad], rate of leaning at the start [rad/s]
+G, TILT, PUSH = 9.81, np.pi / 10, 0.05  # [m/s^2], tilt of the steering axis [rad], lean rate at the start [rad/s]
 
 p = mb.Parameters(speed=4.8)
 ground = mb.Ground()
@@ -64,7 +64,7 @@ C1 = np.array([[0.0, 33.86641391492494], [-0.85035641456978, 1.68540397397560]])
 
 
 def linear(speed: float) -> np.ndarray:
-    """Lean and steer to the right [deg], (n_t, 2), of the linear equations."""
+    """Lean and steer angles to the right [deg], (n_t, 2), by the linear equations."""
 
     def rate(t: float, y: np.ndarray) -> np.ndarray:
         force = speed * C1 @ y[2:] + (G * K0 + speed**2 * K2) @ y[:2]
@@ -74,14 +74,14 @@ def linear(speed: float) -> np.ndarray:
 
 
 right = run.values * [1, -1]  # the axis of steering points upwards
-assert np.abs(right - linear(4.8)).max() < 2e-3  # what is left is of third order in the angles
+assert np.abs(right - linear(4.8)).max() < 2e-3  # the difference is of third order in the angles
 truth = np.array([linear(speed)[:, 0] for speed in np.linspace(4.5, 5.1, 61)])
 low, high = bounds["lean"]
 assert np.abs(low - truth.min(axis=0)).max() < 5e-3 and np.abs(high - truth.max(axis=0)).max() < 5e-3
 assert not bounds.warnings
 
 if __name__ == "__main__":
-    print(f"It leans by up to {high.max():.2f} degrees, and by {max(-low[-1], high[-1]):.2f} at most after 4 s.")
+    print(f"It leans by up to {high.max():.2f} degrees, after 4 s by at most {max(-low[-1], high[-1]):.2f} degrees.")
     if len(sys.argv) > 1:
         mb.view(run, Path(sys.argv[1]) / "bicycle.html")
         mb.view(run, Path(sys.argv[1]) / "bicycle.png", time=0.5)

@@ -1,9 +1,9 @@
-"""A spring holds a roller on a cam. At which speed does the roller lift off, and how high does it jump beyond?
+"""A spring holds a roller on a cam. At which speed does the roller lift off? How high does it jump above this speed?
 
-Over the top of the cam the spring must accelerate the follower downwards. The joint `CamFollower` holds it on the cam
-in any case, and its multiplier shows where the cam would have to pull: a formula has that force for a harmonic lift.
-`CurveContact` lets the roller fly and fall back, as an equation of motion in one coordinate does beside.
-`python examples/cam_liftoff.py FOLDER` draws cam and follower there.
+At the top of the cam, the spring must accelerate the follower downwards. The joint `CamFollower` always keeps the
+follower on the cam. Its multiplier gives the contact force, which follows a formula if the lift is harmonic.
+`CurveContact` lets the roller lift off. An equation of motion in one coordinate, solved by SciPy, gives the same jump.
+`python examples/cam_liftoff.py FOLDER` draws cam and follower into FOLDER.
 
 Source: textbook, e.g. Norton, Design of Machinery, dynamics of cams; own values.
 """
@@ -18,18 +18,18 @@ from scipy.integrate import solve_ivp
 
 import symmb as mb
 
-G, BASE, LIFT, ROLLER = 9.81, 0.04, 0.02, 0.012  # the base circle is that of the roller's centre [m]
-RATED, FAST, TURN = 1300.0, 1550.0, 2 * np.pi / 60  # [1/min], and rad/s of one of them
+G, BASE, LIFT, ROLLER = 9.81, 0.04, 0.02, 0.012  # BASE: smallest distance of the roller's centre from the shaft [m]
+RATED, FAST, TURN = 1300.0, 1550.0, 2 * np.pi / 60  # speeds [1/min]; TURN converts them to rad/s
 STIFFNESS, DAMPING = 2e7, 1e3  # of the surfaces [N/m, N s/m]
 
 
 def radius(angle: Any) -> Any:
-    """From the shaft to the roller's centre, 0 to the lift above the base circle."""
+    """Distance from the shaft to the roller's centre [m]: the radius of the base circle plus the lift."""
     return BASE + LIFT / 2 * (1 - np.cos(angle))
 
 
 def profile(s: ca.SX) -> list[ca.SX]:
-    """Of the cam: where the roller touches it."""
+    """Points of the cam's profile, where the roller touches the cam."""
     centre = radius(s - np.pi / 2) * ca.vertcat(ca.cos(s), ca.sin(s))
     along = ca.jacobian(centre, s)
     return ca.vertsplit(centre - ROLLER * ca.vertcat(along[1], -along[0]) / ca.norm_2(along))
@@ -79,12 +79,12 @@ run, ride_bounds, bounds = mb.simulate(jumping), *(mb.propagate(s, mb.Polynomial
 
 
 def least_force(mass: float, spring: float, preload: float, rpm: float) -> float:
-    """Of the cam on a roller that it holds, at the top [N]."""
+    """Contact force [N] at the top of the cam, for a roller that stays on the cam."""
     return preload + spring * LIFT + mass * (G - LIFT / 2 * (rpm * TURN) ** 2)
 
 
 def jump(mass: float, spring: float, preload: float, rpm: float) -> float:
-    """Of the roller [mm], in complex numbers. It is pressed in where its centre is inside of the curve of a ride."""
+    """Jump of the roller [mm], by complex numbers. There is contact if its centre is inside of the lift curve."""
     omega = rpm * TURN
 
     def push(t: float, y: float, v: float) -> float:
@@ -92,7 +92,7 @@ def jump(mass: float, spring: float, preload: float, rpm: float) -> float:
         centre, rate, s = 1j * y * turned, (1j * v + omega * y) * turned, np.pi / 2 - omega * t
 
         def at(s: float) -> tuple[complex, complex]:
-            """From the curve to the centre of the roller, and along the curve."""
+            """Vector from the curve to the roller's centre, and tangent of the curve."""
             r = radius(s - np.pi / 2)
             return centre - r * np.exp(1j * s), (1j * r - LIFT / 2 * np.cos(s)) * np.exp(1j * s)
 
@@ -122,9 +122,9 @@ assert not ride_bounds.warnings and not bounds.warnings
 
 if __name__ == "__main__":
     limit = np.sqrt((least_force(1.2, 5000.0, 150.0, 0.0)) / (1.2 * LIFT / 2)) / TURN
-    print(f"The roller lifts off from {limit:.0f} 1/min on.")
-    print("At {:.0f} 1/min it pushes with {:.0f} to {:.0f} N at least.".format(RATED, *ride_bounds["lowest force"]))
-    print(f"At {FAST:.0f} 1/min it lifts off {np.degrees(np.pi - run['angle']):.0f} degrees before the top,")
+    print(f"The roller lifts off at speeds above {limit:.0f} 1/min.")
+    print("At {:.0f} 1/min the lowest contact force is {:.0f} to {:.0f} N.".format(RATED, *ride_bounds["lowest force"]))
+    print(f"At {FAST:.0f} 1/min the roller lifts off {np.degrees(np.pi - run['angle']):.0f} degrees before the top,")
     print("and jumps by {:.2f} to {:.2f} mm.\n".format(*bounds["jump"]))
     print(bounds.contributions())
     if len(sys.argv) > 1:

@@ -1,9 +1,9 @@
-"""A spring throws a ball. How often does it land beyond a fence, if spring and ball vary as they are made?
+"""A spring throws a ball over a fence. How probable is this, if stiffness, mass and stretch are uncertain?
 
-The energy of the spring goes into the ball, which leaves at 45 degrees: its range without drag is twice the energy over
-its weight, k s^2 / (m g). Stiffness is normal, the mass is uniform, and the stretch is only known to be in an interval.
-So the probability has a lowest and a highest value, and both follow from an integral.
-`python examples/catapult_laws.py FOLDER` draws the bounds there.
+The spring gives its energy to the ball, which leaves at 45 degrees. Without drag, the range is k s^2 / (m g). The
+stiffness k has a normal distribution, and the mass m a uniform distribution. For the stretch s, only an interval is
+known. So the probability has a lowest and a highest value. Both follow from an integral.
+`python examples/catapult_laws.py FOLDER` draws the bounds into FOLDER.
 
 Source: own.
 """
@@ -24,7 +24,7 @@ p = mb.Parameters(stiffness=400.0, mass=0.1, stretch=0.14)
 ball = mb.Body("ball", p.mass, pose=mb.Particle())
 speed = ca.sqrt(p.stiffness * p.stretch**2 / p.mass)
 start = {"ball.vx": speed / ca.sqrt(2), "ball.vy": speed / ca.sqrt(2)}
-share = mb.t  # of the time of flight: every run lands at share = 1
+share = mb.t  # time divided by the time of flight: every ball lands at share = 1
 system = mb.System(ball, parameters=p)
 flight = ca.sqrt(2) * speed / G
 scene = mb.Scene(

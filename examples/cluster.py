@@ -1,15 +1,14 @@
 """A comparison on a cluster, in two ways: methods as jobs of submitit, or runs as tasks of Dask.
 
-    python examples/cluster.py FOLDER                          both ways here, on processes
+    python examples/cluster.py FOLDER                          both ways, in processes of this computer
     python examples/cluster.py FOLDER --slurm PARTITION        methods as jobs of SLURM
     python examples/cluster.py FOLDER --dask tcp://head:8786   runs on the workers of a cluster of Dask
 
-Methods as jobs: each job bounds the outputs by one method, on a machine of its own, and the reference is a job as
-well. All jobs write their runs into one file of the folder, which all machines see, and take those that others made
-from there. The comparison at the end finds all its runs there. A job that is lost is submitted again, and goes on where
-it stopped.
+Methods as jobs: each job bounds the outputs by one method on one machine. The reference is also a job. All machines
+must have access to the folder. Each job writes its runs into one file in this folder, and reads the runs of other jobs
+from it. The final comparison finds all its runs in the file. If a job is lost, it is submitted again and continues.
 
-`pip install submitit 'symmb[dask]'` brings what this needs.
+`pip install submitit 'symmb[dask]'` installs the necessary packages.
 """
 
 import argparse
@@ -29,7 +28,7 @@ REFERENCE = mb.Scanning(17)
 
 
 def swing(mass: float, stiffness: float) -> np.ndarray:
-    """x(t) of a mass on a spring, in the place of a program that takes minutes."""
+    """x(t) of a mass on a spring. It stands for a program that takes minutes."""
     return np.cos(np.sqrt(stiffness / mass) * TIMES)
 
 
@@ -40,12 +39,12 @@ def stored(folder: Path) -> mb.StoredSimulator:
 
 
 def bounds_by(number: int, folder: Path) -> mb.Bounds:
-    """One job: a method, or the reference behind them."""
+    """One job: the bounds by the method with this number. The last number is the reference."""
     return mb.propagate(stored(folder), [*METHODS, REFERENCE][number], BOX)
 
 
 def methods_as_jobs(folder: Path, partition: str | None) -> mb.Comparison:
-    """Each method on a machine of its own; without a partition, in a process here."""
+    """Compare methods, each in one job of SLURM. Without a partition, jobs are processes of this computer."""
     jobs = submitit.AutoExecutor(folder / "logs", cluster="slurm" if partition else "local")
     jobs.update_parameters(timeout_min=60)
     if partition:
@@ -56,14 +55,14 @@ def methods_as_jobs(folder: Path, partition: str | None) -> mb.Comparison:
 
 
 def runs_as_tasks(folder: Path, address: str | None) -> mb.Comparison:
-    """All runs of a comparison on the workers of Dask; without an address, on two processes here."""
+    """Compare methods with runs on the workers of Dask. Without an address, two processes of this computer are used."""
     with distributed.Client(address, n_workers=2) if address is None else distributed.Client(address) as client:
         return mb.compare(stored(folder), METHODS, BOX, REFERENCE, executor=client)
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", nargs="?", type=Path, help="that all machines see; default: a new one")
+    parser.add_argument("folder", nargs="?", type=Path, help="folder that all machines can read; default: a new folder")
     parser.add_argument("--slurm", metavar="PARTITION")
     parser.add_argument("--dask", metavar="ADDRESS")
     options = parser.parse_args()
@@ -74,4 +73,4 @@ if __name__ == "__main__":
         print(comparison)
         if options.folder:
             comparison.plot(place / "cluster.png")
-        assert comparison.rows[0].score.error.max() < 1e-3  # polynomials with 16 runs beside 289 runs
+        assert comparison.rows[0].score.error.max() < 1e-3  # polynomials of 16 runs against a scan of 289 runs

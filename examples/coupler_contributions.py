@@ -1,8 +1,8 @@
 """Which length of a four-bar causes the tolerance of its coupler point?
 
-Each of four lengths is known to 0.5 %. The coupler point's width is nearly the sum of what the lengths contribute
-alone. Shares of the variance are quite different: the largest contribution counts with its square.
-`python examples/coupler_contributions.py FOLDER` draws the contributions there.
+Each of the four lengths is known to 0.5 %. The width of the bounds is nearly the sum of the contributions of single
+lengths. The contributions to the variance are different, because they are proportional to the squares of these widths.
+`python examples/coupler_contributions.py FOLDER` draws the contributions into FOLDER.
 
 Source: textbook mechanism; own values.
 """

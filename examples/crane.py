@@ -1,8 +1,8 @@
-"""A crane with a slender boom luffs and stops. How far does its load swing, and how much does the boom bend?
+"""A crane raises its slender boom and stops. How far does its load swing, and how much does the boom bend?
 
-The boom is a flexible tube. A drive turns it at its foot. The load hangs on a rope whose length is not known well.
-At the start the boom bends under the load and its own weight as a cantilever does.
-`python examples/crane.py FOLDER` draws the crane there, with the runs that attain the bounds.
+The boom is a flexible tube. A drive turns the boom at its foot. The load hangs on a rope of uncertain length. At the
+start, the deflection of the boom under the load and its weight is that of a cantilever.
+`python examples/crane.py FOLDER` draws the crane and the runs that attain the bounds into FOLDER.
 
 Source: textbook beam, e.g. Gere and Goodno, Mechanics of Materials, appendix H; own values.
 """
@@ -51,7 +51,7 @@ bounds = mb.propagate(scene, mb.PolynomialChaos())
 
 
 def bend(load: float) -> float:
-    """Of the tip at rest, downwards [mm]: load and own weight across the boom."""
+    """Downward deflection [mm] of the tip at rest, under the load and the weight of the boom."""
     across = G * np.cos(BEGIN)
     deflection = load * across * LENGTH**3 / 3 + STEEL.density * AREA * across * LENGTH**4 / 8
     return 1e3 * deflection / (STEEL.E * MOMENT) * np.cos(BEGIN)
@@ -65,7 +65,7 @@ assert not bounds.warnings
 if __name__ == "__main__":
     after = scene.times > TIME
     low, high = bounds["swing"]
-    print(f"After the drive has stopped the load swings by up to {max(-low[after].min(), high[after].max()):.2f} m.")
+    print(f"After the drive has stopped, the load swings by up to {max(-low[after].min(), high[after].max()):.2f} m.")
     print(f"The boom bends by {bounds['bend'][0].min():.0f} to {bounds['bend'][1].max():.0f} mm.")
     if len(sys.argv) > 1:
         mb.view(run, Path(sys.argv[1]) / "crane.html")

@@ -1,10 +1,10 @@
-"""The winch of a crane gathers speed while its rope is slack. How hard does the rope jerk its load off the ground?
+"""The winch of a crane accelerates while its rope is slack. How large is the peak force when the load is lifted?
 
-The rope goes from the winch over a pulley at the tip of the boom, which a second rope, the pendant, holds. The more
-slack there is, the faster the winch is when the rope becomes taut. The peak of the pull over the weight of the load is
-the hoisting factor by which such cranes are designed. Equations in three coordinates, whose forces are the slopes of
-the ropes' ways, are integrated beside.
-`python examples/crane_slack_rope.py FOLDER` draws the crane there.
+The rope goes from the winch over a pulley at the tip of the boom to the load. A second rope, the pendant, holds the
+boom. With more slack, the winch is faster when the rope becomes taut. The peak of the pull, divided by the weight of
+the load, is the hoisting factor. Such cranes are designed by this factor. As a check, SciPy integrates equations of
+motion in three coordinates.
+`python examples/crane_slack_rope.py FOLDER` draws the crane into FOLDER.
 
 Source: hoisting factor e.g. EN 13001-2; own values.
 """
@@ -21,11 +21,11 @@ import symmb as mb
 G, BOOM, MASS, ANGLE, RADIUS = 9.81, 12.0, 1500.0, np.radians(55.0), 0.25
 FRAME, WINCH, X = np.array([-3.0, 6.0]), np.array([-2.0, 1.0]), BOOM * np.cos(ANGLE) + RADIUS
 PENDANT, FLOOR = (1.2e7, 3e4), (5e7, 3e5)  # stiffness [N/m] and damping [N s/m]
-ROPE, END = 4e3, 1.2  # damping, and the end of the time in which the winch gathers speed [s]
+ROPE, END = 4e3, 1.2  # damping [N s/m] of the rope, and last time of the run [s]
 
 
 def ways(q: np.ndarray) -> np.ndarray:
-    """Of the pendant, of the rope, and into the floor [m], by the angle of the boom and the place of the load."""
+    """Lengths of the pendant and the rope, and depth in the floor [m], for the boom's angle and the load's position."""
     tip = BOOM * np.array([np.cos(q[0]), np.sin(q[0])])
     (winch, a), (load, b) = ((np.hypot(*d), np.arctan2(d[1], d[0])) for d in (WINCH - tip, q[1:] - tip))
     arc = 2 * np.pi + a - b - np.arccos(RADIUS / winch) - np.arccos(RADIUS / load)
@@ -66,7 +66,7 @@ bounds = mb.propagate(scene, mb.PolynomialChaos())
 
 
 def factor(load: float, slack: float, stiffness: float, gain: float) -> float:
-    """The largest pull of the rope over the weight of the load."""
+    """The largest pull of the rope, divided by the weight of the load."""
     springs = np.array([PENDANT, (stiffness, ROPE), FLOOR])
     inertia = np.array([MASS * BOOM**2 / 3, load, load])
 
@@ -93,8 +93,8 @@ assert np.allclose(bounds["factor"], worst, rtol=2e-3)
 assert not bounds.warnings
 
 if __name__ == "__main__":
-    print(f"The rope is taut at {run['speed']:.2f} m/s. It pulls {run['factor']:.2f} times as hard as the load weighs,")
-    print("and {:.2f} to {:.2f} times within the tolerances.\n".format(*bounds["factor"]))
+    print(f"The rope becomes taut at {run['speed']:.2f} m/s. Its pull is up to {run['factor']:.2f} times the weight,")
+    print("and {:.2f} to {:.2f} times the weight within the tolerances.\n".format(*bounds["factor"]))
     print(bounds.contributions())
     if len(sys.argv) > 1:
         folder = Path(sys.argv[1])

@@ -1,9 +1,9 @@
-"""A car's door falls into its latch. Which speed does it need, and how hard is the blow if it comes faster?
+"""A car door closes into its latch. Which speed does it need, and how large is the impact force at higher speeds?
 
-The seal is a spring over the last 3.5 degrees and takes most of the energy. What is left goes into the striker, about
-which the latch closes: both go on together, a plastic impact. The body of the car lets the striker spring back.
-The motion until then is an equation for the angle, the impact a balance of momentum, and behind it all is a spring.
-`python examples/door_latch.py FOLDER` draws the door from above there.
+The seal is a spring over the last 3.5 degrees, and takes most of the energy. The latch then closes about the striker.
+This is a plastic impact: door and striker move on together, against the elastic body of the car. As a check, SciPy
+integrates an equation for the door's angle before and after the impact. The impact follows from the momentum.
+`python examples/door_latch.py FOLDER` draws the door from above into FOLDER.
 
 Source: textbook impact; own values.
 """
@@ -20,10 +20,10 @@ from scipy.optimize import root_scalar
 
 import symmb as mb
 
-WIDTH, MASS, INERTIA, BEGIN = 1.1, 25.0, 3.0, 0.5  # from the hinge to the latch [m]; inertia about the middle
+WIDTH, MASS, INERTIA, BEGIN = 1.1, 25.0, 3.0, 0.5  # WIDTH: from hinge to latch [m]; INERTIA: about the middle
 AT_HINGE = INERTIA + MASS * (WIDTH / 2) ** 2
-STRIKER, BODY, LOSS = 3.0, 1.5e6, 400.0  # mass [kg], stiffness [N/m] and damping [N s/m] of what it is fixed to
-DAMPING, END = 40.0, 0.6  # of the seal [N m s/rad], and of the run [s]
+STRIKER, BODY, LOSS = 3.0, 1.5e6, 400.0  # mass [kg] of the striker, stiffness [N/m] and damping [N s/m] of the car
+DAMPING, END = 40.0, 0.6  # damping of the seal [N m s/rad], and last time of the run [s]
 
 p = mb.Parameters(speed=1.5, seal=2000.0, thickness=0.06, friction=3.0)
 ground = mb.Ground()
@@ -57,12 +57,12 @@ scene = mb.Scene(
 run = mb.simulate(scene)
 bounds = mb.propagate(scene, mb.PolynomialChaos())
 with warnings.catch_warnings():
-    warnings.simplefilter("ignore")  # slow doors are not caught, as a warning says
+    warnings.simplefilter("ignore")  # a warning says that slow doors do not reach the latch
     slow = mb.propagate(scene, mb.MonteCarlo(100), mb.Box(speed=(1.0, 1.6)))
 
 
 def closed(speed: float, seal: float, thickness: float, friction: float) -> tuple[float, float, float]:
-    """Speed at the latch [m/s], work of the impact [J], and the largest force on the striker behind it [N]."""
+    """Speed at the latch [m/s], work of the impact [J], and the largest force on the striker after the impact [N]."""
 
     def torque(angle: float, rate: float) -> float:
         depth = thickness - angle
@@ -73,7 +73,7 @@ def closed(speed: float, seal: float, thickness: float, friction: float) -> tupl
         return [z[1], torque(*z) / AT_HINGE]
 
     def force(angle: float, rate: float) -> tuple[float, float]:
-        """Acceleration of the door that carries the striker along, and the force on this one."""
+        """Angular acceleration of the door that moves with the striker, and the force on the striker."""
         arm, held = WIDTH * np.cos(angle), BODY * WIDTH * np.sin(angle) + LOSS * WIDTH * np.cos(angle) * rate
         turning = STRIKER * WIDTH * np.sin(angle) * rate**2
         gain = (torque(angle, rate) + arm * (turning - held)) / (AT_HINGE + STRIKER * arm**2)
@@ -85,7 +85,7 @@ def closed(speed: float, seal: float, thickness: float, friction: float) -> tupl
     arrived.terminal = True
     swing = solve_ivp(swings, (0, END), [BEGIN, -speed / WIDTH], events=arrived, rtol=1e-9, atol=1e-11, max_step=0.01)
     left = -WIDTH * swing.y[1, -1]
-    reduced = 1 / (WIDTH**2 / AT_HINGE + 1 / STRIKER)  # masses that meet at the latch
+    reduced = 1 / (WIDTH**2 / AT_HINGE + 1 / STRIKER)  # reduced mass of the impact
     rate = -left / WIDTH * AT_HINGE / (AT_HINGE + STRIKER * WIDTH**2)
     after = solve_ivp(
         lambda t, z: [z[1], force(*z)[0]], (0, 0.1), [0.0, rate], rtol=1e-9, atol=1e-11, dense_output=True
@@ -100,13 +100,13 @@ worst = closed(1.4, 2150.0, 0.062, 3.5), closed(1.6, 1850.0, 0.058, 2.5)
 assert np.allclose(bounds["speed"], [row[0] for row in worst], rtol=2e-3)
 assert np.allclose(bounds["blow"], [row[2] for row in worst], rtol=2e-3)
 assert not bounds.warnings
-# Slower ones swing back: their speed at the end is below 0.
+# Slower doors swing back before they reach the latch.
 needed = root_scalar(lambda speed: closed(speed, 2000.0, 0.06, 3.0)[0], bracket=(1.15, 1.5)).root
 (stated,) = re.findall(r"speed < ([\d.]+)", slow.warnings[0])
 assert abs(float(stated) - needed) < 0.02
 
 if __name__ == "__main__":
-    print(f"The door needs {needed:.2f} m/s. Of 100 doors with 1 to 1.6 m/s:", slow.warnings[0], sep="\n", end="\n\n")
+    print(f"The door needs {needed:.2f} m/s. For 100 doors at 1 to 1.6 m/s:", slow.warnings[0], sep="\n", end="\n\n")
     print(bounds.check({"speed": (0.1, None), "blow": (None, 2000.0)}), "\n")
     print(bounds.contributions())
     if len(sys.argv) > 1:

@@ -1,8 +1,8 @@
-"""An excavator lifts its bucket, and nobody knows what is in it. Which forces must its three cylinders give?
+"""An excavator lifts its bucket with an uncertain load. Which forces must its three cylinders give?
 
-Boom, stick and bucket are moved by cylinders that follow given lengths. At the end all stand still: the moments of all
-weights about a pin are those of the cylinder that holds it.
-`python examples/excavator.py FOLDER` draws the machine there, with the runs that attain the bounds.
+Cylinders with given lengths move boom, stick and bucket. At the end, all parts are at rest. Then the moment of the boom
+cylinder about the boom's foot is equal to the moment of all weights.
+`python examples/excavator.py FOLDER` draws the machine and the runs that attain the bounds into FOLDER.
 
 Source: textbook machine of the size of 20 t; own values.
 """
@@ -55,7 +55,7 @@ bounds = mb.propagate(scene, mb.PolynomialChaos())
 
 
 def moment(load: float) -> float:
-    """Of the weights about the boom's foot at the end [N m]."""
+    """Moment of the weights about the boom's foot at the end [N m]."""
     xs = np.array([run(body.x)[-1] for body in (boom, stick, bucket)])
     return G * float(xs @ [MASS["boom"], MASS["stick"], MASS["bucket"] + load])
 

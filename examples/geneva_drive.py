@@ -1,10 +1,10 @@
 """A Geneva drive turns a table by a quarter of a turn and locks it. How hard does its pin hit the slot?
 
-Without play and elasticity the wheel follows a formula, whose peak of acceleration is 5.41 times the square of the
-crank's speed. A real pin has play in its slot: it changes from flank to flank when the wheel slows down, and rebounds.
-Before and behind, the disc of the crank locks the wheel by its arcs. The disc is cut away where the pin is in the slot.
-One equation of motion for the angle of the wheel, with the same laws of contact, is integrated beside.
-`python examples/geneva_drive.py FOLDER` draws the drive there.
+Without play and elasticity, a formula gives the motion of the wheel. The peak of its acceleration is 5.41 times the
+square of the crank's speed. A real pin has play in its slot. When the wheel slows down, the pin moves from one flank to
+the other and rebounds. Before and after the pin is in the slot, the disc of the crank locks the wheel at its arcs. As a
+check, SciPy integrates one equation of motion for the angle of the wheel, with the same contact laws.
+`python examples/geneva_drive.py FOLDER` draws the drive into FOLDER.
 
 Source: textbook mechanism, e.g. Norton, Design of Machinery; own values.
 """
@@ -21,8 +21,8 @@ import symmb as mb
 CRANK, PIN, DISC, QUARTER = 0.05, 0.006, 0.03, np.pi / 4
 APART = CRANK / np.sin(QUARTER)  # so that the pin enters the slot along it
 ARC, BEGIN = APART * np.sqrt(0.5), np.radians(-60.0)
-INNER, REACH = APART - CRANK - 0.003, 0.04  # of the slot's inner end from the wheel's axis, and its length [m]
-END, STIFFNESS, DAMPING, FRICTION = 1 / 6, 5e7, 1e4, 2.0  # [s], of contacts [N/m, N s/m], of the bearing [N m]
+INNER, REACH = APART - CRANK - 0.003, 0.04  # distance of the slot from the wheel's axis, and its length [m]
+END, STIFFNESS, DAMPING, FRICTION = 1 / 6, 5e7, 1e4, 2.0  # [s], contacts [N/m, N s/m], bearing [N m]
 
 p = mb.Parameters(rpm=120.0, inertia=0.05, play=5e-5)
 speed = 2 * np.pi / 60 * p.rpm
@@ -66,7 +66,7 @@ bounds = mb.propagate(scene, mb.PolynomialChaos())
 
 
 def largest_force(rpm: float, inertia: float, play: float) -> float:
-    """Of the pin, by the angle of the wheel. All places are complex numbers, in the axes of the wheel."""
+    """Largest force of the pin [N], by an equation for the wheel's angle. Complex numbers are positions in its axes."""
     omega = 2 * np.pi / 60 * rpm
 
     def law(depth: float, rate: float) -> float:
@@ -106,10 +106,8 @@ assert np.allclose(bounds["force"], [largest_force(118.0, 0.045, 2e-5), largest_
 assert not bounds.warnings
 
 if __name__ == "__main__":
-    print(
-        f"The pin speeds the wheel up by {run['speeds up']:.0f} rad/s^2, and slows it down by {run['slows down']:.0f}."
-    )
-    print("It pushes with {:.0f} to {:.0f} N at most.\n".format(*bounds["force"]))
+    print(f"The wheel speeds up at {run['speeds up']:.0f} rad/s^2, and slows down at {run['slows down']:.0f} rad/s^2.")
+    print("The largest force of the pin is {:.0f} to {:.0f} N.\n".format(*bounds["force"]))
     print(bounds.contributions())
     if len(sys.argv) > 1:
         folder = Path(sys.argv[1])

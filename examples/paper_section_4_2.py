@@ -1,7 +1,7 @@
-"""Section 4.2 of Wang & Yang (2021): the double pendulum, lengths known to 5, 10, 15 and 20 %.
+"""Section 4.2 of Wang & Yang (2021): the double pendulum, with tolerances of the lengths of 5, 10, 15 and 20 %.
 
-Run as a program it draws the paper's Figs. 7 and 8 into the folder given (default: the current one), with the bounds of
-symmb's own polynomial chaos beside the paper's and Taylor's.
+`python examples/paper_section_4_2.py FOLDER` draws the paper's Figs. 7 and 8 into FOLDER (default: the current folder).
+The pictures also show the bounds of a better polynomial chaos expansion.
 """
 
 import sys
@@ -17,7 +17,7 @@ METHODS = (mb.PolynomialChaos.paper(order=2), mb.Taylor(order=2), mb.PolynomialC
 
 
 def compare(spread: float) -> mb.Comparison:
-    """The paper's methods and ours at one level of uncertainty, against a fine scan."""
+    """Comparison of the paper's methods and ours with a fine scan, at one level of uncertainty."""
     pendulum = scene()
     box = mb.Box.around(pendulum.system.parameters, spread)
     return mb.compare(pendulum, METHODS, box, reference=mb.Scanning(21))
@@ -26,15 +26,15 @@ def compare(spread: float) -> mb.Comparison:
 comparisons = {spread: compare(spread) for spread in SPREADS}
 errors = {spread: [row.score.error.mean() for row in c.rows] for spread, c in comparisons.items()}
 
-# The paper's finding: its bounds beat Taylor's, the more so the larger the uncertainty ...
+# The paper's finding: its bounds are better than Taylor's, and the difference grows with the uncertainty.
 assert all(paper < taylor for paper, taylor, _ in errors.values())
 assert errors[0.20][1] / errors[0.20][0] > errors[0.05][1] / errors[0.05][0]
-# ... and what better nodes and the exact range of the polynomial make of it.
+# Better nodes and the exact range of the polynomial reduce the error by more than a factor of 20.
 assert all(ours < 0.05 * paper for paper, _, ours in errors.values())
 
 
 def draw(folder: Path) -> None:
-    """Figs. 7 and 8."""
+    """Draw Figs. 7 and 8 of the paper."""
     from matplotlib.figure import Figure
 
     styles = [("tab:red", "--"), ("tab:green", ":"), ("tab:blue", "-")]

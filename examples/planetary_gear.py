@@ -1,8 +1,9 @@
-"""A motor starts a hoist through a planetary gear. How long until it runs at speed, if its torque is not known well?
+"""A motor starts a hoist through a planetary gear. How long does the start take if the torque is uncertain?
 
-The motor turns the sun. Three planets roll between the sun and a ring that is held. The carrier turns the drum. An
-induction motor pulls by Kloss' formula: little at standstill, most before its synchronous speed, nothing at it.
-`python examples/planetary_gear.py FOLDER` draws the gear there.
+The motor turns the sun. Three planets roll between the sun and a fixed ring. The carrier turns the drum. Kloss' formula
+gives the torque of the induction motor. The torque is low at standstill, highest shortly below the synchronous speed,
+and zero at this speed.
+`python examples/planetary_gear.py FOLDER` draws the gear into FOLDER.
 
 Source: textbook machine; Kloss (1901) for the motor; own values.
 """
@@ -15,8 +16,8 @@ from scipy.integrate import solve_ivp
 
 import symmb as mb
 
-SUN, PLANET = 0.02, 0.04  # radii of the pitch circles [m]; the ring's is SUN + 2 PLANET
-ARM, RATIO = SUN + PLANET, 2 * (SUN + PLANET) / SUN  # of the sun's speed to the carrier's
+SUN, PLANET = 0.02, 0.04  # radii of the pitch circles [m]; the ring's radius is SUN + 2 PLANET
+ARM, RATIO = SUN + PLANET, 2 * (SUN + PLANET) / SUN  # RATIO: speed of the sun, divided by that of the carrier
 SYNCHRONOUS, SLIP = 157.0, 0.2  # speed [rad/s], slip of the largest torque
 INERTIA = {"sun": 2e-4, "planet": 8e-4, "carrier": 0.02}
 MASS = {"sun": 1.0, "planet": 1.0, "carrier": 2.0}
@@ -38,7 +39,7 @@ for i, angle in enumerate(2 * np.pi * np.arange(3) / 3):
     planet = mb.Body(f"planet{i}", MASS["planet"], INERTIA["planet"])
     pin = carrier.point(ARM * np.cos(angle), ARM * np.sin(angle))
     elements += [planet, mb.Revolute(f"pin{i}", pin, planet.point(0, 0))]
-    # The teeth of both wheels meet at the same speed, seen from the carrier. The ring's teeth stand still.
+    # In axes of the carrier, the teeth of both wheels have the same speed. The ring does not move.
     turn = (SUN + 2 * PLANET) / PLANET
     elements.append(mb.Motion(f"ring_mesh{i}", planet.theta - carrier.theta + turn * carrier.theta, 0))
 elements.append(mb.Motion("sun_mesh", sun.theta - RATIO * carrier.theta, 0))
@@ -62,8 +63,8 @@ bounds = mb.propagate(scene, mb.PolynomialChaos())
 
 
 def speed(pull_out: float, drum: float) -> np.ndarray:
-    """The sun's speed over time: the whole machine as one wheel, by its kinetic energy."""
-    spin = (1 - (SUN + 2 * PLANET) / PLANET) / RATIO  # of a planet, over the sun's
+    """The sun's speed over time. The kinetic energy gives the equivalent inertia of the machine at the sun."""
+    spin = (1 - (SUN + 2 * PLANET) / PLANET) / RATIO  # speed of a planet, divided by the sun's speed
     inertia = INERTIA["sun"] + (INERTIA["carrier"] + drum + 3 * MASS["planet"] * ARM**2) / RATIO**2
     inertia += 3 * INERTIA["planet"] * spin**2
     wheel = solve_ivp(

@@ -1,9 +1,9 @@
 """A clutch starts a press from its flywheel, and a brake stops it. How far does the flywheel slow down, and why?
 
-A plate clutch couples the flywheel to the crank. It slips until both have the same speed, and sticks from there on. The
-ram forms a part near its lowest point. Behind it the clutch opens, and the brake stops the crank near the top. Friction
-of the clutch, pressure of its air, and the force of the part are known to some percent.
-`python examples/press_clutch.py FOLDER` draws the press there, its speeds, and the shares of the tolerances.
+A plate clutch couples the flywheel to the crank. It slips until both have the same speed, and then sticks. The ram
+forms a part near its lowest point. Then the clutch opens, and the brake stops the crank near the top. The friction of
+the clutch, its air pressure, and the force of the part are known to some percent.
+`python examples/press_clutch.py FOLDER` draws the press, its speeds, and the contributions of tolerances into FOLDER.
 
 Source: textbook machine, e.g. Budynas and Nisbett, Shigley's Mechanical Engineering Design, chapter 16; own values.
 """
@@ -16,21 +16,21 @@ import numpy as np
 
 import symmb as mb
 
-RADIUS, ROD, DRAW, G = 0.06, 0.35, 0.015, 9.81  # of crank, rod and part [m]
-WHEEL, CRANK, SPEED = 30.0, 0.8, 2 * np.pi * 4.0  # kg m^2, rad/s
-AREA, MEAN_RADIUS, FACES = 0.02, 0.16, 4  # of the plates [m^2], [m]
-START, FILL, RELEASE = 0.05, 0.02, np.radians(330.0)  # of the clutch [s], and where it opens
+RADIUS, ROD, DRAW, G = 0.06, 0.35, 0.015, 9.81  # crank, rod, height of the part [m]
+WHEEL, CRANK, SPEED = 30.0, 0.8, 2 * np.pi * 4.0  # moments of inertia [kg m^2], speed [rad/s]
+AREA, MEAN_RADIUS, FACES = 0.02, 0.16, 4  # plates of the clutch [m^2], [m]
+START, FILL, RELEASE = 0.05, 0.02, np.radians(330.0)  # clutch closes at START, fills in FILL [s], opens at RELEASE
 
 p = mb.Parameters(friction=0.30, pressure=5.5e5, part=60e3)  # -, Pa, N
 ground = mb.Ground()
 wheel, crank = mb.Body("flywheel", 600.0, WHEEL), mb.Body("crank", 40.0, CRANK)
 rod, ram = mb.Body("rod", 30.0, 30.0 * ROD**2 / 12), mb.Body("ram", 150.0, 1.0)
-shaft = mb.Revolute("shaft", ground.point(0, 0), crank.point(0, 0))  # its angle counts from the top
+shaft = mb.Revolute("shaft", ground.point(0, 0), crank.point(0, 0))  # its angle is 0 at the top
 is_on = ca.logic_and(mb.t > START, shaft.angle < RELEASE)
 torque = p.friction * p.pressure * AREA * MEAN_RADIUS * FACES * ca.fmin((mb.t - START) / FILL, 1)
 clutch = mb.Clutch("clutch", wheel, crank, ca.if_else(is_on, torque, 0), static_ratio=1.1)
 brake = mb.Clutch("brake", ground, crank, ca.if_else(is_on, 0, 800.0))
-way = ca.fmax(DRAW - RADIUS - ROD - ram.y, 0)  # through the part
+way = ca.fmax(DRAW - RADIUS - ROD - ram.y, 0)  # depth of the ram in the part
 system = mb.System(
     wheel,
     crank,
@@ -65,7 +65,7 @@ run = mb.simulate(scene)
 bounds = mb.propagate(scene, mb.PolynomialChaos())
 shares = bounds.contributions()
 
-# Until it sticks, the clutch accelerates the crank by a torque that rises with time. The ram hardly moves.
+# While the clutch slips, its torque rises with time and accelerates the crank. The ram hardly moves.
 slope = 0.3 * 5.5e5 * AREA * MEAN_RADIUS * FACES / FILL
 slipping = np.sqrt(2 * SPEED / slope / (1 / WHEEL + 1 / CRANK))
 assert abs((run["lock"] - START) / slipping - 1) < 0.05
@@ -79,7 +79,7 @@ assert shares.parameters[int(shares.alone[0, k].argmax())] == "part"
 
 if __name__ == "__main__":
     early, late = (1e3 * (time - START) for time in bounds["lock"])
-    print(f"The clutch sticks {early:.1f} to {late:.1f} ms after it begins to slip.")
+    print(f"The clutch begins to stick {early:.1f} to {late:.1f} ms after it begins to slip.")
     print(f"The flywheel slows down by {100 * (1 - high / SPEED):.1f} to {100 * (1 - low / SPEED):.1f} %.")
     print(f"The crank stops {bounds['stop'][0]:.0f} to {bounds['stop'][1]:.0f} degrees before the top.")
     print(shares)

@@ -1,8 +1,8 @@
-"""A shaping machine cuts slowly and comes back fast. How much does that ratio depend on the play in its parts?
+"""A shaping machine cuts slowly and returns fast. How much does the ratio of times depend on tolerances?
 
-A crank turns evenly. Its pin slides in a slotted arm, which swings about a pivot below. The arm turns back where it
-is a tangent to the pin's circle. So the times of both strokes follow from the crank's length and the pivots' distance.
-`python examples/quick_return.py FOLDER` draws the machine there.
+A crank turns at constant speed. Its pin slides in a slotted arm, which swings about a pivot below. The arm reverses
+where it is a tangent to the pin's circle. So the crank length and the distance of the pivots determine the ratio.
+`python examples/quick_return.py FOLDER` draws the machine into FOLDER.
 
 Source: textbook mechanism, e.g. Norton, Design of Machinery; own values.
 """
@@ -14,7 +14,7 @@ import numpy as np
 
 import symmb as mb
 
-SPEED = 2 * np.pi  # one turn a second
+SPEED = 2 * np.pi  # one turn per second
 
 p = mb.Parameters(crank=0.1, distance=0.25)
 ground = mb.Ground()
@@ -43,12 +43,12 @@ bounds = mb.propagate(scene, mb.PolynomialChaos())
 
 
 def ratio(crank: float, distance: float) -> float:
-    """Time of the slow stroke over that of the fast one."""
+    """Time of the slow stroke, divided by the time of the fast stroke."""
     alpha = np.arcsin(crank / distance)
     return (np.pi + 2 * alpha) / (np.pi - 2 * alpha)
 
 
-# The arm points from the pivot to the pin, and turns back twice a turn: where it is a tangent.
+# The arm points from the pivot to the pin, and reverses twice per turn.
 x, y = 0.1 * np.cos(SPEED * scene.times), 0.25 + 0.1 * np.sin(SPEED * scene.times)
 assert np.abs(run["swing"] - np.arctan2(-x, y)).max() < 1e-6
 slow = np.mean(run["rate"][:-1] > 0)
@@ -58,8 +58,8 @@ assert abs(high.max() - np.arcsin(0.102 / 0.248)) < 1e-4
 assert not bounds.warnings
 
 if __name__ == "__main__":
-    print(f"The slow stroke takes {ratio(0.1, 0.25):.3f} times as long as the fast one,")
-    print(f"and {ratio(0.098, 0.252):.3f} to {ratio(0.102, 0.248):.3f} times within the tolerances of the parts.")
+    print(f"The slow stroke takes {ratio(0.1, 0.25):.3f} times as long as the fast stroke,")
+    print(f"and {ratio(0.098, 0.252):.3f} to {ratio(0.102, 0.248):.3f} times as long within the tolerances.")
     if len(sys.argv) > 1:
         mb.view(run, Path(sys.argv[1]) / "quick_return.html")
         mb.view(run, Path(sys.argv[1]) / "quick_return.png", time=0.15)

@@ -1,8 +1,8 @@
-"""A robot arm under PD control lifts a load that nobody has weighed. How far from its target does the tip stop?
+"""A robot arm with PD control lifts a load of uncertain mass. How far from its target does the tip stop?
 
-Two motors turn the shoulder and the elbow. Each pushes in proportion to what its angle is off, and against its speed.
-Without an integral part the arm sags under its weight: at the end springs and gravity are in balance.
-`python examples/robot_arm.py FOLDER` draws the arm there, with the runs that attain the bounds.
+Two motors turn the shoulder and the elbow. The torque of each motor is proportional to the angle error, minus a term
+proportional to the speed. There is no integral term. So the arm sags under its weight until the torques are in balance.
+`python examples/robot_arm.py FOLDER` draws the arm and the runs that attain the bounds into FOLDER.
 
 Source: textbook control, e.g. Spong, Hutchinson, Vidyasagar, Robot Modeling and Control, chapter 6; own values.
 """
@@ -48,7 +48,7 @@ bounds = mb.propagate(scene, mb.PolynomialChaos())
 
 
 def rest(load: float) -> np.ndarray:
-    """The tip's place where motors and weights are in balance."""
+    """Position of the tip at which motor torques and weights are in balance."""
 
     def torques(angles: np.ndarray) -> np.ndarray:
         a, b = angles[0], angles.sum()

@@ -1,7 +1,7 @@
-"""A rod hangs in a hinge and on a spring. Does its tip stay below 18 cm, whatever its length and the spring are?
+"""A rod hangs on a hinge and a spring. Does its tip stay below 18 cm for all lengths and springs within tolerances?
 
-The first example of README. All corners of the tolerances lie inside the bounds, and one of them attains the largest
-height. `python examples/rod_on_a_spring.py FOLDER` draws the rod there, with the runs that attain the bounds.
+This is the first example of README. The runs at all corners of the box lie inside the bounds. One corner attains the
+largest height. `python examples/rod_on_a_spring.py FOLDER` draws the rod and these runs into FOLDER.
 
 Source: own values.
 """
@@ -33,7 +33,7 @@ run = mb.simulate(scene)  # one run: run["tip_y"] is an array over time
 bounds = mb.propagate(scene, mb.PolynomialChaos())  # bounds["tip_y"] is lower and upper
 limits = {"tip_y": (None, 0.18)}
 print(bounds.check(limits))  # does the tip stay below 0.18 m?
-factor = mb.tolerances(scene, limits).factor  # the largest that satisfies the limit
+factor = mb.tolerances(scene, limits).factor  # the largest factor that satisfies the limit
 print(f"With {factor:.2f} times these tolerances the limit is satisfied.")
 
 corners = mb.propagate(scene, mb.Vertex())

@@ -1,9 +1,9 @@
-"""A scissor lift is hardest to raise when it is low. Which force must its cylinder give, if the load is not known well?
+"""A scissor lift needs the largest force at the bottom. Which force must its cylinder give if the load is uncertain?
 
-Two crossed bars carry a table. A cylinder pulls the lower end of one bar along the floor at constant speed. With
-light bars its work is that of the load: force times the way along the floor is weight times the way up. So the force
-is the weight over the tangent of the bars' angle.
-`python examples/scissor_lift.py FOLDER` draws the lift there.
+Two crossed bars carry a table. A cylinder pulls the lower end of one bar along the floor at constant speed. If the bars
+are light, the work of the cylinder is equal to the work that lifts the load. So the force is the weight divided by the
+tangent of the bars' angle.
+`python examples/scissor_lift.py FOLDER` draws the lift into FOLDER.
 
 Source: textbook mechanism; own values.
 """
@@ -53,7 +53,7 @@ scene = mb.Scene(
 run = mb.simulate(scene)
 bounds = mb.propagate(scene, mb.PolynomialChaos())
 
-# The bars weigh 1 kg each, and rise half as fast as the table. At constant speed along the floor the load is slowed.
+# Each bar has 1 kg, and rises half as fast as the table. At constant speed along the floor, the load decelerates.
 height = np.sqrt(L**2 - (BEGIN + (END - BEGIN) * scene.times / TIME) ** 2)
 slowed = ((END - BEGIN) / TIME) ** 2 * L**2 / height**3
 angle = np.arcsin(height / L)
@@ -61,7 +61,7 @@ assert np.abs(run["height"] - height).max() < 1e-6
 assert np.abs(run["force"] * np.tan(angle) / ((G - slowed) * 301.0) - 1).max() < 1e-4
 low, high = bounds["force"]
 assert (low < run["force"]).all() and (run["force"] < high).all() and not bounds.warnings
-assert abs(high[-1] / low[-1] - 331 / 281) < 0.02  # the bars' length matters when the lift is low
+assert abs(high[-1] / low[-1] - 331 / 281) < 0.02  # the length has little effect when the lift is high
 
 if __name__ == "__main__":
     print(f"The cylinder gives {low[0]:.0f} to {high[0]:.0f} N at the bottom,")

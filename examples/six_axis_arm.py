@@ -1,8 +1,8 @@
-"""A six-axis arm under PD control carries a load that is known to 5 %, as are its links. Where does the tip stop?
+"""A six-axis arm with PD control carries a load. Where does the tip stop if the masses are known to 5 %?
 
-Every joint has an axis, an angle, and a motor with a linear law of this angle and its rate. Nobody writes down where a
-link is: bodies are placed along the joints by their angles at the start. `python examples/six_axis_arm.py FOLDER` draws
-the arm there.
+Every joint has an axis, an angle, and a motor. The torque of the motor is a linear function of the angle and its rate.
+Positions of links are not needed: symmb places the bodies along the joints by the angles at the start.
+`python examples/six_axis_arm.py FOLDER` draws the arm into FOLDER.
 
 Source: axes and lengths of a common industrial arm with a spherical wrist, rounded; own gains.
 """
@@ -14,8 +14,8 @@ import numpy as np
 import symmb as mb
 
 AXES = [(0, 0, 1), (0, 1, 0), (0, 1, 0), (1, 0, 0), (0, 1, 0), (1, 0, 0)]
-ENDS = [(0.1, 0, 0.4), (0, 0, 0.6), (0.3, 0, 0.1), (0.3, 0, 0), (0.1, 0, 0), (0.1, 0, 0)]  # of the links [m]
-MASSES = [20.0, 15.0, 10.0, 6.0, 2.0]  # of all but the load [kg]
+ENDS = [(0.1, 0, 0.4), (0, 0, 0.6), (0.3, 0, 0.1), (0.3, 0, 0), (0.1, 0, 0), (0.1, 0, 0)]  # ends of the links [m]
+MASSES = [20.0, 15.0, 10.0, 6.0, 2.0]  # links without the load [kg]
 GAINS = [(6000, 1200), (8000, 1600), (5000, 800), (400, 40), (400, 40), (50, 5)]  # [N m/rad], [N m s/rad]
 TARGETS = {"j0.angle": 0.8, "j1.angle": 0.4, "j2.angle": -0.3, "j3.angle": 1.0, "j4.angle": -0.6, "j5.angle": 2.0}
 
@@ -35,6 +35,6 @@ low, high = mb.propagate(scene, mb.PolynomialChaos(order=2))["z"]
 rest = mb.simulate(mb.Scene(system, guess=TARGETS, outputs=outputs, equilibrium=True))
 assert low[-1] < rest["z"][0] < high[-1]
 if __name__ == "__main__":
-    print(f"The tip stops at z = {low[-1]:.4f} to {high[-1]:.4f} m, and without uncertainty at {rest['z'][0]:.4f} m.")
+    print(f"The tip stops at z = {low[-1]:.4f} to {high[-1]:.4f} m. The nominal value is {rest['z'][0]:.4f} m.")
     if len(sys.argv) > 1:
         mb.view(mb.simulate(scene), f"{sys.argv[1]}/six_axis_arm.html")

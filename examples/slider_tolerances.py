@@ -1,8 +1,8 @@
-"""A slider must stay within 0.15 mm of its drawing. How loose may the lengths of crank, rod and rail be?
+"""A slider must stay within 0.15 mm of its position in the drawing. How wide may the tolerances of the lengths be?
 
-In the worst case all lengths are at their ends. The position of a slider-crank is known in closed form, so that the
-largest factor of the drawing's tolerances is found once more from its derivatives, which are exact for small ones.
-`python examples/slider_tolerances.py FOLDER` draws limits and bounds there.
+In the worst case, all lengths are at the ends of their intervals. As a check, the largest factor of the tolerances also
+follows from the derivatives of the closed-form position. This is accurate because the tolerances are small.
+`python examples/slider_tolerances.py FOLDER` draws limits and bounds into FOLDER.
 
 Source: textbook mechanism; own values.
 """
@@ -59,7 +59,7 @@ slope = np.abs(
 assert abs(same.factor * (box.radius @ slope).max() / LIMIT - 1) < 5e-3
 assert abs((cheap.box.radius @ slope).max() / LIMIT - 1) < 5e-3
 assert same.check.kept and cheap.check.kept
-assert cheap.cost is not None and cheap.cost < 3 / same.factor  # cheaper than one factor for all
+assert cheap.cost is not None and cheap.cost < 3 / same.factor  # cheaper than one factor for all tolerances
 
 if __name__ == "__main__":
     print(same, cheap, sep="\n\n")

@@ -1,8 +1,8 @@
-"""Six legs carry a platform. How far is it from where it should be, if no leg is exactly as long as it should be?
+"""Six legs carry a platform. How large is the position error of the platform if the lengths of the legs have errors?
 
-The legs of a Stewart platform are driven to the lengths that a wanted motion needs: a circle, once in 4 s. Each leg may
-be 0.1 mm too long or too short. The errors of single legs add up at worst, through the inverse of the legs' Jacobian.
-`python examples/stewart_platform.py FOLDER` draws the platform there.
+The legs of a Stewart platform have the lengths that a required motion needs: one circle in 4 s. Each leg may be 0.1 mm
+too long or too short. In the worst case, the errors of all legs add up. The inverse Jacobian of the legs gives the sum.
+`python examples/stewart_platform.py FOLDER` draws the platform into FOLDER.
 
 Source: Stewart (1965), A platform with six degrees of freedom; own values.
 """
@@ -16,7 +16,7 @@ import numpy as np
 import symmb as mb
 
 BASE, TOP, HEIGHT, OFF = 1.0, 0.6, 1.2, 1e-4  # [m]
-TURN = np.pi / 2  # of the wanted motion [rad/s]
+TURN = np.pi / 2  # angular velocity on the required circle [rad/s]
 
 
 def ring(radius: float, spread: float) -> np.ndarray:
@@ -29,7 +29,7 @@ FEET, HEADS = ring(BASE, 50.0), ring(TOP, 20.0)
 
 
 def wanted(t, sin=np.sin, cos=np.cos):
-    """Place of the platform's middle (3,) [m]."""
+    """Required position of the platform's middle (3,) [m]."""
     return 0.2 * sin(TURN * t), 0.2 * (1 - cos(TURN * t)), HEIGHT
 
 
@@ -54,7 +54,7 @@ scene = mb.Scene(
 run = mb.simulate(scene)
 bounds = mb.propagate(scene, mb.PolynomialChaos())
 
-# To first order: the legs' lengths change by their directions times the motion of their heads.
+# To first order, the change of a leg's length is its direction times the displacement of its upper end.
 places = np.column_stack(np.broadcast_arrays(*wanted(scene.times)))
 assert np.abs(run.values - places).max() < 1e-7
 for place, low, high in zip(places, bounds.lower, bounds.upper, strict=True):
@@ -68,11 +68,11 @@ assert not bounds.warnings
 if __name__ == "__main__":
     off = np.maximum(bounds.upper - places, places - bounds.lower).max(axis=0)
     print(
-        "At worst the platform is off by {:.2f} mm along x, {:.2f} mm along y and {:.2f} mm in height,".format(
+        "The largest errors of the platform are {:.2f} mm along x, {:.2f} mm along y and {:.2f} mm along z,".format(
             *1e3 * off
         )
     )
-    print(f"if each leg is off by {1e3 * OFF:.1f} mm. That took {bounds.evaluations} runs.")
+    print(f"if each leg has an error of {1e3 * OFF:.1f} mm. The study made {bounds.evaluations} runs.")
     if len(sys.argv) > 1:
         mb.view(run, Path(sys.argv[1]) / "stewart_platform.html")
         mb.view(run, Path(sys.argv[1]) / "stewart_platform.png", time=1.0)

@@ -1,8 +1,8 @@
-"""A wheel on a trailing arm rolls over a bump. Does it leave the road, if spring, damper and tyre are not known well?
+"""A wheel on a trailing arm rolls over a bump. Does it leave the road if spring and damper are uncertain?
 
 A quarter of a car stands on an arm, which swings about a pin in front of the wheel. The tyre is a spring that cannot
-pull. The wheel's pressure on the road must stay above zero, or else the car can neither brake nor steer.
-`python examples/suspension.py FOLDER` draws the suspension there.
+pull. The force between wheel and road must stay above zero. Otherwise the car can neither brake nor steer.
+`python examples/suspension.py FOLDER` draws the suspension into FOLDER.
 
 Source: textbook model, e.g. Genta and Morello, The Automotive Chassis, volume 2, chapter 26; own values.
 """
@@ -23,7 +23,7 @@ ground = mb.Ground()
 car = mb.Body("car", CAR, 100.0)
 arm = mb.Body("arm", WHEEL, 1.5)
 pin, hub = car.point(-0.5, -0.3), arm.point(0, 0)
-way = SPEED * mb.t - 1.0  # of the wheel along the road, from the foot of the bump [m]
+way = SPEED * mb.t - 1.0  # position of the wheel along the road, from the foot of the bump [m]
 bump = ca.if_else(ca.logic_and(way > 0, way < LENGTH), HEIGHT * ca.sin(np.pi * way / LENGTH) ** 2, 0)
 road = ground.point(0, bump)
 system = mb.System(
@@ -59,7 +59,7 @@ assert (low <= run["pressure"] + 1).all() and (run["pressure"] <= high + 1).all(
 
 if __name__ == "__main__":
     nominal, worst = run["pressure"].min() / weight, low.min() / weight
-    print(f"The lowest pressure on the road is {nominal:.0%} of the car's weight, and {worst:.0%} at worst.")
+    print(f"The lowest force on the road is {nominal:.0%} of the weight, and {worst:.0%} in the worst case.")
     if len(sys.argv) > 1:
         mb.view(run, Path(sys.argv[1]) / "suspension.html")
         mb.view(bounds, Path(sys.argv[1]) / "suspension.png", output="pressure", time=0.2)

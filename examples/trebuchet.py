@@ -1,11 +1,11 @@
-"""A trebuchet throws a stone of 90 kg. How far does it fly, and why is one throw longer than the next?
+"""A trebuchet throws a stone of 90 kg. How far does it fly, and which tolerances change the range most?
 
-A weight hangs on the short arm of a beam and falls. A sling on the long arm drags the stone along a trough, until it
-lifts off: the joint of the trough opens where it would have to pull. The sling slips off its hook when it is nearly in
-line with the beam. The same throw is calculated by Lagrange's equations in three angles, and the flight by a parabola.
-`python examples/trebuchet.py FOLDER` draws the machine there.
+A weight hangs on the short arm of a beam and falls. A sling on the long arm pulls the stone along a trough until the
+stone lifts off: the joint of the trough opens when its force changes its sign. The sling slips off its hook when it is
+nearly in line with the beam. As a check, Lagrange's equations in three angles and a parabola give the same range.
+`python examples/trebuchet.py FOLDER` draws the machine into FOLDER.
 
-Source: of the size of the machine at Warwick Castle; own values.
+Source: own values; the machine is as large as the trebuchet at Warwick Castle.
 """
 
 import sys
@@ -28,7 +28,7 @@ weight, stone = mb.Body("weight", p.weight, pose=mb.Particle()), mb.Body("stone"
 tip = beam.point(LONG, 0)
 sling = mb.Distance("sling", tip, stone.point(0, 0), p.sling, unilateral=True)
 trough = mb.PointOnLine("trough", ground.point(0, 0), stone.point(0, 0), axis=(1, 0, 0))
-along = (stone.x - tip.x) * ca.cos(beam.theta) + (stone.y - tip.y) * ca.sin(beam.theta)  # of the sling on the beam
+along = (stone.x - tip.x) * ca.cos(beam.theta) + (stone.y - tip.y) * ca.sin(beam.theta)  # sling along the beam
 system = mb.System(
     beam,
     weight,
@@ -56,7 +56,7 @@ bounds = mb.propagate(scene, mb.PolynomialChaos())
 
 
 def thrown(weight: float, stone: float, sling: float, hook: float) -> float:
-    """The range [m] by the angles of beam, hanger and sling, q."""
+    """The range [m] by equations in q, the angles of beam, hanger and sling."""
     lengths = np.array([[-SHORT, HANGER, 0], [LONG, 0, sling]])  # from the pivot to weight and stone
 
     def solved(q: np.ndarray, v: np.ndarray, held: bool) -> np.ndarray:
@@ -66,7 +66,7 @@ def thrown(weight: float, stone: float, sling: float, hook: float) -> float:
         for mass, arms in zip((weight, stone), lengths, strict=True):
             matrix[:3, :3] += mass * (arms * across).T @ (arms * across)
             right[:3] += mass * (arms * across).T @ (arms * along @ v**2 - [0, G])
-        matrix[3, :3] = matrix[:3, 3] = held * lengths[1] * across[1]  # the row of the trough
+        matrix[3, :3] = matrix[:3, 3] = held * lengths[1] * across[1]  # the constraint of the trough
         matrix[3, 3], right[3] = not held, held * (lengths[1] * along[1] @ v**2)
         return np.linalg.solve(matrix, right)
 
@@ -93,7 +93,7 @@ assert np.allclose(bounds["range"], worst, rtol=1e-3)  # the width of the bounds
 assert not bounds.warnings
 
 if __name__ == "__main__":
-    print(f"The stone flies {run['range']:.0f} m, and {bounds['range'][0]:.0f} to {bounds['range'][1]:.0f} m.\n")
+    print(f"The range is {run['range']:.0f} m, the bounds are {bounds['range'][0]:.0f} and {bounds['range'][1]:.0f}.\n")
     print(bounds.contributions())
     if len(sys.argv) > 1:
         folder = Path(sys.argv[1])

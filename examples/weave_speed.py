@@ -1,7 +1,7 @@
-"""Below its weave speed a bicycle does not stay upright by itself. Which tolerance matters most for this speed?
+"""Below its weave speed a bicycle does not stay upright by itself. Which tolerance changes this speed most?
 
-Six lengths and masses of the benchmark bicycle are known to 5 %. The weave speed is the one at which the smallest
-damping passes zero. `python examples/weave_speed.py FOLDER` draws the shares of its variance.
+Six lengths and masses of the benchmark bicycle are known to 5 %. At the weave speed, the smallest damping passes zero.
+`python examples/weave_speed.py FOLDER` draws the contributions to the variance of this speed into FOLDER.
 
 Source: Meijaard, Papadopoulos, Ruina, Schwab (2007), Proc. R. Soc. A 463: weave speed 4.292 m/s.
 """
@@ -23,7 +23,7 @@ most = max(shares, key=lambda name: shares[name])
 
 assert low < 4.292 < high and shares[most] > 0.3
 if __name__ == "__main__":
-    print(f"Weave ends at {low:.2f} to {high:.2f} m/s. {most} matters most, with {shares[most]:.0%} of the variance.")
+    print(f"Weave ends at {low:.2f} to {high:.2f} m/s. {most} causes {shares[most]:.0%} of the variance.")
     if len(sys.argv) > 1:
         plt.barh(list(shares), list(shares.values()))
         plt.xlabel("share of the variance of the weave speed")

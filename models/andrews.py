@@ -1,4 +1,4 @@
-"""Andrews' squeezing mechanism: seven planar bodies, three loops through F, driven by a constant torque, no gravity.
+"""Andrews' squeezing mechanism: seven planar bodies, three loops through F, a constant driving torque, no gravity.
 
         B o                                 o C
           | ` .         spring        . '
@@ -39,7 +39,7 @@ def scene() -> mb.Scene:
     )
     # fmt: on
     ground = mb.Ground()
-    # Points of a body are measured from the joint that carries it; `com` is the eccentricity of its mass centre.
+    # Points of a body are measured from the joint that carries the body; `com` is the position of its mass centre.
     k1 = mb.Body("K1", mass=p.m1, inertia=p.i1, com=(p.ra, 0))
     k2 = mb.Body("K2", mass=p.m2, inertia=p.i2, com=(-p.da, 0))
     k3 = mb.Body("K3", mass=p.m3, inertia=p.i3, com=(p.sb, -p.sa))

@@ -17,10 +17,11 @@ hinge. The elevating gear, a tooth between two flanks, locks the trunnion. The e
 muzzle's overweight; the remainder presses the tooth on one flank. The barrel lies in two bushes with clearance, and
 recoils through them against an absorber and a recuperator. The gas of the recuperator holds the barrel on its stop
 before the shot, and brings the barrel back after it.
-The breech pressure is a given curve. The pull of the muzzle brake is proportional to it while the gases leave. A rigid
-mass on the breech stands for the recoiling parts; its eccentricities across the bore are uncertain.
+The breech pressure is a given curve. While the gases leave, the pull of the muzzle brake is proportional to the
+pressure. A rigid mass on the breech models the recoiling parts. Its eccentricities across the bore are uncertain.
 
-The barrel has Craig-Bampton modes for the bushes, the top carriage for its joints. The cradle has free modes.
+The barrel has Craig-Bampton modes with interfaces at the bushes, the top carriage with interfaces at its joints. The
+cradle has free modes.
 Geometric stiffening is neglected: its effect on the muzzle's angle at 14 ms is about 0.002 deg.
 
 Source: Wang and Yang, Nonlinear Dynamics (2021), section 5, for the parts and the targets. The values are our own.
@@ -125,7 +126,7 @@ def scene(*, modes: int = 20, end: float = 0.014) -> mb.Scene:
     """
     p = mb.Parameters(e_y=0.0, e_z=0.0)
     ground, spatial = mb.Ground(), mb.Spatial()
-    # Points of rigid parts are given as drawn, in world axes; points of the rigid mass in the axes of the bore.
+    # Points of rigid parts are given in world axes. Points of the rigid mass are given in axes of the bore.
     bottom = mb.Body("bottom_carriage", 1500.0, (300.0, 350.0, 300.0), spatial, com=(0.0, 0.55, 0.0))
     plate = mb.Body("base_plate", 400.0, (30.0, 60.0, 30.0), spatial, com=(0.0, 0.1, 0.0))
     left = mb.Body("left_trail", 900.0, (150.0, 1450.0, 1400.0), spatial, com=(-2.5, 0.35, -1.1))
@@ -189,7 +190,7 @@ def scene(*, modes: int = 20, end: float = 0.014) -> mb.Scene:
     }
     rates = {"recoil": stroke, "muzzle_vertical": vertical, "muzzle_horizontal": horizontal}
 
-    # Contacts of the equilibrium must touch in the guess: all parts are slightly lower than drawn, mainly the muzzle.
+    # Contacts of the equilibrium must be closed in the guess. So all parts are slightly lower than in the drawing.
     aimed, ahead, down = ELEVATION - 0.7 * BACKLASH / SECTOR, 3e-4, -1.3 * CLEARANCE
     placed = {
         **{part: np.array(part.com) for part in (bottom, plate, left, right)},

@@ -8,8 +8,8 @@ r"""The Whipple bicycle: four rigid bodies on knife-edge wheels that roll withou
      ----------P-------------------Q--\\------> x     z up, y to the left, g = 9.81 m/s^2 along -z
                |<----- wheelbase ----->|<>| trail
 
-The rear and front contact stay on the ground (two holonomic rows) and do not slip (four velocity-only rows). Straight
-upright motion at the speed v is a steady motion.
+The rear and front contacts stay on the ground (two holonomic constraints) and do not slip (four velocity constraints).
+Straight upright motion at the speed v is a steady motion.
 
 Source: Meijaard, Papadopoulos, Ruina & Schwab (2007), Linearized dynamics equations for the balance and steer of a
 bicycle: a benchmark and review, Proc. R. Soc. A 463; benchmark parameters of table 1. In the paper, z points down and y

@@ -8,7 +8,7 @@
     ========================
 
 Impacts happen at t_n = sqrt(2 h / g) (1 + 2 (e + e^2 + ... + e^(n - 1))), with speeds sqrt(2 g h) e^n after them. The
-ball is at rest from sqrt(2 h / g) (1 + e) / (1 - e). Outputs have kinks in e at impacts, their rates have jumps.
+ball is at rest from sqrt(2 h / g) (1 + e) / (1 - e). As functions of e, outputs have kinks at impacts, and rates jump.
 
 Source: Newton's law of restitution; textbook example, e.g. Acary and Brogliato (2008), Numerical Methods for Nonsmooth
 Dynamical Systems, section 1.1.

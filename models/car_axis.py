@@ -10,7 +10,7 @@
 The left spring stays perpendicular to the line between the wheels.
 
 Source: Test Set for IVP Solvers, car axis problem (index 3), 0 <= t <= 3. In the test set, lam1 and lam2 belong to the
-rows x_l x_b + y_l y_b = 0 and (x_l - x_r)^2 + (y_l - y_r)^2 - L^2 = 0. They act with the opposite sign.
+constraints x_l x_b + y_l y_b = 0 and (x_l - x_r)^2 + (y_l - y_r)^2 - L^2 = 0, with the opposite sign.
 """
 
 import casadi as ca

@@ -7,7 +7,7 @@
            o
             \\ ...
 
-Source: the usual scaling benchmark of tree-structured systems; angles are absolute, from the vertical.
+Angles are absolute, from the vertical. Source: the usual scaling benchmark of tree-structured systems.
 """
 
 import numpy as np

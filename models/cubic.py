@@ -1,4 +1,4 @@
-"""A cubic function of one uncertain number: a scene without bodies, for bounding only.
+"""A cubic function of one uncertain number: a scene without bodies, as a test of bounds.
 
     f(x) = x^3 - 2 x^2 + x,  x in [0, 1]            range [0, 4/27], reached at x = 1/3
 
@@ -17,7 +17,7 @@ import symmb as mb
 
 
 def scene() -> mb.Scene:
-    """The cubic with x anywhere in its interval."""
+    """The cubic function, with x in [0, 1]."""
     p = mb.Parameters(x=0.5)
     return mb.Scene(
         mb.System(parameters=p), outputs={"f": p.x**3 - 2 * p.x**2 + p.x}, box=mb.Box(x=(0.0, 1.0)), name="cubic"

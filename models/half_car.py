@@ -5,12 +5,12 @@
          |     rear        front     |
          |______o____________o_______|       y
                 Z            Z   bushings    |
-                O            O   wheels      +-- x, the way it drives
+                O            O   wheels      +-- x, forward
         ========================/\\====
                                 bump
 
-Each axle is attached by a bushing, stiff along x and soft along y. Its wheel stands on the road by a tyre that cannot
-pull: over a steep bump the wheel lifts off. The picture moves with the car, so that the road moves towards the car.
+A bushing, stiff along x and soft along y, attaches each wheel to the body. The tyre of the wheel cannot pull, so the
+wheel lifts off at a steep bump. The coordinates move with the car, so that the road moves towards the car.
 
 Source: textbook ride model, e.g. Gillespie, Fundamentals of Vehicle Dynamics (1992), chapter 5; own values.
 """
@@ -29,7 +29,7 @@ def scene(*, speed: float = 10.0, height: float = 0.08, length: float = 0.6) -> 
 
     Parameters
     ----------
-    speed : float      [m/s]
+    speed : float      speed of the car [m/s]
     height : float     height of the bump [m]
     length : float     length of the bump [m]
     """

@@ -7,8 +7,8 @@
       |         |         |
     ==o=========o=========o==
 
-At the start all cranks are upright and B0 moves at 1 m/s to the right. When the cranks lie flat (at 0.71 s) the rows
-lose rank: runs need special treatment to pass this position.
+At the start all cranks are upright and B0 moves at 1 m/s to the right. When the cranks are horizontal (at 0.71 s), the
+constraints lose rank. Runs need special treatment to pass this position.
 
 Source: IFToMM benchmark A02; Gonzalez, Dopico, Lugris, Cuadrado (2006), Multibody System Dynamics 16, 179-190.
 """
@@ -19,7 +19,7 @@ import symmb as mb
 
 
 def scene(N: int = 2) -> mb.Scene:
-    """The mechanism with N windows, up to 0.6 s, before the cranks lie flat.
+    """The mechanism with N windows, up to 0.6 s, before the cranks are horizontal.
 
     Parameters
     ----------

@@ -7,7 +7,7 @@
              \\  /             contact c = r - R u
     ==========c/============  g = 9.81 m/s^2 along -z
 
-One holonomic row: height of the contact = 0. Two velocity-only rows: no slip of the material point at the contact.
+One holonomic constraint: height of the contact = 0. Two velocity constraints: no slip of the disc at the contact.
 Steady rolling on a circle with precession W and angular velocity w along n. The moments of inertia across and along n
 are A and C:
 

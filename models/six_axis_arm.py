@@ -11,7 +11,7 @@ r"""A six-axis arm from a URDF file, with an uncertain load. Proportional-deriva
         | waist |
        -----------
 
-The arm leaves its zero pose. In this pose the upper arm points up and the forearm points along x. Each motor torque is
+The arm starts in its zero pose: the upper arm points up and the forearm points along x. Each motor torque is
 linear in the joint's angle and rate, without gravity compensation. So the load determines how far the arm sags.
 
 Source: own design; the machine is in six_axis_arm.urdf in the same folder.

@@ -1,4 +1,4 @@
-"""Planar slider-crank of two uniform rods and a slider, moved by gravity or its initial speed.
+"""Planar slider-crank of two uniform rods and a slider. Gravity or an initial speed moves it.
 
             o
      l1   /   ` .   l2

@@ -7,8 +7,8 @@
         |                 ` .
         +------------------[ ]---- x        g = 9.81 m/s^2 along -z
 
-The rod is free to spin about its own axis, but nothing drives this spin, and it is 0 at the start. In the library's
-version of this benchmark, the slider has a universal joint. The rod's spin is then a part of the motion.
+The rod is free to spin about its own axis. This spin stays 0, because nothing drives it. In the IFToMM version of this
+benchmark, the slider has a universal joint, and the rod spins.
 
 Source: Haug (1989), Computer Aided Kinematics and Dynamics of Mechanical Systems, vol. 1, spatial slider-crank;
 dimensions as in the IFToMM library of computational benchmarks.
@@ -23,7 +23,7 @@ def scene() -> mb.Scene:
     """The mechanism starts with a crank speed of 6 rad/s."""
     p = mb.Parameters(crank=0.08, rod=0.3, m_crank=0.12, m_rod=0.5, m_slider=2.0)
     ground = mb.Ground()
-    # Only the crank's inertia about x has an effect. The rod's inertia about its own axis is needed but has no effect.
+    # Only the crank's inertia about x has an effect. The rod's inertia about its own axis has no effect.
     crank = mb.Body("crank", mass=p.m_crank, inertia=(1e-4, 1e-4, 1e-4), pose=mb.Spatial())
     rod = mb.Body("rod", mass=p.m_rod, inertia=(4e-4, 4e-3, 4e-3), pose=mb.Spatial())
     slider = mb.Body("slider", mass=p.m_slider, pose=mb.Particle())

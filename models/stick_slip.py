@@ -42,7 +42,7 @@ def scene(
     bristles : float           stiffness of the bristles [1/m]
     stribeck : float           speed of slip at which friction decreases to kinetic friction [m/s]
 
-    The period of the module's docstring is for stiff bristles and sudden slip. By default it is 0.3 % shorter.
+    The formula in the module's docstring is for stiff bristles and sudden slip. The default period is 0.3 % shorter.
     """
     p = mb.Parameters(stiffness=stiffness, speed=speed)
     wall = mb.Ground().point(0, 0)
