@@ -220,9 +220,7 @@ def _new_solver(fmu: FMU, instance: Instance, t: float, step: float) -> Any:
                 return call(*arguments)
             except Exception as error:
                 self.fault = error
-                return (
-                    1 if getattr(error, "status", None) == Status.DISCARD else -1
-                )  # 1: CVODE tries a smaller step
+                return 1 if getattr(error, "status", None) == Status.DISCARD else -1  # 1: CVODE tries a smaller step
 
     return CVODE(
         nx=fmu.n_states,
