@@ -3,7 +3,7 @@
 In:   scenes, runs, bounds and comparisons.
 Out:  pages, films and pictures of mechanisms, reports, functional mock-up units, and the command line.
 
-drawing    the mechanism as shapes in numbers, then as a page, a still or a film
+drawing    pages, stills and films of mechanisms
 exchange   FMUs (functional mock-up units) of scenes
 report     one file with a result, for other readers
 cli        the command `symmb`, which uses only public names

@@ -1,1 +1,1 @@
-"""The command line: commands that compare methods on a scene, simulate it, show its equations, or export it as C."""
+"""The commands of `symmb`, such as bounding the outputs of a scene, simulating a scene, or exporting a scene as C."""

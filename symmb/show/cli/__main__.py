@@ -24,7 +24,7 @@ def run() -> int | str | None:
             signal.signal(number, signal.SIG_IGN)  # the work is done: signals must not change the exit status
     except KeyboardInterrupt:
         status = INTERRUPTED
-    except RuntimeError as error:  # of Python 3.11, if a signal arrives while a class is made
+    except RuntimeError as error:  # Python 3.11 raises this error if a signal arrives while a class is made
         if not isinstance(error.__cause__, KeyboardInterrupt):
             raise
         status = INTERRUPTED
@@ -32,7 +32,7 @@ def run() -> int | str | None:
         end_now()  # otherwise Python would end by SIGINT if a module was loading
     try:
         sys.stdout.flush()
-    except OSError as error:  # a full disk, or a closed reader: Python would try again, and end with status 120
+    except OSError as error:  # full disk or closed reader: Python would write again, and end with status 120
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if not status and not isinstance(error, BrokenPipeError):
             print(f"symmb: {error}", file=sys.stderr)

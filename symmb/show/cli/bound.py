@@ -17,7 +17,7 @@ from symmb.show.cli.result_path import result_paths, write_results
 from symmb.show.cli.scene_file import load_subject
 from symmb.show.report import BLOCK, write_bounds
 
-_NO_CONTRIBUTIONS = "Contributions of parameters need further runs here. Add --contributions."
+_NO_CONTRIBUTIONS = "The contributions of parameters need further runs. Add --contributions to make these runs."
 End = float | str | None
 """An end of an interval: a number, a number with a unit, or None."""
 
@@ -26,13 +26,13 @@ def add_bound(command: Callable[..., argparse.ArgumentParser], methods: str, sol
     """Add the command `symmb bound`."""
     bound = command("bound", "bound outputs, and check limits", _bound, f"{methods}\n\n{solvers}")
     several: dict[str, Any] = {"nargs": "+", "action": "extend", "default": []}
-    bound.add_argument("--box", metavar="k=1:2", **several, help="intervals, instead of the scene's")
+    bound.add_argument("--box", metavar="k=1:2", **several, help="intervals that replace the box of the scene")
     bound.add_argument("--tolerances", metavar="F", help="a table of intervals (.csv, .toml), in addition to --box")
     bound.add_argument("--limit", metavar="x=:0.3", **several, help="limits low:high of outputs")
     bound.add_argument("--method", metavar="M", default="pce", help="method; default: pce")
     bound.add_argument("--solver", metavar="S", help="solver of the runs")
-    bound.add_argument("--contributions", action="store_true", help="make the runs that contributions need")
-    bound.add_argument("--json", metavar="F", help="write everything to this file")
+    bound.add_argument("--contributions", action="store_true", help="make further runs for contributions")
+    bound.add_argument("--json", metavar="F", help="write the complete result to this file")
     bound.add_argument("--csv", metavar="F", help="write bounds over time to this file")
     bound.add_argument("--plot", metavar="F.png", help="draw bounds over time, and limits")
     bound.add_argument("--view", metavar="F", help="draw the mechanism in the runs that attain the bounds")
@@ -54,7 +54,7 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
         names = subject.output_names if isinstance(subject, mb.Scene) else subject.outputs
         limit_pairs("--limit", limits, names, getattr(subject, "units", ()))
     if "view" in paths and not isinstance(subject, mb.Scene):
-        raise DeclarationError("--view draws scenes only: a simulator has no bodies.")
+        raise DeclarationError("--view draws only scenes, because a simulator has no bodies. Leave --view out.")
     bounds = _about_fixed(mb.propagate(subject, method, box, solver), own)
     check = bounds.check(limits) if limits else None
     print(*filter(None, (bounds, check)), sep="\n\n")
@@ -67,12 +67,12 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
         write_bounds(bounds, paths["report"], limits or None, block, command=command, contributions=contributions)
     if check is None or check.kept:
         return bounds.doubts
-    # Exit status if a limit is violated. It is that of a failed test.
+    # Exit status if a limit is violated. A failed test has the same status.
     return 1 if check.kept is False else (*bounds.doubts, "A limit is not decided.")
 
 
 def _about_fixed(bounds: mb.Bounds, own: mb.Box | None) -> mb.Bounds:
-    """The bounds with a remark on parameters that vary only in the box of the scene."""
+    """The bounds, with a remark on parameters that have an interval only in the box of the scene."""
     fixed = [name for name in own or () if name not in (bounds.box or ())]
     text = f"{', '.join(fixed)} keep their nominal values, because --box and --tolerances replace the scene's box."
     return replace(bounds, remarks=(*bounds.remarks, text)) if fixed else bounds
@@ -91,7 +91,7 @@ def _limits(options: argparse.Namespace) -> dict[str, tuple[End, End]]:
     limits = _ranges("--limit", options.limit)
     for name, ends in limits.items():
         if ends == (None, None):
-            raise DeclarationError(f"--limit {name}=low:high: one side may be left out, but not both.")
+            raise DeclarationError(f"--limit {name}=low:high has no number. Give low, high or both.")
     return limits
 
 

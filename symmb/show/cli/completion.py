@@ -11,7 +11,7 @@ _SHELLS = ("bash", "zsh")
 
 
 def add_completion(commands: "argparse._SubParsersAction[Any]", parser: argparse.ArgumentParser) -> None:
-    """Add the command `symmb completion`, which completes the commands of the parser."""
+    """Add the command `symmb completion` for the commands of the parser."""
     text = "print a script that completes commands, options and scenes in a shell; needs symmb[completion]"
     completion = commands.add_parser(
         "completion", help=text, description=text + '. Use: eval "$(symmb completion bash)".'

@@ -37,8 +37,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Returns
     -------
-    int     0; 1 if a simulation failed or a limit is violated; 2 for wrong input, with one sentence on stderr;
-            3 if the result has warnings; 130 if interrupted
+    int     exit status: 1 if a simulation failed or a limit is violated; 2 for wrong input, with a sentence on stderr;
+            3 if the result has warnings; 130 if interrupted; otherwise 0
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # terminals without '≤' show '?'
@@ -68,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _keep_partial(options: argparse.Namespace, partial: Any) -> None:
-    """Print the results so far after an interrupt, and write them beside the requested files."""
+    """Print the results so far after an interrupt. Write them to files whose names contain `.partial`."""
     if partial is None:
         return
     print(partial)
@@ -177,11 +177,11 @@ def _parser() -> argparse.ArgumentParser:
 
     _add_scene_commands(command, methods, solvers)
     add_runs(commands)
-    text = "show the folder of compiled models, and their number and size"
+    text = "show the folder of compiled models, the number of models, and their size"
     cache_command = commands.add_parser(
         "cache", help=text, description=text + ". Removed models are compiled again when needed."
     )
-    cache_command.add_argument("--clear", action="store_true", help="remove them")
+    cache_command.add_argument("--clear", action="store_true", help="remove the compiled models")
     cache_command.set_defaults(run=_cache)
     add_completion(commands, parser)
     return parser
@@ -194,26 +194,26 @@ def _add_scene_commands(command: Callable[..., argparse.ArgumentParser], methods
 
     simulate = command("simulate", "run the scene once and print its outputs", _simulate, solvers)
     add_set(simulate)
-    simulate.add_argument("--solver", metavar="S", help="solver")
-    simulate.add_argument("--json", metavar="F", help="write everything to this file")
+    simulate.add_argument("--solver", metavar="S", help="solver of the run")
+    simulate.add_argument("--json", metavar="F", help="write the complete result to this file")
     simulate.add_argument("--csv", metavar="F", help="write times and outputs to this file")
     simulate.add_argument("--plot", metavar="F.png", help="draw the outputs over time")
 
     add_linearize(command)
 
-    stability = command("stability", "try every solver on the scene and under stress, and recommend one", _stability)
-    stability.add_argument("--json", metavar="F", help="write everything to this file")
+    stability = command("stability", "try every solver on the scene and its variants, and recommend one", _stability)
+    stability.add_argument("--json", metavar="F", help="write the complete result to this file")
     stability.add_argument("--plot", metavar="F.png", help="draw error against run time, and drift over time")
 
     stability.add_argument(
-        "--seconds", metavar="S", type=float, default=70.0, help="time after which no run starts; default: 70"
+        "--seconds", metavar="S", type=float, default=70.0, help="no run starts after this time; default: 70"
     )
 
     equations = command("equations", "print a summary and the equations of the scene", _equations)
-    equations.add_argument("--joint", action="store_true", help="in coordinates of the joints that carry the bodies")
-    equations.add_argument("--latex", action="store_true", help="the equations in LaTeX")
+    equations.add_argument("--joint", action="store_true", help="write the equations in joint coordinates")
+    equations.add_argument("--latex", action="store_true", help="print the equations in LaTeX")
 
-    view = command("view", "simulate the scene and draw the mechanism, for a browser", _view)
+    view = command("view", "simulate the scene and draw the mechanism, for example as a page for a browser", _view)
     view.add_argument("-o", "--output", metavar="F", help=f"file to write; its suffix is one of {', '.join(FORMATS)}")
     view.add_argument("--mode", metavar="K", type=int, help="draw mode number K, counted from 1, instead of a run")
     add_set(view)

@@ -22,13 +22,13 @@ _SUFFIXES = {
 
 
 def result_paths(options: argparse.Namespace) -> dict[str, Path]:
-    """The requested files of results, by their options. Errors are those of `result_path`."""
+    """The requested files of results, by their options. DeclarationError is raised as by `result_path`."""
     paths = {name: result_path(getattr(options, name, None), *suffixes) for name, suffixes in _SUFFIXES.items()}
     return {name: path for name, path in paths.items() if path is not None}
 
 
 def write_results(paths: Mapping[str, Path], result: Any, more: Mapping[str, Any] = {}, drawn: Any = None) -> None:
-    """Write a result as JSON (with the entries `more`) and as a table, and draw it or `drawn`, if requested."""
+    """Write the requested files of a result. JSON also has the entries `more`. If given, `drawn` is drawn instead."""
     if "json" in paths:
         save_json(paths["json"], result.to_json() | more)
     for name in {"csv", "save"} & {*paths}:
@@ -38,7 +38,7 @@ def write_results(paths: Mapping[str, Path], result: Any, more: Mapping[str, Any
 
 
 def result_path(name: str | None, *suffixes: str) -> Path | None:
-    """The path of a result; None if the name is None.
+    """The path of a file for a result; None if the name is None.
 
     DeclarationError is raised if the path is a folder, its folder does not exist, or its suffix is not allowed.
     """
@@ -46,7 +46,7 @@ def result_path(name: str | None, *suffixes: str) -> Path | None:
         return None
     path = Path(name)
     if path.is_dir() or not path.parent.is_dir():
-        raise DeclarationError(f"Cannot write {name}: it is a folder, or its folder does not exist.")
+        raise DeclarationError(f"Cannot write {name}: it is a folder, or its folder does not exist. Give another name.")
     if path.suffix or ".json" not in suffixes:  # /dev/stdout receives JSON
         require_suffix(path, *suffixes)
     return path

@@ -1,7 +1,7 @@
 """The end of the program at SIGINT, SIGTERM, SIGHUP and SIGQUIT, at any moment.
 
 The signals raise KeyboardInterrupt in the main thread, which can then write the results so far. A call of compiled code
-may delay this. A second thread therefore ends the process after a short time.
+may delay the exception. A second thread therefore ends the process after a short time.
 """
 
 import os
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 INTERRUPTED = 130
 """The exit status of an interrupted program, as shells define it for SIGINT."""
 _LOST = b"\0"
-"""The byte with which the main thread reports a lost interrupt: Python drops exceptions of some callbacks."""
+"""The byte with which the main thread reports a lost interrupt. Python ignores exceptions in some callbacks."""
 
 
 def end_at_signals() -> None:
-    """End this process at the signals, and immediately at the second signal."""
+    """Let the signals end this process. A second signal ends this process immediately."""
     for number in SIGNALS:
         if number in (signal.SIGINT, signal.SIGTERM) or signal.getsignal(number) is not signal.SIG_IGN:  # nohup ignores
             signal.signal(number, _interrupt)

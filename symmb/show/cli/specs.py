@@ -15,7 +15,7 @@ def solver(text: str | None) -> Solver | None:
 
 
 def table(title: str, specs: Sequence[Spec]) -> str:
-    """A table of the forms of methods or solvers, with their meanings, for `--help`."""
+    """A table for `--help`: the texts that select methods or solvers, and the meaning of each text."""
     width = max(len(spec.form) for spec in specs) + 2
     return "\n".join([f"{title}:", *(f"  {spec.form.ljust(width)}{spec.text}" for spec in specs)])
 

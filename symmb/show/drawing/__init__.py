@@ -1,4 +1,4 @@
-"""Drawings of mechanisms. A run becomes a `Drawing`: shapes as numbers. This becomes a page, a still or a film."""
+"""Drawings of mechanisms. A `Drawing` has the shapes of a run as numbers. Pages, stills and films are made from it."""
 
 from symmb.show.drawing import curves, forces, joints
 from symmb.show.drawing.draw import draw

@@ -21,17 +21,17 @@ JOINT, GUIDE, SPRING, DAMPER, LOAD, CONTACT = "joint", "guide", "spring", "dampe
 
 @singledispatch
 def sketch(element: Element, survey: Survey) -> Sketch:
-    """Draw an element. If the element has no place, the generator ends before it pauses."""
+    """Draw an element. If the element has no place in the drawing, the generator ends before its first `yield`."""
     yield from ()
 
 
 def begun(drawn: Sketch) -> Sketch | None:
-    """The generator of an element after it has requested its numbers; None if the element has no place."""
+    """The generator of an element after it has requested its numbers; None if the element is not drawn."""
     return drawn if next(drawn, False) is None else None
 
 
 def shapes_of(drawn: Sketch, unit: float) -> Iterator[Shape]:
-    """The shapes of an element. The survey must have computed its numbers."""
+    """The shapes of an element. The survey must have been evaluated."""
     with suppress(StopIteration):  # some elements have no shape, such as forces that are always zero
         yield drawn.send(unit)
         yield from drawn

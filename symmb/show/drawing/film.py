@@ -15,7 +15,7 @@ from symmb.show.drawing.still import canvas, paint
 
 
 def film(exhibit: Exhibit, file: BinaryIO, suffix: str) -> None:
-    """Write the film of a run. DeclarationError if the program or package for the format is missing, or fails."""
+    """Write the film of a run. DeclarationError is raised if the program or package for its format is missing or fails."""
     write, rate = FILMS[suffix]
     t = exhibit.drawing.t
     duration = float(np.ptp(t))
@@ -27,7 +27,7 @@ def film(exhibit: Exhibit, file: BinaryIO, suffix: str) -> None:
 
 def _pictures(exhibit: Exhibit, numbers: list[int]) -> Iterator[Array]:
     """Pixels (h, w, 3) of pictures."""
-    some = numbers[:: max(len(numbers) // 40, 1)]  # these determine the frame of the film
+    some = numbers[:: max(len(numbers) // 40, 1)]  # these pictures determine the limits of the axes
     figure, axes = canvas(exhibit, some, dpi=90)
     limits = axes.get_xlim(), axes.get_ylim()
     picture, shown = np.empty(0), None
@@ -42,7 +42,7 @@ def _pictures(exhibit: Exhibit, numbers: list[int]) -> Iterator[Array]:
         paint(axes, exhibit, k)
         figure.canvas.draw()
         pixels = np.asarray(figure.canvas.buffer_rgba())[:, :, :3]  # pyright: ignore[reportAttributeAccessIssue]
-        picture, shown = pixels[: len(pixels) // 2 * 2, : pixels.shape[1] // 2 * 2].copy(), k  # films have even sides
+        picture, shown = pixels[: len(pixels) // 2 * 2, : pixels.shape[1] // 2 * 2].copy(), k  # a film needs even numbers of pixels
         yield picture
 
 

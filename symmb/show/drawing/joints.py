@@ -33,7 +33,7 @@ def _(joint: Revolute, survey: Survey) -> Sketch:
 
 
 def _axis(joint: AxisJoint, survey: Survey) -> Asked:
-    """The axis of a joint in the frame of body a. If the joint closes in the run, it is the axis after closing."""
+    """The axis of a joint in the frame of body a. For a joint that closes in the run, the axis after closing."""
     return survey.direction(joint.point_a.body, joint.own_frames[0][:, 2])
 
 
@@ -82,7 +82,7 @@ def _(joint: AxisJoint, survey: Survey) -> Sketch:
         travel = np.broadcast_to(travel, len(closed))[closed[:, 0] > 0] if len(closed) > 1 else travel
     rail = [survey.shifted(a, s * along) for s in (travel.min() - 5 * u, travel.max() + 5 * u)]
     yield shape_of(joint, "bar", GUIDE, tuple(rail), (0.5 * u,))
-    # The block is along the guide, in the axes of the frame that carries the block.
+    # The direction of the block is along the guide. It is given in the axes of the frame that carries the block.
     seen = (pose[:, :, :3] @ along[:, :, None])[:, :, 0]
     inside = (np.swapaxes(survey.pose(slider)[:, :, :3], 1, 2) @ seen[:, :, None])[:, :, 0]
     size = (3.6 * u, 2.6 * u, 2.6 * u) if square else (1.6 * u, 5 * u)
@@ -118,7 +118,7 @@ def _(joint: Gear, survey: Survey) -> Sketch:
     apart = abs(1 - k)
     if distance < u or not apart or not k:
         return
-    # Pitch circles: r_a = |k| r_b, and the centres are r_a + r_b apart, or |r_a - r_b| for a ring gear.
+    # Radii of the pitch circles: r_a = |k| r_b. The distance of the centres is r_a + r_b, or |r_a - r_b| for a ring gear.
     for place, axis, radius in zip((a, b), axes, (distance * abs(k) / apart, distance / apart), strict=True):
         yield shape_of(joint, "ring", JOINT, (place,), (radius, 0.5 * u), direction=unit_vectors(axis))
 
@@ -131,7 +131,7 @@ def _(event: JointEvent, survey: Survey) -> Sketch:
     axis = survey.direction(joint.point_a.body, joint.axes[0]) if isinstance(joint, AxisJoint) else None
     u = yield
     closed = survey.closed(joint)
-    assert closed is not None  # the event opens or closes it
+    assert closed is not None  # the event opens or closes the joint
     direction = np.array([[0.0, 0.0, 1.0]]) if axis is None else unit_vectors(axis)
     eye = shape_of(event, "ring", JOINT, (a,), (2.0 * u, 0.5 * u), direction=direction)
     pin = shape_of(event, "ball", JOINT, (b,), (1.1 * u,))

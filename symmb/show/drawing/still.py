@@ -1,4 +1,4 @@
-"""Stills: an exhibit in one picture, painted with matplotlib from back to front."""
+"""Stills. A still is one picture of an exhibit. matplotlib paints it from back to front."""
 
 from collections.abc import Sequence
 from textwrap import wrap
@@ -40,7 +40,7 @@ def canvas(exhibit: Exhibit, pictures: Sequence[int], dpi: float) -> "tuple[Figu
 
     low, high = _limits(exhibit, pictures)
     width, height = high - low
-    ratio = min(max(height / width, 0.45), 1.1)  # otherwise a long mechanism would be too small to see
+    ratio = min(max(height / width, 0.45), 1.1)  # otherwise a long mechanism would be too small
     figure = Figure(figsize=(_WIDTH, _WIDTH * ratio), dpi=dpi)
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -101,7 +101,7 @@ def paint(axes: "Axes", exhibit: Exhibit, k: int) -> None:
 
 
 def _lines(label: str) -> list[str]:
-    """Lines of the label of a run. Further lines are indented. A name and its value stay in one line."""
+    """Lines of the label of a run. All lines except the first are indented. A name and its value are in one line."""
     whole, style = label.replace(" = ", _EQUALS), {"subsequent_indent": "    ", "break_on_hyphens": False}
     lines = wrap(whole, 104, max_lines=4, placeholder=" …", **style)
     return [line.replace(_EQUALS, " = ") for line in lines]

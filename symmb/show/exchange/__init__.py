@@ -1,6 +1,7 @@
-"""Scenes for other programs: FMUs, and C source of runs.
+"""Export of scenes for other programs, as FMUs and as C source.
 
-The fixed C of FMUs is in `run/codegen/c`: `fmi2.h`, `fmi3.h`, and `fmu.h`, which checks the order of calls.
+The C code that all FMUs have in common is in `run/codegen/c`: `fmi2.h`, `fmi3.h` and `fmu.h`. `fmu.h` checks the order
+of calls.
 """
 
 from symmb.show.exchange.fmu import save_fmu, save_scene_c

@@ -24,7 +24,7 @@ class _Variable:
     initial: str = ""
     start: float | None = None
     unit: str = ""
-    state: int | None = None  # if the variable is a rate: number of its state
+    state: int | None = None  # number of the state, if the variable is the rate of a state
 
 
 def _variables(scene: Exported) -> list[_Variable]:

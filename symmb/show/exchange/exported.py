@@ -1,4 +1,4 @@
-"""A scene as C code that simulates it, with all data that its users need."""
+"""A scene as C code that simulates the scene, and the data for users of this code."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -48,7 +48,7 @@ def exported(subject: Scene | DAESimulator) -> Exported:
     if scene.figures:
         raise DeclarationError(
             f"{scene.name}: output {next(iter(scene.figures))!r} is a scalar output. Exported scenes need outputs "
-            "over time. Leave it out by scene.with_outputs(...)."
+            "over time. Leave this output out by scene.with_outputs(...)."
         )
     inputs, simulator = tuple(scene.system.inputs), subject
     if inputs or not isinstance(simulator, DAESimulator):
@@ -57,7 +57,7 @@ def exported(subject: Scene | DAESimulator) -> Exported:
     solver, form = simulator.solver, simulator.formulation
     dae = form.dae
     if not form.y.numel_in(0):
-        raise DeclarationError(f"{scene.name} has no states: its outputs are plain expressions, which need no export.")
+        raise DeclarationError(f"{scene.name} has no states. Only scenes with states are exported.")
     lanes = None
     if isinstance(solver, CompiledSolver):
         lanes = solver.lanes(Task(dae, simulator.times, form.y, start=form.start, alone=True))

@@ -1,4 +1,4 @@
-"""Scenes for other programs: FMUs for FMI 2 and 3, and C source of runs with a main program."""
+"""Export of scenes as FMUs of FMI 2 and 3, and as C source with a main program."""
 
 import platform
 import re
@@ -20,19 +20,20 @@ _SYSTEMS = {"linux": ("linux", "linux", ".so"), "darwin": ("darwin", "darwin", "
 
 
 def save_fmu(scene: Scene | DAESimulator, path: str | Path, version: int = 3) -> None:
-    """Write a scene as an FMU, for co-simulation and, if there are no constraints and impacts, for model exchange.
+    """Write a scene as an FMU for co-simulation. Scenes without constraints and impacts also support model exchange.
 
-    Programs can set its parameters, and read its outputs. Co-simulation runs the scene as in studies, with its events,
-    in compiled C. The start is computed from the parameters. The tolerance determines the steps, independently of
-    communication steps. The FMU contains the sources. They need a C compiler, but neither symmb nor Python.
+    Programs can set the parameters and inputs of the FMU, and read its outputs. In co-simulation, compiled C code runs
+    the scene with its events, as in studies. The start is computed from the parameters. The tolerance determines the
+    steps of the solver, independently of communication steps. The FMU contains its C sources, which can be compiled
+    without symmb and Python.
 
     Parameters
     ----------
     scene : Scene
-        pilot runs select its solver; or a prepared scene with one of the solvers DormandPrince, EventDriven and
-        Rosenbrock
+        a scene, whose solver is selected by pilot runs; or a prepared scene with one of the solvers DormandPrince,
+        EventDriven and Rosenbrock
     path : path
-        `.fmu`
+        name of the file; it ends in `.fmu`
     version : int
         version of FMI: 2 or 3
 
@@ -81,7 +82,7 @@ def save_fmu(scene: Scene | DAESimulator, path: str | Path, version: int = 3) ->
     files[f"binaries/{folder}/{identifier}{suffix}"] = portable_library(texts, BINARY_FILES)
     with replacement(path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():
-            # Files of a ZipInfo have the date 1980-01-01. The same scene thus always gives the same FMU.
+            # All files have the date 1980-01-01, so that the same scene always gives the same FMU.
             archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_DEFLATED)
 
 

@@ -1,6 +1,6 @@
-"""Reports: a result, its meaning and its computation, in one HTML file that opens offline and can be printed.
+"""Reports of results. A report is one HTML file, which can be opened offline and printed.
 
-`Bounds.report` and `Comparison.report` load this package when they are called, because it depends on these results.
+This package depends on results. `Bounds.report` and `Comparison.report` therefore load it when they are called.
 """
 
 from symmb.show.report.bounds_report import write_bounds
