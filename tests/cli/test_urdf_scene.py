@@ -64,7 +64,7 @@ def test_uncertain_names_parameters_of_any_scene(tmp_path, capsys):
 
 def test_what_is_wrong_is_told(pendulum, tmp_path, capsys):
     compare = ["compare", pendulum, "--methods", "vertex"]
-    assert "Give their width by --spread" in refused(capsys, *compare, "--uncertain", "rod.mass")
+    assert "needs the width of the intervals" in refused(capsys, *compare, "--uncertain", "rod.mass")
     assert "Name the parameters by --uncertain" in refused(capsys, *compare, "--spread", "5%")
     assert "Did you mean 'rod.mass'" in refused(capsys, *compare, "--spread", "5%", "--uncertain", "rod.mas")
     assert "'hinge_origin_x' is 0" in refused(capsys, *compare, "--spread", "5%", "--uncertain", "hinge.origin.x")

@@ -87,8 +87,8 @@ def _(cam: CamFollower, survey: Survey) -> Sketch:
     """The cam and the tip of the follower. The cam moves the tip by the law of the lift.
 
     The law contains neither the size of the cam nor the contact point. The tip of a sliding follower is its point. If
-    this point is at the shaft, the tip is drawn two lifts from the shaft. The tip of a rocker is at a right angle to the
-    radius of the cam.
+    this point is at the shaft, the tip is drawn two lifts from the shaft. The tip of a rocker is at a right angle to
+    the radius of the cam.
     """
     shaft, rocker = cam.cam, cam.follower
     angle, moved = (getattr(joint, str(joint.coordinate)) for joint in (shaft, rocker))

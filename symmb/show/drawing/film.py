@@ -15,7 +15,7 @@ from symmb.show.drawing.still import canvas, paint
 
 
 def film(exhibit: Exhibit, file: BinaryIO, suffix: str) -> None:
-    """Write the film of a run. DeclarationError is raised if the program or package for its format is missing or fails."""
+    """Write the film of a run. A missing or failing program or package raises DeclarationError."""
     write, rate = FILMS[suffix]
     t = exhibit.drawing.t
     duration = float(np.ptp(t))
@@ -42,7 +42,8 @@ def _pictures(exhibit: Exhibit, numbers: list[int]) -> Iterator[Array]:
         paint(axes, exhibit, k)
         figure.canvas.draw()
         pixels = np.asarray(figure.canvas.buffer_rgba())[:, :, :3]  # pyright: ignore[reportAttributeAccessIssue]
-        picture, shown = pixels[: len(pixels) // 2 * 2, : pixels.shape[1] // 2 * 2].copy(), k  # a film needs even numbers of pixels
+        # A film needs even numbers of pixels.
+        picture, shown = pixels[: len(pixels) // 2 * 2, : pixels.shape[1] // 2 * 2].copy(), k
         yield picture
 
 

@@ -28,8 +28,8 @@ COLOURS = {
 NOMINAL = ("guide", "load")
 """Colours of shapes that are drawn only for the nominal run."""
 LIGHT = {"direction": (-0.4, 0.6, 0.8), "everywhere": 0.42, "lit": 0.48, "in_front": 0.14}
-"""Direction to the light in axes of the viewer, and brightness: of all surfaces, added for surfaces that face the light,
-and added for surfaces that face the viewer."""
+"""Direction to the light in axes of the viewer. Brightness of all surfaces, brightness added to surfaces that face the
+light, and brightness added to surfaces that face the viewer."""
 IN_WORLD = ("arrow", "twist", "support")
 """Forms with a direction in world axes."""
 
@@ -63,7 +63,7 @@ def circle(turns: Array) -> Array:
 
 
 def parts(shape: Shape, flat: bool) -> Iterator[Part]:
-    """The parts of a shape. `flat` is True for planar pictures. Forms that are drawn from their places have no parts."""
+    """The parts of a shape. `flat` is True for planar pictures. Forms drawn from their places have no parts."""
     return _FORMS[shape.form](shape, flat) if shape.form in _FORMS else iter(())
 
 

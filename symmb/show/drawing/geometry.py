@@ -24,7 +24,7 @@ _SOLIDS = {"box": 0.0, "cylinder": 1.0, "sphere": 2.0}
 class BodyShapes:
     """The given shapes of a body. `unread` contains titles of meshes that cannot be drawn, and the reasons.
 
-    `coarse` contains, for each simplified mesh, its title, the number of left out triangles, and the number in its file.
+    `coarse` contains for each simplified mesh its title, the number of left out triangles, and the number in its file.
     """
 
     def __init__(self, body: AbstractBody, survey: Survey, most: int) -> None:

@@ -118,7 +118,7 @@ def _(joint: Gear, survey: Survey) -> Sketch:
     apart = abs(1 - k)
     if distance < u or not apart or not k:
         return
-    # Radii of the pitch circles: r_a = |k| r_b. The distance of the centres is r_a + r_b, or |r_a - r_b| for a ring gear.
+    # Radii of the pitch circles: r_a = |k| r_b. The centres are r_a + r_b apart, or |r_a - r_b| for a ring gear.
     for place, axis, radius in zip((a, b), axes, (distance * abs(k) / apart, distance / apart), strict=True):
         yield shape_of(joint, "ring", JOINT, (place,), (radius, 0.5 * u), direction=unit_vectors(axis))
 

@@ -112,7 +112,7 @@ def _shape(shape: Shape, planar: bool, numbers: _Numbers) -> dict[str, Any]:
 
 
 def speed(duration: float, shown: float = 8.0) -> float:
-    """Initial speed of the page, relative to real time. Runs of 4 to 16 s are shown in real time, others in about 8 s."""
+    """Initial speed of the page, relative to real time. Runs of 4 to 16 s are shown in real time, others in 8 s."""
     if shown / 2 <= duration <= 2 * shown or not duration:
         return 1.0
     return min(_SPEEDS, key=lambda speed: abs(np.log(duration / speed / shown)))
