@@ -36,8 +36,8 @@ def check_doubts(
     """Warnings from check runs about bounds that have no estimated error, and the number of check runs.
 
     Runs outside of the bounds show that the bounds are too narrow. If the surrogate differs from the runs, the bounds
-    may be too narrow or too wide. Bounds that are not the surrogate's exact range are too wide if its values do not
-    reach them. Differences above `share` times the width count.
+    may be too narrow or too wide. Some bounds are not the exact range of the surrogate. They are too wide if no value
+    of the surrogate is near them. Only differences above `share` times the width give a warning.
     """
     if bounds.kind == "enclosure" or bounds.estimate is not None or share == np.inf:
         return (), 0

@@ -253,7 +253,7 @@ class _Rates:
         return vectors / np.sqrt(np.maximum(np.abs(values), NOTHING))
 
     def _metric(self, rows: list[int], free: list[int], sizes: list[int]) -> ca.SX:
-        """The mass matrix; the scales of velocities if the mass matrix does not determine all velocities."""
+        """The mass matrix if it determines all velocities; otherwise the diagonal matrix of 1 / scale^2."""
         M, scales = self.M[free, free], self.dae.displacement_scales[free]
         if not is_singular(M, sizes):
             return M

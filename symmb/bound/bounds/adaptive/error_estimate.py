@@ -141,7 +141,7 @@ class _Groups(NamedTuple):
 
     @property
     def rows(self) -> list[Indices]:
-        """The shells, and the products, factors and unmixed rows unless all rows are mixed."""
+        """The groups of rows whose sums of squares are used. Without unmixed rows, these are only the shells."""
         return [*self.shells, *self.products, self.unmixed] if self.unmixed.size else self.shells
 
 

@@ -1,8 +1,8 @@
 """Bounds of few responses over many parameters, from a Gaussian process that learns the directions of variation.
 
 tests/benchmarks/known_ranges.py has 370 functions (seeds 5-9, 60 s each). The process serves 153 of them: they take 80
-runs in the median, 10 have needless warnings, and none is missed silently. With sparse grids instead, they take 328
-runs, 80 have needless warnings, and three sums of kinks are missed silently.
+runs in the median, 10 have needless warnings, and none is missed silently. With sparse grids, the same functions
+take 328 runs, 80 have needless warnings, and three sums of kinks are missed silently.
 """
 
 from collections.abc import Callable

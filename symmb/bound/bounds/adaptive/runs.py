@@ -36,7 +36,7 @@ _ORDINARY_POWER = 300
 
 
 class OutgrownError(Exception):
-    """The error if runs have values far above the earlier runs that scaled the outputs. The study starts again."""
+    """Values of new runs are too large for the scale of their output. The study starts again with another scale."""
 
 
 @dataclass
