@@ -54,8 +54,8 @@ class CommandSimulator(BlackBox):
         folder of a run. `{name}` and `{name:format}` are replaced by the values of parameters. Without a format all
         digits are written. Other braces are kept
     read : str or callable
-        the file with the results: a .csv, .json or .npz file with a column `time` and one for each output; or a
-        function that receives the folder and returns an array (n_t, n_y)
+        the file with the results: a .csv, .json or .npz file with a column `time` and a column for each output. A
+        function is also possible. It receives the folder and returns an array (n_t, n_y)
     timeout : float
         longest time of a run [s]. After this time the program, and the programs that it started, are ended
     files : list of paths
@@ -63,12 +63,12 @@ class CommandSimulator(BlackBox):
     environment : mapping
         environment variables that are added to those of this process
     retries : int
-        how often a failed run is made again
+        number of further attempts after a failed run
     interpolate : bool
         accept other times than the declared times, and interpolate linearly
     keep : str
-        which folders are kept: "failed" (default), "all" or "none". The text of a failed run names its folder.
-        stdout.txt and stderr.txt in this folder hold the output of the program
+        which folders are kept: "failed" (default), "all" or "none". The message of a failed run names its folder.
+        The files stdout.txt and stderr.txt in this folder contain the output of the program
     folder : path
         the folder that contains the folders of the runs; default: the folder for temporary files
     noise : mapping
@@ -163,9 +163,9 @@ class CommandSimulator(BlackBox):
         names = [_OUTPUT, _ERRORS, *own, *(file.name for file in self.files)]
         for name, count in Counter(names).items():
             if count > 1:
-                yield f"{name!r} is the name of two files in the folder of a run."
+                yield f"{name!r} is the name of two files in the folder of a run. Rename one of them."
             if any(str(parent) in names for parent in PurePosixPath(name).parents):
-                yield f"{name!r} is in a folder that has the name of a file in the folder of a run."
+                yield f"{name!r} needs a folder, but a file of the run has the name of this folder. Rename one of them."
 
     def _option_faults(self) -> Iterator[str]:
         if not isinstance(self.read, str):
@@ -252,7 +252,7 @@ def _require_types(command: Any, files: Any, folder: Any, environment: Any) -> N
         raise DeclarationError(f"{_OWNER}: folder must be a path, got {shown(folder)}.")
     are_texts = isinstance(environment, Mapping) and _are_paths([*environment, *environment.values()])
     if not are_texts or any(not name or "=" in name for name in environment):
-        raise DeclarationError(f"{_OWNER}: environment must be texts by the name of the variable.")
+        raise DeclarationError(f"{_OWNER}: environment must map names of variables to texts.")
 
 
 def _are_paths(things: Any) -> bool:

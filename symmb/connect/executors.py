@@ -1,4 +1,4 @@
-"""Work on other threads, processes and machines. Tasks are submitted one by one, and each result returns at once."""
+"""Work on other threads, processes and machines. Each result is returned when its task ends."""
 
 import os
 import pickle
@@ -73,14 +73,14 @@ def finished(f: Callable[[Any], Any], items: Iterable[Any], executor: Any) -> It
     Parameters
     ----------
     f : picklable if the executor runs in other processes
-    items : each is taken when a worker is free
+    items : an item is taken when a worker is free
     executor : an object with `submit`, as in concurrent.futures, loky, mpi4py and Dask; an object with an ordered
-        `map`; or a function that makes executors, again if one breaks; None: in this thread, one after the other
+        `map`; or a function that makes an executor, and a new one after a failure; None: this thread
 
     Raises
     ------
     DeclarationError        if the executor is none of these, or f cannot be pickled
-    SimulationError         if an executor breaks and cannot be made again, raises, or returns results of other tasks
+    SimulationError         if an executor breaks and cannot be replaced, raises, or returns results of other tasks
     """
     if executor is None:
         yield from enumerate(map(f, items))
@@ -116,7 +116,7 @@ def _mapped(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool") -
 
 def _submitted(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool") -> Iterator[Numbered]:
     # Only a few tasks wait in the executor, so that an interrupted study ends soon.
-    most = _TASKS_PER_WORKER * (pool.workers_at_first or pool.workers)  # a cluster may get more
+    most = _TASKS_PER_WORKER * (pool.workers_at_first or pool.workers)  # a cluster may get more workers
     running: dict[int, _Task] = {}
     killed: dict[int, tuple[Any, LostTask]] = {}
     done: queue.SimpleQueue[int] = queue.SimpleQueue()
@@ -138,14 +138,14 @@ def _submitted(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool"
                 else:
                     yield k, result
             except BrokenExecutor as error:
-                # Any of the running tasks may have killed the worker. Each runs alone now, so that only the guilty task
-                # is lost.
+                # Any of the running tasks may have killed the worker. Each task is repeated alone, so that only the
+                # task that kills its worker is lost.
                 suspects, done = dict(sorted(running.items())), queue.SimpleQueue()
                 running.clear()
                 pool.renew(error)
                 for k, task in suspects.items():
                     yield k, _alone(f, k, task.item, pool)
-        for k, (item, lost) in killed.items():  # Dask reports all tasks of a dead worker, also waiting ones
+        for k, (item, lost) in killed.items():  # Dask also reports the waiting tasks of a dead worker
             yield k, lost if len(killed) == 1 else _alone(f, k, item, pool)
     finally:  # also after an interrupt or an error
         for task in running.values():
@@ -167,7 +167,7 @@ def _require_same_versions(versions: Mapping[str, Any]) -> None:
 
 
 def _end_calls(tasks: Iterable[int]) -> None:
-    """End the limited calls of the threads of some tasks, also calls that are about to start."""
+    """End `LimitedCalls` that run, or are about to start, in the threads of some tasks."""
     deadline = time.monotonic() + _END_SECONDS
     while (threads := [_THREADS[k] for k in [*tasks] if k in _THREADS]) and time.monotonic() < deadline:
         end_calls_of(threads)
@@ -239,7 +239,7 @@ def _unpacked(reply: Any, sent: Container[int]) -> Numbered:
 
 
 class _Pool:
-    """The executor of a user, or an executor from the user's function, which can make another one if it breaks."""
+    """The user's executor, or an executor made by the user's function. The function can replace a broken executor."""
 
     def __init__(self, given: Any) -> None:
         named = ("submit", "map")
@@ -254,7 +254,7 @@ class _Pool:
         if fault is not None and isinstance(self.executor, ProcessPoolExecutor):
             if self._make is not None:
                 _end_processes(self.executor)
-            elif issubclass(fault, KeyboardInterrupt):  # like a terminal: otherwise the pool waits for its tasks
+            elif issubclass(fault, KeyboardInterrupt):  # as a terminal does; otherwise the pool waits for its tasks
                 for process in list(self.executor._processes or ()):
                     with suppress(ProcessLookupError):
                         os.kill(process, signal.SIGINT)
@@ -268,23 +268,24 @@ class _Pool:
             except SymmbError:
                 raise
             except Exception as error:
-                raise DeclarationError(f"executor: the function that makes it raises {text_of(error)}.") from error
+                raise DeclarationError(
+                    f"executor: the function that makes the executor raises {text_of(error)}."
+                ) from error
         self.workers_at_first = 0
         self.has_begun, self._since = False, time.monotonic()
         self._options: dict[str, Any] = {}
         if hasattr(getattr(self.executor, "_client", None), "get_executor"):
-            # Dask's executor: futures that it makes from futures of its client may never end if workers die.
+            # The client is used, because futures of Dask's executor may never end if workers die.
             self._options, self.executor = getattr(self.executor, "_kwargs", {}), self.executor._client
         self.is_dask = hasattr(self.executor, "get_executor")
         if self.is_dask:
             self._options = {"pure": False, **self._options}
             try:
-                # Assumed number of workers of a cluster that has fewer at the start. For each task that ends, two more
-                # may be submitted, because the cluster may get more workers, and because the duration of tasks
-                # determines how many tasks a worker should hold.
+                # A cluster counts as 8 workers if it has fewer at the start, because it may get more workers. For the
+                # same reason, two more tasks may be submitted for each task that ends.
                 self.workers_at_first = max(sum(self.executor.nthreads().values()), 8)
                 versions = self.executor.get_versions(packages=["symmb"])
-            except Exception as error:  # it is closed
+            except Exception as error:  # the client is closed
                 raise SimulationError(f"executor: {self.executor!r} does not answer ({text_of(error)}).") from None
             _require_same_versions(versions)
         self.submits = callable(getattr(self.executor, "submit", None))
@@ -355,11 +356,11 @@ class _Pool:
         if self._make is None:
             raise SimulationError(
                 f"executor: {_reason(error)}. The study ends here. Pass a function that makes the executor, such as "
-                "lambda: ProcessPoolExecutor(8). Then symmb makes another, and finds the run that kills workers."
+                "lambda: ProcessPoolExecutor(8). Then symmb makes a new executor, and finds the run that kills workers."
             ) from None
         self._end()
         self._start(self._make)
-        try:  # a test task that harms no worker
+        try:  # a test task, which cannot kill a worker
             self._answer(self.submit(int, 0))
         except BrokenExecutor as fault:
             raise _made_broken(fault) from None
