@@ -105,7 +105,7 @@ def described(path: Path, fmi_type: str | None) -> tuple[FMU, dict[str, Any]]:
     names = _files(path)
     code = file_digest(path)
     try:
-        folder = extracted(path, code)  # now, so that workers forked from this process find the folder
+        folder = extracted(path, code)  # extracted now for workers that are forked later
     except SimulationError as error:
         raise DeclarationError(f"{OWNER}: {error}.") from None
     description = _description(path, folder)
@@ -192,7 +192,7 @@ def _require_binary(path: Path, names: Sequence[str], version: int, identifier: 
 
 
 def _number(text: Any) -> float | None:
-    """The positive number of a text, or None if the text is not such a number."""
+    """A text as a number, or None if the text is not a positive number."""
     try:
         number = float(text)
     except (TypeError, ValueError):

@@ -115,7 +115,7 @@ def listen() -> None:
 
 @cache
 def _output() -> int:
-    """The descriptor of a file for the output of this process. A crash of the process is reported as a failed run."""
+    """The descriptor of a file for the output of this process. The output of FMUs and of FMPy goes to this file."""
     faulthandler.disable()
     file = tempfile.TemporaryFile()
     for number in (1, 2):
@@ -168,6 +168,6 @@ def _callbacks() -> Any:
     callbacks.logger = module.fmi2CallbackLoggerTYPE(_note)
     callbacks.allocateMemory = module.fmi2CallbackAllocateMemoryTYPE(fmpy().calloc)
     callbacks.freeMemory = module.fmi2CallbackFreeMemoryTYPE(fmpy().free)
-    with suppress(OSError):  # FMPy supports the common platforms; its C code fills values into messages
+    with suppress(OSError):  # on common platforms, C code of FMPy inserts values into messages
         fmpy("logging").addLoggerProxy(ctypes.byref(callbacks))
     return callbacks

@@ -94,7 +94,7 @@ class FMURunner:
         return rows
 
     def _outputs(self, instance: Instance) -> Array:
-        """Outputs (n_t, n_y) of an instance that is started, by communication steps from time to time."""
+        """Outputs (n_t, n_y) of an initialized instance. Communication steps lead from each output time to the next."""
         rows, read = np.empty((len(self.times), len(self.outputs))), instance.reader(self.outputs)
         step = self._cosimulate if self.fmu.fmi_type == CO_SIMULATION else self._integration(instance)
         read(rows[0])
@@ -110,7 +110,7 @@ class FMURunner:
         self._t = begin + length
 
     def _integration(self, instance: Instance) -> Callable[[Instance, float, float], None]:
-        """A function that makes communication steps by the solver. Several instances use the same solver."""
+        """A function that advances an instance by one communication step. Several instances use the same solver."""
         events = _EventMode(instance)
         if self._solver is None:
             self._solver = _new_solver(self.fmu, instance, self.times[0], self.step)
@@ -133,7 +133,7 @@ class FMURunner:
                     is_event = is_event or wanted
                     if ends:
                         raise SimulationError(ENDED)
-            # The solver keeps a history of derivatives. An event makes the history invalid, so the solver starts again.
+            # The solver starts again after an event, because the event makes its history of derivatives invalid.
             if is_event or events.next - self._t <= near:
                 instance.model.enterEventMode()
                 events.update()
@@ -183,13 +183,13 @@ class _EventMode:
 
 
 def _new_solver(fmu: FMU, instance: Instance, t: float, step: float) -> Any:
-    """A solver at the states of an instance, with steps up to `step` [s].
+    """A solver that starts at the states of an instance, and makes steps up to `step` [s].
 
     Several instances use the same solver, because FMPy does not free all memory of a solver.
     """
 
     class CVODE(fmpy("sundials").CVodeSolver):
-        """CVODE that stores exceptions in callbacks of C, which Python ignores. `advance` raises the exception."""
+        """CVODE that stores exceptions of its callbacks, because Python ignores them. `advance` raises them."""
 
         fault: Exception | None = None
 

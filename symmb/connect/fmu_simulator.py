@@ -34,7 +34,7 @@ _LONG_RUN = 10.0
 """Duration of a long run [s]. Each long run gets a new process, whose start takes little time in comparison."""
 _RESET, _NEW_INSTANCE, _NEW_PROCESS = "reset", "new instance", "new process"
 _KINDS: dict[tuple[str, str], str] = {}
-"""Digest of an FMU's file, and interface -> the way to repeat runs exactly: reset, instance or process."""
+"""Digest of an FMU's file, and its interface -> a way to get repeatable runs: reset, new instance or new process."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,9 +42,9 @@ class FMUSimulator(BlackBox):
     """Trajectories from a Functional Mock-up Unit of FMI 2 or 3. Install FMPy by `pip install 'symmb[fmu]'`.
 
     Runs are made in separate processes. If an FMU crashes, only one run fails. Runs of several threads are parallel.
-    Each process keeps an instance. The instance is reset between two runs. A test at the first run checks that a run
-    after a reset is bitwise the same. If it is not, and after a failed run, a new instance is made. If a run in a new
-    instance is not the same either, each run gets a new process.
+    Each process keeps an instance, and resets the instance between two runs. The first run is repeated after a reset.
+    If the outputs are not bitwise the same, each run gets a new instance. If this does not help, each run gets a new
+    process. After a failed run, a new instance is made.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class FMUSimulator(BlackBox):
     Attributes
     ----------
     units : tuple of str
-        units of the outputs, from the model description; '' if not stated. Boxes use the units of the parameters
+        units of the outputs, from the model description; '' if not stated. A Box uses the units of the parameters
 
     Raises
     ------
@@ -184,7 +184,7 @@ def _step(fmu: FMU, times: Array, given: float | None) -> float:
     own = fmu.step if fmu.fmi_type == CO_SIMULATION else None
     spans = np.diff(times)
     if fmu.grid is not None and given is None:
-        step = float(spans.max())  # the steps of its solver do not depend on communication steps
+        step = float(spans.max())  # steps of the solver do not depend on communication steps
     else:
         step = given or own or float(times[-1] - times[0]) / 500  # as in FMPy
     if fmu.is_uniform:

@@ -116,7 +116,7 @@ class _Digests:
             reduced = thing.__reduce_ex__(4) if reduce is None else reduce(thing)
         except RecursionError:
             raise
-        except Exception:  # the code is the user's
+        except Exception:  # the user's code may raise any exception
             self.lacking.append(type(thing).__qualname__)
             return
         if isinstance(reduced, str):  # a name in a module
@@ -135,7 +135,7 @@ _CODE = (
     *("co_name", "co_consts", "co_names", "co_varnames", "co_freevars", "co_cellvars", "co_flags"),
     *("co_argcount", "co_posonlyargcount", "co_kwonlyargcount", "co_exceptiontable"),
 )
-"""The attributes of code that belong to its digest, besides its instructions. Line numbers and file names do not."""
+"""The attributes of code that belong to its digest, besides its instructions. Lines and file names are left out."""
 
 
 def _pairs(mapping: Mapping[Any, Any]) -> Iterator[tuple[Any]]:
@@ -184,7 +184,7 @@ def _global_names(code: types.CodeType) -> set[str]:
 
 
 def _has_name(thing: Any) -> bool:
-    """Whether a name identifies a function or a class. It does not if they are made inside a function."""
+    """Whether a name identifies a function or a class. The name of an object made inside a function does not."""
     if isinstance(thing, type):
         return _is_installed(thing.__module__)
     module = thing.__globals__.get("__name__")

@@ -68,7 +68,7 @@ class _Worker:
 
     def end(self) -> None:
         with _LOCK:
-            if self not in _WORKERS:  # another thread ends the process; its pipe may have the number of another file
+            if self not in _WORKERS:  # another thread has already ended the process and closed its pipe
                 return
             _WORKERS.remove(self)
             self.pipe.close()

@@ -76,7 +76,7 @@ def template_texts(owner: str, templates: Mapping[str, str | Path]) -> dict[str,
 
 
 def is_inside(name: str) -> bool:
-    """Whether the relative path of a file does not lead out of its folder."""
+    """Whether a path is relative, and leads to a file inside the folder."""
     place = PurePosixPath(name)
     parts = [part.encode(errors="replace") for part in place.parts]
     is_valid = 0 < max(map(len, parts), default=0) <= 255 and is_text(name)  # file systems allow names of 255 bytes
@@ -106,12 +106,12 @@ def read_table(path: Path, times: Array, outputs: tuple[str, ...], interpolate: 
         columns = READERS[path.suffix](path)
         lost = [name for name in outputs if name not in columns]
         if lost:
-            raise SimulationError(f"no column {lost[0]!r}, only {', '.join(map(repr, columns))[:200]}")
+            raise SimulationError(f"it has no column {lost[0]!r}, only {', '.join(map(repr, columns))[:200]}")
         values = np.column_stack([_numbers(columns, name) for name in outputs])
         if _TIME not in columns and len(times) == len(values) == 1:
             return values
         if _TIME not in columns:
-            raise SimulationError(f"no column {_TIME!r}")
+            raise SimulationError(f"it has no column {_TIME!r}")
         at = _numbers(columns, _TIME)
     except SimulationError as error:
         raise SimulationError(f"{path.name}: {error}") from None
@@ -154,7 +154,7 @@ def _at_times(name: str, at: Array, values: Array, times: Array, interpolate: bo
 
 
 def _interpolated(name: str, at: Array, values: Array, times: Array, allowed: float) -> Array:
-    """Values interpolated between times of a file. If rows have the same time, the last row holds after this time."""
+    """Values interpolated between times of a file. If rows have the same time, the last one is valid after it."""
     events = at[1:][np.diff(at) == 0]
     if len(events):  # declared times at an event have as many digits as times of the file
         nearest = events[np.abs(events[:, None] - times).argmin(axis=0)]
@@ -178,7 +178,7 @@ def _csv(path: Path) -> Mapping[str, Any]:
         names = [name.strip().strip('"') for name in header.rstrip("\r\n").split(mark)]
         rows = [row for row in csv.reader(file, delimiter=mark) if row]
     if twice := [name for name, count in Counter(names).items() if count > 1]:
-        raise SimulationError(f"two columns {twice[0]!r}")
+        raise SimulationError(f"it has two columns {twice[0]!r}")
     for k, row in enumerate(rows):
         if len(row) < len(names):
             raise SimulationError(f"line {k + 2} has {len(row)} values for {len(names)} columns")

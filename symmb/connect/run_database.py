@@ -27,7 +27,7 @@ _DAMAGE = sqlite3.Error, ValueError, TypeError, IndexError, OverflowError, Recur
 """Exceptions that damaged files cause."""
 _HEADER = b"SQLite format 3\0"
 _WAIT_AFTER_RUN, _WAIT_AT_FIRST = 60.0, 10.0
-"""Times to wait while another study writes to the file: after a run, which would be lost, and at the start [s]."""
+"""Times to wait while another study writes to the file [s]: to store a finished run, and at the start."""
 _NETWORK = ("nfs", "nfs4", "cifs", "smb3", "smbfs", "lustre", "gpfs", "beegfs", "ceph", "fuse.sshfs", "afs", "9p")
 """File systems of several machines, which share no memory. A write-ahead log needs shared memory."""
 _SAMPLES_PER_QUERY = 500
@@ -91,7 +91,7 @@ class RunDatabase:
             return self._connection.execute(find, (study.digest,)).fetchone()[0]
 
     def known(self, study: int, P: Array, timeout: float | None = None) -> set[bytes]:
-        """Keys of the samples P (N, d) that have run and need not run again.
+        """Keys of the samples P (N, d) with stored runs that need not be made again.
 
         Lost runs are made again. Runs that timed out are made again if the timeout [s] is now longer.
         """
@@ -264,7 +264,7 @@ def _prepare(connection: sqlite3.Connection, path: Path) -> None:
         connection.executescript(f"BEGIN IMMEDIATE; {_TABLES if is_new else _TABLES_OF_2} COMMIT;")
     with closing(sqlite3.connect(":memory:")) as plain:
         plain.executescript(_TABLES)
-        if _schema(connection) != _schema(plain):  # a view instead of a table may never end
+        if _schema(connection) != _schema(plain):  # a query may never end if a view replaces a table
             raise DeclarationError(f"{path} is damaged (its tables are not those of a run store). Give another name.")
 
 

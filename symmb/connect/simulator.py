@@ -26,8 +26,8 @@ Progress = Callable[[int, int], None]
 """A function of the number of finished samples and the number of all samples."""
 
 BLOCK = 128
-"""Samples of a block, except for compiled scenes (`block_size` in `run/formulations/ensembles.py`). They suffice for
-vectorised loops, and 12 outputs at 1001 times take only 12 MB."""
+"""Number of samples of a block. Compiled scenes use `block_size` in `run/formulations/ensembles.py`. Loops over 128
+samples are long enough for vectors, and 12 outputs at 1001 times take only 12 MB."""
 
 
 class Samples(Protocol):
@@ -53,7 +53,7 @@ class Ensemble:
     Attributes
     ----------
     Y : (N, n_t, n_y) outputs; nan from the first invalid time on if a sample failed
-    ok : (N,) whether each sample did not fail
+    ok : (N,) True for samples that did not fail
     t_failed : (N,) time at which a sample failed [s], nan if it did not fail
     messages : a message for each failed sample, in order
     events : (N, n_t) numbers of events up to each time; None without events. Outputs are smooth between events
@@ -67,7 +67,7 @@ class Ensemble:
 
     @classmethod
     def of(cls, samples: Samples) -> "Ensemble":
-        """The ensemble of samples that would compute their values at their first use. The values are computed now."""
+        """The ensemble of some samples. Values that are not known yet are computed now."""
         return cls(samples.Y, samples.ok, samples.t_failed, samples.messages, samples.events)
 
     def extremes(self) -> tuple[Array, Array]:
@@ -83,8 +83,8 @@ class Reduction(Generic[S]):
     Attributes
     ----------
     init : () -> state before the first sample
-    update : (state, block, indices) -> state with the block; ``indices`` (n,) are the sample numbers
-    merge : (state, state) -> state of both; the first state has the lower sample numbers
+    update : (state, block, indices) -> state after the block; ``indices`` (n,) are the sample numbers
+    merge : (state, state) -> one state of all samples; the first state has the lower sample numbers
     trajectories : whether ``update`` uses ``block.Y``; if not, blocks may be larger
     attained : state -> smallest and largest values (n_t, n_y), if the state contains them
     """
@@ -139,7 +139,7 @@ class Jets(Protocol):
 
 @runtime_checkable
 class Kinked(Protocol):
-    """A simulator that says if a run meets kinks or jumps of its equations. Expansions do not hold beyond these."""
+    """A simulator that says if a run meets kinks or jumps of its equations. Expansions are not valid after these."""
 
     def kink(self, p0: Array) -> tuple[float, str] | None:
         """Time at which the run at p0 (d,) first meets a kink or a jump [s], and their names; None if it meets none."""

@@ -39,11 +39,11 @@ class StoredSimulator(WithWarnings):
     If a study is started again, only missing runs are made. A study with higher resolution, or another method, also
     uses the stored runs. Failed runs are stored with their reason. `symmb runs FILE --prune failed` removes them.
     A failed run is made again if its worker died, or if it timed out and the timeout is now longer.
-    Runs belong to a digest of the simulator: of its model, solver, templates or function, its times and its outputs.
+    Runs are stored with a digest of the simulator's model, solver, templates or function, times and outputs.
     A Python function is identified by its code, and by the values and functions that the code uses. Python's modules
-    and installed packages are identified by name: give another `version` if they change.
+    and installed packages are identified by name. Give another `version` if they change.
 
-    Each sample runs alone, which is slower: without a store, eight samples of a scene run in one vector.
+    Each sample runs alone. This is slower: without a store, eight samples of a scene are computed as one vector.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class StoredSimulator(WithWarnings):
     Raises
     ------
     DeclarationError
-        If the simulator has no identity, or, at a run, the file is not a run store
+        If the simulator has no method `identity`. At a run, if the file is not a run store
     SimulationError
         At a run, if the file cannot be written
 
@@ -86,7 +86,7 @@ class StoredSimulator(WithWarnings):
         if isinstance(simulator, type) or not isinstance(getattr(simulator, "parameters", None), Mapping):
             raise DeclarationError(f"StoredSimulator: expected a simulator, got {shown(simulator)}.")
         if figures := getattr(getattr(simulator, "scene", None), "figures", None):
-            raise DeclarationError(f"StoredSimulator: {', '.join(figures)} are scalar outputs, which it cannot store.")
+            raise DeclarationError(f"StoredSimulator: {', '.join(figures)} are scalar outputs, which cannot be stored.")
         if isinstance(simulator, StoredSimulator):
             raise DeclarationError(
                 "StoredSimulator: the simulator is already a StoredSimulator. Give the simulator inside it."
@@ -100,7 +100,7 @@ class StoredSimulator(WithWarnings):
             raise DeclarationError(f"StoredSimulator: path must be the path of a file, got {shown(path)}.")
         if not isinstance(version, str):
             raise DeclarationError(f"StoredSimulator: version must be a text, got {shown(version)}.")
-        # Computed once: a function may change an outside object, such as a list of its calls.
+        # The digest is computed once, because a function may change an outside object, such as a list of its calls.
         try:
             key = identity()
         except UndigestedError as error:
