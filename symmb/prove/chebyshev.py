@@ -13,8 +13,8 @@ from symmb._types import Array
 from symmb.prove.rounding import U, above, of_sum
 
 TENSOR_PARAMETERS = 2
-"""Largest number of parameters with a tensor basis. Its size is a power of this number. Polynomials of more parameters
-have a total degree."""
+"""Largest number of parameters with a tensor basis. The size of such a basis grows exponentially with this number. For
+more parameters, the total degree of polynomials is limited."""
 ENTRY_ERROR = 8 * U
 """Error of a matrix entry: the cosine of an angle up to pi / 2 that has the relative error 3 U."""
 
@@ -85,7 +85,7 @@ def at_nodes(c: Array, counts: Sequence[int]) -> Array:
 
 
 def graded(c: Array, d: int) -> Array:
-    """Coefficients (..., N + 1, ...) of d parameters. Without a tensor basis, total degrees above N become 0."""
+    """Coefficients (..., N + 1, ...) of d parameters. Without a tensor basis, those of total degrees above N are 0."""
     if d <= TENSOR_PARAMETERS:
         return c
     lengths = c.shape[c.ndim - d :]

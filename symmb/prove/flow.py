@@ -134,7 +134,7 @@ def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Ar
 
 
 def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int = 11) -> tuple[Curve, Array]:
-    """The frame B with B' = A B from B0 (n, n, NB + 1, ...), row by row, and about its inverse C (n, n, terms, ...).
+    """The frame B with B' = A B from B0 (n, n, NB + 1, ...), row by row, and approximately B^-1: C (n, n, terms, ...).
 
     The frame has fewer terms in time than the motion, because its defect increases the remainder only by a small part.
     The motion has the coefficients x (n, K + 1, N + 1, ...).
@@ -166,7 +166,7 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
     try:
         inverse = np.moveaxis(np.asarray(np.linalg.inv(B), dtype=float), (-2, -1), (0, 1))
     except np.linalg.LinAlgError:
-        raise ProofError("the deviations from the polynomials grow too differently in a step") from None
+        raise ProofError("some deviations from the polynomials grow much faster than others in a step") from None
     rate = _without_noise(rate.reshape(n * n, terms, *lengths), 1e-11)
     C = _without_noise(ch.graded(fit(inverse, (terms, *lengths)), problem.d).reshape(rate.shape), 1e-11)
     return integrated(B0.reshape(n * n, *lengths), rate, h), C.reshape(n, n, *rate.shape[1:])

@@ -283,7 +283,7 @@ def require_known(where: str, *functions: ca.Function) -> None:
 
 
 def drifted(problem: Problem, front: Front, late: float) -> Front:
-    """The front with all states within a time `late` before and after [s]. ProofError if the rates are too large."""
+    """The front with the states up to a time `late` earlier and later [s]. ProofError if the rates are too large."""
     room = SAME * problem.scales  # states hardly move between an instant and its rounded time
     around = still(problem, front.t - 2 * late, front.x, 4 * late)
     moved = above(late * bounds_of(problem.rate_tape, around, above(front.reach + room))[0])
