@@ -22,7 +22,7 @@ from symmb.show.cli.urdf_scene import parameter_name
 from symmb.show.report import write_comparison
 
 _OVER_TIME = "lower", "upper", "estimate", "inner_lower", "inner_upper"
-"""Entries of a method that its row of the table does not show. They are the largest part of the file."""
+"""Entries of a method over time. They are large, and not in the file with the table."""
 
 
 def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, solvers: str) -> None:

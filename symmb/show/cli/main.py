@@ -29,7 +29,7 @@ from symmb.show.drawing import FORMATS
 
 _PACKAGE = Path(mb.__file__).parent
 _GUIDE = (_PACKAGE if (_PACKAGE / "guide").is_dir() else _PACKAGE.parent / "examples") / "guide" / "index.md"
-"""The first page of the guide: inside an installed package, or beside it in a checkout."""
+"""The first page of the guide: inside an installed package, or beside the package in a checkout."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -181,7 +181,7 @@ def _parser() -> argparse.ArgumentParser:
     cache_command = commands.add_parser(
         "cache", help=text, description=text + ". Removed models are compiled again when needed."
     )
-    cache_command.add_argument("--clear", action="store_true", help="remove them")
+    cache_command.add_argument("--clear", action="store_true", help="remove the compiled models")
     cache_command.set_defaults(run=_cache)
     add_completion(commands, parser)
     return parser

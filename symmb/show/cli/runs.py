@@ -59,7 +59,7 @@ def _export(database: RunDatabase, number: int, path: Path) -> None:
     coordinates: dict[str, Named] = {"time": (("time",), study.times), "output": (("output",), np.array(study.outputs))}
     variables: dict[str, Named] = {"response": (("sample", "time", "output"), runs.Y)}
     variables["ok"] = ("sample",), runs.ok.astype(np.int8)
-    # NetCDF takes letters, digits and some signs in names. SciPy only writes those of Latin-1.
+    # NetCDF takes letters, digits and some signs in names. SciPy writes only characters of Latin-1.
     plain = [re.sub(r"[^\w.+-]", "_", name, flags=re.ASCII) for name in study.parameters]
     names = parameter_names(
         [name if name[0].isalpha() else f"_{name}" for name in plain], [*coordinates, *variables, "sample"]

@@ -1,7 +1,7 @@
 """The end of the program at SIGINT, SIGTERM, SIGHUP and SIGQUIT, at any moment.
 
 The signals raise KeyboardInterrupt in the main thread, which can then write the results so far. A call of compiled code
-may delay this. A second thread therefore ends the process after a short time.
+may delay the exception. A second thread therefore ends the process after a short time.
 """
 
 import os
@@ -28,7 +28,7 @@ _LOST = b"\0"
 
 
 def end_at_signals() -> None:
-    """End this process at the signals, and immediately at the second signal."""
+    """End this process after a signal, and at once after a second signal."""
     for number in SIGNALS:
         if number in (signal.SIGINT, signal.SIGTERM) or signal.getsignal(number) is not signal.SIG_IGN:  # nohup ignores
             signal.signal(number, _interrupt)

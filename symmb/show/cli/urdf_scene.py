@@ -18,13 +18,13 @@ def urdf_scene(path: Path, numbers: Iterable[str]) -> mb.Scene:
     """The machine on its base under gravity for two seconds. It starts at rest in its zero pose, without motors.
 
     Outputs are the coordinates of its joints, and the positions of bodies that move freely or in a plane. `numbers` are
-    names of numbers of the file that become parameters; `parameter_name` gives the names of these. DeclarationError is
+    names of numbers of the file that become parameters, with names from `parameter_name`. DeclarationError is
     raised if the file has faults, a number does not exist, or no joint moves.
     """
     names = {name: parameter_name(name) for name in numbers}
     if len(set(names.values())) < len(names):
         raise DeclarationError(
-            f"{path}: two of {', '.join(names)} give parameters of one name. Rename a link or joint."
+            f"{path}: two of {', '.join(names)} give parameters with equal names. Rename a link or joint."
         )
     with warnings.catch_warnings():  # warnings are reported below
         warnings.simplefilter("ignore", mb.SymmbWarning)

@@ -1,4 +1,4 @@
-"""Drawings of mechanisms. A run becomes a `Drawing`: shapes as numbers. This becomes a page, a still or a film."""
+"""Drawings of mechanisms. A run is converted to a `Drawing`, and a `Drawing` to a page, a still picture or a film."""
 
 from symmb.show.drawing import curves, forces, joints
 from symmb.show.drawing.draw import draw

@@ -30,7 +30,7 @@ from symmb.show.drawing.shapes import Shape
 from symmb.show.drawing.survey import Asked, Survey
 
 SOLID = "solid of the same inertia"
-"""Kind of the solid of a body if points show the size of the body too."""
+"""Kind of the solid of a body whose size is also visible from its points."""
 _ROUND = 0.03
 """A solid is drawn as round if the relative difference of its second moments of mass is smaller."""
 
@@ -63,7 +63,7 @@ class BodySketch:
     def second_moments(self) -> tuple[Array, Array]:
         """Variances of the mass along its principal axes, (3,) [m^2], and these axes as columns, (3, 3).
 
-        For a link of a robot, a smallest density and the size of the robot limit the variances.
+        For a link of a robot, a minimum density and the size of the robot limit the variances.
         """
         m, J = (0.0, np.zeros((3, 3))) if self.mass is None else (self.mass.first[0], self.inertia.first.reshape(3, 3))
         if m <= 0:
@@ -74,8 +74,8 @@ class BodySketch:
         axes[:, 2] *= np.sign(np.linalg.det(axes))
         variances = np.maximum(values.sum() / 2 - values, 0.0) / m
         if isinstance(self.body, Link) and variances.max() and self.survey.span:
-            # Smallest density [kg/m^3], and largest half length of the solid of a link relative to the robot's span per
-            # link. Inertias in files are often placeholders, such as 1 kg m^2 for a finger.
+            # The density is at least 500 kg/m^3, and the half length at most twice the robot's span per link. Inertias
+            # in files are often placeholders, such as 1 kg m^2 for a finger.
             half, most = np.sqrt(3 * variances), m / 500.0
             links = sum(isinstance(body, Link) for body in self.survey.bodies)
             longest = 2.0 * self.survey.span / links

@@ -86,14 +86,15 @@ def _lines_of(curve: Curve) -> list[ca.SX]:
 def _(cam: CamFollower, survey: Survey) -> Sketch:
     """The cam that lifts the follower's tip by its law, and the tip.
 
-    The law contains neither the size of the cam nor the contact point. The tip of a sliding follower is its point, or
-    two lifts from the shaft. The tip of a rocker is at a right angle to the cam's radius.
+    The law contains neither the size of the cam nor the contact point. The tip of a sliding follower is its point.
+    If this point is on the shaft, the tip is drawn two lifts farther. The tip of a rocker is at a right angle to the
+    cam's radius.
     """
     shaft, rocker = cam.cam, cam.follower
     angle, moved = (getattr(joint, str(joint.coordinate)) for joint in (shaft, rocker))
     run = survey.run(angle)
     turns, low, high = shaft.coordinate == "angle", float(run.min()), float(run.max())
-    if turns:  # one revolution, from 0 if the cam stays within it: tables often start at 0
+    if turns:  # one revolution, from a multiple of 2 pi if possible: tables often start at 0
         whole = 2 * np.pi * np.floor(low / (2 * np.pi))
         low = whole if high <= whole + 2 * np.pi else low
         high = low + 2 * np.pi

@@ -22,9 +22,9 @@ _TURNED, _RAISED = np.radians(-28.0), np.radians(20.0)
 """Initial angles of view for a spatial mechanism: about the vertical, and above the horizontal."""
 
 
-# Approximate number of pictures of a page. For longer runs, only every n-th output time is shown.
+# `most` is the approximate number of pictures. Of longer runs, only every n-th output time is shown.
 def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = None, most: int = 1001) -> Drawing:
-    """A run with the path of a point, at its output times, or at every n-th time and those numbered in `also`."""
+    """A run with the path of a point. Of long runs, every n-th output time and those numbered in `also` are shown."""
     scene = run.scene
     if scene is None:
         raise DeclarationError("This run has no scene: it was read from a file. Use Trajectory.load(path, scene).")
@@ -94,7 +94,7 @@ def _diagonal(tracks: Sequence[Array]) -> float:
 def _size(span: float, tracks: Sequence[Array], bodies: Sequence[BodySketch]) -> float:
     """Size of the mechanism [m], from the span of its attached points and centres of mass, and from its bodies.
 
-    The size is at least 0.3 of the space of the motion, so that small mechanisms are visible in long paths.
+    The size is at least 0.3 times the extent of the motion, so that small mechanisms on long paths are visible.
     """
     travelled = _diagonal(tracks)
     own = max([span, *(body.reach for body in bodies)])
@@ -102,7 +102,7 @@ def _size(span: float, tracks: Sequence[Array], bodies: Sequence[BodySketch]) ->
 
 
 def _unit(size: float, bodies: Sequence[BodySketch]) -> float:
-    """Radius of a bar [m]: 1.1 % of the size. Bars are thinner if the mechanism is larger than 7 of its bodies."""
+    """Radius of a bar [m]: 1.1 % of the size. At most, the size counts as 7 times the median size of bodies."""
     reaches = [reach for body in bodies if (reach := body.reach)]
     return 0.011 * min(size, 7.0 * float(np.median(reaches or [size])))
 
@@ -146,7 +146,7 @@ def _is_planar(survey: Survey, g: Array, size: float) -> bool:
 
 
 def _right_and_up(g: Array, planar: bool) -> tuple[Array, Array]:
-    """World axes to the right and up in the picture. Objects fall down."""
+    """World axes to the right and up in the picture. Gravity acts downwards."""
     down = g if np.linalg.norm(g) else np.array([0.0, -1.0, 0.0] if planar else [0.0, 0.0, -1.0])
     main = np.abs(down).argmax()
     up = -np.sign(down[main]) * np.eye(3)[main]

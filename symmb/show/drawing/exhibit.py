@@ -41,7 +41,7 @@ class Ghost:
 @dataclass(frozen=True, eq=False)
 class Region:
     """The positions of a point for all parameters of the box: n samples (n_f, n, 3), and corners (3 m, 2) of triangles.
-    These cover the sweep in the xy plane, or the paths of samples that are far apart."""
+    The triangles cover the region in the xy plane. Where samples are far apart, they cover the paths of the samples."""
 
     name: str
     points: Array
@@ -71,7 +71,7 @@ class Slider:
 class Exhibit:
     """All contents of a page, a still or a film. `picture` is the initial picture.
 
-    `family` contains the runs over the grid of sliders. The last slider changes fastest. The drawing is one of them.
+    `family` contains the runs over the grid of sliders. The last slider changes fastest. `drawing` is one of the runs.
     """
 
     drawing: Drawing
@@ -95,7 +95,7 @@ def of_sweep(sweep: Sweep, time: float | str | None, point: Point | None) -> Exh
     if sweep.simulator is None or not sweep.grid:
         raise DeclarationError(
             "view draws sweeps over a grid of a scene's parameters: sweep(scene, {name: values}). This one "
-            + ("has no grid." if sweep.simulator else "has no scene: it is of a function or a program, or of a file.")
+            + ("has no grid." if sweep.simulator else "has no scene: it has another simulator, or is from a file.")
         )
     if not sweep.ok.all() or len(sweep) > _MOST_RUNS:
         why = f"has {len(sweep)} runs." if sweep.ok.all() else f"has failed runs. {sweep.doubts[0]}"
@@ -245,7 +245,7 @@ def _swept(points: Array, cells: Sequence[Indices], close: float, side: float, s
 
 
 def _squares(ways: Array, side: float) -> Array:
-    """Corners (3 m, 2) of triangles that cover straight paths (n, 2, 2) by squares. Squares in a column are merged."""
+    """Corners (3 m, 2) of triangles that cover straight paths (n, 2, 2) by squares, merged in columns."""
     begin, along = ways[:, 0], ways[:, 1] - ways[:, 0]
     count = int(np.ceil(np.abs(along).max() / side)) + 1
     cells = np.zeros((0, 2), dtype=int)

@@ -200,7 +200,7 @@ def _arrow(element: Element, form: str, point: Point, law: tuple[Expr, ...], sur
     place = survey.place(point)
     try:
         vector = survey.ask(ca.vertcat(*[survey.bind(part, element.title) for part in law]))
-    except DeclarationError:  # the law has multipliers, or turns that the run does not count
+    except DeclarationError:  # the law contains multipliers or states that the run lacks
         return
     u = yield
     largest = np.linalg.norm(vector(), axis=1).max()

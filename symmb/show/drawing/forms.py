@@ -62,7 +62,7 @@ def circle(turns: Array) -> Array:
 
 
 def parts(shape: Shape, flat: bool) -> Iterator[Part]:
-    """The parts of a shape. `flat` is for pictures in a plane. Forms that only follow their places have no parts."""
+    """The parts of a shape. `flat` is for pictures in a plane. Forms that are drawn as a whole have no parts."""
     return _FORMS[shape.form](shape, flat) if shape.form in _FORMS else iter(())
 
 

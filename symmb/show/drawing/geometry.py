@@ -61,8 +61,8 @@ class BodyShapes:
         return float(np.ptp(points, axis=0).max())
 
     def _placed(self) -> Iterator[tuple[str, Array, Array, Array]]:
-        """Form, centre, half axes as columns, and corners of each shape. These are corners of its bounding box or
-        triangles."""
+        """Form, centre, half axes as columns, and corners of each shape. The corners are those of its triangles, or
+        of its bounding box."""
         for form, middle, axes, triangles in self._drawn:
             at, half = middle.first, axes.first.reshape(3, 3).T
             local = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])

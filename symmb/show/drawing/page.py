@@ -20,7 +20,7 @@ _SPEEDS = [1e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.
 
 
 class _Numbers:
-    """All numbers of a page. Equal arrays are stored once. Offset and number of rows identify them."""
+    """All numbers of a page. Equal arrays are stored once. An offset and a number of rows identify an array."""
 
     def __init__(self) -> None:
         self._offsets: dict[bytes, int] = {}

@@ -22,7 +22,7 @@ class MovingFrame:
 class FramePoint:
     """A point in a frame, in its axes [m]: `base` and, if it moves in the frame, `shift`, (1, 3) or (n_f, 3).
 
-    In a flexible body (`elastic`), the shift is the deformation at the point. A viewer may enlarge it.
+    In a flexible body (`elastic`), the shift is the deformation at the point. Viewers may enlarge deformations.
     """
 
     frame: int
@@ -50,12 +50,12 @@ class Shape:
     dashes   a, b         -                                                 radius
     spiral   a            axis                                              radius
     arrow    a            vector in world axes, length as drawn             radius
-    twist    a            the same, for a torque                            radius
+    twist    a            torque in world axes, length as drawn             radius
     plane    a            normal                                            side
     support  a            -                                                 size: fixed to the ground
     path     a            -                                                 radius: the path of the place over the run
 
-    `present` (n_f, 1) or (1, 1) is 1 in pictures with the shape, and 0 in others. None: it is in all pictures.
+    `present` (n_f, 1) or (1, 1) is 1 in pictures with the shape, and 0 in others. None: all pictures have the shape.
     """
 
     form: str

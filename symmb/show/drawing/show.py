@@ -63,8 +63,8 @@ def view(
     output : str
         for Bounds: the output with the lowest and highest values that the runs attain; default: the widest output
     time : float or str
-        time of a still, and of the bounds that runs attain [s], or with a unit; default: the start, and the time of the
-        output's widest bounds, or the middle of the motion for a scalar output
+        time of a still [s], or a text with a unit; default: the start. For Bounds, the runs attain the bounds at this
+        time; default: where the output's bounds are widest, or the middle of the motion for a scalar output
     point : Point
         a point; its path is drawn, and for Bounds also the region that it reaches over the box
 

@@ -35,8 +35,8 @@ class Asked:
 class Survey:
     """Places, directions and expressions of a scene. `evaluate` computes their numbers along a run.
 
-    `down` and `span` follow from them. `span` is the diagonal of the box around attached points and centres of mass at
-    the start [m].
+    `draw` then sets the direction `down` and the length `span` [m]. `span` is the diagonal of the box around attached
+    points and centres of mass at the start.
     """
 
     def __init__(self, run: Trajectory, scene: Scene) -> None:

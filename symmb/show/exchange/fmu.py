@@ -20,7 +20,7 @@ _SYSTEMS = {"linux": ("linux", "linux", ".so"), "darwin": ("darwin", "darwin", "
 
 
 def save_fmu(scene: Scene | DAESimulator, path: str | Path, version: int = 3) -> None:
-    """Write a scene as an FMU, for co-simulation and, if there are no constraints and impacts, for model exchange.
+    """Write a scene as an FMU for co-simulation. Without constraints and impacts, it also supports model exchange.
 
     Programs can set its parameters, and read its outputs. Co-simulation runs the scene as in studies, with its events,
     in compiled C. The start is computed from the parameters. The tolerance determines the steps, independently of
@@ -63,7 +63,7 @@ def save_fmu(scene: Scene | DAESimulator, path: str | Path, version: int = 3) ->
     Modelica Association (2022), Functional Mock-up Interface Specification 3.0, and version 2.0.4.
     """
     if not isinstance(version, int) or version not in (2, 3):
-        raise DeclarationError(f"save_fmu: version must be 2 or 3, of FMI, got {shown(version)}.")
+        raise DeclarationError(f"save_fmu: version must be 2 or 3, a version of FMI, got {shown(version)}.")
     require_suffix(path, ".fmu")
     require_compiler("The export of an FMU")
     model = exported(scene)

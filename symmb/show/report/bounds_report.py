@@ -39,7 +39,7 @@ def write_bounds(
     """Write the report of bounds; see `Bounds.report`.
 
     The title block contains texts by name. If a `command` is given, the report shows it instead of lines of Python.
-    Contributions that are not known may need runs.
+    Contributions are computed only if they need no further runs. Other contributions must be given.
     """
     require_suffix(path, ".html")
     check = None if limits is None else bounds.check(limits)
@@ -155,7 +155,7 @@ def _contributions(bounds: Bounds, check: LimitCheck | None, shares: Contributio
 
 
 def _part_or_reason(part: Callable[[], str]) -> str:
-    """A part, or the reason why it is missing, because some runs cannot be repeated."""
+    """A part, or the reason why it is missing. For example, a run cannot be repeated."""
     try:
         return part()
     except SymmbError as error:

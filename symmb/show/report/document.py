@@ -67,7 +67,7 @@ def note(text: str) -> str:
 
 
 def pictures(files: Iterable[tuple[str, bytes]]) -> str:
-    """PNG files, each with a description. They are side by side if they are legible."""
+    """PNG files, each with a description. They are side by side if they stay legible."""
     figures = "".join(f"<figure>{html.picture(png, shown)}</figure>" for shown, png in files)
     return f'<div class="pictures">{figures}</div>'
 
@@ -83,7 +83,7 @@ def moving(page: str, png: bytes, labels: Iterable[tuple[str, str]]) -> str:
 
 
 def equations(text: str, page: int = 100) -> str:
-    """Equations that readers can open. Prints contain as many complete matrices as fit on one page of lines."""
+    """Equations that readers can unfold. Printed reports contain as many complete matrices as fit on one page."""
     blocks = text.split("\n\n")
     lengths = np.cumsum([block.count("\n") + 2 for block in blocks])
     printed = [html.text(block) for block in blocks[: int((lengths <= page).sum())]]

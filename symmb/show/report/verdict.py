@@ -56,7 +56,7 @@ def verdict(bounds: Bounds, check: LimitCheck | None) -> list[tuple[str, str]]:
         head = _headline([limit.kept for limit in check.limits], "all" if all(everywhere) else "some")
         sides = [(limit, other_side(bounds, limit, bounds._side(limit))) for limit in by_urgency(check)]
         some = [(STATES[limit.kept], f"{_sentence(bounds, limit)} {also}".rstrip()) for limit, also in sides]
-    more = [f"The annex has the other {len(some) - _MOST_LISTED}."] * (len(some) > _MOST_LISTED)
+    more = [f"The annex contains the other {len(some) - _MOST_LISTED} sentences."] * (len(some) > _MOST_LISTED)
     errors = " Their errors are not known." if bounds.estimate is None else " The annex states their errors."
     more.append(_CERTAIN[bounds.kind].format(bounds.evaluations) + errors * (bounds.kind == "estimate"))
     if bounds.failed:
@@ -91,7 +91,7 @@ def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions |
     if at_limit:
         names = _listed([_named(limit) for limit in at_limit])
         texts.append(
-            f"The nominal values reach the limit of {names}. Change these values or the limit. No tolerance helps."
+            f"The nominal values reach the limit of {names}. Change these values or the limit. Tolerances do not help."
         )
     if lost:
         texts.append(_lost(bounds, lost))
@@ -162,8 +162,8 @@ def _nominal_excess(bounds: Bounds, limit: KeptLimit) -> float:
 
 
 def _least_excess(bounds: Bounds, limit: KeptLimit) -> tuple[float, int]:
-    """The largest excess over time that all cases have, on the closest side of the limit, and the number of its time;
-    -inf if it is not known."""
+    """The smallest excess of all cases over the limit, at the time at which it is largest, and the number of this time.
+    The excess is -inf if it is not known."""
     if bounds.failed or (bounds.estimate is None and bounds.kind != "enclosure"):
         return -np.inf, 0
     lower, upper = (end[:, _column(bounds, limit)] for end in bounds.outer)
@@ -219,8 +219,8 @@ def _when(bounds: Bounds, limit: KeptLimit) -> str:
 
 
 def _acting(bounds: Bounds, k: int, i: int, place: Array) -> list[str]:
-    """Parameters, sorted by their effects on output number k at time number i. One parameter moves from a place (d,) of
-    the unit box to the middle of its interval: its effect is the change of the output.
+    """Parameters, sorted by their effects on output number k at time number i. The effect of a parameter is the change
+    of the output if it moves from `place` (d,) in the unit box to the middle of its interval, and no other one moves.
 
     Effects follow from accurate polynomials, or from one run for each parameter. These runs are not made if they are
     expensive and the study made fewer runs.
@@ -255,11 +255,11 @@ def _spread(bounds: Bounds, rows: Mapping[int, int], shares: Contributions | Non
 
 
 def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
-    """Sentences about tolerances that satisfy limits, by the polynomials of the study, if the nominal values satisfy
-    them."""
+    """Sentences about tolerances that satisfy limits, from the polynomials of the study. Nominal values must satisfy
+    these limits."""
     columns, box = [_column(bounds, limit) for limit in limits], bounds.box
     if limits and bounds._left_out:
-        return ["Intervals that hold the nominal values are needed to find tolerances that satisfy the limits."]
+        return ["Give intervals that contain the nominal values, to find tolerances that satisfy the limits."]
     if not limits or box is None or (surrogate := bounds.good_surrogate(columns)) is None:
         return [_SEARCH] * bool(limits)
     if any(np.isfinite(limit.between) for limit in limits):  # polynomials have values at output times only
@@ -270,7 +270,7 @@ def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
         part, one = surrogate.part(slice(None), [k]), np.ones(len(box))
         extremes = part.part([limit.row], [0]).range(-one, one)[2][:, 0, 0]
         names |= dict.fromkeys(_acting(bounds, k, limit.row, extremes[SIDES.index(bounds._side(limit))]))
-        rows = np.flatnonzero(reduced.violated(limit, part, 1.0, ()))  # in other rows, parts are inside too
+        rows = np.flatnonzero(reduced.violated(limit, part, 1.0, ()))  # at other times, smaller boxes satisfy it too
         reduced.parts.extend([(limit, part.part(rows, [0]))] if len(rows) else [])
     if not reduced.parts:  # runs violate limits that the polynomials satisfy
         return [_SEARCH]
@@ -330,7 +330,7 @@ def _proposed(reduced: _Reduced, limits: Sequence[KeptLimit], some: Sequence[str
     if (factor := reduced.largest(reduced.box.names)) >= _LEAST_PART:
         changes = _listed([reduced.change(n, factor) for n in some])
         return [f"{goal}, multiply all tolerances by {factor:.3g}, such as {changes}.", _AGAIN]
-    return [_SEARCH]  # the error of the polynomials leaves no room
+    return [_SEARCH]  # with the error of the polynomials, no factor is large enough
 
 
 def _tolerance(nominal: float, low: float, high: float) -> str:
