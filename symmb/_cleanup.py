@@ -36,7 +36,7 @@ _STARTS = threading.Lock()
 _SEARCHED: set[Path] = set()
 _LEADS = False
 _WATCHES = 0
-"""Number of the process that checks whether its parent still runs. A forked process must start a check for itself."""
+"""Number of the process that checks whether its parent still runs. A forked process must start its own check."""
 _GRACE = 0.5
 """Time for a process to end its programs and to remove its folders [s]."""
 
@@ -216,7 +216,7 @@ def outlive(parent: int) -> None:
         warnings.simplefilter("ignore", DeprecationWarning)  # Python warns of forks in programs with threads
         if os.fork() > 0:
             return
-        os.setsid()  # a new process removes the folders, because threads of the parent may still write
+        os.setsid()  # a new session, so that `_kill` ends threads that may still write, but not this process
     _kill(group)
     remove_left_folders()
     os._exit(0)

@@ -85,7 +85,7 @@ def python_number(value: float) -> float:
 
 
 def require_numbers(owner: str, name: str, value: object, *shape: int | None, leading: bool = False) -> Array:
-    """Real numbers as an array of the given shape. None is any length. `leading` allows further axes before these.
+    """Real numbers as an array of the given shape. None stands for any length. `leading` allows axes before these.
 
     DeclarationError is raised if the values are not numbers, or have another shape.
     """

@@ -110,7 +110,7 @@ def _named(owner: str, text: str, name: str) -> Unit:
 
 
 def scaled(value: Any, ratio: Unit, inverse: bool = False) -> Any:
-    """A number or an expression times a ratio of units, or divided by it. For 1/1000, it is divided by 1000."""
+    """A number or an expression times a ratio of units, or divided by it. The ratio 1/1000 is a division by 1000."""
     divides = ratio.number.numerator == 1 and not ratio.pi
     by = ratio.number.denominator if divides else ratio.factor
     return value if by == 1 else value / by if divides != inverse else value * by

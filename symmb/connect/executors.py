@@ -75,7 +75,7 @@ def finished(f: Callable[[Any], Any], items: Iterable[Any], executor: Any) -> It
     f : picklable if the executor runs in other processes
     items : an item is taken when a worker is free
     executor : an object with `submit`, as in concurrent.futures, loky, mpi4py and Dask; an object with an ordered
-        `map`; or a function that makes an executor, and a new one after a failure; None: this thread
+        `map`; or a function that makes an executor, and a new one after a failure; None: the calling thread
 
     Raises
     ------
@@ -201,7 +201,7 @@ def _next(running: dict[int, _Task], done: "queue.SimpleQueue[int]", pool: "_Poo
 
 
 def _alone(f: Callable[[Any], Any], k: int, item: Any, pool: "_Pool") -> Any:
-    """The result of a task, tried alone because a worker died while running it."""
+    """The result of a task that is repeated alone, because a worker died during the task."""
     last = BrokenExecutor()
     for _ in range(_TRIES - 1):
         try:

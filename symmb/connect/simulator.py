@@ -139,7 +139,7 @@ class Jets(Protocol):
 
 @runtime_checkable
 class Kinked(Protocol):
-    """A simulator that says if a run meets kinks or jumps of its equations. Expansions are not valid after these."""
+    """A simulator that says if a run meets kinks or jumps of its equations. Expansions are not valid after them."""
 
     def kink(self, p0: Array) -> tuple[float, str] | None:
         """Time at which the run at p0 (d,) first meets a kink or a jump [s], and their names; None if it meets none."""

@@ -51,7 +51,7 @@ def coefficients_from_nodes(m: int) -> Array:
 
 @cache
 def integral(n: int) -> Array:
-    """(n + 1, n) matrix from the coefficients of a polynomial to those of its integral from -1."""
+    """(n + 1, n) matrix from the coefficients of a polynomial to those of its integral, which is 0 at -1."""
     matrix = np.zeros((n + 1, n))
     for k in range(n):
         matrix[k + 1, k] = 1.0 if k == 0 else 0.5 / (k + 1)

@@ -66,7 +66,7 @@ class Disc:
 _NO_SLOPES, _NO_SWING = np.zeros(1), np.zeros(())
 """Slopes of a constant, and the sum of their moduli."""
 _LEAST_SQUARE = 1e-300
-"""A summand that covers squares that underflow. Squares above it do not underflow."""
+"""A term that covers the underflow of squares. Squares above this value do not underflow."""
 
 
 def disc(centres: Array | float, radii: Array | float = 0.0) -> Disc:

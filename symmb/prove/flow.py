@@ -56,7 +56,7 @@ class Curve:
     def error_on(self, rho: Sequence[float]) -> Array:
         """Bounds (m,) of the errors of the polynomials on a polyellipse.
 
-        The error is a polynomial with the errors of the coefficients as coefficients. On the ellipses
+        The error is a polynomial. Its coefficients are the errors of the coefficients in `c`. On the ellipses
         |T_k| <= cosh(k log rho). With rho = 1 the bounds are `error`.
         """
         return np.zeros(len(self.c)) if self.rounded is None else largest_on(rho, self.rounded)
@@ -125,7 +125,7 @@ def _integration(terms: int, h: float) -> Array:
 
 
 def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Array:
-    """f (n, terms, ...) at states (n, terms, ...). With many states, parts of the times follow each other."""
+    """f (n, terms, ...) at states (n, terms, ...). If there are many states, the times are evaluated in parts."""
     if x[0].size > _STATES_IN_CACHE and x.shape[1] > 1:
         k = x.shape[1] // 2
         return np.concatenate([rates_at(problem, x[:, :k], p, t[:k]), rates_at(problem, x[:, k:], p, t[k:])], axis=1)

@@ -76,7 +76,7 @@ def _end(curve: Curve, d: int) -> tuple[Array, Array]:
 
 
 def well_conditioned(front: Front, scales: Array, worst: float = 30.0) -> Front:
-    """The front in an orthogonal frame if the condition of its frame, with columns of length 1, is `worst` or more.
+    """The front, in an orthogonal frame if the condition number of its frame with unit columns is `worst` or more.
 
     The columns of the frame at nodes of the parameters are made orthogonal, with the longest column first. The new
     frame is the polynomial through these columns. If this polynomial is not accurate enough, the new frame is the

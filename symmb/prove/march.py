@@ -149,7 +149,7 @@ def _why(place: Place, reason: str) -> str:
 
 
 def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, float]:
-    """The place after a proved step or pass, and the time between [s]. The course stores bounds of the outputs."""
+    """The place after a proved step or pass, and its length in time [s]. The course stores bounds of the outputs."""
     problem, front, control = place.problem, place.front, replace(place.control)
     usual, left = control.h, _left(problem, front.t, grain)
     control.h, others = min(usual, left), tuple[Problem, ...]()
@@ -286,7 +286,7 @@ def _left(problem: Problem, t: float, grain: float) -> float:
 
 
 def _late(problem: Problem, t: float) -> float | None:
-    """The error of the instant at time t [s]; None if there is no instant."""
+    """The error of the prescribed time of a change at t [s]; None if t is not such a time."""
     change = problem.change
     return None if change is None or t != change.time else change.late
 

@@ -79,7 +79,7 @@ class LinearStart:
 
 
 def with_modes(linear: LinearStart, modes: Array, p: Array) -> StartEquations:
-    """Starting equations with the states 1 + a and b (2 m,) for eigenvalues a + i b, divided by their nominal moduli.
+    """Starting equations with the states 1 + a and b (2 m,). a + i b is an eigenvalue, divided by its nominal modulus.
 
     Parameters
     ----------

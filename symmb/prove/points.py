@@ -125,7 +125,7 @@ def _constant_power(a: Point, exponent: Point) -> Point:
 
 
 def _is_constant(a: Point) -> bool:
-    """Whether all values are the same number without an error. An error that covers only underflow does not count."""
+    """Whether all values are the same number without an error. An error that covers only underflow is ignored."""
     return a[1] <= above(0.0) and a[2] == a[3]
 
 

@@ -26,7 +26,7 @@ from symmb.prove.time_step import TimeStep
 
 NO_START = "there are parameters for which the scene cannot be started"
 """The message if no part of a box can be proved."""
-_ROUGH = "sampled values, or other velocities of a loop, cannot be shown to be smooth over the box"
+_ROUGH = "sampled values, or a change to other velocities of a loop, cannot be shown to be smooth over the box"
 """The message if the states after a change cannot be proved."""
 _NO_FRAME = Curve(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)))
 """The frame of a step without motion."""

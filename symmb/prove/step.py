@@ -101,7 +101,7 @@ def require_valid(step: TimeStep, e: Array) -> None:
 
 
 def on_motion(step: TimeStep, tape: Tape, e: Array, patches: tuple[int, int]) -> list[discs.Disc]:
-    """Discs of the first outputs of a tape, for all parameters and states within e (n,) of the motion of a step."""
+    """Discs of the first output vector of a tape, for all parameters and states within e (n,) of the motion."""
     if step.problem.d > ch.TENSOR_PARAMETERS:
         return [a.disc for a in on_step(step, tape, e)[0]]
     return step.discs_of(tape, patches, e)[0]

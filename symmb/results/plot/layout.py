@@ -147,7 +147,7 @@ def rounding(values: Array, units: Sequence[str] = ()) -> Array:
     """Largest spreads (n_y,) of outputs (..., n_y) that are rounding.
 
     Spreads are relative to the largest value of the output, and to the largest value of all outputs of its unit. Values
-    that change at random from time to time, and are tiny compared with other outputs or with 1, are rounding of 0.
+    that change at random over time, and are tiny compared with other outputs or with 1, are rounding of 0.
     """
     size = np.nan_to_num(np.abs(values), posinf=0.0).max(axis=tuple(range(np.ndim(values) - 1)), initial=0.0)
     change = np.sign(np.diff(np.nan_to_num(values, posinf=0.0, neginf=0.0), axis=-2))

@@ -64,7 +64,7 @@ def scene_and_parameters(options: argparse.Namespace) -> tuple[Scene, dict[str, 
 
 
 def load_subject(given: str, numbers: Iterable[str] = ()) -> tuple[Scene | Simulator, Box | None]:
-    """The scene or simulator in a file, and its box. `scene()` gives a scene, and `simulator()` gives such a pair.
+    """The scene or simulator in a file, and its box. A file defines `scene()`, or `simulator()` that returns both.
 
     DeclarationError is raised in the same cases as by `load_scene`.
     """

@@ -102,7 +102,7 @@ def _size(span: float, tracks: Sequence[Array], bodies: Sequence[BodySketch]) ->
 
 
 def _unit(size: float, bodies: Sequence[BodySketch]) -> float:
-    """Radius of a bar [m]: 1.1 % of the size. At most, the size counts as 7 times the median size of bodies."""
+    """Radius of a bar [m]: 1.1 % of the size. The size is limited to 7 times the median size of bodies."""
     reaches = [reach for body in bodies if (reach := body.reach)]
     return 0.011 * min(size, 7.0 * float(np.median(reaches or [size])))
 

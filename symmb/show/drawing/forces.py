@@ -142,7 +142,7 @@ def _(element: TorsionSpring | TorsionContact | Clutch, survey: Survey) -> Sketc
 
 
 def _shared_place(a: AbstractBody, b: AbstractBody, survey: Survey) -> int:
-    """The point of body b at which a joint connects two bodies; otherwise the origin of b (of a if b is the ground)."""
+    """The point of body b in a joint of both bodies. Without a joint, the origin of b, or of a if b is the ground."""
     pair = {survey.frame(a), survey.frame(b)}
     for joint in survey.scene.system.elements:
         if isinstance(joint, AxisJoint | Spherical) and {survey.frame(body) for body in joint.bodies()} == pair:

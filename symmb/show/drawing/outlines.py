@@ -116,7 +116,7 @@ class Painter:
         return Outline(convex_hull(seen[:, :2]), float(seen[:, 2].mean()), shape)
 
     def triangles(self, shape: Shape, corners: Array, *, closed: bool) -> Outline:
-        """Shaded triangles with corners in space (3 m, 3). On closed surfaces, they are those that face the viewer."""
+        """Shaded triangles with corners (3 m, 3). On closed surfaces, only those that face the viewer are drawn."""
         seen = (corners @ self.camera.T).reshape(-1, 3, 3)
         normals = np.cross(seen[:, 1] - seen[:, 0], seen[:, 2] - seen[:, 0])
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), NOTHING)

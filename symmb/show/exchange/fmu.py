@@ -20,7 +20,7 @@ _SYSTEMS = {"linux": ("linux", "linux", ".so"), "darwin": ("darwin", "darwin", "
 
 
 def save_fmu(scene: Scene | DAESimulator, path: str | Path, version: int = 3) -> None:
-    """Write a scene as an FMU for co-simulation. Without constraints and impacts, it also supports model exchange.
+    """Write a scene as an FMU for co-simulation. Without constraints and impacts, the FMU has model exchange too.
 
     Programs can set its parameters, and read its outputs. Co-simulation runs the scene as in studies, with its events,
     in compiled C. The start is computed from the parameters. The tolerance determines the steps, independently of

@@ -162,8 +162,8 @@ def _nominal_excess(bounds: Bounds, limit: KeptLimit) -> float:
 
 
 def _least_excess(bounds: Bounds, limit: KeptLimit) -> tuple[float, int]:
-    """The smallest excess of all cases over the limit, at the time at which it is largest, and the number of this time.
-    The excess is -inf if it is not known."""
+    """All cases exceed the limit by a smallest excess at each time. Return its largest value over time, and the number
+    of this time; -inf if it is not known."""
     if bounds.failed or (bounds.estimate is None and bounds.kind != "enclosure"):
         return -np.inf, 0
     lower, upper = (end[:, _column(bounds, limit)] for end in bounds.outer)
@@ -220,7 +220,7 @@ def _when(bounds: Bounds, limit: KeptLimit) -> str:
 
 def _acting(bounds: Bounds, k: int, i: int, place: Array) -> list[str]:
     """Parameters, sorted by their effects on output number k at time number i. The effect of a parameter is the change
-    of the output if it moves from `place` (d,) in the unit box to the middle of its interval, and no other one moves.
+    of the output if only this parameter moves from `place` (d,) in the unit box to the middle of its interval.
 
     Effects follow from accurate polynomials, or from one run for each parameter. These runs are not made if they are
     expensive and the study made fewer runs.
