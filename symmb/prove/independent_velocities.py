@@ -5,8 +5,8 @@ dependent velocities from the free ones. The free velocities u follow from Newto
 
     S' M S u' = S' (Q - M a),
 
-where S are the velocities of the bodies along u, and a the accelerations for u' = 0. The mass matrix M of the bodies is
-constant, so the equations have no terms of joints that must cancel.
+where S are the velocities of the bodies along u, and a the accelerations for u' = 0. Masses of bodies are constant, so
+the equations have no terms of joints that must cancel each other.
 
 Source: Wehage and Haug, Journal of Mechanical Design 104 (1982), generalised coordinate partitioning.
 """

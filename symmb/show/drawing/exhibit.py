@@ -168,7 +168,7 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | str | None, poin
 
 
 def attaining_runs(study: Study, samples: Sequence[Sample]) -> list[Trajectory]:
-    """The runs of samples, repeated to the last bit, with all states but without work and events.
+    """The exactly repeated runs of samples. They contain all states, but neither work nor events.
 
     Studies store only the outputs of the scene, so states are outputs of a second simulator. All runs use the same
     simulator, because a large model takes half a minute to compile.
