@@ -22,7 +22,7 @@ def citation() -> str:
         return found[1]
 
     fields = {
-        "author": f"{{{entry('name')}}}",  # the inner braces keep the name of a group whole
+        "author": f"{{{entry('name')}}}",  # the inner braces prevent that BibTeX divides the name of a group
         "title": entry("title").replace("symmb", "{symmb}", 1),
         "year": entry("date-released")[:4],
         "version": entry("version"),

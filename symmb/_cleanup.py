@@ -1,4 +1,4 @@
-"""Removal of what this process must not leave behind: temporary folders, incomplete files, and started programs."""
+"""Removal of temporary folders and incomplete files, and the end of started programs, when this process ends."""
 
 import os
 import shutil
@@ -23,27 +23,27 @@ PREFIX = "symmb-"
 
 _MARK, _FOLDER = ".symmb", "run"
 """Contents of a temporary folder: the mark, and the folder of the temporary files. The mark is a file that names the
-process that made the folder. It is needed, because other programs may use equal names of folders."""
+process that made the folder. The name of a folder is not enough, because other programs may use the same name."""
 _TITLE = "temporary folder of symmb"
 _FOLDERS: set[str] = set()
 _FILES: set[str] = set()
 _GROUPS: dict[int, Path | None] = {}
-"""Forked processes that lead process groups -> the folder in which each makes its folders (None: temporary)."""
+"""Number of a forked leader of a process group -> the folder for its folders; None: the system's temporary folder."""
 _PROGRAMS: set[int] = set()
-"""Programs that this process has started. Each program leads a process group, which is ended at once."""
+"""Numbers of the programs that this process has started. Each program leads a process group."""
 _STARTS = threading.Lock()
 """This lock is held while a program is started. A process that is about to end never releases the lock."""
 _SEARCHED: set[Path] = set()
 _LEADS = False
 _WATCHES = 0
-"""Number of the process that checks whether its parent still runs. A forked process has another number."""
+"""Number of the process that checks whether its parent still runs. A forked process must start its own check."""
 _GRACE = 0.5
 """Time for a process to end its programs and to remove its folders [s]."""
 
 
 @contextmanager
 def temporary_folder(base: Path | None = None) -> Iterator[Path]:
-    """A context with a new folder in `base`, or in the system's temporary folder. It is removed at the end.
+    """A context with a new folder in `base`, or in the system's temporary folder. The folder is removed at the end.
 
     OSError is raised if the folder cannot be created.
     """
@@ -83,7 +83,7 @@ def _new_folder(base: Path | None) -> Path:
 
 
 def _remove(outer: str | Path) -> None:
-    """Remove a folder, its mark last. If another process still writes into the folder, a later call can remove it."""
+    """Remove a folder. If another process still writes into the folder, the mark is kept for a later attempt."""
     inner = os.path.join(outer, _FOLDER)
     _remove_tree(inner)
     if not os.path.lexists(inner):
@@ -216,7 +216,7 @@ def outlive(parent: int) -> None:
         warnings.simplefilter("ignore", DeprecationWarning)  # Python warns of forks in programs with threads
         if os.fork() > 0:
             return
-        os.setsid()  # in a process of its own, because other threads may still write into the folders of the parent
+        os.setsid()  # a new session, so that `_kill` ends threads that may still write, but not this process
     _kill(group)
     remove_left_folders()
     os._exit(0)
@@ -241,7 +241,7 @@ def watch_parent() -> None:
 def _watch_parent(parent: int) -> None:
     while os.getppid() == parent:
         time.sleep(0.2)
-    os.kill(os.getpid(), signal.SIGTERM)  # the main thread cleans up, and would otherwise start the next program
+    os.kill(os.getpid(), signal.SIGTERM)  # otherwise the main thread would start the next program
     time.sleep(1.0)
     _end_now()  # the main thread is in compiled code, which does not react to signals
 
@@ -254,7 +254,7 @@ def _end_now() -> None:
 def remove_left_folders(place: Path | None = None) -> None:
     """Remove the folders that killed processes of this user left in `place`, or in the system's temporary folder."""
     place = (place or Path(tempfile.gettempdir())).resolve()
-    if place == Path(os.curdir).resolve():  # a current folder has no temporary files
+    if place == Path(os.curdir).resolve():  # the current folder is not used for temporary files
         return
     for path in place.glob(f"{PREFIX}*-*"):
         maker = _maker(path)

@@ -8,7 +8,7 @@ class Doubt(str):
 
     Attributes
     ----------
-    outputs : names            outputs that are more uncertain than their estimated error says
+    outputs : names            outputs with an uncertainty that may exceed their estimated error
 
     Examples
     --------

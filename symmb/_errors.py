@@ -154,7 +154,7 @@ class _Doubted(Protocol):
 
 
 class WithWarnings:
-    """A result with warnings. Their older name is `doubts`."""
+    """A result with warnings. `doubts` is an older name of `warnings`."""
 
     @property
     def warnings(self: _Doubted) -> tuple[str, ...]:
@@ -163,7 +163,7 @@ class WithWarnings:
 
 
 def _shortened(text: str) -> str:
-    """The text itself, or a text without the middle if it is too long."""
+    """The text. The middle of a text that is too long is left out."""
     half = LONGEST_TEXT // 2
     return text if len(text) <= LONGEST_TEXT else f"{text[:half]} ... {text[-half:]}"
 

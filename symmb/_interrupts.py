@@ -103,7 +103,7 @@ def kept_interrupts() -> Iterator[None]:
 
 
 class Interrupts(ExitStack):
-    """A context for calls that ignore interrupts, as CasADi's integrators do. `noticed`: an interrupt has arrived."""
+    """A context for calls that ignore interrupts, as CasADi's integrators do. `noticed` is True after an interrupt."""
 
     def __init__(self) -> None:
         super().__init__()

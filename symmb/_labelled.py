@@ -64,7 +64,7 @@ class Labelled:
         return frame
 
     def _is_column(self, name: str, own: Sequence[str], dims: Sequence[str]) -> bool:
-        """Whether a variable belongs in a table, as series and coordinates do. Without times, all variables do."""
+        """Whether a variable belongs in a table. If the table has no times, all variables belong in it."""
         is_series = "time" in own or name in self.coordinates or "time" not in dims
         return is_series and set(own) <= {*dims, "bound"}
 
@@ -138,9 +138,9 @@ class Result:
         """The result as an xarray.Dataset. `to_netcdf` writes the Dataset to a file.
 
         The dimensions are time and output. Bounds also have bound (lower, upper), and comparisons also have method.
-        Select a method by `sel({"method": "Vertex()"})`, because `sel(method=...)` has another meaning. Parameters are
-        coordinates: by name for one run, `box` for bounds, and with the dimension sample for failed runs. Units, method
-        and warnings (`doubts`) are attributes.
+        Select a method by `sel({"method": "Vertex()"})`, because `sel(method=...)` has another meaning in xarray.
+        Parameters are coordinates. One run has a coordinate for each parameter, and bounds have the coordinate `box`.
+        Parameters of failed runs have the dimension sample. Units, method and warnings (`doubts`) are attributes.
 
         Raises
         ------
@@ -161,7 +161,7 @@ class Result:
 
 
 class ByOutput:
-    """A result with values by the names of outputs, in `names`. Iteration gives these names, as for a dictionary."""
+    """A result with values for the outputs in `names`. Iteration gives these names, as for a dictionary."""
 
     if TYPE_CHECKING:
         names: Any
@@ -188,7 +188,7 @@ def _columns(name: str, dims: Sequence[str], values: np.ndarray) -> list[tuple[s
 
 
 def _spread(own: Sequence[str], values: np.ndarray, dims: list[str], sizes: Sequence[int]) -> np.ndarray:
-    """Values over the dimensions `own` as one column over all `dims`. Values repeat along the other dimensions."""
+    """Values over the dimensions `own` as one column over all `dims`. Values repeat along dimensions not in `own`."""
     order = np.argsort([dims.index(name) for name in own])
     ordered = np.transpose(values, order.tolist())
     shape = [size if dim in own else 1 for dim, size in zip(dims, sizes, strict=True)]
@@ -207,7 +207,7 @@ def over_outputs(
 
 
 def over_parameters(names: Iterable[str], units: Mapping[str, str]) -> dict[str, Named]:
-    """Coordinates of values over parameters. `parameter_unit` is one of them if a parameter has a unit."""
+    """Coordinates of values over parameters. `parameter_unit` is a further coordinate if a parameter has a unit."""
     own = {"parameter": [*names]} | ({"parameter_unit": [units.get(name, "") for name in names]} if units else {})
     return {name: (("parameter",), texts(some)) for name, some in own.items()}
 
@@ -215,14 +215,14 @@ def over_parameters(names: Iterable[str], units: Mapping[str, str]) -> dict[str,
 def each_parameter(
     values: Mapping[str, Any], dims: tuple[str, ...], taken: Sequence[str]
 ) -> tuple[dict[str, Named], dict[str, str]]:
-    """Coordinates of the dimensions `dims`, one for each parameter, and their units. Names: see `parameter_names`."""
+    """A coordinate over `dims` for each parameter, and the units. `parameter_names` gives the names."""
     names, units = parameter_names([*values], taken), units_of_parameters(values)
     of_names = {name: units[own] for name, own in zip(names, values, strict=True) if own in units}
     return dict(zip(names, [(dims, value) for value in values.values()], strict=True)), of_names
 
 
 def known(variables: Mapping[str, Named]) -> dict[str, Named]:
-    """The variables that have an array, which is not None."""
+    """The variables with an array. Variables with None are left out."""
     return {name: named for name, named in variables.items() if named[1] is not None}
 
 

@@ -31,7 +31,8 @@ def require_memory(owner: object, what: str, numbers: int) -> None:
     """Raise PropagationError if this many numbers do not fit into memory. The text names the owner and the size."""
     if not fits(numbers):
         raise PropagationError(
-            f"{owner!r}: {what} take {8e-9 * numbers:.3g} GB, more than half of the {1e-9 * memory():.3g} GB of memory."
+            f"{owner!r}: {what} take {8e-9 * numbers:.3g} GB, more than half of the {1e-9 * memory():.3g} GB of "
+            "memory. Reduce their number."
         )
 
 
@@ -46,7 +47,7 @@ def require_steps(owner: object, steps: float, most: float = MOST_STEPS) -> None
     """Raise PropagationError if a run takes too many fixed steps. The text names the owner and the number."""
     if steps > most:
         number = f"{steps:.1e}" if steps < 10**300 else "more than 1e300"
-        raise PropagationError(f"{owner!r} takes {number} steps a run, more than the {most:.0e} allowed.")
+        raise PropagationError(f"{owner!r} takes {number} steps a run. Use at most {most:.0e} steps.")
 
 
 @cache

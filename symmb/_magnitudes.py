@@ -13,13 +13,13 @@ ROUNDING = 1e-12
 SAME = 1e-9
 """Numbers in texts and files, and results of Newton's method, are equal if 9 digits agree."""
 SLIGHT = 1e-6
-"""Results of ill-conditioned equations have 6 correct digits. Drawings need no more. Smaller values have no effect."""
+"""Results of ill-conditioned equations have 6 correct digits. Smaller relative values have no effect."""
 SMALL = 1e-3
-"""A part of this size changes the third digit of a result. Smaller parts are measured relative to other parts."""
+"""A part of this size changes the third digit of a result. Errors of smaller parts are compared with larger parts."""
 NOTHING = 1e-300
 """A number that makes a denominator nonzero without changing a sum."""
 LARGEST = 1e30
 """Largest length, mass or moment of inertia [SI]. Products of several such numbers must be finite."""
 MEETING = 1e-12
-"""Points closer than this length [m] or angle [rad] coincide. No direction leads from one to the other, and third
-derivatives of forces exceed double precision."""
+"""Points closer than this length [m] or angle [rad] coincide. The direction between such points is undefined, and
+third derivatives of forces between them exceed double precision."""

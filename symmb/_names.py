@@ -44,7 +44,7 @@ def counted(number: int, noun: str) -> str:
 
 
 def did_you_mean(name: object, known: Iterable[str]) -> str:
-    """' Did you mean 'x'?' or a list of the known names, for the end of an error message."""
+    """The end of an error message: ' Did you mean 'x'?', or a list of the known names."""
     known = [*map(str, known)]
     text = name if isinstance(name, str) else ""
     close = [own for own in known if own.casefold() == text.casefold()] or get_close_matches(text, known, n=1)
@@ -62,7 +62,7 @@ def normal(name: T) -> T:
 
 
 def normal_keys(owner: str, named: T) -> T:
-    """A mapping with its names in normal form; other values unchanged. DeclarationError if two names become equal."""
+    """A mapping with names in normal form, or another value unchanged. DeclarationError if two names become equal."""
     if not isinstance(named, Mapping) or all(not isinstance(name, str) or name.isascii() for name in named):
         return named
     result = {normal(name): value for name, value in named.items()}

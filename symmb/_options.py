@@ -85,7 +85,7 @@ def python_number(value: float) -> float:
 
 
 def require_numbers(owner: str, name: str, value: object, *shape: int | None, leading: bool = False) -> Array:
-    """Real numbers as an array of the given shape. A length None is free. `leading` allows more axes at the front.
+    """Real numbers as an array of the given shape. None stands for any length. `leading` allows axes before these.
 
     DeclarationError is raised if the values are not numbers, or have another shape.
     """
@@ -186,7 +186,7 @@ def whole(owner: str, name: str, value: object, least: int, most: float = math.i
 
 
 def dimensions(owner: object, d: object, *, n: object = 0, order: object = 0) -> tuple[int, int, int]:
-    """Numbers of parameters and points, and an order, as Python's integers; DeclarationError if one is no integer."""
+    """Numbers of parameters and points, and an order, as integers. DeclarationError if a value is not an integer."""
     name = type(owner).__name__
     return whole(name, "d", d, 1), whole(name, "n", n, 0), whole(name, "order", order, 0)
 

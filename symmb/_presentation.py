@@ -9,7 +9,7 @@ UPWARD = {
     "write_bounds": "symmb.show.report",
     "write_comparison": "symmb.show.report",
 }
-"""Name of a function -> its module. tests/test_architecture.py checks that no other import goes upwards."""
+"""Name of a function -> its module. tests/test_architecture.py checks that no other import leads to a higher layer."""
 
 
 def presentation(name: str) -> Callable[..., Any]:

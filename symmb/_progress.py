@@ -59,7 +59,7 @@ class Progress:
         bar, label = None, ""
         while True:
             text, done, total = self._text, self._done, self._total
-            if bar is None or text.partition(_REACHED)[0] != label or done < bar.n:  # other work has its own rate
+            if bar is None or text.partition(_REACHED)[0] != label or done < bar.n:  # the rate of other work differs
                 if bar is not None:
                     bar.close()
                 bar, label = _new_bar(self._stream, done, self._unit), text.partition(_REACHED)[0]
@@ -76,7 +76,7 @@ class Progress:
 def shown(
     progress: Callable[[str, int, int], None] | None, label: str, unit: str = "runs"
 ) -> Iterator[Callable[[str, int, int], None] | None]:
-    """The function that receives the progress: the function of the caller, or a bar if a person may see the bar."""
+    """The function that receives the progress: the function of the caller, or a bar in a terminal or a notebook."""
     if progress is not None:
         yield progress
         return

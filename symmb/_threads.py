@@ -78,7 +78,7 @@ def _libraries(with_scipy: bool) -> dict[str, tuple[Callable[[], int], Callable[
 
 
 def _paths(with_scipy: bool) -> list[str]:
-    """Files of the libraries that this process has loaded. Without /proc/self/maps: files beside the packages."""
+    """Files of the libraries that this process has loaded. If /proc/self/maps is missing, files beside the packages."""
     maps = Path("/proc/self/maps")
     if maps.exists():
         lines = maps.read_text().splitlines()

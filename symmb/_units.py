@@ -72,7 +72,7 @@ def unit_of(owner: str, text: str) -> Unit:
 
     Raises
     ------
-    DeclarationError    if the text is not a unit, its zero differs from the zero of the SI unit, or it is ambiguous
+    DeclarationError    if the text is not a unit or is ambiguous, or if the zero of the unit differs from the SI unit
     """
     if text.strip() in ("", "1"):
         return NO_UNIT
@@ -110,7 +110,7 @@ def _named(owner: str, text: str, name: str) -> Unit:
 
 
 def scaled(value: Any, ratio: Unit, inverse: bool = False) -> Any:
-    """A number or an expression times a ratio of units, or divided by it. The ratio 1/1000 divides by 1000: exact."""
+    """A number or an expression times a ratio of units, or divided by it. The ratio 1/1000 is a division by 1000."""
     divides = ratio.number.numerator == 1 and not ratio.pi
     by = ratio.number.denominator if divides else ratio.factor
     return value if by == 1 else value / by if divides != inverse else value * by
@@ -155,7 +155,7 @@ def quantity(owner: str, given: object) -> tuple[float, str]:
 
 
 def number_in(owner: str, what: str, given: object, own: str) -> float:
-    """A quantity as a number in the unit `own`, which bare numbers have. DeclarationError if dimensions differ."""
+    """A quantity as a number in `own`, the unit of numbers without a unit. DeclarationError if dimensions differ."""
     number, unit = quantity(f"{owner}:", given)
     return scaled(number, ratio_of(owner, what, unit, own)) if unit else number
 
@@ -240,7 +240,7 @@ def headings(names: Sequence[str], units: Sequence[str], parameters: object = No
 
 
 def read_headings(first: str, others: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names and units of outputs from headings; no units if t has none. DeclarationError if t is not the first."""
+    """Names of outputs from headings, and units if t has a unit. DeclarationError if the first heading is not t."""
     if first not in TIME_HEADINGS:
         raise DeclarationError("its first column must be t.")
     names, units = zip(*map(_parted, others), strict=True) if others else ((), ())

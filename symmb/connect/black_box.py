@@ -45,7 +45,7 @@ class BlackBox(ABC):
         Raises
         ------
         SimulationError
-            If the run fails. Its text is the message of the run. For other exceptions, the message also has the type
+            If the run fails. Messages show only the text of this error. For other exceptions, they also show the type
         """
 
     def _declare(
@@ -62,12 +62,12 @@ class BlackBox(ABC):
             raise DeclarationError(f"{owner}: times must be numbers, got {shown(times)}.")
         times = instants.copy()
         if times.ndim != 1 or not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
-            raise DeclarationError(f"{owner}: times must be finite and increase, with the shape (n_t,) and n_t >= 1.")
+            raise DeclarationError(f"{owner}: times must be finite and increase, shape (n_t,), n_t >= 1.")
         if not isinstance(outputs, str | list | tuple):
             raise DeclarationError(f"{owner}: outputs must be a list of names, got {shown(outputs)}.")
         names = (outputs,) if isinstance(outputs, str) else tuple(outputs)
         if not isinstance(parameters, Mapping):
-            raise DeclarationError(f"{owner}: parameters must be nominal values by name, got {shown(parameters)}.")
+            raise DeclarationError(f"{owner}: parameters must map names to nominal values, got {shown(parameters)}.")
         faults = name_faults(names) + name_faults([*parameters])
         names, parameters = tuple(map(normal, names)), normal_keys(owner, parameters)
         if not names or faults:
@@ -111,8 +111,8 @@ class BlackBox(ABC):
     ) -> S:
         """Run samples P (N, d), reduce them in blocks, and merge the states of the blocks in their order.
 
-        A task is one run if runs are slow, and several runs of a block if runs are fast. The number follows from the
-        duration of earlier runs. Blocks do not depend on tasks, so the result does not depend on the executor.
+        A task is one run if runs are slow, and several runs of a block if runs are fast. The number of runs follows
+        from the durations of earlier tasks. Blocks, and thus results, depend neither on the tasks nor on the executor.
         """
         P = checked_samples(self, P, progress)
         all_blocks, tasks = blocks(len(P), samples_of_block(len(P))), list[Array]()
@@ -122,7 +122,7 @@ class BlackBox(ABC):
             for indices in all_blocks:
                 begin, end = int(indices[0]), int(indices[-1]) + 1
                 while begin < end:
-                    # A task of fast runs takes 0.02 s. The time to send a task is small compared with this time.
+                    # A task of fast runs takes 0.02 s. The time to send the task is small compared with this.
                     size = max(1, min(end - begin, int(0.02 / seconds))) if seconds else end - begin
                     tasks.append(P[begin : begin + size])
                     begin += size
@@ -180,14 +180,14 @@ class BlackBox(ABC):
 
 
 def samples_of_block(n: int) -> int:
-    """Number of samples of a block, if n samples form 64 blocks. The rounding of sums depends on this number."""
+    """Number of samples in each of 64 blocks of n samples. The last digit of sums depends on this number."""
     return 1 + n // 64
 
 
 def _noise(owner: str, noise: Mapping[str, float], names: tuple[str, ...]) -> Array:
-    """Noise (n_y,) of all outputs, from the noise by name of the output."""
+    """Noise (n_y,) of all outputs, from a mapping of names of outputs to noise."""
     if not isinstance(noise, Mapping):
-        raise DeclarationError(f"{owner}: noise must be numbers by name of the output, got {shown(noise)}.")
+        raise DeclarationError(f"{owner}: noise must map names of outputs to numbers, got {shown(noise)}.")
     for name, value in noise.items():
         require_name(f"{owner}: noise", "output", name, names)
         if not is_finite_number(value) or value < 0:
@@ -212,7 +212,7 @@ def timed_runs(simulator: Simulator, P: Array) -> tuple[Ensemble, float]:
 
 
 def lost_runs(simulator: Simulator, P: Array, reason: str) -> Ensemble:
-    """Failed runs of samples P (n, d), because their worker died."""
+    """Failed runs of samples P (n, d) after the death of their worker."""
     Y = np.full((len(P), len(simulator.times), len(simulator.outputs)), np.nan)
     messages = tuple(f"{reason} ({_text(simulator, p)})" for p in P)
     return Ensemble(Y, np.zeros(len(P), dtype=bool), np.full(len(P), simulator.times[0]), messages)

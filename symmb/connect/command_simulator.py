@@ -42,7 +42,7 @@ class CommandSimulator(BlackBox):
     Parameters
     ----------
     command : list of str
-        the program and its arguments. `{name}` in an argument is replaced by the value of a parameter
+        the program and its arguments; `{name}` is replaced by the value of a parameter, as in templates
     parameters : mapping
         nominal values by name
     times : (n_t,)
@@ -50,25 +50,25 @@ class CommandSimulator(BlackBox):
     outputs : list of str
         n_y names of the columns
     templates : mapping
-        file name -> the text of the file (a str), or the Path of a file with this text. The files are written into the
-        folder of a run. `{name}` and `{name:format}` are replaced by the values of parameters. Without a format, all
-        digits are written. Other braces are not changed
+        file name -> a str with the text of the file, or a Path of a file with the text. The files are written into the
+        folder of a run. `{name}` and `{name:format}` are replaced by the values of parameters. Without a format all
+        digits are written. Other braces are kept
     read : str or callable
-        the file with the results: a .csv, .json or .npz file. It has a column `time`, and a column for each output. Or
-        a function that receives the folder of a run and returns an array (n_t, n_y)
+        the file with the results: a .csv, .json or .npz file with a column `time` and a column for each output. A
+        function is also possible. It receives the folder and returns an array (n_t, n_y)
     timeout : float
-        longest time of a run [s]. After this time the program is ended, with all programs that it started
+        longest time of a run [s]. After this time the program, and the programs that it started, are ended
     files : list of paths
         files and folders that are copied into the folder of a run
     environment : mapping
         environment variables that are added to those of this process
     retries : int
-        maximum number of repetitions of a failed run
+        number of further attempts after a failed run
     interpolate : bool
-        whether the file may have other times than `times`. Its values are then interpolated linearly
+        accept other times than the declared times, and interpolate linearly
     keep : str
-        folders of runs that are kept: "failed" (default), "all" or "none". The message of a failed run names its
-        folder. stdout.txt and stderr.txt in this folder contain the output of the program
+        which folders are kept: "failed" (default), "all" or "none". The message of a failed run names its folder.
+        The files stdout.txt and stderr.txt in this folder contain the output of the program
     folder : path
         the folder that contains the folders of the runs; default: the folder for temporary files
     noise : mapping
@@ -77,8 +77,8 @@ class CommandSimulator(BlackBox):
     Raises
     ------
     DeclarationError
-        If the program is not found, a template is not valid, a parameter is in no template and in no argument, or an
-        option is out of its range
+        If the program is not found, a template cannot be filled, neither a template nor an argument contains a
+        parameter, or an option is out of its range
 
     Examples
     --------
@@ -145,8 +145,7 @@ class CommandSimulator(BlackBox):
         for word in self.command[1:]:  # words such as /home/model.sh or --input=/home/mesh.inp
             names = {word, word.partition("=")[2]}
             inputs += [Path(name) for name in names if os.path.isabs(name) and os.path.isfile(name)]
-        # A separate process starts the programs. When this process ends, the separate process ends the programs and
-        # removes their folders.
+        # A separate process starts the programs. If this process ends, it ends the programs and removes their folders.
         calls = LimitedCalls(self._made, None, "the program", self.folder) if hasattr(os, "fork") else None
         vars(self).update(_inputs=DeclaredFiles(path for path in inputs if path.exists()), _calls=calls)
 
@@ -164,14 +163,14 @@ class CommandSimulator(BlackBox):
         names = [_OUTPUT, _ERRORS, *own, *(file.name for file in self.files)]
         for name, count in Counter(names).items():
             if count > 1:
-                yield f"{name!r} is the name of two files in the folder of a run."
+                yield f"{name!r} is the name of two files in the folder of a run. Rename one of them."
             if any(str(parent) in names for parent in PurePosixPath(name).parents):
-                yield f"{name!r} is in a folder that has the name of a file in the folder of a run."
+                yield f"{name!r} needs a folder, but a file of the run has the name of this folder. Rename one of them."
 
     def _option_faults(self) -> Iterator[str]:
         if not isinstance(self.read, str):
             if not callable(self.read):
-                yield f"read must be the name of a file, or a function of the folder of a run, got {shown(self.read)}."
+                yield f"read must be the name of a file or a function of the folder, got {shown(self.read)}."
         elif not is_inside(self.read):
             yield f"read: {self.read!r} must be the name of a file in the folder of a run."
         elif Path(self.read).suffix not in READERS:
@@ -184,7 +183,7 @@ class CommandSimulator(BlackBox):
             yield f"folder: {self.folder} does not exist, or is not a folder."
 
     def response(self, values: dict[str, float]) -> Any:
-        """Outputs (n_t, n_y) of the first run that succeeds. A failed run is repeated at most `retries` times."""
+        """Outputs (n_t, n_y) of one run, or of the first successful repetition."""
         try:
             return self._made(**values) if self._calls is None else self._calls(values)
         finally:
@@ -253,7 +252,7 @@ def _require_types(command: Any, files: Any, folder: Any, environment: Any) -> N
         raise DeclarationError(f"{_OWNER}: folder must be a path, got {shown(folder)}.")
     are_texts = isinstance(environment, Mapping) and _are_paths([*environment, *environment.values()])
     if not are_texts or any(not name or "=" in name for name in environment):
-        raise DeclarationError(f"{_OWNER}: environment must be texts by name of the variable, without =.")
+        raise DeclarationError(f"{_OWNER}: environment must map names of variables to texts.")
 
 
 def _are_paths(things: Any) -> bool:
@@ -264,7 +263,7 @@ def _are_paths(things: Any) -> bool:
 
 
 def _program(program: str, made: set[str]) -> str:
-    """The path of a program in the folder of the run, in the current folder, or in the search path."""
+    """The program with its path: in the folder of the run, in the current folder, or in the search path."""
     if program.removeprefix("./") in made:
         return f"./{program.removeprefix('./')}"
     found = shutil.which(program)
@@ -282,7 +281,7 @@ def _kept(folder: Path, base: Path | None) -> Path:
 
 
 def _last_line(folder: Path, most: int = 200) -> str:
-    """The last line of the error output of the program, or of its output if there are no errors. `most` characters."""
+    """The last line of the error output of the program, or else of its output, with at most `most` characters."""
     for name in (_ERRORS, _OUTPUT):
         lines = (folder / name).read_text(encoding="utf-8", errors="replace").split("\n")
         for line in reversed(lines):

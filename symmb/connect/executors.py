@@ -1,4 +1,4 @@
-"""Work on other threads, processes and machines. Tasks are submitted one by one. Each result is used at once."""
+"""Work on other threads, processes and machines. Each result is returned when its task ends."""
 
 import os
 import pickle
@@ -23,7 +23,7 @@ from symmb._options import shown
 from symmb.connect.limited_calls import end_calls_of
 
 _TRIES = 3
-"""Maximum number of attempts at a task if its worker dies. At the first attempt, other tasks run too."""
+"""Maximum number of attempts at a task if its worker dies: first together with other tasks, then alone."""
 _TASKS_PER_WORKER = 2
 """Number of submitted tasks for each worker: one task runs and one waits."""
 _POLL_SECONDS = 0.02
@@ -31,17 +31,17 @@ _POLL_SECONDS = 0.02
 _CHECK_SECONDS = 1.0
 """Time between checks of futures with callbacks, and of missing results of Dask [s]."""
 _END_SECONDS = 0.5
-"""Longest time to wait until threads and processes end, when a study is interrupted [s]."""
+"""Time for threads and processes to end when a study is interrupted [s]."""
 _KILLED = "KilledWorker"
 """Exception of Dask for a task that failed on several workers."""
 _CANCELLED = "CancelledError"
-"""Exception of futures (also of asyncio) after the executor was shut down, or after its cluster has ended."""
+"""Exception of futures, also of asyncio, if the executor was shut down or its cluster has ended."""
 _LOCAL = "LocalCluster"
 """Dask's cluster on one machine. If a worker dies twice within 15 s, Dask ends the process that starts workers. The
 cluster may then have no workers until the number of workers is set again."""
 _START_SECONDS = 30.0
-"""Time limit for the start of the first task [s]. MPI takes some seconds to start processes. Dask has no limit: it may
-wait hours for workers, and its futures do not report running tasks."""
+"""Time limit for the start of a first task, for executors whose futures report running tasks [s]. MPI takes some
+seconds to start processes. Dask may wait hours for workers, and its futures do not report running tasks."""
 _THREADS: dict[int, threading.Thread] = {}
 """Number of each task that runs in this process -> its thread."""
 _END = object()
@@ -51,7 +51,7 @@ Numbered = tuple[int, Any]
 
 
 class RefusedError(BrokenExecutor):
-    """The executor refuses a task, or cancels the task. No worker has died."""
+    """An executor refuses a task, or cancels it. No worker has died."""
 
 
 @dataclass(frozen=True)
@@ -68,26 +68,24 @@ class _Task:
 
 
 def finished(f: Callable[[Any], Any], items: Iterable[Any], executor: Any) -> Iterator[Numbered]:
-    """Pairs (number of an item, f(item)) in the order in which tasks end.
-
-    The result is a `LostTask` instead of f(item) if the worker dies at each attempt.
+    """Pairs (number of an item, f(item)) in the order in which tasks end; `LostTask` is the result if workers die.
 
     Parameters
     ----------
     f : picklable if the executor runs in other processes
-    items : arguments of f. The next item is taken when a worker is free
+    items : an item is taken when a worker is free
     executor : an object with `submit`, as in concurrent.futures, loky, mpi4py and Dask; an object with an ordered
-        `map`; or a function that makes an executor, also after an executor breaks; None: tasks run in this thread
+        `map`; or a function that makes an executor, and a new one after a failure; None: the calling thread
 
     Raises
     ------
-    DeclarationError        if the executor is not such an object, or f cannot be pickled
-    SimulationError         if an executor breaks and cannot be made again, raises, or returns results of other tasks
+    DeclarationError        if the executor is none of these, or f cannot be pickled
+    SimulationError         if an executor breaks and cannot be replaced, raises, or returns results of other tasks
     """
     if executor is None:
         yield from enumerate(map(f, items))
         return
-    first = secrets.randbits(60)  # different calls have different task numbers
+    first = secrets.randbits(60)  # so that results of different calls cannot be confused
     with _Pool(executor) as pool:
         for k, result in (_submitted if pool.submits else _mapped)(f, enumerate(items, first), pool):
             yield k - first, result
@@ -118,7 +116,7 @@ def _mapped(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool") -
 
 def _submitted(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool") -> Iterator[Numbered]:
     # Only a few tasks wait in the executor, so that an interrupted study ends soon.
-    most = _TASKS_PER_WORKER * (pool.workers_at_first or pool.workers)  # later a cluster may have more workers
+    most = _TASKS_PER_WORKER * (pool.workers_at_first or pool.workers)  # a cluster may get more workers
     running: dict[int, _Task] = {}
     killed: dict[int, tuple[Any, LostTask]] = {}
     done: queue.SimpleQueue[int] = queue.SimpleQueue()
@@ -140,14 +138,14 @@ def _submitted(f: Callable[[Any], Any], tasks: Iterator[Numbered], pool: "_Pool"
                 else:
                     yield k, result
             except BrokenExecutor as error:
-                # Any of the running tasks may have killed the worker. Now each task runs alone. Then only the task that
-                # kills workers is lost.
+                # Any of the running tasks may have killed the worker. Each task is repeated alone, so that only the
+                # task that kills its worker is lost.
                 suspects, done = dict(sorted(running.items())), queue.SimpleQueue()
                 running.clear()
                 pool.renew(error)
                 for k, task in suspects.items():
                     yield k, _alone(f, k, task.item, pool)
-        for k, (item, lost) in killed.items():  # Dask reports all tasks of a dead worker, also waiting tasks
+        for k, (item, lost) in killed.items():  # Dask also reports the waiting tasks of a dead worker
             yield k, lost if len(killed) == 1 else _alone(f, k, item, pool)
     finally:  # also after an interrupt or an error
         for task in running.values():
@@ -165,13 +163,11 @@ def _require_same_versions(versions: Mapping[str, Any]) -> None:
                 ".".join(str(each["packages"].get(name)).split(".")[:length]) for each in (versions["client"], worker)
             )
             if here != there:
-                raise SimulationError(
-                    f"executor: worker {address} has {name} {there}, but this process has {here}. Use equal versions."
-                )
+                raise SimulationError(f"executor: worker {address} has {name} {there}, but this process has {here}.")
 
 
 def _end_calls(tasks: Iterable[int]) -> None:
-    """End the limited calls in the threads of some tasks. Calls that are about to start are ended too."""
+    """End `LimitedCalls` that run, or are about to start, in the threads of some tasks."""
     deadline = time.monotonic() + _END_SECONDS
     while (threads := [_THREADS[k] for k in [*tasks] if k in _THREADS]) and time.monotonic() < deadline:
         end_calls_of(threads)
@@ -205,7 +201,7 @@ def _next(running: dict[int, _Task], done: "queue.SimpleQueue[int]", pool: "_Poo
 
 
 def _alone(f: Callable[[Any], Any], k: int, item: Any, pool: "_Pool") -> Any:
-    """The result of a task, tried alone because a worker died while running it."""
+    """The result of a task that is repeated alone, because a worker died during the task."""
     last = BrokenExecutor()
     for _ in range(_TRIES - 1):
         try:
@@ -222,7 +218,7 @@ def _alone(f: Callable[[Any], Any], k: int, item: Any, pool: "_Pool") -> Any:
 
 
 def _reply(f: Callable[[Any], Any], task: Numbered) -> tuple[int, int, bytes]:
-    """The number of a task, a checksum and the pickled result. Some executors return results of other tasks."""
+    """The number of a task, a checksum and the pickled result, because some executors return results of other tasks."""
     k, item = task
     watch_parent()
     _THREADS[k] = threading.current_thread()
@@ -243,7 +239,7 @@ def _unpacked(reply: Any, sent: Container[int]) -> Numbered:
 
 
 class _Pool:
-    """The user's executor, or an executor from the user's function. The function is called again if it breaks."""
+    """The user's executor, or an executor made by the user's function. The function can replace a broken executor."""
 
     def __init__(self, given: Any) -> None:
         named = ("submit", "map")
@@ -258,7 +254,7 @@ class _Pool:
         if fault is not None and isinstance(self.executor, ProcessPoolExecutor):
             if self._make is not None:
                 _end_processes(self.executor)
-            elif issubclass(fault, KeyboardInterrupt):  # as a terminal does: otherwise the pool waits for its tasks
+            elif issubclass(fault, KeyboardInterrupt):  # as a terminal does; otherwise the pool waits for its tasks
                 for process in list(self.executor._processes or ()):
                     with suppress(ProcessLookupError):
                         os.kill(process, signal.SIGINT)
@@ -272,20 +268,21 @@ class _Pool:
             except SymmbError:
                 raise
             except Exception as error:
-                raise DeclarationError(f"executor: the function that makes it raises {text_of(error)}.") from error
+                raise DeclarationError(
+                    f"executor: the function that makes the executor raises {text_of(error)}."
+                ) from error
         self.workers_at_first = 0
         self.has_begun, self._since = False, time.monotonic()
         self._options: dict[str, Any] = {}
         if hasattr(getattr(self.executor, "_client", None), "get_executor"):
-            # Dask's executor makes futures from futures of its client. If workers die, the former may never end.
+            # The client is used, because futures of Dask's executor may never end if workers die.
             self._options, self.executor = getattr(self.executor, "_kwargs", {}), self.executor._client
         self.is_dask = hasattr(self.executor, "get_executor")
         if self.is_dask:
             self._options = {"pure": False, **self._options}
             try:
-                # Assumed number of workers of a cluster that has fewer at the start. For each task that ends, two more
-                # may be submitted, because the cluster may get more workers, and because the duration of tasks
-                # determines how many tasks a worker should hold.
+                # A cluster counts as 8 workers if it has fewer at the start, because it may get more workers. For the
+                # same reason, two more tasks may be submitted for each task that ends.
                 self.workers_at_first = max(sum(self.executor.nthreads().values()), 8)
                 versions = self.executor.get_versions(packages=["symmb"])
             except Exception as error:  # the client is closed
@@ -319,7 +316,7 @@ class _Pool:
         """The value of the future of a task, or `LostTask`."""
         try:
             seconds = _CHECK_SECONDS
-            while self.is_dask:  # a result may be lost with its worker: Dask then computes the result again
+            while self.is_dask:  # a result may be lost with its worker, and must then be computed again
                 with suppress(TimeoutError):
                     return future.result(timeout=seconds)
                 self.look([future])
@@ -359,11 +356,11 @@ class _Pool:
         if self._make is None:
             raise SimulationError(
                 f"executor: {_reason(error)}. The study ends here. Pass a function that makes the executor, such as "
-                "lambda: ProcessPoolExecutor(8). Then symmb calls it again, and finds the run that kills workers."
+                "lambda: ProcessPoolExecutor(8). Then symmb makes a new executor, and finds the run that kills workers."
             ) from None
         self._end()
         self._start(self._make)
-        try:  # a test task that harms no worker
+        try:  # a test task, which cannot kill a worker
             self._answer(self.submit(int, 0))
         except BrokenExecutor as fault:
             raise _made_broken(fault) from None
@@ -410,7 +407,7 @@ def _as_simulation_error(*kept: type[BaseException]) -> Iterator[None]:
         raise
     except BaseException as error:  # asyncio's CancelledError is not an Exception
         _require_sent(error)
-        cause = None if isinstance(error, StopIteration) else error  # contextlib handles it
+        cause = None if isinstance(error, StopIteration) else error  # contextlib would treat it as its own
         raise SimulationError(f"executor: the executor raised {text_of(error)}.") from cause
 
 

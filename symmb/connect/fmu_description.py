@@ -105,7 +105,7 @@ def described(path: Path, fmi_type: str | None) -> tuple[FMU, dict[str, Any]]:
     names = _files(path)
     code = file_digest(path)
     try:
-        folder = extracted(path, code)  # now: processes that are forked later use the same folder
+        folder = extracted(path, code)  # extracted now for workers that are forked later
     except SimulationError as error:
         raise DeclarationError(f"{OWNER}: {error}.") from None
     description = _description(path, folder)
@@ -150,7 +150,7 @@ def _files(path: Path) -> list[str]:
 
 
 def _description(path: Path, folder: Path) -> Any:
-    """FMPy's model description of an FMU. It must follow the schema of FMI: otherwise FMPy may miss states."""
+    """FMPy's model description of a file that follows the schema of FMI. In other files, FMPy may miss states."""
     read = fmpy("model_description").read_model_description
     try:
         return read(str(folder))
@@ -192,7 +192,7 @@ def _require_binary(path: Path, names: Sequence[str], version: int, identifier: 
 
 
 def _number(text: Any) -> float | None:
-    """The positive number of a text, or None if the text is not such a number."""
+    """A text as a number, or None if the text is not a positive number."""
     try:
         number = float(text)
     except (TypeError, ValueError):
@@ -259,7 +259,7 @@ def extracted(path: Path, code: str) -> Path:
         if not path.is_file() or file_digest(path) != code:
             raise SimulationError(f"{path.name} has changed since it was declared")
         calls = _extraction()
-        calls.begin()  # this process removes the folder if the present process is killed
+        calls.begin()  # before the folder exists, so that a killed process does not leave the folder
         folder = lasting_folder()
         try:
             calls({"filename": str(path), "unzipdir": str(folder)})

@@ -1,4 +1,4 @@
-"""An instance of an FMU in a separate process. Functions make, start and read the instance, and read its messages."""
+"""An instance of an FMU in a separate process: functions to make, start and read it, and its messages."""
 
 import ctypes
 import faulthandler
@@ -106,7 +106,7 @@ def is_fatal(error: BaseException) -> bool:
 
 
 def listen() -> None:
-    """Delete earlier messages. Write the output of FMUs and FMPy in this process to a file instead of the terminal."""
+    """Forget earlier messages, and keep the output of FMUs and FMPy in this process away from the user's output."""
     _LOG.clear()
     output = _output()
     os.ftruncate(output, 0)
@@ -115,7 +115,7 @@ def listen() -> None:
 
 @cache
 def _output() -> int:
-    """The descriptor of a file for the output of this process. Python's report of a crash is switched off."""
+    """The descriptor of a file for the output of this process. The output of FMUs and of FMPy goes to this file."""
     faulthandler.disable()
     file = tempfile.TemporaryFile()
     for number in (1, 2):
@@ -168,6 +168,6 @@ def _callbacks() -> Any:
     callbacks.logger = module.fmi2CallbackLoggerTYPE(_note)
     callbacks.allocateMemory = module.fmi2CallbackAllocateMemoryTYPE(fmpy().calloc)
     callbacks.freeMemory = module.fmi2CallbackFreeMemoryTYPE(fmpy().free)
-    with suppress(OSError):  # other platforms lack this C code of FMPy, which inserts values into messages
+    with suppress(OSError):  # on common platforms, C code of FMPy inserts values into messages
         fmpy("logging").addLoggerProxy(ctypes.byref(callbacks))
     return callbacks

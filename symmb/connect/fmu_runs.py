@@ -19,8 +19,8 @@ from symmb.connect.fmu_description import CO_SIMULATION, FMU, Variable, fmpy
 from symmb.connect.fmu_instance import ENDED, Instance, Status, has_error, is_fatal, last_line, listen, logged
 
 RTOL = 1e-9
-"""Relative tolerance. It is small, because bounds use small differences between runs. With this tolerance, the error of
-an oscillator is 1e-7 after ten periods (tests/connect/test_fmu.py)."""
+"""Relative tolerance. It is small, because bounds subtract runs that differ little. With it, the error of an oscillator
+is 1e-7 after ten periods (tests/connect/test_fmu.py)."""
 
 
 @dataclass
@@ -33,7 +33,7 @@ class FMURunner:
     parameters, outputs : variables of the FMU
     times : (n_t,) output times [s]
     step : longest communication step [s]; all steps have this length if the FMU needs equal steps
-    patience : longest failed run [s] that is repeated with full logging, if the FMU has logged no reason. Many FMUs
+    patience : if a run fails within this time [s] without a reason, it is made again with full logging. Many FMUs
         report reasons only with full logging
     """
 
@@ -94,7 +94,7 @@ class FMURunner:
         return rows
 
     def _outputs(self, instance: Instance) -> Array:
-        """Outputs (n_t, n_y) of an instance at its start. Communication steps advance it from one time to the next."""
+        """Outputs (n_t, n_y) of an initialized instance. Communication steps lead from each output time to the next."""
         rows, read = np.empty((len(self.times), len(self.outputs))), instance.reader(self.outputs)
         step = self._cosimulate if self.fmu.fmi_type == CO_SIMULATION else self._integration(instance)
         read(rows[0])
@@ -110,7 +110,7 @@ class FMURunner:
         self._t = begin + length
 
     def _integration(self, instance: Instance) -> Callable[[Instance, float, float], None]:
-        """A function that advances an instance by one communication step, with the solver of all instances."""
+        """A function that advances an instance by one communication step. Several instances use the same solver."""
         events = _EventMode(instance)
         if self._solver is None:
             self._solver = _new_solver(self.fmu, instance, self.times[0], self.step)
@@ -133,14 +133,14 @@ class FMURunner:
                     is_event = is_event or wanted
                     if ends:
                         raise SimulationError(ENDED)
-            # The solver keeps a history of derivatives. An event makes the history invalid, so the solver starts again.
+            # The solver starts again after an event, because the event makes its history of derivatives invalid.
             if is_event or events.next - self._t <= near:
                 instance.model.enterEventMode()
                 events.update()
                 instance.model.enterContinuousTimeMode()
                 solver.restart(instance, self._t)
             count = count + 1 if self._t - begin <= near else 0
-            # Maximum number of events at one time. A longer sequence is assumed to be endless.
+            # Maximum number of events at one time. More events count as an endless sequence.
             if count > 1000:
                 raise SimulationError("there are too many events at the same time")
 
@@ -183,13 +183,13 @@ class _EventMode:
 
 
 def _new_solver(fmu: FMU, instance: Instance, t: float, step: float) -> Any:
-    """A solver at the states of an instance, with steps up to `step` [s].
+    """A solver that starts at the states of an instance, and makes steps up to `step` [s].
 
     Several instances use the same solver, because FMPy does not free all memory of a solver.
     """
 
     class CVODE(fmpy("sundials").CVodeSolver):
-        """CVODE with stored exceptions. Python ignores exceptions in callbacks of C, so `advance` raises them."""
+        """CVODE that stores exceptions of its callbacks, because Python ignores them. `advance` raises them."""
 
         fault: Exception | None = None
 
@@ -220,7 +220,9 @@ def _new_solver(fmu: FMU, instance: Instance, t: float, step: float) -> Any:
                 return call(*arguments)
             except Exception as error:
                 self.fault = error
-                return 1 if getattr(error, "status", None) == Status.DISCARD else -1  # 1: CVODE tries a smaller step
+                return (
+                    1 if getattr(error, "status", None) == Status.DISCARD else -1
+                )  # 1: tried again with a smaller step
 
     return CVODE(
         nx=fmu.n_states,

@@ -31,10 +31,10 @@ from symmb.connect.identity import digest
 from symmb.connect.limited_calls import LimitedCalls
 
 _LONG_RUN = 10.0
-"""Duration of a long run [s]. Each long run gets a new process. The start of a process is short in comparison."""
+"""Duration of a long run [s]. Each long run gets a new process, whose start takes little time in comparison."""
 _RESET, _NEW_INSTANCE, _NEW_PROCESS = "reset", "new instance", "new process"
 _KINDS: dict[tuple[str, str], str] = {}
-"""(digest of the file of an FMU, interface) -> what an exact repetition of a run needs: reset, instance or process."""
+"""Digest of an FMU's file, and its interface -> a way to get repeatable runs: reset, new instance or new process."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,16 +42,16 @@ class FMUSimulator(BlackBox):
     """Trajectories from a Functional Mock-up Unit of FMI 2 or 3. Install FMPy by `pip install 'symmb[fmu]'`.
 
     Runs are made in separate processes. If an FMU crashes, only one run fails. Runs of several threads are parallel.
-    Each process keeps an instance of the FMU, and resets it between two runs. The first run is repeated after a reset,
-    as a test. If the outputs differ in any bit, each run gets a new instance. If they still differ, each run gets a new
-    process. After a failed run, a new instance is always made.
+    Each process keeps an instance, and resets the instance between two runs. The first run is repeated after a reset.
+    If the outputs are not bitwise the same, each run gets a new instance. If this does not help, each run gets a new
+    process. After a failed run, a new instance is made.
 
     Parameters
     ----------
     path : str or Path
-        the .fmu file. If other computers make runs, they need the file at the same path
+        the .fmu file. Processes on other computers need it at the same path
     parameters : mapping
-        nominal values by name of the variable, in the unit of the model description. A run starts with these values
+        nominal values by name of the variable, in the unit of the model description. They are set before the start
     times : (n_t,)
         increasing times of the rows [s]; the run starts at the first time
     outputs : list of str
@@ -70,7 +70,7 @@ class FMUSimulator(BlackBox):
     Attributes
     ----------
     units : tuple of str
-        units of the outputs, from the model description; '' if not stated. Boxes use the units of the parameters
+        units of the outputs, from the model description; '' if not stated. A Box uses the units of the parameters
 
     Raises
     ------
@@ -184,7 +184,7 @@ def _step(fmu: FMU, times: Array, given: float | None) -> float:
     own = fmu.step if fmu.fmi_type == CO_SIMULATION else None
     spans = np.diff(times)
     if fmu.grid is not None and given is None:
-        step = float(spans.max())  # the steps of its solver do not depend on communication steps
+        step = float(spans.max())  # steps of the solver do not depend on communication steps
     else:
         step = given or own or float(times[-1] - times[0]) / 500  # as in FMPy
     if fmu.is_uniform:

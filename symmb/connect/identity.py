@@ -1,6 +1,6 @@
-"""A digest of the code and data of a simulator. symmb assumes that simulators with equal digests make equal runs.
+"""A digest of what a simulator computes. Simulators with equal digests make equal runs, as far as symmb can see.
 
-`DeclaredFiles` ends a study if a declared file changes during the study.
+`DeclaredFiles` ends a study if a declared file changes meanwhile.
 """
 
 import builtins
@@ -36,10 +36,10 @@ class UndigestedError(DeclarationError):
 def digest(*things: Any) -> str:
     """A digest of numbers, texts, arrays, expressions and functions, and of objects that contain these.
 
-    A Python function is identified by its code, its defaults, and the values of the outside variables that it uses.
-    Functions and classes that the code uses are identified in the same way. Functions and classes of Python or of an
-    installed package are identified by their names. Other objects are identified by their pickled form. UndigestedError
-    is raised if an object cannot be pickled.
+    A Python function is identified by its code, its defaults, and the values of all outside names in the code.
+    Functions and classes that the code uses are identified in the same way. Those of Python or of an installed package
+    are identified by their names. Other objects are identified by their pickled form. UndigestedError is raised if an
+    object cannot be pickled.
     """
     values = _Digests()
     try:
@@ -48,8 +48,8 @@ def digest(*things: Any) -> str:
         raise DeclarationError("StoredSimulator: the function depends on too deeply nested objects.") from None
     if values.lacking:
         raise UndigestedError(
-            f"StoredSimulator: the function depends on an object of the type {values.lacking[0]!r}. symmb cannot "
-            "detect changes of this object. Pass version=, and change its value whenever the function changes.",
+            f"StoredSimulator: the function depends on an object of the type {values.lacking[0]!r}. symmb cannot see "
+            "its changes. Pass version=, and change its value whenever the function changes.",
             key,
         )
     return key
@@ -125,7 +125,7 @@ class _Digests:
             return
         items: list[Any]
         make, arguments, state, *items = (*reduced, None, None, None, None)[:5]
-        if isinstance(state, dict):  # cached values are left out: they are computed from other values
+        if isinstance(state, dict):  # without cached values, which are computed from the others
             kind, computed = type(thing), functools.cached_property
             state = {name: x for name, x in state.items() if not isinstance(getattr(kind, name, None), computed)}
         yield ((make, arguments, state, *(None if some is None else [*some] for some in items)),)
@@ -135,7 +135,7 @@ _CODE = (
     *("co_name", "co_consts", "co_names", "co_varnames", "co_freevars", "co_cellvars", "co_flags"),
     *("co_argcount", "co_posonlyargcount", "co_kwonlyargcount", "co_exceptiontable"),
 )
-"""Attributes of code in its digest. The digest also has the instructions, but no line numbers and file names."""
+"""The attributes of code that belong to its digest, besides its instructions. Lines and file names are left out."""
 
 
 def _pairs(mapping: Mapping[Any, Any]) -> Iterator[tuple[Any]]:
@@ -147,7 +147,7 @@ _PARTS: dict[type, Callable[[Any], Iterable[bytes | tuple[Any]]]] = {
     **dict.fromkeys((list, tuple), lambda things: ((part,) for part in things)),
     **dict.fromkeys((dict, types.MappingProxyType), _pairs),
     **dict.fromkeys((staticmethod, classmethod), lambda method: [(method.__func__,)]),
-    functools.cached_property: lambda member: [(member.func,)],  # in Python 3.11 it has a lock
+    functools.cached_property: lambda member: [(member.func,)],  # in Python 3.11 it holds a lock
     property: lambda member: [((member.fget, member.fset, member.fdel),)],
     types.CodeType: lambda code: [code.co_code, (tuple(getattr(code, name) for name in _CODE),)],
     ca.Function: lambda function: [function.serialize().encode()],
@@ -184,7 +184,7 @@ def _global_names(code: types.CodeType) -> set[str]:
 
 
 def _has_name(thing: Any) -> bool:
-    """Whether a function or a class is identified by its name. This is not so if it is made inside a function."""
+    """Whether a name identifies a function or a class. The name of an object made inside a function does not."""
     if isinstance(thing, type):
         return _is_installed(thing.__module__)
     module = thing.__globals__.get("__name__")

@@ -31,14 +31,14 @@ class _Worker:
 
     @property
     def is_unused(self) -> bool:
-        """Whether no call can follow, because the thread has ended or the called object no longer exists."""
+        """Whether no more calls can follow: the thread has ended, or the called object no longer exists."""
         own = self.thread is threading.current_thread()
         return not self.thread.is_alive() or (own and self.caller() is None)
 
     def replies(self, seconds: float | None) -> bool:
         """Whether a reply arrives in time. EOFError is raised if the process ends without a reply."""
         deadline = inf if seconds is None else time.monotonic() + seconds
-        # The end of the process is checked every 0.2 s. Programs that it has started may keep its pipe open.
+        # Time between checks whether a process has ended [s]. Processes that it has started may keep its pipe open.
         while not self.pipe.poll(max(min(0.2, deadline - time.monotonic()), 0.0)):
             # A process may reply and end between the two checks, so the pipe is polled once more.
             if self.has_ended(os.WNOHANG) and not self.pipe.poll():
@@ -52,7 +52,7 @@ class _Worker:
         if self.status is None:
             try:
                 pid, status = os.waitpid(self.pid, options)
-            except ChildProcessError:  # other code has waited for the process
+            except ChildProcessError:  # another part of the program has waited for it
                 return True
             if pid == 0:
                 return False
@@ -61,14 +61,14 @@ class _Worker:
 
     @property
     def end_text(self) -> str:
-        """The signal or the exit status that ended the process, as text; '' if not known."""
+        """Words that say how the process ended, if this is known."""
         if self.status is None:
             return ""
         return f" by {signal_name(-self.status)}" if self.status < 0 else f" with exit status {self.status}"
 
     def end(self) -> None:
         with _LOCK:
-            if self not in _WORKERS:  # another thread ends the process; another file may have the pipe's number
+            if self not in _WORKERS:  # another thread has already ended the process and closed its pipe
                 return
             _WORKERS.remove(self)
             self.pipe.close()
@@ -78,13 +78,13 @@ class _Worker:
 
 _WORKERS: set[_Worker] = set()
 _LOCK = threading.Lock()
-"""A lock while a thread opens or closes a pipe. A process that is forked at that time would keep the pipe open."""
+"""The lock of pipes. A process that is forked while another thread opens or closes a pipe would keep the pipe open."""
 _OWN = threading.local()
 """Workers of this thread by key. A `LimitedCalls` that was pickled and loaded in this process finds its worker here."""
 
 
 class LimitedCalls:
-    """A function whose calls run in a separate process. Each thread uses one process for all its calls.
+    """A function with calls that run in a separate process. Each thread has its own process, and keeps it.
 
     The process is a copy of this process at the first call. Later changes of variables in one process have no effect in
     the other.
@@ -107,7 +107,7 @@ class LimitedCalls:
         key: str | None = None,
     ) -> None:
         if not hasattr(os, "fork"):
-            raise DeclarationError(f"Calls of {subject} in a separate process need fork. Windows lacks it: use Linux.")
+            raise DeclarationError(f"Calls of {subject} in a separate process need fork. Windows has no fork.")
         self.f, self.seconds, self.subject, self.base = f, seconds, subject, base
         self.key = key or uuid.uuid4().hex
 
@@ -153,7 +153,7 @@ class LimitedCalls:
 
 
 def fault_text(error: BaseException) -> str:
-    """The error of a run as text in one line. The text starts with the type, except for a SimulationError."""
+    """The error of a run as text in one line. If it is not a SimulationError, the text has the type too."""
     text = text_of(error)
     return text.removeprefix(f"{type(error).__name__}: ") if isinstance(error, SimulationError) else text
 
@@ -178,7 +178,7 @@ def _fork(f: Callable[..., Any], base: Path | None) -> _Worker:
         pid = os.fork()
         if pid == 0:
             try:
-                mine.close()  # otherwise the parent could not detect the end of the child
+                mine.close()  # otherwise the end of the child could not be detected
                 _serve(f, theirs)
             finally:
                 os._exit(0)
@@ -198,7 +198,7 @@ def _serve(f: Callable[..., Any], pipe: Connection) -> None:
         try:
             values = pipe.recv()
         except EOFError:
-            end.join()  # the thread removes folders of the parent
+            end.join()  # the parent may have left folders
             return
         try:
             reply = "", f(**values)
@@ -225,7 +225,7 @@ def _end_all() -> None:
 
 
 def _forget() -> None:
-    """Close the pipes of the parent's workers in a forked process."""
+    """Close the parent's workers in a forked process."""
     global _LOCK
     _LOCK = threading.Lock()  # a thread of the parent may have held the old lock
     for worker in _WORKERS:

@@ -1,4 +1,4 @@
-"""Files of programs: input files and tables of results. A template of an input file has parameter names in braces."""
+"""Files of programs: input files from templates, which have names of parameters in braces, and tables of results."""
 
 import csv
 import json
@@ -20,7 +20,7 @@ _TIME = "time"
 
 
 def filled(template: str, values: Mapping[str, float]) -> str:
-    """The template with values instead of `{name}` and `{name:format}`. Other braces are not changed.
+    """The template with values in the place of `{name}` and `{name:format}`. Other braces are kept.
 
     Without a format, all digits of a number are written.
 
@@ -52,7 +52,7 @@ def is_filled(template: str, name: str) -> bool:
 
 
 def template_texts(owner: str, templates: Mapping[str, str | Path]) -> dict[str, str]:
-    """Path of a file in the folder of a run -> the text of the file. If a Path is given, the text is read now.
+    """Path of a file in the folder of a run -> its text. If a Path is given, the text is read from it now.
 
     DeclarationError is raised if a path leads out of the folder, or a file cannot be read.
     """
@@ -76,7 +76,7 @@ def template_texts(owner: str, templates: Mapping[str, str | Path]) -> dict[str,
 
 
 def is_inside(name: str) -> bool:
-    """Whether the relative path of a file does not lead out of its folder."""
+    """Whether a path is relative, and leads to a file inside the folder."""
     place = PurePosixPath(name)
     parts = [part.encode(errors="replace") for part in place.parts]
     is_valid = 0 < max(map(len, parts), default=0) <= 255 and is_text(name)  # file systems allow names of 255 bytes
@@ -93,7 +93,7 @@ def _names(values: Mapping[str, float]) -> str:
 
 
 def read_table(path: Path, times: Array, outputs: tuple[str, ...], interpolate: bool) -> Array:
-    """Outputs (n_t, n_y) at `times` from a file with a column `time` and a column for each output.
+    """Outputs (n_t, n_y) at `times` from a file with a column `time` and one for each output.
 
     Other columns are ignored. If there is only one time, the column `time` may be left out. SimulationError is raised
     if the file cannot be read, lacks a column, or has other times.
@@ -106,19 +106,19 @@ def read_table(path: Path, times: Array, outputs: tuple[str, ...], interpolate: 
         columns = READERS[path.suffix](path)
         lost = [name for name in outputs if name not in columns]
         if lost:
-            raise SimulationError(f"there is no column {lost[0]!r}, only {', '.join(map(repr, columns))[:200]}")
+            raise SimulationError(f"it has no column {lost[0]!r}, only {', '.join(map(repr, columns))[:200]}")
         values = np.column_stack([_numbers(columns, name) for name in outputs])
         if _TIME not in columns and len(times) == len(values) == 1:
             return values
         if _TIME not in columns:
-            raise SimulationError(f"there is no column {_TIME!r}")
+            raise SimulationError(f"it has no column {_TIME!r}")
         at = _numbers(columns, _TIME)
     except SimulationError as error:
         raise SimulationError(f"{path.name}: {error}") from None
     except Exception as error:  # a file of another program may have any error
         raise SimulationError(f"{path.name} cannot be read: {' '.join(str(error).split())[:200]}") from None
     if len(at) != len(values):
-        raise SimulationError(f"{path.name} has {len(at)} times, but {len(values)} values of the outputs")
+        raise SimulationError(f"{path.name}: {len(at)} times, but {len(values)} values of the outputs")
     return _at_times(path.name, at, values, times, interpolate)
 
 
@@ -126,7 +126,7 @@ def _numbers(columns: Mapping[str, Any], name: str) -> Array:
     """A column as numbers (n,). A single number becomes a column of one number."""
     column = columns[name]
     if isinstance(column, list) and (odd := [x for x in column if isinstance(x, str) and "_" in x]):
-        raise SimulationError(f"{name!r}: {odd[0][:40]!r} is not a number")  # Python accepts underscores in numbers
+        raise SimulationError(f"{name!r}: {odd[0][:40]!r} is not a number")  # Python accepts these as numbers
     values = np.atleast_1d(column if isinstance(column, np.ndarray) else np.array(column, dtype=float))
     if values.ndim != 1 or np.iscomplexobj(values):
         raise SimulationError(
@@ -136,7 +136,7 @@ def _numbers(columns: Mapping[str, Any], name: str) -> Array:
 
 
 def _at_times(name: str, at: Array, values: Array, times: Array, interpolate: bool) -> Array:
-    """Output values at the declared times, from values at the times `at` of a file."""
+    """The values of an output at the declared times, from its values at the times `at` of a file."""
     if not len(at):
         raise SimulationError(f"{name} has no rows")
     allowed = SLIGHT * float(np.abs(times).max())  # programs write about six digits
@@ -147,14 +147,14 @@ def _at_times(name: str, at: Array, values: Array, times: Array, interpolate: bo
     if not interpolate:
         raise SimulationError(f"{has}, but {declared}; declare the times of the file, or give interpolate=True")
     if not np.isfinite(at).all() or (np.diff(at) < 0).any():
-        raise SimulationError(f"{name} cannot be interpolated, because its times do not increase")
+        raise SimulationError(f"{name}: its times do not increase, so that interpolation is not possible")
     if at[0] > times[0] + allowed or at[-1] < times[-1] - allowed:
         raise SimulationError(f"{has}, but {declared}: the file has no values beyond its times")
     return _interpolated(name, at, values, times, allowed)
 
 
 def _interpolated(name: str, at: Array, values: Array, times: Array, allowed: float) -> Array:
-    """Values interpolated between times of a file. If rows have the same time, the last row is used after this time."""
+    """Values interpolated between times of a file. If rows have the same time, the last one is valid after it."""
     events = at[1:][np.diff(at) == 0]
     if len(events):  # declared times at an event have as many digits as times of the file
         nearest = events[np.abs(events[:, None] - times).argmin(axis=0)]
@@ -178,7 +178,7 @@ def _csv(path: Path) -> Mapping[str, Any]:
         names = [name.strip().strip('"') for name in header.rstrip("\r\n").split(mark)]
         rows = [row for row in csv.reader(file, delimiter=mark) if row]
     if twice := [name for name, count in Counter(names).items() if count > 1]:
-        raise SimulationError(f"there are two columns {twice[0]!r}")
+        raise SimulationError(f"it has two columns {twice[0]!r}")
     for k, row in enumerate(rows):
         if len(row) < len(names):
             raise SimulationError(f"line {k + 2} has {len(row)} values for {len(names)} columns")
@@ -193,14 +193,14 @@ def _csv(path: Path) -> Mapping[str, Any]:
 def _json(path: Path) -> Mapping[str, Any]:
     columns = json.loads(path.read_text(encoding="utf-8"))
     if not isinstance(columns, dict):
-        raise SimulationError("the file must hold an object with a list for each output")
+        raise SimulationError("it must hold an object with a list for each output")
     return columns
 
 
 def _npz(path: Path) -> Mapping[str, Any]:
     arrays = np.load(path, allow_pickle=False)
     if not isinstance(arrays, np.lib.npyio.NpzFile):
-        raise SimulationError("the file must hold named arrays")
+        raise SimulationError("it must hold named arrays")
     with arrays:
         require_usual_size(arrays.zip)
         return dict(arrays)

@@ -1,4 +1,4 @@
-"""The file of a run store: an SQLite database with the finished runs of studies."""
+"""The file of a run store. It is an SQLite database with each finished run of some studies."""
 
 import json
 import os
@@ -27,9 +27,9 @@ _DAMAGE = sqlite3.Error, ValueError, TypeError, IndexError, OverflowError, Recur
 """Exceptions that damaged files cause."""
 _HEADER = b"SQLite format 3\0"
 _WAIT_AFTER_RUN, _WAIT_AT_FIRST = 60.0, 10.0
-"""Longest times to wait while another study writes to the file: after a run, and at the start [s]."""
+"""Times to wait while another study writes to the file [s]: to store a finished run, and at the start."""
 _NETWORK = ("nfs", "nfs4", "cifs", "smb3", "smbfs", "lustre", "gpfs", "beegfs", "ceph", "fuse.sshfs", "afs", "9p")
-"""File systems that several machines use. A write-ahead log needs shared memory, which different machines lack."""
+"""File systems of several machines, which share no memory. A write-ahead log needs shared memory."""
 _SAMPLES_PER_QUERY = 500
 """Maximum number of samples in a query. SQLite supports at least 999 variables."""
 _STUDY = "digest, simulator, parameters, outputs, times, begun"
@@ -91,7 +91,7 @@ class RunDatabase:
             return self._connection.execute(find, (study.digest,)).fetchone()[0]
 
     def known(self, study: int, P: Array, timeout: float | None = None) -> set[bytes]:
-        """Keys of the samples P (N, d) whose stored runs are used.
+        """Keys of the samples P (N, d) with stored runs that need not be made again.
 
         Lost runs are made again. Runs that timed out are made again if the timeout [s] is now longer.
         """
@@ -110,12 +110,12 @@ class RunDatabase:
         return found
 
     def require_writable(self) -> None:
-        """Raise SimulationError if the file cannot be written. The check before the runs avoids lost runs."""
+        """Raise SimulationError if the file cannot be written now, because later runs would be lost."""
         with self._writing():
             self._connection.execute("BEGIN IMMEDIATE")
 
     def add(self, study: int, p: Array, run: Ensemble, seconds: float, is_lost: bool = False) -> None:
-        """Write the run of a sample p (d,) with its duration [s]. A run that another study has written is kept."""
+        """Write the run of a sample p (d,) with its duration [s], unless another study has written this run."""
         reason = "".join(run.messages)
         state = LOST if is_lost else DONE if run.ok[0] else TIMED_OUT if reason.startswith("timed out") else FAILED
         events = None if run.events is None else run.events[0].astype(np.int64).tobytes()
@@ -145,7 +145,7 @@ class RunDatabase:
             Y = np.array([np.frombuffer(row[2]).reshape(shape) for row in rows]).reshape(-1, *shape)
             ok = np.array([STATES[row[4]] == STATES[DONE] for row in rows], dtype=bool)
             if not np.isfinite(Y[ok]).all():
-                raise ValueError("a successful run has values that are not finite")
+                raise ValueError("a run without failure is not finite")
             t_failed = np.array([np.nan if row[0] is None else row[0] for row in rows], dtype=float)
             events = None
             if rows and rows[0][3] is not None:
@@ -197,7 +197,7 @@ class RunDatabase:
             yield
         except _DAMAGE as error:
             _require_unlocked(self._path, error)
-            raise DeclarationError(f"{self._path} is damaged ({error}). Give another name of a file.") from None
+            raise DeclarationError(f"{self._path} is damaged ({error}). Give another name.") from None
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -230,7 +230,7 @@ def open_run_database(path: Path, create: bool = True) -> Iterator[RunDatabase]:
 
 
 def _connected(path: Path, create: bool) -> sqlite3.Connection:
-    """A connection to an SQLite database. If `create` is True, the file may be empty or new."""
+    """A connection to an SQLite database. The file may also be empty or new."""
     size = path.stat().st_size if path.exists() else 0
     if not size and not create:
         raise DeclarationError(f"{path} does not exist, or is empty.")
@@ -239,7 +239,7 @@ def _connected(path: Path, create: bool) -> sqlite3.Connection:
         with path.open("rb") as file:
             is_store = file.read(len(_HEADER)) == _HEADER
     if not is_store:
-        raise DeclarationError(f"{path} is not a run store. Give another name.")  # SQLite overwrites short files
+        raise DeclarationError(f"{path} is not a run store. Give another name.")  # SQLite would overwrite short files
     if size and not _is_writable(path):
         log = Path(f"{path}-wal")  # the log of a killed study
         options = "mode=ro" if log.exists() and log.stat().st_size else "mode=ro&immutable=1"
@@ -264,7 +264,7 @@ def _prepare(connection: sqlite3.Connection, path: Path) -> None:
         connection.executescript(f"BEGIN IMMEDIATE; {_TABLES if is_new else _TABLES_OF_2} COMMIT;")
     with closing(sqlite3.connect(":memory:")) as plain:
         plain.executescript(_TABLES)
-        if _schema(connection) != _schema(plain):  # a query of a view may never end
+        if _schema(connection) != _schema(plain):  # a query may never end if a view replaces a table
             raise DeclarationError(f"{path} is damaged (its tables are not those of a run store). Give another name.")
 
 
@@ -289,7 +289,7 @@ def _choose_journal(connection: sqlite3.Connection, mode: str) -> None:
 def _require_unlocked(path: Path, error: Exception) -> None:
     """Raise SimulationError if an error says that another program has locked a database."""
     if getattr(error, "sqlite_errorcode", 0) == sqlite3.SQLITE_BUSY:
-        raise SimulationError(f"{path} is locked by another program. Try again when that program has ended.") from None
+        raise SimulationError(f"{path} is locked by another program. Try again when it has ended.") from None
 
 
 def _schema(connection: sqlite3.Connection) -> list[Any]:

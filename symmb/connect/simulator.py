@@ -1,8 +1,8 @@
-"""The interface between bounding methods and simulators. Parameters are the input, and trajectories are the output.
+"""The interface between bounding methods and simulations: parameters in, trajectories out, in blocks.
 
-A simulator runs samples in blocks. The limits of the blocks depend only on sample numbers. A reduction turns each block
-into a small state, and the states are merged in block order. For this reason, all bits of the result are the same if
-the blocks run one after another, in threads, in processes or on other machines.
+A simulator runs samples in blocks. The limits of the blocks depend on the sample number only. A reduction turns each
+block into a small state, and the states are merged in block order. For this reason, all bits of the result are the same
+if the blocks run one after another, in threads, in processes or on other machines.
 """
 
 import operator
@@ -26,12 +26,12 @@ Progress = Callable[[int, int], None]
 """A function of the number of finished samples and the number of all samples."""
 
 BLOCK = 128
-"""Samples of a block, except for compiled scenes (`block_size` in `run/formulations/ensembles.py`). The number is large
-enough for vectorized loops. A block of 12 outputs at 1001 times needs only 12 MB."""
+"""Number of samples of a block. Compiled scenes use `block_size` in `run/formulations/ensembles.py`. Loops over 128
+samples are long enough for vectors, and 12 outputs at 1001 times take only 12 MB."""
 
 
 class Samples(Protocol):
-    """Trajectories of N samples at n_t times, computed at their first use. `Ensemble` explains the attributes."""
+    """Trajectories of N samples at n_t times, computed at their first use. See `Ensemble`."""
 
     @property
     def Y(self) -> Array: ...
@@ -53,9 +53,9 @@ class Ensemble:
     Attributes
     ----------
     Y : (N, n_t, n_y) outputs; nan from the first invalid time on if a sample failed
-    ok : (N,) True for each sample that did not fail
+    ok : (N,) True for samples that did not fail
     t_failed : (N,) time at which a sample failed [s], nan if it did not fail
-    messages : a message for each failed sample, in the order of the samples
+    messages : a message for each failed sample, in order
     events : (N, n_t) numbers of events up to each time; None without events. Outputs are smooth between events
     """
 
@@ -67,7 +67,7 @@ class Ensemble:
 
     @classmethod
     def of(cls, samples: Samples) -> "Ensemble":
-        """The ensemble of samples. All values are computed now."""
+        """The ensemble of some samples. Values that are not known yet are computed now."""
         return cls(samples.Y, samples.ok, samples.t_failed, samples.messages, samples.events)
 
     def extremes(self) -> tuple[Array, Array]:
@@ -83,8 +83,8 @@ class Reduction(Generic[S]):
     Attributes
     ----------
     init : () -> state before the first sample
-    update : (state, block, indices) -> state with the block; ``indices`` (n,) are the sample numbers
-    merge : (state, state) -> state of the samples of both states; the first state has the lower sample numbers
+    update : (state, block, indices) -> state after the block; ``indices`` (n,) are the sample numbers
+    merge : (state, state) -> one state of all samples; the first state has the lower sample numbers
     trajectories : whether ``update`` uses ``block.Y``; if not, blocks may be larger
     attained : state -> smallest and largest values (n_t, n_y), if the state contains them
     """
@@ -139,10 +139,10 @@ class Jets(Protocol):
 
 @runtime_checkable
 class Kinked(Protocol):
-    """A simulator that finds kinks and jumps of its equations in a run. Expansions are not valid beyond them."""
+    """A simulator that says if a run meets kinks or jumps of its equations. Expansions are not valid after them."""
 
     def kink(self, p0: Array) -> tuple[float, str] | None:
-        """Time of the first kink or jump in the run at p0 (d,) [s], and the names; None if there is none."""
+        """Time at which the run at p0 (d,) first meets a kink or a jump [s], and their names; None if it meets none."""
         ...
 
 
@@ -166,7 +166,7 @@ class SecondLook(Protocol):
 
 
 def noise_from_runs(simulator: Simulator) -> Array | None:
-    """Errors (n_y,) of the output values; None if not known. `second_look` runs first, if the simulator has it."""
+    """Errors (n_y,) of the output values, after `second_look` if the simulator has it; None if not known."""
     if isinstance(simulator, SecondLook):
         simulator.second_look()
     return simulator.noise if isinstance(simulator, Noisy) else None
@@ -198,8 +198,8 @@ def stream(
 
     Parameters
     ----------
-    simulator : must be picklable if the executor runs in other processes
-    executor : see `executors.finished`
+    simulator : picklable if the executor runs in other processes
+    executor : as for `executors.finished`
     progress : called after each block with the numbers of finished samples and of all samples
     block : samples of a block; must not depend on the executor
     """
@@ -226,11 +226,11 @@ class Merging(Generic[S]):
         self.state, self.count, self._done = reduction.init(), 0, 0
 
     def reduce(self, block: Samples, indices: Indices) -> None:
-        """Reduce the next block and merge its state. Samples of the block are independent."""
+        """Reduce and merge the next block, in which samples do not depend on each other."""
         self.add(self.reduction.update(self.reduction.init(), block, indices), indices, block.Y)
 
     def add(self, part: S, indices: Indices, Y: Array | None = None) -> None:
-        """Merge the state of the next block. Its outputs Y (n, n_t, n_y) are given if samples are independent."""
+        """Merge the state of the next block, with its outputs (n, n_t, n_y) if samples do not depend on each other."""
         self.state = self.reduction.merge(self.state, part)
         self.count += 1
         self._done += len(indices)
@@ -306,7 +306,7 @@ class Attained:
     runs : number of runs
     blocks : samples (n, d) of each block that attains an extreme value
     lower_at, upper_at : (n_t, n_y) numbers of the blocks that attain the extreme values
-    nominal : (n_t, n_y) outputs of a run whose parameters are nominal up to rounding; None without such a run
+    nominal : (n_t, n_y) outputs of a run at the nominal parameters, up to rounding; None without such a run
     """
 
     def __init__(self, n_t: int, n_y: int, nominal_parameters: Array | None = None) -> None:
@@ -355,7 +355,7 @@ def attained_by_runs(n_t: int, n_y: int, nominal_parameters: Array | None = None
 
 
 def note_attained(lower: Array, upper: Array, P: Array, Y: Array | None = None) -> None:
-    """Add values of runs to the innermost context `attained_by_runs`, if there is a context; see `Attained.add`."""
+    """Add values of runs to those of the innermost context `attained_by_runs`, if there is one; see `Attained.add`."""
     study = _STUDY.get()
     if study is not None:
         study.add(lower, upper, P, Y)

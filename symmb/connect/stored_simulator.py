@@ -1,4 +1,4 @@
-"""A simulator that stores every finished run in a file. Stored runs are read instead of made again."""
+"""A simulator that stores every finished run in a file, and does not make stored runs again."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -39,12 +39,11 @@ class StoredSimulator(WithWarnings):
     If a study is started again, only missing runs are made. A study with higher resolution, or another method, also
     uses the stored runs. Failed runs are stored with their reason. `symmb runs FILE --prune failed` removes them.
     A failed run is made again if its worker died, or if it timed out and the timeout is now longer.
-    A stored run is used only if the digest of its simulator is the same. The digest covers the model, the solver, the
-    templates or the function, the times and the outputs. A Python function is identified by its code, and by the values
-    and functions that the code uses. Python's modules and installed packages are identified by name. Give another
-    `version` if they change.
+    Runs are stored with a digest of the simulator's model, solver, templates or function, times and outputs.
+    A Python function is identified by its code, and by the values and functions that the code uses. Python's modules
+    and installed packages are identified by name. Give another `version` if they change.
 
-    Each sample runs alone. This is slower: without a store, eight samples of a scene run in one vector.
+    Each sample runs alone. This is slower: without a store, eight samples of a scene are computed as one vector.
 
     Parameters
     ----------
@@ -52,14 +51,14 @@ class StoredSimulator(WithWarnings):
     path : str or Path
         the file, an SQLite database; it is created if it does not exist
     version : str
-        a text that is part of the digest. It distinguishes simulators whose other data are equal
+        a text that distinguishes simulators whose other data are equal
 
     Raises
     ------
     DeclarationError
-        If the simulator has no method `identity()`. At the first run: if the file is not a run store
+        If the simulator has no method `identity`. At a run, if the file is not a run store
     SimulationError
-        If the file cannot be written at a run
+        At a run, if the file cannot be written
 
     Examples
     --------
@@ -90,7 +89,7 @@ class StoredSimulator(WithWarnings):
             raise DeclarationError(f"StoredSimulator: {', '.join(figures)} are scalar outputs, which cannot be stored.")
         if isinstance(simulator, StoredSimulator):
             raise DeclarationError(
-                "StoredSimulator: the simulator is already a StoredSimulator. Give its attribute simulator."
+                "StoredSimulator: the simulator is already a StoredSimulator. Give the simulator inside it."
             )
         if (identity := getattr(simulator, "identity", None)) is None:
             raise DeclarationError(
@@ -101,7 +100,7 @@ class StoredSimulator(WithWarnings):
             raise DeclarationError(f"StoredSimulator: path must be the path of a file, got {shown(path)}.")
         if not isinstance(version, str):
             raise DeclarationError(f"StoredSimulator: version must be a text, got {shown(version)}.")
-        # The digest is computed only once, because a call of a function may change objects that the function uses.
+        # The digest is computed once, because a function may change an outside object, such as a list of its calls.
         try:
             key = identity()
         except UndigestedError as error:
@@ -113,7 +112,7 @@ class StoredSimulator(WithWarnings):
         vars(self).update(units=getattr(simulator, "units", ()), box=getattr(simulator, "box", None))
 
     def second_look(self) -> None:
-        """Call `second_look` of the simulator, if it has this method. The two runs of this method are not stored."""
+        """Call `second_look` of the simulator, if it has this method. Its runs are not stored."""
         if isinstance(self.simulator, SecondLook):
             self.simulator.second_look()
 
@@ -147,7 +146,7 @@ class StoredSimulator(WithWarnings):
         merging = Merging(reduction, None, P)
         with open_run_database(self.path) as database:
             number = self._make(database, P, executor, progress)
-            # The blocks are the same as without a store. All digits of sums are then the same.
+            # The same blocks as without a store, so that sums have the same last digits.
             for indices in blocks(len(P), samples_of_block(len(P)) if isinstance(self.simulator, BlackBox) else BLOCK):
                 merging.reduce(database.read(number, P[indices], (len(self.times), len(self.outputs))), indices)
         return merging.state

@@ -1,11 +1,12 @@
 """Proved enclosures of the motions of mechanisms over a box of parameters.
 
-Over each step, a motion is a Chebyshev polynomial of time and of the parameters, plus a remainder in a frame. The
-polynomial is computed without proof. The remainder is proved afterwards.
+Over each step, a motion is a Chebyshev polynomial of time and of the parameters, plus a remainder B w. The matrix B is
+the frame of the remainder. The polynomial is computed without proof. Bounds of w are proved afterwards.
 
-- `boxes` proves the whole box, and `march` the horizon, step by step. `front` and `start` hold the states at one time.
-- `flow` computes the polynomials of a step, `time_step` holds them, and `step` proves the bounds of their errors from
-  the `defects`. `passes` proves the time windows in which the box passes a switch.
+- `boxes` encloses the motions of the whole box. `march` proves them over all times, step by step.
+- `front` and `start` contain the states at one time. `flow` computes the polynomials of a step.
+- `step` proves bounds of the errors of these polynomials from the `defects`. `time_step` contains the polynomials.
+- `passes` proves motions in the short time in which all parameters of the box pass a switch.
 - `outputs` bounds the outputs over a step.
 - `scene_problem` makes the equations of a scene, and `modes` those of frequencies and limits of stability.
 - `interval`, `discs`, `points`, `taylor_models` and `chebyshev` are arithmetics with bounds of rounding errors.

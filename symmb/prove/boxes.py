@@ -20,9 +20,9 @@ from symmb.prove.start import nominal_front, still
 _EARLY_REMAINDER = 1e-7
 """Parts are halved early if their remainder, relative to the width of the states in the whole box, is larger.
 
-Half of the parts are used early. The remainder of a large part does not become smaller later, and steps of large parts
-take many times longer. Example: with all parts used early, the double pendulum (5 %, order 8) was proved for 5 s with
-1e-5, for 9 s with 1e-7, and for 3 s with 1e-8.
+Early halving makes up to half of the allowed parts. The remainder of a large part does not become smaller later, and
+steps of large parts take many times longer. Example: the double pendulum (5 %, order 8), with all parts made early, was
+proved for 5 s with 1e-5, for 9 s with 1e-7, and for 3 s with 1e-8.
 """
 
 
@@ -36,7 +36,7 @@ class _Part:
 
     @cached_property
     def small(self) -> float:
-        """Places are checkpoints if their remainder, relative to the width of the states, is smaller."""
+        """Places are checkpoints if their remainder, relative to the width of the states, is smaller than this."""
         begin = self.course.checkpoint
         # a halving does not reduce the earlier remainder, so it must double before the next halving
         return max(_EARLY_REMAINDER / self.share, 0.0 if begin is None else 2.0 * begin.front.share())
@@ -44,7 +44,7 @@ class _Part:
     def halves(self, order: int) -> "list[_Part]":
         """Both halves, in the variable with the slowest decay of coefficients at the end.
 
-        The halves continue from the checkpoint. If there is none, or it is the start, they start again, because the
+        The halves continue from a checkpoint after the start. Without such a checkpoint they start again, because the
         start of a half has a smaller remainder. ProofError if the scene cannot start for some parameters.
         """
         end, at = self.course.end, self.course.checkpoint
@@ -86,9 +86,9 @@ class Enclosure:
     def is_loose(self) -> Mask:
         """Whether bounds (n_t, n_y) are mostly remainder: more than half of the width.
 
-        Remainders do not count if they are small relative to the output, or below a tenth of its largest motion with
-        the parameters. At first parameters have no effect, and the whole width is remainder. Small remainders of terms
-        that cancel do not count either.
+        Remainders that are small relative to the output are ignored. Remainders below a tenth of the largest effect of
+        the parameters are ignored too, because parameters have no effect at the start. If terms of the output cancel,
+        remainders are compared with these terms.
         """
         finite = np.isfinite(self.upper)
         width, remainder = np.where(finite, self.upper - self.lower, np.inf), np.where(finite, self.remainder, 0.0)
@@ -99,7 +99,7 @@ class Enclosure:
         return np.asarray(finite & (remainder > 0.25 * width) & (2.0 * remainder > visible))
 
 
-@np.errstate(all="ignore")  # bounds that are not finite are sorted out later
+@np.errstate(all="ignore")  # bounds that are not finite are treated later
 def enclose(
     problem: Problem, order: int, boxes: int, progress: Callable[[float], None] = lambda share: None
 ) -> Enclosure:
@@ -131,14 +131,14 @@ def _followed(problem: Problem, order: int, boxes: int, progress: Callable[[floa
         march(part.problem, order, part.course, part.small, max(part.small, largest),
               lambda t: progress((done + part.share * t) / horizon))  # fmt: skip
 
-    # A part is lost if its remainder exceeds a small fraction of the width, because its square makes it grow. The
-    # second half of the parts is for those that are lost first. They are halved at their last small remainder.
+    # A remainder above a small fraction of the width soon ends the proof, because its square makes it grow. After half
+    # of the allowed parts is used, the parts whose proofs end first are halved, at their last small remainder.
     for most, largest in ((boxes // 2, 0.0), (boxes, SMALL), (boxes, np.inf)):
         for part in parts:
             if not part.course.why:
                 follow(part, largest)
         while len(parts) < most and (lost := [part for part in parts if part.problem.d and not part.course.is_done]):
-            first = min(lost, key=lambda part: part.course.until)  # enclosures end at the first loss of all parts
+            first = min(lost, key=lambda part: part.course.until)  # the enclosure ends with this part
             try:
                 halves = first.halves(order)
             except ProofError:  # without a start for all parameters, more parts do not help

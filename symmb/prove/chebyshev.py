@@ -13,8 +13,8 @@ from symmb._types import Array
 from symmb.prove.rounding import U, above, of_sum
 
 TENSOR_PARAMETERS = 2
-"""Largest number of parameters with a tensor basis. Its size is a power of this number. Polynomials of more parameters
-have a total degree."""
+"""Largest number of parameters with a tensor basis. The size of such a basis grows exponentially with this number. For
+more parameters, the total degree of polynomials is limited."""
 ENTRY_ERROR = 8 * U
 """Error of a matrix entry: the cosine of an angle up to pi / 2 that has the relative error 3 U."""
 
@@ -51,7 +51,7 @@ def coefficients_from_nodes(m: int) -> Array:
 
 @cache
 def integral(n: int) -> Array:
-    """(n + 1, n) matrix from the coefficients of a polynomial to those of its integral from -1."""
+    """(n + 1, n) matrix from the coefficients of a polynomial to those of its integral, which is 0 at -1."""
     matrix = np.zeros((n + 1, n))
     for k in range(n):
         matrix[k + 1, k] = 1.0 if k == 0 else 0.5 / (k + 1)
@@ -85,7 +85,7 @@ def at_nodes(c: Array, counts: Sequence[int]) -> Array:
 
 
 def graded(c: Array, d: int) -> Array:
-    """Coefficients (..., N + 1, ...) of d parameters. Without a tensor basis, total degrees above N become 0."""
+    """Coefficients (..., N + 1, ...) of d parameters. Without a tensor basis, those of total degrees above N are 0."""
     if d <= TENSOR_PARAMETERS:
         return c
     lengths = c.shape[c.ndim - d :]

@@ -21,7 +21,7 @@ from symmb.prove.time_step import TimeStep
 
 _ALIASED_SHARE = 0.2
 """Fraction of the bound of a defect that may be due to aliasing."""
-_TOO_ROUGH = "polynomials of this order follow the motion too badly, as where a short pulse begins at rest"
+_TOO_ROUGH = "polynomials of this order are too inaccurate, for example for a short pulse that begins at rest"
 
 
 def exact_defects(step: TimeStep) -> tuple[Array, Array] | None:
@@ -74,12 +74,12 @@ def largest_defects(step: TimeStep, rho: list[float], rates: Array, slopes: Arra
 
 
 def _comparable(w: Array) -> Array:
-    """Remainders (n,), at least 1 % of the largest. Smaller ones need no better bounds, as each step mixes all."""
+    """Remainders (n,), at least 1 % of the largest remainder. Each step mixes them, so smaller values have no use."""
     return np.maximum(w, 1e-2 * w.max())
 
 
 def _ratio_in_frame(step: TimeStep, most: Array, w: Array) -> float:
-    """Ratio of the aliasing to its bound `most` (n, n) at which it increases the remainders w (n,) by a small part."""
+    """Allowed ratio of the aliasing to its bound `most` (n, n). Aliasing then has a small effect on w (n,)."""
     w = _comparable(w)
     return SMALL * float((w / (step.h * (most @ w))).min())
 
@@ -87,10 +87,10 @@ def _ratio_in_frame(step: TimeStep, most: Array, w: Array) -> float:
 def defect_of_motion(step: TimeStep, rho: list[float], most: Array, w: Array, control: Control) -> Array:
     """Bounds (n,) of |C d| with d = u' - f(u), which is at most `most` (n,) on the ellipses rho.
 
-    Aliasing may be a small fraction of the remainder w (n,). ProofError if no grid is fine enough.
+    The aliasing is limited to a small fraction of the remainder w (n,). ProofError if no grid is fine enough.
     """
     small = SMALL * w / step.h
-    # aliasing of this part of the rates is negligible if finer grids are too large
+    # this aliasing, a small part of the rates, is accepted if finer grids are too large
     harmless = _comparable(np.maximum(small, 1e-10 * (step.C_largest @ ch.sums(step.x.rate, len(rho)))))
     wanted = np.maximum(_ALIASED_SHARE * control.wanted, small)
     counts = node_counts(rho, 0.3 * float((wanted / most).min()))
@@ -141,7 +141,7 @@ def defect_of_frame(step: TimeStep, rho: list[float], most: Array, w: Array) -> 
     """Bounds (n, n) of |C (A B - B')|, which is at most `most` (n, n) on the ellipses rho."""
     counts = node_counts(rho, _ratio_in_frame(step, most, w))
     if _is_large(counts, step):
-        raise ProofError("the deviations from the polynomials grow too differently over the box")
+        raise ProofError("the growth of the deviations from the polynomials differs too much over the box")
     return above(_sampled_frame(step, counts) + ch.aliasing(rho, counts) * most)
 
 
@@ -194,8 +194,8 @@ def _adapted(step: TimeStep, control: Control) -> Tried:
 def defects_of_models(step: TimeStep, w: Array, control: Control) -> tuple[Array, Array, list[float]]:
     """Bounds of |C d| (n,) and of |C (A B - B')| (n, n), and the ellipses on which the equations are bounded.
 
-    This function is for several parameters. Aliasing may be a small fraction of the remainder w (n,). ProofError if the
-    equations may not be analytic.
+    This function is for several parameters. The aliasing is limited to a small fraction of the remainder w (n,).
+    ProofError if the equations may not be analytic.
     """
     chosen = _adapted(step, control)
     rho = chosen.rho

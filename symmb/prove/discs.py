@@ -66,7 +66,7 @@ class Disc:
 _NO_SLOPES, _NO_SWING = np.zeros(1), np.zeros(())
 """Slopes of a constant, and the sum of their moduli."""
 _LEAST_SQUARE = 1e-300
-"""A summand that covers squares that underflow. Squares above it do not underflow."""
+"""A term that covers the underflow of squares. Squares above this value do not underflow."""
 
 
 def disc(centres: Array | float, radii: Array | float = 0.0) -> Disc:
@@ -133,7 +133,7 @@ def _negative(a: Disc) -> Disc:
 
 def _multiply(a: Disc, b: Disc) -> Disc:
     slopes = _plus(_times(a.centre, b.slopes), _times(b.centre, a.slopes))
-    # all terms of the product that are not linear in the place: centres times radii, and both motions
+    # a bound of the terms of the product that are not linear in the place
     radius = a.size * b.radius + b.size * a.radius + a.swing * b.swing
     return _rounded(a.centre * b.centre, slopes, radius, a.size * (b.size + b.slope) + b.size * a.slope)
 
@@ -227,7 +227,7 @@ _SINH, _COSH = _circular(np.sinh, np.cosh), _circular(np.cosh, np.sinh)
 
 
 def _by_slope(value: Array, a: Disc, steepest: Array, analytic: bool | Mask) -> Disc:
-    """A function of discs. Its derivative has at most the modulus `steepest` in each disc, which is convex."""
+    """A function of discs. The modulus of its derivative is at most `steepest` in each disc."""
     usable = analytic and bool(np.all(np.isfinite(steepest) & (steepest >= 0)))
     size = np.abs(value) + steepest * np.abs(a.centre)
     return _if(usable, _rounded(value, _NO_SLOPES, a.swing * steepest * (1.0 + COMPLEX_ERROR), size))

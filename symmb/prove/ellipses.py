@@ -18,7 +18,7 @@ from symmb.prove.time_step import TimeStep
 
 @dataclass(frozen=True)
 class Choice:
-    """Motion of states on the ellipses of time and of the parameters, relative to their room; numbers of patches."""
+    """Distances of states on the ellipses of time and of the parameters, relative to `TimeStep.room`, and patches."""
 
     spread: tuple[float, float] = (0.5, 0.5)
     patches: tuple[int, int] = (8, 1)
@@ -65,7 +65,7 @@ class Control:
 
 
 def ellipses(step: TimeStep, spread: tuple[float, float]) -> list[float]:
-    """Parameters rho of ellipses. States and parameters move farther on them than on the box, by spread x room."""
+    """Parameters rho of ellipses. They move the states farther than the box does, by up to `spread` times `room`."""
     problem = step.problem
     rows = np.abs(step.x.c) / step.room[(slice(None), *(None,) * (step.x.c.ndim - 1))]
     if problem.d:  # parameters are linear polynomials of their variables
@@ -186,8 +186,8 @@ def nodes_of_defect(step: TimeStep, rho: list[float], rates: Array, slopes: Arra
 
 
 MOST_PATCHES = 3e4
-"""Largest number of patches of all variables. More take seconds. If a step needs more, it becomes shorter, or the proof
-ends."""
+"""Largest number of patches of all variables. More patches take seconds. A step that needs more becomes shorter, or the
+proof ends."""
 
 
 def nodes_needed(rho: list[float], ratio: float) -> float:
@@ -196,12 +196,12 @@ def nodes_needed(rho: list[float], ratio: float) -> float:
 
 
 def node_counts(rho: list[float], ratio: float) -> tuple[int, ...]:
-    """Nodes of each variable that reduce the aliasing to about `ratio` times the bound. 300 nodes take seconds."""
+    """Nodes of each variable that reduce the aliasing to about `ratio` times the bound, but at most 300."""
     return tuple(int(min(300, max(2, math.ceil(m)))) for m in _wanted(rho, ratio))
 
 
 def _wanted(rho: list[float], ratio: float) -> list[float]:
-    """Nodes of each variable as real numbers. Variables with rho = 1 are not interpolated, and left out.
+    """Nodes of each variable as real numbers. Variables with rho = 1 are left out: they have no nodes.
 
     Source: the bound of `chebyshev.aliasing`, solved for the nodes.
     """

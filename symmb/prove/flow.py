@@ -56,7 +56,7 @@ class Curve:
     def error_on(self, rho: Sequence[float]) -> Array:
         """Bounds (m,) of the errors of the polynomials on a polyellipse.
 
-        The error is a polynomial with the errors of the coefficients as coefficients. On the ellipses
+        The error is a polynomial. Its coefficients are the errors of the coefficients in `c`. On the ellipses
         |T_k| <= cosh(k log rho). With rho = 1 the bounds are `error`.
         """
         return np.zeros(len(self.c)) if self.rounded is None else largest_on(rho, self.rounded)
@@ -125,7 +125,7 @@ def _integration(terms: int, h: float) -> Array:
 
 
 def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Array:
-    """f (n, terms, ...) at states (n, terms, ...). With many states, parts of the times follow each other."""
+    """f (n, terms, ...) at states (n, terms, ...). If there are many states, the times are evaluated in parts."""
     if x[0].size > _STATES_IN_CACHE and x.shape[1] > 1:
         k = x.shape[1] // 2
         return np.concatenate([rates_at(problem, x[:, :k], p, t[:k]), rates_at(problem, x[:, k:], p, t[k:])], axis=1)
@@ -134,7 +134,7 @@ def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Ar
 
 
 def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int = 11) -> tuple[Curve, Array]:
-    """The frame B with B' = A B from B0 (n, n, NB + 1, ...), row by row, and about its inverse C (n, n, terms, ...).
+    """The frame B with B' = A B from B0 (n, n, NB + 1, ...), row by row, and approximately B^-1: C (n, n, terms, ...).
 
     The frame has fewer terms in time than the motion, because its defect increases the remainder only by a small part.
     The motion has the coefficients x (n, K + 1, N + 1, ...).
@@ -166,7 +166,7 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
     try:
         inverse = np.moveaxis(np.asarray(np.linalg.inv(B), dtype=float), (-2, -1), (0, 1))
     except np.linalg.LinAlgError:
-        raise ProofError("the deviations from the polynomials grow too differently in a step") from None
+        raise ProofError("some deviations from the polynomials grow much faster than others in a step") from None
     rate = _without_noise(rate.reshape(n * n, terms, *lengths), 1e-11)
     C = _without_noise(ch.graded(fit(inverse, (terms, *lengths)), problem.d).reshape(rate.shape), 1e-11)
     return integrated(B0.reshape(n * n, *lengths), rate, h), C.reshape(n, n, *rate.shape[1:])

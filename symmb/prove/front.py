@@ -47,7 +47,7 @@ class Front:
     def share(self) -> float:
         """Largest ratio of the remainder of a state to its motion with the parameters.
 
-        The motion of a state counts as a small part of the largest motion if it is smaller.
+        Motions of states below a small part of the largest motion are replaced by this part.
         """
         moved = ch.sums(self.x, self.x.ndim - 1) - np.abs(self.middle)
         return float((self.reach / np.maximum(moved, SMALL * moved.max(initial=1e-300))).max(initial=0.0))
@@ -76,11 +76,11 @@ def _end(curve: Curve, d: int) -> tuple[Array, Array]:
 
 
 def well_conditioned(front: Front, scales: Array, worst: float = 30.0) -> Front:
-    """The front in an orthogonal frame if the condition of its frame, with columns of length 1, is `worst` or more.
+    """The front, in an orthogonal frame if the condition number of its frame with unit columns is `worst` or more.
 
     The columns of the frame at nodes of the parameters are made orthogonal, with the longest column first. The new
-    frame is the polynomial through these columns. It is the diagonal frame of the scales if the polynomial is not
-    accurate enough. |C B| w bounds the new w. C is approximately the inverse of the new frame.
+    frame is the polynomial through these columns. If this polynomial is not accurate enough, the new frame is the
+    diagonal frame of the scales. |C B| w bounds the new w. C is approximately the inverse of the new frame.
 
     Source: Lohner (1988), thesis, Karlsruhe, section 3.3; Makino and Berz, International Journal of Differential
     Equations and Applications 10 (2005), section 4.

@@ -1,12 +1,12 @@
 """Equations of motion with all coordinates, and with independent velocities.
 
-Coordinates are not projected onto the rows of loops. Velocities satisfy the rows: G v = -nu gives the dependent
-velocities from the free ones. The free velocities u follow from Newton's second law,
+Coordinates are not projected onto the constraints of loops. Velocities satisfy the constraints: G v = -nu gives the
+dependent velocities from the free ones. The free velocities u follow from Newton's second law,
 
     S' M S u' = S' (Q - M a),
 
 where S are the velocities of the bodies along u, and a the accelerations for u' = 0. Masses of bodies are constant, so
-no terms of joints must cancel.
+the equations have no terms of joints that must cancel each other.
 
 Source: Wehage and Haug, Journal of Mechanical Design 104 (1982), generalised coordinate partitioning.
 """
@@ -32,14 +32,14 @@ from symmb.prove.tape import Tape
 from symmb.run.formulations import Formulation
 
 _MOST_SETS_COMPARED = 500
-"""Up to this number, all sets of velocities are compared. Of more sets, only those that are best at some time are
-compared."""
+"""Up to this number, all sets of dependent velocities are compared. If there are more, only sets that are best at some
+time are compared."""
 _LARGE_LOG_CHANGE = np.log(10.0)
 """With a larger change of the logarithm of a determinant, another set may be better."""
 
 
 class Partition(NamedTuple):
-    """Numbers of the dependent velocities, the Jacobian G at their worst time, and the last time of the partition."""
+    """Numbers of the dependent velocities, the Jacobian G where det(S' M S) is largest, and the last time of use."""
 
     dependent: tuple[int, ...]
     G_there: Array
@@ -57,8 +57,8 @@ class Equations:
     kept : numbers of the entries of this state that x contains
     solved : (x, p, t) -> multipliers of all rows of the system, and accelerations of the bodies, if the system is known
     regular : (x, p, t) -> (m,), all different from 0 if the rates are those of the formulation; None: everywhere
-    until : time from which other equations with as many states are better [s]; infinite if there are none
-    following : the other equations
+    until : time from which `following` is better [s]; infinite if there are no other equations
+    following : other equations with the same number of states
     """
 
     rates: ca.Function
@@ -134,10 +134,10 @@ def _in_order(dependent: Sequence[int], values: ca.SX, free_values: ca.SX) -> ca
 
 
 def start_states(form: Formulation, u: ca.SX, p: ca.SX) -> ca.SX:
-    """The state (n_x,) at the start. Rows determine the velocities with large error bounds from the other velocities.
+    """The state (n_x,) at the start. Constraints determine the velocities with large error bounds from the others.
 
-    The expressions of the start are for runs, and bounds of their rounding errors may be large. The bounds of listed
-    velocities are small.
+    The expressions of the start are made for runs. Bounds of their rounding errors may be large. These bounds are small
+    for velocities with given start values.
     """
     dae, start = form.dae, form.start
     x0 = start.state(u, p)
@@ -182,12 +182,12 @@ def _partitions(form: Formulation, times: Array) -> list[Partition]:
         sets = sorted({tuple(sorted(qr(A, mode="r", pivoting=True)[-1][:n_r].tolist())) for A in scaled})
     signs, sizes = (np.stack(part) for part in zip(*(np.linalg.slogdet(scaled[:, :, list(s)]) for s in sets),
                                                    strict=True))  # fmt: skip
-    # det(S' M S) is, up to its sign, the determinant of the saddle point matrix over that of the dependent columns of G
-    # squared. The former is the same for all sets, so the many matrices S are not computed.
+    # det(S' M S) is, up to its sign, a quotient. Its numerator is the determinant of the saddle point matrix, the same
+    # for all sets. Its denominator is the squared determinant of the dependent columns of G. S is not needed.
     logs = whole - 2 * sizes
 
     def changes(first: int) -> Array:
-        """Changes (sets, places) of the logarithms of determinants from a place on; infinite after a change of sign."""
+        """Changes (sets, times) of logarithms of determinants from time `first` on; infinite after a sign change."""
         with np.errstate(invalid="ignore"):
             part = logs[:, first:]
             change = np.maximum.accumulate(part, axis=1) - np.minimum.accumulate(part, axis=1)

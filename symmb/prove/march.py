@@ -24,9 +24,9 @@ from symmb.prove.time_step import TimeStep
 _TIME_TERMS = 20
 """Number of terms of the motion in time. With the step length of `_shortened`, the last terms are rounding."""
 _SHORTER_STEP = 0.3
-"""Factor of a step that is too long for the motion."""
+"""Factor that shortens a step in which the motion changes too fast."""
 _UNITS_BEFORE_CHANGE = 8
-"""Shortest step that ends at a change of states, in units of times. A change within this time is made at once."""
+"""Shortest step before a change of states, in units of times. A change within this time is made at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,16 +120,16 @@ def march(
             course.checkpoint = place
         if share > largest:
             return
-        # such a proof ends soon anyway, after many steps without progress
+        # without this limit, many short steps would follow
         if share > 1e-2 and place.control.h < longest / 64:
             course.why = _why(place, "the deviations from the polynomials grow too fast")
             return
 
 
 def _why(place: Place, reason: str) -> str:
-    """The reason for the end of a proof at a place, with a possible cause ahead.
+    """The reason for the end of a proof at a place, with a possible cause soon after this time.
 
-    The cause is a determinant of the loops that would soon be 0, or a switch. A proof ends before a switch only if
+    The cause may be a determinant of the loops that would soon be 0, or a switch. A proof ends before a switch only if
     slopes grow without bound there.
     """
     problem, front, phase = place.problem, place.front, place.problem.phase
@@ -142,14 +142,14 @@ def _why(place: Place, reason: str) -> str:
         reason = f"{reason}; {problem.why_singular}" if is_near.any() else reason
     if phase is not None and problem.valid_tape is not None and not any(f"'{own}'" in reason for own in phase.labels):
         sides = on_motion(still(problem, front.t, front.x), problem.valid_tape, np.zeros(problem.n), (1, 1))
-        # before a kink with infinite slopes, a proof ends some spreads of the box away
+        # a kink with infinite slopes ends a proof at a distance of some widths of the box
         near = [k for k, a in enumerate(sides) if not (np.real(a.centre) > 3.0 * a.swing).all()]
         reason = f"{reason}; {phase.steep(near[0])}" if near else reason
     return reason
 
 
 def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, float]:
-    """The place after a proved step or pass, and its length [s]. The course stores bounds of the outputs."""
+    """The place after a proved step or pass, and its length in time [s]. The course stores bounds of the outputs."""
     problem, front, control = place.problem, place.front, replace(place.control)
     usual, left = control.h, _left(problem, front.t, grain)
     control.h, others = min(usual, left), tuple[Problem, ...]()
@@ -176,7 +176,7 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
         course.steps.append((step, proof.W))
     front, times = leaving(step, proof.end), problem.times
     late = _late(problem, front.t)
-    # outputs within four errors of an instant count as at the instant, and have the new values
+    # outputs at times within four errors of an instant have the values after the instant
     until = front.t if late is None else front.t - 4 * late
     behind = int(np.searchsorted(times, until, side="right"))
     if behind > course.stored:
@@ -218,7 +218,7 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
     """The place after a pass that begins at a place. The course stores bounds of the outputs."""
     problem, front, control = place.problem, place.front, place.control
     if ahead.why or not ahead.first > 0:
-        raise ProofError(ahead.why or "the pass may be at this time itself")
+        raise ProofError(ahead.why or "it may be passed at this time itself")
     begin, about = front.t, window(problem, ahead)
     end = begin + float(np.ceil((ahead.last + ahead.first) / grain)) * grain
     if problem.change is not None and problem.change.late is not None and problem.change.time <= end:
@@ -232,7 +232,7 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
     g = np.maximum(np.abs(there.bounds.lower), np.abs(there.bounds.upper))[-1]
     late, lost = off(to, scaled, at_pass.front, about, ahead.first, g)
     if not above(late) < ahead.first:
-        raise ProofError("the pass may be at this time itself")
+        raise ProofError("it may be passed at this time itself")
     # The motion goes back from the passes to one time. From there on, all parameters have the same time again.
     back = scaled.problem(about.new, about.surface, is_back=True)
     new_begin = replace(at_pass.front, t=0.0, x_error=above(at_pass.front.x_error + lost))
@@ -286,7 +286,7 @@ def _left(problem: Problem, t: float, grain: float) -> float:
 
 
 def _late(problem: Problem, t: float) -> float | None:
-    """The error of the instant at time t [s]; None if there is no instant."""
+    """The error of the prescribed time of a change at t [s]; None if t is not such a time."""
     change = problem.change
     return None if change is None or t != change.time else change.late
 
@@ -339,7 +339,7 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
         last = ch.sums(x.c[:, -2:], problem.d).max(axis=1)
         sizes = np.maximum(problem.scales, ch.sums(x.c, problem.d + 1))
         tail = float((last / sizes).max(initial=0.0))
-        # the last coefficients of the motion decide: this length would reduce them to the rounding of the states
+        # with this length, the last coefficients of the motion would be as small as the rounding of the states
         h_resolved = h * float(np.clip((FACTORS / max(tail, 1e-30)) ** (1.0 / _TIME_TERMS), _SHORTER_STEP, 1.5))
         if tail > ROUNDING:
             aim = h = h_resolved

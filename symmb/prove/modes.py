@@ -79,7 +79,7 @@ class LinearStart:
 
 
 def with_modes(linear: LinearStart, modes: Array, p: Array) -> StartEquations:
-    """Starting equations with the states 1 + a and b (2 m,) for eigenvalues a + i b, divided by their nominal moduli.
+    """Starting equations with the states 1 + a and b (2 m,). a + i b is an eigenvalue, divided by its nominal modulus.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def with_modes(linear: LinearStart, modes: Array, p: Array) -> StartEquations:
         for block, shape, size in zip(blocks, shapes, sizes, strict=True):
             real, imag, a, b = ca.vertsplit(block, [0, n, 2 * n, 2 * n + 1, 2 * n + 2])
             rows += _rows_of_mode(J / size, shape, real, imag, a, b)
-            shares += [1 + a, b]  # damping is small compared with critical damping: its rounding is not loose
+            shares += [1 + a, b]  # so errors of a are compared with critical damping
         return rows, shares
 
     blocks = [len(u[0]), *[2 * n + 2] * len(modes)]
@@ -152,7 +152,7 @@ def with_limits(linear: LinearStart, number: int, width: float, values: Array, p
         return rows, states
 
     blocks = [n_u + 1 + (2 * n + 1 if oscillates else n) for *_, oscillates in shapes]
-    return _start_equations(linear, equations, blocks, np.concatenate(nominal), p, "limits may meet others")
+    return _start_equations(linear, equations, blocks, np.concatenate(nominal), p, "limits may meet other limits")
 
 
 def _continued(residual: ca.Function, nominal: Array, p: Array, t: float, samples: Array) -> Array:

@@ -19,9 +19,9 @@ from symmb.prove.taylor_models import Model, basis_of, reach
 from symmb.prove.time_step import TimeStep, parameter_points
 
 EXTRA_NODES = 4
-"""First number of nodes of each parameter, in addition to the terms of the motion."""
+"""The first grid has this number of nodes more than the motion has terms, for each parameter."""
 _MOST_NODES_OF_ALL_TIMES = 3e6
-"""Largest number of nodes in the grids for all times. Their values take seconds."""
+"""Largest number of nodes in the grids for all times. The values at so many nodes take seconds."""
 
 
 class OutputBounds(NamedTuple):
@@ -65,13 +65,13 @@ class OutputBounds(NamedTuple):
         )
 
 
-@np.errstate(all="ignore")  # bounds that are not finite are sorted out later
+@np.errstate(all="ignore")  # bounds that are not finite are treated later
 def output_bounds(step: TimeStep, w: Array, times: Array, control: Control, sharp: float = SLIGHT) -> OutputBounds:
     """Bounds of the outputs at times (n_t,) of a step for |w| <= w (n,).
 
     The outputs y(u(xi, t), p, t) are interpolated in xi. Their ranges are widened by the aliasing, the rounding, and
     the largest sensitivity dy/dx times the largest B w. Outputs that cannot be shown to be smooth have infinite bounds.
-    `control.rough` marks these outputs. `sharp` is the excess of the bounds relative to their width.
+    `control.rough` marks these outputs. `sharp` is the allowed excess of the bounds, relative to their width.
     """
     problem, e, sizes = step.problem, above(step.B_largest @ w), ch.sums(step.x.c, step.x.c.ndim - 1)
     bounds = OutputBounds.unknown(len(times), problem.outputs.numel_out(0))
@@ -155,7 +155,7 @@ def interpolation(
     ----------
     rho : ellipses of the parameters
     most : (m,) bounds of the outputs on the ellipses
-    blurred : (m,) other errors of the outputs. Errors by aliasing need not be much smaller
+    blurred : (m,) other errors of the outputs. Errors by aliasing need not be much smaller than these
     sharp : allowed errors by aliasing, relative to the width
     degrees : (m, d) degrees of outputs that are polynomials; infinite for other outputs
     """

@@ -72,8 +72,8 @@ def _half(step: TimeStep, variable: int, side: int) -> TimeStep:
 def bounds_about_pass(whole: Part, times: Array, control: Control) -> OutputBounds:
     """Bounds at times (n_t,): of the old motion before the pass, of the new motion after it, and of both during it.
 
-    Parts of the box that may pass at one of the times are halved: up to 40 parts, or until a pass takes 0.2 % of the
-    time of the whole pass. Each part joins only the bounds of its possible motions.
+    Parts of the box that may pass at one of the times are halved, until there are 40 parts, or each part passes within
+    0.2 % of the time of the whole pass. Each part joins only the bounds of its possible motions.
     """
     found, is_between = _joined(whole, times, control), whole.has(times)
     if not (is_between.any() and whole.times.ndim):
@@ -90,7 +90,7 @@ def bounds_about_pass(whole: Part, times: Array, control: Control) -> OutputBoun
 
 
 def _joined(part: Part, times: Array, control: Control) -> OutputBounds:
-    """Bounds of a part of the box at times (n_t,), of all motions that are possible at each time."""
+    """Bounds of a part of the box at times (n_t,). They contain all motions that are possible at each time."""
     first, last = part.span
     old = _outputs(part.old, times, times <= last, control)
     return old.joined(_outputs(part.new, times, times >= first, control))

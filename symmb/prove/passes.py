@@ -1,4 +1,4 @@
-"""Passes of switches: within a short time window, all parameters of the box pass one switch, or several at once.
+"""Passes of switches: in a short time window, motions for all parameters pass one switch, or several at once.
 
 The time from the start t of a window to the pass is approximately a polynomial tau(p). In scaled time, the old
 equations lead from t to the surface of the switch for all parameters at once. The new equations then lead back to t.
@@ -35,7 +35,7 @@ from symmb.prove.tape import Tape
 from symmb.prove.time_step import TimeStep
 
 _MOST_SWITCHES_AT_ONCE = 4
-"""Largest number of switches that are passed at once. Each doubles the number of equations during the passes."""
+"""Largest number of switches that are passed at once. Each switch doubles the number of equations during passes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +112,7 @@ def _look(tape: Tape, c: Array, p: list[Array], begin: float, h: float, found: A
         found = tape.run(PLAIN, plain, [list(x), [own[which] for own in p], [time]])
         return x, [[np.broadcast_to(a, s.shape) for a in part] for part in found]
 
-    # A pass and its return between two of 33 times are not found. The conditions of the step are then not proved.
+    # A pass and a return between two of 33 times are not found. The later proof of the conditions then fails.
     s = -np.cos(np.linspace(0.0, np.pi, 33))
     values = at(np.broadcast_to(s[:, None], (len(s), c.shape[2])))[1][0]
     for k, value in enumerate(values):
@@ -182,7 +182,7 @@ class Window:
 
 
 def window(problem: Problem, ahead: Crossing) -> Window:
-    """The equations near a pass. ProofError if a switch depends on another one that is passed with it."""
+    """The equations near a pass. ProofError if a switch depends on another one that is passed at once."""
     phase, which = problem.phase, list(ahead.which)
     assert phase is not None and problem.valid is not None and ahead.place is not None
     x, p, t = arguments = problem.rates.sx_in()
@@ -239,7 +239,7 @@ def departure(
     if not set(own) <= set(which) or len(which) > _MOST_SWITCHES_AT_ONCE:
         raise ProofError("the motion may begin on it")
     place = front.middle, problem.middle, front.t
-    behind = _moved(problem.rates, place, SMALL * h)  # pieces of tables shortly later
+    behind = _moved(problem.rates, place, SMALL * h)  # tables may have other pieces shortly later
     both, left = [], []
     for signs in product((1.0, -1.0), repeat=len(which)):
         sides = phase.sides.copy()
@@ -303,7 +303,7 @@ class Scaled:
 
 
 def off(problem: Problem, scaled: Scaled, front: Front, about: Window, first: float, g: Array) -> tuple[float, Array]:
-    """Bounds of the distance between passes and the polynomial [s], and of the resulting errors (n,) of the states.
+    """Bounds of the time between passes and the polynomial [s], and of the resulting errors (n,) of the states.
 
     `front` is the front of the old equations at the times of the polynomial. The switches are at most g (m,) there. All
     motions stay within a region around the front during this time. `problem` is the old problem in scaled time, and

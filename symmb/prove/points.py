@@ -125,7 +125,7 @@ def _constant_power(a: Point, exponent: Point) -> Point:
 
 
 def _is_constant(a: Point) -> bool:
-    """Whether all values are the same number without an error. An error that covers only underflow does not count."""
+    """Whether all values are the same number without an error. An error that covers only underflow is ignored."""
     return a[1] <= above(0.0) and a[2] == a[3]
 
 
@@ -168,7 +168,7 @@ _FUNCTIONS: dict[int, tuple[Callable[..., Array], Callable[[float, float], float
     ca.OP_SIN: (np.sin, lambda low, high: 1.0),
     ca.OP_COS: (np.cos, lambda low, high: 1.0),
     ca.OP_EXP: (np.exp, lambda low, high: math.exp(high)),
-    # the root is an error below 0, where 1 / low would be a wrong bound
+    # the root raises an error below 0, where 1 / low would be a wrong bound
     ca.OP_LOG: (np.log, lambda low, high: 1.0 / math.sqrt(low) ** 2),
     ca.OP_SINH: (np.sinh, lambda low, high: math.cosh(_largest(low, high))),
     ca.OP_COSH: (np.cosh, lambda low, high: math.cosh(_largest(low, high))),

@@ -191,7 +191,7 @@ def with_jacobian(f: ca.Function) -> Tape:
 
 @dataclass(frozen=True, eq=False)
 class Phase:
-    """Equations on fixed sides of their switches of the state and of time.
+    """Equations on fixed sides of their switches. A switch depends on the state or on time.
 
     The equations are also smooth beyond the switches. They are those of the scene as long as a proof shows that all
     switches are on these sides.

@@ -12,7 +12,7 @@ from symmb.prove.chebyshev import along
 from symmb.prove.rounding import U, above
 
 _MOST_COEFFICIENTS_AT_ONCE = 2**20
-"""Largest number of coefficients of cells in memory (8 MB). The search of a polynomial ends above it. If the maximum is
+"""Largest number of coefficients of cells in memory (8 MB). The search ends above this number. If the maximum is
 on a curve or a surface, the number of cells doubles until the cells are as small as the tolerance.
 """
 _MOST_HALVINGS = 80
@@ -22,7 +22,7 @@ _MOST_HALVINGS = 80
 def ranges(c: Array, tolerance: float) -> tuple[Array, Array]:
     """Bounds (m,) of polynomials with Chebyshev coefficients (m, n1, ..., nd).
 
-    The excess is at most `tolerance` times the range, plus rounding, unless too many cells are needed.
+    The excess is at most `tolerance` times the range, plus rounding. It is larger if too many cells are needed.
 
     The largest Bernstein coefficient of a polynomial is at least its maximum, and the coefficients at the corners are
     values of the polynomial. A cell is finished if its largest coefficient exceeds the largest known value by at most

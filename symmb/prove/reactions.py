@@ -1,8 +1,8 @@
 """Multipliers of constraints, and accelerations of bodies, from the accelerations of a formulation.
 
-If all accelerations are known, G' lam = Q - M v' gives the multipliers lam. The equations of the velocities that the
-rows of a formulation determine give the multipliers of these rows. The equations of carried bodies give the multipliers
-of the joints that carry them, from the last body of a tree on. Nothing is divided by a mass.
+If all accelerations are known, G' lam = Q - M v' gives the multipliers lam. First, the multipliers of the rows of a
+formulation follow from equations of the velocities that these rows determine. Then the equations of carried bodies give
+the multipliers of the joints that carry them, from the last body of a tree on. No equation is divided by a mass.
 
 Source: Featherstone (2008), Rigid Body Dynamics Algorithms, section 5.3, the recursive Newton-Euler algorithm.
 """
@@ -83,7 +83,7 @@ def solved_function(
     a = ca.densify(bodies.drift + bodies.J @ vdot)
     own = [c.row_names.index(name) for name in form.dae.row_names]
     carried = () if form.bodies is None else form.bodies.carried
-    # the last body of a tree has only its joint; the multipliers of this joint then act on the body before
+    # the last body of a tree has one joint; the multipliers of this joint then act on the body before it
     parts = [part for joint, body in reversed(carried) for part in _parts(G, c.rows[joint], c.slices[body][1])]
     directions = [G[rows, columns] for rows, columns in parts]
     solvers = [ExplicitSolver(S) for S in _with_whole_numbers(form, at, [P @ P.T for P in directions])]

@@ -42,7 +42,7 @@ def problem_of(method: object, simulator: Simulator, box: Box) -> Problem:
         return _modal_problem(method, simulator, box)
     if isinstance(simulator, CriticalSimulator):
         return _critical_problem(method, simulator, box)
-    # The attribute is read: from Python 3.12 on isinstance accepts a property that raises.
+    # The attribute is read, because from Python 3.12 on isinstance accepts a property that raises.
     expression: ca.Function | None = getattr(simulator, "expression", None)
     if not isinstance(simulator, DAESimulator) and expression is None:
         raise PropagationError(
@@ -154,8 +154,8 @@ def _critical_problem(method: object, simulator: CriticalSimulator, box: Box) ->
         start = with_limits(linear, simulator.number, high - low, values, p)
     except ValueError:
         raise PropagationError(
-            f"{method!r}: at a critical {simulator.outputs[0]}, several eigenvalues are imaginary or 0, and it cannot "
-            "prove bounds for this case. Use PolynomialChaos()."
+            f"{method!r}: at a critical {simulator.outputs[0]}, several eigenvalues are imaginary or 0. Bounds cannot "
+            "be proved for this case. Use PolynomialChaos()."
         ) from None
     middle, inner = intervals[0], _points_of(*intervals[:2])
     corners = middle + intervals[1] * np.sign(inner - middle)
@@ -201,8 +201,8 @@ def _require_fixed(
     P = P[np.isfinite(linear.start.solve(P)).all(axis=1)]
     if not linear.has(P, [found.values for found, _ in simulator.family.eigen_of(P)]):
         raise PropagationError(
-            f"{method!r}: {simulator.name} starts in a motion that is steady only in rotating coordinates. It cannot "
-            "prove bounds for this case. Use PolynomialChaos()."
+            f"{method!r}: {simulator.name} starts in a motion that is steady only in rotating coordinates. Bounds "
+            "cannot be proved for this case. Use PolynomialChaos()."
         )
 
 
@@ -267,8 +267,8 @@ def _formulation(method: object, simulator: DAESimulator, box: Box) -> Formulati
     form = simulator.program.forms.least_constrained
     if rows := _rows_that_may_bind(simulator, form, box):
         raise PropagationError(
-            f"{method!r}: rows of constraints depend on others ({rows}), and it cannot prove that they stay so. Use "
-            "PolynomialChaos()."
+            f"{method!r}: rows of constraints depend on others ({rows}). It cannot be proved that they always do. "
+            "Use PolynomialChaos()."
         )
     if form.dae.impacts is not None:
         what = "joints that open or close" if form.dae.impacts.joints is not None else "impacts"
@@ -313,7 +313,7 @@ def _joints(rows: Sequence[str]) -> tuple[str, ...]:
 
 
 def _meeting(simulator: DAESimulator, box: Box) -> str:
-    """A sentence about a spring or damper with points that may meet, from linear changes between runs; or empty."""
+    """A sentence about a spring or damper with points that may meet, by interpolation between runs; or empty."""
     from scipy.optimize import lsq_linear
 
     scene, (middle, radius, _) = simulator.scene, _intervals(simulator, box)
@@ -345,7 +345,7 @@ def _points_of(middle: Array, radius: Array) -> Array:
 
 
 def _contradiction(form: Formulation, P: Array) -> str:
-    """A message if a start at one of the parameters P (N, n_p) contradicts a listed start value; otherwise empty."""
+    """A message if a start at one of the parameters P (N, n_p) contradicts a given start value; otherwise empty."""
     u, ok = form.start.position.solve(P)
     x = batch(form.start.state, u, P)[0]
     broken = ok & ~(batch(form.start.holds, x, u, P)[0] > 0).all(axis=1)
@@ -358,7 +358,7 @@ def _contradiction(form: Formulation, P: Array) -> str:
 
 
 def _phase(dae: DAE, rates: ca.Function, outputs: ca.Function, times: Array, kept: Indices) -> Phase | None:
-    """Rates and outputs on sides of the switches of the rates; None without switches. Times start at 0."""
+    """The equations on given sides of the switches of the rates; None without switches. Times start at 0."""
     found = kinks(dae, times)
     if found is None:
         return None

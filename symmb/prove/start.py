@@ -26,7 +26,7 @@ from symmb.prove.time_step import TimeStep
 
 NO_START = "there are parameters for which the scene cannot be started"
 """The message if no part of a box can be proved."""
-_ROUGH = "sampled values, or other velocities of a loop, cannot be shown to be smooth over the box"
+_ROUGH = "sampled values, or a change to other velocities of a loop, cannot be shown to be smooth over the box"
 """The message if the states after a change cannot be proved."""
 _NO_FRAME = Curve(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)))
 """The frame of a step without motion."""
@@ -283,7 +283,7 @@ def require_known(where: str, *functions: ca.Function) -> None:
 
 
 def drifted(problem: Problem, front: Front, late: float) -> Front:
-    """The front with all states within a time `late` before and after [s]. ProofError if the rates are too large."""
+    """The front with the states up to a time `late` earlier and later [s]. ProofError if the rates are too large."""
     room = SAME * problem.scales  # states hardly move between an instant and its rounded time
     around = still(problem, front.t - 2 * late, front.x, 4 * late)
     moved = above(late * bounds_of(problem.rate_tape, around, above(front.reach + room))[0])

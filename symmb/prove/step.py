@@ -32,7 +32,7 @@ from symmb.prove.tape import Tape
 from symmb.prove.time_step import TimeStep
 
 MOST_CANDIDATES = 12
-"""Largest number of candidates W for a bound that proves itself: a bound of w, or of the time to a pass."""
+"""Largest number of candidates W until F(W) < W. W bounds w, or the time to a pass."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Proof:
 
 @np.errstate(all="ignore")
 def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
-    """Bounds of |w| over a step. At the start, |w| is at most w0 (n,). ProofError if no box W proves itself."""
+    """Bounds of |w| over a step. At the start, |w| is at most w0 (n,). ProofError if F(W) < W for no W."""
     defects, patches = exact_defects(step), control.choice.patches
     if defects is not None:
         defect, growth = defects
@@ -69,7 +69,7 @@ def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
         if not np.isfinite(end).all():
             break
         if stays(end, W):
-            # the equations are used in all of W, so they must also be those of the loops there
+            # the equations are used in all of W, so rows of loops must determine the velocities there
             if not is_regular(step, e, patches):
                 raise ProofError(step.problem.why_singular)
             return Proof(W, end)
@@ -101,7 +101,7 @@ def require_valid(step: TimeStep, e: Array) -> None:
 
 
 def on_motion(step: TimeStep, tape: Tape, e: Array, patches: tuple[int, int]) -> list[discs.Disc]:
-    """Discs of the first outputs of a tape, for all parameters and states within e (n,) of the motion of a step."""
+    """Discs of the first output vector of a tape, for all parameters and states within e (n,) of the motion."""
     if step.problem.d > ch.TENSOR_PARAMETERS:
         return [a.disc for a in on_step(step, tape, e)[0]]
     return step.discs_of(tape, patches, e)[0]

@@ -45,7 +45,7 @@ class Tape:
         inputs: Sequence[Sequence[Any]],
         is_lost: Callable[[Any], bool],
     ) -> str:
-        """The name of the first operation with a lost result; empty if no result is lost."""
+        """The name of the first operation whose result `is_lost`; empty if there is none."""
         lost: list[int] = []
 
         def watched(code: int) -> Callable[..., Any]:

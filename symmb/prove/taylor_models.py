@@ -292,9 +292,9 @@ def _if(holds: Any, a: Model) -> Model:
 def _expansion(a: Model) -> tuple[Array, Array, Array | None]:
     """Centres (P,) of a series with a singularity at 0, ratios q (P,) of distance to modulus, and `about`.
 
-    Ratios from 1 on are nan. `about` is the argument of `_composed`. The constant terms are the centres if all values
-    are close to them. If a square comes close to 0, as in sqrt(w^2 + small^2), values are only close to the middle of
-    the range. Up to the ratio 1/2 a series converges well: with degree 8 the remainder is 1 / 2^9.
+    Ratios from 1 on are nan. `about` is the argument of `_composed`. The centres are the constant terms if all values
+    are close to them. Otherwise they are the middles of the ranges, as for sqrt(w^2 + small^2) if the square comes
+    close to 0. Up to the ratio 1/2 a series converges well: with degree 8 the remainder is 1 / 2^9.
     """
     own, around = above(a.swing / np.abs(a.c[0])) * (1.0 + COMPLEX_ERROR), a.around
     if (own < 0.5).all() or a.degree == 0:

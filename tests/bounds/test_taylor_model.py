@@ -106,7 +106,7 @@ def test_errors_of_a_solver_are_no_doubt_about_a_proof():
     [
         (
             lambda: _door_on_two_hinges(offset=(-1e-3, 1e-3)),
-            r"rows of constraints depend on others \(.*er\), and it cannot prove",
+            r"rows of constraints depend on others \(.*er\)\. It cannot be proved",
         ),
         (bouncing_ball.scene, "cannot prove bounds for scenes with impacts"),
     ],

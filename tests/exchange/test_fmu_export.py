@@ -232,7 +232,7 @@ def test_inputs_stand_in_laws_alone():
 @pytest.mark.parametrize(
     ("save", "text"),
     [
-        (lambda scene, path: mb.save_fmu(scene, path, version=1), "version must be 2 or 3, of FMI, got 1"),
+        (lambda scene, path: mb.save_fmu(scene, path, version=1), "version must be 2 or 3, a version of FMI, got 1"),
         (lambda scene, path: mb.save_fmu(scene, path.with_suffix(".zip")), "must end in .fmu"),
         (lambda scene, path: mb.save_fmu(scene.system, path), "Expected a Scene, got System"),
         (lambda scene, path: mb.save_fmu(mb.prepare(scene, mb.CVODES()), path), r"CVODES\(\) cannot be exported"),

@@ -120,7 +120,7 @@ def test_faults_of_a_program_end_it_with_a_sentence(tmp_path, capsys):
 def test_a_scene_without_states_has_equations_only(tmp_path, capsys):
     with warnings.catch_warnings(action="always"):
         assert main(["codegen", "cubic", "-o", str(tmp_path)]) == 0
-    assert "only the equations are written, no runs. cubic has no states" in capsys.readouterr().err
+    assert "only the equations are written as C, not runs. cubic has no states" in capsys.readouterr().err
     assert not (tmp_path / "scene.c").exists()
 
 

@@ -197,7 +197,7 @@ def test_urgent_limits_come_first_and_the_annex_has_the_rest(tmp_path):
     _, sentences, steps = told(bounds, limits)
     assert sentences[0] == ("violated", "Of 30 limits, 2 are violated in some cases and 28 are satisfied.")
     assert [state for state, _ in sentences[1:7]] == ["violated"] * 2 + ["satisfied"] * 4
-    assert sentences[7] == ("", "The annex has the other 24.")
+    assert sentences[7] == ("", "The annex contains the other 24 sentences.")
     assert "k from 1 ± 0.1 to 1 ± 0.016" in steps[0]
     bounds.report(tmp_path / "r.html", limits)
 

@@ -1,8 +1,8 @@
 """Records in NumPy archives and in JSON, and tables.
 
 A record is a mapping of names to texts, numbers, arrays, records and lists of records. Both formats store the same
-entries. JSON calls ``t`` times and ``names`` outputs, and stores None for numbers that are not finite. An archive has
-one array for each array of the record, and all other entries as JSON in its array ``about``.
+entries. In JSON, ``t`` has the name ``times``, ``names`` has the name ``outputs``, and None stands for numbers that are
+not finite. An archive has one array for each array of the record. Its array ``about`` contains the rest as JSON.
 """
 
 import csv
@@ -146,10 +146,10 @@ def require_usual_size(archive: zipfile.ZipFile | None) -> None:
     """DeclarationError if the data of an archive would be much larger than the archive."""
     members = archive.infolist() if archive else []
     size, packed = (sum(getattr(member, name) for member in members) for name in ("file_size", "compress_size"))
-    # Largest number of bytes that one byte of an archive may become. Results with random last digits expand by a few
-    # times, and constant results a thousand times.
+    # The data may be at most 200 times as large as the archive. Results with random last digits expand by a factor of
+    # a few, and constant results by a factor of a thousand.
     if size > 2**26 and size > 200 * packed:  # up to 64 MB can be unpacked quickly
-        raise DeclarationError(f"its {packed:.3g} bytes would become {size:.3g} bytes.")
+        raise DeclarationError(f"its {packed:.3g} bytes would become {size:.3g} bytes when unpacked.")
 
 
 def _write_json(file: BinaryIO, entries: Mapping[str, Any]) -> None:

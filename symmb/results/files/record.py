@@ -30,7 +30,7 @@ class Record:
         return cls(value, where, holder)
 
     def __contains__(self, name: str) -> bool:
-        """Whether the entry exists. Files of earlier versions have arrays without rows and columns instead of None."""
+        """Whether the entry exists. In files of earlier versions, an array of the shape (0, 0) stands for None."""
         value = self._entries.get(name)
         return value is not None and getattr(value, "shape", None) != (0, 0)
 
@@ -159,8 +159,7 @@ class Record:
         return self.of(self._value(name), self._named(name), self)
 
     def records(self, name: str, *fields: str) -> list["Record"]:
-        """A list of records; empty if the entry is missing. If `fields` are given, an item may be a list of their
-        values."""
+        """A list of records; empty if the entry is missing. An item may also be a list of the values of `fields`."""
         value = self._entries.get(name)
         if not isinstance(value, list | tuple | None):
             raise self._wrong(name, "a list", _kind(value))

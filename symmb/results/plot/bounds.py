@@ -84,7 +84,7 @@ def plot_bounds(
     Parameters
     ----------
     family                             the method, which selects the colour
-    chosen : columns to draw           default: the first six outputs, or as many as the caller gives axes
+    chosen : columns to draw           default: the first six outputs, or one for each given axes
     outer, inner : lower and upper (n_t, n_y) each, or None    bounds widened by their estimated error, and values
                                                                that runs attained
     nominal : (n_t, n_y) or None       the nominal run, drawn as a thin line
@@ -152,7 +152,7 @@ def draw_bounds(
 
 
 def _bars(axes: Axes, t: Array, n: int) -> list[Array]:
-    """Places of n bars side by side, for values without a time. Panels above then show the times."""
+    """Places of n bars side by side, for values that do not depend on time. Only the other panels show times."""
     for panel in axes.get_shared_x_axes().get_siblings(axes):
         panel.tick_params(labelbottom=True)
     axes.xaxis.set_visible(False)
@@ -180,7 +180,7 @@ def _draw_pair(axes: Axes, x: Array, lower: Array, upper: Array, *, label: str |
 
 
 def _window(reference: Band, curves: Sequence[PlottedBounds], i: int) -> tuple[float, float]:
-    """Axis limits for the reference and half its range on both sides. Larger bounds extend beyond the panel."""
+    """Axis limits that show the reference, and half of its range above and below. Larger bounds are cut off."""
     low, high = np.nanmin(reference.lower[:, i]), np.nanmax(reference.upper[:, i])
     room = 0.5 * (high - low) if high > low else max(abs(high), 1.0) * 1e-3
     lows = np.concatenate([[low], *(curve.lower[:, i] for curve in curves)])

@@ -55,13 +55,13 @@ def plot_comparison(
     names : n_y names       names of the outputs
     curves                  settings to draw. A family is one curve of the error diagram; its most accurate setting is
                             drawn above
-    measured : (n_y,)       outputs that count in the mean of the rms errors
+    measured : (n_y,)       True for outputs in the mean of the rms errors
     uncertainty : (n_y,)    uncertainty of the reference, in the norm of the error. Errors below its mean are drawn at
                             this mean, with hollow markers
     units : n_y units       '' if not known
     chosen : columns        columns of the outputs to draw; default: the outputs with the largest errors
-    style : options         axes of the caller for bounds over time, one for each output; a single axes without chosen
-                            outputs is for the errors; labels and colours, one for each family
+    style : options         axes of the caller, one for each output, for bounds over time; or a single axes for the
+                            errors, if no outputs are chosen. Labels and colours, one for each family
     """
     families: dict[str, list[PlottedBounds]] = {}
     for curve in curves:
@@ -166,7 +166,7 @@ def largest_error(curve: PlottedBounds, measured: Mask) -> float:
 
 
 def hardest_outputs(curves: Sequence[PlottedBounds], measured: Mask) -> list[int]:
-    """Columns of the outputs with the largest median errors, in the order of the outputs. These are drawn."""
+    """Columns of the outputs with the largest median errors, in the order of the outputs."""
     if len(measured) <= MOST_PANELS or not curves:
         return list(range(min(len(measured), MOST_PANELS)))
     median = np.median([np.nan_to_num(curve.error, nan=np.inf, posinf=np.inf) for curve in curves], axis=0)

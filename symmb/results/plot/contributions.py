@@ -36,7 +36,7 @@ def plot_contributions(
     style: Style = OWN,
 ) -> Figure:
     """Draw the widths of single parameters (n_t, n_y, n_p) as lines beside the total width (n_t, n_y), with one panel
-    for each output. For a given `row` of the times, or if there is only one time, draw bars of `alone` and `saved`.
+    for each output. If the number `row` of a time is given, or there is one time, draw bars of `alone` and `saved`.
     """
     columns, names, units = outputs_of(names, units, chosen, MOST_PANELS if style.ax is None else None)
     row = 0 if len(t) == 1 else row

@@ -69,7 +69,7 @@ def plot_family(
 
     Each of up to eight curves has a colour and a name. The colours of more curves are a sequence, and the legend names
     the first, the middle and the last curve. Outputs in `timeless`, with one value for all times, are drawn along
-    `over`. Beside curves, several such lines are dashed and have other colours, because they belong to other names.
+    `over`. If the picture also has curves over time, several such lines are dashed, and have other colours.
     """
     columns, own_names, own_units = outputs_of(names, units, chosen)
     others = {k: (np.unique(over.x), over.label) for k, name in enumerate(own_names) if over and name in timeless}
@@ -110,7 +110,7 @@ def _draw_family(
 
     N = len(curves)
     few = N <= len(COLOURS)
-    # Many curves beside have the colours of a sequence.
+    # More curves than COLOURS do not use the colours of the palette.
     first = beside if beside <= len(COLOURS) else 0
     sequence = colormaps["plasma" if beside else "viridis"]
     shades = [cyclic(PALETTE, first + k) if few else sequence(0.9 * k / (N - 1)) for k in range(N)]

@@ -85,13 +85,15 @@ class OverTime(Panels):
         outputs : str or list
             the outputs to draw; default: all
         ax : matplotlib Axes
-            to draw in, instead of a new figure: one for each output; for a trajectory also one for all outputs
+            axes to draw in, instead of a new figure: one for each output. A trajectory can also have one for all
         figsize : (width, height)
             size of a new figure [inch]
         title : str
             title of a new figure, instead of the default title
-        label, color, legend
-            of the curves: a text or a colour, or a list with one entry for each curve; and True or False
+        label, color : str or list
+            name and color of the curves: one value, or a list with a value for each curve
+        legend : bool
+            whether there is a legend
 
         Raises
         ------
@@ -142,13 +144,15 @@ class ThreeDiagrams:
         Parameters
         ----------
         ax : matplotlib Axes
-            to draw in, instead of a new figure: up to three, in the order of the diagrams
+            axes to draw in, instead of a new figure: up to three, in the order of the diagrams
         figsize : (width, height)
-            of a new figure [inch]
+            size of a new figure [inch]
         title : str
-            of a new figure, instead of the default title
-        label, color, legend
-            of the curves: a text or a colour, or a list with one entry for each curve; and True or False
+            title of a new figure, instead of the default title
+        label, color : str or list
+            name and color of the curves: one value, or a list with a value for each curve
+        legend : bool
+            whether there is a legend
 
         Raises
         ------

@@ -43,8 +43,8 @@ DASHES = ((0, ()), (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)), (0, (3, 1.
 LEAST_ERROR = 1e-16
 """Smallest drawn error, relative to the width. Smaller errors are rounding, and 0 has no logarithm."""
 _RANDOM_TURNS, _ABOUT_ZERO = 0.2, 0.05
-"""Values are random if they turn at a larger fraction of times; smooth curves turn rarely. Half the height of axes
-about 0."""
+"""Values are random if their slope changes its sign at a larger fraction of times. Half of the height of axes for
+values that are rounding of 0."""
 Others = Mapping[int, tuple[Array, str]]
 """Values and label of the horizontal axis of panels that are not over time, by the number of the panel."""
 _NONE: Others = MappingProxyType({})
@@ -147,7 +147,7 @@ def rounding(values: Array, units: Sequence[str] = ()) -> Array:
     """Largest spreads (n_y,) of outputs (..., n_y) that are rounding.
 
     Spreads are relative to the largest value of the output, and to the largest value of all outputs of its unit. Values
-    that change at random from time to time, and are tiny compared with other outputs or with 1, are rounding of 0.
+    that change at random over time, and are tiny compared with other outputs or with 1, are rounding of 0.
     """
     size = np.nan_to_num(np.abs(values), posinf=0.0).max(axis=tuple(range(np.ndim(values) - 1)), initial=0.0)
     change = np.sign(np.diff(np.nan_to_num(values, posinf=0.0, neginf=0.0), axis=-2))
@@ -163,7 +163,7 @@ def flatten(panels: Sequence[Axes], least: Array) -> None:
     for axes, spread in zip(panels, least.tolist(), strict=True):
         low, high = axes.dataLim.intervaly
         if 0 < high - low <= spread:
-            # relative to the value, and to its rounding; about 0 as matplotlib does it for zeros
+            # the room depends on the value and its rounding; for rounding of 0 it is that of matplotlib for zeros
             room = _ABOUT_ZERO if max(-low, high) <= spread else max(0.05 * abs(low + high) / 2, 50.0 * spread)
             axes.update_datalim([(axes.dataLim.x0, low - room), (axes.dataLim.x0, high + room)])
             axes.autoscale_view(scalex=False)
@@ -182,7 +182,7 @@ def columns_of(owner: str, outputs: str | Sequence[str] | None, names: Sequence[
 
 
 def new_panels(figure: "FigureBase", t: Array, titles: Sequence[str], others: Others = _NONE) -> list[Axes]:
-    """One panel for each output, with a title, on a common time axis, except the panels with `others`."""
+    """One panel with a title for each output. The panels have a common time axis if there are no `others`."""
     columns = n_columns(len(titles))
     grid = figure.subplots(n_rows(len(titles)), columns, sharex=not others, squeeze=False).ravel()
     for axes in grid[len(titles) :]:
@@ -221,7 +221,7 @@ def given_panels(
     if len(panels) != len(names):
         raise DeclarationError(
             f"{owner}: {len(names)} outputs ({', '.join(names[:6])}{', ...' * (len(names) > 6)}) need "
-            f"{len(names)} axes, got {len(panels)}. Choose some by outputs=[...]."
+            f"{len(names)} axes, got {len(panels)}. Choose outputs by outputs=[...]."
         )
     texts = labels(names, units)
     for axes in dict.fromkeys(panels):

@@ -30,7 +30,7 @@ def plot_stability(
     style : options            with up to three axes of the caller, in this order of diagrams
     """
     figure, panels = three_diagrams(style, 0.8)
-    largest = 10.0  # a run with a larger error has lost the motion
+    largest = 10.0  # a run with a larger error does not resemble the motion
     colours, texts = style.colours([*map(colour_of, points)]), style.labels([*points])
     for k, name in enumerate(points):
         marker, label = cyclic(MARKERS, k), texts[k]
@@ -40,7 +40,7 @@ def plot_stability(
         panels[0].set(xlabel="run time [s]", ylabel="error, relative to the motion")
         for axes in panels[1:2]:  # the caller may have fewer axes
             axes.semilogy(t, np.maximum(drift[name], LEAST_ERROR), label=label, **look)
-            axes.set(xlabel="time [s]", ylabel="largest violation of a position row [m, rad]")
+            axes.set(xlabel="time [s]", ylabel="largest violation of a position constraint [m, rad]")
         for axes in panels[2:]:
             values = np.clip(list(stress[name].values()), LEAST_ERROR, largest)
             axes.semilogx(values, list(stress[name]), marker, c=look["color"], label=label)

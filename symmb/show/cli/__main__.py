@@ -10,7 +10,7 @@ from symmb.show.cli.signals import INTERRUPTED, end_at_signals, end_now
 
 
 def run() -> int | str | None:
-    """Run the command in the arguments. Signals can end it from the start, even while modules load."""
+    """Run the command in the arguments. Signals can end the command at any time, even while modules load."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # the stream is closed
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))

@@ -22,7 +22,7 @@ from symmb.show.cli.urdf_scene import parameter_name
 from symmb.show.report import write_comparison
 
 _OVER_TIME = "lower", "upper", "estimate", "inner_lower", "inner_upper"
-"""Entries over time. They are not written, because they are the largest part of a file."""
+"""Entries of a method over time. They are large, and not in the file with the table."""
 
 
 def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, solvers: str) -> None:
@@ -41,10 +41,10 @@ def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, s
         nargs="+",
         action="extend",
         default=[],
-        help="parameters for --spread; default: those in the box of the file. For a URDF file, e.g. forearm.mass",
+        help="parameters for --spread, instead of those in the box of the file; of a URDF file e.g. forearm.mass",
     )
     compare.add_argument(
-        "--methods", metavar="M", nargs="+", action="extend", help="methods to compare; default: a dozen methods"
+        "--methods", metavar="M", nargs="+", action="extend", help="methods to compare; default: a dozen settings"
     )
     compare.add_argument("--solver", metavar="S", help="solver of all methods")
     compare.add_argument("--store", metavar="F.db", help="store each run in this file, and read stored runs from it")
@@ -52,7 +52,7 @@ def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, s
     elsewhere.add_argument("--workers", metavar="N", type=int, help="make runs in N processes")
     elsewhere.add_argument("--dask", metavar="ADDRESS", help="make runs on the Dask cluster of this scheduler")
     compare.add_argument("--json", metavar="F", help="write the table and its notes to this file")
-    compare.add_argument("--save", metavar="F.npz", help="write the complete result to this file, for Comparison.load")
+    compare.add_argument("--save", metavar="F.npz", help="write everything to this file, which Comparison.load reads")
     compare.add_argument("--plot", metavar="F.png", help="draw bounds over time and error against run time")
     compare.add_argument("--report", metavar="F.html", help="write a printable report of the comparison")
 
@@ -64,7 +64,7 @@ def _compare(options: argparse.Namespace) -> tuple[str, ...]:
     if options.workers is not None and options.workers < 1:
         raise DeclarationError(f"--workers must be a number of processes, 1 or more, got {options.workers}.")
     if options.uncertain and options.spread is None:
-        raise DeclarationError("--uncertain needs the width of the intervals. Give it, for example, by --spread 5%.")
+        raise DeclarationError("--uncertain names parameters with intervals. Give their width by --spread 5%.")
     subject, own = load_subject(options.scene, options.uncertain)
     box = _box(options, subject, own)
     if options.store is not None:
@@ -81,7 +81,7 @@ def _compare(options: argparse.Namespace) -> tuple[str, ...]:
 
 
 def _table(comparison: mb.Comparison) -> dict[str, Any]:
-    """The entries of a comparison for a file, without bounds over time."""
+    """The entries of a file, without bounds over time."""
     entries = comparison.to_json()
     reference, *methods = (
         {name: value for name, value in part.items() if name not in _OVER_TIME}
@@ -142,5 +142,5 @@ def _share(text: str) -> float:
         raise DeclarationError(f"--spread must be a positive number such as 5% or 0.05, got {shown(text)}.")
     if share >= 1.0:
         hint = "Declare wider intervals by their ends in the Box." if text.endswith("%") else f"Did you mean {text}%?"
-        raise DeclarationError(f"--spread {text} is {100.0 * share:g} %. The intervals would reach 0. {hint}")
+        raise DeclarationError(f"--spread {text} is {100.0 * share:g} %, and the intervals would reach 0. {hint}")
     return share

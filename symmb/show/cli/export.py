@@ -50,7 +50,7 @@ def _codegen(options: argparse.Namespace) -> None:
         try:
             files |= dict.fromkeys(save_scene_c(simulator_with(scene, solver), folder.resolve()))
         except DeclarationError as error:
-            warnings.warn(SymmbWarning(f"only the equations are written, no runs. {error}"), stacklevel=1)
+            warnings.warn(SymmbWarning(f"only the equations are written as C, not runs. {error}"), stacklevel=1)
     print(*files, sep="\n")
 
 

@@ -29,7 +29,7 @@ from symmb.show.drawing import FORMATS
 
 _PACKAGE = Path(mb.__file__).parent
 _GUIDE = (_PACKAGE if (_PACKAGE / "guide").is_dir() else _PACKAGE.parent / "examples") / "guide" / "index.md"
-"""The first page of the guide: inside an installed package, or beside it in a checkout."""
+"""The first page of the guide: inside an installed package, or beside the package in a checkout."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

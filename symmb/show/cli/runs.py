@@ -22,8 +22,8 @@ def add_runs(commands: "argparse._SubParsersAction[Any]") -> None:
     text = "list the studies in a file of stored runs"
     runs = commands.add_parser("runs", help=text, description=f"{text}, remove runs, or write them for xarray.")
     runs.add_argument("file", metavar="FILE", help="a file that StoredSimulator has made")
-    runs.add_argument("--study", metavar="N", type=int, help="number of the study; default: all studies")
-    runs.add_argument("--prune", choices=list(_PRUNED), help="remove these runs from the file")
+    runs.add_argument("--study", metavar="N", type=int, help="number of the study; default: all, or the only one")
+    runs.add_argument("--prune", choices=list(_PRUNED), help="remove runs, so that they are made again")
     runs.add_argument("--export", metavar="F.nc", help="write the runs of a study as NetCDF; needs symmb[data]")
     runs.set_defaults(run=_runs)
 
@@ -32,7 +32,7 @@ def _runs(options: argparse.Namespace) -> tuple[str, ...]:
     with open_run_database(Path(options.file), create=False) as database:
         numbers = [number for number, *_ in database.studies()]
         if options.study is not None and options.study not in numbers:
-            raise DeclarationError(f"There is no study {options.study} in {options.file}, only {numbers}.")
+            raise DeclarationError(f"no study {options.study} in {options.file}, only {numbers}.")
         if options.prune:
             count = database.prune(_PRUNED[options.prune], options.study)
             print(f"{count} runs removed")
@@ -59,7 +59,7 @@ def _export(database: RunDatabase, number: int, path: Path) -> None:
     coordinates: dict[str, Named] = {"time": (("time",), study.times), "output": (("output",), np.array(study.outputs))}
     variables: dict[str, Named] = {"response": (("sample", "time", "output"), runs.Y)}
     variables["ok"] = ("sample",), runs.ok.astype(np.int8)
-    # NetCDF allows letters, digits and some signs in names. SciPy writes only characters of Latin-1.
+    # NetCDF takes letters, digits and some signs in names. SciPy writes only characters of Latin-1.
     plain = [re.sub(r"[^\w.+-]", "_", name, flags=re.ASCII) for name in study.parameters]
     names = parameter_names(
         [name if name[0].isalpha() else f"_{name}" for name in plain], [*coordinates, *variables, "sample"]

@@ -1,4 +1,4 @@
-"""Scenes from a Python file, from a URDF file or by name; and the option `--set`. Errors are reported in a sentence."""
+"""Scenes from a Python or URDF file, or by name, and the option `--set`. Errors are reported in one sentence."""
 
 import argparse
 import importlib.util
@@ -26,8 +26,8 @@ _MODELS = Path(models.__path__[0])
 def load_scene(given: str, numbers: Iterable[str] = ()) -> Scene:
     """The scene of a Python file, of a URDF file, or of a shipped model by its name.
 
-    A Python file runs with `__file__` set, and can import from its folder. Its `scene` is a Scene, or a function that
-    returns a Scene. A scene without a name gets the name of the file. `numbers` of a URDF file become parameters.
+    The file runs with `__file__` set, and can import from its folder. Its `scene` is a Scene, or a function without
+    arguments. A scene without a name gets the name of the file. `numbers` of a URDF file become parameters.
     DeclarationError is raised if the file or model does not exist, defines no `scene()`, or raises an exception.
     """
     path = _find(given)
@@ -46,7 +46,7 @@ def add_set(command: argparse.ArgumentParser) -> None:
 
 
 def scene_and_parameters(options: argparse.Namespace) -> tuple[Scene, dict[str, Any]]:
-    """The scene of a command, and the parameters from --set. The parameters of a URDF file are numbers of the file.
+    """The scene of a command, and the parameters from --set. For a URDF file, parameters are its numbers.
 
     DeclarationError is raised if a text is not of the form name=number, or if the scene cannot be loaded.
     """
@@ -64,7 +64,7 @@ def scene_and_parameters(options: argparse.Namespace) -> tuple[Scene, dict[str, 
 
 
 def load_subject(given: str, numbers: Iterable[str] = ()) -> tuple[Scene | Simulator, Box | None]:
-    """The scene or the simulator in a file, and its box. A `simulator()` in the file returns both as a pair.
+    """The scene or simulator in a file, and its box. A file defines `scene()`, or `simulator()` that returns both.
 
     DeclarationError is raised in the same cases as by `load_scene`.
     """
@@ -81,12 +81,12 @@ def load_subject(given: str, numbers: Iterable[str] = ()) -> tuple[Scene | Simul
     with _foreign(path):
         study = make()
     if not isinstance(study, tuple) or [*map(type, study[1:])] != [Box] or not hasattr(study[0], "stream"):
-        raise DeclarationError(f"{path}: simulator() must return a pair of a simulator and its symmb.Box.")
+        raise DeclarationError(f"{path}: simulator() must return a pair, a simulator and its symmb.Box.")
     return study
 
 
 def _module(path: Path) -> ModuleType:
-    """The module of a file. Its functions can be sent to other processes, which import the module by its name."""
+    """The module of a file. Other processes can import the module by its name, so its functions can be sent to them."""
     spec = importlib.util.spec_from_file_location(path.stem, path)
     if spec is None or spec.loader is None:
         raise DeclarationError(f"{path} is not a scene file. Use a .py file that defines scene(), or a .urdf file.")
@@ -131,7 +131,7 @@ def _find(given: str) -> Path:
 
 @contextmanager
 def _foreign(path: Path) -> Iterator[None]:
-    """A context for the code of the file, which can import from its folder. An exception becomes a DeclarationError."""
+    """A context for the code of the file. The code can import from its folder. An exception becomes one sentence."""
     before, folder = sys.path, str(path.parent.resolve())
     sys.path = [folder, *before]
     try:

@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 INTERRUPTED = 130
 """The exit status of an interrupted program, as shells define it for SIGINT."""
 _LOST = b"\0"
-"""The byte with which the main thread reports a lost interrupt. Python ignores exceptions in some callbacks."""
+"""The byte with which the main thread reports a lost interrupt: Python drops exceptions of some callbacks."""
 
 
 def end_at_signals() -> None:
-    """Let the signals end this process. A second signal ends this process immediately."""
+    """End this process after a signal, and at once after a second signal."""
     for number in SIGNALS:
         if number in (signal.SIGINT, signal.SIGTERM) or signal.getsignal(number) is not signal.SIG_IGN:  # nohup ignores
             signal.signal(number, _interrupt)

@@ -17,14 +17,14 @@ _TIMES = np.linspace(0.0, 2.0, 201)
 def urdf_scene(path: Path, numbers: Iterable[str]) -> mb.Scene:
     """The machine on its base under gravity for two seconds. It starts at rest in its zero pose, without motors.
 
-    Outputs are the coordinates of its joints, and the positions of bodies that move freely or in a plane. The `numbers`
-    of the file become parameters. `parameter_name` gives the names of these parameters. DeclarationError is raised if
-    the file has faults, a number does not exist, or no joint moves.
+    Outputs are the coordinates of its joints, and the positions of bodies that move freely or in a plane. `numbers` are
+    names of numbers of the file that become parameters, with names from `parameter_name`. DeclarationError is
+    raised if the file has faults, a number does not exist, or no joint moves.
     """
     names = {name: parameter_name(name) for name in numbers}
     if len(set(names.values())) < len(names):
         raise DeclarationError(
-            f"{path}: two of {', '.join(names)} give parameters of the same name. Rename a link or joint."
+            f"{path}: two of {', '.join(names)} give parameters with equal names. Rename a link or joint."
         )
     with warnings.catch_warnings():  # warnings are reported below
         warnings.simplefilter("ignore", mb.SymmbWarning)
@@ -32,13 +32,13 @@ def urdf_scene(path: Path, numbers: Iterable[str]) -> mb.Scene:
     p = mb.Parameters(**{own: nominal.get(name, 0.0) for name, own in names.items()})
     robot = mb.load_urdf(path, replace={name: getattr(p, own) for name, own in names.items()})
     if not robot.elements:
-        raise DeclarationError(f"{path}: no joint of this file moves. A simulation needs a joint that moves.")
+        raise DeclarationError(f"{path}: no joint of this file moves, so that there is nothing to simulate.")
     gravity = mb.Gravity(0.0, 0.0, -9.81)  # z points up in URDF files
     system = mb.System(*robot.elements, gravity, parameters=p)
     return mb.Scene(system, robot.start, _TIMES, name=path.stem)
 
 
 def parameter_name(number: str) -> str:
-    """The name of the parameter for a number of the file, such as "forearm_mass" for "forearm.mass"."""
+    """The name of the parameter for a number: "forearm_mass" for "forearm.mass"."""
     name = re.sub(r"\W", "_", number)
     return name if name.isidentifier() else f"_{name}"

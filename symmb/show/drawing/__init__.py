@@ -1,4 +1,4 @@
-"""Drawings of mechanisms. A `Drawing` has the shapes of a run as numbers. Pages, stills and films are made from it."""
+"""Drawings of mechanisms. A run is converted to a `Drawing`, and a `Drawing` to a page, a still picture or a film."""
 
 from symmb.show.drawing import curves, forces, joints
 from symmb.show.drawing.draw import draw

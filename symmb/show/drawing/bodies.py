@@ -1,4 +1,4 @@
-"""Bodies as shapes. Bars join the attached points. A solid is drawn if the points do not show the size of the body.
+"""Bodies as shapes: attached points joined by bars, and solids if the points do not show the size.
 
 A body with at most one point is drawn as a homogeneous rod, disc or solid with its mass and inertia.
 """
@@ -30,9 +30,9 @@ from symmb.show.drawing.shapes import Shape
 from symmb.show.drawing.survey import Asked, Survey
 
 SOLID = "solid of the same inertia"
-"""Kind of a solid that is drawn although points also show the size of the body."""
+"""Kind of the solid of a body whose size is also visible from its points."""
 _ROUND = 0.03
-"""Relative difference of two second moments of mass, below which a solid is drawn as round."""
+"""A solid is drawn as round if the relative difference of its second moments of mass is smaller."""
 
 
 class BodySketch:
@@ -63,7 +63,7 @@ class BodySketch:
     def second_moments(self) -> tuple[Array, Array]:
         """Variances of the mass along its principal axes, (3,) [m^2], and these axes as columns, (3, 3).
 
-        The variances of a link of a robot are limited by a smallest density and by the size of the robot.
+        For a link of a robot, a minimum density and the size of the robot limit the variances.
         """
         m, J = (0.0, np.zeros((3, 3))) if self.mass is None else (self.mass.first[0], self.inertia.first.reshape(3, 3))
         if m <= 0:
@@ -74,8 +74,8 @@ class BodySketch:
         axes[:, 2] *= np.sign(np.linalg.det(axes))
         variances = np.maximum(values.sum() / 2 - values, 0.0) / m
         if isinstance(self.body, Link) and variances.max() and self.survey.span:
-            # The smallest density is 500 kg/m^3. The largest half length of a link is twice the robot's span per link.
-            # Inertias in files are often placeholders, such as 1 kg m^2 for a finger.
+            # The density is at least 500 kg/m^3, and the half length at most twice the robot's span per link. Inertias
+            # in files are often placeholders, such as 1 kg m^2 for a finger.
             half, most = np.sqrt(3 * variances), m / 500.0
             links = sum(isinstance(body, Link) for body in self.survey.bodies)
             longest = 2.0 * self.survey.span / links
@@ -93,7 +93,7 @@ class BodySketch:
         return float(max(extent, 0.0 if self.slides else np.sqrt(12 * self.second_moments[0].max())))
 
     def shapes(self, u: float) -> Iterator[Shape]:
-        """The shapes of the body. The unit of length u is the radius of bars [m]."""
+        """The shapes of the body, for the unit of length u [m]."""
         if isinstance(self.body, FlexibleBody):
             yield from self._net(u)
             return
@@ -124,7 +124,7 @@ class BodySketch:
         return self._shape("bar", (self._at(a), self._at(b)), (u,))
 
     def _rod_or_disc(self, far: list[Array], u: float) -> Iterator[Shape]:
-        """The shapes of a planar body: a homogeneous rod or a bob for one point, or a disc if there is no point."""
+        """A planar body with at most one point: a homogeneous rod through the point, a bob, or a disc around it."""
         radius = float(np.sqrt(self.second_moments[0].max()))
         if not far:
             if radius:
@@ -162,7 +162,7 @@ class BodySketch:
             yield self._bar(np.zeros(3), axes[:, 0] * half[0], 0.6 * u)
 
     def _joined(self, points: list[Array], u: float) -> Iterator[Shape]:
-        """A bar for points on a line, a plate with edges for points in a plane, or the edges of the convex hull."""
+        """A bar between two points, the edges of a plate for points in a plane, or the edges of their convex hull."""
         if len(points) < 2:
             return
         cloud = np.array(points)
@@ -199,7 +199,7 @@ class BodySketch:
             yield self._bar(cloud[i], cloud[corner], 0.6 * u)
 
     def _net(self, u: float) -> Iterator[Shape]:
-        """The mesh of a flexible body, which deforms."""
+        """The mesh of a flexible body. Its nodes move."""
         assert isinstance(self.body, FlexibleBody)
         modes, eta = self.body.modes, self.eta()
         moved = np.einsum("kin,tn->tki", modes.shapes, eta) + modes.positions
@@ -228,11 +228,11 @@ def _edges(hull) -> set[tuple[int, int]]:
 
 
 def mesh_edges(positions: Array, nearest: int = 12, reach: float = 1.6) -> list[tuple[int, int]]:
-    """Pairs of nodes that are joined by bars. Modes have nodes, but no elements.
+    """Pairs of nodes to join, because modes have nodes but no elements.
 
-    All edges of the minimum spanning tree are pairs. A further pair has no third node in the ball that has the pair as
-    its diameter. (Such a Gabriel graph reproduces chains and grids.) Each node has pairs only with its `nearest` nodes.
-    The length of a pair is at most `reach` times the length of the longest edge of the tree at each of its nodes.
+    All edges of the minimum spanning tree are joined. A pair is also joined if it is not much longer than nearby edges
+    of the tree, and if no third node is in the ball with the pair as its diameter. (This Gabriel graph reproduces
+    chains and grids.) Pairs are searched among the `nearest` nodes, up to a `reach` relative to edges of the tree.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import minimum_spanning_tree

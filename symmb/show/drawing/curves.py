@@ -27,7 +27,7 @@ from symmb.show.drawing.elements import CONTACT, GUIDE, JOINT, Sketch, shape_of,
 from symmb.show.drawing.survey import Survey
 
 _LINES = 96
-"""Number of straight lines that approximate a curve."""
+"""Number of straight lines for a curve."""
 _Z = np.array([[0.0, 0.0, 1.0]])
 
 
@@ -84,17 +84,17 @@ def _lines_of(curve: Curve) -> list[ca.SX]:
 
 @sketch.register
 def _(cam: CamFollower, survey: Survey) -> Sketch:
-    """The cam and the tip of the follower. The cam moves the tip by the law of the lift.
+    """The cam that lifts the follower's tip by its law, and the tip.
 
-    The law contains neither the size of the cam nor the contact point. The tip of a sliding follower is its point. If
-    this point is at the shaft, the tip is drawn two lifts from the shaft. The tip of a rocker is at a right angle to
-    the radius of the cam.
+    The law contains neither the size of the cam nor the contact point. The tip of a sliding follower is its point.
+    If this point is on the shaft, the tip is drawn two lifts farther. The tip of a rocker is at a right angle to the
+    cam's radius.
     """
     shaft, rocker = cam.cam, cam.follower
     angle, moved = (getattr(joint, str(joint.coordinate)) for joint in (shaft, rocker))
     run = survey.run(angle)
     turns, low, high = shaft.coordinate == "angle", float(run.min()), float(run.max())
-    if turns:  # the drawing shows one revolution. It starts at a multiple of 2 pi if possible, because tables do so
+    if turns:  # one revolution, from a multiple of 2 pi if possible: tables often start at 0
         whole = 2 * np.pi * np.floor(low / (2 * np.pi))
         low = whole if high <= whole + 2 * np.pi else low
         high = low + 2 * np.pi
@@ -126,7 +126,7 @@ def _(cam: CamFollower, survey: Survey) -> Sketch:
 
 
 def _tip_of_rocker(c: Array, pivot: Array, axis: Array, length: float = 0.9) -> Array:
-    """The contact point of a rocker with a cam around c (3,). The rocker moves away from the cam as its angle grows.
+    """The contact point of a rocker with a cam around c (3,), on the side from which the rocker moves away.
 
     The `length` of the rocker is relative to the distance of its pivot from c.
     """
@@ -140,7 +140,7 @@ def _turned(a: Array, axis: Array, angle: float) -> Array:
 
 
 def _fixed(survey: Survey, frame: int, world: Array) -> int:
-    """Number of a place that is fixed in a frame. At the start, its world position is `world` (3,)."""
+    """The place on a frame at a world position (3,) at the start."""
     pose = survey.pose(frame)[0]
     return survey.fixed(frame, pose[:, :3].T @ (world - pose[:, 3]))
 

@@ -1,4 +1,4 @@
-"""The Drawing of a run, with its scales, its camera and the order of its shapes."""
+"""A run as a Drawing: scales, camera, and the order of the shapes."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,12 +22,12 @@ _TURNED, _RAISED = np.radians(-28.0), np.radians(20.0)
 """Initial angles of view for a spatial mechanism: about the vertical, and above the horizontal."""
 
 
-# `most` is the approximate number of pictures of a page. For longer runs, only every n-th output time is shown.
+# `most` is the approximate number of pictures. Of longer runs, only every n-th output time is shown.
 def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = None, most: int = 1001) -> Drawing:
-    """The drawing of a run and the path of a point, at about `most` output times and the times numbered in `also`."""
+    """A run with the path of a point. Of long runs, every n-th output time and those numbered in `also` are shown."""
     scene = run.scene
     if scene is None:
-        raise DeclarationError("view: a run from a file has no scene. Read the run by Trajectory.load(path, scene).")
+        raise DeclarationError("This run has no scene: it was read from a file. Use Trajectory.load(path, scene).")
     rows = _pictures(len(run.t), also, most)
     run = replace(run, t=run.t[rows], x=run.x[rows], work=run.work[rows], run_examination=None, error=None)
     survey = Survey(run, scene)
@@ -48,7 +48,7 @@ def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = Non
     size = _size(survey.span, tracks, bodies)
     unit = _unit(size, bodies)
     shapes = _shapes(survey, bodies, sketches, unit)
-    planar = _is_planar(survey, g, size)  # given shapes, which may be outside the plane, are added later
+    planar = _is_planar(survey, g, size)  # before given shapes, which may be beside the plane of motion
     shapes += chain.from_iterable(own.shapes() for own in given)
     if traced is not None:
         shapes.append(Shape("path", "path of the point", "path", "trace", (traced,), (0.35 * unit,)))
@@ -92,9 +92,9 @@ def _diagonal(tracks: Sequence[Array]) -> float:
 
 
 def _size(span: float, tracks: Sequence[Array], bodies: Sequence[BodySketch]) -> float:
-    """Size of the mechanism [m]: the span of its attached points and centres of mass, or its largest body.
+    """Size of the mechanism [m], from the span of its attached points and centres of mass, and from its bodies.
 
-    The size is at least 0.3 times the diagonal of all paths, so that small mechanisms are visible in long paths.
+    The size is at least 0.3 times the extent of the motion, so that small mechanisms on long paths are visible.
     """
     travelled = _diagonal(tracks)
     own = max([span, *(body.reach for body in bodies)])
@@ -102,7 +102,7 @@ def _size(span: float, tracks: Sequence[Array], bodies: Sequence[BodySketch]) ->
 
 
 def _unit(size: float, bodies: Sequence[BodySketch]) -> float:
-    """Radius of a bar [m]: 1.1 % of the size. The size is limited to 7 times the median size of a body."""
+    """Radius of a bar [m]: 1.1 % of the size. The size is limited to 7 times the median size of bodies."""
     reaches = [reach for body in bodies if (reach := body.reach)]
     return 0.011 * min(size, 7.0 * float(np.median(reaches or [size])))
 
@@ -110,7 +110,7 @@ def _unit(size: float, bodies: Sequence[BodySketch]) -> float:
 def _shapes(
     survey: Survey, bodies: Sequence[BodySketch], sketches: Sequence[tuple[Element, Sketch | None]], unit: float
 ) -> list[Shape]:
-    """The shapes of bodies and of elements. The shapes of a joint, except guides, are shown while it is closed."""
+    """The shapes of bodies and of elements. Parts of a joint at its bodies are present while the joint is closed."""
     of_elements = [
         replace(shape, present=survey.closed(element))
         if isinstance(element, Joint) and shape.colour != GUIDE
@@ -124,7 +124,7 @@ def _shapes(
 
 
 def _once(shapes: Sequence[Shape]) -> list[Shape]:
-    """The shapes without repeated supports. Several elements may have a support at the same place."""
+    """The shapes without repetitions: several elements may need a shape such as a support at the same place."""
     seen, rest = set(), []
     for shape in shapes:
         key = (shape.form, shape.places) if shape.form == "support" else id(shape)
@@ -146,7 +146,7 @@ def _is_planar(survey: Survey, g: Array, size: float) -> bool:
 
 
 def _right_and_up(g: Array, planar: bool) -> tuple[Array, Array]:
-    """World axes to the right and up in the picture. Objects fall down."""
+    """World axes to the right and up in the picture. Gravity acts downwards."""
     down = g if np.linalg.norm(g) else np.array([0.0, -1.0, 0.0] if planar else [0.0, 0.0, -1.0])
     main = np.abs(down).argmax()
     up = -np.sign(down[main]) * np.eye(3)[main]

@@ -1,4 +1,4 @@
-"""Contents of a drawing: a run, the runs that attain bounds, and the region that a point reaches over the box."""
+"""Contents of one picture: a run, the runs that attain bounds, and the region of a point over the box."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ _MOST_RUNS = 500
 
 @dataclass(frozen=True, eq=False)
 class Ghost:
-    """The drawing of a run that attains a bound. It is shown together with the nominal run."""
+    """A run that attains a bound, beside the nominal run."""
 
     label: str
     tint: str
@@ -40,9 +40,8 @@ class Ghost:
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """The region that a point reaches over the box: positions (n_f, n, 3) for n samples, and corners (3 m, 2) of
-    triangles in the xy plane. The triangles cover the area between the samples, or only paths if samples are far
-    apart."""
+    """The positions of a point for all parameters of the box: n samples (n_f, n, 3), and corners (3 m, 2) of triangles.
+    The triangles cover the region in the xy plane. Where samples are far apart, they cover the paths of the samples."""
 
     name: str
     points: Array
@@ -51,8 +50,7 @@ class Region:
 
 @dataclass(frozen=True, eq=False)
 class PicturedBounds:
-    """Bounds (n_f, n_y) of the outputs at the times of the pictures; and the number of an output and the time [s] for
-    which attaining runs are drawn."""
+    """Bounds of the outputs at the times of the pictures, (n_f, n_y), and the selected output and time."""
 
     lower: Array
     upper: Array
@@ -73,7 +71,7 @@ class Slider:
 class Exhibit:
     """All contents of a page, a still or a film. `picture` is the initial picture.
 
-    `family` contains the runs over the grid of sliders. The last slider changes fastest. `drawing` is also in `family`.
+    `family` contains the runs over the grid of sliders. The last slider changes fastest. `drawing` is one of the runs.
     """
 
     drawing: Drawing
@@ -86,7 +84,7 @@ class Exhibit:
 
 
 def of_run(run: Trajectory, time: float | str | None, point: Point | None) -> Exhibit:
-    """The exhibit of a single run."""
+    """A run alone."""
     row = 0 if time is None else row_of("view", run.t, time)
     drawing = draw(run, also=[row, *_extremes(run.values, run.values)], point=point)
     return Exhibit(drawing, picture=_picture(drawing, run.t[row]))
@@ -96,12 +94,12 @@ def of_sweep(sweep: Sweep, time: float | str | None, point: Point | None) -> Exh
     """The runs over a grid, and a slider for each parameter of the grid."""
     if sweep.simulator is None or not sweep.grid:
         raise DeclarationError(
-            "view draws sweeps over a grid of a scene's parameters: sweep(scene, {name: values}). This sweep "
-            + ("has no grid." if sweep.simulator else "is from a file, or of a function or program. It has no scene.")
+            "view draws sweeps over a grid of a scene's parameters: sweep(scene, {name: values}). This one "
+            + ("has no grid." if sweep.simulator else "has no scene: it has another simulator, or is from a file.")
         )
     if not sweep.ok.all() or len(sweep) > _MOST_RUNS:
         why = f"has {len(sweep)} runs." if sweep.ok.all() else f"has failed runs. {sweep.doubts[0]}"
-        raise DeclarationError(f"view draws sweeps of up to {_MOST_RUNS} runs that did not fail. This sweep {why}")
+        raise DeclarationError(f"view draws sweeps of up to {_MOST_RUNS} runs that did not fail. This one {why}")
     nominal, units = sweep.simulator.parameters, units_of_parameters(sweep.parameters)
     sliders = tuple(
         Slider(label(name, units.get(name, "")), values, int(np.abs(values - nominal[name]).argmin()))
@@ -122,7 +120,7 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | str | None, poin
     study = bounds.study
     if not isinstance(study, Study):
         raise DeclarationError(
-            "view: bounds of a simulator or from a file have no scene. Draw the result of propagate(scene, method)."
+            "These bounds have no scene: they were read from a file. Draw the result of propagate(scene, method)."
         )
     scene = study.scene
     if output is not None:
@@ -170,10 +168,10 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | str | None, poin
 
 
 def attaining_runs(study: Study, samples: Sequence[Sample]) -> list[Trajectory]:
-    """The runs of samples. They are bitwise the same as in the study. They have all states, but no work and no events.
+    """The exactly repeated runs of samples. They contain all states, but neither work nor events.
 
-    Studies store only the outputs of the scene. The states are therefore outputs of a second simulator. All runs use
-    the same simulator, because a large model takes half a minute to compile.
+    Studies store only the outputs of the scene, so states are outputs of a second simulator. All runs use the same
+    simulator, because a large model takes half a minute to compile.
     """
     scene, solver = study.scene, study.solver
     system = scene.system
@@ -196,7 +194,7 @@ def attaining_runs(study: Study, samples: Sequence[Sample]) -> list[Trajectory]:
 
 
 def _region(study: Study, point: Point, drawing: Drawing) -> Region:
-    """Positions of a point for samples of the box, and the area that these positions cover over time."""
+    """Positions of a point for samples of the box, and the area that the point covers over time."""
     scene = study.scene.with_outputs({"x": point.x, "y": point.y, "z": point.z})
     simulator = simulator_with(scene, study.solver)
     d = len(study.box)
@@ -224,11 +222,11 @@ def _cells(unit: Array) -> list[Indices]:
 
 
 def _swept(points: Array, cells: Sequence[Indices], close: float, side: float, spans: int = 150) -> Array:
-    """Corners (3 m, 2) of m triangles that cover the area of all cells of samples (n_t, n, 2) over time.
+    """Corners (3 m, 2) of m triangles that cover the sweep of the cells of samples (n_t, n, 2) over time.
 
-    The time is divided into spans. In a span, the triangles cover the convex hull of a cell if it extends at most
-    `close` [m]. A larger hull may contain places that no parameters reach, such as the inside of a circular path. The
-    triangles then cover the path of each sample with the width `side` [m].
+    The time is divided into spans. If the extent of a cell in a span is at most `close` [m], its convex hull is
+    covered. A larger hull may contain places that no parameters reach, such as the inside of a circular path. The path
+    of each sample is then covered, with the width `side` [m].
     """
     triangles, ways = [np.zeros((0, 2))], []
     rows = np.unique(np.linspace(0, len(points) - 1, spans).astype(int))
@@ -247,7 +245,7 @@ def _swept(points: Array, cells: Sequence[Indices], close: float, side: float, s
 
 
 def _squares(ways: Array, side: float) -> Array:
-    """Corners (3 m, 2) of triangles that cover straight paths (n, 2, 2). They form squares, merged along columns."""
+    """Corners (3 m, 2) of triangles that cover straight paths (n, 2, 2) by squares, merged in columns."""
     begin, along = ways[:, 0], ways[:, 1] - ways[:, 0]
     count = int(np.ceil(np.abs(along).max() / side)) + 1
     cells = np.zeros((0, 2), dtype=int)
@@ -280,14 +278,14 @@ def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]
 
 
 def _widest(bounds: Bounds) -> int:
-    """Number of the output with the largest width relative to its range."""
+    """The output with the largest width relative to its range."""
     width = (bounds.upper - bounds.lower).max(axis=0)
     extent = bounds.upper.max(axis=0) - bounds.lower.min(axis=0)
     return int(np.argmax(width / np.maximum(extent, NOTHING)))
 
 
 def _extremes(lower: Array, upper: Array) -> list[int]:
-    """Numbers of the times at which outputs (n_t, n_y) are lowest or highest, because the page prints these values."""
+    """Numbers of the times at which outputs (n_t, n_y) are lowest or highest. The page prints these values."""
     return [*lower.argmin(axis=0).tolist(), *upper.argmax(axis=0).tolist()]
 
 

@@ -68,7 +68,7 @@ def _is_none(law: object) -> bool:
 
 @sketch.register
 def _(spring: NonlinearSpring, survey: Survey) -> Sketch:
-    """A cylinder for a gas spring or a hydraulic damper, or a coil around a rod for other laws."""
+    """Gas springs and hydraulic dampers as cylinders, and other laws as a coil around a rod."""
     ends = survey.place(spring.point_a), survey.place(spring.point_b)
     u = yield from supports(spring, survey, spring.point_a, spring.point_b)
     if isinstance(spring.pull, GasSpring | Orifice):
@@ -107,7 +107,7 @@ def _(contact: Contact, survey: Survey) -> Sketch:
     u = yield
     r = float(radius.first[0])
     yield shape_of(contact, "ball", CONTACT, (ball,), (max(r, 0.9 * u),), faint=r > u)
-    # The drawn part of the infinite plane is below the ball at the times of the smallest gaps.
+    # The part of the infinite plane next to the ball when the ball is nearest.
     frame = survey.frame(contact.plane_point.body)
     pose, n, base = survey.pose(frame), unit_vectors(normal)[0], survey.base(plane)
     away = ((survey.track(ball) - pose[:, :, 3])[:, None] @ pose[:, :, :3])[:, 0] - base
@@ -142,8 +142,7 @@ def _(element: TorsionSpring | TorsionContact | Clutch, survey: Survey) -> Sketc
 
 
 def _shared_place(a: AbstractBody, b: AbstractBody, survey: Survey) -> int:
-    """The point of body b at which a joint connects the bodies. Without a joint: the origin of b, or of a if b is the
-    ground."""
+    """The point of body b in a joint of both bodies. Without a joint, the origin of b, or of a if b is the ground."""
     pair = {survey.frame(a), survey.frame(b)}
     for joint in survey.scene.system.elements:
         if isinstance(joint, AxisJoint | Spherical) and {survey.frame(body) for body in joint.bodies()} == pair:
@@ -170,7 +169,7 @@ def _(torque: Torque, survey: Survey) -> Sketch:
 @sketch.register(Actuator)
 @sketch.register(Motor)
 def _(actuator: Actuator | Motor, survey: Survey) -> Sketch:
-    """A motor around the joint or a cylinder with a rod along the joint, with the arrow of the force or torque."""
+    """A motor around the joint, or a cylinder with a rod along the joint; and the arrow of the force or torque."""
     joint, turns = cast(AxisJoint, actuator.joint), actuator.handle == "angle"
     law = actuator.law if isinstance(actuator, Actuator) else actuator.torque
     load = survey.bind(law, actuator.title) * actuator.axis
@@ -201,7 +200,7 @@ def _arrow(element: Element, form: str, point: Point, law: tuple[Expr, ...], sur
     place = survey.place(point)
     try:
         vector = survey.ask(ca.vertcat(*[survey.bind(part, element.title) for part in law]))
-    except DeclarationError:  # the law has multipliers, or turns that the run does not count
+    except DeclarationError:  # the law contains multipliers or states that the run lacks
         return
     u = yield
     largest = np.linalg.norm(vector(), axis=1).max()

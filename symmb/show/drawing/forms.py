@@ -28,8 +28,7 @@ COLOURS = {
 NOMINAL = ("guide", "load")
 """Colours of shapes that are drawn only for the nominal run."""
 LIGHT = {"direction": (-0.4, 0.6, 0.8), "everywhere": 0.42, "lit": 0.48, "in_front": 0.14}
-"""Direction to the light in axes of the viewer. Brightness of all surfaces, brightness added to surfaces that face the
-light, and brightness added to surfaces that face the viewer."""
+"""Direction to the light as seen by the viewer, and brightness of surfaces: base, towards the light, to the viewer."""
 IN_WORLD = ("arrow", "twist", "support")
 """Forms with a direction in world axes."""
 
@@ -63,12 +62,12 @@ def circle(turns: Array) -> Array:
 
 
 def parts(shape: Shape, flat: bool) -> Iterator[Part]:
-    """The parts of a shape. `flat` is True for planar pictures. Forms drawn from their places have no parts."""
+    """The parts of a shape. `flat` is for pictures in a plane. Forms that are drawn as a whole have no parts."""
     return _FORMS[shape.form](shape, flat) if shape.form in _FORMS else iter(())
 
 
 def directions(shape: Shape) -> Array | None:
-    """Directions in the order that parts need: a direction for each picture, corners of a mesh, or half axes in a row.
+    """Directions in the order that parts need: rows of a track, corners of a mesh, or half axes one after the other.
 
     The length of the direction of a torque is the radius of its round arrow.
     """
@@ -128,7 +127,7 @@ def _support(shape: Shape, flat: bool) -> Iterator[Part]:
 
 
 def _one(part: Callable[..., Part]) -> Callable[[Shape, bool], Iterator[Part]]:
-    """A form with one part. `part` makes the part from the sizes of the shape."""
+    """A form with one part, from its sizes."""
     return lambda shape, flat: iter([part(*shape.size)])
 
 

@@ -1,4 +1,4 @@
-"""Shapes that the user gives to bodies: boxes, cylinders, spheres and meshes."""
+"""Given shapes of bodies: boxes, cylinders, spheres and meshes."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -24,7 +24,7 @@ _SOLIDS = {"box": 0.0, "cylinder": 1.0, "sphere": 2.0}
 class BodyShapes:
     """The given shapes of a body. `unread` contains titles of meshes that cannot be drawn, and the reasons.
 
-    `coarse` contains for each simplified mesh its title, the number of left out triangles, and the number in its file.
+    `coarse` contains titles of meshes with fewer triangles than in their file, and both numbers of triangles.
     """
 
     def __init__(self, body: AbstractBody, survey: Survey, most: int) -> None:
@@ -61,8 +61,8 @@ class BodyShapes:
         return float(np.ptp(points, axis=0).max())
 
     def _placed(self) -> Iterator[tuple[str, Array, Array, Array]]:
-        """Form, centre, half axes as columns, and corners of each shape. The corners are those of the bounding box, or
-        of the triangles of a mesh."""
+        """Form, centre, half axes as columns, and corners of each shape. The corners are those of its triangles, or
+        of its bounding box."""
         for form, middle, axes, triangles in self._drawn:
             at, half = middle.first, axes.first.reshape(3, 3).T
             local = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
@@ -106,8 +106,7 @@ def not_drawn(bodies: Sequence[BodyShapes]) -> Iterator[str]:
 
 
 def outward(corners: Array) -> tuple[Array, bool]:
-    """Corners (3 m, 3) of triangles, and whether the surface is closed. On a closed surface, corners are sorted
-    anticlockwise as seen from outside."""
+    """Corners (3 m, 3) of triangles, and whether the surface is closed. If so, they are anticlockwise from outside."""
     _, number = np.unique(corners, axis=0, return_inverse=True)
     triangles = number.reshape(-1, 3)
     edges = np.vstack([triangles[:, [i, k]] for i, k in ((0, 1), (1, 2), (2, 0))]) @ [1, len(corners)]

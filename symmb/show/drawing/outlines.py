@@ -25,10 +25,10 @@ _CONVEX = {"box": _BOX, "cylinder": np.vstack([_CIRCLE, _CIRCLE + [0, 0, 1]]), "
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """A filled polygon (n, 2), or a line with a `width` [m], in the camera's plane. `depth` [m] increases towards the
+    """A filled polygon (n, 2), or a line with a `width` [m], in the camera's plane. `depth` [m] increases to the
     viewer.
 
-    If `light` (m,) is given, points are the corners of m triangles with this brightness. The front triangles are last.
+    With `light` (m,), points are the corners of m triangles with this brightness. The front triangles are last.
     """
 
     points: Array
@@ -116,7 +116,7 @@ class Painter:
         return Outline(convex_hull(seen[:, :2]), float(seen[:, 2].mean()), shape)
 
     def triangles(self, shape: Shape, corners: Array, *, closed: bool) -> Outline:
-        """Shaded triangles with corners in space (3 m, 3). Of a closed surface, only the visible side is drawn."""
+        """Shaded triangles with corners (3 m, 3). On closed surfaces, only those that face the viewer are drawn."""
         seen = (corners @ self.camera.T).reshape(-1, 3, 3)
         normals = np.cross(seen[:, 1] - seen[:, 0], seen[:, 2] - seen[:, 0])
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), NOTHING)
@@ -188,4 +188,4 @@ _WHOLE: dict[str, Callable[[Painter, Shape, list[Array], Array], Iterator[Outlin
     "plate": _plate,
     "path": _path,
 }
-"""Forms that are painted as a whole. Other forms are painted part by part."""
+"""Forms that are painted as a whole, not part by part."""

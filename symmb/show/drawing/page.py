@@ -1,4 +1,4 @@
-"""The page of a drawing: one HTML file with the viewer and all numbers. The page needs no network."""
+"""The page of a drawing: one HTML file with the viewer and all numbers. It needs no network."""
 
 import base64
 import html
@@ -16,11 +16,11 @@ from symmb.show.drawing.forms import COLOURS, IN_WORLD, LIGHT, NOMINAL, directio
 from symmb.show.drawing.shapes import Drawing, Shape
 
 _SPEEDS = [1e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0]
-"""Speeds that the reader of a page can select, relative to real time."""
+"""Speeds that a page offers, relative to real time."""
 
 
 class _Numbers:
-    """All numbers of a page. Equal arrays are stored once. An array is identified by its offset and number of rows."""
+    """All numbers of a page. Equal arrays are stored once. An offset and a number of rows identify an array."""
 
     def __init__(self) -> None:
         self._offsets: dict[bytes, int] = {}
@@ -112,7 +112,7 @@ def _shape(shape: Shape, planar: bool, numbers: _Numbers) -> dict[str, Any]:
 
 
 def speed(duration: float, shown: float = 8.0) -> float:
-    """Initial speed of the page, relative to real time. Runs of 4 to 16 s are shown in real time, others in 8 s."""
+    """Initial speed of the page, relative to real time. A run takes about 8 s. Runs of 4 to 16 s are in real time."""
     if shown / 2 <= duration <= 2 * shown or not duration:
         return 1.0
     return min(_SPEEDS, key=lambda speed: abs(np.log(duration / speed / shown)))

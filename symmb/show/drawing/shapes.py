@@ -1,6 +1,6 @@
-"""The contents of a drawing: frames that move, places in frames, and shapes at places.
+"""The contents of a drawing: frames that move, places in frames, and shapes at places, as numbers only.
 
-A `Drawing` has only numbers and texts, but no bodies and joints. Pages, stills and films are made from it.
+Pages, stills and films are made from a `Drawing`, without bodies or joints.
 """
 
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from symmb._types import Array
 
 @dataclass(frozen=True, eq=False)
 class MovingFrame:
-    """A moving frame. `pose` (n_f, 3, 4) is [R | r] from body to world [-, m]. A fixed frame has `pose` (1, 3, 4)."""
+    """A moving frame: `pose` (n_f, 3, 4) is [R | r], body to world [-, m]. A fixed frame has `pose` (1, 3, 4)."""
 
     name: str
     pose: Array
@@ -20,9 +20,9 @@ class MovingFrame:
 
 @dataclass(frozen=True, eq=False)
 class FramePoint:
-    """A point in a frame. Its position in axes of the frame is `base` (3,), plus `shift` if the point moves [m].
+    """A point in a frame, in its axes [m]: `base` and, if it moves in the frame, `shift`, (1, 3) or (n_f, 3).
 
-    `shift` is (1, 3) or (n_f, 3). In a flexible body (`elastic`), it is the deformation, which a viewer may enlarge.
+    In a flexible body (`elastic`), the shift is the deformation at the point. Viewers may enlarge deformations.
     """
 
     frame: int
@@ -50,12 +50,12 @@ class Shape:
     dashes   a, b         -                                                 radius
     spiral   a            axis                                              radius
     arrow    a            vector in world axes, length as drawn             radius
-    twist    a            vector of a torque in world axes                  radius
+    twist    a            torque in world axes, length as drawn             radius
     plane    a            normal                                            side
     support  a            -                                                 size: fixed to the ground
     path     a            -                                                 radius: the path of the place over the run
 
-    `present` (n_f, 1) or (1, 1) is 1 in pictures that show the shape, otherwise 0. None: all pictures show the shape.
+    `present` (n_f, 1) or (1, 1) is 1 in pictures with the shape, and 0 in others. None: all pictures have the shape.
     """
 
     form: str
@@ -76,7 +76,7 @@ class Drawing:
     Attributes
     ----------
     name : str
-    t : (n_f,)                 times of the pictures [s]: all output times of the run, or every n-th
+    t : (n_f,)                 times of the pictures [s]: output times of the run, all or every n-th
     frames, places, shapes     frame 0 is the ground
     camera : (3, 3)            rows: directions to the right, up and to the viewer, in world axes
     planar : bool              whether all motion is in the xy plane
@@ -84,7 +84,7 @@ class Drawing:
     size, unit : float         size of the mechanism, and radius of its bars [m]
     gravity : (3,)             acceleration of gravity [m/s^2]
     outputs, values            labels, and values (n_f, n_y)
-    notes : tuple of str       elements and meshes that are not drawn, and reasons
+    notes : tuple of str       elements that are not drawn, because they have no place
     """
 
     name: str
@@ -120,7 +120,7 @@ class Drawing:
         return pose[:, :3] @ self.local(place, k, scale) + pose[:, 3]
 
     def has(self, shape: Shape, k: int) -> bool:
-        """Whether picture k shows a shape."""
+        """Whether picture k has a shape."""
         return shape.present is None or bool(shape.present[min(k, len(shape.present) - 1)] > 0.5)
 
     def box(self) -> tuple[Array, Array]:

@@ -55,24 +55,23 @@ def view(
     Parameters
     ----------
     subject : Scene, Trajectory, Bounds or Sweep
-        a Scene or a prepared scene is simulated at its nominal parameters. For Bounds, the runs that attain the bounds
-        are also drawn. For a Sweep over a grid, the page has a slider for each parameter
+        a Scene, or a prepared scene, is simulated at its nominal parameters. For Bounds, the runs that attain the
+        bounds are also drawn. The page of a Sweep over a grid has a slider for each parameter
     path : str or Path
         .html: an interactive page that needs no network; .png, .svg: a still; .gif, .mp4: a film (.mp4 needs the
         program ffmpeg); default: a page that a notebook shows below its cell
     output : str
-        only for Bounds: the output whose bounds the drawn runs attain; default: the output with the largest width
-        relative to its range
+        for Bounds: the output with the lowest and highest values that the runs attain; default: the widest output
     time : float or str
-        time of the first picture, and of the attained bounds [s], or with a unit. The default is the start. For Bounds,
-        the default is the time of the widest bounds of the output, or the middle of the motion for a scalar output
+        time of a still [s], or a text with a unit; default: the start. For Bounds, the runs attain the bounds at this
+        time; default: where the output's bounds are widest, or the middle of the motion for a scalar output
     point : Point
-        a point whose path is drawn. For Bounds, the region that the point reaches over the box is drawn instead
+        a point; its path is drawn, and for Bounds also the region that it reaches over the box
 
     Returns
     -------
     Page or None
-        the page if no path is given; its attribute `text` contains the HTML
+        the page if no path is given. Its `text` is HTML
 
     Raises
     ------
@@ -98,7 +97,7 @@ def view(
     if isinstance(subject, Bounds):
         exhibit = of_bounds(subject, output, time, point)
     elif output is not None:
-        raise DeclarationError("view: output= is only for Bounds. Leave it out, or give Bounds.")
+        raise DeclarationError("view: output= selects the bounds that runs attain. Use it with Bounds only.")
     elif isinstance(subject, Sweep):
         if suffix != ".html":
             raise DeclarationError("view: the sliders of a Sweep need a page. Give a file name that ends in .html.")
@@ -113,7 +112,7 @@ def view(
 
 
 def start_picture(subject: Scene | DAESimulator) -> bytes:
-    """A picture of a scene at its start, as PNG. No equations are compiled or integrated."""
+    """A scene at its start as a PNG. Nothing is compiled or integrated."""
     scene = subject if isinstance(subject, Scene) else subject.scene
     if isinstance(subject, Scene) or scene.figures:  # scalar outputs need several times
         scene = scene.curves

@@ -1,4 +1,4 @@
-"""The numbers of a run that a drawing needs. Expressions are requested one by one, and evaluated together."""
+"""The numbers of a run that a drawing needs. They are requested one by one, and evaluated together."""
 
 from dataclasses import dataclass
 
@@ -23,7 +23,7 @@ class Asked:
 
     def __call__(self) -> Array:
         if self.values is None:
-            raise RuntimeError("Call Survey.evaluate before the values are used.")
+            raise RuntimeError("the survey is not evaluated yet")
         return self.values
 
     @property
@@ -35,8 +35,8 @@ class Asked:
 class Survey:
     """Places, directions and expressions of a scene. `evaluate` computes their numbers along a run.
 
-    `down` is the direction of gravity. `span` is the diagonal of the box around attached points and centres of mass at
-    the start [m]. Both are set after `evaluate`.
+    `draw` then sets the direction `down` and the length `span` [m]. `span` is the diagonal of the box around attached
+    points and centres of mass at the start.
     """
 
     def __init__(self, run: Trajectory, scene: Scene) -> None:
@@ -65,20 +65,20 @@ class Survey:
         return asked
 
     def acting(self, element: Element) -> Element:
-        """The element. For a joint that closes in the run, the joint that holds the bodies after closing."""
+        """The element itself. If a joint closes in the run, the joint that then holds the bodies is returned."""
         return self._grips.get(element.name, element)
 
     def closed(self, joint: Element) -> Array | None:
-        """1 for each picture in which a joint is closed, otherwise 0; (n_f, 1) or (1, 1). None if it cannot open."""
+        """1 in pictures in which a joint is closed, otherwise 0, (n_f, 1) or (1, 1); None if the joint cannot open."""
         gate = self._gates.get(joint.name)
         return None if gate is None else gate()
 
     def frame(self, body: AbstractBody) -> int:
-        """Number of the frame of a body. DeclarationError is raised if the body is not in the scene."""
+        """Number of the frame that carries a point or a node. Its body must be in the scene."""
         owner = body.owner
         number = 0 if isinstance(owner, Ground) else next((i for i, b in enumerate(self.bodies) if b is owner), None)
         if number is None:
-            raise DeclarationError(f"Body {owner.name!r} is not in this scene. Give a point of a body of the scene.")
+            raise DeclarationError(f"Body {owner.name!r} is not in this scene.")
         return number
 
     def place(self, point: Point) -> int:
@@ -101,11 +101,11 @@ class Survey:
         return self._add(frame, Asked(np.asarray(local, dtype=float)[None]), None)
 
     def moving(self, frame: int, base: Array, now: Array) -> int:
-        """Number of the place of an elastic point: `base` (3,) is undeformed, `now` (n_f, 3) is along the run [m]."""
+        """Number of the place of an elastic point, (3,) undeformed and (n_f, 3) along the run [m]."""
         return self._add(frame, Asked(base[None]), Asked(now))
 
     def tracked(self, world: Asked) -> int:
-        """Number of a place with given world positions, (1, 3) or (n_f, 3) [m]."""
+        """Number of the place that moves along world positions, (1, 3) or (n_f, 3) [m]."""
         return self._add(0, world, None)
 
     def shifted(self, place: int, by: Array) -> int:
@@ -118,7 +118,7 @@ class Survey:
         return len(self._places) - 1
 
     def direction(self, body: AbstractBody, axis: Expr) -> Asked:
-        """A vector that is fixed in a body, in the axes of the body's frame, (1, 3) or (n_f, 3)."""
+        """A vector that is fixed in a body, in the axes of the frame that carries it, (1, 3) or (n_f, 3)."""
         local = axis if isinstance(axis, ca.SX) else vector(axis)
         owner = body.owner
         return self.ask(local if owner is body else owner.frame.R.T @ body.frame.R @ local)
@@ -149,7 +149,7 @@ class Survey:
         return len(self._places)
 
     def base(self, place: int) -> Array:
-        """Undeformed position of a place at the start, in the axes of its frame, (3,) [m]."""
+        """The undeformed place at the start in the axes of its frame, (3,) [m]."""
         return self._places[place][1]()[0]
 
     def pose(self, frame: int) -> Array:
@@ -157,8 +157,8 @@ class Survey:
         return self._poses[frame]().reshape(-1, 4, 3).transpose(0, 2, 1)
 
     def away(self, place: int) -> Array:
-        """The direction from a place to its support, (1, 3). It is down, or up if the bodies are below the place at
-        the start."""
+        """The direction from a place at the start to its support, (1, 3): down, or up if bodies hang below the
+        place."""
         centers = np.mean([self.pose(i)[0, :, 3] for i in range(1, len(self.bodies))], axis=0)
         return (self.down if self.down @ (centers - self.track(place)[0]) <= 0 else -self.down)[None]
 

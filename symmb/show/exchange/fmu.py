@@ -1,4 +1,4 @@
-"""Export of scenes as FMUs of FMI 2 and 3, and as C source with a main program."""
+"""Scenes for other programs: FMUs for FMI 2 and 3, and C source of runs with a main program."""
 
 import platform
 import re
@@ -20,20 +20,19 @@ _SYSTEMS = {"linux": ("linux", "linux", ".so"), "darwin": ("darwin", "darwin", "
 
 
 def save_fmu(scene: Scene | DAESimulator, path: str | Path, version: int = 3) -> None:
-    """Write a scene as an FMU for co-simulation. Scenes without constraints and impacts also support model exchange.
+    """Write a scene as an FMU for co-simulation. Without constraints and impacts, the FMU has model exchange too.
 
-    Programs can set the parameters and inputs of the FMU, and read its outputs. In co-simulation, compiled C code runs
-    the scene with its events, as in studies. The start is computed from the parameters. The tolerance determines the
-    steps of the solver, independently of communication steps. The FMU contains its C sources, which can be compiled
-    without symmb and Python.
+    Programs can set its parameters, and read its outputs. Co-simulation runs the scene as in studies, with its events,
+    in compiled C. The start is computed from the parameters. The tolerance determines the steps, independently of
+    communication steps. The FMU contains the sources. They need a C compiler, but neither symmb nor Python.
 
     Parameters
     ----------
     scene : Scene
-        a scene, whose solver is selected by pilot runs; or a prepared scene with one of the solvers DormandPrince,
-        EventDriven and Rosenbrock
+        pilot runs select its solver; or a prepared scene with one of the solvers DormandPrince, EventDriven and
+        Rosenbrock
     path : path
-        name of the file; it ends in `.fmu`
+        `.fmu`
     version : int
         version of FMI: 2 or 3
 
@@ -64,7 +63,7 @@ def save_fmu(scene: Scene | DAESimulator, path: str | Path, version: int = 3) ->
     Modelica Association (2022), Functional Mock-up Interface Specification 3.0, and version 2.0.4.
     """
     if not isinstance(version, int) or version not in (2, 3):
-        raise DeclarationError(f"save_fmu: version must be 2 or 3, of FMI, got {shown(version)}.")
+        raise DeclarationError(f"save_fmu: version must be 2 or 3, a version of FMI, got {shown(version)}.")
     require_suffix(path, ".fmu")
     require_compiler("The export of an FMU")
     model = exported(scene)
@@ -82,7 +81,7 @@ def save_fmu(scene: Scene | DAESimulator, path: str | Path, version: int = 3) ->
     files[f"binaries/{folder}/{identifier}{suffix}"] = portable_library(texts, BINARY_FILES)
     with replacement(path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():
-            # All files have the date 1980-01-01, so that the same scene always gives the same FMU.
+            # Files of a ZipInfo have the date 1980-01-01. The same scene thus always gives the same FMU.
             archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_DEFLATED)
 
 

@@ -22,9 +22,9 @@ from symmb.show.report import document
 from symmb.show.report.document import assumed, called, section, seed, settings_table
 from symmb.show.report.verdict import by_urgency, next_steps, verdict
 
-_NO_CONTRIBUTIONS = "The polynomials of the study do not give contributions. {} makes further runs and computes them."
+_NO_CONTRIBUTIONS = "The polynomials of the study do not give contributions. {} makes the further runs for them."
 _ASKED, _ASKED_BY_COMMAND = "`bounds.contributions()`", "`symmb bound --contributions`"
-_AT_MARGIN = "Outputs with limits: at the time of their smallest margin. Other outputs: when their bounds are widest."
+_AT_MARGIN = "Outputs with limits: at the time of their smallest margin. Other outputs: where their bounds are widest."
 
 
 def write_bounds(
@@ -38,8 +38,8 @@ def write_bounds(
 ) -> None:
     """Write the report of bounds; see `Bounds.report`.
 
-    `block` has the texts of the title block by name. If a `command` is given, the report shows this command instead of
-    lines of Python. Contributions that are not given may need runs.
+    The title block contains texts by name. If a `command` is given, the report shows it instead of lines of Python.
+    Contributions are computed only if they need no further runs. Other contributions must be given.
     """
     require_suffix(path, ".html")
     check = None if limits is None else bounds.check(limits)
@@ -78,7 +78,7 @@ def _prepared(bounds: Bounds) -> DAESimulator | None:
 def _annex(
     bounds: Bounds, check: LimitCheck | None, command: str, shares: Contributions | None, why: str
 ) -> Iterator[str]:
-    """Warnings, tables, settings and equations. `why` is the reason why contributions are not known."""
+    """Warnings, tables, settings and equations. If contributions are not known, `why` is the reason."""
     yield section("Warnings and remarks", document.warnings(bounds.doubts, bounds.remarks))
     if check is not None:
         worst = [] if check.worst is None else [document.note(f"Worst case: {check.worst}")]
@@ -155,7 +155,7 @@ def _contributions(bounds: Bounds, check: LimitCheck | None, shares: Contributio
 
 
 def _part_or_reason(part: Callable[[], str]) -> str:
-    """A part of the report. If it needs runs that cannot be repeated, the reason is given instead."""
+    """A part, or the reason why it is missing. For example, a run cannot be repeated."""
     try:
         return part()
     except SymmbError as error:
@@ -163,8 +163,7 @@ def _part_or_reason(part: Callable[[], str]) -> str:
 
 
 def _motion(bounds: Bounds, scene: Scene, check: LimitCheck | None) -> str:
-    """The nominal run, with the runs that attain the bounds. Their output and time have the smallest margin or are
-    the widest. If the method stores no such runs, only the nominal run is shown."""
+    """The runs that attain the bound closest to a limit, or the widest bounds; or only the nominal run."""
     worst = None if check is None else check.worst
     output, time = (None, None) if worst is None else (worst.output, worst.time)
     text = "The nominal run, and the runs of the study that come closest to the bounds:"
@@ -194,7 +193,7 @@ def _settings(bounds: Bounds) -> list[tuple[str, str]]:
 
 
 def _repeated(command: str, bounds: Bounds, of_scene: bool, check: LimitCheck | None) -> list[str]:
-    """What the reader needs to compute the bounds again, and the command or the lines of Python."""
+    """Requirements, and the command or the lines of Python that compute the bounds again."""
     if command:
         return [document.note("Run this command in the folder with the files that it names:"), html.text(command)]
     solver = repr(bounds.study.solver) if of_scene and isinstance(bounds.study, Study) else ""

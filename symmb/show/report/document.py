@@ -1,4 +1,4 @@
-"""The file of a report: its head, its sections and their contents. All texts are escaped here or by `_html`."""
+"""The file of a report: head, sections, and their contents. All texts are escaped here or by `_html`."""
 
 import platform
 import re
@@ -62,12 +62,12 @@ def warnings(doubts: Sequence[str], remarks: Sequence[str] = ()) -> str:
 
 
 def note(text: str) -> str:
-    """A sentence about the next part of the report."""
+    """A sentence about the part beside it."""
     return f'<p class="note">{_prose(text)}</p>'
 
 
 def pictures(files: Iterable[tuple[str, bytes]]) -> str:
-    """PNG files, each with a description. They are side by side if they are legible."""
+    """PNG files, each with a description. They are side by side if they stay legible."""
     figures = "".join(f"<figure>{html.picture(png, shown)}</figure>" for shown, png in files)
     return f'<div class="pictures">{figures}</div>'
 
@@ -83,7 +83,7 @@ def moving(page: str, png: bytes, labels: Iterable[tuple[str, str]]) -> str:
 
 
 def equations(text: str, page: int = 100) -> str:
-    """Equations that readers can open. Printed reports contain the complete matrices that fit on one page."""
+    """Equations that readers can unfold. Printed reports contain as many complete matrices as fit on one page."""
     blocks = text.split("\n\n")
     lengths = np.cumsum([block.count("\n") + 2 for block in blocks])
     printed = [html.text(block) for block in blocks[: int((lengths <= page).sum())]]
@@ -101,8 +101,8 @@ def assumed(box: Box, nominal: Mapping[str, float]) -> str:
 def settings_table(settings: Sequence[tuple[str, str]], is_own: bool = False) -> str:
     """Settings by name. Empty settings are left out.
 
-    The versions of packages are those at the time of the report. If `is_own` is True, the result was computed with
-    these versions. A result from a file may have other versions.
+    Versions are those of this report. If `is_own`, the result has the same versions, because it was not read from a
+    file.
     """
     versions = "versions" if is_own else "versions (of this report)"
     packages = [f"{name} {version(name)}" for name in _PACKAGES]

@@ -1,4 +1,4 @@
-"""The first page of a report. Its sentences say whether limits are satisfied, and what to do next."""
+"""The first page of a report: sentences about whether limits are satisfied, and what to do next."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,12 +22,12 @@ _SAID = {
     True: ("is satisfied", "are satisfied"),
 }
 _MOST_LISTED, _MOST_PARAMETERS = 6, 3
-"""Largest number of sentences about limits or ranges, and largest number of parameters in a sentence."""
+"""Largest number of limits or ranges with a sentence, and of parameters that one sentence names."""
 _LEAST_PART = 0.05
-"""Smallest effect of a named parameter, relative to the largest effect; also the smallest proposed tolerance factor."""
+"""Smallest effect of a named parameter, relative to the largest effect, and smallest proposed tolerance factor."""
 _CERTAIN = {
     "enclosure": "The bounds for these sentences are proved.",
-    "sampled": "Only the {} cases that were run are known. Other cases may have smaller or larger values.",
+    "sampled": "Only the {} cases that were run are known. Other cases may have more extreme values.",
     "estimate": "These are estimates from {} runs, not proofs.",
 }
 _WARNED = "A warning prevents a decision: see the annex. Remove its cause, or use another method."
@@ -44,7 +44,7 @@ def by_urgency(check: LimitCheck) -> list[KeptLimit]:
 
 
 def verdict(bounds: Bounds, check: LimitCheck | None) -> list[tuple[str, str]]:
-    """Pairs (result or "", sentence) about all limits, each limit or range, and the certainty of the bounds."""
+    """Sentences about all limits, about each limit or range, and about certainty. Each has a result, or ""."""
     if check is None:
         head = "No limits were given. These are the ranges within the tolerances."
         ends = zip(bounds.names, bounds.lower.min(axis=0), bounds.upper.max(axis=0), _units(bounds), strict=True)
@@ -56,7 +56,7 @@ def verdict(bounds: Bounds, check: LimitCheck | None) -> list[tuple[str, str]]:
         head = _headline([limit.kept for limit in check.limits], "all" if all(everywhere) else "some")
         sides = [(limit, other_side(bounds, limit, bounds._side(limit))) for limit in by_urgency(check)]
         some = [(STATES[limit.kept], f"{_sentence(bounds, limit)} {also}".rstrip()) for limit, also in sides]
-    more = [f"The annex has the other {len(some) - _MOST_LISTED}."] * (len(some) > _MOST_LISTED)
+    more = [f"The annex contains the other {len(some) - _MOST_LISTED} sentences."] * (len(some) > _MOST_LISTED)
     errors = " Their errors are not known." if bounds.estimate is None else " The annex states their errors."
     more.append(_CERTAIN[bounds.kind].format(bounds.evaluations) + errors * (bounds.kind == "estimate"))
     if bounds.failed:
@@ -80,7 +80,7 @@ def _headline(results: Sequence[bool | None], cases: str) -> str:
 
 
 def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions | None) -> list[str]:
-    """Sentences that say how to decide limits, which tolerances to tighten, and which parameters matter most."""
+    """Sentences: how to decide limits, which tolerances to tighten, by how much, and the most important parameters."""
     limits = [] if check is None else by_urgency(check)
     texts = _undecided(limits)
     ends = {limit: _end(bounds, limit) for limit in limits if not limit.kept}
@@ -91,7 +91,7 @@ def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions |
     if at_limit:
         names = _listed([_named(limit) for limit in at_limit])
         texts.append(
-            f"The nominal values reach the limit of {names}, whatever the tolerances. Change these values or the limit."
+            f"The nominal values reach the limit of {names}. Change these values or the limit. Tolerances do not help."
         )
     if lost:
         texts.append(_lost(bounds, lost))
@@ -107,7 +107,7 @@ def _undecided(limits: Sequence[KeptLimit]) -> list[str]:
 
 
 def _lost(bounds: Bounds, excess: Mapping[KeptLimit, float]) -> str:
-    """A sentence about limits that the nominal values, or all cases, violate. No tolerance satisfies these limits."""
+    """A sentence about limits that no tolerance satisfies, with the excess of the nominal values or of all cases."""
     words = [f"{_named(limit)} by {_text(value, limit.unit)}" for limit, value in excess.items()][:_MOST_LISTED]
     more = [f"{len(excess) - _MOST_LISTED} other outputs"] * (len(excess) > _MOST_LISTED)
     is_nominal = np.isfinite(_nominal_excess(bounds, next(iter(excess))))
@@ -132,7 +132,7 @@ def _named(limit: KeptLimit) -> str:
 
 
 def _quoted(output: str) -> str:
-    """An output in quotation marks. Without them, a name such as 'open' could be read as a word of the sentence."""
+    """An output in quotation marks, because names such as 'open' may read as words of the sentence."""
     return f"'{output}'"
 
 
@@ -154,8 +154,7 @@ def _inside(limit: KeptLimit) -> str:
 
 
 def _nominal_excess(bounds: Bounds, limit: KeptLimit) -> float:
-    """Largest violation of the limit by the nominal run; negative if the limit is satisfied. It is -inf if the nominal
-    run is not known or not in the box."""
+    """Excess of the nominal run over the limit, negative inside; -inf if the run is not known, or not in the box."""
     if bounds.nominal is None or bounds._left_out:
         return -np.inf
     values = bounds.nominal[:, _column(bounds, limit)]
@@ -163,8 +162,8 @@ def _nominal_excess(bounds: Bounds, limit: KeptLimit) -> float:
 
 
 def _least_excess(bounds: Bounds, limit: KeptLimit) -> tuple[float, int]:
-    """The largest violation of the limit that all cases have at one time, and the number of this time. Only the side
-    of the limit that is closest to the bounds counts. The violation is -inf if it is not known."""
+    """All cases exceed the limit by a smallest excess at each time. Return its largest value over time, and the number
+    of this time; -inf if it is not known."""
     if bounds.failed or (bounds.estimate is None and bounds.kind != "enclosure"):
         return -np.inf, 0
     lower, upper = (end[:, _column(bounds, limit)] for end in bounds.outer)
@@ -211,7 +210,7 @@ def _when(bounds: Bounds, limit: KeptLimit) -> str:
     except SymmbError:  # the run cannot be repeated
         return ""
     place, units = dict(zip(box.names, point, strict=True)), dict(zip(box.names, _units(box), strict=True))
-    names = [n for n in names if abs(place[n]) >= 0.5]  # other parameters are near the middle
+    names = [n for n in names if abs(place[n]) >= 0.5]  # the others are neither high nor low
     some = names[:_MOST_LISTED]
     words = [f"{n} is {'high' if place[n] > 0 else 'low'} ({_text(case.parameters[n], units[n], 4)})" for n in some]
     if (n := len(names) - _MOST_LISTED) > 0:
@@ -221,10 +220,10 @@ def _when(bounds: Bounds, limit: KeptLimit) -> str:
 
 def _acting(bounds: Bounds, k: int, i: int, place: Array) -> list[str]:
     """Parameters, sorted by their effects on output number k at time number i. The effect of a parameter is the change
-    of the output when the parameter moves from `place` (d,) in the unit box to the middle of its interval.
+    of the output if only this parameter moves from `place` (d,) in the unit box to the middle of its interval.
 
-    Accurate polynomials give the effects. Without such polynomials, one run for each parameter is made. These runs are
-    not made if they are expensive and the study made fewer runs.
+    Effects follow from accurate polynomials, or from one run for each parameter. These runs are not made if they are
+    expensive and the study made fewer runs.
     """
     box, study = bounds.box, bounds.study
     assert box is not None
@@ -256,11 +255,11 @@ def _spread(bounds: Bounds, rows: Mapping[int, int], shares: Contributions | Non
 
 
 def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
-    """Sentences about tolerances that satisfy limits. The nominal values satisfy these limits. The polynomials of the
-    study give the tolerances."""
+    """Sentences about tolerances that satisfy limits, from the polynomials of the study. Nominal values must satisfy
+    these limits."""
     columns, box = [_column(bounds, limit) for limit in limits], bounds.box
     if limits and bounds._left_out:
-        return ["To find tolerances that satisfy the limits, give intervals that contain the nominal values."]
+        return ["Give intervals that contain the nominal values, to find tolerances that satisfy the limits."]
     if not limits or box is None or (surrogate := bounds.good_surrogate(columns)) is None:
         return [_SEARCH] * bool(limits)
     if any(np.isfinite(limit.between) for limit in limits):  # polynomials have values at output times only
@@ -271,7 +270,7 @@ def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
         part, one = surrogate.part(slice(None), [k]), np.ones(len(box))
         extremes = part.part([limit.row], [0]).range(-one, one)[2][:, 0, 0]
         names |= dict.fromkeys(_acting(bounds, k, limit.row, extremes[SIDES.index(bounds._side(limit))]))
-        rows = np.flatnonzero(reduced.violated(limit, part, 1.0, ()))  # in other rows, parts are inside too
+        rows = np.flatnonzero(reduced.violated(limit, part, 1.0, ()))  # at other times, smaller boxes satisfy it too
         reduced.parts.extend([(limit, part.part(rows, [0]))] if len(rows) else [])
     if not reduced.parts:  # runs violate limits that the polynomials satisfy
         return [_SEARCH]
@@ -280,7 +279,7 @@ def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
 
 @dataclass(frozen=True)
 class _Reduced:
-    """Tolerances that are multiplied by a factor. The nominal values are `middle` (d,) in the unit box.
+    """Tolerances multiplied by a factor about the nominal values, which are `middle` (d,) in the unit box.
 
     `parts` are the limits that the whole box violates, with polynomials of their outputs at these times.
     """
@@ -331,7 +330,7 @@ def _proposed(reduced: _Reduced, limits: Sequence[KeptLimit], some: Sequence[str
     if (factor := reduced.largest(reduced.box.names)) >= _LEAST_PART:
         changes = _listed([reduced.change(n, factor) for n in some])
         return [f"{goal}, multiply all tolerances by {factor:.3g}, such as {changes}.", _AGAIN]
-    return [_SEARCH]  # the error of the polynomials is too large
+    return [_SEARCH]  # with the error of the polynomials, no factor is large enough
 
 
 def _tolerance(nominal: float, low: float, high: float) -> str:
