@@ -88,7 +88,7 @@ def read_grids(path: str | PathLike[str]) -> dict[int, Array]:
             continue
         node = card.whole(0, "the number of the node")
         if node in grids:
-            raise card.fault(f"node {node} appears twice. Remove one of both cards.")
+            raise card.fault(f"node {node} appears twice. Remove one of the two cards.")
         for k, what in ((1, "position"), (5, "displacement")):
             if card.text(k) not in ("", "0"):
                 raise card.fault(

@@ -93,7 +93,7 @@ def _of_the_rest(source: MjcfModel) -> Iterator[str]:
 
 
 def _may_touch(source: MjcfModel) -> bool:
-    """Whether MuJoCo would search for contacts of any two bodies, except those of a body with its parent."""
+    """Whether MuJoCo would search for contacts between bodies, except contacts of a body with its parent."""
     m = source.model
     body = m.body_weldid[m.geom_bodyid]
     parent = m.body_weldid[m.body_parentid[body]]
