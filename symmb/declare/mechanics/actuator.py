@@ -104,7 +104,7 @@ class Actuator(JointForce):
 
 @dataclass(frozen=True, eq=False)
 class Stop(JointForce):
-    """Limits of a joint's motion at one or both ends. A limit is a contact law, or an impact with a restitution.
+    """Limits of a joint's motion at one or both ends: contact laws, or impacts with a coefficient of restitution.
 
     Parameters
     ----------

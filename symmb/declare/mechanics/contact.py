@@ -56,7 +56,7 @@ def touch(
         tangents = ca.cross(Z, axis)
     elif is_constant(axis):
         tangents = triad(axis)[:, :2]
-    else:  # no smooth pair of tangents exists for all normals, so three directions minus their normal parts are used
+    else:  # no pair of tangents is smooth for all normals, so the tangential parts of three directions are used
         tangents = ca.SX.eye(3) - axis @ axis.T
     tangents = a.frame.R @ tangents
     foot = point.r - height * normal

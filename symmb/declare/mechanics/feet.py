@@ -12,7 +12,7 @@ from symmb.declare.mechanics.curve import Curve, Measured, Part
 from symmb.declare.symbolic import SOFT, Kind, Symbol, ddt, declare
 
 _CLOSE = 0.2
-"""Lower limit of the slope of a foot's condition, relative to a straight line. It is 0 at a centre of curvature."""
+"""Lower limit of the slope of a foot's condition, relative to a line. The slope is 0 at a centre of curvature."""
 _CATCH_UP = 100.0
 """The error of a foot decreases by the factor e while the point moves by 1/100 of the length of the curve."""
 _SAMPLES, ALL_SAMPLES = 12, 64

@@ -142,8 +142,8 @@ class FlexibleBody(Body):
         Raises
         ------
         DeclarationError
-            If a coordinate is not a number, if the point is between nodes, or if it is not at a node and nodes have no
-            rotations
+            If a coordinate is not a number, if the point is between nodes, or if nodes have no rotations and the point
+            is not at a node
         """
         m = self.modes
         if not all(isinstance(part, Real) for part in (x, y, z)):

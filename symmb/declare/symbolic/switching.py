@@ -33,7 +33,7 @@ _KINKS: dict[Any, tuple[str, Callable[..., ca.SX]]] = {
 
 
 def _whole(side: ca.SX, value: ca.SX) -> ca.SX:
-    """floor(value) on one side of sin(pi value): the nearest even or odd number, valid up to half a unit beyond."""
+    """floor(value) on one side of sin(pi value): the nearest even or odd number, valid up to 0.5 beyond it."""
     odd = (1 - side) / 2
     return 2 * ca.floor((value - odd + 0.5) / 2) + odd
 
@@ -55,7 +55,7 @@ _ON_A_SIDE: dict[Any, Callable[..., ca.SX]] = {
     ca.OP_FMOD: _fmod,
     ca.OP_REMAINDER: lambda side, a, b: a - b * _whole(side, a / b + 0.5),
 }
-"""The value of an operation on one side of its switch. Other operations, such as equality, are not located."""
+"""The value of an operation on one side of its switch. Other operations, such as equality, have no switch."""
 _FRONTS = {ca.OP_EXP, ca.OP_TANH, ca.OP_ERF, ca.OP_COSH}
 """Operations with fronts: they change only in a short interval of their argument, near 0.
 

@@ -128,8 +128,8 @@ def is_time(symbol: ca.SX) -> bool:
 def initial(expression: ca.SX) -> ca.SX:
     """Value of a position expression at the start of a run: a first-order state without rate.
 
-    The start of a scene is often computed, such as a static equilibrium. `x - initial(x)` is the displacement since the
-    start.
+    The start of a scene is often computed, for example as an equilibrium. `x - initial(x)` is the displacement since
+    the start.
 
     Parameters
     ----------

@@ -167,7 +167,7 @@ def told(passed: dict[str, list[Tag]]) -> list[str]:
     for what, tags in passed.items():
         more = f" and {len(tags) - 1} more" if len(tags) > 1 else ""
         kinds.append(f"{what} (line {tags[0].line}{more})")
-    return [f"Ignored: {'; '.join(kinds)}. With strict=True these faults are errors."] if kinds else []
+    return [f"These faults are ignored: {'; '.join(kinds)}. With strict=True they are errors."] if kinds else []
 
 
 def read_document(path: Path, passed: dict[str, list[Tag]] | None) -> Tag:

@@ -12,7 +12,7 @@ from symmb.declare.mechanics.robots.mjcf_model import MjcfModel
 def left_out(source: MjcfModel, has_stops: bool) -> list[str]:
     """One sentence that lists the parts that symmb leaves out; empty if there are none."""
     found = [*_of_joints(source, has_stops), *_of_tendons(source), *_of_actuators(source), *_of_the_rest(source)]
-    return [f"Left out are: {'; '.join(found)}."] if found else []
+    return [f"These parts of the file are left out: {'; '.join(found)}."] if found else []
 
 
 def _listed(what: str, names: list[str], where: Iterable[Any], most: int = 6) -> Iterator[str]:

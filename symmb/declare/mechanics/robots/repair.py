@@ -26,7 +26,7 @@ def repaired(building: Building) -> tuple[Building, list[str]]:
     for link, top in description.tops.items():
         moments = tuple(x for x in building.vector(f"{link}.inertia", ENTRIES) if not isinstance(x, ca.SX))
         is_base = building.fixed_base and top == description.root
-        # The inertia of a part may be impossible if that of the whole body is possible, because only the whole moves.
+        # The inertia of a part may be impossible if that of the whole body is possible. Parts do not move separately.
         if not is_base and len(moments) == len(ENTRIES) and inertia_fault(moments):
             parts = [before.mass(part, before.places[part]) for part, own in description.tops.items() if own == top]
             if inertia_fault(tuple(np.array(united(parts).inertia)[np.triu_indices(3)])):

@@ -77,7 +77,7 @@ class LinkFrame:
     name : str
     body : Body or Ground
     origin : (3,)          origin of the link in body axes, relative to the origin of the body's points [m]
-    quaternion : (4,)      rotation link to body, scalar first
+    quaternion : (4,)      rotation from axes of the link to axes of the body, scalar first
     """
 
     name: str
