@@ -55,7 +55,7 @@ _ON_A_SIDE: dict[Any, Callable[..., ca.SX]] = {
     ca.OP_FMOD: _fmod,
     ca.OP_REMAINDER: lambda side, a, b: a - b * _whole(side, a / b + 0.5),
 }
-"""The value of an operation on one side of its switch. Other operations, such as equality, have no switch."""
+"""The value of an operation on one side of its switch. Steps do not end at other switches, such as equality."""
 _FRONTS = {ca.OP_EXP, ca.OP_TANH, ca.OP_ERF, ca.OP_COSH}
 """Operations with fronts: they change only in a short interval of their argument, near 0.
 
