@@ -137,7 +137,7 @@ class Measured:
         moment = x[:, 0] * d[:, 1] - x[:, 1] * d[:, 0]
         self.area = float((moment[1:] + moment[:-1]) @ np.diff(s)) / 4
         if curve.closed and np.hypot(*(x[-1] - x[0])) > SAME * self.length:
-            raise DeclarationError("the curve is closed, but its end differs from its start")
+            raise DeclarationError("the curve is closed, but its end differs from its start. Use closed=False")
         # If the function of s is periodic, feet can pass the start. Other closed curves must be cut there.
         beyond = np.array([0.0, 0.01]) * self.period
         gap = np.hypot(*(numbers(start + beyond)[0] - numbers(end + beyond)[0]).T)

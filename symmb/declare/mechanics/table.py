@@ -105,7 +105,7 @@ class Table:
         if at.is_constant():
             places = np.array(ca.DM(ca.densify(at)), dtype=float)
             if not np.isfinite(places).all():
-                raise DeclarationError(f"Table: {shown(value)} is not finite.")
+                raise DeclarationError(f"Table: {shown(value)} is not finite. Pass a finite number.")
             begin, y, slope, c, d, _ = self._pieces.read(0, places)
             return ca.SX(y + (places - begin) * (slope + (places - begin) * (c + (places - begin) * d)))
         over_state = any(record.kind is not Kind.PARAMETER for record in records_in(at))

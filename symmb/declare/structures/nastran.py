@@ -96,7 +96,7 @@ def read_grids(path: str | PathLike[str]) -> dict[int, Array]:
                 )
         grids[node] = np.array([card.real(k, f"{x} of node {node}") for k, x in zip((2, 3, 4), "xyz", strict=True)])
     if not grids:
-        raise DeclarationError(f"{path}: the file has no GRID card, so there are no nodes.")
+        raise DeclarationError(f"{path}: the file has no GRID card. Export the nodes, too.")
     return grids
 
 
