@@ -138,7 +138,7 @@ def test_faults_of_contacts(curve, radius, fault):
     [
         (lambda: mb.Curve([(0, 0), (0, 0), (1, 1)]), "two successive points are equal"),
         (lambda: mb.Curve([(0, 0, 1)]), "must be a function of s, or points"),
-        (lambda: mb.Curve(lambda s: (s, s), 1, 0), "must be finite numbers, and start below end"),
+        (lambda: mb.Curve(lambda s: (s, s), 1, 0), "must be finite, and start must be below end"),
         (lambda: mb.Curve(lambda s: (s, s), 0, 1, corners=[2]), "must be from 0 to 1"),
         (lambda: mb.Curve(lambda s: 1 / "s", 0, 1), "the law raises"),
     ],

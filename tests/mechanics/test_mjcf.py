@@ -225,7 +225,7 @@ LEFT_OUT = {
 def test_what_is_left_out_is_told_by_name(case, tmp_path):
     inside, outside, message = LEFT_OUT[case]
     robot, text = told(write(tmp_path, inside, outside))
-    assert text.count("Left out") == 1 and message in text
+    assert text.count("left out") == 1 and message in text
     mb.System(*robot.elements)
 
 

@@ -194,7 +194,7 @@ def test_joints_without_any_link(tmp_path):
 def test_faults_that_do_not_matter_are_told_once(text, line, element, fault, tmp_path):
     with pytest.warns(mb.SymmbWarning) as told:
         mb.load_urdf(written(tmp_path, text, "odd.urdf"))
-    assert len(told) == 1 and "odd.urdf: Ignored: " in str(told[0].message)
+    assert len(told) == 1 and "odd.urdf: These faults are ignored: " in str(told[0].message)
     assert f" (line {line})" in str(told[0].message) and "strict=True" in str(told[0].message)
 
 

@@ -104,7 +104,7 @@ class Actuator(JointForce):
 
 @dataclass(frozen=True, eq=False)
 class Stop(JointForce):
-    """Limits of a joint's motion: a contact law, or impacts with a coefficient of restitution, at one or both ends.
+    """Limits of a joint's motion at one or both ends: contact laws, or impacts with a coefficient of restitution.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ class Stop(JointForce):
     lower, upper : Expr
         limits of the joint's `angle` [rad] or `displacement` [m]; None: no limit at this end
     law : ContactLaw
-        torque [N m] for a penetration [rad], or force [N] for a penetration [m]: `KelvinVoigt(...)`, ...
+        law such as `KelvinVoigt(...)`: torque [N m] for a penetration [rad], or force [N] for a penetration [m]
     restitution : Expr
         coefficient of restitution in place of a law: the limits are impacts `name.lower` and `name.upper`, see `Impact`
     coordinate : str

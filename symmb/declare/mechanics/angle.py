@@ -15,8 +15,9 @@ def relative_angle(
     """Angle [rad] of body b relative to body a about an axis that is fixed in both, and the records of its state.
 
     The angle is 0 if `alignment` (3, 3) converts components in axes of body a to axes of body b. If the axes of the
-    bodies do not stay parallel, the angle is the twist: the rotation that remains after the smallest rotation that
-    makes the axes coincide. If a joint keeps the axes parallel, `parallel` gives shorter expressions.
+    bodies do not stay parallel, the angle is the twist. The relative rotation then consists of the smallest rotation
+    that makes the axes coincide, and the rotation by this angle about the axis. If a joint keeps the axes parallel,
+    `parallel` gives shorter expressions.
 
     If both bodies turn about z only, the angle is a difference of coordinates. Otherwise quaternions determine the
     angle up to whole turns. A first-order state named `name.angle` follows the angle, and only chooses the number of
@@ -28,7 +29,7 @@ def relative_angle(
     A = a.frame.R @ frame_a
     B = b.frame.R @ alignment @ frame_a
     sine, cosine = ca.dot(A[:, 1], B[:, 0]), ca.dot(A[:, 0], B[:, 0])
-    # The twist follows from sums over two columns. These are not normalized, because atan2 needs only their ratio.
+    # The twist follows from sums over two columns. The sums are not normalized, because atan2 uses only their ratio.
     if not parallel:
         sine, cosine = sine - ca.dot(A[:, 0], B[:, 1]), cosine + ca.dot(A[:, 1], B[:, 1])
     wrapped = ca.atan2(sine, cosine)
@@ -36,7 +37,7 @@ def relative_angle(
     rate = ca.dot(A[:, 2] if parallel else turning_direction(a, axis_a, b, alignment), omega)
     state = ca.SX.sym(f"{name}.angle")
     records = declare([f"{name}.angle"], Kind.STATE, state, rate, wrapped)
-    # The angle is turned back by the state before atan2: the difference is far from the jump of atan2 at pi.
+    # The state is subtracted from the angle before atan2 is used. The difference is far from the jump of atan2 at pi.
     s, c = ca.sin(state), ca.cos(state)
     return state + ca.atan2(sine * c - cosine * s, cosine * c + sine * s), records
 

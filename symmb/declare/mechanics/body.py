@@ -17,8 +17,8 @@ from symmb.declare.mechanics.pose import Fixed, Frame, Particle, Planar, Pose, S
 from symmb.declare.symbolic import ddt, is_zero, vector
 
 TRIANGLE = 5e-4
-"""A principal moment of inertia may exceed the sum of the others by this fraction of the sum of all three. Data of thin
-plates, rounded to three digits, reach this excess."""
+"""Tolerance of the check of inertias. The largest principal moment may exceed the sum of the other two by this fraction
+of the sum of all three. Data of thin plates need this tolerance if they are rounded to three digits."""
 
 
 def _component(vector: str, k: int, doc: str) -> Any:
@@ -27,7 +27,7 @@ def _component(vector: str, k: int, doc: str) -> Any:
 
 
 class Located:
-    """Components of a position in the world, and of its velocity. The position of a body is its centre of mass."""
+    """Components of the world position and the world velocity. For a body, they are those of its centre of mass."""
 
     _place: ca.SX
     _velocity: ca.SX
@@ -56,7 +56,7 @@ class AbstractBody(Located):
 
     @kept_interrupts()
     def point(self, x: Expr, y: Expr, z: Expr = 0) -> "Point":
-        """Point fixed to the body at (x, y, z) [m] in body axes, relative to the origin of the points (see `com`)."""
+        """Point fixed to the body at (x, y, z) [m] in body axes. The centre of mass has the coordinates `com`."""
         return Point(self, vector([x, y, z], f"point of {self.name!r}") - vector(self.com, f"com of {self.name!r}"))
 
     @property
@@ -96,15 +96,15 @@ class Body(AbstractBody):
     name : str
         without dots; coordinates are called `name.x`, ...
     mass : Expr
-        mass [kg], not negative; 0 for a massless body. If the mass changes along the motion, mass that joins or leaves
-        has the body's velocity
+        mass [kg], not negative; 0 for a massless body. If the mass changes during the motion, added and removed mass
+        has the velocity of the body
     inertia : Expr
         inertia about the centre of mass [kg m^2]: a scalar about z for `Planar()`, three principal values or a
         symmetric 3x3 matrix in body axes for `Spatial()`, none for `Particle()`
     pose : Pose
         possible motion of the body: `Planar()`, `Spatial()` or `Particle()`
     com : tuple
-        centre of mass relative to the origin of the points, in body axes [m]
+        centre of mass [m], in the coordinates x, y and z of `point`. The default is their origin
     shapes : sequence
         shapes of the body in drawings: `Box3(...)`, `Cylinder(...)`, `Sphere(...)` or `Mesh(...)`. By default drawings
         derive a shape from the points and the inertia. Shapes have no other effect
@@ -145,7 +145,7 @@ class Body(AbstractBody):
 
     @property
     def nearly_singular(self) -> bool:
-        """Whether the body's block of the mass matrix is nearly singular, so that its inverse would lose digits."""
+        """Whether the body's block of the mass matrix is nearly singular. Its inverse would then be inaccurate."""
         return False
 
     @property
@@ -167,11 +167,11 @@ class Body(AbstractBody):
 
 
 class Flywheel(Body):
-    """A body that represents the inertia of a drive. It has no place in the mechanism, and is not drawn."""
+    """A body that represents the inertia of a drive. It is not drawn, because its position has no meaning."""
 
 
 class Link(Body):
-    """A body of a machine from a file. Users know the joint values of such bodies, not their coordinates."""
+    """A body of a machine from a file. Files give its pose by joint values, not by coordinates of the body."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,11 +182,11 @@ class Inertial:
     Q: ca.SX  # (n_v,), gyroscopic and elastic forces, which conserve energy
     Q_work: ca.SX | None = None  # (n_v,), internal damping forces
     potential: ca.SX | None = None  # strain energy [J]
-    flows: bool = True  # whether M changes along the motion because mass joins or leaves
+    flows: bool = True  # whether mass may be added or removed during the motion
 
     @property
     def M_flow(self) -> ca.SX:
-        """The matrix M (n_v, n_v) if mass may join or leave along the motion, else zeros."""
+        """The matrix M (n_v, n_v) if mass may be added or removed during the motion, else zeros."""
         return self.M if self.flows else ca.SX(*self.M.shape)
 
 
@@ -252,7 +252,7 @@ def velocity_at(body: AbstractBody, arm: ca.SX) -> ca.SX:
 
 
 def inertia_matrix(body: Body, inertia: ca.SX) -> ca.SX:
-    """Inertia (3, 3) about the centre of mass in body axes, from a value of the shape that the pose requires."""
+    """Inertia (3, 3) about the centre of mass in body axes. The pose determines the shape of the given inertia."""
     if isinstance(body.pose, Planar) and inertia.numel() == 1:
         return ca.diag(ca.vertcat(0, 0, inertia))
     if isinstance(body.pose, Spatial) and inertia.numel() == 3:

@@ -86,7 +86,7 @@ class Clutch(PairTorque, Constraint):
             slip, along, _ = (np.array(part).ravel() for part in f(state))
             step = along / max(along @ along, np.finfo(float).tiny)
             below, above = (float(f(state - (slip - side) * step)[2]) for side in (-SLIGHT, SLIGHT))
-            # A capacity that is steep, but continuous, differs by less over so small a change of the slip.
+            # For so small a change of the slip, a steep but continuous capacity changes by less than this limit.
             if not abs(above - below) > SMALL * max(abs(above), abs(below)):
                 return False
         return True

@@ -21,7 +21,7 @@ class Constraint(Element):
         return ca.SX(0, 1)
 
     def assembly_cosines(self) -> ca.SX:
-        """Cosines (n,) that are 1 in the intended assembly and -1 in the other solution of the rows."""
+        """Cosines (n,) of angles between axes: 1 in the intended assembly, and -1 in the other solution of Phi = 0."""
         return ca.SX(0, 1)
 
     unilateral: bool = False
@@ -59,7 +59,7 @@ class Motion(Constraint):
 
 @dataclass(frozen=True, eq=False)
 class VelocityConstraint(Constraint):
-    """A constraint of velocities, such as rolling without slip: all expressions stay 0. They are linear in velocities.
+    """A constraint of velocities, such as rolling without slip. All expressions stay 0. They are linear in velocities.
 
     Examples
     --------

@@ -40,9 +40,9 @@ def touch(
 ) -> Iterator[Action]:
     """The actions between a circle or sphere about a point and a surface of body a.
 
-    `axis` (3,) is the normal of the surface at the foot of the point, in the axes of body a. `height` [m] is the
-    height of the point above the foot. If a state follows the foot, `rate` is the rate of the height [m/s]. `name`
-    replaces the element's name in the names of friction states, if the element has several contacts.
+    The foot is the point of the surface that is nearest to the given point. `axis` (3,) is the normal at the foot, in
+    the axes of body a. `height` [m] is the height of the point above the foot. If a state follows the foot, `rate` is
+    the rate of the height [m/s]. `name` is the prefix of friction states if the element has several contacts.
     """
     b, law = point.body, bound(element.law, bind, element.title)
     normal, penetration = a.frame.R @ axis, radius - height
@@ -56,7 +56,7 @@ def touch(
         tangents = ca.cross(Z, axis)
     elif is_constant(axis):
         tangents = triad(axis)[:, :2]
-    else:  # no smooth pair of tangents exists for all normals, so three directions minus their normal parts are used
+    else:  # no pair of tangents is smooth for all normals, so the tangential parts of three directions are used
         tangents = ca.SX.eye(3) - axis @ axis.T
     tangents = a.frame.R @ tangents
     foot = point.r - height * normal
@@ -92,9 +92,9 @@ class Contact(SurfaceContact):
     normal : tuple
         outward normal of the plane, in the axes of plane_point's body
     law : ContactLaw
-        `HuntCrossley(...)`, ...
+        contact law, such as `HuntCrossley(...)`
     radius : Expr
-        radius of the sphere [m]; 0 is a point
+        radius of the sphere [m]; 0 for a point
     friction : FrictionLaw, optional
         `Coulomb(...)` or `Bristle(...)`
 
@@ -141,7 +141,7 @@ class BushContact(PairForce):
     clearance : Expr
         radius of the bush minus radius of the pin [m]
     law : ContactLaw
-        `HuntCrossley(...)`, ...
+        contact law, such as `HuntCrossley(...)`
 
     Examples
     --------
@@ -164,8 +164,8 @@ class BushContact(PairForce):
         clearance = self.number(bind, "clearance")
         d = a.frame.R.T @ (self.point_b.r - self.point_a.r)
         across = d - ca.dot(d, axis) * axis
-        # The centre has no direction to the wall. A lower limit of the distance at half the clearance, where no force
-        # acts yet, keeps derivatives finite there.
+        # At the centre the direction to the wall is not defined. So the distance has a lower limit, half the clearance,
+        # at which no force acts. Derivatives are then finite at the centre.
         distance, outward = distance_and_direction(across, clearance / 2)
         direction = a.frame.R @ outward
         law = bound(self.law, bind, self.title)
@@ -187,7 +187,7 @@ class ToothContact(PairForce):
     direction : tuple
         direction from flank to flank (tangent to the pitch circle), in the axes of point_a's body
     backlash : Expr
-        play from flank to flank, half of it to each side [m]
+        total play between the flanks [m]
     law : ContactLaw
         contact law of each flank
 
@@ -227,11 +227,11 @@ class TorsionContact(PairTorque):
     name : str
     body_a, body_b : Body or Ground
     backlash : Expr
-        play from stop to stop, half of it to each side [rad]
+        total play between the stops [rad]
     law : ContactLaw
         contact law of each stop: torque [N m] for a penetration [rad]
     angle : Expr
-        angle of b relative to a halfway between the stops [rad]
+        angle of b relative to a in the middle between the stops [rad]
     axis : tuple
         direction of the axis, with the same components in the axes of both bodies
 

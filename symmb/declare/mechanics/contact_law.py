@@ -36,7 +36,7 @@ class ContactLaw(Law):
 
     @property
     def stores(self) -> ca.SX:
-        """Expressions in the stored energy other than the penetration. Energy is conserved if they are constant."""
+        """Expressions in the stored energy other than the penetration. Energy is conserved if these are constant."""
         return ca.SX(0, 1)
 
 
@@ -70,7 +70,7 @@ class _Hertzian(ContactLaw):
     def force(self, penetration: ca.SX, rate: ca.SX) -> ca.SX:
         penetration, rate = _expressions(self, penetration, rate)
         touching = penetration > MEETING
-        loss = ca.if_else(touching, 1 + self.chi * rate, 1)  # its sign causes a kink only during contact
+        loss = ca.if_else(touching, 1 + self.chi * rate, 1)  # without contact, the sign of the loss causes no kink
         d = ca.if_else(touching, penetration, 1)
         pushing = touching if is_zero(ca.SX(self.chi)) else ca.logic_and(touching, loss > 0)
         return ca.if_else(pushing, self.stiffness * _power(d, self.exponent) * loss, 0)
@@ -89,7 +89,7 @@ class _Hertzian(ContactLaw):
 
 @dataclass(frozen=True, eq=False)
 class HuntCrossley(_Hertzian):
-    """F = k d^n (1 + chi d') for a penetration d, with chi = 3 (1 - e) / (2 v): for restitutions near 1.
+    """Law for restitutions e near 1: F = k d^n (1 + chi d') for a penetration d, with chi = 3 (1 - e) / (2 v).
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ class HuntCrossley(_Hertzian):
 
 @dataclass(frozen=True, eq=False)
 class LankaraniNikravesh(_Hertzian):
-    """F = k d^n (1 + chi d') for a penetration d, with chi = 3 (1 - e^2) / (4 v): for restitutions near 1.
+    """Law for restitutions e near 1: F = k d^n (1 + chi d') for a penetration d, with chi = 3 (1 - e^2) / (4 v).
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ class LankaraniNikravesh(_Hertzian):
 
 @dataclass(frozen=True, eq=False)
 class Flores(_Hertzian):
-    """F = k d^n (1 + chi d') for a penetration d, with chi = 8 (1 - e) / (5 e v): for all restitutions and soft bodies.
+    """Law for any restitution e and soft bodies: F = k d^n (1 + chi d') for a penetration d, chi = 8 (1 - e) / (5 e v).
 
     Parameters
     ----------
@@ -244,5 +244,5 @@ class Tabulated(ContactLaw):
 
 def _pushing(penetration: ca.SX, force: ca.SX) -> ca.SX:
     """The force if it is positive and the surfaces touch, else 0."""
-    force = ca.if_else(penetration > 0, force, 0)  # its sign causes a kink only during contact
+    force = ca.if_else(penetration > 0, force, 0)  # without contact, the sign of the force causes no kink
     return ca.if_else(force > 0, force, 0)

@@ -24,12 +24,12 @@ class Curve:
     Parameters
     ----------
     shape : callable or (n, 2) array
-        function of s, SX, that returns x and y [m] as expressions of s and parameters; or points [m] of a spline. The
+        function of s (SX) that returns x and y [m] as expressions of s and parameters; or points [m] of a spline. The
         parameter s of a spline is the length [m] of the polygon through the points
     start, end : float
         range of s, for a function
     closed : bool
-        whether the end of the curve is its start
+        whether the curve ends at its start
     corners : sequence
         values of s, or indices of points, at which the direction of the curve jumps
 
@@ -65,7 +65,7 @@ class Curve:
             place = vector(law_value(self.shape, "Curve", self.s), "the place of a Curve")[:2]
             if not (is_finite_number(self.start) and is_finite_number(self.end) and self.start < self.end):  # type: ignore
                 raise DeclarationError(
-                    f"Curve: start {self.start!r} and end {self.end!r} must be finite numbers, and start below end."
+                    f"Curve: start {self.start!r} and end {self.end!r} must be finite, and start must be below end."
                 )
             object.__setattr__(self, "start", float(self.start))
             object.__setattr__(self, "end", float(cast(float, self.end)))
@@ -91,7 +91,7 @@ class Curve:
         return tuple(ca.substitute([self.place, first, ca.jacobian(first, self.s)], [self.s], [s]))  # type: ignore
 
     def nearest(self, P: ca.SX, low: float, high: float, samples: int, follow: Callable[[ca.SX], ca.SX]) -> ca.SX:
-        """The s of the point of the curve nearest to P (2,): the best of n `samples`, improved by Newton's steps."""
+        """The s of the point of the curve nearest to P (2,). Newton's steps improve the best of n `samples`."""
         ends = low, high - (high - low) / samples * self.closed
         best, squared = ca.SX(low), ca.sumsqr(P - ca.substitute(self.place, self.s, ca.SX(low)))
         for value in np.linspace(*ends, samples).tolist()[1:]:
@@ -112,9 +112,9 @@ class Curve:
 
 
 _SAMPLES = 400
-"""Samples of a smooth piece for its curvature. Feet are exact for any parts, so a fixed count suffices."""
+"""Number of samples of the curvature of a smooth piece. It may be fixed, because feet are exact for any parts."""
 _OVERLAP = 0.1
-"""Overlap of successive parts, relative to the length of a part. At the end of a part, the next foot is nearer."""
+"""Overlap of successive parts, relative to the length of a part. At its end, the foot on the next part is nearer."""
 
 
 Part = tuple[float, float]
@@ -133,12 +133,12 @@ class Measured:
         if not np.isfinite([x, d]).all() or not np.hypot(*d.T).min() > 0:
             raise DeclarationError("the curve has a point that is not finite, or at which its derivative is zero")
         self.length, self.middle = float(np.hypot(*np.diff(x, axis=0).T).sum()), x[:-1].mean(axis=0)
-        # The sign of the area (Green's theorem) tells which side of a closed curve is inside.
+        # The sign of the area (Green's theorem) shows which side of a closed curve is inside.
         moment = x[:, 0] * d[:, 1] - x[:, 1] * d[:, 0]
         self.area = float((moment[1:] + moment[:-1]) @ np.diff(s)) / 4
         if curve.closed and np.hypot(*(x[-1] - x[0])) > SAME * self.length:
-            raise DeclarationError("the curve is closed, but its end differs from its start")
-        # A function of s may be periodic, so that feet can pass the start; others must be cut there.
+            raise DeclarationError("the curve is closed, but its end differs from its start. Use closed=False")
+        # If the function of s is periodic, feet can pass the start. Other closed curves must be cut there.
         beyond = np.array([0.0, 0.01]) * self.period
         gap = np.hypot(*(numbers(start + beyond)[0] - numbers(end + beyond)[0]).T)
         self.is_periodic = curve.closed and bool(gap.max() <= SAME * self.length)
@@ -154,7 +154,7 @@ class Measured:
         return list(pairwise(breaks))
 
     def groups(self, side: float, most_parts: int = 64) -> list[list[Part]]:
-        """Parts of the curve in groups, separated by concave corners. A point touches a group once at most.
+        """Parts of the curve in groups, separated by concave corners. A point touches each group at one point only.
 
         Points are to the left of the curve for side=1, to the right for side=-1.
         """
@@ -189,7 +189,7 @@ class Measured:
         bend = side * (d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / (d**2).sum(axis=1)  # radians for each s
         turn, sign, cuts = 0.0, 0.0, [a + inset]
         whole = self.is_periodic and not self.curve.corners
-        if whole and callable(self.curve.shape) and bend.max() <= 0:  # splines have two seams only
+        if whole and callable(self.curve.shape) and bend.max() <= 0:  # a spline is defined for three periods only
             return [(-np.inf, np.inf)]
         for k in range(_SAMPLES):
             now = np.sign(bend[k]) if abs(bend[k]) * (b - a) > SLIGHT else sign

@@ -54,24 +54,24 @@ class CurveContact(ShapeContact):
     """A circle, a point or another curve against a curve in the xy plane of point_a's body, such as a roller on a cam.
 
     A foot is the point of the curve that is nearest to the circle. First-order states, `name.foot`, follow the feet.
-    The curve is divided into parts that bend to one side by at most a quarter of a turn. Each part has a foot, and the
-    nearest foot counts. In a concave corner, the circle can touch at two points, with a force at each point. A circle
-    may touch an open curve from both sides. A point (radius 0) that is below an open curve is in contact.
+    The curve is divided into parts that bend to one side by at most a quarter of a turn. Each part has a foot, and
+    forces act at the nearest foot. In a concave corner, the circle can touch at two points, with a force at each point.
+    A circle may touch an open curve from both sides. A point (radius 0) that is below an open curve is in contact.
 
-    Two curves have a foot on each curve, `name.foot.a` and `name.foot.b`, for each pair of parts. Closed curves touch
-    with their outsides, open curves with their left sides. If one curve bends inward, the other curve must bend more
-    tightly everywhere. Only one of the two curves may have corners.
+    For two curves, each pair of parts has a foot on each curve, with the states `name.foot.a` and `name.foot.b`. Closed
+    curves touch with their outer sides, open curves with their left sides. If one curve bends inward, the curvature of
+    the other curve must be larger everywhere. Only one of the two curves may have corners.
 
     Parameters
     ----------
     name : str
     point_a : Point
-        origin of the x and y of the curve
+        origin of the coordinates x and y of the curve
     curve : Curve
     point_b : Point
-        centre of the circle, or origin of the x and y of `curve_b`
+        centre of the circle, or origin of the coordinates x and y of `curve_b`
     radius : Expr
-        radius of the circle [m]; 0 is a point. Two curves touch if their distance is `radius`
+        radius of the circle [m]; 0 for a point. Two curves touch if their distance is `radius`
     law, friction
         see `Contact`
     inside : bool
@@ -114,7 +114,7 @@ class CurveContact(ShapeContact):
         radius = self.number(bind, "radius")
         with faults_of(self.title, end="."):
             places = self._places(bind, float(ca.evalf(bind.nominal(radius))))
-        fixed = [ca.substitute(curve.place, curve.s, 0) for curve in self._curves]  # their parameters
+        fixed = [ca.substitute(curve.place, curve.s, 0) for curve in self._curves]  # parameters of the curves
         count, number = sum(map(len, places)), 0
         motion = Motion.of(self.offset[:2], (self.point_a.body.frame.R.T @ self.point_b.body.frame.R)[:2, :2])
         for k, place in enumerate(places):
@@ -165,7 +165,7 @@ class CurveContact(ShapeContact):
     ) -> tuple[ca.SX, tuple[Symbol, ...]]:
         """The vector (6,) of squared distance [m^2], height of b [m], normal (2,) and point of b (2,); and the states.
 
-        With `has_back` the curve is thin, and a circle may be on both sides. Else heights are negative below the curve.
+        With `has_back` the curve is thin, and a circle may be on either side. Otherwise heights below it are negative.
         """
         if self.curve_b is not None:
             feet, states = follow_curve(sides[0], sides[1], motion, name)
@@ -189,7 +189,7 @@ class PointOnCurve(Joint):
     ----------
     name : str
     point_a : Point
-        origin of the x and y of the curve
+        origin of the coordinates x and y of the curve
     point_b : Point
     curve : Curve
     radius : Expr

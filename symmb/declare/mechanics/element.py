@@ -75,8 +75,8 @@ class Element(ABC):
         yield from ()
 
     def place_faults(self) -> list[str]:
-        """Faults of the points and bodies to which the element is attached. Other faults are searched only if there
-        are none of these."""
+        """Faults of the points and bodies to which the element is attached. If this list is not empty, other faults
+        are not searched."""
         return [fault for kind, place in _places(self) for fault in _PLACES[kind](self.title, place)]
 
     def faults(self) -> Iterator[str]:
@@ -199,7 +199,7 @@ def number_faults(
 
 
 def within(**limits: Any) -> dict[str, Any]:
-    """Metadata of a field for numbers `above` a limit, or from `least` to `most`. `remedy` ends the error message."""
+    """Metadata of a field for numbers `above` a limit, or from `least` to `most`. Error messages end with `remedy`."""
     return {"faults": partial(number_faults, **limits)}
 
 
@@ -215,7 +215,7 @@ DIRECTION, TRUTH = {"faults": direction_faults}, {"faults": truth_faults}
 class Law(ABC):
     """A law of an element. Types and metadata of its fields determine the accepted values, as for elements.
 
-    `expected` ends the message if a value is not a law of this class.
+    `expected` is the end of the error message for a value of another class.
     """
 
     expected: ClassVar[str]
@@ -253,7 +253,7 @@ def bound(law: T, bind: Callable[[Any, str], ca.SX], title: str) -> T:
 def positive_numbers(title: str, owner: object, bind: Bind) -> Iterator[tuple[str, ca.SX]]:
     """Expressions of an element and its laws that must be above 0, with their names.
 
-    If 0 is allowed as well, the expression is 1 for values of at least 0.
+    If a value may also be 0, its expression is 1 for all values that are not negative.
     """
     for f, value in _given(owner):
         if isinstance(value, Law):

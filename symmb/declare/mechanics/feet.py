@@ -12,9 +12,9 @@ from symmb.declare.mechanics.curve import Curve, Measured, Part
 from symmb.declare.symbolic import SOFT, Kind, Symbol, ddt, declare
 
 _CLOSE = 0.2
-"""Lowest slope of the foot's condition, relative to a straight line. The slope is 0 at a centre of curvature."""
+"""Lower limit of the slope of a foot's condition, relative to a line. The slope is 0 at a centre of curvature."""
 _CATCH_UP = 100.0
-"""The error of a foot decreases by the factor e while the point moves by 1 / 100 of the curve's length."""
+"""The error of a foot decreases by the factor e while the point moves by 1/100 of the length of the curve."""
 _SAMPLES, ALL_SAMPLES = 12, 64
 """Samples of a part, and of a whole curve, from which Newton's method for a foot starts."""
 _AT_REST = SLIGHT
@@ -22,7 +22,7 @@ _AT_REST = SLIGHT
 
 
 class Bounds(NamedTuple):
-    """The ends of a part, and whether a parameter s is before the low end or behind the high end."""
+    """The ends of a part, and whether a parameter s is below the low end or above the high end."""
 
     low: ca.SX
     high: ca.SX
@@ -94,8 +94,8 @@ class Side(NamedTuple):
 
     def spot(self, s: ca.SX, bounds: Bounds | None) -> "Spot":
         """The point of the part at s. If s is beyond an end, the point is the end, and the tangent turns with s."""
-        # Beyond an end, s turns the tangent: a whole range of s is a whole turn. So the foot on the other curve passes
-        # the corner without a jump.
+        # Beyond an end, the tangent turns with s. It makes a whole turn if s changes by its whole range. So the foot on
+        # the other curve passes the corner without a jump.
         fan = -self.side * 2 * np.pi / self.measured.period
         on = s if bounds is None else bounds.inside(s)
         place, along, bend = self.measured.curve.at(on)
@@ -144,15 +144,15 @@ class Feet(NamedTuple):
         by_a = ca.vertcat(-p.speed * ca.dot(u, middle) + p.turn * ca.dot(offset, left(u)) / 2, p.turn)
         by_b = ca.vertcat(q.speed * ca.dot(v, middle) - q.turn * ca.dot(offset, left(v)) / 2, -q.turn)
         sign, lengths = -a.side * b.side, (a.measured.length, b.measured.length)
-        # Near a singular pair of conditions Newton's steps would jump: the determinant is at least a small part of
-        # that of two circles with the lengths of the curves.
+        # If both conditions are nearly dependent, Newton's steps would be too large. So the determinant has a lower
+        # limit, a small fraction of the determinant of two circles with the lengths of the curves.
         least = SMALL * 2 * np.pi * sum(lengths) / (a.measured.period * b.measured.period)
         touching = _CLOSE * sign * (p.speed * q.turn + q.speed * p.turn)
         touching = ca.if_else(touching - least < -SOFT, least, touching)
         det = sign * cross(by_a, by_b)
         det = sign * ca.if_else(det - touching < -SOFT, touching, det)
 
-        # The foot on the part that bends more keeps the tangents opposite. Then the other foot may move back and forth.
+        # The foot on the part with the larger curvature keeps the tangents opposite. The other foot may move both ways.
         is_first = a.bend > b.bend
         turn = [-side.side * spot.turn for side, spot in ((a, p), (b, q))][not is_first]
         least_turn = SMALL * 2 * np.pi / (a if is_first else b).measured.period
@@ -169,8 +169,8 @@ class Feet(NamedTuple):
             ca.dot(motion.velocity(q.place), middle) - motion.omega * ca.dot(offset, left(v)) / 2, -motion.omega
         )
         step = solved(miss)
-        # The rate keeps the conditions, and the catch-up reduces the error that a state has from integration. It is
-        # proportional to the speed of the motion, so that it is not stiffer than the motion itself.
+        # The rate preserves the conditions. The catch-up term reduces the integration error of the state. The term is
+        # proportional to the speed of the motion, so it is not stiffer than the motion itself.
         speed = ca.sqrt(ca.sumsqr(motion.rates[0]) + (motion.omega * lengths[1] / 6) ** 2 + _AT_REST**2)
         catch_up = _CATCH_UP / lengths[0] * speed
         cost = ca.sumsqr(offset) + (lengths[0] * (p.excess + q.excess)) ** 2
@@ -217,7 +217,7 @@ def follow_point(side: Side, P: ca.SX, name: str) -> tuple[Foot, Symbol]:
     s = ca.SX.sym(name)
     bounds = Bounds.of(s, side.part)
     foot = Foot.at(measured.curve, s, P, bounds)
-    # The catch-up reduces the integration error of the state. It is proportional to the speed, so that it is not stiff.
+    # The catch-up term reduces the integration error of the state. It is proportional to the speed, so it is not stiff.
     catch_up = _CATCH_UP / measured.length * ca.sqrt(ca.sumsqr(rate) + _AT_REST**2)
     following = ca.dot(foot.along, rate) / foot.slope + catch_up * foot.miss / ca.sumsqr(foot.along)
     start = measured.curve.nearest(P, *side.samples, lambda s: moved(s, Bounds.of(s, side.part)))

@@ -12,7 +12,7 @@ from symmb._types import Expr
 from symmb.declare.symbolic import EXAMPLE, is_sympy
 
 Window = tuple[float | None, float | None] | None
-"""First and last time [s]. None is the start or the end of the run."""
+"""First and last time [s]. None means the start or the end of the run."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ def _is_expression(part: object) -> bool:
 
 
 def maximum(expression: Expr, window: Window = None) -> Figure:
-    """The highest value of an expression over a run, between output times as well.
+    """The highest value of an expression over a run, including values between output times.
 
     If the expression jumps, such as a velocity at an impact, the values before and after the jump both count.
 
@@ -99,7 +99,7 @@ def maximum(expression: Expr, window: Window = None) -> Figure:
     expression : SX
         expression of coordinates, velocities, multipliers, parameters and `t`
     window : (2,)
-        first and last time [s] that count; None for the start and the end of the run
+        first and last time [s] of the window; None for the start and the end of the run
 
     Examples
     --------
@@ -116,7 +116,7 @@ def maximum(expression: Expr, window: Window = None) -> Figure:
 
 
 def minimum(expression: Expr, window: Window = None) -> Figure:
-    """The lowest value of an expression over a run, between output times as well. See `maximum`.
+    """The lowest value of an expression over a run, including values between output times. See `maximum`.
 
     Examples
     --------
@@ -157,9 +157,9 @@ def mean(expression: Expr, window: Window = None) -> Figure:
 def first_time(condition: Expr, window: Window = None) -> Figure:
     """The first time [s] at which a condition holds.
 
-    A condition also holds if it is an equality for an instant, such as `gap <= 0` at an impact. If the condition holds
-    at the start of the window, the result is the start. If both sides of a `<` are equal at the start, the condition
-    holds at the start only if it holds just after it.
+    Equality for an instant is sufficient: the condition `gap <= 0` holds at an impact. If the condition holds at the
+    start of the window, the result is the start. If both sides of a `<` are equal at the start, the result is the start
+    only if the condition holds immediately after the start.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def first_time(condition: Expr, window: Window = None) -> Figure:
         comparison of expressions, or several comparisons joined by `casadi.logic_and` and `logic_or`. If the condition
         never holds, the scalar output of a run is nan, with a warning. A run of a study then fails
     window : (2,)
-        first and last time [s] that count; None for the start and the end of the run
+        first and last time [s] of the window; None for the start and the end of the run
 
     Examples
     --------

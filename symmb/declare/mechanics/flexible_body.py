@@ -142,8 +142,8 @@ class FlexibleBody(Body):
         Raises
         ------
         DeclarationError
-            If a coordinate is not a number, if the point is between nodes, or if it is not at a node and nodes have no
-            rotations
+            If a coordinate is not a number, if the point is between nodes, or if nodes have no rotations and the point
+            is not at a node
         """
         m = self.modes
         if not all(isinstance(part, Real) for part in (x, y, z)):
@@ -169,9 +169,9 @@ class FlexibleBody(Body):
         return Point(self._carrier(number), vector(arm.tolist()))
 
     def _beyond(self, number: int, arm: Array, short: float = 0.051) -> int | None:
-        """The far node of the beam element that contains the end of a long arm from a node; None without an element."""
+        """The second node of the beam element that contains the end of a long arm from a node. None without element."""
         structure, size = self.modes.flexibility, np.linalg.norm(np.ptp(self.modes.positions, axis=0))
-        # An arm of up to half an element of a beam of ten bends little: it may be rigid.
+        # An arm of half an element, in a beam of ten elements, bends little: it may be rigid.
         if structure is None or np.linalg.norm(arm) <= short * size:
             return None
         lines = self.modes.positions - self.modes.positions[number]
@@ -288,7 +288,7 @@ class _Carrier(AbstractBody):
 
 
 def _sum(modes: Modes, part: Callable[[Invariants], ca.SX]) -> ca.SX:
-    """The sum of a part of the inertia over the terms of a structure, each multiplied by its expression."""
+    """A part of the inertia, summed over the terms of a structure. Each term is multiplied by its expression."""
     first, *more = [law * part(some) for law, some in modes.masses]
     return sum(more, first)
 

@@ -20,7 +20,7 @@ from symmb.declare.mechanics.pose import Planar, Spatial
 from symmb.declare.symbolic import Kind, Symbol, components, ddt, is_time, is_zero, records_in, unit, vector
 
 _LARGE_TURN = 0.5
-"""Angle [rad] at which the moment of a Bushing is 4 % smaller than that of a linear spring. A Bushing uses the sine."""
+"""Angle [rad] at which the moment of a Bushing, which uses the sine, is 4 % below the moment of a linear spring."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,10 +34,10 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class Action:
-    """Loads of one cause, and their potential [J]. Without a potential (None) the work of the loads is integrated.
+    """Loads with one cause, and their potential energy [J]. If the potential is None, their work is integrated.
 
-    `states` are the first-order states of the loads. `force` is the value of the element's law if it is one number: a
-    pull [N], a push [N] or a torque [N m].
+    `states` are the first-order states of the loads. `force` is the value of a scalar law: a pull [N], a push [N] or a
+    torque [N m]. It is None for other laws.
     """
 
     loads: tuple[Load, ...]
@@ -76,7 +76,7 @@ def is_constant(*laws: ca.SX) -> bool:
 
 
 def is_moved(distance: ca.SX) -> bool:
-    """Whether a distance depends explicitly on time, as on a moving support. The support's forces then do work."""
+    """Whether a distance depends explicitly on time, as for a moving support. The support then does work."""
     return any(is_time(symbol) for symbol in ca.symvar(distance))
 
 
@@ -129,10 +129,10 @@ class Gravity(ForceElement):
 
 @dataclass(frozen=True, eq=False)
 class SpringDamper(PairForce):
-    """Spring and damper along the line between two points: pull k (d - length) + c d'.
+    """Spring and damper along the line between two points at the distance d. The pull is k (d - length) + c d'.
 
     A spring of length 0 pulls along the vector between the points. Its force is smooth even if the points coincide. A
-    damper acts along the line only: otherwise it would brake the common rotation of its bodies. `Bushing` damps in all
+    damper acts along the line only, so it does not brake a common rotation of the bodies. A `Bushing` damps in all
     directions.
 
     Parameters
@@ -163,7 +163,7 @@ class SpringDamper(PairForce):
 
     @property
     def kind(self) -> str:
-        """The word `Spring` or `Damper` if the other part is 0, else `SpringDamper`."""
+        """`Spring` if the damping is 0, `Damper` if the stiffness is 0, else `SpringDamper`."""
         without_damping, without_stiffness = (
             isinstance(law, int | float) and law == 0 for law in (self.damping, self.stiffness)
         )
@@ -264,10 +264,10 @@ class PairTorque(ForceElement):
 class TorsionSpring(PairTorque):
     """Torsion spring and damper between two bodies about an axis that is fixed in both.
 
-    The torque on body b is -(stiffness (alpha - angle) + damping alpha'), with the angle alpha of b relative to a. If
-    the axes do not stay parallel, as on a Spherical joint, alpha is the twist: the rotation that remains after the
-    smallest rotation that makes the axes coincide. The spring has the potential stiffness (alpha - angle)^2 / 2 in all
-    cases.
+    The torque on body b is -(stiffness (alpha - angle) + damping alpha'). Here alpha is the angle of b relative to a.
+    If the axes do not stay parallel, as on a Spherical joint, alpha is the twist. The relative rotation then has two
+    parts: the smallest rotation that makes the axes coincide, and a rotation by alpha about the axis. The potential of
+    the spring is stiffness (alpha - angle)^2 / 2 in all cases.
 
     Parameters
     ----------
@@ -320,7 +320,7 @@ class Bushing(PairForce):
     stiffness, damping : scalar or (x, y, z)
         stiffness [N/m] and damping [N s/m] along the axes
     rotational_stiffness, rotational_damping : scalar or (x, y, z)
-        stiffness [N m/rad] and damping [N m s/rad] about the axes, for small angles: the moments use the sine
+        stiffness [N m/rad] and damping [N m s/rad] about the axes, for small angles. Moments use the sine of the angle
 
     Examples
     --------
@@ -353,12 +353,12 @@ class Bushing(PairForce):
 
 
 def _sines(relative: ca.SX) -> ca.SX:
-    """The axis of a rotation matrix (3, 3) times the sine of its angle, (3,)."""
+    """The axis (3,) of a rotation matrix (3, 3), multiplied by the sine of the rotation angle."""
     return ca.inv_skew(relative - relative.T) / 2
 
 
 def mount_matrices(element: Element, bind: Bind) -> list[ca.SX]:
-    """Diagonal matrices (3, 3) of the four laws of an elastic mount. A law is one number for all axes, or three."""
+    """Diagonal matrices (3, 3) of the four laws of an elastic mount. A law is one number, or one for each axis."""
     matrices = []
     for what in ("stiffness", "damping", "rotational_stiffness", "rotational_damping"):
         law, title = getattr(element, what), f"{element.title}: {what}"

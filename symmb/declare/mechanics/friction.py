@@ -41,8 +41,8 @@ class Coulomb(FrictionLaw):
     """Coulomb friction, smooth in the slip: mu(v) = mu_k tanh(4 u) + (mu_s - mu_k) u / (u^2 / 4 + 3 / 4)^2.
 
     Here u is the slip speed divided by `speed`. At u = 1, mu is about mu_s. At lower speeds the force is about
-    proportional to the slip: a force f below the limit causes a creep of about `speed` f / (4 mu_k N). Use `Bristle` if
-    bodies stick.
+    proportional to the slip. So a force f below the limit causes a creep of about `speed` f / (4 mu_k N). Use
+    `Bristle` if bodies stick.
 
     Parameters
     ----------
@@ -73,8 +73,8 @@ class Coulomb(FrictionLaw):
 
     def resistance(self, name: str, slip: ca.SX, normal_force: ca.SX) -> tuple[ca.SX, tuple[Symbol, ...]]:
         w = slip / self.speed
-        # The root keeps the direction of the slip, and its derivatives, finite at rest. It has an effect on slips near
-        # 1e-4 of the transition speed only, and reduces the slope of mu at rest by 5e-8.
+        # The root keeps the direction of the slip and its derivatives finite at rest. It only affects slip speeds near
+        # 1e-4 of the transition speed, and reduces the slope of mu at rest by 5e-8.
         size = ca.sqrt(ca.sumsqr(w) + 1e-4**2)
         mu_over_u = self.kinetic * ca.tanh(4 * size) / size
         if self.static is not None:
@@ -87,9 +87,9 @@ class Bristle(FrictionLaw):
     """Friction by elastic bristles that bend with the slip until they break away: F = N (k z + d(z')).
 
     The deflection z of a bristle is a first-order state called `name.bristle`. It follows the slip up to 0.7 z_s. The
-    largest deflection is z_s = mu(v) / k, with mu(v) = mu_k + (mu_s - mu_k) exp(-(v / speed)^2). Deflections above
-    0.7 z_s yield, and in steady sliding z is z_s. Forces below 0.7 of the breakaway force cause no creep, even if they
-    vibrate. d is c z' for small rates and at most mu, because linear damping would stop a fast body at once.
+    largest deflection is z_s = mu(v) / k, with mu(v) = mu_k + (mu_s - mu_k) exp(-(v / speed)^2). Above 0.7 z_s the
+    bristle yields, and in steady sliding z is z_s. Forces below 0.7 of the breakaway force cause no creep, even if they
+    vibrate. d is c z' at small rates. It is at most mu, because linear damping would stop a fast body at once.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class Bristle(FrictionLaw):
     damping : Expr
         damping c of the bristles per newton of normal force [s/m]; it makes elastic vibrations decay
     static : Expr
-        coefficient of friction mu_s of breaking away [-]; by default mu_k
+        coefficient of friction mu_s at breakaway [-]; by default mu_k
     speed : Expr
         Stribeck speed of the transition from mu_s to mu_k [m/s]
 
@@ -142,14 +142,14 @@ class Bristle(FrictionLaw):
         rate = slip - ca.if_else(ca.logic_and(bent > _ELASTIC, along > 0), yielding, 0) * zeta
         records = declare(names, Kind.STATE, z, rate, ca.SX.zeros(n))
         damping = self.damping * rate
-        # Saturates at mu without a kink.
+        # The damping term approaches mu without a kink.
         damping = damping / ca.sqrt(1 + ca.sumsqr(damping / mu))
         return -normal_force * (self.stiffness * z + damping), records
 
 
 _ELASTIC = 0.7**2
-"""Square of the largest elastic deflection divided by the largest deflection, as in the elasto-plastic model of Dupont
-et al. (2002)."""
+"""Largest elastic deflection divided by the largest deflection, squared. The elasto-plastic model of Dupont et al.
+(2002) has such a limit."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from symmb.declare.symbolic import components, has_irregular_constant, is_zero, 
 
 
 class Geometry:
-    """A shape in which a body is drawn. Its numbers may be expressions of parameters.
+    """A shape that represents a body in drawings. Its numbers may be expressions of parameters.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ def _turned(rotation: Rotation | None, columns: ca.SX) -> ca.SX:
 
 @dataclass(frozen=True, eq=False)
 class Box3(Geometry):
-    """A box in which a body is drawn.
+    """A box that represents a body in drawings.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class Box3(Geometry):
     at : tuple
         centre of the box in body axes, from the origin of the body's points [m]
     rotation : Rotation
-        rotation box to body; by default the sides are parallel to the body's axes
+        rotation from axes of the box to axes of the body; by default the sides are parallel to the body's axes
 
     Examples
     --------
@@ -97,7 +97,7 @@ class Box3(Geometry):
 
 @dataclass(frozen=True, eq=False)
 class Cylinder(Geometry):
-    """A cylinder in which a body is drawn.
+    """A cylinder that represents a body in drawings.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ class Cylinder(Geometry):
 
 @dataclass(frozen=True, eq=False)
 class Sphere(Geometry):
-    """A sphere in which a body is drawn.
+    """A sphere that represents a body in drawings.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ class Sphere(Geometry):
 
 @dataclass(frozen=True, eq=False)
 class Mesh(Geometry):
-    """The surface of an STL file, in which a body is drawn.
+    """The surface in an STL file. It represents a body in drawings.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ class Mesh(Geometry):
     at : tuple
         origin of the file in body axes, from the origin of the body's points [m]
     rotation : Rotation
-        rotation file to body; by default the file's axes are parallel to the body's axes
+        rotation from axes of the file to axes of the body; by default these axes are parallel
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""Joints. Each joint returns its rows of Phi in three dimensions, without rows that are always zero.
+"""Joints. Each joint returns its rows of the position constraints Phi in space, without rows that are always zero.
 
-Rows are differences b - a. An axis has the same components in the frames of both bodies, unless `axis_b` is given.
+Rows describe body b relative to body a. Without `axis_b`, an axis has the same components in the frames of both bodies.
 """
 
 from collections.abc import Callable, Iterator
@@ -141,7 +141,7 @@ class Prismatic(SlidingJoint):
 
 
 class Weld(AxisJoint):
-    """Rigid connection: the points coincide, and the frames stay parallel, with `axis_b` on `axis`.
+    """Rigid connection: the points coincide, and the relative orientation is constant. `axis_b` is parallel to `axis`.
 
     Examples
     --------
@@ -291,8 +291,8 @@ class Spherical(Joint):
 class Distance(Joint):
     """Massless rod between the points. Its length [m] must be positive. Its multiplier is the pull in the rod [N].
 
-    The rod pulls and pushes. It is a model of a rope only while its multiplier is positive: with `unilateral=True` a
-    warning of the run says when the rod starts to push. A `Rope` only pulls.
+    The rod pulls and pushes. It represents a rope only while it pulls: its multiplier is then positive. With
+    `unilateral=True`, a warning gives the time at which the rod starts to push. A `Rope` never pushes.
 
     Examples
     --------
@@ -366,9 +366,9 @@ class Gear(AxisJoint):
 class CamFollower(Constraint):
     """A follower that a cam moves. Its displacement or angle is the lift, a function of the cam's angle.
 
-    The lift includes the shape of the follower, flat or with a roller. The constraint is exact, and as smooth as the
-    lift. The multiplier is minus the force of the cam on the follower [N, N m]. A warning of the run says when the cam
-    would have to pull.
+    The lift must already include the effect of the follower's shape, such as a flat face or a roller. The constraint
+    is as smooth as the lift. The multiplier is minus the force of the cam on the follower [N, N m]. A warning says when
+    the cam would have to pull.
 
     Parameters
     ----------
@@ -376,7 +376,7 @@ class CamFollower(Constraint):
     cam, follower : Joint
         joints of the cam and of the follower: Revolute, Prismatic, ...
     lift : callable
-        function of the cam's angle [rad], SX, that returns the follower's displacement [m] or angle [rad]; or a `Table`
+        `Table`, or function of the cam's angle [rad] (SX). It returns the follower's displacement [m] or angle [rad]
     unilateral : bool
         False if the cam has a groove and can also pull
 

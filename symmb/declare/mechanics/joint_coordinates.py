@@ -99,7 +99,7 @@ class JointCoordinates:
     shift: Callable[[Any, ca.SX, Bind], ca.SX] = lambda joint, q, bind: ca.SX(3, 1)
     measured: Callable[[RelativePose], ca.SX] = lambda pose: ca.SX(0, 1)
     q_rate: Callable[[ca.SX, ca.SX], ca.SX] = lambda q, u: u
-    crossed: bool = False  # whether the axes are not parallel, so that each frame is about the axis of its body
+    crossed: bool = False  # whether the axes are not parallel: the z axis of each frame is then the axis of its body
     in_plane: "JointCoordinates | None" = None  # coordinates of the joint if one of the bodies is planar
 
 

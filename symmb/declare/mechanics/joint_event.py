@@ -1,4 +1,4 @@
-"""Joints that open and close at an event of the run."""
+"""Joints that open or close during a run."""
 
 from collections.abc import Callable, Iterable, Iterator
 from copy import copy
@@ -84,7 +84,7 @@ class Release(JointEvent):
     joint : Joint
     condition : expression
         comparison of coordinates, velocities, parameters and `t`, such as `arm.theta > 0.8`; comparisons may be joined
-        by `casadi.logic_and` and `logic_or`. Another expression holds if it is positive. The condition may also be a
+        by `casadi.logic_and` and `logic_or`. Any other expression is true if positive. The condition may also be a
         function of the joint's reaction (see `System.reaction`), such as
         `lambda pull: pull.fx**2 + pull.fy**2 > strength**2` for a pin that breaks. A peak of the reaction that is
         shorter than an eighth of a step may be missed
@@ -109,16 +109,16 @@ class Release(JointEvent):
 class Latch(JointEvent):
     """A joint that closes when a condition becomes true, such as a door's latch, a hook, or a clutch with teeth.
 
-    The event adds the rows of the joint to the equations. The bodies keep their positions: the point of body a and the
-    joint's frame on body a are moved to those of body b. A Distance keeps its current length. The impact is plastic:
-    velocities jump so that all rows have the rate 0,
+    The event adds the rows of the joint to the equations. The bodies keep their positions. Instead, the joint's point
+    and frame on body a move to the point and frame on body b. A Distance keeps its current length. The impact is
+    plastic: velocities jump so that all rows have the rate 0,
 
         M (v+ - v-) + G' L = 0,    G v+ + Phi_t = 0,
 
-    with the impulses L of the rows. If the gap of a contact would then close, its impact follows. The joint is open at
-    the start. A joint that also has a `Release` is closed at the start, and may open and close several times. The event
-    occurs at the instant at which the condition becomes true. If the condition holds when the joint opens, it must
-    first become false.
+    with the impulses L of the rows. If the gap of an `Impact` would then close, this impact follows. The joint is open
+    at the start. A joint that also has a `Release` is closed at the start, and may open and close several times. The
+    event occurs at the instant at which the condition becomes true. If the condition is true when the joint opens, the
+    joint closes only after the condition has been false.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ class Latch(JointEvent):
             return joint, ((event_state(f"{self.name}.length", 1.0), ca.norm_2(joint.d)),)
         R_a, R_b = (body.frame.R for body in joint.bodies())
         shift, place = self._kept("shift", R_a.T @ joint.d, ca.SX(3, 1))
-        # A copy, because the handles of the joint itself keep their zero.
+        # The joint is copied, because the handles of the original joint keep their zero.
         grip = copy(joint)
         for name in joint.__dict__.keys() - joint.__dataclass_fields__.keys():
             del vars(grip)[name]  # cached values of the old point and frame

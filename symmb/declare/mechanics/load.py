@@ -24,8 +24,8 @@ class NonlinearSpring(PairForce):
     name : str
     point_a, point_b : Point
     pull : callable
-        function of length [m] and rate [m/s], both SX, that returns the force [N] that pulls the points together. It
-        may be `GasSpring(...)`, `Orifice(...)`, or a sum: `lambda d, v: gas(d, v) + oil(d, v)`
+        function of the distance [m] and its rate [m/s] (SX). It returns the force [N] that pulls the points together,
+        as `GasSpring(...)`, `Orifice(...)` and sums do: `lambda d, v: gas(d, v) + oil(d, v)`
 
     Examples
     --------
@@ -51,9 +51,9 @@ class NonlinearSpring(PairForce):
 
 @dataclass(frozen=True, eq=False)
 class GasSpring(Law):
-    """Gas that pushes two points apart by a piston, with p V^n constant: a law for a `NonlinearSpring`.
+    """Gas that pushes two points apart by a piston: a law for a `NonlinearSpring`. The product p V^n is constant.
 
-    Below a hundredth of `volume` the pressure stays constant.
+    If the volume V of the gas is below `volume` / 100, the pressure p is constant.
 
     Parameters
     ----------
@@ -92,23 +92,23 @@ class GasSpring(Law):
 
 
 _SMALLEST_VOLUME = 0.01
-"""Smallest volume divided by the given volume. It keeps the pressure finite for all motions."""
+"""Smallest gas volume, divided by the given volume. This limit keeps the pressure finite for all motions."""
 
 
 @dataclass(frozen=True, eq=False)
 class Orifice(Law):
     """Fluid that a piston pushes through an opening, as in recoil brakes: a law for a `NonlinearSpring`.
 
-    F = rho A^3 / (2 (Cd a)^2) v |v|, the quadratic loss of the flow A v through the opening a. The expression
-    v sqrt(v^2 + speed^2) replaces v |v|. It is smooth, and describes laminar flow at low speeds.
+    The force is F = rho A^3 / (2 (Cd a)^2) v |v|, from the pressure loss of the flow A v through the opening. Here
+    v sqrt(v^2 + speed^2) replaces v |v|. This expression is smooth, and describes laminar flow at low speeds.
 
     Parameters
     ----------
     area : Expr
         area A of the piston [m^2]
     opening : Expr
-        area a of the opening [m^2], positive, or a function of (stroke [m], rate [m/s]), both SX, such as
-        `lambda stroke, rate: ring(stroke)` with a `Table` for a throttling ring
+        positive area a of the opening [m^2], or a function of the stroke [m] and its rate [m/s] (SX) that returns the
+        area. For a throttling ring with the areas in a `Table`, use `lambda stroke, rate: table(stroke)`
     length : Expr
         distance of the points at stroke 0 [m]
     density : Expr
@@ -154,7 +154,7 @@ class Soil(ForceElement):
     ground_point : Point
         point of the soil's surface, on the ground or on another body
     point : Point
-        foot
+        point of the foot that touches the soil
     normal : tuple
         direction out of the soil, in the axes of ground_point's body
     law : ContactLaw

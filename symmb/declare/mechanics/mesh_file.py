@@ -27,7 +27,7 @@ def read_mesh(path: Path) -> Array:
     except (OSError, ValueError):
         raise DeclarationError(f"Mesh: there is no file {str(path)!r}.") from None
     if not path.is_file():
-        raise DeclarationError(f"Mesh: {str(path)!r} is not a file.")
+        raise DeclarationError(f"Mesh: {str(path)!r} is not a file. Pass the path of a file.")
     if found.st_size > _LARGEST_FILE:
         raise DeclarationError(f"Mesh: {path.name} is larger than {_LARGEST_FILE // 2**20} MiB. Reduce the mesh.")
     return _read(path, found.st_mtime_ns, found.st_size)
@@ -43,7 +43,7 @@ def _read(path: Path, changed: int, size: int) -> Array:
     except ValueError as error:
         raise DeclarationError(f"Mesh: {path.name} {error}.") from None
     if not len(triangles):
-        raise DeclarationError(f"Mesh: {path.name} has no triangles.")
+        raise DeclarationError(f"Mesh: {path.name} has no triangles. Export the surface again.")
     if not (np.abs(triangles) < LARGEST).all():  # this form also refuses NaN
         raise DeclarationError(f"Mesh: {path.name} has coordinates that are not finite, or exceed {LARGEST:g}.")
     triangles.flags.writeable = False

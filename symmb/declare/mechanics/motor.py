@@ -16,7 +16,7 @@ from symmb.declare.symbolic import Kind, Symbol, declare, is_zero, scalar
 
 @dataclass(frozen=True, eq=False)
 class Motor(JointForce):
-    """A DC motor with a gear in a joint: V = R i + L i' + k_e n w, and the torque n (k_t i - b n w) in the joint.
+    """A DC motor with a gear in a joint. The voltage is V = R i + L i' + k_e n w, and the torque is n (k_t i - b n w).
 
     w is the rate of the joint's angle. The rotor turns n times as fast. The torque acts on body b in the direction of
     increasing angle, and with the opposite sign on body a. The current i is a first-order state called `name.current`,

@@ -29,9 +29,9 @@ class Parameters(Mapping[str, float]):
     Parameters
     ----------
     **nominal : float, (float, str) or str
-        nominal value of each parameter, in SI units unless expressions convert it. A value may have a unit, such as
-        (235, "mm") or "235 mm". Then `p.l1` is the quantity in SI units. Everywhere else the value is a number in the
-        given unit: in boxes, tables, pictures, reports, files and FMUs
+        nominal value of each parameter: a number, usually in SI units, or a value with a unit, such as (235, "mm") or
+        "235 mm". With a unit, `p.l1` is the quantity in SI units. In boxes, tables, pictures, reports, files and FMUs,
+        the value is a number in the given unit
 
     Raises
     ------
@@ -109,7 +109,7 @@ class Parameters(Mapping[str, float]):
 
     @property
     def symbols(self) -> ca.SX:
-        """All symbols as one vector (n_p,), in the order of declaration. They are numbers in the parameters' units."""
+        """All symbols as one vector (n_p,), in the order of declaration. Their values are in the parameters' units."""
         return self._symbols
 
     @property
@@ -145,7 +145,7 @@ def _quantities(symbols: ca.SX, names: Iterable[str], units: Mapping[str, str]) 
 
 
 def with_si_symbols(parameters: Parameters, expression: ca.SX) -> ca.SX:
-    """An expression in which the symbol of each parameter is a quantity in SI units, as in textbooks."""
+    """The expression for symbols in SI units, as in textbooks. `expression` is for symbols in the parameters' units."""
     units, symbols = units_of_parameters(parameters), parameters.symbols
     ratios = [unit_of(name, units.get(name, "")) for name in parameters]
     numbers = [scaled(symbols[i], ratio, inverse=True) for i, ratio in enumerate(ratios)]

@@ -28,12 +28,11 @@ class Rope(ForceElement):
 
     The rope slides without friction over the points between its ends, and round pulleys in the xy plane. The pull is
     the same everywhere in the rope. A slack rope has no force. The rope leaves a pulley if contact would require the
-    rope to pull the pulley; it is then straight. The rope may be wound round a pulley several times. Its path is
-    computed as if the rope were always tight.
+    rope to pull the pulley. The rope may be wound round a pulley several times. The path is that of a tight rope.
 
     Each pulley has a first-order state, such as `rope.wrap1` for the second point of a rope called `rope`. The state is
     the angle [rad] by which the line through the points turns at the pulley. It is positive if the rope touches the
-    pulley, and it counts whole turns. The start determines the state.
+    pulley, and it counts whole turns. Its initial value follows from the positions at the start.
 
     Parameters
     ----------
@@ -45,7 +44,7 @@ class Rope(ForceElement):
     stiffness : Expr
         stiffness k of the whole rope [N/m]
     length : Expr
-        length without load [m], with the parts on pulleys. Use an expression of `t` or of states for a winch
+        length without load [m], including the parts on pulleys. Use an expression of `t` or of states for a winch
     damping : Expr
         damping c [N s/m]
 
@@ -101,7 +100,7 @@ class Rope(ForceElement):
         triples = [(i, j, k) for i, j in straights for h, k in straights if h == j and not radii[j].is_zero()]
         wraps = {
             (i, j, k): self._wrap(j, straights[i, j], straights[j, k], radii[j])
-            for i, j, k in sorted(triples, key=lambda triple: triple[2] - triple[0])  # neighbours declare the states
+            for i, j, k in sorted(triples, key=lambda triple: triple[2] - triple[0])  # the first ones declare states
         }
         return Course.taut([point.r for point in points], radii, straights, wraps)
 
@@ -129,7 +128,7 @@ class Rope(ForceElement):
         return straights
 
     def _wrap(self, pulley: int, before: "Straight", behind: "Straight", radius: ca.SX) -> ca.SX:
-        """Angle [rad] by which the path turns at a pulley between two straight parts; negative if the rope has left it.
+        """Angle [rad] by which the path turns at a pulley between two straight parts; negative without contact.
 
         Directions determine the angle up to whole turns. A first-order state only chooses the number of turns. Its name
         is `name.wrap1` for the pulley of point 1. It follows the angle between the lines to the centres of the pulley's
@@ -144,13 +143,13 @@ class Rope(ForceElement):
             (state,) = declare([name], Kind.STATE, ca.SX.sym(name), rate, start - lean)
             self._turns[pulley] = state, state.sx + lean
         _, near = self._turns[pulley]
-        # The directions are turned back by `near` before atan2: the difference is far from the jump of atan2 at pi.
+        # `near` is subtracted from the angle before atan2 is used. The difference is far from the jump of atan2 at pi.
         s, c = ca.sin(near), ca.cos(near)
         return near + ca.atan2(sine * c - cosine * s, cosine * c + sine * s)
 
     @cached_property
     def _turns(self) -> dict[int, tuple[Symbol, ca.SX]]:
-        """For each pulley, its state and an angle that differs from its wrap by less than half a turn."""
+        """For each pulley, its state, and its wrap angle with an error of less than half a turn."""
         return {}
 
     def doubtful(self, bind: Bind) -> Iterator[tuple[ca.SX, str]]:
@@ -207,10 +206,10 @@ class Straight:
     def between(cls, a: ca.SX, b: ca.SX, r: ca.SX, s: ca.SX) -> "Straight":
         """The straight part between the circles of radii r and s about the centres a and b (3,).
 
-        The sine of its angle to the line of the centres is (r - s) / |b - a|.
+        The sine of the angle from the line of the centres to the straight part is (r - s) / |b - a|.
         """
         d, across = b - a, s - r
-        squared = ca.fmax(ca.sumsqr(d), MEETING**2 + across**2)  # inside a pulley the length stays real: it is 0
+        squared = ca.fmax(ca.sumsqr(d), MEETING**2 + across**2)  # inside a pulley the length is 0
         length = ca.sqrt(squared - across**2)
         u = (length * d - across * ca.cross(Z, d)) / squared
         ends = a - r * ca.cross(Z, u), b - s * ca.cross(Z, u)
@@ -238,8 +237,8 @@ class Course:
     ) -> "Course":
         """The path over `places` (3,) that touches only the pulleys that it must touch.
 
-        On this path no wrap is negative. A pulley that the path leaves out would have no positive wrap. Exactly one
-        path has these properties. `faults` are sums of violations from the first point up to a straight part.
+        On this path no wrap is negative. If the path also touched another pulley, that wrap would not be positive. Only
+        one path has these properties. `faults` are sums of violations from the first point up to a straight part.
         """
         lengths = {pair: ca.SX.sym("length") for pair in straights}
         faults: dict[tuple[int, int], ca.SX] = {}
@@ -261,14 +260,14 @@ class Course:
                     found.append((faults[h, i] + _above(-wrap), ways[h, i] + ca.fabs(radii[i]) * wrap))
             return found or [(ca.SX(0), ca.SX(0))]
 
-        # Dynamic programming: the best path to each straight part extends a best path to a part before it. The switches
-        # choose it during a run, so the expression holds for all sets of touched pulleys.
+        # Dynamic programming: the best path to each straight part extends a best path to a part before it. Switches
+        # choose the best path during a run, so the expression is valid for all sets of touched pulleys.
         for i, j in straights:
             left_out = [_above(wraps[i, m, j]) for m in range(i + 1, j) if (i, m, j) in wraps]
             fault, way = least(arrivals(i, j))
             faults[i, j], ways[i, j] = sum(left_out, fault), way + lengths[i, j]
         _, way = least(arrivals(len(places) - 1))
-        # The length is linear in the lengths of its straight parts, so that its gradient tells which of them it uses.
+        # The path's length is linear in the lengths of straight parts. The gradient shows which of them it contains.
         symbols = ca.vertcat(*lengths.values())
         shares = dict(zip(straights, ca.vertsplit(ca.densify(ca.gradient(way, symbols))), strict=True))
         way = ca.substitute(way, symbols, ca.vertcat(*[part.length for part in straights.values()]))
@@ -285,7 +284,7 @@ class Course:
 
     @property
     def far_sides(self) -> Iterator[ca.SX]:
-        """Squared distances of straight parts from the pulleys that they leave out, minus squared radii [m^2]."""
+        """Squared distances of straight parts from the pulleys that they do not touch, minus squared radii [m^2]."""
         for (i, j), part in self.straights.items():
             for m in range(i + 1, j):
                 start, _ = part.ends

@@ -33,8 +33,8 @@ class ShapeContact(SurfaceContact):
     def round(self, bind: Bind, d: ca.SX, *fixed: ca.SX, inside: bool) -> Iterator[Action]:
         """Actions between round shapes. d (3,) [m] leads from centre a to centre b, in the axes of body a."""
         radius_a, radius_b = (self.number(bind, what) for what in ("radius_a", "radius_b"))
-        # The centre has no direction to the wall. A lower limit of the distance at half the play, where no force acts
-        # yet, keeps derivatives finite there.
+        # At the centre the direction to the wall is not defined. So the distance has a lower limit, half the play, at
+        # which no force acts. Derivatives are then finite at the centre.
         distance, out = distance_and_direction(d, (radius_a - radius_b) / 2 if inside else 0.0)
         axis, height = (-out, radius_a - distance) if inside else (out, distance - radius_a)
         fixed = (self.point_a.s, self.point_b.s, radius_a, *fixed)
@@ -185,9 +185,9 @@ class BoxContact(ShapeContact):
     point_b : Point
         centre of the sphere, or any point of the plane
     law, friction
-        see `Contact`; on a plane they hold for each corner
+        see `Contact`; on a plane, each corner has a normal force and friction
     radius : Expr
-        radius of the sphere [m]; 0 is a point
+        radius of the sphere [m]; 0 for a point
     normal : tuple
         outward normal of the plane, in the axes of point_b's body; None for a sphere
 

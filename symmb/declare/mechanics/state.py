@@ -41,7 +41,7 @@ class State(OwnState):
     name : str
         without dots
     rate : callable
-        function of the value z, SX, that returns z' as an expression of z, coordinates, velocities, other states,
+        function of the value z (SX) that returns z' as an expression of z, coordinates, velocities, other states,
         parameters and `t`. The function is called once. `rate` may also be an expression without z
 
     Examples
@@ -69,20 +69,20 @@ class State(OwnState):
 class Sampled(OwnState):
     """A value that is computed at sampling instants and held between them (zero-order hold).
 
-    Sampling instants are the start of the scene's times and every `period` after it. Steps of solvers end at these
-    instants. Values are computed in the order of declaration, so a law sees the new values of elements that are
-    declared before it. At an instant, outputs have the new value.
+    The first sampling instant is the start of the scene's times. The next instants follow at intervals of `period`.
+    Steps of solvers end at these instants. Values are computed in the order of declaration, so a law uses the new
+    values of elements that are declared before it. At a sampling instant, outputs have the new value.
 
     Parameters
     ----------
     name : str
         without dots
     period : float
-        time between two sampling instants [s], a number
+        time between two sampling instants [s], without parameters
     law : Expr
-        expression of coordinates, velocities, states, parameters and `t`; or a function of the held value, SX, that
-        returns such an expression and is called once. The held value is 0 before the start, or the value in
-        `Scene(start=...)`
+        expression of coordinates, velocities, states, parameters and `t`; or a function of the held value (SX)
+        that returns such an expression. The function is called once. Before the start, the held value is 0, or the
+        value in `Scene(start=...)`
 
     Examples
     --------

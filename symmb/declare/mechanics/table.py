@@ -22,8 +22,8 @@ class Table:
     first point and after the last point.
 
     Bisection finds the piece, so a table of 100,000 points costs little more than a table of ten. If x is time, steps
-    of solvers end at each point. If x depends on the state, steps end at points at which the slope changes by half or
-    more.
+    of solvers end at each point. If x depends on the state, steps end where the slope changes by more than
+    half of the steeper slope.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class Table:
 
     x: Sequence[float] | Array
     y: Sequence[float] | Array
-    _pieces: Pieces = field(init=False, repr=False)  # begin, coefficients of rising powers; also before and behind
+    _pieces: Pieces = field(init=False, repr=False)  # start and coefficients of each piece, lowest power first
 
     def __post_init__(self) -> None:
         x, y = self._points()
@@ -63,7 +63,7 @@ class Table:
             slope = np.diff(y) / h
             m = _slopes(h, slope)
             c, d = (3 * slope - 2 * m[:-1] - m[1:]) / h, (m[:-1] + m[1:] - 2 * slope) / h**2
-            # Bounds the terms of all pieces, so that no evaluation inside a piece can overflow.
+            # A bound of the terms of all pieces. If it is finite, no evaluation inside a piece can overflow.
             largest = np.abs(slope) + np.abs(m[:-1]) + h * (np.abs(c) + h * np.abs(d))
         if not np.isfinite(8 * h * largest).all() or not np.isfinite([slope, c, d]).all():
             raise DeclarationError(
@@ -105,7 +105,7 @@ class Table:
         if at.is_constant():
             places = np.array(ca.DM(ca.densify(at)), dtype=float)
             if not np.isfinite(places).all():
-                raise DeclarationError(f"Table: {shown(value)} is not finite.")
+                raise DeclarationError(f"Table: {shown(value)} is not finite. Pass a finite number.")
             begin, y, slope, c, d, _ = self._pieces.read(0, places)
             return ca.SX(y + (places - begin) * (slope + (places - begin) * (c + (places - begin) * d)))
         over_state = any(record.kind is not Kind.PARAMETER for record in records_in(at))
@@ -126,8 +126,8 @@ class Table:
     def _grouped(self) -> tuple[Sides, Pieces]:
         """The points at which the slope changes much, and the pieces in groups between these points.
 
-        A front, a pulse or the table itself starts or ends at such a point. A step of a solver could otherwise pass
-        over it.
+        A front, a pulse or the table itself starts or ends at such a point. Without these points, a long step of a
+        solver could skip a pulse.
         """
         x, y = np.array(self.x, dtype=float), np.array(self.y, dtype=float)
         slope = np.diff(y) / np.diff(x)

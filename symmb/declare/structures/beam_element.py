@@ -31,7 +31,7 @@ PLANES = ((1, 5, BENDING_XY, np.array([1, 1, 1, 1]), 1), (2, 4, BENDING_XZ, np.a
 class Line:
     """e elements in global axes. Each has 12 degrees of freedom: three translations and three rotations of two nodes.
 
-    Matrices map the degrees of freedom to fields at the g Gauss points. `weights` contain the lengths.
+    Matrices map the degrees of freedom to fields at the g Gauss points. `weights` are Gauss weights times lengths.
     """
 
     weights: Array  # (e, g) [m]

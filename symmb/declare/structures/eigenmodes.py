@@ -1,4 +1,4 @@
-"""The lowest natural modes of a structure by inverse iteration, a method that stiff parts do not disturb."""
+"""The lowest natural modes of a structure by inverse iteration, which is accurate for stiff parts, too."""
 
 from collections.abc import Callable
 from typing import Any
@@ -117,7 +117,7 @@ def _some(K: Sparse, M: Sparse, rigid: Array, count: int | None, below: float) -
     shapes, values = _mass_orthonormal(rigid, M), np.zeros(0)
 
     def flexibility(f: Array) -> Array:
-        # For loads in equilibrium, any statically determinate support gives the elastic displacements.
+        # For loads in equilibrium, every statically determinate support gives the elastic displacements.
         f = f - M @ (shapes @ (shapes.T @ f))
         x = np.zeros(d)
         x[free] = solve(f[free])
@@ -142,7 +142,7 @@ def _mass_orthonormal(X: Array, M: Sparse) -> Array:
     """The columns of X, orthonormalised in the metric of M from the first column on."""
     from scipy.linalg import LinAlgError, cholesky, solve_triangular
 
-    # The second pass restores the orthonormality that rounding of an ill-conditioned Gram matrix costs.
+    # If the Gram matrix is ill-conditioned, rounding reduces the orthonormality. The second pass restores it.
     for _ in range(2 if X.shape[1] else 0):
         try:
             upper = cholesky(X.T @ (M @ X))

@@ -46,7 +46,7 @@ class FiniteElements:
     axial : AxialForces
         axial forces of beams, for geometric stiffening
     terms : Terms
-        for structures with parameters, K and M as sums. The other fields are numbers for the middles of intervals
+        K and M as sums, for structures with parameters. Other fields are then for the middles of the intervals
 
     Examples
     --------
@@ -79,8 +79,8 @@ class FiniteElements:
         ----------
         *beams : Beam
         at : mapping
-            values of the parameters in sections and materials: a `Box`, `Parameters`, or numbers and pairs by name.
-            Parameters that change the shapes of modes need intervals
+            values of the parameters in sections and materials: a `Box`, `Parameters`, or numbers and pairs (lower,
+            upper) by name. Parameters that change the shapes of modes need intervals
 
         Raises
         ------
@@ -136,9 +136,9 @@ class FiniteElements:
         with GRID cards, or any file that the package meshio can read. Nodes of Nastran are matched by their numbers;
         all other nodes must have the order of the matrices.
 
-        Mass, centre of mass, inertia, S and G0 follow from M. J1, J2 and G1, of first and second order in the
-        deformation, follow from node masses: the row sums of M. With parameters, K and M are sums: lists of pairs
-        (factor, matrix), such as [(p.h, membrane), (p.h**3, plate)]. `at` then gives values as in `beams`.
+        Mass, centre of mass, inertia, S and G0 of the `Modes` follow from M. J1, J2 and G1 describe how the inertia
+        changes with the deformation. They follow from node masses, the row sums of M. With parameters, K and M are
+        sums: lists of pairs (factor, matrix), such as [(p.h, membrane), (p.h**3, plate)]. For `at`, see `beams`.
 
         Raises
         ------
@@ -207,9 +207,9 @@ class FiniteElements:
     ) -> Modes:
         """Reduce the structure to a few mass-normalised modes.
 
-        Without interfaces, the modes are the natural modes of the structure. With interfaces, the modes span the static
-        shapes of unit motions of these nodes and the natural modes with these nodes fixed. Static loads at interfaces
-        then deform the reduced body like the full structure. The modes are orthonormal in M.
+        Without interfaces, the modes are the natural modes of the structure. With interfaces, the modes span two kinds
+        of shapes: static shapes of unit motions of these nodes, and natural modes with these nodes fixed. Static loads
+        at interfaces then deform the reduced body like the full structure. The modes are orthonormal in M.
 
         Parameters
         ----------
@@ -217,11 +217,11 @@ class FiniteElements:
             nodes at which joints and forces act
         count : int
             total number of modes, the lowest first; 0 makes a rigid body. With interfaces there are 6 static shapes for
-            each node (3 without rotations), minus 6 if the body is free; the other modes are fixed-interface modes. If
-            `count` is smaller than the number of static shapes, the highest reduced modes are left out, and static
-            deformations are approximate
+            each node (3 without rotations), minus 6 if the body is free. The other modes are fixed-interface modes. If
+            `count` is smaller than the number of static shapes, the highest modes are left out. Static deformations
+            are then approximate
         cutoff : float
-            modes below this frequency [Hz] are taken. With interfaces, these are the fixed-interface modes below the
+            modes below this frequency [Hz] are used. With interfaces, these are the fixed-interface modes below the
             cutoff and all static shapes. `count` then limits the number of modes
         clamped : int
             node that is fixed in the frame of the body and is its origin. By default the body is free in a floating
@@ -230,8 +230,8 @@ class FiniteElements:
         damping : Expr, (n,)
             modal damping ratio ζ, one for all modes or one for each mode. An expression of parameters is for all modes
         stiffening : bool
-            whether axial loads (centrifugal forces, gravity, forces at the ends) stiffen or soften beams. It needs a
-            clamped node. Without stiffening, a fast rotor is too soft
+            whether axial loads (centrifugal forces, gravity, forces at the ends) stiffen or soften beams. This option
+            needs a clamped node. Without stiffening, a fast rotor is too soft
         planar : bool
             True: only motion in the xy plane, for bodies with the pose `Planar()`
 
@@ -309,7 +309,7 @@ class FiniteElements:
         nodal = X.reshape(k, self.per_node, n)
         shapes, rotations = nodal[:, :3], nodal[:, 3:] if self.per_node == 6 else np.zeros_like(nodal)
         nodal2 = np.zeros((k, 3, n, n)) if D is None else D[0].reshape(k, self.per_node, n, n)[:, :3]
-        # Size of each mode. Values that are smaller by many digits are rounding.
+        # Size of each mode. Values that are smaller by many digits are rounding errors.
         size = np.maximum(np.abs(shapes).max(axis=(0, 1)), length * np.abs(rotations).max(axis=(0, 1)))
         ratio = self._terms.middle(zeta) if is_law(zeta) else zeta
         modes = Modes(

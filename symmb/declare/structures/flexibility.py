@@ -51,7 +51,7 @@ class Flexibility:
         unit[dofs[moves], np.flatnonzero(moves)] = 1.0
         R, momenta = self.rigid, self.M @ self.rigid
         loads = unit - momenta @ np.linalg.solve(R.T @ momenta, R.T @ unit)
-        # Loads in equilibrium need no support: any statically determinate one gives the elastic displacements.
+        # For loads in equilibrium, every statically determinate support gives the elastic displacements.
         supported = np.setdiff1d(self.free, self.free[determinate(R[self.free])])
         u = np.zeros_like(unit)
         u[supported] = factorized(self.K[supported][:, supported])(loads[supported])

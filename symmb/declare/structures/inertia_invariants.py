@@ -49,7 +49,7 @@ class Invariants:
 class Shapes:
     """Shapes X (d, n) and rigid motions (d, 6) in a frame at an origin, and foreshortening D (s, 3, n, n) of samples.
 
-    Values that are small compared with the inertia and length of the whole body are rounding.
+    Values that are small compared with the inertia and length of the whole body are rounding errors.
     """
 
     X: Array
@@ -115,5 +115,5 @@ def _inertia(moments: Array) -> Array:
 
 
 def cleaned(array: Array, size: float | Array) -> Array:
-    """The array, in which values that are rounding relative to the size are replaced by 0."""
+    """The array, in which values are replaced by 0 if they are rounding errors relative to the size."""
     return np.where(np.abs(array) <= ROUNDING * size, 0.0, array)

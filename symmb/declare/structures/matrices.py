@@ -20,7 +20,7 @@ from symmb.results.files import told
 
 OWNER = "FiniteElements.matrices"
 ASYMMETRY, STRAIN = 1e-8, SLIGHT
-"""Asymmetry, and strain of rigid motions, that rounded numbers in files may cause, relative to the largest entries."""
+"""Accepted asymmetry and strain of rigid motions, relative to the largest entries. Rounding in files causes both."""
 
 
 def loaded(

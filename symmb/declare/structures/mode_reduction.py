@@ -28,7 +28,7 @@ def reduced(
     inner = np.setdiff1d(np.arange(d), interface)
     K_ii, K_ib, M_ii = K[inner][:, inner], K[inner][:, interface].toarray(), M[inner][:, inner]
     static = -factorized(K_ii)(K_ib) if inner.size else K_ib
-    # A count below the number of static shapes reduces these too. Some fixed-interface modes then improve the accuracy.
+    # A count below the number of static shapes leaves some out. Fixed-interface modes then improve the accuracy.
     shapes = b - rigid.shape[1]
     fixed = 0 if count is None else count - shapes if count >= shapes else count
     nothing = np.zeros((inner.size, 0))
@@ -47,7 +47,7 @@ def reduced(
     guyan = whole + K_ib.T @ static
     K_reduced[:b, :b] = (guyan + guyan.T) / 2
     motions = np.vstack([rigid[interface], np.zeros((len(values), rigid.shape[1]))])
-    # With a single interface the static stiffness is rounding and does not determine the units.
+    # With a single interface the static stiffness consists of rounding errors, and does not determine the units.
     scale = np.concatenate([stiffness_scale(whole), 1 / np.sqrt(values)])
     basis, K_reduced, motions = basis * scale, K_reduced * np.outer(scale, scale), motions / scale[:, None]
     M_reduced, axes_reduced = basis.T @ (M @ basis), basis.T @ (axes @ basis)

@@ -175,9 +175,9 @@ class Modes:
     def error(self) -> float:
         """Relative error of squared frequencies, and of deflections under loads at interfaces, caused by parameters.
 
-        The error is twice the largest difference to modes that are computed at points of the box. A frequency below the
-        frequency of these modes is not an error, because it is closer to the frequency of the full structure. The error
-        is 0 if no parameter changes the shapes.
+        The error is twice the largest difference from modes that are computed at points of the box. A frequency below
+        that of the computed modes is not counted as an error, because it is closer to that of the full structure. The
+        error is 0 if no parameter changes the shapes.
         """
         return 0.0 if self.family is None else self.family.error
 
@@ -195,7 +195,7 @@ class Modes:
         return _STRUCTURES.get(self)
 
     def of_structure(self, structure: Flexibility) -> "Modes":
-        """These modes, which then have the structure as `flexibility`. Files do not contain the structure."""
+        """The same modes, with the structure as `flexibility`. Files of modes do not contain the structure."""
         _STRUCTURES[self] = structure
         return self
 
@@ -207,7 +207,7 @@ class Modes:
     def turns(self, eta: Array) -> Array:
         """Largest rotation (m,) of a node relative to the frame [rad] for modal coordinates (m, n).
 
-        If nodes have no rotations, the rotation follows from the chords of the body.
+        If nodes have no rotations, it is estimated from the chords of the body.
         """
         if self.rotations.any() or len(self.positions) < 2:
             turned = np.einsum("kan,mn->mka", self.rotations, eta)
@@ -228,7 +228,7 @@ class Modes:
         other = ends[np.linalg.norm(s[:, None] - s[ends], axis=2).argmax(axis=1)]
         line, moved = s[other] - s, self.shapes[other] - self.shapes
         squared = np.maximum((line**2).sum(axis=1), NOTHING)
-        # The end of a cantilever under a load at its end rotates 1.5 times as far as its chord.
+        # If a load acts at the end of a cantilever, this end rotates 1.5 times as far as the chord.
         return 1.5 * np.cross(line[:, :, None], moved, axis=1) / squared[:, None, None]
 
     @cached_property
@@ -237,7 +237,7 @@ class Modes:
         projection = np.zeros((6, 6))
         for shapes, at in ((self.shapes, slice(0, 3)), (self.rotations, slice(3, 6))):
             sizes, axes = np.linalg.eigh(np.einsum("kan,kbn->ab", shapes, shapes))
-            # Squared motions: the roots of smaller ones are rounding.
+            # `sizes` are squared motions. Smaller values are rounding errors.
             moving = axes[:, sizes > 1e-18 * sizes.max(initial=NOTHING)]
             projection[at, at] = moving @ moving.T
         return projection
@@ -259,7 +259,7 @@ class Modes:
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> "Modes":
-        """Read a file that `save` has written, or another program in the same layout.
+        """Read a file in the layout of `save`. Another program may have written the file.
 
         Raises
         ------

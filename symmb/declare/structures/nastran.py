@@ -88,7 +88,7 @@ def read_grids(path: str | PathLike[str]) -> dict[int, Array]:
             continue
         node = card.whole(0, "the number of the node")
         if node in grids:
-            raise card.fault(f"node {node} appears twice. Remove one of both cards.")
+            raise card.fault(f"node {node} appears twice. Remove one of the two cards.")
         for k, what in ((1, "position"), (5, "displacement")):
             if card.text(k) not in ("", "0"):
                 raise card.fault(
@@ -96,7 +96,7 @@ def read_grids(path: str | PathLike[str]) -> dict[int, Array]:
                 )
         grids[node] = np.array([card.real(k, f"{x} of node {node}") for k, x in zip((2, 3, 4), "xyz", strict=True)])
     if not grids:
-        raise DeclarationError(f"{path}: the file has no GRID card, so there are no nodes.")
+        raise DeclarationError(f"{path}: the file has no GRID card. Export the nodes, too.")
     return grids
 
 

@@ -32,14 +32,14 @@ def spanning(
     while True:
         lost = [_lost(B, *some, pair, rigid) for some, pair in zip(wanted, matrices, strict=True)]
         error, directions = max(lost, key=lambda pair: pair[0])
-        # The error is the relative excess of squared frequencies, or the fraction of a mode's strain energy that the
-        # shapes do not represent. This fraction is the error of deflections under loads at interfaces. It may be 1e-5
-        # for any mode in the box.
+        # Two errors are compared, and the larger one may be 1e-5. One is the relative difference by which squared
+        # frequencies are too high. The other is the fraction of a mode's strain energy that the shapes do not
+        # represent: the error of deflections under loads at interfaces.
         if error <= 1e-5 or not directions.size or B.shape[1] + directions.shape[1] > most:
             break
         B = _independent(np.hstack([B, _without(directions, rigid, M)]), K)
     values, Y = lowest(B.T @ (K @ B), B.T @ (M @ B), B.T @ (axes @ B), np.zeros((B.shape[1], 0)))
-    # The error between the tried points may be larger, so the stated error is twice the largest one.
+    # The error between these points may be larger, so the returned error is twice the largest error.
     return values, B @ Y, 2.0 * error
 
 
@@ -65,7 +65,7 @@ def _lost(B: Array, values: Array, Y: Array, matrices: tuple[Sparse, Sparse], ri
     KB, MB = K @ B, M @ _without(B, rigid, M)
     residual = Y - B @ np.linalg.solve(B.T @ KB, KB.T @ Y)
     shares, V = np.linalg.eigh(residual.T @ (K @ residual))
-    # Frequencies below the wanted ones are no error: they are closer to the frequencies of the full structure.
+    # Frequencies below the wanted frequencies are closer to those of the full structure, so they are not an error.
     found = eigh(B.T @ KB, B.T @ MB, eigvals_only=True)[: len(values)]
     excess = float((found / values[: len(found)] - 1).max())
     return max(float(shares[-1]), excess), residual @ V[:, shares > max(0.3 * shares[-1], 1e-13)]

@@ -111,12 +111,12 @@ class Material:
     density : Expr
         density [kg/m^3]
     nu, G : Expr
-        Poisson's ratio, or the shear modulus [Pa] itself
+        Poisson's ratio nu, or shear modulus G [Pa]: pass one of the two
 
     Raises
     ------
     DeclarationError
-        If not exactly one of nu and G is given, if a value is not a number above 0, or if nu is not in (-1, 0.5].
+        If both or none of nu and G are given, if a value is not a number above 0, or if nu is not in (-1, 0.5].
 
     Examples
     --------

@@ -19,10 +19,10 @@ from symmb.declare.symbolic import batch
 
 OWNER = "FiniteElements.modes"
 _SAME = 1e-11
-"""Relative difference of laws that counts as rounding."""
+"""Largest relative difference of laws that is treated as a rounding error."""
 _PROPORTIONAL = ([0], [3], [4, 2], [5, 1], [6], [7], [8])
-"""Groups of laws of a beam with constant proportions along the beam and in each group. Element shapes depend on these
-proportions."""
+"""Groups of laws of a beam. Element shapes depend on the proportions of laws in a group and along the beam. So these
+proportions must not depend on parameters."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,7 +39,7 @@ def batch(f: ca.Function, *arguments: Array, threads: int = 1) -> tuple[Array, .
 
 
 def batch_padded(f: ca.Function, *arguments: Array) -> tuple[Array, ...]:
-    """`batch` with arguments (N, n) padded to a power of 2: CasADi stores a map for each number of samples."""
+    """`batch` with arguments (N, n) padded to a power of 2, because CasADi stores a map for each N."""
     N = len(arguments[0])
     if N < 2:
         return batch(f, *arguments)

@@ -71,7 +71,7 @@ def unit(axis: ca.SX) -> ca.SX:
     if axis.is_constant():
         values = np.asarray(ca.DM(axis)).ravel()
         largest = np.abs(values).max()
-        if not 1e-150 < largest < 1e150:  # otherwise its square overflows or underflows
+        if not 1e-150 < largest < 1e150:  # squares of other values overflow or underflow
             values = values / largest
         return ca.SX(values / np.linalg.norm(values))
     return axis / ca.norm_2(axis)
@@ -114,7 +114,7 @@ def turn(a: ca.SX, b: ca.SX, in_plane: bool = False) -> ca.SX:
     sides = ca.norm_2(a + b), ca.norm_2(axis)
     # For nearly opposite directions, 1 plus their cosine has lost digits.
     if is_zero(ca.simplify(a + b)) or (sides[0].is_constant() and float(sides[0]) < SMALL):
-        # Half a turn, then the remaining rotation. If the axis is rounding, any perpendicular axis is used.
+        # Half a turn, then the remaining rotation. If rounding determines the axis, another normal axis is used.
         is_clear = sides[1].is_constant() and float(sides[1]) > ROUNDING
         n = unit(axis - ca.dot(axis, a) * a) if is_clear else triad(a)[:, 0]
         return turn(-a, b) @ (2 * n @ n.T - ca.SX.eye(3))

@@ -1,8 +1,8 @@
 """Evaluation of the instructions of a CasADi SX Function with any number type.
 
-CasADi evaluates an SX Function as a flat list of scalar instructions on a work vector. With SymPy expressions, the same
-list gives an export to SymPy; with intervals, an interval evaluation; with names of variables, C code. The caller
-defines the operations.
+CasADi evaluates an SX Function as a flat list of scalar instructions on a work vector. Here the caller defines the
+operations. SymPy expressions in place of numbers give an export to SymPy. Intervals give an interval evaluation, and
+names of variables give C code.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -42,8 +42,8 @@ def interpret(
 
     `inputs` and the result are the structural nonzeros of each input and output, in column-major order.
     ``operation(code, arguments)`` gets one of CasADi's ``OP_`` numbers or an `Entry`, with one or two arguments (none
-    for a free symbol, ``OP_PARAMETER``). `known` are values of scalar outputs by index; they also replace these values
-    in later outputs. Raises DeclarationError if f is not an SX Function or calls another Function, or if the inputs do
+    for a free symbol, ``OP_PARAMETER``). `known` are given values of scalar outputs by index. Later outputs use the
+    given values, too. Raises DeclarationError if f is not an SX Function or calls another Function, or if the inputs do
     not fit.
 
     Examples

@@ -74,8 +74,8 @@ def singular_solver(S: ca.SX, nullity: int, usual: ca.SX | None = None) -> Calla
     """Solver of S z = r for a semidefinite S (n, n), which is treated as a matrix of rank n - nullity.
 
     The vanishing combinations of rows come from inverse iteration, and are removed from right sides and solutions. Rows
-    are scaled by the diagonal, so units have no effect. Some rows may vanish at some states: `usual` (n,) are the
-    relative sizes of the rows, by default equal.
+    are scaled by the diagonal, so units have no effect. Rows that vanish at some states are scaled by their `usual`
+    relative sizes (n,), by default equal.
     """
     size = _row_sizes(ca.diag(S), usual)
     scaled = ca.sparsify(ca.diag(1 / size) @ S @ ca.diag(1 / size))
@@ -96,7 +96,7 @@ def singular_solver(S: ca.SX, nullity: int, usual: ca.SX | None = None) -> Calla
 def vanishing_rows(G: ca.SX, nullity: int, usual: ca.SX | None = None) -> ca.SX:
     """Combinations (n_r, nullity) of the rows of G that vanish at states with rank n_r - nullity.
 
-    `usual` (n_r,) are the relative sizes of the rows, by default equal. Some rows may vanish at some states.
+    Rows that vanish at some states are scaled by their `usual` relative sizes (n_r,), by default equal.
     """
     size = _row_sizes(ca.sum2(G * G), usual)
     rows = ca.sparsify(ca.diag(1 / size) @ G)
@@ -110,7 +110,7 @@ def least_multipliers(G: ca.SX, force: ca.SX, units: ca.SX) -> ca.SX:
     The norm is that of multipliers divided by their `units` (n_r,).
     """
     G = ca.sparsify(ca.diag(units) @ G)
-    size = ca.sqrt(ca.sum1(G * G).T + NOTHING)  # avoids 0 for velocities without rows
+    size = ca.sqrt(ca.sum1(G * G).T + NOTHING)  # not 0 for velocities without rows
     columns = ca.sparsify(G @ ca.diag(1 / size))
     S, right = ca.sparsify(columns.T @ columns), force / size
     lifted = symmetric_solver(S + _LIFT * ca.SX.eye(S.shape[0]))
@@ -121,7 +121,8 @@ def least_multipliers(G: ca.SX, force: ca.SX, units: ca.SX) -> ca.SX:
 def gated_solver(S: ca.SX, gates: ca.SX) -> Callable[[ca.SX], ca.SX]:
     """Solver of S z = r for a semidefinite S (n, n), in which rows and columns with gates (n,) of 0 are zero.
 
-    z is 0 in these rows. Rows with a gate of 1 may depend on other rows. They are lifted, and z is refined once.
+    z is 0 in these rows. Rows with a gate of 1 may depend on other rows. So a small fraction of the diagonal is added,
+    and z is refined once.
     """
     gated = ca.DM([float(not gates[k].is_constant()) for k in range(gates.numel())])
     lifted = symmetric_solver(S + ca.diag(1 - gates + _LIFT * gated * ca.diag(S)))
@@ -137,9 +138,9 @@ def gated_solver(S: ca.SX, gates: ca.SX) -> Callable[[ca.SX], ca.SX]:
 def _row_sizes(squares: ca.SX, usual: ca.SX | None) -> ca.SX:
     """Sizes (n,) of rows from their squares, which may vanish, and from their relative usual sizes."""
     shares = ca.SX.ones(squares.numel()) if usual is None else usual**2
-    # Rows that vanish temporarily are measured by their usual size. Dependent rows are dependent only up to the drift
-    # of a run, and a division by smaller numbers would amplify this drift: Bennett's linkage needs 1e-4, and at 1e-6
-    # its drift grows by a factor of a thousand. tests/start/test_overconstrained.py
+    # Rows that vanish temporarily are scaled by their usual size. Dependent rows are dependent only up to the drift of
+    # a run, and a division by smaller sizes would amplify this drift. Bennett's linkage needs 1e-4: with 1e-6 its drift
+    # is larger by a factor of a thousand. tests/start/test_overconstrained.py
     return ca.sqrt(squares + SMALL * ca.sum1(squares) * shares / ca.sum1(shares))
 
 
@@ -153,10 +154,10 @@ def independent(rows: ca.SX, multipliers: ca.SX, vanishing: ca.SX) -> ca.SX:
 
 
 def _vanishing(lifted: Callable[[ca.SX], ca.SX], n: int, nullity: int) -> ca.SX:
-    """Orthonormal combinations (n, nullity) that vanish except for the lift, by two steps of inverse iteration."""
+    """Orthonormal vanishing combinations (n, nullity), by two steps of inverse iteration with a lifted matrix."""
     # These vectors have no symmetry, so they are not orthogonal to vanishing combinations.
     columns = [ca.SX(ca.DM(np.cos((j + 1) * np.arange(1, n + 1) ** 1.5))) for j in range(nullity)]
-    # Each step reduces the other eigenvectors by the lift, so two steps leave rounding.
+    # Each step multiplies the other eigenvectors by about _LIFT. After two steps only rounding errors remain.
     for _ in range(2):
         columns = _orthonormal([_LIFT * lifted(column) for column in columns])
     return ca.horzcat(*columns)
@@ -166,7 +167,7 @@ def _orthonormal(columns: Sequence[ca.SX]) -> list[ca.SX]:
     """Orthonormal columns with the same span, by the modified Gram-Schmidt method. Columns may be nearly parallel."""
     basis: list[ca.SX] = []
     for column in columns:
-        # A second pass restores the orthogonality that cancellation costs for nearly parallel columns.
+        # Cancellation in nearly parallel columns reduces the orthogonality. A second pass restores it.
         for _ in range(2 if basis else 1):
             column = column / ca.norm_2(column)
             for other in basis:
@@ -184,10 +185,10 @@ def general_solver(A: ca.SX) -> Callable[[ca.SX], ca.SX]:
 class ExplicitSolver:
     """Solver of A z = r for a regular A (n, n) and r (n, m), by determinants of small blocks.
 
-    Blocks of equations are solved one after the other. Large blocks are halved. `at` (n, n), values of A at one point,
-    orders the rows so that both halves are regular at this point; a positive definite A needs no order. A is regular,
-    and solutions are exact, if no entry of `determinants` (k,) is 0. Solutions for a right side of zeros do not show a
-    singular A.
+    Blocks of equations are solved one after the other. Large blocks are halved. `at` (n, n) are values of A at one
+    point. They order the rows so that both halves are regular at this point. A positive definite A needs no order. A is
+    regular, and solutions are exact, if no entry of `determinants` (k,) is 0. If the right side is 0, the solution does
+    not show a singular A.
     """
 
     def __init__(self, A: ca.SX, at: Array | None = None) -> None:

@@ -23,7 +23,7 @@ def reduction(build: Callable[..., Any], *parts: Any) -> tuple[Callable[..., Any
     token = _is_inside.set(True)
     try:
         first = _Pickler(io.BytesIO())
-        first.dump(parts)  # finds the symbols, because their records come first in the pickle
+        first.dump(parts)  # finds the symbols, whose records must be first in the pickle
         buffer = io.BytesIO()
         pickler = _Pickler(buffer)
         pickler.dump(first.records())

@@ -20,7 +20,7 @@ _KNOWN: dict[str, "Pieces"] = {}
 
 
 class Pieces:
-    """Rows of numbers. Each row is for places from its start to the start of the next row. Rows belong to groups.
+    """Rows of numbers. Each row is for arguments from its start to the start of the next row. Rows belong to groups.
 
     `groups` (n,) are the groups of the rows: 0, then the same or the next whole number. `begins` (n,) are increasing
     starts; the first start is ignored. `columns` (n, m) are the numbers that are read. The start of the row is inserted
@@ -42,21 +42,21 @@ class Pieces:
 
     @property
     def knots(self) -> Array:
-        """Places (n - 1,) at which two pieces meet."""
+        """Arguments (n - 1,) at which two pieces meet."""
         return self.data[1, 1:]
 
     def find(self, group: Array | float, at: Array | float) -> Indices:
-        """Indices of the rows for places in groups, or of the nearest rows of the groups."""
+        """Indices of the rows for arguments `at` in groups, or of the nearest rows of the groups."""
         first, last = (np.searchsorted(self.data[0], group, side) for side in ("left", "right"))
         row = np.searchsorted(self.data[1], at, "right") - 1
         return np.clip(np.clip(row, first, last - 1), 0, self.data.shape[1] - 1)
 
     def read(self, group: Array | float, at: Array | float) -> Array:
-        """The columns (m + 1, ...) for places in groups."""
+        """The columns (m + 1, ...) for arguments `at` in groups."""
         return self.data[2:, self.find(group, at)]
 
     def __call__(self, group: ca.SX, at: ca.SX) -> list[ca.SX]:
-        """The columns for a place in a group, as expressions. Repeated arguments give the same expressions."""
+        """The columns for an argument `at` in a group, as expressions. Repeated calls give the same expressions."""
         key = group.element_hash(), at.element_hash()
         if self._last[:2] != key or not self._last[2]:
             # The outputs keep the arguments alive, so their hashes stay valid.
@@ -109,7 +109,7 @@ class Sides(Pieces):
         return cls(np.zeros(len(begins)), begins, np.column_stack([begins, slope, bend]))
 
     def wave(self, at: ca.SX) -> ca.SX:
-        """The wave, which changes its sign at the knots. A repeated place gives the same expression."""
+        """The wave, which changes its sign at the knots. A repeated argument gives the same expression."""
         if self._wave is None or self._wave[0] != at.element_hash():
             begin, slope, bend, _ = self(ca.SX(0), at)
             self._wave = at.element_hash(), (at - begin) * (slope + bend * (at - begin))  # the product keeps `at` alive
@@ -134,7 +134,7 @@ class Sides(Pieces):
 
 
 class _Nearest(Pieces):
-    """Numbers of parts. They jump only if a step on a side has gone too far."""
+    """Numbers of parts. They jump only if a step continues too far beyond its side."""
 
 
 class Smooth(Pieces):
@@ -149,13 +149,13 @@ def _from_data(kind: str, data: Array) -> Pieces:
 
 
 class Entry(NamedTuple):
-    """A column of pieces. In lists of instructions, it is an operation on a group and a place."""
+    """A column of pieces. In lists of instructions, it is an operation on a group and an argument."""
 
     pieces: Pieces
     column: int
 
     def between(self, group: float, at: float) -> tuple[float, float, float]:
-        """The value at a place, and the knots that bound the places with this value (infinite without a knot)."""
+        """The value at an argument, and the knots that bound the interval of this value (infinite without a knot)."""
         groups, begins = self.pieces.data[:2]
         row = int(self.pieces.find(group, at))
         first, last = row == 0 or groups[row - 1] != group, row + 1 == len(groups) or groups[row + 1] != group

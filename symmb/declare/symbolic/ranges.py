@@ -20,7 +20,7 @@ _INFINITE = ca.SX.inf()
 
 
 class _SplitRange(NamedTuple):
-    """Ranges of a value before and after a place in the range `at`. `own` are the two parts of `at`."""
+    """Ranges of a value below and above a knot in the range `at`. `own` are the two parts of `at`."""
 
     at: Any
     own: Any
@@ -28,7 +28,7 @@ class _SplitRange(NamedTuple):
     behind: Any
 
     def of(self, a: "SymbolicRange") -> tuple["SymbolicRange", "SymbolicRange"]:
-        """The parts of a range; twice the whole range for a range without parts."""
+        """The two parts of a range. If it has no parts, both are the whole range."""
         if a.parts is not None and a.parts.own is self.own:
             return a.parts.before, a.parts.behind
         is_same = all(x.element_hash() == y.element_hash() for x, y in zip(a[:2], self.at[:2], strict=True))
@@ -38,8 +38,8 @@ class _SplitRange(NamedTuple):
 class SymbolicRange(NamedTuple):
     """A range from low to high, SX scalars. The range of a single value contains the same expression twice.
 
-    `jumps` is 1 if the value may jump within the range of its arguments. `chosen` is for a product of a condition and a
-    value: the ranges of both. `parts` are the ranges on both sides of a place at which pieces of a table meet.
+    `jumps` is 1 if the value may jump within the range of its arguments. If the value is a product of a condition and
+    a factor, `chosen` contains the ranges of both. `parts` are the ranges on both sides of a knot of a table.
     """
 
     low: ca.SX
@@ -123,7 +123,7 @@ def _entry(entry: Entry, group: SymbolicRange, at: SymbolicRange) -> SymbolicRan
     """The range of an entry: of one piece, of two pieces that meet, or of all pieces."""
     pieces, column = entry
     key = (pieces.name, *(end.element_hash() for end in (*group[:2], *at[:2])))
-    if key not in _MET:  # the other columns have the same parts
+    if key not in _MET:  # all columns have the same parts
         first, last = pieces(group.low, at.low), pieces(group.high, at.high)
         place = ca.if_else(last[-1] > first[-1], last[0], at.high)
         own = SymbolicRange(at.low, ca.fmin(at.high, place)), SymbolicRange(ca.fmax(at.low, place), at.high)
@@ -134,7 +134,7 @@ def _entry(entry: Entry, group: SymbolicRange, at: SymbolicRange) -> SymbolicRan
     ends = [float(end(pieces.data[2 + column])) for end in (np.min, np.max)]
     sides = [SymbolicRange(*(ca.if_else(are_near, values[column], end) for end in ends)) for values in both]
     found = _hull(*sides[0][:2], *sides[1][:2])
-    # One expression may contain many places of splines. Combinations of the sides of all places would be too many.
+    # One expression may use many splines. Combinations of the sides of all their knots would be too many.
     return found if isinstance(pieces, Smooth) else found._replace(parts=_SplitRange(at, own, *sides))
 
 
@@ -284,7 +284,7 @@ def _with_sign(a: SymbolicRange, b: SymbolicRange) -> SymbolicRange:
 
 
 def _chosen(condition: SymbolicRange, a: SymbolicRange) -> SymbolicRange:
-    """The range of a value that is a if a condition holds, else 0. For an uncertain condition, the union of both."""
+    """The range of a value that is a if a condition holds, else 0. If the condition may change: the union of both."""
     if condition.is_point:
         return SymbolicRange(*(ca.if_else(condition.low, end, 0) for end in a[:2]))
     either = SymbolicRange(*(ca.if_else(condition.high, end, 0) for end in (ca.fmin(a.low, 0), ca.fmax(a.high, 0))))
@@ -339,6 +339,6 @@ _RULES: dict[int, Callable[..., SymbolicRange]] = {
     ca.OP_IF_ELSE_ZERO: _chosen,
     **{code: partial(_rising, code, *domain) for code, domain in _RISING.items()},
 }
-"""The rules of the operations. Conditions have ranges of 0 and 1: true everywhere, and true somewhere."""
+"""The rules of the operations. For a condition, low is 1 if it always holds, and high is 1 if it holds somewhere."""
 _STEPS = {ca.OP_FLOOR, ca.OP_CEIL, ca.OP_SIGN, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
 """Operations that are constant except for jumps."""

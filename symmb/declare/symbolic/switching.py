@@ -16,7 +16,7 @@ from symmb.declare.symbolic.pieces import Entry, Pieces, Sides, applied, called
 T = TypeVar("T")
 
 SOFT = 1e-300
-"""The mark of soft comparisons a < -SOFT: value and slope are continuous there, so steps need not end there."""
+"""A comparison a < -SOFT is soft: the value and the slope are continuous there, so steps need not end there."""
 _KINKS: dict[Any, tuple[str, Callable[..., ca.SX]]] = {
     ca.OP_FABS: ("fabs", lambda a: a),
     ca.OP_SIGN: ("sign", lambda a: a),
@@ -33,7 +33,7 @@ _KINKS: dict[Any, tuple[str, Callable[..., ca.SX]]] = {
 
 
 def _whole(side: ca.SX, value: ca.SX) -> ca.SX:
-    """floor(value) on one side of sin(pi value): the nearest even or odd number, valid up to half a unit beyond."""
+    """floor(value) on one side of sin(pi value): the nearest even or odd number, valid up to 0.5 beyond it."""
     odd = (1 - side) / 2
     return 2 * ca.floor((value - odd + 0.5) / 2) + odd
 
@@ -55,19 +55,19 @@ _ON_A_SIDE: dict[Any, Callable[..., ca.SX]] = {
     ca.OP_FMOD: _fmod,
     ca.OP_REMAINDER: lambda side, a, b: a - b * _whole(side, a / b + 0.5),
 }
-"""The value of an operation on one side of its switch. Other operations, such as equality, are not located."""
+"""The value of an operation on one side of its switch. Steps do not end at other switches, such as equality."""
 _FRONTS = {ca.OP_EXP, ca.OP_TANH, ca.OP_ERF, ca.OP_COSH}
-"""Operations that change only in a short part of the range of their argument, near 0.
+"""Operations with fronts: they change only in a short interval of their argument, near 0.
 
 An exponential also changes near the largest value of its argument. Products and differences of fronts make pulses."""
 _LEVELS = (-40.0, -10.0, -1.0, 1.0, 10.0, 40.0)
-"""Arguments at which fronts start, are steep, and end: exp(-40) = 4e-18 is rounding. At 0 even functions have no sign
-change.
+"""Arguments at which fronts start, are steep, and end: exp(-40) = 4e-18 is a rounding error. 0 is not used, because
+an argument such as -x**2 does not change its sign there.
 
-A motion may turn back on either flank. A long step could otherwise skip both passes of a level."""
+A motion may turn back on either flank. With fewer levels, a long step could skip both passes of a level."""
 _STEEP = 8
-"""From this exponent on, a power is a front too: it halves within 9 % of its largest base, and is flat near 0. Steps
-are longer than a pulse of cos(angle)**50."""
+"""Lowest exponent of a power with a front. If the base decreases by 9 % from its largest value, the power is halved.
+Without such fronts, steps would be longer than a pulse of cos(angle)**50."""
 _POSITIVE = {ca.OP_SQRT, ca.OP_LOG, ca.OP_POW, ca.OP_CONSTPOW}
 """Operations that are not defined for negative numbers (powers only if the exponent is not whole)."""
 
@@ -166,7 +166,7 @@ def _has_steep_power(f: ca.Function, codes: list[int]) -> bool:
         power = _power(code, of, constants.get(places[-1])) if of else None
         if power is not None and power.exponent >= _STEEP:
             return True
-        for place in results:  # a call has several results
+        for place in results:  # calls may have several results
             known[place] = power or _Power(k, 1.0)
             constants.pop(place, None)
         if code == ca.OP_CONST:

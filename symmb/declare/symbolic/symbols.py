@@ -23,7 +23,7 @@ _casadi_bool = ca.SX.__bool__
 
 
 class TruthValueError(DeclarationError, RuntimeError):
-    """Python needs the truth value of a symbolic expression. This error is also a RuntimeError, as in CasADi."""
+    """Error if Python needs the truth value of a symbolic expression. It is also a RuntimeError, as in CasADi."""
 
 
 def _truth_value(expression: ca.SX) -> bool:
@@ -56,8 +56,8 @@ class Kind(Enum):
 class Symbol:
     """A declared symbol: dotted name, kind, rate of a variable, and start `value` of a state.
 
-    Missing properties are empty. `owner` is the name of the element that must be in the System. A state without owner
-    belongs to each system that uses it in an expression.
+    Fields without a meaning for the kind are empty. `owner` is the name of the element that must be in the System. A
+    state without owner belongs to each system that uses it in an expression.
     """
 
     name: str
@@ -128,8 +128,8 @@ def is_time(symbol: ca.SX) -> bool:
 def initial(expression: ca.SX) -> ca.SX:
     """Value of a position expression at the start of a run: a first-order state without rate.
 
-    The start of a scene is often computed, such as a static equilibrium. `x - initial(x)` is the displacement since the
-    start.
+    The start of a scene is often computed, for example as an equilibrium. `x - initial(x)` is the displacement since
+    the start.
 
     Parameters
     ----------

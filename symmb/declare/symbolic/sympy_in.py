@@ -85,7 +85,7 @@ def _no_counterpart(node: Any) -> str:
             f"SymPy expression contains {node}, a function of time. Write coordinates and velocities as "
             "plain Symbols with the names of the system, such as Symbol('rod1.theta')."
         )
-    return f"SymPy function '{node.func.__name__}' in {node} has no CasADi counterpart."
+    return f"SymPy function '{node.func.__name__}' in {node} has no CasADi counterpart. Use other functions."
 
 
 def _piecewise(node: Any, convert: Callable[[Any], ca.SX]) -> ca.SX:

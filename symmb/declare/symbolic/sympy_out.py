@@ -53,7 +53,7 @@ def with_names(
 ) -> tuple[dict[Any, Any], list[Any]]:
     """SymPy matrices of long expressions with names for shared parts: a dictionary symbol -> part, and the matrices.
 
-    The arguments are the arguments of `to_sympy`, but for several matrices.
+    The arguments are those of `to_sympy`, but with several matrices.
 
     Examples
     --------
@@ -111,7 +111,7 @@ def _constant(value: float) -> Any:
     fraction = Fraction(value).limit_denominator(1000)
     if float(fraction) == value and abs(fraction.numerator) < 2**53:
         return sympy.Rational(fraction.numerator, fraction.denominator)
-    # pi / 6 and pi * (1 / 6) differ in the last bit, so this difference is allowed.
+    # pi / 6 and pi * (1 / 6) differ in the last bit. This difference is allowed.
     turn = Fraction(value / math.pi).limit_denominator(360)
     if abs(turn * math.pi - value) <= math.ulp(value) and abs(turn.numerator) < 2**20:
         return sympy.Rational(turn.numerator, turn.denominator) * sympy.pi

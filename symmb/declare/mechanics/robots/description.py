@@ -12,7 +12,7 @@ from symmb._types import Array
 from symmb.declare.mechanics.body import TRIANGLE
 
 TURNING, SLIDING = ("revolute", "continuous"), ("prismatic",)
-"""Types of joints that have an angle, and those that have a displacement."""
+"""Types of joints that have an angle, and types of joints that have a displacement."""
 XYZ, RPY, ENTRIES = ("x", "y", "z"), ("roll", "pitch", "yaw"), ("xx", "xy", "xz", "yy", "yz", "zz")
 
 Form = Literal["box", "cylinder", "sphere", "mesh"]
@@ -79,7 +79,7 @@ class Description:
 
 
 def named(prefix: str, names: tuple[str, ...], values: tuple[float, ...]) -> dict[str, float]:
-    """The values by names `prefix.name`, such as "elbow.axis.x"."""
+    """The values, with the keys `prefix.name`, such as "elbow.axis.x"."""
     return {f"{prefix}.{name}": value for name, value in zip(names, values, strict=True)}
 
 
@@ -90,11 +90,11 @@ def full_matrix(moments: tuple[float, ...]) -> Array:
 
 
 def inertia_fault(moments: tuple[float, ...]) -> str:
-    """A sentence if an inertia matrix with entries xx, xy, xz, yy, yz, zz is impossible; else empty."""
+    """A sentence if an inertia matrix with entries xx, xy, xz, yy, yz, zz is impossible; empty if it is possible."""
     low, middle, high = np.linalg.eigvalsh(full_matrix(moments)).tolist()
     total = low + middle + high
     diagonal = min(moments[0], moments[3], moments[5])
-    if low < -TRIANGLE * abs(total) or diagonal < 0:  # `Body` takes no diagonal below 0, however small
+    if low < -TRIANGLE * abs(total) or diagonal < 0:  # `Body` refuses all negative diagonal entries
         return f"a moment of inertia is negative: {min(low, diagonal):.3g}. Check the entries and their signs."
     if high - middle - low > TRIANGLE * total:
         return (

@@ -111,7 +111,7 @@ class Tag:
         return tuple(values)
 
     def number(self, attribute: str, default: float | None = None) -> float:
-        """The number of an attribute. The default replaces a missing attribute. Without a default this is an error."""
+        """The number of an attribute, or the default. Without a default, a missing attribute is an error."""
         if default is None:
             self.text(attribute)
         return self.numbers(attribute, (default or 0.0,))[0]
@@ -162,12 +162,12 @@ def _meant(name: str, known: Collection[str], similarity: float = 0.75) -> str:
 
 
 def told(passed: dict[str, list[Tag]]) -> list[str]:
-    """A list with one sentence: kinds of harmless faults, each with first line and number. Empty without faults."""
+    """A list with one sentence: each kind of harmless faults, with first line and number. Empty if there are none."""
     kinds = []
     for what, tags in passed.items():
         more = f" and {len(tags) - 1} more" if len(tags) > 1 else ""
         kinds.append(f"{what} (line {tags[0].line}{more})")
-    return [f"Ignored: {'; '.join(kinds)}. With strict=True these faults are errors."] if kinds else []
+    return [f"These faults are ignored: {'; '.join(kinds)}. With strict=True they are errors."] if kinds else []
 
 
 def read_document(path: Path, passed: dict[str, list[Tag]] | None) -> Tag:

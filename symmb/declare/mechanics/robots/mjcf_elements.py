@@ -157,7 +157,7 @@ class _Length:
 class MjcfElements:
     """Elements of a file other than bodies, joints, and forces in joints.
 
-    `led` has the names of joints that follow other joints by equality constraints.
+    `led` contains the names of joints that follow other joints by equality constraints.
     """
 
     def __init__(self, source: MjcfModel, building: Building, joints: Mapping[str, Any]) -> None:
@@ -227,7 +227,7 @@ class MjcfElements:
             return
         length = self._tendon_length(tendon)
         stretch = length.value - upper
-        if isinstance(lower, ca.SX) or isinstance(upper, ca.SX) or lower != upper:  # it is slack in between
+        if isinstance(lower, ca.SX) or isinstance(upper, ca.SX) or lower != upper:  # slack between these lengths
             stretch = ca.fmax(stretch, 0) - ca.fmax(lower - length.value, 0)
         yield from length.push(f"{name}:tendon", -stiffness * stretch - damping * length.rate)
 
@@ -273,7 +273,10 @@ class MjcfElements:
         return Weld(name, a, b, zero=rotation(zero))
 
     def _led(self, kind: str, name: str, first: int, second: int) -> Element:
-        """A constraint between two joints or tendons: one change from the file's pose is a polynomial of the other."""
+        """A constraint between two joints or tendons. The change of the first is a polynomial in the second change.
+
+        Changes are relative to the pose of the file.
+        """
         m = self.source.model
         moves = []
         for end in (first, second):

@@ -48,9 +48,9 @@ def load_mjcf(
 ) -> Robot:
     """A machine from an MJCF file of MuJoCo. The package mujoco must be installed.
 
-    Bodies become bodies in space. A body without joints and its parent become one body. Hinges and slides become
-    `Revolute` and `Prismatic`, ball joints `Spherical`, and a free joint leaves its body free. If a body has several
-    joints, bodies without mass are inserted between the joints. Armature becomes a disc on the ground that turns at the
+    Bodies become bodies in space. A body without joints and its parent become one body. Hinges become `Revolute`, slide
+    joints `Prismatic`, and ball joints `Spherical`. A body with a free joint is free. If a body has several joints,
+    bodies without mass are inserted between the joints. Armature becomes a disc on the ground that turns at the
     rate of the joint. Equality constraints become rigid joints and constraints, although MuJoCo uses stiff springs.
     Springs, damping, tendons through sites, actuators, weight compensation and gravity become elements. A SymmbWarning
     names all parts of the file that are left out, such as contacts.
@@ -59,7 +59,7 @@ def load_mjcf(
     ----------
     path : str or Path
     replace : mapping
-        name of a number -> number or expression of parameters: {"forearm.mass": p.m}. Names are those of `load_urdf`
+        numbers or expressions of parameters by name, such as {"forearm.mass": p.m}. Names are those of `load_urdf`
         ("elbow.origin.x" is the position of the body in its parent), and "elbow.pos.x" (.y .z), "elbow.ref",
         "elbow.stiffness", "elbow.springref", "elbow.armature", "gravity.x" (.y .z), "motor.ctrl", "motor.gear",
         "motor.gain" (.gain.length .gain.velocity), "motor.bias" (.bias.length .bias.velocity), "motor.timeconst",
@@ -68,7 +68,7 @@ def load_mjcf(
     stop : ContactLaw or float
         see `load_urdf`
     strict : bool
-        whether an inertia that no body can have is an error. By default it is repaired as in `load_urdf`
+        whether an inertia that no body can have is an error. By default it is replaced, as in `load_urdf`
 
     Returns
     -------
@@ -104,7 +104,7 @@ def load_mjcf(
             robot = building.robot()
             more = MjcfElements(source, building, robot.joints)
             elements = (*robot.elements, *more.all())
-            # Joints that follow others must not be started on their own: their constraints determine them.
+            # The start must not contain joints that follow other joints: their constraints determine their values.
             start = {name: value for name, value in robot.start.items() if name.rpartition(".")[0] not in more.led}
             remarks = [*left_out(source, stop is not None), *said, *repairs]
     except UnicodeDecodeError:

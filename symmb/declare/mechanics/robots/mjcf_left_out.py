@@ -12,7 +12,7 @@ from symmb.declare.mechanics.robots.mjcf_model import MjcfModel
 def left_out(source: MjcfModel, has_stops: bool) -> list[str]:
     """One sentence that lists the parts that symmb leaves out; empty if there are none."""
     found = [*_of_joints(source, has_stops), *_of_tendons(source), *_of_actuators(source), *_of_the_rest(source)]
-    return [f"Left out are: {'; '.join(found)}."] if found else []
+    return [f"These parts of the file are left out: {'; '.join(found)}."] if found else []
 
 
 def _listed(what: str, names: list[str], where: Iterable[Any], most: int = 6) -> Iterator[str]:
@@ -93,7 +93,7 @@ def _of_the_rest(source: MjcfModel) -> Iterator[str]:
 
 
 def _may_touch(source: MjcfModel) -> bool:
-    """Whether MuJoCo would search for contacts of any two bodies, except those of a body with its parent."""
+    """Whether MuJoCo would search for contacts between bodies, except contacts of a body with its parent."""
     m = source.model
     body = m.body_weldid[m.geom_bodyid]
     parent = m.body_weldid[m.body_parentid[body]]

@@ -15,7 +15,7 @@ from symmb.declare.mechanics.robots.robot import ORIGIN, Building
 
 
 def repaired(building: Building) -> tuple[Building, list[str]]:
-    """The building with possible inertias of all bodies, and a sentence about the repaired links.
+    """The building after the repair of impossible inertias, and a sentence about the repaired links.
 
     A link on the fixed base, or on a body with a possible total inertia, keeps its inertia. DeclarationError is raised
     if a repair would have a large effect on the motion.
@@ -26,7 +26,7 @@ def repaired(building: Building) -> tuple[Building, list[str]]:
     for link, top in description.tops.items():
         moments = tuple(x for x in building.vector(f"{link}.inertia", ENTRIES) if not isinstance(x, ca.SX))
         is_base = building.fixed_base and top == description.root
-        # A part of a body may be impossible if the whole body is possible: only the whole moves.
+        # The inertia of a part may be impossible if that of the whole body is possible. Parts do not move separately.
         if not is_base and len(moments) == len(ENTRIES) and inertia_fault(moments):
             parts = [before.mass(part, before.places[part]) for part, own in description.tops.items() if own == top]
             if inertia_fault(tuple(np.array(united(parts).inertia)[np.triu_indices(3)])):
@@ -35,17 +35,17 @@ def repaired(building: Building) -> tuple[Building, list[str]]:
         return building, []
     M, after = _mass_matrix(before), _mass_matrix(replace(before, values=numbers | better))
     size = np.sqrt(np.maximum(np.diag(after), np.finfo(float).tiny))
-    # The scaled mass matrix is singular for links without mass: a small multiple of the identity makes it definite.
+    # Links without mass make the scaled mass matrix singular. A small multiple of the identity makes it definite.
     root = np.linalg.inv(np.linalg.cholesky(after / size / size[:, None] + ROUNDING * np.eye(len(M)))) / size
     share = float(np.abs(np.linalg.eigvalsh(root @ (after - M) @ root.T)).max(initial=0.0))
     names = ", ".join(repr(name.removesuffix(".inertia.xx")) for name in better if name.endswith(".inertia.xx"))
-    # Largest relative change of the kinetic energy of a motion by a repair: more would dominate the motion.
+    # Largest accepted change of the kinetic energy of a motion by a repair. A larger change would dominate the motion.
     if not share <= 0.5:
         raise DeclarationError(
             f"{description.path}: the inertia of {names} is impossible. The nearest possible inertia would change the "
             f"kinetic energy of a motion by {min(share, 10):.0%}. Correct the file."
         )
-    said = f"The inertia of {names} is impossible. The nearest possible one is used; it changes the energy "
+    said = f"The inertia of {names} is impossible. The nearest possible inertia is used. It changes the kinetic energy "
     description = replace(description, numbers=description.numbers | better)
     changed = replace(building, description=description, values={**values, **better})
     return changed, [f"{said}of a motion by at most {100 * share:.1g} %."]
@@ -56,8 +56,8 @@ def nearest_possible(moments: tuple[float, ...]) -> tuple[float, ...]:
 
     Each principal moment is the sum of two second moments of mass. None of the three second moments is negative.
     """
-    # A projection onto a cone with three edges: for each subset of edges the least squares solution is a candidate if
-    # its coefficients are not negative, and the nearest candidate is the projection.
+    # This is a projection onto a cone with three edges. For each subset of edges, the least squares solution is a
+    # candidate if its coefficients are not negative. The nearest candidate is the projection.
     principal, axes = np.linalg.eigh(full_matrix(moments))
     found = [np.zeros(3)]
     for used in product((False, True), repeat=3):

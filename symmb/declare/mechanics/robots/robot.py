@@ -70,14 +70,14 @@ class _LinkMesh(Mesh):
 
 @dataclass(frozen=True, eq=False)
 class LinkFrame:
-    """A link that fixed joints hold on another link. The links are one `body`, named after the link nearest the base.
+    """A link that fixed joints connect to another link. Both are one `body` with the name of the link nearest the base.
 
     Attributes
     ----------
     name : str
     body : Body or Ground
-    origin : (3,)          origin of the link relative to the origin of the body's points, in body axes [m]
-    quaternion : (4,)      rotation link to body, scalar first
+    origin : (3,)          origin of the link in body axes, relative to the origin of the body's points [m]
+    quaternion : (4,)      rotation from axes of the link to axes of the body, scalar first
     """
 
     name: str
@@ -96,7 +96,7 @@ class LinkFrame:
 
 
 class _ByName(dict[str, Any]):
-    """Parts by name. An unknown name is an error that suggests similar names."""
+    """Parts by name. The error for an unknown name suggests similar names."""
 
     def __init__(self, robot: str, what: str) -> None:
         super().__init__()
@@ -114,7 +114,7 @@ class Robot:
     ----------
     name : str
     numbers : dict         all numbers of the file by name, in SI units
-    bodies : dict          link -> `Body`, `Ground`, or `LinkFrame` of a link that fixed joints hold; `.point(x, y, z)`
+    bodies : dict          link -> `Body`, `Ground`, or `LinkFrame` if fixed joints connect links; `.point(x, y, z)`
                            uses the origin and the axes of the link
     joints : dict          joint -> `Revolute`, `Prismatic`, `PlanarJoint` or `Spherical`. Angles and displacements
                            have the zero and the sign of the file
@@ -155,7 +155,7 @@ def checked_path(owner: str, path: object, stop: object, **truths: object) -> Pa
 def replaced(
     description: Description, replace: Mapping[str, Expr] | None, stop: object, fixed: str | None
 ) -> dict[str, Scalar]:
-    """All numbers of a file, after replacements. `fixed` is the remedy for replacements of a fixed base, or None."""
+    """All numbers of a file, after replacements. `fixed` says what to do if a number of a fixed base is replaced."""
     replace = {} if replace is None else replace
     if not isinstance(replace, Mapping):
         raise DeclarationError(
@@ -247,7 +247,7 @@ class Building:
         return {link: LinkFrame(link, bodies[top], *self.places[link]) for link, top in tops.items()}
 
     def mass(self, link: str, place: Place) -> Mass:
-        """The mass of a link, with its centre and inertia in the axes in which the place of the link is given."""
+        """The mass of a link, its centre of mass and its inertia, in the axes in which `place` is given."""
         origin, e = place
         xx, xy, xz, yy, yz, zz = self.vector(f"{link}.inertia", ENTRIES)
         R = matrix(one_after(e, self.quaternion(f"{link}.com")))
@@ -294,7 +294,7 @@ class Building:
             return Spherical(name, base.point(*at), point_b)
         own = self.vector(f"{name}.axis")
         axis, ref = turned(matrix(e), own), self.values.get(f"{name}.ref", 0.0)
-        if not is_nought(ref):  # the value that the joint has where the file draws it
+        if not is_nought(ref):  # the joint value in the pose of the file
             if joint.kind in SLIDING:
                 at = add(at, tuple(-ref * x for x in unit(axis)))
             else:
@@ -328,8 +328,8 @@ class Building:
             value = getattr(joint, str(joint.coordinate))
             yield Actuator(f"{name}:spring", joint, -stiffness * (value - self.values[f"{name}.springref"]))
         if not is_nought(armature):
-            # A disc on the ground turns at the rate of the joint. Its inertia then has no effect on other motions, as
-            # it would have on a body of the mechanism.
+            # A disc on the ground turns at the rate of the joint. A disc on a body of the mechanism would also affect
+            # other motions.
             rotor = Flywheel(f"{name}:rotor", armature, (armature,) * 3, Spatial())
             yield rotor
             yield Revolute(f"{name}:bearing", Ground().point(0, 0, 0), rotor.point(0, 0, 0))

@@ -46,16 +46,16 @@ def load_urdf(
 ) -> Robot:
     """A machine from a URDF file.
 
-    Links become bodies in space. Links that fixed joints hold together become one body. Revolute, continuous, prismatic
-    and planar joints become `Revolute`, `Prismatic` and `PlanarJoint`; a floating joint leaves its link free. Damping
-    is linear. Dry friction is Coulomb's law, smooth below a rate of 0.01 rad/s or m/s. A mimic joint becomes a
+    Links become bodies in space. Links that fixed joints connect become one body. Revolute and continuous joints become
+    `Revolute`, prismatic joints `Prismatic`, and planar joints `PlanarJoint`. A link with a floating joint is free.
+    Damping is linear. Dry friction is Coulomb's law, smooth below a rate of 0.01 rad/s or m/s. A mimic joint becomes a
     constraint between two joint values. URDF files do not contain gravity: add a `Gravity` to the elements.
 
     Parameters
     ----------
     path : str or Path
     replace : mapping
-        name of a number -> number or expression of parameters: {"forearm.mass": p.m}. Names are "forearm.mass",
+        numbers or expressions of parameters by name, such as {"forearm.mass": p.m}. Names are "forearm.mass",
         "forearm.com.x" (.y .z .roll .pitch .yaw), "forearm.inertia.xx" (.xy ...), "elbow.origin.x" (.y .z .roll .pitch
         .yaw), "elbow.axis.x", "elbow.limit.lower" (.upper), "elbow.damping", "elbow.friction", "elbow.mimic.multiplier"
         (.offset)
@@ -63,11 +63,11 @@ def load_urdf(
         whether the base link is fixed to the ground; otherwise it moves freely
     stop : ContactLaw or float
         contact law or coefficient of restitution of a `Stop` at the limits of each joint. With None, limits have no
-        effect. Equal lower and upper limits have no effect either
+        effect. If the lower limit is equal to the upper limit, they never have an effect
     strict : bool
         whether all faults are errors. By default one SymmbWarning names harmless faults: attributes of other programs,
-        <mimic> of joints that cannot follow, dots in names, and inertias that no body can have. Such an inertia is
-        replaced by the nearest possible inertia, unless this has a large effect on the motion
+        <mimic> of joints that cannot follow, dots in names, and inertias that no body can have. The nearest possible
+        inertia replaces such an inertia. It is an error if this would have a large effect on the motion
 
     Returns
     -------
@@ -290,10 +290,11 @@ def _none(what: str, name: str | None, known: Mapping[str, object]) -> str:
 
 
 def _free_mimic(joint: JointData, joints: dict[str, JointData]) -> None:
-    """Record a <mimic> without effect as a harmless fault: a joint is missing, has no value, or follows itself. The
-    joint then moves freely if it has a value."""
-    # Follow the leaders until one is missing or repeats. Only the first joint of a circle is freed: the others then
-    # follow it.
+    """Record a <mimic> without effect as a harmless fault: a joint is missing, has no value, or follows itself.
+
+    The joint then moves freely if it has a value."""
+    # The leader of a joint is the joint that it follows. The search ends if a leader is missing or appears again. Only
+    # the first joint of a circle becomes free. The other joints of the circle then follow this joint.
     row, leader = [joint.name], joint.mimic
     while leader in joints and leader not in row:
         row.append(leader)
