@@ -64,7 +64,7 @@ def _compare(options: argparse.Namespace) -> tuple[str, ...]:
     if options.workers is not None and options.workers < 1:
         raise DeclarationError(f"--workers must be a number of processes, 1 or more, got {options.workers}.")
     if options.uncertain and options.spread is None:
-        raise DeclarationError("--uncertain names parameters with intervals. Give their width by --spread 5%.")
+        raise DeclarationError("--uncertain needs the width of the intervals. Give it, for example, by --spread 5%.")
     subject, own = load_subject(options.scene, options.uncertain)
     box = _box(options, subject, own)
     if options.store is not None:
