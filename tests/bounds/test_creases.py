@@ -8,6 +8,7 @@ from scipy.optimize import linprog
 
 import symmb as mb
 
+pytestmark = pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")  # the estimate is large, the limit is decided
 HEIGHT = 5.0
 CLOSE = 3e-3
 """Distance of limits from the lowest peak, divided by the width of the peak."""
