@@ -244,7 +244,7 @@ class _Running:
 def run_jobs(jobs: Sequence[Job], limit: float, deadline: float) -> Iterator[Trial]:
     """The trials of all jobs, in the order in which they end.
 
-    A trial is stopped if it takes longer than the limit [s] with its set-up. Slower trials of its job are then left
+    A trial is stopped if its set-up and its run take longer than the limit [s]. Slower trials of its job are then left
     out. The first trial of a job has more time, because it compiles the scene. No trial starts after the deadline
     (`time.monotonic`). If processes cannot be forked, jobs run in this process one after the other, without limits.
     """

@@ -72,7 +72,8 @@ class Pieces:
     def function(self) -> ca.Function:
         """The Function (group, at) -> columns that expressions call.
 
-        CasADi needs derivatives that are not structurally zero for calls from SX to MX. Here they are numerical zeros.
+        If SX expressions call an MX function, CasADi needs derivatives that are not structurally zero. Here they are
+        numerical zeros.
         """
         group, at, n = ca.MX.sym("group"), ca.MX.sym("at"), self.data.shape[1]
         row_of = ca.interpolant("row_of", "linear", [self.knots], np.arange(1.0, n), {"lookup_mode": ["binary"]})
