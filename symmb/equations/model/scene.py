@@ -134,7 +134,9 @@ class Scene:
         if coordinates is not None and not (isinstance(coordinates, str) and coordinates in ("joint", "body")):
             faults.append(f'coordinates: {shown(coordinates)} is neither "joint" nor "body".')
         if self.restart is not None and not untimely and float(np.asarray(self.times)[0]) != self.restart.time:
-            faults.append(f"times: the scene continues a run that ended at {self.restart.time!r} s. Start at this time.")
+            faults.append(
+                f"times: the scene continues a run that ended at {self.restart.time!r} s. Start at this time."
+            )
         if self.restart is not None and self.equilibrium:
             faults.append("equilibrium: the scene continues a run. Omit equilibrium.")
         faults += [f"name {shown(self.name)}: {fault}" for fault in [name_fault(self.name)] if fault]
