@@ -28,7 +28,7 @@ class Failure:
 
     def __str__(self) -> str:
         if all(re.search(rf"\b{re.escape(name)} ?= ?", self.message) for name in self.parameters):
-            return self.message  # messages of scenes and functions contain parameters
+            return self.message  # the message contains the parameters already
         values = ", ".join(f"{name}={value:.6g}" for name, value in self.parameters.items())
         return f"{values}: t = {self.time:.6g}: {self.message}"
 
@@ -78,7 +78,7 @@ class FailedRegion:
 
 
 def failed_region(box: Box, points: Array, failed: Mask) -> str:
-    """The region of failed runs (N,) at points (N, d) of the unit box, in words; empty for less than two failures.
+    """The region of failed runs (N,) at points (N, d) of the unit box, in words; empty for fewer than two failures.
 
     Examples
     --------
@@ -134,7 +134,7 @@ def _best_interval(others: _Intervals, j: int, ranks: Indices, failed: Mask) -> 
     runs = np.cumsum(np.bincount(ranks[j][inside], minlength=last + 1))
     bad = np.cumsum(np.bincount(ranks[j][inside & failed], minlength=last + 1))
     at = np.unique(ranks[j][inside & failed])  # an interval is best if failed runs are at its ends
-    # Largest number of ends of an interval that are tried on each side. More take longer.
+    # Largest number of ends of an interval that are tried on each side. More ends take longer.
     at = at[np.linspace(0, len(at) - 1, min(len(at), 200)).round().astype(int)]
     first, end = np.concatenate([[0], at]), np.concatenate([at, [last]])
     before_runs, before_bad = (np.concatenate([[0], sums])[first][:, None] for sums in (runs, bad))
