@@ -13,7 +13,7 @@ from symmb.declare.symbolic import from_sympy, is_sympy, t
 from symmb.equations.model import Scene, System
 
 _LARGER, _SCALES, _LONGER = (1e2, 1e4), (0.1, 10.0), (10, 100)
-"""Factors for stiffness and mass ratios, for time scales, and for the horizon: up to values of real machines."""
+"""Factors for stiffness and mass ratios, for time scales, and for horizons. All values occur in real machines."""
 
 
 def stresses(scene: Scene) -> list[tuple[str, Callable[[], Scene]]]:
@@ -42,7 +42,7 @@ def stiffer(scene: Scene, factor: float) -> Scene:
 
 
 def lighter(scene: Scene, factor: float) -> Scene:
-    """The scene with its lightest body lighter by a factor. The body must have a mass."""
+    """The scene with its lightest body lighter by a factor. Bodies without mass are not considered."""
     system = scene.system
     elements = copy.deepcopy(_elements(system))
     values = ca.Function("masses", [system.p], [ca.vertcat(*[ca.SX(body.mass) for body in system.bodies])])
@@ -74,7 +74,7 @@ def _velocities(scene: Scene) -> list[str]:
 
 
 def _slowed(element: object, scene: Scene, scale: float) -> dict[str, Any]:
-    """The components of gravity and the functions of time of an element on another time scale."""
+    """The components of gravity, and the functions of time, of an element on another time scale."""
     begin, system = float(scene.times[0]), scene.system
 
     def law(value: Any) -> Any:
