@@ -1,4 +1,4 @@
-"""Rounds of check runs near extremes: they measure errors of an interpolant's range and of extremes of runs."""
+"""Rounds of check runs near extremes. They measure errors of an interpolant's range and of extremes of runs."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -29,21 +29,21 @@ LEAST_ROUNDS = 2
 Larger numbers miss fewer extremes and take more runs."""
 FITTED_VALUES = 4, 12
 """Number of best runs per coefficient for a fit of parabolas. With too few runs, the fit only describes the best runs.
-With too many, it describes runs far from the extreme."""
+With too many runs, it describes runs far from the extreme."""
 BESIDE_STEP = 0.3
-"""Change of one parameter of a run that attains an extreme, in the search for larger extremes. Smaller steps take more
-rounds. Larger ones leave a narrow ridge. (calibrated by tests/benchmarks/everyday_machines.py)"""
+"""Change of one parameter of a run at an extreme, in the search for larger extremes. Smaller steps take more rounds.
+Larger steps leave a narrow ridge. (calibrated by tests/benchmarks/everyday_machines.py)"""
 
 
 @dataclass
 class Foreseen:
-    """Predicted and attained excess beyond earlier runs: sums of squares over points and times.
+    """Predicted and attained distance beyond earlier runs: sums of squares over points and times.
 
     Attributes
     ----------
-    foreseen : sum of the predicted excess
-    unconfirmed : sum of the differences between runs and predictions, where an excess is predicted
-    attained : sum of the excess that runs attain there
+    foreseen : sum of the predicted distances
+    unconfirmed : sum of the differences between runs and predictions, where a distance is predicted
+    attained : sum of the distances that runs attain there
     """
 
     foreseen: float = 0.0
@@ -59,40 +59,39 @@ class Foreseen:
         self.attained += float(np.square(gain)[beyond > 0].sum())
 
     def add_at(self, places: Array, foreseen: Array, points: Array, gains: Array) -> None:
-        """Add the predicted excess (2, n_t, 1) and the attained one, at places (2, n_t, 1, d) among the points (C,
+        """Add predicted distances and attained distances (2, n_t, 1), at places (2, n_t, 1, d) that are in points (C,
         d)."""
         is_run = is_among(places, points) & (foreseen > 0)
         self.foreseen += float(np.square(foreseen[is_run]).sum())
         self.attained += float(np.square(gains[is_run]).sum())
 
     def share(self, part: float) -> float:
-        """Square root of the ratio of a sum, `unconfirmed` or `attained`, to the predicted sum; 1 if nothing is
-        predicted."""
+        """Root of the ratio of a sum, `unconfirmed` or `attained`, to the predicted sum; 1 if nothing is predicted."""
         return min(part / self.foreseen, 1.0) ** 0.5 if self.foreseen else 1.0
 
 
 @dataclass
 class CheckRounds:
-    """The range of an expansion continued through check runs, or the extremes of runs, and the error of either one.
+    """The range of an expansion continued through check runs, or the extremes of runs, and the error of the result.
 
     The runs of a round show the error of the expansion, which earlier rounds have corrected. Rounds end when this error
-    is small enough or no longer falls. At x, the continuation expects an error of s(x) times the typical error. If a
-    new run at x shows the error e, the estimate of the typical error is e / s(x). The range may exceed all runs. Runs
-    attained a share of earlier predicted excesses: the bounds keep this share of the excess. Its error is the same
-    share, or the share that runs did not confirm if this is smaller.
+    is small enough or no longer decreases. At x, the continuation expects an error of s(x) times the typical error. If
+    a new run at x shows the error e, the estimate of the typical error is e / s(x). The range may exceed all runs.
+    Earlier runs attained a fraction of such predicted distances. The bounds contain the same fraction of the distance.
+    Its error is this fraction, or the unconfirmed fraction if it is smaller.
 
-    If corners have been run, the extremes of runs are the other answer. Their error is the largest of four values. Two
-    are the gain of the last rounds, and the gain from twice as many runs inside the box. One is the excess of the range
-    times the attained share. The last one is the change of the extreme run to a time beside, times the share of this
-    change that runs beside it gained: the other runs are rarely near an extreme of a single time. If no run differs
-    from the interpolant at a time, the error there is at most this range's excess. The answer with the smaller error
-    over all times counts.
+    If corners have been run, the extremes of runs are a second result. Their error is the largest of four values. The
+    first two are the gain of the last rounds, and the gain from twice as many runs inside the box. The third value is
+    the distance of the range beyond the runs, times the attained fraction. The fourth value is for extremes at a single
+    time, because few runs are near them. It is the change of the extreme run to a neighbouring time, times the fraction
+    of this change that neighbouring runs gained. If all runs agree with the interpolant at a time, the error there is
+    at most the distance of its range beyond the runs. The result with the smaller error over all times is used.
 
     Attributes
     ----------
     runs : OutputRuns
     base, grid : the interpolant, and its grid
-    sizes : expected sizes of coefficients ahead of the grid
+    sizes : expected sizes of coefficients next to the grid
     estimate : (n_t, 1) estimated error of the interpolant
     tolerance : largest accepted ratio of the error to the width
     has_corners : whether corners have been run
@@ -124,7 +123,8 @@ class CheckRounds:
         while True:
             n_known, extremes, former = len(runs.points), runs.extremes, self._corrected
             if self.has_corners:
-                # The next runs are near known ones. They come first: the last runs must be those that judge the error.
+                # The next runs are near known runs. They are made first, because the last runs of a round measure the
+                # error.
                 yield Checks(separable_extremes(*runs.attained()))
                 yield from self._search_beside()
             n_beside = len(runs.points) - n_known
@@ -137,7 +137,7 @@ class CheckRounds:
             self._foreseen.add(predicted, Y, *extremes)
             self._gains.append(inflated_error(np.square(runs.beyond(*extremes)), self._safety))
             errors = (Y - predicted) / self._remaining_share(points)[:, None, None]
-            errors = errors[n_beside:] if n_beside < len(errors) else errors  # earlier ones are near known runs
+            errors = errors[n_beside:] if n_beside < len(errors) else errors  # earlier errors are near known runs
             self._observed = (1 + 1 / len(errors)) * inflated_error(np.mean(np.square(errors), axis=0), self._safety)
             self._correct()
             share = self._remaining_share(self._places)
@@ -153,7 +153,7 @@ class CheckRounds:
         return self._better()
 
     def _search_beside(self) -> Iterator[Request]:
-        """Runs beside those that attain extremes and change fast there, except where this was done before."""
+        """Runs near those that attain extremes and change fast there. Earlier places are left out."""
         runs, (lowest, highest) = self.runs, self.runs.extremes
         at, swings = swings_at_extremes(runs)
         new = select_dispersed(at, np.where(is_among(at, self._searched), 0.0, swings), len(runs.box))
@@ -207,7 +207,7 @@ class CheckRounds:
         best = int(np.argmin([relative_rms(error, runs.rms_widths()) for error in errors]))
         if best:
             return EstimatedRange(lowest, highest, errors[best], polynomials, "runs near extremes", self._places)
-        # Further runs are expected to attain the same share of the interpolant's excess as earlier runs.
+        # Further runs are expected to attain the same fraction of predicted distances as earlier runs.
         share, name = self._foreseen.share(self._foreseen.attained), "an interpolant on a sparse grid"
         lower, upper = lowest - share * below, highest + share * above
         return EstimatedRange(lower, upper, errors[best], polynomials, name, self._places)
@@ -222,10 +222,10 @@ def is_among(places: Array, points: Array) -> Mask:
 
 
 def swings_at_extremes(runs: OutputRuns) -> tuple[Array, Array]:
-    """Places (2, n_t, 1, d) of the extremes of runs, and how much these runs change to a time beside (2, n_t, 1).
+    """Places (2, n_t, 1, d) of the extremes of runs, and the changes (2, n_t, 1) of these runs to neighbouring times.
 
-    Where a run changes fast, e.g. at an impact, few runs of the box are near an extreme at the same time. Changes up to
-    a fraction DOUBTFUL of the width are 0.
+    If a run changes fast, e.g. at an impact, few other runs are near an extreme at the same time. Changes up to a
+    fraction DOUBTFUL of the width are replaced by 0.
     """
     points, Y = runs.attained()
     rows, k = np.stack([Y.argmin(axis=0), Y.argmax(axis=0)]), np.arange(runs.shape[0])[:, None]
@@ -241,7 +241,7 @@ def points_beside(places: Array) -> Array:
 
 
 def growth_inside(runs: OutputRuns, safety: float) -> Array:
-    """Expected errors (n_t, 1) of the extremes of runs, from the gain of twice as many runs outside of corners.
+    """Expected errors (n_t, 1) of the extremes of runs: the gain from twice as many runs that are not at corners.
 
     The error is 0 if no run exceeds the extremes at corners.
     """
@@ -273,7 +273,7 @@ def separable_extremes(points: Array, Y: Array) -> Array:
 
 
 def spread_over_times(error: Array, width: Array) -> Array:
-    """Errors (n_t, n_y) spread over time: half of each squared error is a constant fraction of the squared width.
+    """Errors (n_t, n_y) distributed over time: half of each squared error is a constant fraction of the squared width.
 
     A few check runs show the size of errors reliably, but not the times at which the errors are small.
     """
