@@ -1,4 +1,4 @@
-"""Local search along creases: the largest value of the least of several smooth functions, over the unit box."""
+"""Local search along creases: the largest value of the minimum of several smooth functions, over the unit box."""
 
 from collections.abc import Callable
 
@@ -9,34 +9,34 @@ from symmb._types import Array
 from symmb.bound.bounds.direct_search import Found
 
 RADII, STEPS = (0.5, 0.25, 0.12, 0.06), 12
-"""Distances from the best place within which gradients are sampled, and the largest number of steps. A step that gains
-nothing takes the next distance."""
+"""Distances from the best place within which gradients are sampled, and the largest number of steps. After a step
+without a gain, the next distance is used."""
 POINTS = 5
 """Number of gradients of a step. Five random points are on both sides of a crease with a probability of 15/16."""
 LENGTHS = (2.0, 1.0, 0.5, 0.25)
 """Largest steps, divided by the radius. Gradients are less valid at longer distances."""
 DIFFERENCE = 1e-3
-"""Distance of the differences that approximate gradients. Relative errors of 1e-6 of values are errors of 1e-3 of
+"""Distance of the differences that approximate gradients. Errors of 1e-6 of values cause errors of 1e-3 of
 gradients."""
 
 
 def gradient_sampling(f: Callable[[Array], Array], x: Array, fx: float, sufficient: float, enough: float) -> Found:
-    """Search for the largest value of f from a place x (d,) where polls stop, because f has a crease there.
+    """Search for the largest value of f from a place x (d,) at which polls stop, because f has a crease there.
 
-    The least largest value of a response over time, for instance, is in a crease between two peaks. Each step takes
-    gradients at random points around the best place, so that all pieces of f are sampled. Linear programs find the
-    largest value of the least of these linear pieces within several distances.
-    (Burke, Lewis, Overton 2005, A robust gradient sampling algorithm for nonsmooth, nonconvex optimization)
+    For instance, the smallest maximum over time of a response with two peaks is at a crease, where both peaks are
+    equal. Each step takes gradients at random points around the best place, so that all smooth pieces of f are sampled.
+    Linear programs then maximise the minimum of the linearised pieces within several distances. (Burke, Lewis, Overton
+    2005, A robust gradient sampling algorithm for nonsmooth, nonconvex optimization)
 
     Parameters
     ----------
     f : values (N,) at points (N, d), minus infinity if there is no value
-    sufficient : gain of a step that is not followed by shorter steps
+    sufficient : smallest gain of a step at which the distances stay the same
     enough : value above which the search ends
     """
     d, rng, gain, radii = len(x), np.random.default_rng(0), np.inf, list(RADII)
     for _ in range(STEPS):
-        # The place itself is often on the crease. Differences there would mix the pieces.
+        # The place itself is often on the crease, where differences mix the pieces.
         points = np.clip(x + radii[0] * rng.uniform(-1.0, 1.0, (POINTS, d)), -1.0, 1.0)
         values, gradients = _gradients(f, points)
         pieces = np.isfinite(values) & np.isfinite(gradients).all(axis=1)
@@ -69,7 +69,7 @@ def _gradients(f: Callable[[Array], Array], points: Array) -> tuple[Array, Array
 
 
 def _largest_of_least(x: Array, points: Array, values: Array, gradients: Array, length: float) -> Array:
-    """The place (d,) of the box, at most a length from x, at which the least of linear pieces is largest."""
+    """The place (d,) of the box, at most `length` from x, at which the minimum of linear pieces is largest."""
     d = len(x)
     rows = np.column_stack([-gradients, np.ones(len(points))])  # t <= value + gradient (y - point)
     right = values - (gradients * points).sum(axis=1)

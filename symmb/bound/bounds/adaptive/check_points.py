@@ -33,8 +33,7 @@ PATIENCE = 30
 """Largest number of runs per parameter of a grid that does not converge, and of corners. Larger numbers take more runs
 and miss fewer extremes."""
 ALL_CORNERS = 10
-"""Largest number of parameters with runs at all corners, if runs are computed side by side. More corners take
-seconds."""
+"""Largest number of parameters with runs at all corners, if runs are computed side by side. More take seconds."""
 MOST_CORNERS = 32
 """Largest number of corners if no other information shows where a response varies. Larger numbers take more runs and
 miss fewer extremes."""
@@ -84,7 +83,7 @@ def quasi_random_points(number: int, d: int) -> Array:
 
 
 def evenly_spread_points(number: int, d: int) -> Array:
-    """Points (number, d) of the unit box from Roberts' sequence.
+    """Points (number, d) of the unit box from Roberts' quasi-random sequence.
 
     The coordinates are multiples of powers of 1 / r, modulo 1, with r^(d + 1) = r + 1. (Roberts 2018, The unreasonable
     effectiveness of quasirandom sequences)
