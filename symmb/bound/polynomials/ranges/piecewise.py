@@ -173,7 +173,7 @@ def last_terms(own: Expansion) -> Array:
 def _in_other_coordinates(
     alpha: MultiIndices, coefficients: Array, i: int, centre: float, half: float
 ) -> tuple[MultiIndices, Array]:
-    """Multi-indices (n_b, d) and coefficients (n_b, m) with centre + half x as parameter i; without x_i if half is 0."""
+    """Multi-indices (n_b, d) and coefficients (n_b, m) with centre + half x as parameter i; without it if half is 0."""
     # Columns of the matrix are the Legendre coefficients of P_k(centre + half x), which has degree k at most.
     degree = int(alpha[:, i].max())
     x, P = np.polynomial.legendre.leggauss(degree + 1)[0], np.polynomial.legendre.legvander
