@@ -275,7 +275,7 @@ def _doubt_of_reference(simulator: Simulator, reference: Reference) -> list[str]
     names = ", ".join(f"{simulator.outputs[k]} by {reference.uncertainty[k]:.2g}" for k in uncertain)
     return [
         f"The reference {reference.method} is uncertain: {names} of the width. Smaller errors are not known, and "
-        "bounds that miss the reference by less count as covering. Pass reference=PolynomialChaos(tolerance=1e-3)."
+        "bounds with smaller deviations count as covering. Pass reference=PolynomialChaos(tolerance=1e-3)."
     ]
 
 

@@ -106,7 +106,7 @@ def find_reference(
         if len(t) != len(times) or not np.allclose(t, times, rtol=0.0, atol=SAME):
             raise PropagationError(
                 f"The reference has {len(t)} times from {t[0]:g} to {t[-1]:g} s, the simulator {len(times)} from "
-                f"{times[0]:g} to {times[-1]:g} s. Give both the same times."
+                f"{times[0]:g} to {times[-1]:g} s. Give a reference with the same times."
             )
         return _of_bounds(reference, seconds=None)
     start = time.perf_counter()

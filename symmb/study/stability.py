@@ -238,7 +238,7 @@ class _StabilityStudy:
             )
         self._bodies, self._units = program_of(scene).bodies, scene.curve_units
         if len(scene.times) < 2 or not self._bodies.dae.n_v:
-            raise SimulationError(f"{scene.name} has no motion over a time to be tried.")
+            raise SimulationError(f"{scene.name} has no motion over time, so solvers cannot be compared.")
         self.scene, self.done, self._order = scene.with_times(self.times), [], []
         own = {family: ladder[0][1] for family, ladder in ladders(1.0, 1.0).items() if not has_compiler()}
         self.untried = [name for name, s in own.items() if s.needs_compiler and s.runs_in_lanes(self._bodies.dae)]

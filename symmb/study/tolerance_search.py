@@ -37,7 +37,7 @@ _WIDER, _NARROWER = 1.6, 0.25
 """Largest and smallest factor of an optimisation step. The polynomials must be accurate in the box with the largest
 step."""
 _FARTHER = 0.25, 0.8
-"""Smallest and largest ratio of a factor to the next one, while no run that violates a limit is known."""
+"""Smallest and largest ratio of a factor to the next factor, while no run that violates a limit is known."""
 
 
 @dataclass
@@ -205,7 +205,7 @@ class Search:
         for _ in range(_MAX_STUDIES):
             after = self._next(ray, s)
             if ray.best is not None and ray.undecided is not None:
-                after = (ray.low + ray.high) / 2  # the largest decided factor is between both
+                after = (ray.low + ray.high) / 2  # the largest decided factor is between them
             if ray.best is not None and (ray.low >= most or after <= ray.low * (1 + _SETTLED)):
                 break
             s = after
@@ -253,7 +253,7 @@ class Search:
             nominal = zip(check.limits, self._at_nominal, strict=True)
             left = min(float(limit.margin.min() / margin) for limit, margin in nominal)
             return min(s / np.clip(1 - 2 * left, *_FARTHER), ray.most)
-        # Consecutive violated studies show that the known runs are not the worst ones. The next step back is larger.
+        # Consecutive violated studies show that the known runs are not the worst runs. The next step back is larger.
         less, ray.less = (ray.less, 4 * ray.less) if check.kept is False else (_SETTLED / 2, _SETTLED / 2)
         return min(max(ray.reach * (1 - less), (ray.low + ray.reach) / 2), ray.most)
 

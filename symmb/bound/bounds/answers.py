@@ -100,7 +100,7 @@ class Answers(Envelope):
 
     def _why_no_worst(self, knows_some: bool) -> str:
         if knows_some:
-            return "a file holds the worst cases over all times only. Omit time=."
+            return "a file contains the worst cases over all times only. Omit time=."
         if self.study is not None or self.method.startswith(_WITHOUT_RUNS):
             return f"{self.method} makes no runs that attain its bounds. Use PolynomialChaos() or Vertex()."
         what = "pickled bounds contain" if self.box else "a .csv file contains"

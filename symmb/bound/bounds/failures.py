@@ -92,11 +92,11 @@ def failed_region(box: Box, points: Array, failed: Mask) -> str:
 
 
 def find_failed_region(box: Box, points: Array, failed: Mask) -> FailedRegion | None:
-    """The box of few parameters that explains the failures best; None if failures are scattered.
+    """The box with limits of few parameters that explains the failures best; None if failures are scattered.
 
-    Runs fail with one probability inside of the box, and with another one outside. The best box maximizes the logarithm
-    of the likelihood less a cost for each limit. The cost is the logarithm of the number of possible limits (minimum
-    description length; Rissanen, Automatica 14, 1978).
+    Runs fail with one probability inside of the box, and with another probability outside. The best box maximizes the
+    logarithm of the likelihood less a cost for each limit. The cost is the logarithm of the number of possible limits
+    (minimum description length; Rissanen, Automatica 14, 1978).
     """
     # Number of decimal digits to which points of the unit box are compared.
     points = np.round(points, 12)
@@ -118,7 +118,7 @@ def find_failed_region(box: Box, points: Array, failed: Mask) -> FailedRegion | 
 
 
 def _extended(intervals: _Intervals, ranks: Indices, failed: Mask) -> _Intervals:
-    """The intervals with an interval of one more column. Each interval is then optimized for the others."""
+    """The intervals with an interval of one more column. Each one is then optimized, with the others fixed."""
     free = [j for j in range(len(ranks)) if j not in intervals]
     tried = [intervals | {j: _best_interval(intervals, j, ranks, failed)} for j in free]
     intervals = max(tried, key=lambda some: _score(some, ranks, failed))

@@ -167,7 +167,7 @@ class LawSamples:
         # If fewer samples than this are beyond a quantile, a remark reports too few samples.
         if levels is not None and (few := np.minimum(levels, 1 - levels) * self.number < 8).any():
             text = ", ".join(f"{q:g}" for q in levels[few])
-            remarks = (*remarks, f"Few of the samples are beyond the quantiles {text}: their error is a rough guess.")
+            remarks = (*remarks, f"Few of the samples are beyond the quantiles {text}: their error is inaccurate.")
         unit = responses.units[self.column] if responses.units else ""
         numbers = self.number, self.runs
         return responses.names[self.column], unit, responses.t, repr(self._laws), intervals, *numbers, remarks

@@ -95,7 +95,7 @@ class Laws:
 
 
 def laws_text(laws: Mapping[str, Any]) -> str:
-    """Distributions by name, in the form of the calls that made them."""
+    """Distributions by name, written as the calls that made them."""
     return "{" + ", ".join(f"{name!r}: {_law_text(law)}" for name, law in laws.items()) + "}"
 
 
@@ -121,7 +121,7 @@ def _masses(owner: str, name: str, law: Any, box: Box) -> tuple[float, float]:
     except Exception as error:  # raised by the user's class
         raise DeclarationError(f"{owner}: the distribution of {name!r} has no values: {error}.") from error
     if middle != (2,):
-        raise DeclarationError(f"{owner}: ppf of the distribution of {name!r} must give a number for each number.")
+        raise DeclarationError(f"{owner}: ppf of the distribution of {name!r} must return a number for each number.")
     # A distribution with a smaller probability in the box is rejected, because its quantiles there have few digits.
     if not above - below >= SLIGHT:
         raise DeclarationError(

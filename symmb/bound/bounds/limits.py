@@ -298,7 +298,7 @@ def rounding_of(bounds: Envelope, k: int) -> float:
 
 
 def _doubt(bounds: Envelope, output: str) -> str:
-    """The first warning about an output that is not about its estimated error; '' if there is none."""
+    """The first warning about an output, other than a large estimated error; '' if there is none."""
     if doubts := [doubt for doubt in bounds.run_doubts if concerned(doubt, [output])]:
         return doubts[0]
     return "Runs failed." if bounds.failed else f"The bounds are {bounds.caution}." if bounds.caution else ""
@@ -319,7 +319,7 @@ def _decision(bounds: Envelope, k: int, low: float, high: float) -> _Decision:
         why = f"A run is beyond the limit, but only by rounding or noise of {rounding:.1e}{unit}. {_MOVE}"
         return _Decision(None, why, margin)
     if bounds.kind == "sampled":
-        why = f"All {bounds.evaluations} runs satisfy the limit. PolynomialChaos() also estimates what is between them."
+        why = f"All {bounds.evaluations} runs satisfy the limit. PolynomialChaos() also estimates values between runs."
         return _Decision(None, why, margin)
     if bounds.kind == "enclosure":
         if (margin >= 0).all():
@@ -369,10 +369,10 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
 
 
 def by_further_run(further: FurtherRun, limit: float, margin: Array, rounding: float, unit: str) -> _Decision | None:
-    """The decision by the further run that is closest to a limit; None if its search was not completed.
+    """The decision by the further run that is closest to a limit; None if the search was not completed.
 
     The limit is violated if the run is beyond the limit. It is satisfied if the run is farther inside than the error of
-    the search, or if the output saturates exactly at the limit.
+    the search, or if the output is constant exactly at the limit.
     """
     inside, error = -further.beyond, max(further.error, rounding)
     own = limit - further.values if further.side == "upper" else further.values - limit

@@ -42,8 +42,8 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     t : (n_t,) times [s]
     names : n_y outputs
     lower, upper : (n_t, n_y) best estimate of the bounds; `lower["x"]` is the lower bound of one output
-    kind : "enclosure" (proved to contain the responses), "estimate" (from a surrogate: the bounds may be too wide or
-        too narrow) or "sampled" (attained by runs: the true bounds may be wider)
+    kind : "enclosure" (proved to contain the responses), "estimate" (from a surrogate: possibly too wide or too narrow)
+        or "sampled" (attained by runs: the true bounds may be wider)
     method : text of the call that made the method
     evaluations, runs : number of runs; a run with derivatives counts as several runs, by its cost
     estimate : (n_t, n_y) estimated error of lower and upper, at least 0; None if the method has none
@@ -56,7 +56,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     expansion : polynomial chaos of a given order, or None
     caution : time from which the method is not valid, and the reason; empty if the method is valid at all times
     run_doubts : warnings about the runs, in sentences; `warnings` (or `doubts`) contains all warnings
-    remarks : further information in sentences, such as a tolerance that was not reached
+    remarks : further information in sentences, for example on a tolerance that was not reached
     units : n_y units of the outputs, '' for unknown ones; empty if none is known
     box : intervals of the parameters; None if they are not known
     surrogate : polynomials that replace the responses, with their error; None if the method or the file has none
@@ -67,7 +67,8 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     attaining : the runs that attain the bounds; None if the bounds were read or pickled, or if there are no runs
     worst_cases : worst cases over all times, if the bounds were read from a file
     figures : names of the scalar outputs (one number per run); their bounds are the same at all times
-    range_of : source of the range of an adaptive method, in words: interpolants, runs at corners; empty for others
+    range_of : source of the range of an adaptive method, in words: interpolants, runs at corners; empty for other
+        methods
 
     Examples
     --------
@@ -101,8 +102,8 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         is undecided.
 
         For scenes, the check uses the lowest and highest values of runs over time, as from `mb.minimum` and
-        `mb.maximum`. It does this for the nominal run, the corners of the box if there are few, the runs closest to the
-        limit, and the search. For other simulators, the check uses values at output times only.
+        `mb.maximum`. It does this for the nominal run, for the corners if there are few, for the runs closest to the
+        limit, and for the search. For other simulators, the check uses values at output times only.
 
         An enclosure proves that a limit is satisfied at the output times. Samples alone can only show that a limit is
         violated.
@@ -229,8 +230,8 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         require_truth("Bounds.plot", "deviation", deviation)
         if deviation and self.nominal is None:
             raise DeclarationError(
-                "Bounds.plot: deviation needs the nominal run, which these bounds do not hold. Bounds by "
-                "PolynomialChaos() hold it if the nominal parameters are in the middle of the box."
+                "Bounds.plot: deviation needs the nominal run, which these bounds do not contain. Bounds by "
+                "PolynomialChaos() contain it if the nominal parameters are in the middle of the box."
             )
         columns = plot.columns_of("Bounds.plot", outputs, self.names)
         figure = self._figure(columns, plot.Style("Bounds.plot", ax, **look), deviation)

@@ -75,7 +75,7 @@ class Study:
         if isinstance(simulator, SceneSimulator) and simulator.scene is not None:
             is_whole = isinstance(simulator, DAESimulator)
             return simulator if is_whole else simulator_with(simulator.scene, simulator.solver)
-        raise DeclarationError(f"These bounds hold no scene: they are of {self.simulator!r}.")
+        raise DeclarationError(f"These bounds have no scene, because they are bounds of {self.simulator!r}.")
 
     def extremes(self, names: tuple[str, ...], points: Array) -> Array:
         """Lowest and highest values over time (2, N, n) of curves of a scene at points (N, d); nan for failed runs."""

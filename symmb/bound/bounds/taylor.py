@@ -87,7 +87,7 @@ class Taylor(Method):
         require_runs(self, self.planned_runs(d), "Use fewer subintervals.")
         if self.planned_runs(d) > _MOST_EVALUATIONS:
             raise PropagationError(
-                f"{self!r} takes {self.subintervals**d} expansions in {d} parameters, which count "
+                f"{self!r} takes {self.subintervals**d} expansions in {d} parameters, which count as "
                 f"{self.planned_runs(d)} evaluations, more than the {_MOST_EVALUATIONS} allowed. "
                 "Use fewer subintervals, PolynomialChaos() or Optimization()."
             )
@@ -134,7 +134,7 @@ def _caution(kinks: list[tuple[float, str]]) -> str:
     if not kinks:
         return ""
     time, which = min(kinks)
-    return f"not valid from t = {time + 0.0:g} s on: derivatives leave out the {which} that are met there"
+    return f"not valid from t = {time + 0.0:g} s on: derivatives are not valid beyond the {which} there"
 
 
 def _polynomials(parts: Sequence[Sequence[Array]], centers: Array, radius: float, box: Box) -> Piecewise:

@@ -158,7 +158,7 @@ class _Outlook:
         if minutes > 1.0:
             warnings.warn(
                 f"{self._method!r}: {100 * share:.2g} % of the time is proved; the rest takes about {minutes:.0f} "
-                "minutes. A lower order or fewer boxes take less.",
+                "minutes. A lower order or fewer boxes take less time.",
                 SymmbWarning,
                 stacklevel=2,
             )

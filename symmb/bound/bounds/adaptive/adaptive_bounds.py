@@ -59,7 +59,7 @@ def adaptive_bounds(
         runs = runs.anew()
         if first > runs.left:
             raise PropagationError(
-                f"{text}: late runs give values 1e90 times those of earlier runs, and too few runs are left to begin "
+                f"{text}: late runs give values 1e90 times those of earlier runs, and too few runs are left to start "
                 "again. Use the logarithm of the output as the output, or a larger budget."
             )
     is_noise, power = np.isinf(runs.rms_widths()), runs.power

@@ -21,8 +21,8 @@ WORTHWHILE = 0.3
 """Smallest ratio of a weight to the largest weight at which an output adds check points to those of other outputs.
 Smaller ratios take more runs."""
 FEW_SHAPES, SHAPE_SHARE = 3, 1e-2
-"""Number of independent functions of time that count like separate outputs, and the smallest ratio of a function's size
-to the largest size. More functions take more check runs."""
+"""Number of independent functions of time above which an output is a field, and smallest ratio of a function's size to
+the largest size. Larger values take more check runs."""
 SHAPE_RUNS = round(1 / WINDOW)
 """Largest number of runs from which independent functions of time are counted. Twice as many times are used, because a
 window has two times."""

@@ -28,10 +28,10 @@ def corner_range(
     middle of the box, and along edges, show the effects. If each effect has one sign, the response is assumed to be
     monotonic. The signs then give the corners of the extremes. Times with almost the same corner use one corner.
 
-    The estimated error has four parts: corners that are not run, effects with the opposite sign, parabolas along the
-    axes that exceed their ends, and runs that exceed the best corner. If this error is too large because signs change,
-    and there are few corners, all corners are run. Responses with little curvature along each parameter, such as
-    products, have their extremes there.
+    The estimated error has four parts: corners without a run, effects with the opposite sign, parabolas along the axes
+    above their ends, and runs beyond the best corner. If this error is too large because signs change, and there are
+    few corners, all corners are run. Responses with little curvature along each parameter, such as products, have their
+    extremes there.
 
     `polynomials` returns polynomials through all runs.
     """

@@ -199,7 +199,7 @@ def _left_out(surface: GaussianProcess, noise: Array) -> Array:
 def _kernels(kernels: list[Kernel], data: _Responses) -> list[Kernel]:
     """Likely kernels of a smooth response, of responses with one or two ridges, and of a sum. The most likely is first.
 
-    The first ridge is along the slope at the centre. The second one is along the direction of the largest remaining
+    The first ridge is along the slope at the centre. The second ridge is along the direction of the largest remaining
     variation.
     """
     slope, plain = _slope(data), Kernel.of(data.points.shape[1])

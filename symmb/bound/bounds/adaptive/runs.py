@@ -150,7 +150,7 @@ class Runs:
             Y, ok, events = self._run(points[new])
             if predict is None and 2 * ok.sum() < len(ok):
                 raise PropagationError(
-                    f"{len(self.failed)} of the first {len(new)} runs failed, too many to go on from.\n"
+                    f"{len(self.failed)} of the first {len(new)} runs failed, so the study cannot continue.\n"
                     + failure_text(self.failed)
                 )
             if not ok.all():

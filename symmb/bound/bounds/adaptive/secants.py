@@ -15,8 +15,8 @@ def secant_extremes(points: Array, Y: Array, noise: Array) -> tuple[Array, Array
     """Places (2, n_t, n_y, 1) of possible minima and maxima, and their largest distance beyond responses (2, n_t, n_y).
 
     One secant passes through the two runs on the left of an interval, the other through the two runs on its right. They
-    bound a response that is convex or concave between them. If the slope in the interval is not between those of the
-    secants, or at an end of the box, each secant may continue to the other side.
+    bound a response that is convex or concave between them. At an end of the box, or if the slope in the interval is
+    not between the slopes of the secants, each secant may continue to the other side.
 
     Parameters
     ----------

@@ -282,10 +282,10 @@ class TensorGrids:
     def _check(self, union: _Union, worst: Piece, safety: float) -> tuple[Array, Array, Piece]:
         """Make check runs at some of the extremes, and at quasi-random points.
 
-        If the estimate of a piece is E(x) at a run with the error e, an estimate E elsewhere stands for the error e E /
-        E(x). The method returns the error (n_t, n_y) from check runs, and the ratio (n_y,) of the rms errors and
-        estimates at these runs. The third value is the piece with the largest error; without check runs, the worst
-        piece.
+        Let the estimate of a piece be E(x) at a run with the error e. At a place with the estimate E, the error is then
+        taken as e E / E(x). The method returns the error (n_t, n_y) from check runs, and the ratio (n_y,) of the rms
+        errors and estimates at these runs. The third value is the piece with the largest error; without check runs, the
+        worst piece.
         """
         runs, widths = self._runs, self._widths
         n_known, d = len(runs.points), len(runs.box)
