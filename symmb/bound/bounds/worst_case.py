@@ -156,7 +156,7 @@ class WorstCase:
         """
         scene = getattr(self.simulator, "scene", None)
         if not isinstance(scene, Scene):
-            raise DeclarationError("This worst case has no scene. Use bounds that propagate(scene) has returned.")
+            raise DeclarationError("This worst case comes from a file, or has no scene. Use bounds of a Scene.")
         return scene.with_nominal(self.parameters)
 
     def run(self) -> Trajectory | Array:
@@ -167,7 +167,7 @@ class WorstCase:
         DeclarationError    if the bounds were read from a file
         """
         if self.simulator is None:
-            raise DeclarationError("This worst case has no simulator. Use bounds that propagate has returned.")
+            raise DeclarationError("This worst case comes from a file. Use bounds that propagate has returned.")
         if isinstance(self.simulator, SceneSimulator):
             return simulate(self.scene, self.simulator.solver)
         return np.array(self.simulator.run(np.array([[*self.parameters.values()]])).Y[0])
