@@ -1,4 +1,4 @@
-"""Studies of a scene, each with its own question.
+"""Studies of a scene. Each study answers one question.
 
 compare       which method bounds best: error against run time, compared with a reference
 stability     which solver runs best: error against run time, also under stress

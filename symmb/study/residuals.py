@@ -14,7 +14,7 @@ from symmb.run.simulation import DAESimulator
 MAX_RUNS = 200
 """Largest number of runs of a fit. If the start is within 30 % of the truth, ten runs are usual."""
 UNDETERMINED, UNDETERMINED_BY_DIFFERENCES = 1e-6, 1e-4
-"""Smallest ratio to the largest sensitivity at which data determine a quantity (parameters in relative units).
+"""Smallest sensitivity of a determined quantity, divided by the largest sensitivity (parameters in relative units).
 Derivatives by integration are exact to about 1e-7, and differences of runs to about 1e-5."""
 FALSE_WARNING = 1e-4
 """Probability of a false warning, for each test."""

@@ -56,9 +56,9 @@ def lighter(scene: Scene, factor: float) -> Scene:
 def slower(scene: Scene, scale: float) -> Scene:
     """The scene on a slower time scale, over a horizon that is longer by the same factor.
 
-    Functions of time become slower, and start velocities smaller. Gravity is divided by the square of the factor. A
-    mechanism without springs, dampers and constant forces then moves along the same path at another speed. Springs,
-    dampers and forces do not change, so the scene becomes stiffer or softer relative to the motion.
+    Functions of time become slower, and start velocities become smaller. Gravity is divided by the square of the
+    factor. A mechanism without springs, dampers and constant forces then moves along the same path at another speed.
+    Springs, dampers and forces do not change, so the scene becomes stiffer or softer relative to the motion.
     """
     begin = float(scene.times[0])
     elements = [_changed(e, _slowed(e, scene, scale)) for e in _elements(scene.system)]

@@ -52,7 +52,7 @@ class PolynomialChaos(Method):
     If this does not suffice, the box is divided into parts. For more parameters, each output has check runs and a
     separate sparse grid, which grows where the output varies. If a sparse grid takes too many runs, runs at corners and
     near extremes give the bounds. Simulators that are not scenes try corners first, because monotonic responses have
-    their extremes there. Outputs with at most eight times use a Gaussian process that finds the directions of
+    their extremes there. Outputs with at most eight output times use a Gaussian process that finds the directions of
     variation. Narrow bumps may be missed without a warning. Their standard deviation, divided by the half width of the
     box, is below 0.2 for two parameters, 0.4 for three and 0.5 for four. ``PolynomialChaos(probes=200)`` finds more
     bumps. ``PolynomialChaos(order=4)`` has a given order: it interpolates at Clenshaw-Curtis nodes, and takes the exact

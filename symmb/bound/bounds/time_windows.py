@@ -24,8 +24,8 @@ def rms(values: Array) -> Array:
 def is_doubtful(estimate: Array, width: Array, floor: Array, share: float = DOUBTFUL) -> Mask:
     """Mask (n_t, n_y) of the times after which an estimated error exceeds a fraction of the width, and a floor (n_y,).
 
-    Error and width are root mean squares from a time to the end. The width is at least LEAST_WIDTH of that over all
-    times.
+    Error and width are root mean squares from a time to the end. The width is taken as at least LEAST_WIDTH times the
+    width over all times.
     """
     error, width = (np.cumsum(np.square(a)[::-1], axis=0)[::-1] for a in (estimate, width))
     n_left = np.arange(len(width), 0, -1)[:, None]
@@ -36,7 +36,8 @@ def is_doubtful(estimate: Array, width: Array, floor: Array, share: float = DOUB
 def is_doubtful_in_window(estimate: Array, width: Array, floor: Array, share: float = DOUBTFUL) -> Mask:
     """Mask (n_t, n_y) of the times at which an estimated error exceeds a fraction of the width, and a floor (n_y,).
 
-    Error and width are root mean squares over a window. The width is at least LEAST_WIDTH of that over all times.
+    Error and width are root mean squares over a window. The width is taken as at least LEAST_WIDTH times the width over
+    all times.
     """
     squares = np.square(width)
     enough = np.maximum(average_over_window(squares), LEAST_WIDTH**2 * squares.mean(axis=0))

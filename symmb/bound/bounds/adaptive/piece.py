@@ -19,8 +19,8 @@ REFINED_SHARE = 0.25
 more runs and fewer rounds. The same fraction of the error is expected after a rough piece is halved along every
 parameter."""
 JUDGED_DEGREE = 16
-"""Smallest degree for a decision on smoothness. On halves it is doubled, because one half is usually rough. With a
-smaller degree, smooth responses are divided. A larger degree takes more runs at kinks."""
+"""Smallest degree for a decision on smoothness. For halves, the degree is doubled, because one half is usually rough.
+With a smaller degree, smooth responses are divided. A larger degree takes more runs at kinks."""
 _DEGREES_OF_TAIL = 4
 """Number of last degrees that give the error at kinks, where coefficients decrease slowly. Larger numbers are safer."""
 
