@@ -5,7 +5,7 @@ Out:  Bounds: lower and upper values of each output at each time, with an error.
       contributions follow from them.
 
 polynomials   bases, fits, and the ranges of polynomials
-nodes         points at which to run, and fits to the runs there
+nodes         points for runs, and fits to the runs
 bounds        methods, bounds, and answers; `adaptive` is the method that chooses its own runs
 
 A method declares what it needs of a simulator: runs, derivatives, or equations.

@@ -1,6 +1,6 @@
-"""Studies of a scene, each with its own question.
+"""Studies of a scene. Each study answers one question.
 
-compare       which method bounds best: error against run time, beside a reference
+compare       which method bounds best: error against run time, compared with a reference
 stability     which solver runs best: error against run time, also under stress
 tolerances    how large tolerances may be; `tolerance_search` finds the factors, `bounds.limits` decides each limit
 calibration   which parameters fit measured outputs; `residuals` has the least squares

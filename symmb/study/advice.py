@@ -1,4 +1,4 @@
-"""Advice on solvers from the trials of a scene: a list of sentences, and a line for each stress."""
+"""Advice on solvers from the trials of a scene: a list of sentences, and a line for each harder variant."""
 
 from collections.abc import Mapping, Sequence
 
@@ -13,7 +13,7 @@ GOOD_ERROR, USABLE_ERROR = 1e-3, 0.1
 """Largest relative error of a run that is accurate for most purposes, and of a run that is usable."""
 
 Standards = Mapping[str, Standard]
-"""The reference of each scene, by the name of the stress; "" is the scene itself."""
+"""The reference of each scene, by the name of the variant; "" is the scene itself."""
 
 
 def advice(
@@ -25,12 +25,11 @@ def advice(
     span: float,
     doubts: Sequence[str],
 ) -> str:
-    """The best solver, the largest steps of the others, and the best solver under each stress.
+    """The best solver, the largest steps of other solvers, and the best solver for each harder variant.
 
     If no solver is known to be good, the reason is given. The last sentences list the solvers that were not tried, and
-    warnings about the model that do not depend on the solver. Only settings with a small error, including the
-    uncertainty of the reference, and a small drift of energy are recommended. Trials that were left out because time
-    was short are ignored.
+    warnings about the model. Only settings with a small error and a small drift of energy are recommended. The error
+    includes the uncertainty of the reference. Trials that were left out for lack of time are ignored.
     """
     tried, standard = trials, standards[""]
     trials = [t for t in trials if t.reason != LEFT_OUT]
@@ -96,7 +95,7 @@ def _steps(trials: Sequence[Trial], standard: Standard) -> list[str]:
 
 
 def _too_long(families: Mapping[str, Sequence[Trial]]) -> list[str]:
-    """Families without a small enough step, and families without time to finish smaller steps."""
+    """Families for which no tried step is small enough, and families that had no time for smaller steps."""
     enough, cut = list[str](), list[str]()
     for family, trials in families.items():
         least = min((trial.setting for trial in trials if not trial.slow), default=np.inf)
@@ -114,7 +113,7 @@ def _too_long(families: Mapping[str, Sequence[Trial]]) -> list[str]:
 
 def _drift(good: Sequence[Trial]) -> list[str]:
     worst = max(good, key=lambda t: t.position.max(initial=0.0), default=None)
-    # The report mentions a violation of position rows above this limit [m, -].
+    # The report mentions a violation of position constraints above this limit [m, -].
     if worst is None or not worst.position.max(initial=0.0) > 1e-5:
         return []
     remedy = "stabilization=Projection(), or use a solver that keeps positions, such as NSTIFFSI2 or StabilizedIndex2"
@@ -124,7 +123,7 @@ def _drift(good: Sequence[Trial]) -> list[str]:
 
 
 def _under_stress(stress: Sequence[Trial], standards: Standards) -> list[str]:
-    """A heading and a line for each stress."""
+    """A heading and a line for each harder variant."""
     names = list(dict.fromkeys(trial.scene for trial in stress))
     if not names:
         return []

@@ -32,7 +32,7 @@ from symmb.study.residuals import (
 
 OWNER = "calibrate"
 _LEAST_COMPONENT = 0.05
-"""A parameter is undetermined if its component in an undetermined combination is above this value."""
+"""A parameter is undetermined if its component in an undetermined combination exceeds this value."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,18 +48,18 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
     parameters : dict
         n_p estimates by name
     covariance : (n_p, n_p)
-        covariance of the estimates, for independent, normal errors of the data; inf for a parameter that the data do
-        not determine, nan for its pairs with the other parameters
+        covariance of the estimates, for independent, normal errors of the data. If the data do not determine a
+        parameter, its variance is inf, and its covariances are nan
     noise : dict
         output -> standard deviation of the data, given or estimated
     times, data, residuals : dict
         output -> (n,) times [s], values, and values minus those of the fitted run
     degrees : int
-        number of values minus the number of determined quantities; 0 if the noise was given
+        degrees of freedom: number of values minus number of determined quantities; 0 if the noise was given
     undetermined : tuple of str
         sentences about quantities that the data do not determine
     doubts : tuple of str
-        sentences about undetermined quantities, and about residuals that are not noise; estimates may then be wrong
+        warnings: undetermined quantities, and residuals that are not noise. Estimates may then be wrong
     evaluations, runs : int
         number of runs with derivatives
     units : tuple of str
@@ -131,10 +131,10 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
         return self.laws
 
     def box(self, level: float = 0.95) -> Box:
-        """Intervals that contain all true values with at least this probability.
+        """Intervals that contain the true values of all parameters with at least the probability `level`.
 
-        Each interval has the probability level ** (1 / n_p), by Šidák's inequality. The quantiles are Student's if the
-        noise is estimated.
+        Each interval has the probability level ** (1 / n_p), by Šidák's inequality. If the noise is estimated,
+        Student's distribution gives the quantiles.
 
         Raises
         ------
@@ -232,15 +232,16 @@ def calibrate(
 ) -> Calibration:
     """Find the parameters that fit measured outputs best. The search starts at the nominal parameters.
 
-    The sum of squares of the residuals, divided by the noise of their outputs, is minimised. If the noise is not given,
-    it is estimated from the residuals of each output, and the outputs are weighted by it. If the residuals are not
-    noise, further fits start at other parameters, and the best fit is returned.
+    Each residual is divided by the noise of its output, and the sum of squares is minimised. If the noise is not given,
+    it is estimated from the residuals of each output. If the residuals are not noise, further fits start at other
+    parameters, and the best fit is returned.
 
     Parameters
     ----------
     scene : Scene
     data : mapping
-        output -> values (n_t,) at the times of the scene, or a pair (times, values), each (n,); nan values are left out
+        output -> values (n_t,) at the times of the scene, or a pair (times, values), each (n,). Values of nan are
+        left out
     parameters : list of str
         parameters to estimate; default: all
     solver : Solver
@@ -252,7 +253,7 @@ def calibrate(
     -------
     Calibration
         with warnings about combinations that the data do not determine, and about residuals that are not noise.
-        Undetermined combinations stay as close to the nominal values as the data allow, in relative terms
+        Undetermined combinations stay as close to the nominal values as the data allow (relative change)
 
     Raises
     ------
@@ -368,9 +369,8 @@ def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Cali
 class _Minimum(NamedTuple):
     """The result of one fit.
 
-    `u` (n_p,) are relative parameters, and `noise` (n_y,) is the noise of the outputs. Rows of `directions` are
-    orthonormal combinations of relative parameters. `sizes` are their sensitivities; 0 if the data do not determine a
-    combination.
+    `u` (n_p,) are relative parameters. `noise` (n_y,) is the noise of the outputs. Rows of `directions` are orthonormal
+    combinations of relative parameters. `sizes` are their sensitivities; 0 if the data do not determine a combination.
     """
 
     u: Array
@@ -380,10 +380,10 @@ class _Minimum(NamedTuple):
 
 
 def _best(fit: Residuals, known_noise: Mapping[str, float]) -> tuple[_Minimum, tuple[str, ...]]:
-    """The fit from the nominal parameters, and its warnings. If there are warnings, the best of many fits."""
+    """The fit that starts at the nominal parameters, and its warnings. If it has warnings, the best of many fits."""
     nominal = fit.p[fit.columns] / fit.sizes
     if not np.isfinite(fit(nominal)[0]).all():
-        raise SimulationError(f"{OWNER}: the run with the nominal parameters fails: simulate(scene) says why.")
+        raise SimulationError(f"{OWNER}: the run with the nominal parameters fails. Call simulate(scene) to see why.")
     best, doubts, cost = None, (), np.inf
     for k, begin in enumerate(itertools.chain([nominal], other_minima(fit, nominal))):
         found = _minimum(fit, nominal, begin, known_noise)
@@ -398,7 +398,7 @@ def _best(fit: Residuals, known_noise: Mapping[str, float]) -> tuple[_Minimum, t
 
 
 def _minimum(fit: Residuals, nominal: Array, begin: Array, known_noise: Mapping[str, float]) -> _Minimum | None:
-    """The fit from given relative parameters; None if it does not end. Undetermined combinations stay nominal."""
+    """The fit from relative parameters `begin`; None if it does not end. Undetermined combinations stay nominal."""
     basis = np.eye(len(begin))
     for _ in range(2):
         solution = least_squares(fit, begin, basis, known_noise)
@@ -423,4 +423,4 @@ def _undetermined(names: Sequence[str], direction: Array) -> str:
         return (
             f"The data do not determine {some[0]!r}: the outputs do not depend on it. Leave it out of the parameters."
         )
-    return f"The data do not determine {', '.join(map(repr, some))} together: leave one of them out of the parameters."
+    return f"The data do not determine {', '.join(map(repr, some))} together. Leave one of them out of the parameters."

@@ -56,16 +56,16 @@ def compare(
     box : Box
         default: the box of the scene
     reference : Method or Bounds
-        for errors; default: scanning at two resolutions, with a ten times more accurate solver
+        for errors; default: scans at two resolutions, with a ten times smaller tolerance of the solver
     solver : Solver
-        of all methods, for a Scene; default: chosen by pilot runs
+        solver of all methods, for a Scene; default: chosen by pilot runs
     times, outputs
-        instead of the times and outputs of the scene
+        used instead of the times and outputs of the scene
     executor : anything with `map`
         runs blocks of samples
     progress : callable
-        called with the label of the work and the numbers of finished and of all runs; default: a bar, in notebooks and
-        terminals
+        called with the label of the work, the number of finished runs and the number of all runs; default: a bar, in
+        notebooks and terminals
 
     Returns
     -------
@@ -79,7 +79,7 @@ def compare(
     PropagationError
         If no method can run
     KeyboardInterrupt
-        If it is interrupted. `partial` then contains the Comparison of the methods so far
+        If it is interrupted. `partial` then contains the Comparison of the finished methods
 
     Examples
     --------
@@ -160,10 +160,10 @@ def compare_simulator(
 ) -> Comparison:
     """Run each method over the box, and compare its bounds with the reference; see `compare`.
 
-    `tighter` is the same simulator with a ten times smaller tolerance. Without it, the reference has the solver's
-    error. `about` are attributes of the Comparison that the caller knows.
+    `tighter` is the same simulator with a ten times smaller tolerance. Without it, the reference contains the error of
+    the solver. `about` contains further attributes of the Comparison.
     """
-    repeats = 1 if isinstance(simulator, StoredSimulator) else _REPEATS  # repeated runs would be read from the store
+    repeats = 1 if isinstance(simulator, StoredSimulator) else _REPEATS  # repeated runs would only be read again
     about = {"scene": "simulator", "solver": "", "threads": 1, "repeats": repeats, **about}
     if methods is None:
         methods = default_methods(simulator, box)
@@ -219,7 +219,7 @@ def _measured(
 def _confronted(
     found: Reference, given: Method | Bounds | None, bounds: Sequence[Bounds], difference: Array | None
 ) -> tuple[Reference, Array | None, list[str]]:
-    """The reference with all attained values, limited by proved bounds; the solver's error; sentences about proofs."""
+    """The reference with all attained values, limited by proved bounds; the solver's error; sentences on proofs."""
     joint = found if given is not None else found.joined([each.inner for each in bounds if each.inner is not None])
     attained = found if given is None or given.kind == "sampled" else None
     proved = ProvedBounds.of(bounds)
@@ -268,14 +268,14 @@ def _doubts_of(scored: Sequence[Bounds], known: Sequence[str]) -> list[str]:
 
 def _doubt_of_reference(simulator: Simulator, reference: Reference) -> list[str]:
     """A warning that lists the outputs with an uncertain reference."""
-    # A warning is issued if the uncertainty of the reference, relative to the width, is larger.
+    # A warning is issued if the uncertainty of the reference, relative to the width, is larger than this.
     uncertain = np.flatnonzero((reference.uncertainty > 0.05) & ~reference.yardstick.zero_width)
     if not uncertain.size:
         return []
     names = ", ".join(f"{simulator.outputs[k]} by {reference.uncertainty[k]:.2g}" for k in uncertain)
     return [
         f"The reference {reference.method} is uncertain: {names} of the width. Smaller errors are not known, and "
-        "bounds that miss the reference by less count as covering. Pass reference=PolynomialChaos(tolerance=1e-3)."
+        "bounds with smaller deviations count as covering. Pass reference=PolynomialChaos(tolerance=1e-3)."
     ]
 
 
@@ -301,7 +301,7 @@ def _row(measured: _Measured, yardstick: Yardstick, setup_seconds: float | None)
 
 
 def _seconds_a_run(simulator: Simulator) -> float:
-    """Duration of a run at the nominal parameters, when many runs use vectors and threads [s]."""
+    """Duration of a run at the nominal parameters, if many runs use vectors and threads [s]."""
     P = np.array([[*simulator.parameters.values()]])
     if isinstance(simulator, StoredSimulator):
         return simulator.run_seconds(P[0])
@@ -317,7 +317,7 @@ def _seconds_a_run(simulator: Simulator) -> float:
 def _announcement(
     methods: Sequence[Method], box: Box, reference: Method | Bounds | None, runs: int, repeats: int
 ) -> str:
-    """A sentence about the number of runs of a comparison, and whether it is reduced because runs are slow."""
+    """Sentences about the number of runs of a comparison, and about fewer runs of the reference if runs are slow."""
     d = len(box)
     known = [method.planned_runs(d) for method in methods]
     open_ended = [repr(method) for method, number in zip(methods, known, strict=True) if number is None]
@@ -337,11 +337,11 @@ def _announcement(
 
 
 def _timed(run: Callable[[], Bounds], repeats: int = _REPEATS) -> tuple[Bounds, float]:
-    """The bounds, and the median duration of warm runs [s], or the only duration if it is long."""
+    """The bounds, and the median duration [s] of runs after the first; a long run is measured only once."""
     bounds, seconds = _once(run)
     if seconds > LONG_RUN or repeats == 1:
         return bounds, seconds
-    # The first run does not count if it is shorter [s]. A longer first run counts, because the median excludes it.
+    # A first run that is shorter than this [s] is not measured. A longer first run is measured: the median excludes it.
     durations = [] if seconds < 0.5 else [seconds]
     while len(durations) < repeats or sum(durations) < 0.1:  # [s]: short runs have noisy durations
         durations.append(_once(run)[1])

@@ -26,9 +26,9 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
     """Bounds of one scene by several methods, compared with one reference.
 
     `print` shows a table. `save` writes a file, and `load` reads it. `plot` draws bounds over time, and error against
-    run time. It draws the named outputs, or the six outputs with the largest errors. The bounds are those of the most
-    accurate setting of each family of methods. The reference is a filled band. If the caller gives a single axes, it
-    shows the errors.
+    run time. It draws the given outputs, or the six outputs with the largest errors. Bounds are drawn for the most
+    accurate setting of each family of methods. The reference is a filled band. If a single Axes is given, it shows the
+    errors.
 
     Attributes
     ----------
@@ -46,10 +46,10 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
     setup_seconds : float or None
         time for deriving and compiling [s]
     solver_error : (n_y,) or None
-        rms difference from a solver with ten times smaller tolerances, at the centre and two opposite corners of the
-        box, in the norm of `Score.error`
+        rms difference from a solver with ten times smaller tolerances, in the norm of `Score.error`. It is measured at
+        the centre and two opposite corners of the box
     threads, repeats : int or None
-        threads of runs, and repetitions for run_seconds
+        number of threads for runs, and number of repetitions for the run time
     units : tuple of n_y str
         units of the outputs, '' if not known
     reason : str
@@ -110,13 +110,13 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
             *report.cautions(self.rows),
             *report.zero_width(self.rows, yardstick, self.outputs),
             "error: rms over time / rms width. outer: error of the bounds widened by the method's estimate.",
-            "over, under: mean excess and shortfall / mean width. All are means over outputs.",
+            "over, under: mean distance outside and inside of the reference / mean width. All are means over outputs.",
             f"covered: fraction of times at which outer contains the reference. run [s]: {self._timing()}.",
             "Sampled bounds are attained, not proved.",
         ]
 
     def _labelled(self) -> Labelled:
-        """Bounds of all methods, their cost and their scores. If a method estimates no error, the values are nan."""
+        """Bounds of all methods, their cost and their scores. If a method estimates no error, its estimate is nan."""
         record, rows, reference = self._record(), self.rows, self.reference
         names, units = record["names"], record["units"]
         shape = len(record["t"]), len(names)
@@ -257,7 +257,7 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
 
 
 def _filled(arrays: Sequence[Array | None], shape: tuple[int, ...]) -> Array | None:
-    """Arrays stacked in one array. Missing arrays are nan; None if all are missing."""
+    """The arrays stacked in one array, with nan for missing arrays; None if all are missing."""
     if all(array is None for array in arrays):
         return None
     return np.stack([np.full(shape, np.nan) if array is None else array for array in arrays])

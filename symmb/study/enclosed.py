@@ -33,9 +33,9 @@ class ProvedBounds:
     def limit(self, reference: Reference, attained: bool) -> Reference:
         """The reference within the proved bounds.
 
-        The true bounds are between the attained values and the proved bounds. Except for the error of the solver, the
-        distance between both is therefore the largest error of the reference. If it is smaller than the uncertainty, it
-        becomes the uncertainty.
+        The true bounds are between the attained values and the proved bounds, except for the error of the solver. The
+        distance between attained values and proved bounds is thus the largest error of the reference. If this distance
+        is smaller than the uncertainty, it becomes the uncertainty.
         """
         lower, upper = (np.clip(a, self.lower, self.upper) for a in (reference.lower, reference.upper))
         limited = replace(reference, lower=lower, upper=upper)
@@ -49,12 +49,12 @@ class ProvedBounds:
     def faults(
         self, bounds: Sequence[Bounds], attained: Reference | None, yardstick: Yardstick, solver_error: Array | None
     ) -> list[str]:
-        """Sentences about runs outside proved bounds, and about bounds outside by more than their estimated error.
+        """Sentences about runs, and about bounds with their estimated error, that are outside of proved bounds.
 
         `attained` is the original reference, if its bounds are values of runs. `solver_error` (n_y,) is in
         the norm of `Score.error`.
         """
-        # Accepted distance of runs outside of proved bounds, relative to the error of their solver at a few points.
+        # Accepted distance of runs outside of proved bounds, relative to the error of the solver at a few points.
         error = np.zeros(len(bounds[0].names)) if solver_error is None else 10.0 * solver_error
         slack = replace(yardstick, uncertainty=error).slack
         farthest = partial(self._farthest, slack, bounds[0].t, bounds[0].names)
@@ -83,7 +83,7 @@ class ProvedBounds:
         ]
 
     def _farthest(self, slack: Array, times: Array, outputs: Sequence[str], lower: Array, upper: Array) -> str:
-        """Output, distance and time at which bounds are farthest outside; empty if they are within the slack (n_y,)."""
+        """Output, distance and time at which bounds are farthest outside; empty if all distances are in the slack."""
         outside = np.maximum(self.lower - lower, upper - self.upper)
         shares = np.where(outside > 0, outside, 0.0) / slack
         t, y = (int(i) for i in np.unravel_index(np.argmax(shares), shares.shape))

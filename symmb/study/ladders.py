@@ -16,7 +16,7 @@ from symmb.run.integrate import (
 )
 
 CONTROLLED = frozenset({"DormandPrince", "Rosenbrock", "StabilizedIndex2", "CVODES, stiff", "CVODES"})
-"""Families of solvers that run with tolerances for a reference, or under stress."""
+"""Families of solvers with tolerances, used for a reference or for harder variants."""
 FIXED = frozenset(entry.family for entry in SOLVERS if entry.ladder is not None and not entry.tolerances)
 """Families with fixed steps."""
 
@@ -47,7 +47,7 @@ def ladders(horizon: float, rate: float) -> dict[str, Ladder]:
 
 
 def under_stress(step: float) -> dict[str, Ladder]:
-    """Some very different solvers, by family. If a solver has two tolerances, its runs can be compared."""
+    """Some very different solvers, by family. Two tolerances of a solver allow a comparison of its runs."""
     return {
         "DormandPrince": [(r, DormandPrince(rtol=r)) for r in (1e-6, 1e-8, 1e-10, 1e-12)],
         "Rosenbrock": [(r, Rosenbrock(rtol=r)) for r in (1e-5, 1e-7, 1e-9)],

@@ -20,8 +20,8 @@ class Score:
     ----------
     error : (n_y,)          rms over time of the deviations of both bounds, divided by the rms of the width
     outer_error : (n_y,)    error of the outer bounds
-    over : (n_y,)           mean outward excess, divided by the mean width
-    under : (n_y,)          mean inward shortfall, divided by the mean width
+    over : (n_y,)           mean distance of the bounds outside of the reference, divided by the mean width
+    under : (n_y,)          mean distance of the bounds inside of the reference, divided by the mean width
     coverage : (n_y,)       fraction of times at which the outer bounds contain the reference
     """
 
@@ -94,7 +94,7 @@ class Yardstick:
     @property
     def _negligible(self) -> Array:
         scale = np.maximum(_largest(self.lower), _largest(self.upper))
-        # An output counts as zero if its largest value, relative to the noise of runs, is smaller.
+        # An output counts as zero if its largest value is smaller than this multiple of the noise of runs.
         noise = 10.0 * (np.zeros(len(scale)) if self.noise is None else self.noise)
         return np.where(scale <= noise, noise, SAME * scale)
 
@@ -103,18 +103,18 @@ class Yardstick:
         return np.where(self.zero_width, 1.0, size)
 
     def _counted(self, deviation: Array) -> Array:
-        """The deviations (..., n_y); 0 for rounding in an output without width."""
+        """The deviations (..., n_y), with 0 for rounding in an output without width."""
         return np.where(self.zero_width & (np.abs(deviation) <= self._negligible), 0.0, deviation)
 
     def _share(self, amounts: Array) -> Array:
-        """Mean over time of the amounts (2, n_t, n_y) at both bounds together, divided by the mean width."""
+        """Mean over time of the sum of amounts (2, n_t, n_y) at both bounds, divided by the mean width."""
         return amounts.sum(axis=0).mean(axis=0) / self._unit((self.upper - self.lower).mean(axis=0))
 
     def _tolerance(self) -> Array:
         width = self.upper - self.lower
         known = np.where(np.isnan(self.uncertainty), 0.0, self.uncertainty)
         uncertainty = known * self._unit(_rms(width))
-        share = np.maximum(SLIGHT * _largest(width), uncertainty)  # smaller distances still count as covered
+        share = np.maximum(SLIGHT * _largest(width), uncertainty)  # allowed distance outside of bounds
         return np.where(self.zero_width, np.maximum(share, self._negligible), share)
 
 

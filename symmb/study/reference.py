@@ -57,11 +57,11 @@ class Reference:
 
     @property
     def yardstick(self) -> Yardstick:
-        """The measure that scores the bounds of methods."""
+        """The yardstick that scores the bounds of methods."""
         return Yardstick(self.lower, self.upper, self.uncertainty, self.noise)
 
     def joined(self, attained: Sequence[tuple[Array, Array]]) -> "Reference":
-        """The reference with the values that other runs attained. The uncertainty is at least their distance."""
+        """The reference, extended by the values that other runs attained. Uncertainty is at least this extension."""
         lower = np.min([self.lower, *(low for low, _ in attained)], axis=0)
         upper = np.max([self.upper, *(high for _, high in attained)], axis=0)
         missed = Yardstick(lower, upper, self.uncertainty).deviation(self.lower, self.upper)
@@ -81,11 +81,12 @@ def find_reference(
 
     If `reference` is not given, the method is a scan of 2 m + 1 points in each dimension. The uncertainty is the
     difference from the bounds by every second point. With more than five parameters, 2048 and 512 Sobol samples replace
-    the grids. The vertices of the box are added if there are at most 2000.
+    the grids. If the box has at most 2000 vertices, they are added.
 
-    From four parameters on, extremes are also optimised, with derivatives from differences of runs. The uncertainty is
-    then the estimated error of the optimisation, if the other runs attain no value beyond it. Otherwise it is the
-    larger of the missed distance and the difference of the two resolutions.
+    From four parameters on, extremes are also optimised, with derivatives from differences of runs. If the other runs
+    stay within the estimated error of the optimisation, this error is the uncertainty. Otherwise the uncertainty is the
+    larger of two values: the distance of these runs beyond the optimised bounds, and the difference of the two
+    resolutions.
 
     Parameters
     ----------
@@ -105,7 +106,7 @@ def find_reference(
         if len(t) != len(times) or not np.allclose(t, times, rtol=0.0, atol=SAME):
             raise PropagationError(
                 f"The reference has {len(t)} times from {t[0]:g} to {t[-1]:g} s, the simulator {len(times)} from "
-                f"{times[0]:g} to {times[-1]:g} s. Give both the same times."
+                f"{times[0]:g} to {times[-1]:g} s. Give a reference with the same times."
             )
         return _of_bounds(reference, seconds=None)
     start = time.perf_counter()
@@ -149,7 +150,7 @@ def _optimized(
 
 
 class _Differences:
-    """A simulator with first derivatives from differences of runs. Differences exist at kinks and for black boxes."""
+    """A simulator with first derivatives from differences of runs. They exist at kinks and for black boxes."""
 
     def __init__(self, simulator: Simulator, box: Box, executor: Executor | None) -> None:
         self._simulator, self._box, self._executor = simulator, box, executor
@@ -160,21 +161,21 @@ class _Differences:
         """Values and slopes (2, d, n_t, n_y) along directions (d, n_p), one for each parameter of the box."""
         del order
         at = self._box.to_unit(p0[[list(self.parameters).index(name) for name in self._box.names]])
-        # Step relative to the half width: small compared with the box, large compared with errors of runs. Steps point
-        # to the centre.
+        # Step relative to the half width. It is small compared with the box, and large compared with errors of runs.
+        # Steps point to the centre.
         step = np.where(at > 0, -0.02, 0.02)
         Y, _ = gathered(self._simulator, np.vstack([p0, p0 + step[:, None] * directions]), self._executor)
         return np.stack([np.repeat(Y[:1], len(step), axis=0), (Y[1:] - Y[0]) / step[:, None, None]])
 
 
 def _is_optimized(n_p: int, runs: int) -> bool:
-    """Whether extremes are also optimised. With four or more parameters, grids have too few points for each."""
+    """Whether extremes are also optimised. With four or more parameters, grids have too few points per parameter."""
     return n_p >= 4 and runs >= 4 * (1 + n_p)
 
 
 def affordable_runs(seconds: float) -> int:
     """Number of runs at the finer resolution, from the duration of one run [s]."""
-    # Longest estimated time of the reference [s]. The number of runs is reduced to keep it.
+    # Longest estimated time of the reference [s]. If runs are slow, their number is reduced.
     return max(_LEAST_RUNS, min(RUNS, int(120.0 / max(seconds, SAME))))
 
 
@@ -186,12 +187,12 @@ def planned_runs(n_p: int, runs: int = RUNS) -> int:
 
 def _resolutions(n_p: int, runs: int = RUNS) -> list[Method]:
     """The method at the coarser and at the finer resolution, and a method that combines both."""
-    # Largest number of parameters of a scan on a grid. With more, `RUNS` points would be two or three for each.
+    # Largest number of parameters for a grid. With more parameters, `RUNS` points are only two or three for each.
     if n_p <= 5 and 3**n_p <= max(runs, _LEAST_RUNS):
         m = max(round((runs ** (1 / n_p) - 1) / 2), 1)
         return [Scanning(m + 1), Scanning(2 * m + 1)]
     fewer = 2 ** max(0, round(math.log2(RUNS / runs)))
-    # Powers of two keep the sequence balanced.
+    # Sobol sequences are balanced for powers of two.
     samples: list[Method] = [MonteCarlo(max(2, n // fewer), sampler=Sobol()) for n in (512, 2048)]
     return [*samples, Vertex()] if 2**n_p <= runs else samples
 

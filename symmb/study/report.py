@@ -59,7 +59,7 @@ def cautions(rows: Iterable[Row]) -> list[str]:
 
 
 def zero_width(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]) -> list[str]:
-    """A line for each output without width: the methods with bounds that differ from it, and their errors."""
+    """A line for each output without width: the methods with bounds that differ from the output, and their errors."""
     lines = []
     for i in np.flatnonzero(yardstick.zero_width).tolist():
         misses = [f"{row.name} {number(row.score.error[i])}" for row in rows if row.score.error[i] != 0.0]
@@ -119,7 +119,7 @@ def _cells(row: Row, yardstick: Yardstick) -> list[str]:
 
 def _worst(row: Row, yardstick: Yardstick, outputs: Sequence[str]) -> str:
     error = np.where(np.isnan(row.score.error), np.inf, row.score.error)
-    told = np.fmax(error, yardstick.uncertainty)  # at least the mean that is told
+    told = np.fmax(error, yardstick.uncertainty)  # not smaller than the printed mean
     worst = int(np.argmax(np.where(yardstick.zero_width, -1.0, told)))
     if yardstick.zero_width[worst]:
         return "–"
@@ -127,7 +127,7 @@ def _worst(row: Row, yardstick: Yardstick, outputs: Sequence[str]) -> str:
 
 
 def _at_most(error: float, uncertainty: float) -> str:
-    """The text of an error. Below the uncertainty of the reference, it is only known to be at most this uncertainty."""
+    """The text of an error. Errors below the uncertainty of the reference are shown as at most this uncertainty."""
     return f"≤ {number(uncertainty)}" if error < uncertainty else number(error)
 
 
@@ -137,5 +137,5 @@ def _mean(values: Array, yardstick: Yardstick) -> float:
 
 
 def wrapped(text: str) -> str:
-    # Largest number of characters of a line: usual terminals would wrap wider tables.
+    # Largest number of characters in a line. Usual terminals would wrap longer lines.
     return textwrap.fill(text, 110, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)

@@ -1,4 +1,4 @@
-"""Residuals of runs and data, their least squares from one start or from many, and warnings about the residuals."""
+"""Residuals between runs and data, least squares from one or many starts, and warnings about the residuals."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, cast
@@ -14,20 +14,20 @@ from symmb.run.simulation import DAESimulator
 MAX_RUNS = 200
 """Largest number of runs of a fit. If the start is within 30 % of the truth, ten runs are usual."""
 UNDETERMINED, UNDETERMINED_BY_DIFFERENCES = 1e-6, 1e-4
-"""Smallest sensitivity, relative to the largest, of a quantity that data determine (parameters in relative units).
+"""Smallest sensitivity of a determined quantity, divided by the largest sensitivity (parameters in relative units).
 Derivatives by integration are exact to about 1e-7, and differences of runs to about 1e-5."""
 FALSE_WARNING = 1e-4
 """Probability of a false warning, for each test."""
 FEWEST_TESTED = 12
-"""Residuals of an output are tested from this number of values on, because tests of independence need many."""
+"""Smallest number of values of an output for a test of its residuals. Tests of independence need many values."""
 NOISE_OF_RUNS = 1e-4
-"""Smaller residuals, relative to the spread of the data, may be errors of runs. Their order in time has no meaning."""
+"""Residuals below this fraction of the spread of the data may be errors of runs. Their order is not tested."""
 
 
 class Residuals:
     """Residuals and their derivatives with respect to relative parameters. Each run is made once.
 
-    Derivatives are exact if a run meets no kinks and jumps of its equations. Otherwise they are differences of runs.
+    Derivatives are exact if the run passes no kink or jump of its equations. Otherwise they are differences of runs.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class Residuals:
     def _differences(self, u: Array) -> tuple[Array, Array]:
         """Outputs (N,) and their derivatives (n_p, N) by differences.
 
-        If an output jumps between two of the runs, the difference on the other side is used.
+        If an output jumps between two runs, the difference on the other side is used.
         """
         n = len(u)
         step = SMALL  # relative to a parameter
@@ -106,12 +106,12 @@ class Residuals:
 def least_squares(
     fit: Residuals, begin: Array, basis: Array, known_noise: Mapping[str, float]
 ) -> tuple[Array, Array] | None:
-    """Relative parameters (n_p,), from `begin` along the orthonormal rows of a basis; and the noise of the outputs.
+    """Relative parameters (n_p,) with the smallest sum of squares, and the noise of the outputs.
 
-    The result is None if the fit does not end.
+    Parameters change from `begin` along the orthonormal rows of `basis`. The result is None if the fit does not end.
     """
     noise, u = np.array([*known_noise.values()] or fit.spreads), begin
-    # Number of fits with weights from the residuals of the previous fit. With ten values each, weights settle to 1 %.
+    # Number of fits with weights from the previous residuals. With ten values for each output, weights converge to 1 %.
     for _ in range(1 if known_noise else 3):
         if len(basis):
             found = _minimum(fit, u, basis, np.repeat(1 / noise, fit.counts))
@@ -144,7 +144,7 @@ def _minimum(fit: Residuals, begin: Array, basis: Array, weights: Array, held: f
 
 
 def other_minima(fit: Residuals, nominal: Array) -> Iterator[Array]:
-    """Results (n_p,) of other fits. Fits start at runs with small residuals, and use increasing time spans."""
+    """Results (n_p,) of other fits. The fits start at runs with small residuals, and use increasing time spans."""
     d, (begin, end) = len(nominal), (fit.times.min(), fit.times.max())
     # Number of further starts for each parameter, and the largest factor between starts and nominal values.
     U = nominal * 2.5 ** Sobol().points(64 * d, d, seed=0)
@@ -153,17 +153,17 @@ def other_minima(fit: Residuals, nominal: Array) -> Iterator[Array]:
     starts = [nominal]
     for part in (0.2, 1.0):
         costs = np.nan_to_num(squares[:, fit.times <= begin + part * (end - begin)].sum(axis=1), nan=np.inf)
-        # Number of starts from which a fit is made. More starts find more minima, and take longer.
+        # Number of starts with a fit. More starts find more minima, and take longer.
         starts += [U[k] for k in np.argsort(costs)[:3] if np.isfinite(costs[k])]
     for start in starts:
         u: Array | None = start
-        # Parts of the time span with data. Over half a period, the residuals of an oscillation have one minimum. The
-        # result of each fit is a start of the next fit close to the right minimum.
+        # Increasing fractions of the time span with data. Over half a period of an oscillation, the sum of squares has
+        # one minimum. The result of each fit is the start of the next fit, close to the right minimum.
         for part in (0.1, 0.2, 0.4, 1.0):
             is_within = fit.times <= begin + part * (end - begin)
             if u is not None and is_within.sum() > d and np.isfinite(fit(u)[0]).all():
-                # Residual, relative to the spread of the data, for a change of a parameter by its size. It holds
-                # parameters that early data do not determine.
+                # Additional residual, relative to the spread of the data, for a change of a parameter by its size. It
+                # limits changes of parameters that early data do not determine.
                 prior = 0.01 * np.sqrt(is_within.sum()) if part < 1 else 0.0
                 u = _minimum(fit, u, np.eye(d), weights * is_within, prior)
         if u is not None:
@@ -171,7 +171,7 @@ def other_minima(fit: Residuals, nominal: Array) -> Iterator[Array]:
 
 
 def cost_of(fit: Residuals, u: Array, known_noise: Mapping[str, float]) -> float:
-    """The measure that compares fits: minus twice the logarithm of the likelihood, up to a constant."""
+    """Measure for the comparison of fits: minus twice the log-likelihood, up to a constant."""
     squares = [np.square(part) for part in fit.parts(fit(u)[0])]
     if known_noise:
         parts = [part.sum() / noise**2 for part, noise in zip(squares, known_noise.values(), strict=True)]
@@ -190,11 +190,11 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
     parts = zip(fit.measured.items(), fit.parts(fit(u)[0]), own, fit.spreads, strict=True)
     for (name, (t, y)), r, leverage, spread in parts:
         deviation = known_noise.get(name, max(1.4826 * float(np.median(np.abs(r))), NOISE_OF_RUNS * float(spread)))
-        # Factor of normal quantiles for outliers, because the deviation of few values is known to 15 %.
+        # Factor on normal quantiles for outliers, because the standard deviation is only known to 15 %.
         limit = 1.3 * st.norm.isf(FALSE_WARNING / (2 * len(r)))
         is_far = np.abs(r) > limit * deviation
         # Smallest number of values, beyond the number of parameters, for a test of one value against the others.
-        if not known_noise and (left := len(r) - len(u) - 1) >= 4:  # with few values, a fit follows an outlier
+        if not known_noise and (left := len(r) - len(u) - 1) >= 4:  # with few values, the fit follows an outlier
             squared = np.square(r) / np.maximum(1 - leverage, NOISE_OF_RUNS)
             rest = np.maximum((np.square(r).sum() - squared) / left, (NOISE_OF_RUNS * spread) ** 2)
             far = squared / rest > st.t.isf(FALSE_WARNING / (2 * len(r)), left) ** 2
@@ -210,7 +210,7 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
         rms = rms_of(r)
         if len(r) < FEWEST_TESTED or rms < NOISE_OF_RUNS * spread:
             continue
-        # The model explains little of the data if the variance of residuals, divided by that of the data, is larger.
+        # The model explains little of the data if the variance of residuals exceeds this fraction of that of the data.
         if not known_noise and rms**2 > 0.7 * np.var(y):
             doubts.append(
                 f"The fitted run explains little of {name}: its residuals vary as much as the data. Start with other "
@@ -218,7 +218,7 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
             )
         elif _chance_of_independence(r[np.argsort(t, kind="stable")]) < FALSE_WARNING:
             doubts.append(
-                f"Residuals of {name} resemble their neighbours in time, so they are not noise. The model does not "
+                f"Residuals of {name} are correlated in time, so they are not noise. The model does not "
                 "describe the data, or another minimum fits better. The standard deviations are too small."
             )
     if known_noise and squares > st.chi2.isf(FALSE_WARNING, max(degrees - len(fit.data) + n_squares, 1)):
@@ -235,7 +235,7 @@ def rms_of(values: Array) -> float:
 
 
 def _chance_of_independence(r: Array) -> float:
-    """Probability that independent residuals (N,) are correlated in time as strongly as these residuals.
+    """Probability that independent residuals are correlated in time as strongly as the given residuals (N,).
 
     Ljung and Box, Biometrika 65 (1978).
     """

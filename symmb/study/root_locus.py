@@ -22,7 +22,7 @@ from symmb.run.linear import QUANTITIES, LinearFamily, LocusSimulator, nominal_l
 from symmb.run.simulation import scene_of
 
 _CORNERS = 6
-"""Up to this number of parameters, all corners of the box are checked for oscillations that end in the box."""
+"""Up to this number of parameters, all corners of the box are checked for oscillations that vanish in the box."""
 _HEAD = ("mode", "from", "to", "frequency [Hz]", "", "smallest damping [-]", "at")
 
 
@@ -40,17 +40,17 @@ class RootLocus(plot.ThreeDiagrams, Counted, WithWarnings, Saved):
     eigenvalues : (n, m) complex
         all eigenvalues, sorted by magnitude [1/s]
     modes : (n, k) complex
-        eigenvalues of oscillations, with positive imaginary part. A column follows one mode shape; nan if there is no
+        eigenvalues of oscillations, with positive imaginary part. Each column belongs to one mode shape; nan without an
         oscillation
     bands : dict
-        "f" [Hz], "zeta" [-], "re", "im" [1/s] -> lower and upper bounds, each (n, k), over the box; nan if the
-        oscillation ends inside the box; empty without a box
+        "f" [Hz], "zeta" [-], "re", "im" [1/s] -> lower and upper bounds over the box, each (n, k). Bounds are nan if
+        the oscillation vanishes inside the box. The dictionary is empty without a box
     box : Box
         intervals of the other parameters, or None
     method, evaluations, runs : str, int, int
         method of the bands, and number of runs
     remarks : tuple of str
-        sentences about frequencies that cross, and about mode shapes that are exchanged
+        sentences about frequencies that cross, and about an exchange of mode shapes
     doubts : tuple of str
         warnings in sentences
     unit : str
@@ -162,16 +162,16 @@ def root_locus(
     *,
     count: int = 41,
 ) -> RootLocus:
-    """The eigenvalues of a scene at its start against one parameter, with bands over the box of the others.
+    """The eigenvalues of a scene at its start against one parameter, with bands over the box of the other parameters.
 
-    Each oscillation is identified along the parameter, and in each sample of the box, by its mode shape.
+    The mode shape identifies each oscillation along the parameter, and in each sample of the box.
 
     Parameters
     ----------
     scene : Scene
         must start in equilibrium, or in a steady motion, for every value in the range
     parameter : str
-        for example a speed
+        parameter that varies, for example a speed
     range : (lower, upper)
         range of the values, in the unit of the parameter, or in another unit as in (40, 400, "rpm")
     method : optional

@@ -11,9 +11,9 @@ from symmb.results.files import NOT_KEPT, Record, attributes, entries, entry
 from symmb.study.metrics import Score, Yardstick
 
 LONG_RUN = 10.0
-"""A method that takes longer runs only once [s], because one measurement is then accurate enough."""
+"""Run time [s] above which a method runs only once, because one measurement is then accurate enough."""
 _OPTIONAL = ("estimate", "inner_lower", "inner_upper", "failure", "failed_region", "caution", "doubts")
-"""Entries that are in the file of a row only if the method has them."""
+"""Entries that a file contains only if the method has them."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Row(Counted, WithWarnings):
     doubts: tuple[str, ...] = ()
 
     def record(self) -> dict[str, Any]:
-        """The row for a file, without entries that the method does not have."""
+        """The row for a file. Entries that the method does not have are left out."""
         scores = {name: getattr(self.score, name) for name in ("error", "over", "under", "coverage")}
         own = entries(self) | inner_entries(self.inner) | scores
         return {name: x for name, x in own.items() if name not in _OPTIONAL or (x is not None and len(x))}

@@ -33,8 +33,7 @@ from symmb.study.stress import stresses
 from symmb.study.trials import Job, Trial, by_family, run_jobs
 
 TIMES = 51
-"""Number of output times, enough to show drift over time. Steps end at output times, so more times would shorten
-steps."""
+"""Number of output times, enough to show drift over time. Steps end at output times, so more times shorten steps."""
 _HEAD = ("solver", "setting", "error", "position", "velocity", "energy", "run [s]", "outcome")
 _LEFT, _STRESS_LEFT = (0, 7), (0, 1, 8)
 """Head of the tables, and columns that are aligned on the left."""
@@ -52,8 +51,7 @@ class Stability(plot.ThreeDiagrams, WithWarnings, Saved):
     times : (n_t,) array
     trials, stress : runs of the scene, and of its harder variants
     errors : dict
-        key of a trial -> root mean square error, divided by that of the deviation from the mean; empty if no two
-        tolerances of a solver agree on a reference
+        key of a trial -> root mean square error, divided by the rms deviation from the mean; empty without a reference
     uncertainty : float
         uncertainty of the reference of the scene, in the same measure; nan if there is no reference
     corners : dict
@@ -159,21 +157,21 @@ def stability(
 ) -> Stability:
     """Try every solver on a scene and on harder variants. Each run takes up to 3 s, and all runs about a minute.
 
-    In the variants, springs are 100 and 10,000 times as stiff, or the lightest body is 100 and 10,000 times as light.
-    The time scale is 0.1 and 10 times as long for functions of time, start velocities and gravity, but not for springs
-    and dampers. Horizons are 10 and 100 times as long. The corners of boxes of 10, 20 and 50 % are tried as well.
+    Some variants have springs 100 and 10,000 times as stiff, or a lightest body 100 and 10,000 times as light. Other
+    variants have a time scale 0.1 and 10 times as long, for functions of time, start velocities and gravity, but not
+    for springs and dampers. Horizons are 10 and 100 times as long. Boxes of 10, 20 and 50 % are tried at their corners.
 
-    Fixed steps depend on the horizon and the fastest motion. Errors are differences from a reference solution. Two
-    tolerances of a solver agree on it, and its energy is conserved. Without a reference, no setting is recommended.
+    Fixed steps depend on the horizon and the fastest motion. Errors are differences from a reference solution. It
+    conserves energy, and two tolerances of a solver agree on it. Without a reference, no setting is recommended.
 
     Parameters
     ----------
     scene : Scene
     progress : callable, optional
-        called with the label of the work and the numbers of finished and of all runs; default: a bar, in notebooks and
-        terminals
+        called with the label of the work, the number of finished runs and the number of all runs; default: a bar, in
+        notebooks and terminals
     seconds : float
-        time after which no run starts [s]; one run may take 3/70 of it
+        time after which no run starts [s]; a single run may take 3/70 of this time
 
     Raises
     ------
@@ -184,7 +182,7 @@ def stability(
     SimulationError
         If there is nothing to integrate, if there are impacts, or if no solver finishes
     KeyboardInterrupt
-        If it is interrupted. `partial` then contains the Stability of the runs so far
+        If it is interrupted. `partial` then contains the Stability of the finished runs
 
     Examples
     --------
@@ -213,7 +211,7 @@ def stability(
         study.announce(jobs, harder)
         try:
             study.collect(jobs, limit, half)
-            # A family runs all variants before the next family starts.
+            # Each family of solvers runs all variants before the next family starts.
             families = list(under_stress(1.0))
             study.collect(sorted(harder, key=lambda job: families.index(job.family)), limit, seconds)
             corners = _corners(scene)
@@ -240,7 +238,7 @@ class _StabilityStudy:
             )
         self._bodies, self._units = program_of(scene).bodies, scene.curve_units
         if len(scene.times) < 2 or not self._bodies.dae.n_v:
-            raise SimulationError(f"{scene.name} has no motion over a time to be tried.")
+            raise SimulationError(f"{scene.name} has no motion over time, so solvers cannot be compared.")
         self.scene, self.done, self._order = scene.with_times(self.times), [], []
         own = {family: ladder[0][1] for family, ladder in ladders(1.0, 1.0).items() if not has_compiler()}
         self.untried = [name for name, s in own.items() if s.needs_compiler and s.runs_in_lanes(self._bodies.dae)]
@@ -252,7 +250,7 @@ class _StabilityStudy:
         return [Job("", lambda: self.scene, family, ladder) for family, ladder in tried.items()]
 
     def announce(self, *jobs: Sequence[Job]) -> None:
-        """Record the jobs in the order of the report."""
+        """Add jobs to the order of the report."""
         self._order = [(job.scene, job.family) for some in jobs for job in some]
         self.total += sum(len(job.solvers) for some in jobs for job in some)
 
@@ -270,8 +268,7 @@ class _StabilityStudy:
         return stiffness(dae, states[some], dae.p_nominal, self.times[: len(states)][some])
 
     def doubts(self) -> tuple[str, ...]:
-        """Warnings about solvers that were not tried, and about problems of the model: too large deflections of
-        flexible bodies."""
+        """Warnings about solvers that were not tried, and about too large deflections of flexible bodies."""
         dae, states = self._bodies.dae, self._states()
         untried = f"Not tried: {', '.join(self.untried)}, which need a C compiler. {compiler_advice()}"
         theory = linear_theory_doubts(self.scene, dae, states, dae.p_nominal, self.times[: len(states)])
@@ -288,7 +285,7 @@ class _StabilityStudy:
         corners: dict[float, tuple[int, int]],
         text: Callable[[Sequence[Trial], Sequence[Trial], dict[str, Standard]], str],
     ) -> Stability:
-        """The result of the runs so far. The first runs are for the reference of the scene."""
+        """The result of the finished runs. The first runs are for the reference of the scene."""
         known, rest = self.done[:n_known], self.done[n_known:]
         rest = sorted(rest, key=lambda t: self._order.index((t.scene, t.family)))  # stable
         trials, stress = _parted(rest)
@@ -315,8 +312,8 @@ def _parted(trials: Sequence[Trial]) -> tuple[tuple[Trial, ...], tuple[Trial, ..
 
 
 def _stress_jobs(name: str, make: Callable[[], Scene], horizon: float) -> list[Job]:
-    """Jobs of all families for a variant. Fixed steps are the same for all horizons. The fastest motion adds steps."""
-    # Number of fixed steps over the horizon of the scene. Steps under stress follow from it.
+    """Jobs of all families for a variant. All horizons have the same fixed steps. Fast motions add smaller steps."""
+    # Number of fixed steps over the horizon of the scene, which gives the steps of the variants.
     step = horizon / 800
     return [
         Job(name, make, family, ladder, None if family in CONTROLLED else partial(finer_steps, longest=step))

@@ -11,7 +11,7 @@ from symmb.study.ladders import CONTROLLED
 from symmb.study.trials import Trial, by_family, by_reason
 
 AGREEMENT = 1e-4
-"""Two tolerances, or two solvers, confirm each other up to this difference."""
+"""Largest difference of two tolerances, or of two solvers, that confirm each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Standard:
     fault: str = ""
 
     def error(self, trial: Trial) -> float | None:
-        """The error of a run, at least the uncertainty; None if the run failed, or if there is no reference."""
+        """The error of a run, but not less than the uncertainty; None if the run failed, or without a reference."""
         if self.fault or trial.reason:
             return None
         return max(distance(trial.values, self.values, self.units), self.uncertainty)
@@ -48,15 +48,15 @@ class _Pair:
 
 
 def standard_of(trials: Sequence[Trial], units: tuple[str, ...]) -> Standard:
-    """The solution on which the runs of one scene with adaptive solvers agree.
+    """The solution on which runs of one scene with adaptive solvers agree.
 
-    The two smallest tolerances of each solver that finish are compared. Solvers with a small difference of the two runs
+    For each solver, the finished runs with the two smallest tolerances are compared. Solvers with a small difference
     must also agree with each other.
     """
     trials = [trial for trial in trials if trial.family in CONTROLLED]
     pairs = _pairs(trials, units)
     reasons = {trial.reason for trial in trials}
-    if len(reasons) == 1 and reasons != {""}:  # the scene itself causes the failure
+    if len(reasons) == 1 and reasons != {""}:  # all fail for the same reason: the scene is the cause
         return Standard(fault=reasons.pop())
     if not pairs:
         return Standard(fault=f"no solver finishes at two tolerances ({by_reason(trials)})")
@@ -73,7 +73,7 @@ def standard_of(trials: Sequence[Trial], units: tuple[str, ...]) -> Standard:
 
 
 def _pairs(trials: Sequence[Trial], units: tuple[str, ...]) -> list[_Pair]:
-    """The runs with the two smallest tolerances of each solver that finish, sorted by their difference."""
+    """For each solver, the finished runs with the two smallest tolerances, sorted by their difference."""
     pairs = list[_Pair]()
     for some in by_family(trials).values():
         finished = sorted((trial for trial in some if not trial.reason), key=lambda trial: -trial.setting)
@@ -84,7 +84,7 @@ def _pairs(trials: Sequence[Trial], units: tuple[str, ...]) -> list[_Pair]:
 
 
 def _fault(pairs: Sequence[_Pair], units: tuple[str, ...]) -> str:
-    """The reason why no pair is confirmed, for the pair with the smallest difference."""
+    """The reason why the pair with the smallest difference is not confirmed."""
     agreeing = [pair for pair in pairs if pair.apart <= AGREEMENT]
     if agreeing:
         best = min(agreeing, key=lambda pair: pair.fine.energy).fine
@@ -99,7 +99,7 @@ def _fault(pairs: Sequence[_Pair], units: tuple[str, ...]) -> str:
 
 
 def distance(values: Array, true: Array, units: Sequence[str]) -> float:
-    """Rms difference divided by the rms deviation from the mean, the largest over all outputs."""
+    """Rms difference divided by the rms deviation from the mean; the largest value over all outputs."""
     with np.errstate(over="ignore", invalid="ignore"):
         error = np.sqrt(np.mean(np.square(values - true), axis=0)) / _deviation(true, units)
     return float(np.nan_to_num(error, nan=np.inf, posinf=np.inf).max(initial=0.0))

@@ -13,7 +13,7 @@ from symmb.declare.symbolic import from_sympy, is_sympy, t
 from symmb.equations.model import Scene, System
 
 _LARGER, _SCALES, _LONGER = (1e2, 1e4), (0.1, 10.0), (10, 100)
-"""Factors for stiffness and mass ratios, for time scales, and for the horizon: up to values of real machines."""
+"""Factors for stiffness and mass ratios, for time scales, and for horizons. All values occur in real machines."""
 
 
 def stresses(scene: Scene) -> list[tuple[str, Callable[[], Scene]]]:
@@ -42,7 +42,7 @@ def stiffer(scene: Scene, factor: float) -> Scene:
 
 
 def lighter(scene: Scene, factor: float) -> Scene:
-    """The scene with its lightest body lighter by a factor. The body must have a mass."""
+    """The scene with its lightest body lighter by a factor. Bodies without mass are not considered."""
     system = scene.system
     elements = copy.deepcopy(_elements(system))
     values = ca.Function("masses", [system.p], [ca.vertcat(*[ca.SX(body.mass) for body in system.bodies])])
@@ -56,9 +56,9 @@ def lighter(scene: Scene, factor: float) -> Scene:
 def slower(scene: Scene, scale: float) -> Scene:
     """The scene on a slower time scale, over a horizon that is longer by the same factor.
 
-    Functions of time become slower, and start velocities smaller. Gravity is divided by the square of the factor. A
-    mechanism without springs, dampers and constant forces then moves along the same path at another speed. Springs,
-    dampers and forces do not change, so the scene becomes stiffer or softer relative to the motion.
+    Functions of time become slower, and start velocities become smaller. Gravity is divided by the square of the
+    factor. A mechanism without springs, dampers and constant forces then moves along the same path at another speed.
+    Springs, dampers and forces do not change, so the scene becomes stiffer or softer relative to the motion.
     """
     begin = float(scene.times[0])
     elements = [_changed(e, _slowed(e, scene, scale)) for e in _elements(scene.system)]
@@ -74,7 +74,7 @@ def _velocities(scene: Scene) -> list[str]:
 
 
 def _slowed(element: object, scene: Scene, scale: float) -> dict[str, Any]:
-    """The components of gravity and the functions of time of an element on another time scale."""
+    """The components of gravity, and the functions of time, of an element on another time scale."""
     begin, system = float(scene.times[0]), scene.system
 
     def law(value: Any) -> Any:

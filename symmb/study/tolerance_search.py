@@ -25,19 +25,19 @@ from symmb.equations.model import Box
 
 OWNER = "tolerances"
 TOLERANCE = 1e-2
-"""Tolerance of the studies. If a limit is closer, runs near the limit decide."""
+"""Tolerance of the studies. If a limit is closer than this, runs near the limit decide."""
 _SETTLED = 2e-3
-"""A search ends if factors change by less than this fraction. A study uses a factor below the expected one by half of
+"""A search ends if factors change by less than this fraction. A study uses a factor smaller than expected by half of
 this fraction."""
 LARGEST_FACTOR = 16.0
-"""Largest factor that a search tries. If it is reached, the given box was far too small."""
+"""Largest factor that a search tries. If a search reaches this factor, the given box was far too small."""
 _MAX_STUDIES = 12
-"""Largest number of studies. Two or three are usual; undecided limits need more."""
+"""Largest number of studies. Two or three studies are usual; undecided limits need more."""
 _WIDER, _NARROWER = 1.6, 0.25
-"""Largest and smallest ratio of a factor after one allocation to the factor before. The polynomials must be accurate in
-the box with the largest ratio."""
+"""Largest and smallest factor of an optimisation step. The polynomials must be accurate in the box with the largest
+step."""
 _FARTHER = 0.25, 0.8
-"""Smallest and largest ratio of a factor to the next one, while no run that violates a limit is known."""
+"""Smallest and largest ratio of a factor to the next factor, while no run that violates a limit is known."""
 
 
 @dataclass
@@ -93,10 +93,10 @@ class Search:
         closest = np.where(shape.lower >= 0, shape.lower, np.where(shape.upper <= 0, shape.upper, self._nominal))
         with np.errstate(divide="ignore", invalid="ignore"):
             to_zero = np.where(closest != self._nominal, self._nominal / (self._nominal - closest), np.inf)
-        # At the factor `to_zero`, a parameter such as a mass or length would reach 0. The given box is allowed.
+        # At the factor `to_zero`, a parameter such as a mass or length would reach 0. The given box is always allowed.
         self._most = np.clip(0.99 * to_zero, 1.0, LARGEST_FACTOR)
         self.evaluations, self.remarks, self.narrow = 1, tuple[str, ...](), tuple[str, ...]()
-        # Limits hold between output times, too. Studies are at the output times, single runs have all values.
+        # Limits also apply between output times. Studies have values at output times only, single runs at all times.
         self._extremes = Extremes(simulator, [*limits], executor)
         nominal = np.array([[*map(float, simulator.parameters.values())]])
         run = simulator.run(nominal)
@@ -120,7 +120,7 @@ class Search:
         return np.minimum(lower - self._low, self._high - upper)
 
     def _box(self, factors: Array) -> Box:
-        factors = np.minimum(factors, self._most)  # rounding would let an end at 0 change its sign
+        factors = np.minimum(factors, self._most)  # otherwise rounding may change the sign of an end at 0
         low = self._nominal - factors * (self._nominal - self._shape.lower)
         high = self._nominal + factors * (self._shape.upper - self._nominal)
         ends = np.stack([low, high], axis=1).tolist()
@@ -166,8 +166,8 @@ class Search:
 
         If no run reaches a limit, the factor is `high`.
 
-        The next factor is interpolated between margins, or bisected. If an end is kept twice, its margin is halved
-        (Illinois). If `high` is infinite, runs are made up to the largest factor.
+        The next factor follows by linear interpolation of margins, or by bisection. If an end is kept twice, its margin
+        is halved (Illinois method). If `high` is infinite, runs are made up to the largest factor.
         """
         along, places, low = ray.along, ray.places, ray.low
         inside, beyond = (self._margin(low * along, places) if low else 1.0), np.nan
@@ -180,7 +180,7 @@ class Search:
         if not beyond < 0:
             return ray.high, False
         margin = np.nan
-        # Largest number of factors with runs between two studies. More are needed only if runs fail.
+        # Largest number of factors with runs between two studies. More factors are needed only if runs fail.
         for _ in range(40):
             if end <= low * (1 + _SETTLED / 4):
                 break
@@ -205,7 +205,7 @@ class Search:
         for _ in range(_MAX_STUDIES):
             after = self._next(ray, s)
             if ray.best is not None and ray.undecided is not None:
-                after = (ray.low + ray.high) / 2  # the largest decided factor is between both
+                after = (ray.low + ray.high) / 2  # the largest decided factor is between them
             if ray.best is not None and (ray.low >= most or after <= ray.low * (1 + _SETTLED)):
                 break
             s = after
@@ -231,10 +231,10 @@ class Search:
         except PropagationError as error:  # too many runs fail
             ray.high, ray.why = s, str(error).splitlines()[0]
             return (ray.low + s) / 2
-        # Two studies give one place with different rounding. Each place needs a run at every factor.
+        # Two studies may give the same place with different rounding. Equal places are merged, to save runs.
         ray.places = np.unique(np.concatenate([ray.places, self._worst_places(bounds, check)]).round(9), axis=0)
         if check.kept:
-            if ray.best is None:  # larger boxes that were undecided may be decided: runs show how far limits are
+            if ray.best is None:  # runs now show how far limits are, so that larger boxes may be decided
                 ray.high, ray.undecided, ray.why = np.inf, None, ""
             ray.low, ray.best = s, bounds
         else:
@@ -249,11 +249,11 @@ class Search:
         ray.why = ray.why if is_failed or ray.reach == ray.high else ""
         ray.violation = ray.violation if ray.why else min(ray.violation, ray.reach)
         if ray.reach == np.inf:
-            # No run that violates a limit is known. The next factor is up to twice as far as linear margins reach.
+            # No run that violates a limit is known. The next factor is up to twice as far as linear margins allow.
             nominal = zip(check.limits, self._at_nominal, strict=True)
             left = min(float(limit.margin.min() / margin) for limit, margin in nominal)
             return min(s / np.clip(1 - 2 * left, *_FARTHER), ray.most)
-        # If several studies in a row are violated, the known runs are not the worst ones. The distance is increased.
+        # Consecutive violated studies show that the known runs are not the worst runs. The next step back is larger.
         less, ray.less = (ray.less, 4 * ray.less) if check.kept is False else (_SETTLED / 2, _SETTLED / 2)
         return min(max(ray.reach * (1 - less), (ray.low + ray.reach) / 2), ray.most)
 
@@ -274,7 +274,7 @@ class Search:
         return getattr(bounds.worst(limit.output), side)
 
     def signs(self, factors: Array) -> tuple[str, ...]:
-        """One sentence if larger factors (d,) would let a parameter reach 0; otherwise empty."""
+        """A sentence if a parameter would reach 0 with larger factors (d,); otherwise empty."""
         ends = (self._most < LARGEST_FACTOR) & (factors >= self._most * (1 - _SETTLED))
         names = [name for name, is_end in zip(self._shape.names, ends, strict=True) if is_end]
         text = f"The search ends here, because with larger tolerances {', '.join(names)} would reach 0."
@@ -284,7 +284,7 @@ class Search:
         """The factors with the lowest cost, and bounds over their box.
 
         The search starts at the largest common factor. Further studies follow until the factors are inside a box with
-        accurate polynomials. If the polynomials are wrong, the common factor may have a lower cost.
+        accurate polynomials. If these factors do not cost less than the common factor, the common factor is the result.
         """
         common, whole = self.largest(np.ones(len(self._shape)))
         factors, remarks = common, self.remarks
@@ -332,7 +332,7 @@ class Search:
         return low
 
     def _allocated(self, surrogate: Piecewise, wide: Array, start: Array, cost: Callable[[Array], float]) -> Array:
-        """Factors with the lowest cost by polynomials, from the start factors.
+        """Factors with the lowest cost by polynomials; the search begins at the start factors.
 
         The search starts with few output times. Times at which a solution violates a limit are added.
         """
@@ -341,7 +341,7 @@ class Search:
         scale = cost(start) or 1.0
         rows = {int(self._margins_on(surrogate, wide, start).min(axis=1).argmin())}
         factors = start
-        # Largest number of allocations for one study. Each one adds the time with the largest violation.
+        # Largest number of optimisations for one study. Each one adds the time with the largest violation.
         for _ in range(12):
             few = surrogate.part(np.array(sorted(rows)), range(len(self._low)))
 

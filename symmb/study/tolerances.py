@@ -1,4 +1,4 @@
-"""The largest tolerances: the largest box of a given shape, or the cheapest box, that satisfies limits of outputs."""
+"""The largest box of a given shape, or the cheapest box, that satisfies limits of outputs."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -45,13 +45,13 @@ class Tolerances(Counted, Result, Saved):
     ----------
     box : Box
     factor : float
-        factor of all intervals of the given box about the nominal values. With costs, the smallest of `factors`
+        factor on all intervals of the given box about the nominal values. With costs, the smallest of `factors`
     factors : dict
         the factor of each parameter
     cost : float
         sum of the costs of the tolerances; None without costs
     binding : WorstCase
-        run that comes closest to the active limit; None if no limit is active up to 16 times the box
+        run that comes closest to the active limit; None if no limit is active up to the factor 16
     check : LimitCheck
         check of `bounds`
     bounds : Bounds
@@ -61,7 +61,7 @@ class Tolerances(Counted, Result, Saved):
     nominal : dict
         nominal values of the parameters of the box
     remarks : sentences
-        reason why no larger box was found, if no limit is close
+        information in sentences, such as the reason why no larger box was found
 
     Examples
     --------
@@ -135,7 +135,7 @@ class Tolerances(Counted, Result, Saved):
         check, bounds = (record.record(name) for name in ("check", "bounds"))
         parts = {"check": LimitCheck._of_record(check), "bounds": Bounds._of_record(bounds)}
         result = cls(**attributes(cls, record), binding=binding, **parts)
-        str(result)  # fails if an entry misses a parameter or an output
+        str(result)  # fails if a parameter or an output is missing in an entry
         return result
 
     def _labelled(self) -> Labelled:
@@ -164,23 +164,23 @@ def tolerances(
     """The largest, or the cheapest, tolerances with which outputs satisfy limits at all times.
 
     All deviations of the box from the nominal values are multiplied by one factor, up to 16. With costs, each deviation
-    has a separate factor. If an interval has no values of both signs, as for a mass, the sign is kept. Studies with
-    PolynomialChaos() find the worst places of a box. Runs there show the factor at which a limit is reached. At the
-    end, a study and `Bounds.check` verify the box. Costs are minimised with the polynomials of studies. Outputs without
-    a limit are left out.
+    has a separate factor. If an interval contains values of one sign only, as for a mass, the sign is kept. Studies
+    with PolynomialChaos() find the worst points of a box. Runs at these points show the factor at which a limit is
+    reached. At the end, a study and `Bounds.check` verify the box. Costs are minimised with the polynomials of studies.
+    Outputs without a limit are ignored.
 
     Parameters
     ----------
     scene : Scene or simulator
     limits : mapping
-        output -> (low, high); one of the two may be None
+        output -> (low, high); one of them may be None
     box : Box
-        shape of the intervals, which contain the nominal values; default: the box of the scene
+        intervals about the nominal values, which give the shape; default: the box of the scene
     costs : mapping
         parameter -> cost as a function of its half width. The sum of the costs is minimised. Without a function, the
         cost is the half width in the box divided by the new half width; {} uses this cost for all parameters. A single
-        function is the cost of every parameter. Costs should decrease smoothly, because the search finds the smallest
-        sum near its start
+        function is the cost of every parameter. Costs should decrease smoothly, because the search finds a local
+        minimum
     solver : solver of a Scene
     executor, progress : as in `propagate`
 
@@ -227,7 +227,7 @@ def tolerances(
 
 
 def _of_outputs(simulator: Simulator, box: Box, names: Sequence[str]) -> Simulator:
-    """The simulator of a scene with some of its outputs, because the others could need more runs. Black boxes are
+    """The simulator of a scene with some of its outputs, because other outputs may need more runs. Black boxes are
     kept."""
     if not isinstance(simulator, SceneSimulator) or simulator.scene is None or simulator.scene.outputs is None:
         return simulator

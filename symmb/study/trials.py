@@ -33,7 +33,7 @@ _ENERGY = "the energy"
 _TOO_SLOW, _WRONG_ENERGY, _BROKEN = "too slow", "wrong energy", "breaks down"
 """Kinds of failures. LEFT_OUT is another kind."""
 _SETUP = 15.0
-"""Additional time for the first trial of a job [s]. Its compilation is cached only if the trial ends."""
+"""Additional time for the first trial of a job [s]. The compilation is cached only if this trial ends."""
 _DRIFT = entry(Record.size, None)
 
 
@@ -47,10 +47,10 @@ class Trial:
     solver : str               text of the solver
     family : str               name of the solver's class, with the option that distinguishes the family
     setting : float            relative tolerance or step [s]
-    reason : str               reason why the run failed; empty if it succeeded
+    reason : str               reason why the run failed; empty if the run succeeded
     seconds : float            time of the run alone
-    position, velocity : (n_t,) arrays     largest violation of a row at each time
-    energy : float             largest imbalance divided by the largest kinetic energy
+    position, velocity : (n_t,) arrays     largest violation of a constraint at each time
+    energy : float             largest error of the energy balance divided by the largest kinetic energy
     times : (n_t,) array       output times [s]
     values : (n_t, n_y) array  outputs
     states : (n_t, n_x) array
@@ -83,7 +83,7 @@ class Trial:
 
     @property
     def slow(self) -> bool:
-        """Whether the run had no time to finish."""
+        """Whether the run was stopped for lack of time."""
         return self.reason.startswith(SLOW)
 
     @property
@@ -198,8 +198,8 @@ def _fault(run: Trajectory) -> str:
     T, V, W = run.energy
     if not np.isfinite(T + V - W).all():
         return f"{_ENERGY} is not finite"
-    # A run counts as failed if its drift of energy, relative to the largest kinetic energy, is larger. Half of the
-    # motion is then lost, or has no cause.
+    # A run has failed if its drift of energy exceeds this fraction of the largest kinetic energy. Half of the energy of
+    # the motion is then wrong.
     if run.energy_drift > 0.5:
         return f"{_ENERGY} is off by {run.energy_drift:.1g} of the largest kinetic energy"
     return ""
@@ -244,7 +244,7 @@ class _Running:
 def run_jobs(jobs: Sequence[Job], limit: float, deadline: float) -> Iterator[Trial]:
     """The trials of all jobs, in the order in which they end.
 
-    A trial is stopped if its set-up and its run take longer than the limit [s]. Slower trials of its job are then left
+    A trial is stopped if it takes longer than the limit [s], set-up included. Slower trials of its job are then left
     out. The first trial of a job has more time, because it compiles the scene. No trial starts after the deadline
     (`time.monotonic`). If processes cannot be forked, jobs run in this process one after the other, without limits.
     """
@@ -263,7 +263,7 @@ def run_jobs(jobs: Sequence[Job], limit: float, deadline: float) -> Iterator[Tri
                     running.append(_begin(job))
                 else:
                     yield from _left(job, 0, LEFT_OUT)
-            # Time between checks of the running trials [s], short compared with a trial and long compared with a check.
+            # Time between checks of the running trials [s]: shorter than a trial, and longer than a check.
             ready = wait([r.pipe for r in running], 0.2)
             for r in list(running):
                 yield from r.received() if r.pipe in ready else r.left(limit)

@@ -181,7 +181,7 @@ def test_what_is_no_noise_is_doubted(noise, tmp_path):
     assert len(found.doubts) == 1 and "warning" in str(found)
     found.save(tmp_path / "a.npz")
     assert mb.Calibration.load(tmp_path / "a.npz").doubts == found.doubts
-    why = "the given noise" if noise else "resemble their neighbours in time"
+    why = "the given noise" if noise else "are correlated in time"
     warned(why, mb.calibrate, particle(), {"x": y + 0.1 * np.sin(3 * T)}, noise=given)
     with pytest.warns(mb.SymmbWarning, match="given noise" if noise else "explains little of x"):
         mb.calibrate(particle(), {"x": rng.standard_normal(41)}, noise=given)

@@ -1,10 +1,11 @@
 """Methods that bound responses over a box of parameters, and their results.
 
-- `propagation` makes the bounds of a simulator by a method. `registry` lists the methods; each has a file of its name,
-  and `sampling` has those that take the extremes of runs. Polynomial chaos that chooses its own runs is in `adaptive`.
+- `propagation` makes the bounds of a simulator by a method. `registry` lists the methods. Each method has a file with
+  its name; methods from extremes of runs are in `sampling`. Polynomial chaos that chooses its own runs is in
+  `adaptive`.
 - `result` has the bounds, `envelope` their curves, and `doubts` and `check_runs` their warnings.
-- `answers` leads to what is asked of bounds: `limits`, `worst_case`, `contributions` and `probabilities`, from the
-  polynomials or the runs in `responses`.
+- `answers` gives results from bounds: `limits`, `worst_case`, `contributions` and `probabilities`, with the polynomials
+  or runs in `responses`.
 """
 
 from symmb.bound.bounds.contributions import Contributions

@@ -29,7 +29,7 @@ _WITHOUT_RUNS = "Taylor(", "TaylorModel(", "IntervalArithmetic("
 
 
 class Answers(Envelope):
-    """The part of `Bounds` that answers questions by runs, by the surrogate, or by further runs."""
+    """The methods of `Bounds` that use runs, the surrogate, or further runs."""
 
     def worst(self, output: str, time: float | str | None = None) -> Worst:
         """The lowest and the highest value of an output, their times, and the parameters of the runs that attain them.
@@ -88,7 +88,8 @@ class Answers(Envelope):
         return self._closer(case, side, point[0], attained)
 
     def _closer(self, case: WorstCase, side: str, place: Array, attained: float) -> WorstCase:
-        """The case of the run at a place (d,) of the unit box if it is closer to the bound; or the given case."""
+        """The case of the run at a place (d,) of the unit box if this run is closer to the bound; otherwise the given
+        case."""
         assert self.box is not None
         values = self.box.from_unit(place).tolist()
         parameters = {**self.nominal_parameters, **dict(zip(self.box.names, values, strict=True))}
@@ -99,7 +100,7 @@ class Answers(Envelope):
 
     def _why_no_worst(self, knows_some: bool) -> str:
         if knows_some:
-            return "a file holds the worst cases over all times only. Omit time=."
+            return "a file contains the worst cases over all times only. Omit time=."
         if self.study is not None or self.method.startswith(_WITHOUT_RUNS):
             return f"{self.method} makes no runs that attain its bounds. Use PolynomialChaos() or Vertex()."
         what = "pickled bounds contain" if self.box else "a .csv file contains"
@@ -136,9 +137,9 @@ class Answers(Envelope):
         """The contribution of each parameter to the widths and to the variance.
 
         The polynomials of the bounds give the contributions without runs. If the method has no polynomials, a study by
-        PolynomialChaos() gives them. If they are not accurate enough for an output, studies with fewer parameters give
-        the widths, and least squares give Sobol's indices. Least squares start with 64 runs at points spread over the
-        box. The number is doubled until the error of the indices is below 0.04, up to 1024 runs.
+        PolynomialChaos() makes them. If polynomials are not accurate enough for an output, studies with fewer
+        parameters give the widths. Least squares then give Sobol's indices, from 64 runs at points spread over the box.
+        The number of runs is doubled until the error of the indices is below 0.04, up to 1024 runs.
 
         Raises
         ------
@@ -166,8 +167,8 @@ class Answers(Envelope):
     def _acting(self, box: Box, columns: Sequence[int]) -> tuple[str, ...]:
         """Names of the parameters that act on some outputs, given by their numbers.
 
-        Fixed parameters are left out. If there are polynomials, those with effects below noise and rounding are left
-        out too.
+        Fixed parameters are left out. If there are polynomials, parameters with effects below noise and rounding are
+        also left out.
         """
         acts = box.radius > 0
         if self.surrogate is not None:
@@ -188,9 +189,10 @@ class Answers(Envelope):
         """Quantiles of an output over time, for parameters that have distributions.
 
         A parameter without a distribution may have any value in its interval, and a different value in each sample.
-        There is then a lowest and a highest quantile. Quantiles follow from polynomials, and 32 runs verify these. If
-        they are not accurate enough, quantiles follow from 1,024 runs. If some parameters have no distribution either,
-        quantiles follow from least squares through 256 runs. Some hundreds of further runs then estimate the error.
+        There is then a lowest and a highest quantile. Quantiles follow from polynomials, which 32 runs verify. If
+        polynomials are not accurate enough, quantiles follow from 1,024 runs. If, in addition, some parameters have no
+        distribution, quantiles follow from least squares through 256 runs. Some hundreds of further runs then estimate
+        the error.
 
         Parameters
         ----------
@@ -198,8 +200,8 @@ class Answers(Envelope):
         levels : float or list
             probabilities between 0 and 1
         laws : mapping
-            name -> distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3). It is cut to the interval of
-            the box
+            name -> distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3). Each distribution is cut to
+            the interval of its parameter
         correlation : (n, n)
             correlations of a Gaussian copula, in the order of the distributions; default: independent
         distributions : mapping
@@ -237,8 +239,8 @@ class Answers(Envelope):
         above, below : float, or with a unit, as "60 deg"
         laws, correlation, distributions : as in `quantiles`
         error : float
-            the accepted error, relative to the probability of the event at any time. More samples of the polynomials
-            are taken until the estimated error is below it. If this does not suffice, and all parameters have
+            the accepted error, relative to the probability of the event at any time. The number of samples of the
+            polynomials grows until the estimated error is below it. If this does not suffice, and all parameters have
             distributions, up to 1,000 runs near the limit give probabilities down to 1e-9
         """
         given = given_once("Bounds.probability", laws, distributions)

@@ -1,4 +1,4 @@
-"""Limits of curves between output times, where scalar outputs give the lowest and highest values of runs."""
+"""Limits of curves between output times. Scalar outputs give the lowest and highest values of runs there."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -15,22 +15,22 @@ from symmb.bound.bounds.worst_case import SIDES
 from symmb.bound.nodes import corners
 
 _RISE_SAFETY = 2.0
-"""Safety factor on the rise between two output times. The curve may rise more than the parabola."""
+"""Safety factor on the rise between two output times, because the curve may rise more than the parabola."""
 _REPEATED = 8
 """Largest number of runs of the study that are repeated for one end of a limit."""
 _MOST_CORNERS = 64
-"""Largest number of corners at which runs are made, because a corner may be worst only between two output times."""
+"""Largest number of corners at which runs are made. Between output times, another corner may be the worst."""
 _STARTS, _MOST_RUNS = 6, 300
 """Number of runs from which a search for closer runs starts, and largest number of its runs."""
 
 
 def with_peaks(bounds: Envelope, limits: Sequence[KeptLimit]) -> tuple[list[KeptLimit], list[str]]:
-    """The limits after an examination of the curves between output times, and remarks on limits that may be violated.
+    """The limits after a check of the curves between output times, and remarks on limits that may be violated.
 
-    The nominal run of a scene, the corners and the runs closest to a limit are repeated with the lowest and highest
-    values over time. If one of them comes closer to the limit than the bounds, further runs search for the closest one.
-    For other simulators, parabolas through three neighbouring times estimate the bounds between them. Scalar outputs
-    have no times.
+    For a scene, the nominal run, the corners and the runs closest to a limit are repeated. They give the lowest and
+    highest values over time. If one of these runs is closer to the limit than the bounds, further runs search for the
+    closest run. For other simulators, parabolas through three neighbouring times estimate the bounds between the times.
+    Scalar outputs have no times.
     """
     curves = [limit for limit in limits if limit.output not in bounds.figures and len(bounds.t) > 1]
     names, study = tuple(limit.output for limit in curves), bounds.study
@@ -57,7 +57,7 @@ def with_peaks(bounds: Envelope, limits: Sequence[KeptLimit]) -> tuple[list[Kept
 
 
 def _examined(bounds: Envelope, limit: KeptLimit, k: int, excess: Excess, points: Array) -> KeptLimit:
-    """The limit of output number k after a search from the best of the points (n, d), if one is closer than known."""
+    """The limit of output number k. If a run at points (n, d) is closer than known, a search starts from them."""
     is_lower, rounding = excess.side == "lower", rounding_of(bounds, k)
     inside = bounds.lower[:, k] - limit.low if is_lower else limit.high - bounds.upper[:, k]
     if not np.isfinite(inside).all():
@@ -90,7 +90,7 @@ def _examined(bounds: Envelope, limit: KeptLimit, k: int, excess: Excess, points
 
 
 def _first(bounds: Envelope) -> Array:
-    """Points (n, d) of the unit box: nominal parameters in the box, and the corners if they are few."""
+    """Points (n, d) of the unit box: nominal parameters in the box, and the corners if there are few."""
     box = bounds.box
     assert box is not None
     nominal = [] if bounds._left_out else [[bounds.nominal_parameters[name] for name in box.names]]
@@ -131,7 +131,7 @@ def _by_parabolas(bounds: Envelope, limit: KeptLimit) -> float:
 
 
 def _rise(t: Array, y: Array) -> Array:
-    """Rise (n_t - 2,) above each inner value of the parabola through it and its neighbours; 0 without a peak."""
+    """Rise (n_t - 2,) of parabolas through three neighbouring values above the middle value; 0 without a peak."""
     left, right = np.diff(y)[:-1] / np.diff(t)[:-1], np.diff(y)[1:] / np.diff(t)[1:]
     before, after = np.diff(t)[:-1], np.diff(t)[1:]
     with np.errstate(divide="ignore", invalid="ignore"):

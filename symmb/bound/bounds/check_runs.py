@@ -1,8 +1,8 @@
 """Check runs: an independent check of methods that do not estimate their error. `adaptive` has its own check runs.
 
-The first run is at a point near the centre of the box. Lines through this point along the axes follow: runs are at
-their ends, and at the extremes that parabolas along them predict. No method makes these runs itself. Runs, bounds and
-the method's surrogate must agree.
+The first run is at a point near the centre of the box. The next runs are at the ends of lines through this point,
+parallel to the axes. Further runs are at the extremes of parabolas along these lines. No method makes these runs
+itself. Runs, bounds and the method's surrogate must agree.
 """
 
 import numpy as np
@@ -23,9 +23,9 @@ _RUNS_AT_EXTREMES = 4
 _PREDICTED_VALUES = 256
 """Number of extremes, over outputs and times, that are predicted. A few times of each output suffice."""
 _MOST_CORNERS, _POINTS_INSIDE = 64, 64
-"""Largest number of corners of the box at which a search looks, and number of points inside for a surrogate's range."""
+"""Largest number of corners, and number of points inside of the box, in a search for the surrogate's range."""
 _OFF_CENTRE = 0.2, 0.4
-"""Smallest and largest distance of the middle of the star from the centre of the box, in each parameter."""
+"""Smallest and largest distance of the first point from the centre of the box, in each parameter."""
 MOST_NUMBERS = 2**25
 """Largest number of values of check runs, and of coefficients that a method stores for check runs: 256 MB."""
 
@@ -42,8 +42,8 @@ def check_doubts(
     if bounds.kind == "enclosure" or bounds.estimate is not None or share == np.inf:
         return (), 0
     varied = np.flatnonzero(box.radius > 0)
-    # The allowed runs suffice for centre, faces and extremes of four parameters. If the method made more, more are
-    # allowed.
+    # The allowed runs suffice for the first point, faces and extremes of four parameters. A method with more runs has
+    # more check runs.
     most = min(max(13, bounds.evaluations), MOST_NUMBERS // max(bounds.lower.size, 1))
     if not varied.size or most < 3:
         return (), 0
@@ -157,7 +157,7 @@ def some_corners(d: int, random: np.random.Generator) -> Array:
 def _star(d: int, varied: Indices) -> Array:
     """A point c near the centre, then the points with one parameter of c at its lower or upper end.
 
-    The centre itself is not used: most methods make a run there, so their error there is 0.
+    The centre itself is not used: most methods make a run there, so that their error is 0.
     """
     n = len(varied)
     random = np.random.default_rng(1)
@@ -169,9 +169,9 @@ def _star(d: int, varied: Indices) -> Array:
 
 
 def _predicted(Y: Array, c: Array, varied: Indices, candidates: Array) -> tuple[Array, Array]:
-    """At most _RUNS_AT_EXTREMES points of extremes that parabolas predict, and the candidates with more such points.
+    """At most _RUNS_AT_EXTREMES points at extremes of parabolas, and the candidates with further extremes.
 
-    Y (1 + 2 n, n_t, n_y) are the scaled responses at the star around c (n,).
+    Y (1 + 2 n, n_t, n_y) are the scaled responses at the points of `_star`, with the first point c (n,).
     """
     n, n_t, n_y = len(varied), *Y.shape[1:]
     outputs = np.linspace(0, n_y - 1, min(n_y, _PREDICTED_VALUES)).astype(int)
@@ -207,6 +207,6 @@ def _predicted(Y: Array, c: Array, varied: Indices, candidates: Array) -> tuple[
 
 def _reached(surrogate: Piecewise, points: Array) -> tuple[Array, Array]:
     """Smallest and largest values (n_t, n_y) of a surrogate at points (N, d)."""
-    # Number of points at which a surrogate is evaluated at once. All points would take too much memory.
+    # Number of points at which a surrogate is evaluated at once, to limit memory.
     parts = [surrogate.values(some) for some in np.array_split(points, -(-len(points) // 16))]
     return np.min([part.min(axis=0) for part in parts], axis=0), np.max([part.max(axis=0) for part in parts], axis=0)

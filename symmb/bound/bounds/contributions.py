@@ -28,7 +28,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _POOR_LINE, _SMALL_OF_WIDTH = 0.5, 0.05
-"""Runs give the width of a parameter alone if its error, relative to this width and to the whole width, is larger."""
+"""Two limits for the error of a width of one parameter alone, relative to this width and to the full width.
+
+If the error is above both limits, runs give the width instead of polynomials.
+"""
 _FEWEST_SHARE_RUNS, _MOST_SHARE_RUNS = 64, 1024
 """Smallest and largest number of runs for variance fractions."""
 _NO_SUM = "The widths of single parameters do not sum to the full width, because parameters act together."
@@ -42,7 +45,7 @@ _OF_PARAMETER = entry(Record.with_nan, "t", "names", "parameters")
 class Contributions(Result, Saved):
     """Contributions of each parameter to the outputs over time.
 
-    `print` shows them at the times of the largest widths, and sorts parameters by `alone`; `plot` draws them.
+    `print` shows the contributions at the times of the largest widths, sorted by `alone`. `plot` draws them.
 
     Attributes
     ----------
@@ -53,12 +56,12 @@ class Contributions(Result, Saved):
     width : (n_t, n_y)
         width of the bounds
     alone : (n_t, n_y, n_p)
-        width if this parameter alone is uncertain, and the others are nominal
+        width if only this parameter is uncertain, and the others are nominal
     saved : (n_t, n_y, n_p)
         decrease of the width if this parameter has its nominal value
     first, total : (n_t, n_y, n_p)
-        Sobol's indices: the fractions of the variance that a parameter explains alone, and together with others.
-        Parameters are uniform and independent. Indices are nan if the variance is only rounding
+        Sobol's indices: the fraction of the variance by a parameter alone, and with its interactions. Parameters are
+        uniform and independent. Indices are nan if the variance is only rounding
     estimate : (n_t, n_y)
         largest estimated error of alone
     saved_estimate : (n_t, n_y)
@@ -68,7 +71,7 @@ class Contributions(Result, Saved):
     runs : int
         number of further runs
     method : str
-        the method of the surrogate or of the runs
+        method of the surrogate or of the runs
     remarks : sentences
         further information
     errors : (2, n_t, n_y, n_p)
@@ -236,8 +239,8 @@ def contributions_of(responses: Responses, may_run: bool = True) -> Contribution
 def _widths(responses: Responses, is_alone: bool) -> tuple[Array, Array, Mask]:
     """Widths (d, n_t, n_y) of polynomials over lines or faces through the nominal point, and the errors of their ends.
 
-    The third array (d, n_y) marks widths that require runs. On a line one parameter varies and the others are nominal.
-    On a face one parameter is nominal and the others vary.
+    The third array (d, n_y) marks widths that require runs. On a line, one parameter varies and all other parameters
+    are nominal. On a face, one parameter is nominal and all other parameters vary.
     """
     d, one, whole = len(responses.box), np.ones(len(responses.box)), rms(responses.upper - responses.lower)
     widths, error = np.zeros((2, d, *responses.lower.shape))
@@ -261,7 +264,8 @@ def _by_runs(
 ) -> int:
     """Fill in missing widths and errors, each (d, n_t, n_y), by further studies, and return the number of runs.
 
-    `missing` (d, n_y) marks these widths. `studies` are the numbers of earlier and of all studies, for the progress.
+    `missing` (d, n_y) marks these widths. The progress shows `studies`: the numbers of earlier studies and of all
+    studies.
     """
     runs, (before, of_all) = 0, studies
     for number, i in enumerate(np.flatnonzero(missing.any(axis=1)), before + 1):
@@ -279,8 +283,8 @@ def _shares(responses: Responses, may_run: bool) -> tuple[Array, Array, Array, i
     """First and total indices (d, n_t, n_y), their estimated error (n_t, n_y), and the number of runs.
 
     The indices are those of polynomials. They are nan if the variance is only rounding. If polynomials miss the
-    fraction r of the variance, a variance fraction changes by at most r + 2 sqrt(r). If the error is independent of the
-    polynomials, it changes by at most r. Residuals of least squares are independent.
+    fraction r of the variance, the error of a variance fraction is at most r + 2 sqrt(r). If residuals are independent
+    of the polynomials, as for least squares, this error is at most r.
     """
     first, total = np.full((2, len(responses.box), *responses.lower.shape), np.nan)
     variance, error = np.zeros(responses.lower.shape), np.ones(responses.lower.shape)
@@ -323,7 +327,7 @@ def _is_large(error: Array, variance: Array, varies: Mask) -> bool:
     weights = np.where(varies, variance, 0.0)
     typical = (np.minimum(error, 1.0) * weights).sum(axis=0) / np.maximum(weights.sum(axis=0), np.finfo(float).tiny)
     unknown = varies.any(axis=0) & (weights.sum(axis=0) == 0)  # before the first runs
-    # No further runs are made if the error of variance fractions, averaged with the variance as weight, is below this.
+    # Further runs are made if the mean error of variance fractions, weighted with the variance, is above this value.
     return bool((np.where(unknown, 1.0, typical) > 0.04).any())
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from symmb._types import Array
 
 DEVIATION = 4.0
-"""Prior standard deviation of the components of ridges, and of log(a). It limits numbers that runs do not determine."""
+"""Prior standard deviation of the components of ridges, and of log(a). It limits values that runs do not determine."""
 MEAN_RATE, DEVIATION_RATE = float(np.log(0.3)), 1.5
 """Prior mean and standard deviation of log(w) of other terms. A larger deviation requires more runs."""
 
@@ -21,7 +21,7 @@ class Term(ABC):
     Attributes
     ----------
     size : float    variance of the response, a
-    rates : (d,)    w of each parameter: the inverse of the length over which the response varies
+    rates : (d,)    w, the inverse of the length over which the response varies, for each parameter
     """
 
     size: float
@@ -29,11 +29,11 @@ class Term(ABC):
 
     @property
     def vector(self) -> Array:
-        """The numbers (d + 1,) that the search for a likely kernel changes: log(w) and log(a)."""
+        """The variables (d + 1,) of the search for a likely kernel: log(w) and log(a)."""
         return np.log(np.append(self.rates, self.size))
 
     def with_vector(self, vector: Array) -> Self:
-        """The term with other numbers in its vector."""
+        """The term with another vector."""
         return replace(self, size=float(np.exp(vector[-1])), rates=np.exp(vector[:-1]))
 
     @property
@@ -59,7 +59,7 @@ class Ridge(Term):
 
     @property
     def vector(self) -> Array:
-        """The numbers (d + 1,) that the search changes: w and log(a). The sign of w matters, so log(w) is not used."""
+        """The variables (d + 1,) of the search: w and log(a). The sign of w matters, so log(w) is not used."""
         return np.append(self.rates, np.log(self.size))
 
     def with_vector(self, vector: Array) -> Self:
@@ -106,9 +106,10 @@ class Smooth(Term):
 
 
 class Sum(Term):
-    """a / d sum_i (1 + |z_i|) exp(-|z_i|), z_i = w_i (x_i - x_i'): sums of functions of one parameter, even with kinks.
+    """a / d sum_i (1 + |z_i|) exp(-|z_i|), z_i = w_i (x_i - x_i'): sums of functions of one parameter, also with kinks.
 
-    Each is a Matern covariance of order 3/2. (Duvenaud, Nickisch and Rasmussen, Additive Gaussian Processes, 2011)
+    Each term of the sum is a Matern covariance of order 3/2. (Duvenaud, Nickisch and Rasmussen, Additive Gaussian
+    Processes, 2011)
     """
 
     def values(self, a: Array, b: Array) -> Array:

@@ -8,12 +8,12 @@ import numpy as np
 from symmb._types import Array
 
 STARTS, LATE_STARTS = 4, 2
-"""Number of places for the first step, and for later steps. More require more runs. Fewer may miss maxima."""
+"""Number of places for the first step, and for later steps. More places require more runs. Fewer places miss maxima."""
 STEPS, LEAST_STEPS = (2.0, 0.5, 0.12, 0.03, 0.008), 3
-"""Lengths of the steps, and number of first steps that are always used. These lead from a corner to its neighbours.
-Shorter steps follow only if their gain may matter."""
+"""Lengths of the steps, and number of first steps that are always made. The first steps lead from a corner to its
+neighbours. Shorter steps follow only if their gain may be relevant."""
 LINE_POINTS = 17
-"""Number of points of a line search along an axis. They find the extremes of one period of a sine within 0.06."""
+"""Number of points of a line search along an axis. For one period of a sine, they find the extremes within 0.06."""
 
 
 class Found(NamedTuple):
@@ -31,19 +31,20 @@ def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough:
     """Search for the largest value of f by polls, from the best of some starts (n, d).
 
     A poll evaluates points one step away in both directions along each axis, or along random orthogonal directions. It
-    also evaluates the point that parabolas through these values predict. If both kinds of directions gain nothing, the
-    step becomes shorter. (Audet and Dennis 2006, Mesh adaptive direct search algorithms for constrained optimization)
+    also evaluates the point that parabolas through these values predict. If neither axes nor random directions give a
+    gain, the step becomes shorter. (Audet and Dennis 2006, Mesh adaptive direct search algorithms for constrained
+    optimization)
 
     Parameters
     ----------
     f : values (N,) at points (N, d), minus infinity if there is no value
     most : number of evaluations after which no poll starts
-    enough : value above which the search ends. It also ends if such a value is not expected
+    enough : value above which the search ends. The search also ends if no such value is expected
     """
     d, rng, values = starts.shape[1], np.random.default_rng(0), _Values(f)
     x, fx = _best(starts, values(starts), STARTS)
-    # A step is repeated if its gain, divided by the range of values at the starts, is larger. Smaller values require
-    # more runs.
+    # A step is repeated if its gain exceeds this fraction of the range of values at the starts. Smaller fractions
+    # require more runs.
     sufficient = 1e-4 * float(np.ptp([value for value in values.known.values() if value > -np.inf] or [0.0]))
     error = np.inf
     for i, step in enumerate(STEPS):
@@ -53,7 +54,7 @@ def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough:
         x, fx = x[:number], fx[:number]
         late, is_axial = fx[0], True
         while True:
-            # A value above `enough` answers the question of the caller. Its distance from the maximum is not computed.
+            # A value above `enough` suffices for the caller. Its distance from the maximum is not computed.
             if len(values.known) >= most or not -np.inf < fx[0] <= enough:
                 return Found(x[0], float(fx[0]), np.inf)
             # Polls along the axes alone stop on ridges that are oblique to the axes. Random directions leave them.
@@ -63,10 +64,10 @@ def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough:
             row, before, each = reached.argmax(axis=1), fx[0], np.arange(len(x))
             x, fx = _best(points[each, row], reached[each, row], len(x))
             has_gained = fx[0] > before + sufficient
-            if not has_gained and (not is_axial or (np.abs(x) == 1).all()):  # inside from a corner, axes suffice
+            if not has_gained and (not is_axial or (np.abs(x) == 1).all()):  # from a corner into the box, axes suffice
                 break
             is_axial = has_gained
-        # Factor on the gain of the last step. The product is the expected distance from the largest value.
+        # The gain of the last step, times this factor, is the expected distance from the largest value.
         error = 2.0 * float(fx[0] - late)
     return Found(x[0], float(fx[0]), error)
 
@@ -90,8 +91,8 @@ class _Values:
 def _poll(values: Callable[[Array], Array], x: Array, fx: Array, step: float, basis: Array) -> Array:
     """Points (k, 2 d + 2, d) of a poll about places x (k, d) with values fx (k,).
 
-    The points are the place itself, one step ahead and behind along each vector of a basis (d, d), and a combination.
-    It takes the best step along each vector: to the better end, or to the vertex of a parabola through both ends.
+    The points are the place itself, one step ahead and behind along each vector of a basis (d, d), and a combined step.
+    The combined step contains the best step along each vector: to the better end, or to the vertex of a parabola.
     """
     polled = np.clip(x[:, None] + step * np.concatenate([basis, -basis]), -1.0, 1.0)
     ahead, behind = np.split(values(polled) - fx[:, None], 2, axis=1)
@@ -107,7 +108,7 @@ def _best(x: Array, fx: Array, number: int) -> tuple[Array, Array]:
     """At most `number` of the best places (k, d) that are not close to better places, and their values."""
     kept = list[int]()
     for i in np.argsort(-fx, kind="stable"):
-        # Searches from two places count as one search if their distance is smaller in each parameter.
+        # Places that are closer than this in each parameter are searched only once.
         if not kept or (fx[i] > -np.inf and all(np.abs(x[i] - x[j]).max() >= 0.12 for j in kept)):
             kept.append(int(i))
     return x[kept[:number]], fx[kept[:number]]

@@ -50,7 +50,7 @@ def checked(method: Method, simulator: Simulator, box: Box, bounds: Bounds, exec
 
 
 def _unused_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
-    """Warnings about varied parameters that nothing in a scene depends on: usually it contains their nominal values."""
+    """Warnings about parameters of the box that do not occur in the scene. It often contains their values instead."""
     if not isinstance(simulator, SceneSimulator) or simulator.scene is None:  # e.g. a copy from a pickle
         return ()
     varied = [name for name, low, high in zip(box.names, box.lower, box.upper, strict=True) if low < high]
@@ -75,14 +75,14 @@ def _far_nominal_values(simulator: Simulator, box: Box) -> list[str]:
 def _without_effect(simulator: Simulator, box: Box, bounds: Bounds) -> list[str]:
     """A remark on parameters that change no output of a black box.
 
-    Polynomials suggest such parameters, and pairs of runs that differ in one parameter confirm them. Scenes need no
-    such runs, because their equations show which parameters act.
+    Polynomials show parameters that seem to have no effect. Pairs of runs that differ in one parameter then confirm
+    this. Scenes need no such runs, because their equations show which parameters have an effect.
     """
     surrogate, varies = bounds.surrogate, box.radius > 0
     if surrogate is None or isinstance(simulator, SceneSimulator):
         return []
     floor = ROUNDING * np.abs([bounds.lower, bounds.upper]).max(axis=(0, 1), initial=0.0)
-    # A parameter may have no effect if its effect in polynomials, relative to the width, is smaller.
+    # A parameter may have no effect if its effect in polynomials, relative to the width, is below 1e-4.
     small = np.maximum(floor, 1e-4 * (bounds.upper - bounds.lower).max(axis=0))
     idle = np.flatnonzero(~surrogate.acting(small) & varies)
     if not len(idle):
@@ -101,12 +101,12 @@ def _without_effect(simulator: Simulator, box: Box, bounds: Bounds) -> list[str]
 def _second_look(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[tuple[str, ...], list[str]]:
     """Warnings and remarks from the nominal run and a run at a corner. Both runs are repeated by a second method.
 
-    The run at the corner is left out if the nominal run has warnings, or if it took a second longer than the study.
+    There is no run at a corner if the nominal run has warnings, or took over a second longer than the study.
     """
     if isinstance(simulator, SecondLook):
         simulator.second_look()
     own, motion = tuple(getattr(simulator, "doubts", ())), motion_of(simulator)
-    beside = motion is simulator  # a scalar output's width is not that of its curve
+    beside = motion is simulator  # a scalar output and its curve have different widths
     if motion is None:
         return own, []
     first = motion.ways.two(motion.dae.p_nominal)
@@ -130,7 +130,7 @@ def _second_look(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[tuple[
 def _doubts_of_widths(simulator: DAESimulator, p: Array, widths: Array) -> tuple[str, ...]:
     """Warnings if errors of a run are large compared with the widths (n_y,) of bounds.
 
-    A large error is confirmed by the more accurate of two other methods.
+    The more accurate of two other methods confirms a large error.
     """
     if not simulator.ways.two(p).is_large_beside(widths):
         return ()
@@ -140,7 +140,7 @@ def _doubts_of_widths(simulator: DAESimulator, p: Array, widths: Array) -> tuple
 def _linear_theory_doubts(simulator: Simulator, box: Box, seconds: float) -> tuple[str, ...]:
     """Warnings that flexible bodies deform too much for linear theory at corners of the box.
 
-    There are no such warnings if the nominal run already has one. No run starts if the runs have taken a second longer
+    If the nominal run has this warning, corners are not checked. No run starts if runs have taken over a second longer
     than the study.
     """
     motion = motion_of(simulator)
@@ -148,7 +148,7 @@ def _linear_theory_doubts(simulator: Simulator, box: Box, seconds: float) -> tup
         return ()
     end = time.perf_counter() + seconds + _SECONDS_BEYOND_STUDY
     d = len(box)
-    # Largest number of parameters with checks of flexible bodies at all corners. With more, two corners are checked.
+    # Largest number of parameters for checks of flexible bodies at all corners. Above it, two corners are checked.
     unit = corners(d) if d <= 3 else np.repeat([[-1.0], [1.0]], d, axis=1)
     for p in parameter_samples(simulator, box, unit):
         where = values_text(simulator.parameters, p, units_of_parameters(simulator.parameters))
@@ -173,7 +173,7 @@ def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
     P = np.vstack([motion.dae.p_nominal, corners_of_box])
     usual, *others = motion.formulation.pulses(motion.times)(P).tolist()
     k = int(np.argmin(others))
-    # The solver does not miss a pulse if its length, relative to the horizon, is larger.
+    # The solver does not miss pulses that are longer than this fraction of the horizon.
     if others[k] > min(usual / 2, 1e-2 * float(np.ptp(motion.times))):
         return ()
     where = values_text(simulator.parameters, P[k + 1], units_of_parameters(simulator.parameters))

@@ -76,13 +76,13 @@ class Envelope(WithWarnings):
 
     @property
     def _left_out(self) -> tuple[str, ...]:
-        """Parameters with a nominal value outside of their interval. The nominal run is then not a case of the box."""
+        """Parameters with a nominal value outside of their interval. The nominal run is then outside of the box."""
         pairs = () if self.box is None else zip(self.box.names, self.box.bounds, strict=True)
         ends = [(n, self.nominal_parameters.get(n, low), low, high) for n, (low, high) in pairs]
         return tuple(n for n, x, low, high in ends if max(low - x, x - high) > 1e-12 * max(-low, high, abs(x)))
 
     def _with_nominal(self) -> Self:
-        """The bounds with the nominal run and its noise. The run is made if it is missing."""
+        """The bounds with the nominal run and its noise. A missing nominal run is made."""
         if self.nominal is not None or self.study is None:
             return self
         nominal, noise = self.study.nominal
@@ -97,10 +97,11 @@ class Envelope(WithWarnings):
             return self.lower - self.estimate, self.upper + self.estimate
 
     def doubtful(self, share: float = DOUBTFUL) -> dict[str, float]:
-        """Outputs with an estimated error above a fraction of the width, and the time [s] from which it is so large.
+        """Outputs with an estimated error above a fraction of the width, and the time [s] from which the error is so
+        large.
 
-        Error and width are root mean squares from a time to the end. The width counts as at least a tenth of the width
-        over all times. Errors within noise and rounding do not count. The result is empty without an estimate.
+        Error and width are root mean squares from a time to the end. The width is taken as at least a tenth of the
+        width over all times. Errors within noise and rounding are ignored. The result is empty without an estimate.
         """
         require_positive("doubtful", "share", share)
         if self.estimate is None:
@@ -115,7 +116,7 @@ class Envelope(WithWarnings):
     def doubtful_windows(self, share: float = DOUBTFUL) -> tuple[tuple[str, float, float], ...]:
         """Windows of time (name, from, to) [s] with an estimated error above a fraction of the width.
 
-        Error and width are root mean squares over 2 % of the times. The width counts as at least a tenth of the width
+        Error and width are root mean squares over 2 % of the times. The width is taken as at least a tenth of the width
         over all times.
         """
         require_positive("doubtful_windows", "share", share)
@@ -138,7 +139,7 @@ class Envelope(WithWarnings):
         own = [ends for output, *ends in windows if output == name]
         if not own or own[-1][1] == self.t[-1]:
             assert self.estimate is not None
-            first = self.t[(self.estimate[:, self._column(name)] > 0).argmax()]  # a known start has no error
+            first = self.t[(self.estimate[:, self._column(name)] > 0).argmax()]  # known start values have no error
             return f" from {max(since, float(first)):g} s"
         texts = [f"from {begin:g} to {end:g} s" for begin, end in own[:most]]
         return " " + " and ".join([*texts, *(["later"] if len(own) > most else [])])

@@ -28,7 +28,7 @@ class Failure:
 
     def __str__(self) -> str:
         if all(re.search(rf"\b{re.escape(name)} ?= ?", self.message) for name in self.parameters):
-            return self.message  # messages of scenes and functions contain parameters
+            return self.message  # the message contains the parameters already
         values = ", ".join(f"{name}={value:.6g}" for name, value in self.parameters.items())
         return f"{values}: t = {self.time:.6g}: {self.message}"
 
@@ -78,7 +78,7 @@ class FailedRegion:
 
 
 def failed_region(box: Box, points: Array, failed: Mask) -> str:
-    """The region of failed runs (N,) at points (N, d) of the unit box, in words; empty for less than two failures.
+    """The region of failed runs (N,) at points (N, d) of the unit box, in words; empty for fewer than two failures.
 
     Examples
     --------
@@ -92,11 +92,11 @@ def failed_region(box: Box, points: Array, failed: Mask) -> str:
 
 
 def find_failed_region(box: Box, points: Array, failed: Mask) -> FailedRegion | None:
-    """The box of few parameters that explains the failures best; None if failures are scattered.
+    """The box with limits of few parameters that explains the failures best; None if failures are scattered.
 
-    Runs fail with one probability inside of the box, and with another one outside. The best box maximizes the logarithm
-    of the likelihood less a cost for each limit. The cost is the logarithm of the number of possible limits (minimum
-    description length; Rissanen, Automatica 14, 1978).
+    Runs fail with one probability inside of the box, and with another probability outside. The best box maximizes the
+    logarithm of the likelihood less a cost for each limit. The cost is the logarithm of the number of possible limits
+    (minimum description length; Rissanen, Automatica 14, 1978).
     """
     # Number of decimal digits to which points of the unit box are compared.
     points = np.round(points, 12)
@@ -118,7 +118,7 @@ def find_failed_region(box: Box, points: Array, failed: Mask) -> FailedRegion | 
 
 
 def _extended(intervals: _Intervals, ranks: Indices, failed: Mask) -> _Intervals:
-    """The intervals with an interval of one more column. Each interval is then optimized for the others."""
+    """The intervals with an interval of one more column. Each one is then optimized, with the others fixed."""
     free = [j for j in range(len(ranks)) if j not in intervals]
     tried = [intervals | {j: _best_interval(intervals, j, ranks, failed)} for j in free]
     intervals = max(tried, key=lambda some: _score(some, ranks, failed))
@@ -134,7 +134,7 @@ def _best_interval(others: _Intervals, j: int, ranks: Indices, failed: Mask) -> 
     runs = np.cumsum(np.bincount(ranks[j][inside], minlength=last + 1))
     bad = np.cumsum(np.bincount(ranks[j][inside & failed], minlength=last + 1))
     at = np.unique(ranks[j][inside & failed])  # an interval is best if failed runs are at its ends
-    # Largest number of ends of an interval that are tried on each side. More take longer.
+    # Largest number of ends of an interval that are tried on each side. More ends take longer.
     at = at[np.linspace(0, len(at) - 1, min(len(at), 200)).round().astype(int)]
     first, end = np.concatenate([[0], at]), np.concatenate([at, [last]])
     before_runs, before_bad = (np.concatenate([[0], sums])[first][:, None] for sums in (runs, bad))

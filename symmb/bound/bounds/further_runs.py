@@ -15,16 +15,17 @@ from symmb.bound.bounds.worst_case import SIDES
 from symmb.bound.nodes import Sobol
 
 _NEAR_LIMIT = 0.2
-"""Distance of a limit divided by the width of bounds. If it is smaller, the search follows creases. Polls missed up to
-0.15 of the width there. tests/bounds/test_creases.py"""
+"""Distance of a limit divided by the width of bounds. For smaller distances, the search follows creases. Polls missed
+up to 0.15 of the width there. tests/bounds/test_creases.py"""
 _CLOSE_TO_LIMIT = 0.03
-"""Distance of a limit divided by the width of bounds. If it is smaller, lines along the axes follow after the search,
-because a peak that passes output times makes many hills. Smaller values miss more. Larger values take more runs."""
+"""Distance of a limit divided by the width of bounds. For smaller distances, lines along the axes follow after the
+search. A peak that moves past output times causes many local maxima. Smaller values miss more maxima. Larger values
+take more runs."""
 _MISSED_HILL = 1e-3
-"""Distance that a search may miss if it ends inside the box, divided by the spread of the extremes of its first runs. A
-slightly higher hill may be beside the highest known hill. tests/benchmarks/machine_tolerances.py"""
+"""Error of a search that ends inside the box, divided by the spread of the extremes of its first runs. A slightly
+higher local maximum may be next to the highest known one. tests/benchmarks/machine_tolerances.py"""
 _SUFFICIENT_GAIN = 1e-4
-"""Gain of a step along a crease, divided by the same spread. A smaller gain does not matter to an engineer."""
+"""Smallest relevant gain of a step along a crease, divided by the spread of the first runs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +39,7 @@ class FurtherRun:
     values : (n_t,)            of the output
     beyond : float             largest distance of the values beyond the limit, negative inside
     error : float              distance by which other runs may be closer; infinite if the search was not completed
-    runs, failed : int         number of further runs, and of those that failed
+    runs, failed : int         number of further runs, and number of failed runs
     is_flat : bool             whether most runs have the same extreme, because the output is limited to this value
     between : float            time of the closest value [s] if it is between two output times; otherwise nan
     """
@@ -60,16 +61,16 @@ class FurtherRun:
 
 
 class Excess:
-    """The largest excess of runs over one end of a limit, which is negative inside. The best run is stored.
+    """The largest excess of runs over one end of a limit, negative inside of the limit. The best run is stored.
 
-    Curves of scenes count with their extremes over time, also between output times. Other outputs have values at output
+    For curves of scenes, extremes over time are used, also between output times. Other outputs have values at output
     times only.
 
     Attributes
     ----------
     side : str                     side of the limit, "lower" or "upper"
     largest, place : float, (d,)   largest excess so far, and its point of the unit box
-    runs, failed : int             number of runs so far, and of those that failed
+    runs, failed : int             number of runs so far, and number of failed runs
     first : (N,)                   excess of the first runs
     """
 
@@ -101,17 +102,17 @@ class Excess:
 
     @property
     def spread(self) -> float:
-        """Distance of the largest excess from the least excess of the first runs."""
+        """Difference of the largest and the smallest excess of the first runs."""
         return self.largest - float(self.first[np.isfinite(self.first)].min(initial=self.largest))
 
     def is_flat(self) -> bool:
-        """Whether most starts and the nominal run have the largest excess. This does not happen on a hill."""
+        """Whether most starts and the nominal run have the largest excess, because the output is constant there."""
         least = self.largest - LAST_DIGITS * (abs(self._limit) + abs(self.largest))
         nominal = self._study.nominal[0] if np.mean(self.first >= least) > 0.5 else None
         return nominal is not None and bool((self._sign * (nominal[:, self._k] - self._limit)).max() >= least)
 
     def further_run(self, error: float, is_flat: bool = False) -> FurtherRun:
-        """The run with the largest excess. Other runs may be closer to the limit by an error."""
+        """The run with the largest excess. Other runs may be closer to the limit by `error`."""
         bounds, between = self._bounds, np.nan
         if not self.has_peaks or self.largest == -np.inf:
             values = self._study.attempted(self.place[None])[0][0, :, self._k]
@@ -122,21 +123,21 @@ class Excess:
             every = (len(times) - 1) // (len(bounds.t) - 1)
             own = np.nan_to_num(self._sign * fine, nan=-np.inf)
             best = np.flatnonzero(own >= own.max() - SAME * abs(own.max()))
-            moment = int(min(best, key=lambda i: i % every != 0))  # an output time if its value is as large
+            moment = int(min(best, key=lambda i: i % every != 0))  # output times are preferred
             values, row = fine[::every].copy(), int(np.abs(bounds.t - times[moment]).argmin())
             if moment % every:
-                # The extreme counts as the value at the closest output time, so that the margin there is right.
+                # The extreme replaces the value at the closest output time, so that the margin there is correct.
                 between, values[row] = float(times[moment]), self._limit + self._sign * self.largest
         return FurtherRun(self.side, self.place, values, self.largest, error, self.runs, self.failed, is_flat, between)
 
 
 def closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indices, enough: float) -> FurtherRun:
-    """The further run that is closest to a limit, or farthest beyond it, from a search with several starts.
+    """The further run that is closest to a limit, or farthest beyond the limit, from a search with several starts.
 
     The starts are the worst runs of the study, the extremes of its polynomials, and the nearest corners. They are taken
-    at the first of the rows (n_t,) that have different runs. If runs cost little, starts also include points with two
-    parameters changed, and points spread over the box. If the limit is close, lines through the best run follow. An
-    excess above `enough` ends the search.
+    at the first of the times `rows` (n_t,) that have different runs. If runs cost little, starts also include points
+    with two changed parameters, and points spread over the box. If the limit is close, lines through the best run
+    follow. An excess above `enough` ends the search.
     """
     study, box = bounds.study, bounds.box
     assert study is not None and box is not None
@@ -149,7 +150,7 @@ def closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indices
     if study.has_lanes and 0 <= -excess.largest < _NEAR_LIMIT * width:
         error = _along_crease(excess, error, enough)
     if study.has_lanes and 0 <= -excess.largest < _CLOSE_TO_LIMIT * width:
-        # A poll stays on its hill. Lines over the whole box find other hills along each parameter.
+        # A poll stays near its local maximum. Lines over the whole box find other local maxima along each parameter.
         before, lines = excess.largest, np.tile(excess.place, (len(box), LINE_POINTS, 1))
         lines[range(len(box)), :, range(len(box))] = np.linspace(-1.0, 1.0, LINE_POINTS)
         found = direct_search(excess, np.concatenate([excess.place[None], *lines]), most, enough)
@@ -172,13 +173,13 @@ def _starts(bounds: Envelope, k: int, side: str, rows: Indices) -> Iterator[Arra
     """Points (n, d) from which the search for the closest run starts."""
     study, box = bounds.study, bounds.box
     assert study is not None and box is not None
-    # Runs of the study at several times, and points that are spread over the box, are starts only if runs cost little.
+    # If runs cost little, runs of the study at several times and points spread over the box are further starts.
     d, peaks = len(box), 3 if study.has_lanes else 1
     some = rows_of_runs(bounds, k, side, rows)[:peaks]
     first = attaining_points(bounds, k, side, some)
     yield first
     if study.has_lanes:
-        # Corners that studies miss usually differ from the known worst corner in two parameters that act only together.
+        # Studies usually miss corners that differ from the known worst corner in two parameters with a joint effect.
         signs = [np.where(np.isin(np.arange(d), pair), -1.0, 1.0) for pair in combinations(range(d), 2)]
         yield np.reshape(signs, (-1, d)) * first[0]
         yield Sobol().points(16, d, seed=0)
@@ -188,9 +189,9 @@ def _starts(bounds: Envelope, k: int, side: str, rows: Indices) -> Iterator[Arra
 
 
 def rows_of_runs(bounds: Envelope, k: int, side: str, rows: Indices) -> Indices:
-    """The rows at which bounds are attained by a run for the first time; all if the runs are not known.
+    """The time indices at which a run attains the bounds for the first time; all indices if the runs are not known.
 
-    Neighbouring times share a run, so that the first rows alone would give one run several times.
+    Neighbouring times often have the same run, so that the first indices alone would give one run several times.
     """
     if bounds.attaining is None:
         return rows
@@ -198,7 +199,7 @@ def rows_of_runs(bounds: Envelope, k: int, side: str, rows: Indices) -> Indices:
 
 
 def attaining_points(bounds: Envelope, k: int, side: str, rows: Indices) -> Array:
-    """Points (n, d) of the unit box of runs that attain bounds at rows; the middle if the runs are not known."""
+    """Points (n, d) of the unit box of runs that attain bounds at `rows`; the centre if the runs are not known."""
     box, runs = bounds.box, bounds.attaining
     assert box is not None
     if runs is None:
@@ -209,9 +210,9 @@ def attaining_points(bounds: Envelope, k: int, side: str, rows: Indices) -> Arra
 
 
 def _is_on_hill(bounds: Envelope, k: int, run: FurtherRun, floor: float) -> bool:
-    """Whether the closest run is inside the box in a parameter that acts at the time of the run's extreme.
+    """Whether the closest run is inside the box in a parameter that has an effect at the time of the run's extreme.
 
-    A parameter without effect at this time makes no hill, so no higher hill can be beside it.
+    A parameter without effect at this time causes no local maximum, so there can be no higher one nearby.
     """
     inside = np.abs(run.place) < 1.0
     if bounds.surrogate is not None and np.isfinite(run.values).any():

@@ -10,15 +10,15 @@ from symmb.bound.bounds.covariances import DEVIATION, MEAN_RATE, Ridge, Smooth, 
 
 EXPECTED_NOISE, _LEAST_NOISE = 1e-6, 1e-10
 """Expected and smallest variance of noise divided by the variance of responses. Noise keeps covariance matrices
-regular. More noise smooths more."""
+regular. With more noise, the process is smoother."""
 _FARTHEST_DEVIATIONS = 3.0
-"""Largest distance of likely numbers from their expectation, in standard deviations. Larger distances overflow. Smaller
-ones exclude some responses."""
+"""Largest distance of the variables of a kernel from their prior mean, in standard deviations. Larger distances cause
+overflow. Smaller distances exclude some responses."""
 
 
 @dataclass(frozen=True, eq=False)
 class Kernel:
-    """Covariance of responses: a sum of terms, and noise. The first term is that of smooth functions.
+    """Covariance of responses: a sum of terms, and noise. The first term is for smooth functions.
 
     Attributes
     ----------
@@ -31,16 +31,16 @@ class Kernel:
 
     @classmethod
     def of(cls, d: int) -> "Kernel":
-        """A kernel without further terms, as a start."""
+        """A kernel with the first term only."""
         return cls((Smooth(1.0, np.full(d, np.exp(MEAN_RATE))),), 1e-4)
 
     def with_term(self, term: Term) -> "Kernel":
-        """The kernel with one more term, which takes most of the variance of the smooth term."""
+        """The kernel with one more term, which gets most of the variance of the smooth term."""
         smooth, *further = self.terms
         return replace(self, terms=(replace(smooth, size=0.1 * smooth.size), *further, replace(term, size=smooth.size)))
 
     def with_vector(self, vector: Array) -> "Kernel":
-        """The kernel with another vector of numbers."""
+        """The kernel with another vector."""
         *own, noise = np.split(vector, np.cumsum([len(term.vector) for term in self.terms]))
         terms = (term.with_vector(part) for term, part in zip(self.terms, own, strict=True))
         return Kernel(tuple(terms), float(np.exp(noise[0])))
@@ -78,7 +78,7 @@ class Kernel:
 
 @dataclass(frozen=True, eq=False)
 class GaussianProcess:
-    """Mean and standard deviation of responses for given runs, relative to the mean and deviation of these runs.
+    """Mean and standard deviation of responses for given runs, in units of the mean and deviation of these runs.
 
     Attributes
     ----------
@@ -121,9 +121,9 @@ class GaussianProcess:
         return self._inverse_root.T @ (self._inverse_root @ self.Y)
 
     def unlikeliness(self) -> tuple[float, Array]:
-        """Negative logarithm of the likelihood of the responses, and its gradient by the vector of the kernel.
+        """Negative log-likelihood of the responses, and its gradient with respect to the vector of the kernel.
 
-        A weak prior determines numbers without an effect on the likelihood.
+        A weak prior determines variables that have no effect on the likelihood.
         """
         kernel, m = self.kernel, self.Y.shape[1]
         mean, deviation = kernel.prior
@@ -143,15 +143,14 @@ class GaussianProcess:
         mean, deviation = self.kernel.prior
         limits = np.stack([mean - _FARTHEST_DEVIATIONS * deviation, mean + _FARTHEST_DEVIATIONS * deviation], axis=1)
         limits[-1] = np.log([_LEAST_NOISE, 1.0])  # of the noise
-        # Tolerance of the maximum, relative to the logarithm of the likelihood, which is some hundreds. It takes a
-        # third of the steps.
+        # Tolerance of the maximum, relative to the log-likelihood of some hundreds. It saves two thirds of the steps.
         result = minimize(
             lambda vector: replace(self, kernel=self.kernel.with_vector(vector)).unlikeliness(),
             np.clip(self.kernel.vector, *limits.T),
             jac=True,
             method="L-BFGS-B",
             bounds=limits,
-            options={"maxiter": 60, "ftol": 1e-5},  # directions turn slowly
+            options={"maxiter": 60, "ftol": 1e-5},  # directions of ridges change slowly
         )
         return replace(self, kernel=self.kernel.with_vector(result.x))
 

@@ -1,4 +1,4 @@
-"""Local search along a crease, where two smooth parts of a function meet, for the largest value over the unit box."""
+"""Local search along creases: the largest value of the minimum of several smooth functions, over the unit box."""
 
 from collections.abc import Callable
 
@@ -8,18 +8,19 @@ from symmb._types import Array
 from symmb.bound.bounds.direct_search import Found
 
 RADII, STEPS = (1.0, 1.0, 0.4, 0.4, 0.16, 0.16, 0.064, 0.064), 40
-"""Distances from the best place within which gradients are sampled, and the largest number of steps. A step that gains
-nothing takes the next distance. Each distance has two chances, because the random points may miss a piece."""
+"""Distances from the best place within which gradients are sampled, and the largest number of steps. After a step
+without a gain, the next distance is used. Each distance is used twice, because random points may miss a piece."""
 POINTS = 4
 """Number of random points of a step. They are on both sides of a crease with a probability of 7/8."""
 LENGTHS = (2.0, 1.0, 0.5, 0.25)
 """Largest steps, divided by the radius. Gradients are less valid at longer distances."""
 DIFFERENCE = 1e-3
-"""Step of the finite differences that give gradients. If values have errors of 1e-6, gradients have errors of 1e-3."""
+"""Step of the finite differences that approximate gradients. Errors of 1e-6 of values cause errors of 1e-3 of
+gradients."""
 
 
 def gradient_sampling(f: Callable[[Array], Array], x: Array, fx: float, sufficient: float, enough: float) -> Found:
-    """Search for the largest value of f from a place x (d,) where polls stop, because f has a crease there.
+    """Search for the largest value of f from a place x (d,) at which polls stop, because f has a crease there.
 
     The lowest peak of a response over time, for instance, is in a crease between two peaks. Each step takes gradients
     at random points around the best place. Each gradient gives a linear function, and f is about the smallest of these

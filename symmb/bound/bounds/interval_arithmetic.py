@@ -22,8 +22,9 @@ class IntervalArithmetic(Method):
     """Enclosure of plain expressions of parameters and time by natural interval arithmetic, eq. (12).
 
     Every operation is replaced by its interval extension and rounded outward. The bounds thus contain the range of the
-    expression as CasADi stores it: constants, ends of the box and times are double precision numbers. The bounds are
-    usually far too wide, because an argument that occurs twice counts as two arguments. One evaluation gives all times.
+    expression. Its constants, the ends of the box and the times are double precision numbers. The bounds are usually
+    far too wide, because an argument that occurs twice counts as two arguments. One evaluation gives the bounds at all
+    times.
 
     Raises
     ------
@@ -46,7 +47,7 @@ class IntervalArithmetic(Method):
     kind: ClassVar[Kind] = "enclosure"
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
-        # The attribute is read: from Python 3.12 on isinstance accepts a property that raises.
+        # The attribute is read, because isinstance accepts a property that raises (from Python 3.12 on).
         f: ca.Function | None = getattr(simulator, "expression", None)
         if f is None:
             raise PropagationError(

@@ -14,22 +14,22 @@ from symmb.bound.nodes import Random, Sobol, corners
 from symmb.bound.polynomials.ranges import Piecewise
 
 _SAMPLES_OF_POLYNOMIALS, _SAMPLES_WITH_SEARCH, SAMPLES_BEFORE_RUNS = 512, 128, 32
-"""Numbers of samples of a set: from polynomials; if each sample requires a search for extremes, or a run; and if runs
+"""Numbers of samples of a set for three cases: from polynomials; if each sample requires a search or a run; and if runs
 near a limit may follow. Larger numbers take more time."""
 VERIFYING_RUNS = 32
-"""Number of runs, spread by the distributions, that verify the values of polynomials, not only their range."""
+"""Number of runs at samples of the distributions. They verify the values of polynomials, not only their range."""
 SAFETY_OF_RUNS = 2.0
-"""Ratio of accepted errors at verifying runs to errors of ranges, for the largest and for the rms errors."""
+"""Safety factor on the errors of polynomials at verifying runs."""
 _FITTED_RUNS, _POINTS_INSIDE, _INTERVALS_OF_ALL_CORNERS = 256, 32, 5
 """Number of runs of a fit if polynomials are not accurate enough, number of points inside the intervals, and largest
 number of intervals for which all corners are used."""
 STANDARD_ERRORS = 3.5
-"""The reported sampling error divided by the standard error of the mean of the sets: 99 % of Student's t with 7 degrees
-of freedom."""
+"""The reported sampling error divided by the standard error of the mean of the sets. It is the quantile for 99 % of
+Student's t with 7 degrees of freedom."""
 
 
 class LawSamples:
-    """Samples of an output: sets of points that follow the distributions, and ranges over the parameters without one.
+    """Samples of an output: sets of points that follow the distributions, and ranges over all other parameters.
 
     Attributes
     ----------
@@ -66,8 +66,8 @@ class LawSamples:
 
     @cached_property
     def checks(self) -> tuple[Array, Array]:
-        """Uniform numbers (N, n_l + n_free) of runs, and responses (N, n_t). The runs follow the distributions; other
-        parameters are spread evenly."""
+        """Uniform numbers (N, n_l + n_free) of runs, and responses (N, n_t). The runs follow the distributions. Other
+        parameters are uniform."""
         u = (Sobol().points(VERIFYING_RUNS, len(self.columns) + self.free.sum(), seed=SETS_OF_SAMPLES) + 1) / 2
         return u, self.by_runs(self.unit_points(u))
 
@@ -77,7 +77,7 @@ class LawSamples:
 
     def may_grow(self) -> bool:
         """Whether more samples require no runs and little time."""
-        # Largest number of polynomial values for a probability, which take some seconds.
+        # Largest number of polynomial values for a probability. They take some seconds.
         return self.surrogate is not None and not self.free.any() and 4 * self.number * len(self.error) <= 2**24
 
     def draw(self, n: int) -> None:
@@ -102,8 +102,8 @@ class LawSamples:
         return self.responses.runs.values(points)[:, :, self.column]
 
     def _fit(self) -> None:
-        """Fit polynomials by least squares, which are less accurate. Sets of runs that differ only in the parameters
-        without a distribution give their error."""
+        """Fit less accurate polynomials by least squares. Runs that differ only in the parameters without a
+        distribution give their error."""
         responses, free = self.responses, np.flatnonzero(self.free)
         assert responses.runs is not None
         points, Y = responses.runs.sample(_FITTED_RUNS)
@@ -136,8 +136,8 @@ class LawSamples:
         """Windows of time, and the lowest and highest values (replicates, n, n_t) in each window."""
         surrogate, n_t = self.surrogate, len(self.responses.t)
         step = n_t
-        if surrogate is not None:  # each window computes all terms again
-            # Number of values that are computed together. They fit into the cache of a processor.
+        if surrogate is not None:  # each window repeats the computation of all terms
+            # Number of values that are computed together. They fit into the processor cache.
             step = max(2**20 // self.number, *(len(own.alpha) for own in surrogate.expansions))
         for start in range(0, n_t, step):
             window = slice(start, min(start + step, n_t))
@@ -164,10 +164,10 @@ class LawSamples:
         responses = self.responses
         intervals = tuple(name for name, free in zip(responses.box.names, self.free, strict=True) if free)
         remarks = (*responses.remarks, *self._laws.remarks)
-        # A remark reports too few samples if fewer samples than this are beyond a quantile.
+        # If fewer samples than this are beyond a quantile, a remark reports too few samples.
         if levels is not None and (few := np.minimum(levels, 1 - levels) * self.number < 8).any():
             text = ", ".join(f"{q:g}" for q in levels[few])
-            remarks = (*remarks, f"Few of the samples are beyond the quantiles {text}: their error is a rough guess.")
+            remarks = (*remarks, f"Few of the samples are beyond the quantiles {text}: their error is inaccurate.")
         unit = responses.units[self.column] if responses.units else ""
         numbers = self.number, self.runs
         return responses.names[self.column], unit, responses.t, repr(self._laws), intervals, *numbers, remarks

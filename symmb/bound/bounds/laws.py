@@ -17,7 +17,7 @@ Correlation = Sequence[Sequence[float]] | Array
 
 
 def given_once(owner: str, laws: object, distributions: object) -> Any:
-    """Distributions that are given by one of two names."""
+    """The distributions, which may be given by either of two names."""
     if laws is not None and distributions is not None:
         raise DeclarationError(f"{owner}: laws and distributions are two names of one argument. Give one of them.")
     return distributions if laws is None else laws
@@ -62,9 +62,9 @@ class Laws:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """A sentence about distributions that lose a part outside of the box, or nothing."""
+        """A sentence about distributions with a part outside of the box; empty if there are none."""
         outside = 1.0 - (self.masses[:, 1] - self.masses[:, 0])
-        # A remark reports a probability outside of the box if it is larger.
+        # A remark reports a probability outside of the box if it is larger than this.
         cut = {name: mass for name, mass in zip(self.names, outside.tolist(), strict=True) if mass > 1e-4}
         if not cut:
             return ()
@@ -77,7 +77,7 @@ class Laws:
         )
 
     def unit_points(self, uniform: Array, box: Box) -> Array:
-        """Values (N, n_l) in the unit box from independent, uniformly distributed numbers (N, n_l) of [0, 1]."""
+        """Values (N, n_l) in the unit box from independent numbers (N, n_l) with a uniform distribution on [0, 1]."""
         u = uniform
         if self.factor is not None:
             from scipy.special import ndtr, ndtri
@@ -95,7 +95,7 @@ class Laws:
 
 
 def laws_text(laws: Mapping[str, Any]) -> str:
-    """Distributions by name, in the form of the calls that made them."""
+    """Distributions by name, written as the calls that made them."""
     return "{" + ", ".join(f"{name!r}: {_law_text(law)}" for name, law in laws.items()) + "}"
 
 
@@ -116,13 +116,13 @@ def _masses(owner: str, name: str, law: Any, box: Box) -> tuple[float, float]:
         )
     low, high = box.bounds[box.names.index(name)]
     try:
-        below, above = float(law.cdf(np.nextafter(low, -np.inf))), float(law.cdf(high))  # the end may have a mass
+        below, above = float(law.cdf(np.nextafter(low, -np.inf))), float(law.cdf(high))  # an end may have a mass
         middle = np.shape(law.ppf(np.array([below, above])))
     except Exception as error:  # raised by the user's class
         raise DeclarationError(f"{owner}: the distribution of {name!r} has no values: {error}.") from error
     if middle != (2,):
-        raise DeclarationError(f"{owner}: ppf of the distribution of {name!r} must give a number for each number.")
-    # Below this probability of the box, a distribution counts as outside, because its quantiles there have few digits.
+        raise DeclarationError(f"{owner}: ppf of the distribution of {name!r} must return a number for each number.")
+    # A distribution with a smaller probability in the box is rejected, because its quantiles there have few digits.
     if not above - below >= SLIGHT:
         raise DeclarationError(
             f"{owner}: the distribution of {name!r} has a probability of {above - below:.1g} in its interval from "

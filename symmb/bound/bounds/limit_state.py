@@ -19,16 +19,16 @@ _FAR_RUNS, _NEAREST, _FARTHEST = 96, 3.0, 7.0
 _KEPT_OF_A_LEVEL = 0.1
 """Fraction of samples that a level keeps."""
 _LEAST_PROBABILITY = 1e-10
-"""Events with a smaller probability are not searched."""
+"""Smallest probability for which events are searched."""
 _CLUSTERS, _COVARIANCE_FACTOR, _SHARE_OF_LAWS = 8, 1.6, 0.05
-"""Number of normal distributions from which samples are drawn. Factor on their covariances, because the true tails are
-heavier. Fraction of samples from the distributions of the parameters."""
+"""Number of normal distributions from which samples are drawn. Factor on their covariances, because failures have
+heavier tails. Fraction of samples from the distributions of the parameters."""
 SETS_OF_SAMPLES, _SAMPLES_OF_A_SET = 8, 2048
 """Number of independent sets of samples, and number of samples of a set."""
 _POOL_OF_RUNS = 4096
 """Number of samples from which the places of runs are chosen."""
 _RUNS_OF_A_ROUND = 48
-"""Number of runs of a round, where the predicted sign is most likely wrong. These runs correct the probability."""
+"""Number of runs in a round, at points where the predicted sign is most likely wrong. They correct the probability."""
 _RUNS_OVER_FAILURES = 0.25
 """Fraction of the runs of a round that is spread over all failures."""
 EXPECTED_IF_NONE = 3.0
@@ -62,10 +62,10 @@ class RareEvent:
 def rare_event(points_of: Normal, margins: Normal, known: tuple[Array, Array], aim: float, most: int) -> RareEvent:
     """Probability that the largest margin over time is positive.
 
-    Each round fits a Gaussian process to the margins of all runs. Subset simulation finds its failures, and samples are
-    drawn around them. Runs are made where the sign is least certain. They correct the probability, and enter the next
-    fit. (Echard, Gayton and Lemaire, Structural Safety 33 (2011); Dubourg, Sudret and Deheeger, Probabilistic
-    Engineering Mechanics 33 (2013))
+    Each round fits a Gaussian process to the margins of all runs. Subset simulation finds failures of the process, and
+    samples are drawn around them. Runs are made where the sign of the margin is most uncertain. They correct the
+    probability, and are used in the next fit. (Echard, Gayton and Lemaire, Structural Safety 33 (2011); Dubourg, Sudret
+    and Deheeger, Probabilistic Engineering Mechanics 33 (2013))
 
     Parameters
     ----------
@@ -89,16 +89,17 @@ def rare_event(points_of: Normal, margins: Normal, known: tuple[Array, Array], a
             pool = rng.choice(len(samples), _POOL_OF_RUNS, replace=False)
             at, share = points_of(samples[pool]), weights[pool] / _POOL_OF_RUNS
             s = process.mean(at)
-            doubt = np.exp(-0.5 * np.square(s / process.deviation(at)))  # doubt of the sign
-        # The variance of the correction is smallest if the density of runs is the share times the root of the
-        # probability of a wrong sign. Some runs are spread over all failures, to find wrong signs that the process
-        # takes as certain.
+            doubt = np.exp(-0.5 * np.square(s / process.deviation(at)))  # uncertainty of the sign
+        # The variance of the correction is smallest if the density of runs is the weight times the root of the
+        # probability of a wrong sign. Some runs are spread over all failures. They find wrong signs for which the
+        # process predicts no error.
         uncertain, failing = _normalized(share * np.sqrt(doubt)), _normalized(share * (s > 0))
         density = _normalized((1 - _RUNS_OVER_FAILURES) * uncertain + _RUNS_OVER_FAILURES * failing)
         chosen = rng.choice(_POOL_OF_RUNS, _RUNS_OF_A_ROUND, p=density)
         Y = margins(samples[pool][chosen])
         fails, each = Y.max(axis=1) > 0, share[chosen] / density[chosen]
-        # The process gives most of the probability without runs. Runs only correct its errors, so that few suffice.
+        # The process gives most of the probability without runs. Runs only correct its errors, so that few runs
+        # suffice.
         wrong = (fails.astype(float) - (s[chosen] > 0)) * each
         unseen = EXPECTED_IF_NONE / _RUNS_OF_A_ROUND * float((share * doubt).sum())
         of_wrong = max(_STANDARD_ERRORS * float(wrong.std(ddof=1)) / np.sqrt(_RUNS_OF_A_ROUND), unseen)
@@ -114,7 +115,7 @@ def rare_event(points_of: Normal, margins: Normal, known: tuple[Array, Array], a
 def _mean_of_last(rounds: list[tuple[float, float]]) -> tuple[float, float, int]:
     """Mean of the probabilities of the last half of the rounds, its error, and the number of rounds.
 
-    All rounds have the same weight. Weights by errors would prefer small probabilities, because their errors are small.
+    All rounds have the same weight. Weights by errors would favor small probabilities, because their errors are small.
     """
     values, errors = np.array(rounds[len(rounds) // 2 :]).T
     error = float(np.sqrt(np.square(errors).sum())) / len(values)
@@ -122,15 +123,15 @@ def _mean_of_last(rounds: list[tuple[float, float]]) -> tuple[float, float, int]
 
 
 def _directions(n_l: int) -> Array:
-    """Standard normal numbers (N, n_l) in all directions, far from the centre. They find regions with rare failures."""
+    """Standard normal numbers (N, n_l) in all directions, far from the centre. They are near rare failures."""
     normal = ndtri((Sobol().points(_FAR_RUNS, n_l + 1, seed=SETS_OF_SAMPLES) + 1) / 2)
     radius = _NEAREST + (_FARTHEST - _NEAREST) * ndtr(normal[:, :1])
     return radius * normal[:, 1:] / np.linalg.norm(normal[:, 1:], axis=1, keepdims=True)
 
 
 def _fitted_runs(m: Array, first: int) -> Indices:
-    """Numbers of the runs for a fit: the first ones, spread over all possible failures, and some near the limit."""
-    # Largest number of runs in a fit, because the time grows with its cube. The runs closest to the limit are used.
+    """Numbers of the runs for a fit: the first runs, spread over all failures, and some runs near the limit."""
+    # Largest number of runs in a fit, because the time grows with its cube. Runs closest to the limit are preferred.
     near = first + np.argsort(np.abs(m[first:]))[:400]
     return np.concatenate([np.arange(first), near])
 
@@ -149,7 +150,7 @@ class _Margin:
     trend : (n_b,)             coefficients of the polynomial
     centre, scale : (n_l,)     of points; the process takes points minus centre, divided by scale
     size : float               unit of the residuals
-    of_kernel : int            number of runs to which the kernel was fitted
+    of_kernel : int            number of runs in the last fit of the kernel
     factor : float             factor on deviations, from leave-one-out errors
     """
 
@@ -194,9 +195,10 @@ class _Margin:
         return self.size * self.factor * np.maximum(self.process.deviation((x - self.centre) / self.scale), least)
 
     def optimistic(self, x: Array) -> Array:
-        """Margins (N,) plus the leave-one-out error. Standard deviations would take a hundred times as long."""
+        """Margins (N,) plus the leave-one-out error. Standard deviations take a hundred times as long."""
         error = float(np.sqrt(np.square(self.process.left_out_errors()).mean()))
-        # The search for failures adds this many errors to a margin. Smaller numbers miss regions without runs.
+        # The search for failures adds this many errors to a margin. With smaller numbers, the search misses regions
+        # without runs.
         return self.mean(x) + 1.5 * self.size * error
 
 
@@ -209,11 +211,11 @@ def _sampled(
         return process.optimistic(points_of(z))
 
     z = _failures(margin, n_l, rng)
-    if len(failed):  # no region with a failed run is lost
+    if len(failed):  # keep all regions with failed runs
         near = failed[rng.choice(len(failed), _CHAINS)]
         moved = near, np.maximum(margin(near), 0.0)
         for _ in range(_MOVES_OF_A_CHAIN):
-            # Size of moves from failed runs towards places with likely failures.
+            # Size of moves from failed runs to places with likely failures.
             moved = _moved(margin, 0.0, *moved, 0.3, rng)
         z = np.concatenate([z, moved[0]])
     centres, roots = _clusters(z, rng)
@@ -224,7 +226,7 @@ def _sampled(
     normal = ndtri(np.clip(uniform[:, 1:], 1e-15, 1 - 1e-15))
     samples = centres[which] + np.einsum("nij,nj->ni", roots[which], normal)
     squares, density = np.square(samples).sum(axis=1), np.zeros(len(samples))
-    # The density of the samples divided by that of the parameters. Normalizing factors cancel except for determinants.
+    # The density of the samples divided by that of the parameters. All constant factors cancel except for determinants.
     for share, centre, root in zip(shares, centres, roots, strict=True):
         inner = np.square(np.linalg.solve(root, (samples - centre).T)).sum(axis=0)
         density += share * np.exp(0.5 * (squares - inner)) / np.prod(np.diag(root))
@@ -251,7 +253,7 @@ def _failures(margin: Normal, n_l: int, rng: np.random.Generator) -> Array:
 def _moved(
     margin: Normal, level: float, z: Array, m: Array, step: float, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """As many samples beyond a level as given, after moves that keep their distribution there."""
+    """Samples beyond a level, as many as before, after moves that keep their distribution."""
     start = rng.choice(np.flatnonzero(m >= level), len(z))
     z, m = z[start], m[start]
     for _ in range(_MOVES_OF_A_CHAIN):
@@ -265,8 +267,8 @@ def _moved(
 def _clusters(z: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """Centres (k, n_l) and roots (k, n_l, n_l) of covariances of normal distributions.
 
-    The first covariance is the covariance of the parameters. The second is the covariance of all samples z (N, n_l),
-    because clusters have too narrow tails.
+    The first covariance is that of the parameters. The second covariance is that of all samples z (N, n_l), because
+    clusters alone have too narrow tails.
     """
     from scipy.cluster.vq import kmeans2
 

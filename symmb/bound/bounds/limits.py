@@ -34,7 +34,7 @@ _WORDS = {True: "satisfied", False: "violated", None: "undecided"}
 
 
 class _Decision(NamedTuple):
-    """The result of a limit, its reason, the margin (n_t,), and the further run that comes closest to the limit."""
+    """The result for a limit, its reason, the margin (n_t,), and the further run that comes closest to the limit."""
 
     kept: bool | None
     why: str
@@ -52,8 +52,8 @@ class KeptLimit:
     low, high : float          limits, infinite if there is none
     kept : True, False, None   whether all responses are inside; None if the bounds do not decide this
     why : str                  a sentence: the reason, or how to decide the limit
-    margin : (n_t,)            distance of the bounds from the closer limit, negative beyond the limit. If further runs
-                               show a larger distance, this one is given
+    margin : (n_t,)            distance of the bounds from the closer limit, negative beyond the limit; or the distance
+                               of further runs, if it is larger
     row : int                  index of the time of the smallest margin
     further : FurtherRun       the further run that comes closest to the limit, or None if none was made or the check
                                was read from a file
@@ -96,7 +96,8 @@ class KeptLimit:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LimitCheck(plot.OverTimeBesideGiven, Result, ByOutput, Saved):
-    """The results of limits. `print` shows them, `plot` draws the bounds of the outputs and the limits.
+    """The results of a check of limits. `print` shows the results. `plot` draws the bounds of the outputs and the
+    limits.
 
     `save` writes a file, and `load` reads it.
 
@@ -297,7 +298,7 @@ def rounding_of(bounds: Envelope, k: int) -> float:
 
 
 def _doubt(bounds: Envelope, output: str) -> str:
-    """The first warning about an output that is not about its estimated error; '' if there is none."""
+    """The first warning about an output, other than a large estimated error; '' if there is none."""
     if doubts := [doubt for doubt in bounds.run_doubts if concerned(doubt, [output])]:
         return doubts[0]
     return "Runs failed." if bounds.failed else f"The bounds are {bounds.caution}." if bounds.caution else ""
@@ -318,7 +319,7 @@ def _decision(bounds: Envelope, k: int, low: float, high: float) -> _Decision:
         why = f"A run is beyond the limit, but only by rounding or noise of {rounding:.1e}{unit}. {_MOVE}"
         return _Decision(None, why, margin)
     if bounds.kind == "sampled":
-        why = f"All {bounds.evaluations} runs satisfy the limit. PolynomialChaos() also estimates what is between them."
+        why = f"All {bounds.evaluations} runs satisfy the limit. PolynomialChaos() also estimates values between runs."
         return _Decision(None, why, margin)
     if bounds.kind == "enclosure":
         if (margin >= 0).all():
@@ -343,12 +344,12 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
     margin = bounds.lower[:, k] - limit if side == "lower" else limit - bounds.upper[:, k]
     estimate, rounding, further = bounds.estimate[:, k], rounding_of(bounds, k), None
     unit = unit_told(bounds, k)
-    # Further runs decide if the distance of a limit from the bounds, relative to the estimated error, is smaller.
+    # Further runs decide if the margin is smaller than this multiple of the estimated error.
     near = 2.0 * estimate
     if bounds.study is not None and bounds.study.has_lanes:
         # If the limit is closer than this fraction of the width, further runs look for extremes that the study missed.
-        # An example is a corner that differs in two parameters from the best one. A smaller fraction misses more
-        # extremes. A larger fraction spends runs on limits that are far away.
+        # For example, the study may miss a corner that differs in two parameters from the best known corner. A smaller
+        # fraction misses more extremes. A larger fraction spends runs on limits that are far away.
         near = near + 0.5 * (bounds.upper - bounds.lower)[:, k].max()
     if bounds.study is not None and (margin < near).any():
         further = closest_run(bounds, k, side, limit, np.argsort(margin, kind="stable"), rounding)
@@ -368,10 +369,10 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
 
 
 def by_further_run(further: FurtherRun, limit: float, margin: Array, rounding: float, unit: str) -> _Decision | None:
-    """The decision by the further run that is closest to a limit; None if its search was not completed.
+    """The decision by the further run that is closest to a limit; None if the search was not completed.
 
     The limit is violated if the run is beyond the limit. It is satisfied if the run is farther inside than the error of
-    the search, or if the output saturates exactly at the limit.
+    the search, or if the output is constant exactly at the limit.
     """
     inside, error = -further.beyond, max(further.error, rounding)
     own = limit - further.values if further.side == "upper" else further.values - limit

@@ -33,8 +33,8 @@ class Method(ABC):
 
     @property
     def doubtful_miss(self) -> float:
-        """Share of the width above which a disagreement with check runs causes a warning. It is half of the share for
-        estimated errors, because a few runs see only a part of an error."""
+        """A larger difference from check runs, relative to the width, causes a warning. The value is half of that for
+        estimated errors, because a few runs show only a part of an error."""
         return 0.05
 
     def bounds(
@@ -46,7 +46,7 @@ class Method(ABC):
         ----------
         simulator : source of the trajectories
         box : intervals of some or all parameters; the others keep their nominal values
-        executor : anything with an ordered ``map``; None runs in this thread
+        executor : anything with an ordered ``map``; None: the runs use this thread
         progress : called with the number of finished runs and of all runs
 
         Returns
@@ -61,7 +61,7 @@ class Method(ABC):
         PropagationError
             If the simulator lacks what the method needs, or too many runs fail.
         KeyboardInterrupt
-            If it is interrupted. ``partial`` then contains the Bounds that the runs so far attained, if there are any.
+            If it is interrupted. ``partial`` then contains the bounds that runs have attained, if there are any.
         """
         for name in box.names:
             require_name("Box", "parameter", name, simulator.parameters)
@@ -107,7 +107,7 @@ class Method(ABC):
 
 
 def require_method(owner: str, method: object) -> Method:
-    """The given method. DeclarationError is raised for other objects."""
+    """The given method. Other objects raise DeclarationError."""
     if isinstance(method, type):
         raise DeclarationError(f"{owner}: got the class {method.__name__}; call it, as in Vertex() or Taylor(order=2).")
     if not isinstance(method, Method):
@@ -159,10 +159,11 @@ def unit_jets(method: Method, simulator: Simulator, box: Box, point: Array, dire
 
 
 def possible_values(simulator: Simulator, box: Box) -> tuple[Array, Array]:
-    """Smallest and largest values (n_t, n_y) of the outputs over a box, for all states; infinite if unknown."""
+    """Smallest and largest possible values (n_t, n_y) of the outputs over a box, for all states; infinite if
+    unknown."""
     shape = len(simulator.times), len(simulator.outputs)
     lower, upper = np.full(shape, -np.inf), np.full(shape, np.inf)
-    # Largest number of operations of outputs. Their interval extension takes a tenth of a second.
+    # Largest number of operations in the outputs. Their interval extension takes a tenth of a second.
     if not isinstance(simulator, DAESimulator) or simulator.y.n_instructions() > 10_000:
         return lower, upper
     y, anything = simulator.y, Interval(np.array(-np.inf), np.array(np.inf))

@@ -19,7 +19,7 @@ from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box
 
 _SIGNS = np.array([1.0, -1.0]).reshape(2, 1, 1)
-"""The two signs of a response: its minimum and its maximum are both found by minimisation."""
+"""The two signs of a response: minima of y and of -y give its minimum and its maximum."""
 
 
 @dataclass(frozen=True)
@@ -27,16 +27,17 @@ class Optimization(Method):
     """Smallest and largest responses of all outputs and times together, by Newton steps from the best runs.
 
     A run with first derivatives gives the value and the gradient of every output at every time. For each minimum and
-    maximum, a quadratic with secant curvature about its best run predicts a better point of the box. The next runs are
-    those with the best predictions, and each run also serves all other extremes. This takes the first half of the
-    budget. The other half is for runs without derivatives at the points that the last quadratics predict. Runs attain
-    the bounds. Their ``estimate`` is their distance from the prediction plus the last change of the prediction. An
-    extreme far from every run may be missed. The executor makes the runs without derivatives.
+    maximum, a quadratic model about the best run predicts a better point of the box. Its curvature follows from secant
+    equations. The next runs are at the best predicted points, and each run also serves all other extremes. These runs
+    take the first half of the budget. The second half is for runs without derivatives at the points that the last
+    models predict. Runs attain the bounds. The ``estimate`` is the distance of the bounds from the prediction plus the
+    last change of the prediction. An extreme far from every run may be missed. The executor makes the runs without
+    derivatives.
 
     Parameters
     ----------
-    budget : most evaluations; a run with first derivatives in d parameters counts 1 + d
-    tolerance : no run is made if its predicted improvement, divided by the width at that time, is smaller
+    budget : largest number of evaluations; a run with first derivatives in d parameters counts as 1 + d
+    tolerance : smallest predicted improvement, divided by the width at that time, for which a run is made
 
     Raises
     ------

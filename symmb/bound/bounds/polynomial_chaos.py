@@ -47,21 +47,20 @@ _Responses = tuple[Array, tuple[Array, Array], Mask, tuple[Failure, ...]]
 class PolynomialChaos(Method):
     """Bounds of a Legendre expansion y(xi) = sum a_i phi_i(xi) fitted to runs at nodes of the box, eq. (20).
 
-    ``PolynomialChaos()`` chooses nodes until the estimated error is small enough. For up to three parameters it uses
-    tensor grids, and check runs at the extremes of the expansion. For one parameter, runs near kinks reduce their
-    error. If this does not suffice, the box is cut into pieces. For more parameters, each output has a separate sparse
-    grid, which grows where the output varies, and check runs. If that takes too many runs, corners and further runs
-    near extremes attain the bounds. Simulators that are not scenes try corners first: these are the extremes of
-    responses that rise or fall with each parameter. Outputs with few times, up to eight values, use a Gaussian process
-    that finds the directions in which they vary. Narrow bumps may be missed without a warning: those with a standard
-    deviation below 0.2 of the half width of the box in two parameters, 0.4 in three or 0.5 in four.
-    ``PolynomialChaos(probes=200)`` finds more of them. ``PolynomialChaos(order=4)`` has a given order: interpolation at
-    Clenshaw-Curtis nodes and the exact range of the interpolant. ``PolynomialChaos.paper(order=2)`` is the method of
-    the paper.
+    ``PolynomialChaos()`` adds nodes until the estimated error is small enough. For up to three parameters, it uses
+    tensor grids, and check runs at the extremes of the expansion. For one parameter, runs near kinks reduce the error.
+    If this does not suffice, the box is divided into parts. For more parameters, each output has check runs and a
+    separate sparse grid, which grows where the output varies. If a sparse grid takes too many runs, runs at corners and
+    near extremes give the bounds. Simulators that are not scenes try corners first, because monotonic responses have
+    their extremes there. Outputs with at most eight output times use a Gaussian process that finds the directions of
+    variation. Narrow bumps may be missed without a warning. Their standard deviation, divided by the half width of the
+    box, is below 0.2 for two parameters, 0.4 for three and 0.5 for four. ``PolynomialChaos(probes=200)`` finds more
+    bumps. ``PolynomialChaos(order=4)`` has a given order: it interpolates at Clenshaw-Curtis nodes, and takes the exact
+    range of the interpolant. ``PolynomialChaos.paper(order=2)`` is the method of the paper.
 
     Parameters
     ----------
-    order : highest degree; None: degrees and nodes are chosen
+    order : highest degree; None: the method chooses degrees and nodes
     nodes : ClenshawCurtis(), Gauss(), ChebyshevGauss(), Leja() or SparseGrid(...)
     basis : TensorDegree(), TotalDegree() or HyperbolicCross(q=...)
     range : Exact(...), Bernstein(...), ChebyshevInclusion(), or LegendreInclusion() as in the paper
@@ -69,7 +68,7 @@ class PolynomialChaos(Method):
     budget : without order: largest number of runs
     seconds : without order: longest time in addition to the runs [s]; None: 1 s plus three times the time of the runs
     probes : without order: number of further runs, evenly spread over the box, with which the surrogate must agree.
-        They find effects in small parts of the box
+        These runs find effects in small parts of the box
     lockstep : advance all nodes together from one output time to the next, and expand there (Fig. 4). This needs a
         simulator that can march, and does not use the executor. Otherwise each node runs separately (Fig. 5)
 
@@ -78,9 +77,9 @@ class PolynomialChaos(Method):
     DeclarationError
         If an option is out of its range, or has no meaning with the other options.
     PropagationError
-        From ``bounds``: too many nodes failed for least squares over the others; without order, some of the first nodes
-        failed (later ones are predicted); the nodes do not determine the basis; the simulator cannot march in lockstep;
-        the budget is below the first level.
+        From ``bounds``: too many nodes failed for least squares over the other nodes; without order, most of the first
+        nodes failed; the nodes do not determine the basis; the simulator cannot march in lockstep; the budget is
+        smaller than the number of first runs.
 
     Examples
     --------
@@ -172,10 +171,10 @@ class PolynomialChaos(Method):
         return self._result(simulator, lower, upper, len(P), **details)
 
     def _range(self, expansion: Expansion) -> tuple[Array, Array]:
-        """Lower and upper bounds (m,) of all responses. Products of very large or small numbers are avoided."""
+        """Lower and upper bounds (m,) of all responses. No products of very large or very small numbers are formed."""
         coefficients = expansion.coefficients.reshape(len(expansion.alpha), -1)
         power = np.frexp(np.maximum(coefficients.max(axis=0), -coefficients.min(axis=0)))[1]
-        # Coefficients between these powers of two are multiplied with each other without scaling.
+        # Coefficients between these powers of two are multiplied without scaling.
         if (np.abs(power) < 100).all():
             return self.range.bounds(expansion.alpha, coefficients)
         lower, upper = self.range.bounds(expansion.alpha, np.ldexp(coefficients, -power))

@@ -34,7 +34,7 @@ _MOST_RUNS_NEAR_LIMIT = 1000
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Figures(Result):
-    """Attributes that quantiles and probabilities share.
+    """Common attributes of quantiles and probabilities.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class Quantiles(Figures):
     ----------
     levels : (n_q,)                probabilities
     lower, upper : (n_q, n_t)      lowest and highest quantile, for all values of the parameters without a distribution;
-                                   equal if all parameters have one
+                                   equal if all parameters have a distribution
     estimate : (n_q, n_t)          estimated error: that of the polynomials and of sampling
     """
 
@@ -130,7 +130,7 @@ class Probability(Figures):
     event : str                the event
     lower, upper : (n_t,)      lowest and highest probability at each time; equal if all parameters have distributions
     estimate : (n_t,)          estimated error: that of the polynomials and of sampling
-    ever : (lower, upper, estimate)    the same for the event at any output time
+    ever : (lower, upper, estimate)    probability that the event happens at any output time
     """
 
     event: str
@@ -184,7 +184,7 @@ def _quantiles_and_scatter(values: Array, q: Array) -> tuple[Array, Array]:
     sets.sort(axis=2)  # np.quantile takes five times as long
     whole = sets.reshape(len(sets), -1).copy()
     whole.sort(axis=1)
-    # Number of samples next to a quantile that cannot be distinguished from the quantile.
+    # Fraction of the samples next to a quantile that cannot be distinguished from the quantile.
     near = 2.0 / whole.shape[1]
     quantiles, above, below = (_of_sorted(whole, np.clip(q + sign * near, 0, 1)) for sign in (0, 1, -1))
     sampling = scatter(np.moveaxis(_of_sorted(sets, q), 2, 0))
@@ -204,7 +204,8 @@ def probability_of(
 ) -> Probability:
     """Probability that an output is above one value or below another; see `Bounds.probability`.
 
-    Parameters without a distribution give a sample a range. The event is certain if the range is on one side.
+    If some parameters have no distribution, each sample has a range of responses. The event is certain if the whole
+    range is above or below the value.
     """
     owner = "Bounds.probability"
     k = responses.column(owner, output)
@@ -252,8 +253,10 @@ def _is_short(found: Array, error: float) -> bool:
 
 
 def _by_samples(samples: LawSamples, limits: tuple[float, float]) -> Array:
-    """Lowest and highest probability, their error, and the part of the error from polynomials: (4, n_t + 1). The last
-    entry is for the event at any time."""
+    """Lowest and highest probability, their error, and the error from polynomials, (4, n_t + 1).
+
+    The last entry of each is for the event at any time.
+    """
     responses, k, (bottom, top) = samples.responses, samples.column, limits
     at_times, ever = [], np.zeros((4, SETS_OF_SAMPLES, samples.number // SETS_OF_SAMPLES), dtype=bool)
     for window, low, high in samples.over_time():

@@ -40,17 +40,17 @@ def propagate(
         such as "pce:4"; default: PolynomialChaos()
     box : intervals of some or all parameters; the others keep their nominal values; default: that of the scene
     solver : solver of a Scene, or a text such as "cvodes:1e-9"; default: pilot runs choose it, usually DormandPrince()
-    executor : anything with an ordered ``map`` (thread or process pool, Dask); the result does not depend
-        on it
+    executor : anything with an ordered ``map`` (thread or process pool, Dask); the result does not depend on the
+        executor
     progress : called with the number of finished runs and of all runs. Adaptive methods increase the number of all
-        runs, and pass the estimated error so far to a method ``estimate`` of it, if it has one. Default: a bar, in
+        runs. If `progress` has a method ``estimate``, they call it with the current estimated error. Default: a bar, in
         notebooks and terminals
 
     Returns
     -------
     Bounds
-        ``lower`` and ``upper`` (n_t, n_y). Their ``warnings`` state what is uncertain; Python issues a SymmbWarning
-        too.
+        ``lower`` and ``upper`` (n_t, n_y). Their ``warnings`` state what is uncertain. A SymmbWarning is issued as
+        well.
 
     Raises
     ------
@@ -86,7 +86,8 @@ def propagate(
 
 
 def _far_intervals(simulator: Simulator, box: Box) -> Iterator[str]:
-    """Sentences on intervals that differ from the nominal value by a factor of 100, such as those in another unit."""
+    """Sentences on intervals that differ from the nominal value by a factor of 100. The reason is often a wrong
+    unit."""
     units = units_of_parameters(simulator.parameters)
     for name, (low, high) in zip(box.names, box.bounds, strict=True):
         nominal, largest = abs(float(simulator.parameters[name])), max(abs(low), abs(high))
@@ -99,7 +100,7 @@ def _far_intervals(simulator: Simulator, box: Box) -> Iterator[str]:
 
 
 def finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Executor | None) -> Bounds:
-    """The bounds by a method, with warnings and with the data from which further runs are possible."""
+    """The bounds by a method, with warnings, and with the data for further runs."""
     box = bounds.box
     assert box is not None
     bounds = checked(method, simulator, box, doubted(simulator, box, bounds), executor)

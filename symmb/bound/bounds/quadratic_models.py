@@ -10,7 +10,7 @@ from symmb._types import Array
 
 @dataclass(frozen=True, eq=False)
 class Quadratics:
-    """m quadratics g s + s H s / 2 in the step s from a point of the box [-1, 1]^d, and the steps that lower them.
+    """m quadratics g s + s H s / 2 in the step s from a point of the box [-1, 1]^d, and steps that decrease them.
 
     Attributes
     ----------
@@ -37,14 +37,14 @@ class Quadratics:
     def promising(self, least: Array, count: int) -> Array:
         """At most ``count`` points (n, d) at which quadratics gain more than ``least`` (m,), the largest gain first.
 
-        After each choice, the gain of the other quadratics is measured from their values at the chosen point.
+        After each choice, the gain of other quadratics is the difference from their values at the chosen point.
         """
         left = self.gain / least
         some = np.flatnonzero(left > 1.0)
         part = Quadratics(*(getattr(self, field.name)[..., some] for field in fields(self)))
         left, lowest, least = left[some], part.change(part.step), least[some]
         points = np.empty((min(count, len(some)), len(self.origin)))
-        for n in range(len(points)):  # no quadratic gains twice at its own point
+        for n in range(len(points)):  # each quadratic gains only once at its own point
             if not (left > 1.0).any():
                 return points[:n]
             best = left.argmax()
@@ -63,7 +63,7 @@ def quadratics(X: Array, F: Array, G: Array) -> Quadratics:
     half[np.diag_indices(N)] = np.inf
     for k in np.unique(lowest):
         own = np.flatnonzero(lowest == k)
-        # Number of nearest points that determine a curvature, divided by d + 1. Farther points change it little.
+        # Number of nearest points for a curvature, divided by d + 1. Points farther away change the curvature little.
         near = half[k].argsort()[: min(N - 1, 4 * (d + 1))]
         offset = X[near] - X[k]
         g = G[k][:, own]
@@ -72,7 +72,7 @@ def quadratics(X: Array, F: Array, G: Array) -> Quadratics:
         hessian[..., own] = _curvatures(offset, rise, G[np.ix_(near, np.arange(d), own)] - g)
     origin = X[lowest].T
     step = _box_minima(gradient, hessian, -1.0 - origin, 1.0 - origin)
-    # Beyond half the distance to another point, the quadratic of that point is better.
+    # Beyond half the distance to another point, the quadratic of the other point is more accurate.
     along = X @ step - (origin * step).sum(axis=0)
     return Quadratics(origin, gradient, hessian, step / (along / half[:, lowest]).max(axis=0, initial=1.0))
 
@@ -80,8 +80,9 @@ def quadratics(X: Array, F: Array, G: Array) -> Quadratics:
 def _curvatures(offset: Array, rise: Array, turn: Array) -> Array:
     """Symmetric matrices (d, d, m) by least squares over the other points. Closer points have larger weights.
 
-    The equations are H offset = turn (N, d, m), the change of the gradient, and offset H offset / 2 = rise (N, m). rise
-    is the change of the value beyond the linear one. If these do not determine H, the smallest H is returned.
+    The equations are H offset = turn (N, d, m), the change of the gradient, and offset H offset / 2 = rise (N, m).
+    `rise` is the change of the value minus the linear change. If the equations do not determine H, the smallest H is
+    returned.
     """
     N, d = offset.shape
     i, j = np.triu_indices(d)
@@ -94,7 +95,7 @@ def _curvatures(offset: Array, rise: Array, turn: Array) -> Array:
     right = np.concatenate([turn, (rise / length[:, None])[:, None]], axis=1)
     weight = length[:, None, None] ** -3
     H = np.empty((d, d, rise.shape[1]))
-    # The points do not determine a curvature if the ratio to the largest singular value is smaller.
+    # Singular values below this fraction of the largest one do not determine a curvature.
     solve = np.linalg.pinv((weight * system).reshape(N * (d + 1), len(i)), SAME)
     H[i, j] = H[j, i] = solve @ (weight * right).reshape(N * (d + 1), rise.shape[1])
     return H

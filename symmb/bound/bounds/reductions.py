@@ -1,4 +1,4 @@
-"""Reductions of trajectories, which bounding methods compute block by block."""
+"""Reductions of trajectories. Bounding methods compute them block by block."""
 
 import operator
 from collections.abc import Callable
@@ -30,7 +30,7 @@ def failures() -> Reduction[FailedRuns]:
 
 
 def projection(functionals: Array, simulator: Simulator) -> Reduction[Array]:
-    """``functionals @ Y``, (n_b, N) times (N, n_t n_y), over the runs that did not fail, without all of Y in memory."""
+    """``functionals @ Y``, (n_b, N) times (N, n_t n_y), over successful runs. Y is not stored as a whole."""
     size = len(simulator.times) * len(simulator.outputs)
     init = partial(np.zeros, (len(functionals), size))
     return Reduction(init, partial(_update_projection, functionals), np.add)

@@ -19,7 +19,8 @@ from symmb.bound.nodes import ChebyshevGauss, Gauss, LatinHypercube, Leja, Sobol
 from symmb.bound.polynomials import HyperbolicCross, TotalDegree
 
 MOST_RUNS = 2000
-"""Default largest number of runs of a method in a comparison, which then takes seconds. Monte Carlo may make more."""
+"""Default largest number of runs of a method in a comparison. A comparison then takes seconds. Monte Carlo may make
+more runs."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class MethodEntry(Spec):
 
 
 def _adaptive(d: int) -> list[Method]:
-    budget = None if d <= 2 else MOST_RUNS  # with one or two parameters no level takes as many
+    budget = None if d <= 2 else MOST_RUNS  # with one or two parameters, no level takes as many runs
     return [PolynomialChaos(tolerance=tolerance, budget=budget) for tolerance in (1e-1, 1e-2, 1e-3)]
 
 
@@ -119,7 +120,7 @@ METHODS: tuple[MethodEntry, ...] = (
 
 
 def read_method(text: str) -> Method:
-    """The method that a text such as "pce:2:paper" stands for.
+    """The method for a text such as "pce:2:paper".
 
     Examples
     --------

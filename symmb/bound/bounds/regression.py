@@ -11,7 +11,7 @@ from symmb.bound.polynomials import Expansion, HyperbolicCross, MultiIndices, ba
 from symmb.bound.polynomials.ranges import Piecewise
 
 _CROSS_EXPONENTS = 1.0, 0.75, 0.5
-"""Exponents of hyperbolic crosses. The first one gives the total degree. The others prefer terms of few parameters."""
+"""Exponents of hyperbolic crosses. The first gives the total degree. The others favor terms of few parameters."""
 
 
 def fitted(points: Array, Y: Array, parameters: tuple[str, ...]) -> Piecewise:
@@ -27,8 +27,8 @@ def fitted(points: Array, Y: Array, parameters: tuple[str, ...]) -> Piecewise:
         # Smallest number of runs for each term. Fewer runs do not determine coefficients reliably.
         for alpha in _bases(points.shape[1], len(points) // 2):
             q, r = np.linalg.qr(basis_values(alpha, points))
-            # Smallest fraction of a run's response that remains in its residual. If one run alone determines a term,
-            # its residual is only rounding.
+            # Smallest value of 1 minus the leverage of a run. If a run alone determines a term, its residual is only
+            # rounding.
             rest = np.maximum(1.0 - np.square(q).sum(axis=1), SLIGHT)
             projected = q.T @ values
             left_out = np.square((values - q @ projected) / rest[:, None]).mean(axis=0)
@@ -50,7 +50,7 @@ def _bases(d: int, most: int) -> Iterator[MultiIndices]:
     """Sets of degrees with at most `most` terms, each set once."""
     sizes = set[int]()
     for q in _CROSS_EXPONENTS:
-        # Highest degree, because runs for higher degrees are rarely available.
+        # Highest degree. There are rarely enough runs for higher degrees.
         for degree in range(1, 17):
             alpha = HyperbolicCross(q).indices(d, degree)
             if len(alpha) > most:

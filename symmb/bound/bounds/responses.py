@@ -1,4 +1,4 @@
-"""The source of answers about responses over a box: polynomials, or runs if no polynomials are accurate enough."""
+"""Responses over a box, from polynomials, or from runs if polynomials are not accurate enough."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,12 +13,11 @@ from symmb.bound.polynomials.ranges import Piecewise
 from symmb.equations.model import Box
 
 GOOD = 0.25
-"""Largest error of polynomials, divided by the widths, at which they are used. Answers contain this error."""
+"""Largest error of usable polynomials, divided by the widths. The results contain this error."""
 
 
 class Runs(Protocol):
-    """Functions for further runs: a range with its error and number of runs, values, and bounds by
-    PolynomialChaos()."""
+    """Functions for further runs: ranges, values, samples, and bounds by PolynomialChaos()."""
 
     def range(self, box: Box, label: str) -> tuple[Array, Array, Array, int]: ...
 
@@ -56,7 +55,7 @@ class Responses:
     estimate : (n_t, n_y)      estimated error of the bounds
     floor : (n_y,)             errors that are noise or rounding
     surrogate : Piecewise      None if there is none
-    is_good : (n_y,)           mask of outputs with a good enough surrogate; all if no runs can be made
+    is_good : (n_y,)           mask of outputs with a good enough surrogate; all outputs if no runs can be made
     runs : Runs                None if no runs can be made
     method : str               method of the surrogate
     extra_runs : int           number of further runs for the surrogate
@@ -88,8 +87,7 @@ class Responses:
         return self.surrogate.part(slice(None), [k]) if self.surrogate is not None and self.is_good[k] else None
 
     def are_good(self, error: Array, columns: Sequence[int]) -> Mask:
-        """Mask of outputs with an error (n_t, n) of polynomials that is small compared with the width, or only
-        noise."""
+        """Mask of outputs with a small error (n_t, n) of polynomials, compared with the width, or with only noise."""
         lower, upper, floor = self.lower[:, columns], self.upper[:, columns], self.floor[[*columns]]
         power = np.frexp(np.abs([lower, upper]).max(axis=(0, 1), initial=0.0))[1]  # squares may overflow
         error, lower, upper, floor = (np.ldexp(each, -power) for each in (error, lower, upper, floor))
@@ -109,7 +107,7 @@ class Responses:
         return np.maximum(low, self.lower), np.minimum(high, self.upper), error
 
     def range_by_runs(self, free: Mask, label: str) -> tuple[Array, Array, Array, int]:
-        """The range of a study, its error and number of runs. Some parameters (d,) are free; others are nominal."""
+        """The range of a study, its error and number of runs. Only `free` parameters (mask, (d,)) vary."""
         assert self.runs is not None
         if not free.any():
             value = self.runs.values(self.nominal[None])[0]

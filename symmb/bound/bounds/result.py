@@ -42,20 +42,21 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     t : (n_t,) times [s]
     names : n_y outputs
     lower, upper : (n_t, n_y) best estimate of the bounds; `lower["x"]` is the lower bound of one output
-    kind : "enclosure" (proved to contain the responses), "estimate" (from a surrogate: they may be too wide or too
-        narrow) or "sampled" (attained by runs: the true bounds may be wider)
+    kind : "enclosure" (proved to contain the responses), "estimate" (from a surrogate: possibly too wide or too narrow)
+        or "sampled" (attained by runs: the true bounds may be wider)
     method : text of the call that made the method
     evaluations, runs : number of runs; a run with derivatives counts as several runs, by its cost
     estimate : (n_t, n_y) estimated error of lower and upper, at least 0; None if the method has none
     noise : (n_y,) error of runs by noise or rounding; None if it is not known
     inner : (lower, upper), each (n_t, n_y): extremes that runs attained; or None
     failed : failed runs
-    failed_region : region of failed runs in the box, in words; empty for less than two, or if it is not known
+    failed_region : region of failed runs in the box, in words; empty for fewer than two failed runs, or if the region
+        is not known
     seconds : wall time of runs and bounding [s]
     expansion : polynomial chaos of a given order, or None
-    caution : time from which the method is not valid, and the reason; empty if it is valid
+    caution : time from which the method is not valid, and the reason; empty if the method is valid at all times
     run_doubts : warnings about the runs, in sentences; `warnings` (or `doubts`) contains all warnings
-    remarks : further information in sentences, such as a tolerance that was not reached
+    remarks : further information in sentences, for example on a tolerance that was not reached
     units : n_y units of the outputs, '' for unknown ones; empty if none is known
     box : intervals of the parameters; None if they are not known
     surrogate : polynomials that replace the responses, with their error; None if the method or the file has none
@@ -66,7 +67,8 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     attaining : the runs that attain the bounds; None if the bounds were read or pickled, or if there are no runs
     worst_cases : worst cases over all times, if the bounds were read from a file
     figures : names of the scalar outputs (one number per run); their bounds are the same at all times
-    range_of : source of the range of an adaptive method, in words: interpolants, runs at corners; empty for others
+    range_of : source of the range of an adaptive method, in words: interpolants, runs at corners; empty for other
+        methods
 
     Examples
     --------
@@ -88,26 +90,28 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     def check(self, limits: Limits) -> LimitCheck:
         """Check whether outputs satisfy limits for all parameters of the box, at all times.
 
-        A limit is satisfied if the bounds, widened by their estimated error at each time, are inside, and no warning
-        concerns the output. It is violated if a run exceeds it by more than rounding and noise. The nominal run counts
-        if its parameters are in the box. It is made if nothing else decides.
+        The check widens the bounds by their estimated error at each time. A limit is satisfied if these bounds are
+        inside, and no warning concerns the output. A limit is violated if a run exceeds it by more than rounding and
+        noise. The nominal run is one of these runs if its parameters are in the box. If nothing else decides, the check
+        makes the nominal run.
 
         If the bounds are closer to a limit than twice their estimated error, further runs search for a run beyond the
-        limit. For a scene this also happens if the bounds are closer than half of their width. The search makes at most
-        600 runs, or as many as the study; with other simulators at most twice as many as the study. The limit is then
-        satisfied if the closest run is farther inside than the error of the search. Otherwise it is undecided.
+        limit. For a scene, the search also starts if the bounds are closer than half of their width. It makes at most
+        600 runs, or as many as the study. With other simulators, it makes at most twice as many runs as the study. The
+        limit is then satisfied if the closest run is farther inside than the error of the search. Otherwise the limit
+        is undecided.
 
-        For scenes, runs count with their lowest and highest values over time, as from `mb.minimum` and `mb.maximum`.
-        These are the nominal run, the corners of the box if they are few, the runs closest to the limit, and all runs
-        of the search. Other simulators have values at output times only.
+        For scenes, the check uses the lowest and highest values of runs over time, as from `mb.minimum` and
+        `mb.maximum`. It does this for the nominal run, for the corners if there are few, for the runs closest to the
+        limit, and for the search. For other simulators, the check uses values at output times only.
 
         An enclosure proves that a limit is satisfied at the output times. Samples alone can only show that a limit is
         violated.
 
         Parameters
         ----------
-        limits : mapping of output to (low, high); one of them may be None. Numbers are in the unit of the output. Other
-            units are given as in ("75 deg/s", None) and (0.2, 0.3, "mm")
+        limits : mapping of output to (low, high); one of them may be None. Numbers are in the unit of the output.
+            Examples of limits in other units: ("75 deg/s", None), (0.2, 0.3, "mm")
 
         Raises
         ------
@@ -135,7 +139,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     def _closest_to(self, limits: Sequence[KeptLimit]) -> WorstCase | None:
         """The run that comes closest to one of the limits; None if no runs are known.
 
-        Limits are the same at all times. The run is thus a worst case over all times, which files contain.
+        Limits are the same at all times. The run is thus a worst case over all times. Files contain these worst cases.
         """
         limit = closest(limits)
         i, k, side = limit.row, self._column(limit.output), self._side(limit)
@@ -226,8 +230,8 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         require_truth("Bounds.plot", "deviation", deviation)
         if deviation and self.nominal is None:
             raise DeclarationError(
-                "Bounds.plot: deviation needs the nominal run, which these bounds do not have. Bounds by "
-                "PolynomialChaos() have it if the nominal parameters are in the middle of the box."
+                "Bounds.plot: deviation needs the nominal run, which these bounds do not contain. Bounds by "
+                "PolynomialChaos() contain it if the nominal parameters are in the middle of the box."
             )
         columns = plot.columns_of("Bounds.plot", outputs, self.names)
         figure = self._figure(columns, plot.Style("Bounds.plot", ax, **look), deviation)
@@ -236,14 +240,14 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     def report(self, path: str | Path, limits: Limits | None = None, **block: object) -> None:
         """Write a report: one .html file that can be opened offline and printed.
 
-        The report first states whether limits are satisfied, and what to do next: which tolerance to tighten, and by
-        how much. Curves and the mechanism follow. An annex contains warnings, tables, worst cases, contributions by
+        The report first states whether limits are satisfied. It then states which tolerance to tighten, and by how
+        much. Curves and the mechanism follow. An annex contains warnings, tables, worst cases, contributions by
         adaptive methods, the equations, the assumptions, the cost, and how to repeat the study.
 
         Parameters
         ----------
         path : path of the file
-        limits : those of `check`; default: none
+        limits : limits as in `check`; default: none
         company, author, date, drawing, revision :
             the title block; parts that are not given are left out
 
@@ -291,7 +295,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         width = np.where(np.isnan(width), np.inf, width)
         for k, name in enumerate(names):
             sizes = np.abs([self.lower[:, k], self.upper[:, k]])
-            # Printed numbers count as rounding up to this share of the largest bound of an output.
+            # Smaller numbers, relative to the largest bound of an output, count as rounding and are printed as 0.
             least = ROUNDING * sizes.max(initial=0.0, where=np.isfinite(sizes))
             places = int(self.lower[:, k].argmin()), int(self.upper[:, k].argmax())
             cells = [name]

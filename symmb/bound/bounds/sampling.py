@@ -26,24 +26,25 @@ _RANDOM = Random()
 class MonteCarlo(Method):
     """Extremes over random samples of the box.
 
-    The bounds are inside the range of the responses, farther inside with fewer samples and more parameters. A few check
-    runs look for values beyond the bounds. More than a tenth of the width causes a warning.
+    The bounds are narrower than the range of the responses. With fewer samples or more parameters, they become
+    narrower. A few check runs look for values beyond the bounds. A value beyond by more than a tenth of the width
+    causes a warning.
 
     Parameters
     ----------
     samples : number of runs
     seed : seed of the random numbers; the same seed gives the same samples
     sampler : Random(), Sobol() or LatinHypercube()
-    laws : mapping of name to distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3). It is cut to its
-        interval. Other parameters are spread evenly
+    laws : mapping of name to distribution with `cdf` and `ppf`, such as scipy.stats.norm(40, 1.3). Each distribution is
+        cut to the interval of its parameter. Other parameters are uniform
     correlation : correlations of a Gaussian copula, in the order of the distributions; default: independent
     distributions : another name of `laws`; the attribute is `laws`
 
     Raises
     ------
     DeclarationError
-        If samples is not a positive integer, or the seed is negative. `bounds` refuses distributions as
-        `Bounds.quantiles` does.
+        If samples is not a positive integer, or the seed is negative. `bounds` raises the same errors for distributions
+        as `Bounds.quantiles`.
 
     Examples
     --------
@@ -62,7 +63,7 @@ class MonteCarlo(Method):
     kind: ClassVar[Kind] = "sampled"
 
     @property
-    def doubtful_miss(self) -> float:  # random samples end before the extremes, and with distributions far before
+    def doubtful_miss(self) -> float:  # random samples miss the extremes, with distributions by more
         return 0.1 if self.laws is None else np.inf
 
     def __post_init__(self, distributions: Mapping[str, Any] | None) -> None:
@@ -73,7 +74,7 @@ class MonteCarlo(Method):
             expected = 'distributions by name, as {"k": norm(40, 1.3)}'
             require_instance("MonteCarlo: distributions", self.laws, Mapping, expected)
         elif self.correlation is not None:
-            raise DeclarationError("MonteCarlo: correlation needs distributions, and there are none.")
+            raise DeclarationError("MonteCarlo: correlation needs distributions. Give both, or neither.")
         require_kind("MonteCarlo", "sampler", self.sampler, "points", "Random(), Sobol() or LatinHypercube()")
 
     def planned_runs(self, d: int) -> int:

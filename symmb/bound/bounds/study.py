@@ -23,7 +23,7 @@ _FAILED = (
     "{} of {} runs failed: {}. Take a box without failures; MonteCarlo(n, distributions=...) leaves failed runs out."
 )
 _MANY, _LEAST_PARTS = 1000, 4
-"""Least number of times that show when a run exceeds a limit. Least number of parts of the distance of output times."""
+"""Two smallest numbers: of times at which a run is compared with a limit, and of parts between two output times."""
 
 
 class Extremes:
@@ -92,7 +92,7 @@ class Study:
     def at_many_times(self, place: Array) -> tuple[Array, Array]:
         """Times (n,), and the curves (n, n_c) of the run at a place (d,) of the unit box, in the order of the outputs.
 
-        Each distance of output times has the same number of parts.
+        The intervals between output times are divided into the same number of parts.
         """
         motion = motion_of(self.simulator)
         assert motion is not None
@@ -123,7 +123,7 @@ class Study:
         return bounds.lower, bounds.upper, bounds.estimate, bounds.evaluations
 
     def sample(self, n: int) -> tuple[Array, Array]:
-        """Points (n, d) spread over the unit box, and the responses (n, n_t, n_y) there. All answers share these runs.
+        """Points (n, d) spread over the unit box, and the responses (n, n_t, n_y) there. All answers use these runs.
 
         Points with failed runs are left out. PropagationError is raised if most runs fail.
         """
@@ -139,7 +139,7 @@ class Study:
 
     @cached_property
     def _sampled(self) -> list[Array]:
-        """Points of runs so far, and responses. Responses of failed runs are nan."""
+        """Points and responses of the runs so far. Responses of failed runs are nan."""
         shape = len(self.simulator.times), len(self.simulator.outputs)
         return [np.zeros((0, len(self.box))), np.zeros((0, *shape))]
 

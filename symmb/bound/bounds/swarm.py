@@ -19,23 +19,23 @@ from symmb.connect import Progress, Reduction, Samples, Simulator
 from symmb.equations.model import Box
 
 _CONSTRICTION, _PULL = 0.7298, 2.05
-"""Factor on the velocity, and largest pull towards the best points of a particle and of its swarm: Clerc and Kennedy
-(2002), IEEE Transactions on Evolutionary Computation 6, 58-73."""
+"""Factor on the velocity, and largest acceleration factor towards the best points of a particle and of its swarm: Clerc
+and Kennedy (2002), IEEE Transactions on Evolutionary Computation 6, 58-73."""
 
 
 @dataclass(frozen=True)
 class Swarm(Method):
     """Extremes found by particle swarms: for every output and time, one swarm minimises and one maximises.
 
-    All 2 n_t n_y swarms take their steps together, with one call of the simulator for each step. A particle only
+    All 2 n_t n_y swarms make their steps together, with one call of the simulator for each step. A particle only
     optimises the output and time of its swarm, but the bounds are the extremes of all runs. The method takes 2 n_t n_y
-    ``particles`` ``steps`` runs: choose few times. If a run fails, its particle continues, and the failed point is
-    never the best.
+    ``particles`` ``steps`` runs, so few times are advisable. If a run fails, its particle continues, and the failed
+    point is never the best point.
 
     Parameters
     ----------
     particles : number of particles of each swarm
-    steps : number of positions of each particle, with the random start
+    steps : number of positions of each particle, including the random start
     seed : seed of the random numbers
 
     Examples

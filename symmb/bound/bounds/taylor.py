@@ -22,7 +22,7 @@ from symmb.connect import Kinked, Progress, Simulator
 from symmb.equations.model import Box
 
 _MOST_EVALUATIONS = 100_000
-"""Largest number of evaluations of all parts. At 0.1 to 1 ms each they take up to two minutes."""
+"""Largest number of evaluations of all parts. If one takes 0.1 to 1 ms, all take up to two minutes."""
 _MOST_DIRECTIONS = 2000
 """Largest number of directions of derivatives. The solution of their equations takes ten seconds."""
 
@@ -32,10 +32,11 @@ class Taylor(Method):
     """Bounds of the truncated Taylor expansion sum c_beta xi^beta, |beta| <= order, over xi in [-1, 1]^d.
 
     The bounds follow by natural interval arithmetic with even powers in [0, 1]. The remainder is left out, so that the
-    bounds are not proved. Expansions are not valid beyond kinks or jumps. ``caution`` names those that runs meet, at
-    centres and at the ends of intervals through centres. Mixed coefficients follow from univariate jets along the
-    directions alpha / order, |alpha| = order. The j-th coefficient along a direction u is sum c_beta u^beta over |beta|
-    = j. Each part counts as C(d + order, d) evaluations, the number of its coefficients. The executor is not used.
+    bounds are not proved. Expansions are not valid beyond kinks or jumps. ``caution`` names the kinks and jumps in runs
+    at centres, and at the ends of intervals through centres. Mixed coefficients follow from univariate Taylor
+    coefficients along the directions alpha / order, |alpha| = order. The j-th coefficient along a direction u is sum
+    c_beta u^beta over |beta| = j. Each part counts as C(d + order, d) evaluations, because it has this number of
+    coefficients. The executor is not used.
 
     Parameters
     ----------
@@ -86,7 +87,7 @@ class Taylor(Method):
         require_runs(self, self.planned_runs(d), "Use fewer subintervals.")
         if self.planned_runs(d) > _MOST_EVALUATIONS:
             raise PropagationError(
-                f"{self!r} takes {self.subintervals**d} expansions in {d} parameters, which count "
+                f"{self!r} takes {self.subintervals**d} expansions in {d} parameters, which count as "
                 f"{self.planned_runs(d)} evaluations, more than the {_MOST_EVALUATIONS} allowed. "
                 "Use fewer subintervals, PolynomialChaos() or Optimization()."
             )
@@ -133,7 +134,7 @@ def _caution(kinks: list[tuple[float, str]]) -> str:
     if not kinks:
         return ""
     time, which = min(kinks)
-    return f"not valid from t = {time + 0.0:g} s on: derivatives leave out the {which} that are met there"
+    return f"not valid from t = {time + 0.0:g} s on: derivatives are not valid beyond the {which} there"
 
 
 def _polynomials(parts: Sequence[Sequence[Array]], centers: Array, radius: float, box: Box) -> Piecewise:

@@ -27,41 +27,44 @@ _PARTS_OF_PROGRESS = 1000
 class TaylorModel(Method):
     """Proved bounds of the motions of mechanisms, as polynomials of the parameters with a remainder.
 
-    All solutions for all parameters in the box are between lower and upper at every output time. This holds for the
+    All solutions for all parameters in the box are between lower and upper at every output time. The proof is for the
     expression graph of the model in exact arithmetic.
 
     Over each step, the motion x(xi, t) = u(xi, t) + B(xi, t) w has two parts. u is a polynomial of time and of the
     parameters in Chebyshev form. The remainder has the coordinates w in a frame B. The frame follows the variational
-    equation, and is a polynomial of the parameters too. The polynomials need not be exact. The defect u' - f(u) is an
-    analytic function. It is interpolated at Chebyshev nodes, with bounds of rounding. The largest value on ellipses
-    around the box bounds the error of the interpolation. If the equations are polynomials, enough nodes give no error.
-    With three or more parameters, the polynomials have a total degree, and the defect is a Taylor model in the
-    parameters at nodes of time. It is then proved that w cannot leave a box. Ranges of the outputs follow by Bernstein
-    coefficients and halving.
+    equation, and is also a polynomial of the parameters. The polynomials need not be exact. The defect u' - f(u) is an
+    analytic function. The method interpolates it at Chebyshev nodes, with bounds of rounding. The largest value on
+    ellipses around the box bounds the interpolation error. If the equations are polynomials, enough nodes give no
+    error. With three or more parameters, the polynomials have a total degree. The defect is then a Taylor model in the
+    parameters at nodes of time. The last step proves that w cannot leave a box. Ranges of the outputs follow by
+    Bernstein coefficients and halving.
 
     The method takes chains, trees and closed loops, first-order states, and scenes without bodies that have expressions
-    as outputs. In loops, the states are all coordinates and the independent velocities. These give the other
-    velocities. If other velocities suit the nominal run better, the states change to them. Frequencies and damping of a
-    `ModalSimulator` are proved as long as no two may cross in the box. Values of `critical` are proved as values at
-    which one eigenvalue is imaginary, or 0. Checks at a few points show that no other eigenvalue comes before; this is
-    not proved. Both need an equilibrium, or a steady motion in coordinates that do not turn. Reactions and
-    accelerations can be outputs. Multipliers of redundant rows are those of smallest norm. Steps end at the instants of
-    sampled values. Proofs pass kinks and jumps of forces if all of the box passes them once, transversally, and one at
-    a time: drag by abs(w) w passes w = 0. Laws that are not smooth on one side of a kink, such as w abs(w)**0.5, end
-    the proof there. Impacts, and rows that depend on others for some parameters only, are refused. Proofs can end
-    early: at a kink that only a part of the box meets, or close to a singular position of a loop. Bounds are infinite
-    from then on, and ``caution`` states this time. Outputs that are not smooth, or have operations without a remainder,
-    have infinite bounds. The executor is not used, and each box counts as a run.
+    as outputs. In loops, the states are all coordinates and the independent velocities. The independent velocities give
+    the dependent velocities. If other independent velocities suit the nominal run better, the method changes to them.
+    Frequencies and damping of a `ModalSimulator` are proved if no two frequencies can cross in the box. At a proved
+    value of `critical`, one eigenvalue is imaginary or 0. Checks at a few points, without a proof, show that no other
+    eigenvalue reaches the imaginary axis before. Both need an equilibrium, or a steady motion in coordinates that do
+    not rotate. Reactions and accelerations can be outputs. Multipliers of redundant constraints are those of smallest
+    norm. Steps end at the instants of sampled values. A proof continues through a kink or jump of a force if all
+    motions pass it once, transversally, and separately from other kinks. An example is drag by abs(w) w at w = 0. A
+    force law that is not smooth on one side of a kink, such as w abs(w)**0.5, ends the proof. Impacts, and constraints
+    that are redundant for some parameters only, raise an error. A proof also ends at a kink that only a part of the box
+    meets, or close to a singular position of a loop. From then on bounds are infinite, and ``caution`` states this
+    time. Outputs that are not smooth, or have operations without a remainder, have infinite bounds. The executor is not
+    used, and each box counts as a run.
 
     Parameters
     ----------
-    order : highest degree in each parameter; of three parameters and more, highest total degree
-    boxes : largest number of parts of the box. Parts are halved if their remainder grows, and the bounds are joined
+    order : highest degree in each parameter; for three or more parameters, highest total degree
+    boxes : largest number of parts of the box. Parts are halved if their remainder grows. The result is the union of
+        the bounds
 
     Raises
     ------
     PropagationError
-        From ``bounds``: equations of the scene are refused, or there are too many uncertain parameters for the order.
+        From ``bounds``: the method does not accept the equations, or there are too many uncertain parameters for the
+        order.
 
     Examples
     --------
@@ -87,14 +90,14 @@ class TaylorModel(Method):
     unit_of_work: ClassVar[str] = "parts of the time"
 
     def __post_init__(self) -> None:
-        # Highest order. Further coefficients of smooth motions are rounding, and their number grows with the order.
+        # Highest order. Coefficients of higher order are only rounding for smooth motions.
         require_whole(self, "order", 1, 60)
         require_whole(self, "boxes", 1)
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         problem = problem_of(self, simulator, box)
         # Largest number of terms of a polynomial in the parameters. With this number a step takes a minute, and
-        # gigabytes for about ten states. Interpolations of expressions with a million terms take half a minute.
+        # gigabytes for about ten states. An interpolation with a million terms takes half a minute.
         self._require_room(problem.d, *((20_000, 1) if problem.n else (1_000_000, EXTRA_NODES + 1)))
 
         if problem.meeting:
@@ -117,7 +120,8 @@ class TaylorModel(Method):
         return self._result(simulator, found.lower, found.upper, found.boxes, caution=caution)
 
     def _require_room(self, d: int, terms: int, more: int) -> None:
-        """Refuse more parameters than the polynomials of the order allow, with `more` terms each."""
+        """Raise PropagationError if the polynomials have too many terms. `more` is added to the order for each
+        parameter."""
         if (self.order + more) ** d > terms:
             most = int(terms ** (1.0 / d) + 1e-9) - more
             lower = f"order={most}, " if most > 0 else ""
@@ -131,11 +135,11 @@ class TaylorModel(Method):
 
 
 class _Outlook:
-    """A message that reports once how long a proof takes, if it takes minutes.
+    """A message, issued once, about the duration of a proof that takes minutes.
 
-    The remaining time is predicted from the last step and from the mean of all steps. The smaller prediction counts.
-    The first steps are short, so the mean predicts too much time. Before an early end, the last step is short too and
-    predicts too much.
+    The remaining time is predicted from the last step and from the mean of all steps. The smaller prediction is used.
+    The first steps are short, so the mean predicts too much time. Before an early end of the proof, the last step is
+    also short and predicts too much time.
     """
 
     def __init__(self, method: TaylorModel) -> None:
@@ -154,7 +158,7 @@ class _Outlook:
         if minutes > 1.0:
             warnings.warn(
                 f"{self._method!r}: {100 * share:.2g} % of the time is proved; the rest takes about {minutes:.0f} "
-                "minutes. A lower order or fewer boxes take less.",
+                "minutes. A lower order or fewer boxes take less time.",
                 SymmbWarning,
                 stacklevel=2,
             )
@@ -175,7 +179,7 @@ def _caution(found: Enclosure, remedy: str, times: Array, outputs: Sequence[str]
     is_infinite = ~np.isfinite(found.upper) & known
     if found.why:
         parts.append(f"proved up to t = {begin + found.until:g} s only and infinite later: {found.why}{remedy}")
-        is_infinite &= is_infinite.all(axis=0)  # others are infinite because the motion is not known
+        is_infinite &= is_infinite.all(axis=0)  # other bounds are infinite because the motion is not known
     if is_infinite.any():
         names, when = _names(outputs, is_infinite), "" if is_infinite.all(axis=0).any() else " at some times"
         parts.append(

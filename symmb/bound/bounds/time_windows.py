@@ -6,14 +6,14 @@ from symmb._magnitudes import ROUNDING, SAME
 from symmb._types import Array, Mask
 
 WINDOW = 0.02
-"""Length of a window divided by the length of all times. Coefficients and widths of an oscillating response pass 0, so
-they are averaged."""
+"""Length of a window divided by the total time. Coefficients and widths of an oscillating response pass 0, so averages
+over a window are used."""
 
 DOUBTFUL = 0.1
-"""Ratio to the width above which an estimated error is a warning."""
+"""Ratio of estimated error to width above which a warning is issued."""
 LEAST_WIDTH = 0.1
-"""Smallest width at some times, divided by the width over all times. Bounds may touch for a moment, and responses
-decay. An error below 1 % of the width over all times, the usual tolerance, is never a warning."""
+"""Smallest width at some times, divided by the width over all times. Bounds may touch at single times, and responses
+decay. Errors below 1 % of the width over all times (the usual tolerance) never cause a warning."""
 
 
 def rms(values: Array) -> Array:
@@ -24,8 +24,8 @@ def rms(values: Array) -> Array:
 def is_doubtful(estimate: Array, width: Array, floor: Array, share: float = DOUBTFUL) -> Mask:
     """Mask (n_t, n_y) of the times after which an estimated error exceeds a fraction of the width, and a floor (n_y,).
 
-    Error and width are root mean squares from a time to the end. The width is at least LEAST_WIDTH of that over all
-    times.
+    Error and width are root mean squares from a time to the end. The width is taken as at least LEAST_WIDTH times the
+    width over all times.
     """
     error, width = (np.cumsum(np.square(a)[::-1], axis=0)[::-1] for a in (estimate, width))
     n_left = np.arange(len(width), 0, -1)[:, None]
@@ -36,7 +36,8 @@ def is_doubtful(estimate: Array, width: Array, floor: Array, share: float = DOUB
 def is_doubtful_in_window(estimate: Array, width: Array, floor: Array, share: float = DOUBTFUL) -> Mask:
     """Mask (n_t, n_y) of the times at which an estimated error exceeds a fraction of the width, and a floor (n_y,).
 
-    Error and width are root mean squares over a window. The width is at least LEAST_WIDTH of that over all times.
+    Error and width are root mean squares over a window. The width is taken as at least LEAST_WIDTH times the width over
+    all times.
     """
     squares = np.square(width)
     enough = np.maximum(average_over_window(squares), LEAST_WIDTH**2 * squares.mean(axis=0))
@@ -44,9 +45,9 @@ def is_doubtful_in_window(estimate: Array, width: Array, floor: Array, share: fl
 
 
 def rests_for_a_time(lowest: Array, highest: Array, noise: Array) -> bool:
-    """Whether some output (n_t, n_y) is the same in all runs throughout a window, except for noise (n_y,) and rounding.
+    """Whether an output (n_t, n_y) is the same in all runs throughout a window, except for noise (n_y,) and rounding.
 
-    The first of several times does not count, because motions have the same start.
+    The first of several times is ignored, because all motions have the same start.
     """
     scale = np.abs([lowest, highest]).max(axis=(0, 1))
     varies = highest - lowest > np.maximum(ROUNDING * scale, 2 * noise)

@@ -21,7 +21,7 @@ from symmb.results.files import NOT_KEPT, Record
 from symmb.run.simulation import SceneSimulator, Trajectory, simulate
 
 _RUNS_TOGETHER = 64
-"""Number of samples of a repeated block: a multiple of the number of samples that share steps."""
+"""Number of samples of a repeated block: a multiple of the number of samples with common steps."""
 SIDES: tuple[str, str] = ("lower", "upper")
 Place = tuple[str, int, int]
 """A side, the number of a time, and the number of an output."""
@@ -31,10 +31,10 @@ _SEVERAL_TIMES = 2
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """A run of a study: its value of the output, its parameters, and those of the runs beside it.
+    """A run of a study: the value of the output, and the parameters of the run and of the runs in the same block.
 
-    A simulator chooses its steps for several samples together. Run `index` of the block P (n, d) is thus repeated to
-    the last bit only in its block.
+    A simulator chooses common steps for several samples. A repeated run is therefore equal to the last bit only if the
+    whole block P (n, d) runs again. The run has the number `index` in the block.
     """
 
     value: float
@@ -61,7 +61,7 @@ class AttainingRuns:
 
     @classmethod
     def of(cls, simulator: Simulator, attained: Attained) -> "AttainingRuns | None":
-        """The runs that a study recorded; None if it has no record for some times."""
+        """The recorded runs of a study; None if no run is recorded at some times."""
         if not (attained.lower <= attained.upper).all():
             return None
         both = np.stack([attained.lower_at, attained.upper_at])
@@ -87,11 +87,11 @@ class AttainingRuns:
         return [samples[n] for n in range(len(places))]
 
     def _sample(self, side: str, P: Array, value: float, values: Array | None) -> Sample:
-        """The most extreme of samples P (n, d) with values (n,); or the only one, with its attained value."""
+        """The sample of P (n, d) with the most extreme of the values (n,). A single sample keeps its attained value."""
         if values is None:
             return Sample(value, P, 0)
         if np.isnan(values).all():
-            raise SimulationError(f"{self.simulator!r}: the run that attained a bound fails when it is made again.")
+            raise SimulationError(f"{self.simulator!r}: the run that attained a bound fails when it is repeated.")
         index = int(np.nanargmin(values) if side == "lower" else np.nanargmax(values))
         begin = index // _RUNS_TOGETHER * _RUNS_TOGETHER
         return Sample(float(values[index]), P[begin : begin + _RUNS_TOGETHER], index - begin)
@@ -143,8 +143,8 @@ class WorstCase:
 
     @property
     def is_short(self) -> bool:
-        """Whether the distance of the run from the bound is large enough to be visible in pictures."""
-        # Share of the width by which a run may miss a bound without a remark, because pictures do not show it.
+        """Whether the distance of the run from the bound is visible in pictures."""
+        # Distance of a run from a bound, relative to the width, that is not mentioned. Pictures do not show it.
         return self.shortfall > SMALL * self.width
 
     @property
@@ -170,7 +170,7 @@ class WorstCase:
         DeclarationError    if the bounds were read from a file
         """
         if self.simulator is None:
-            raise DeclarationError("This worst case has no simulator, because its bounds were read from a file.")
+            raise DeclarationError("This worst case comes from a file. Use bounds that propagate has returned.")
         if isinstance(self.simulator, SceneSimulator):
             return simulate(self.scene, self.simulator.solver)
         return np.array(self.simulator.run(np.array([[*self.parameters.values()]])).Y[0])

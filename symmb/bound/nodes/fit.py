@@ -14,11 +14,12 @@ from symmb.bound.nodes.tensor_fit import transform_axes
 from symmb.bound.polynomials import Basis, MultiIndices, TensorDegree, basis_values, mean_squares
 
 SMALLEST_EIGENVALUE = 0.01
-"""Smallest eigenvalue of the normalised Gram matrix of a fit. It is 1 for an exact quadrature. Below this limit, the
-successful nodes determine a polynomial ten times less accurately than the others. tests/nodes/test_fit.py"""
+"""Smallest eigenvalue of the normalised Gram matrix of a fit. The eigenvalue is 1 for an exact quadrature. Below this
+limit, the successful nodes determine some polynomial ten times less accurately than the other polynomials.
+tests/nodes/test_fit.py"""
 
 MOST_PRODUCTS = 10**6
-"""Largest number of products of a basis. Their multi-indices take a second to compute."""
+"""Largest number of polynomials of a basis. Their multi-indices take a second to compute."""
 
 LARGEST_INVERSE = 1e8
 """Largest entry of V^-1. With a larger entry, rounding leaves fewer than eight digits of the coefficients."""
@@ -28,10 +29,10 @@ LARGEST_INVERSE = 1e8
 class Fit:
     """The linear map from node values to coefficients.
 
-    With V the basis at the nodes and W the weights, projection divides V^T W y by the mean squares, eqs. (30)-(34).
-    Least squares solves (V^T W V) a = V^T W y. Both give the same result if the quadrature is exact for products of
-    basis polynomials. With as many nodes as polynomials, the fit is interpolation. It solves V a = y, because V^T W V
-    would lose twice as many digits.
+    Let V be the values of the basis at the nodes, and W the weights. Projection divides V^T W y by the mean squares,
+    eqs. (30)-(34). Least squares solve (V^T W V) a = V^T W y. Both give the same result if the quadrature is exact for
+    products of basis polynomials. With as many nodes as polynomials, the fit interpolates. It solves V a = y, because
+    V^T W V loses twice as many digits.
 
     On a tensor grid with a tensor basis, V is the Kronecker product of one matrix for each parameter. The map is then
     applied parameter by parameter, and no matrix of all nodes is formed.
@@ -41,7 +42,7 @@ class Fit:
     alpha : (n_b, d) multi-indices
     nodes : (N, d)
     weights : (N,)
-    projects : whether the fit is a projection if no node fails
+    projects : whether the fit is a projection, provided that no node fails
     line : (n, n) matrix from values at the nodes of one parameter to coefficients, on a tensor grid with a tensor basis
     """
 
@@ -79,7 +80,7 @@ class Fit:
 
     @property
     def interpolates(self) -> bool:
-        """Whether every node is needed: there are as many nodes as polynomials, and the fit is not a projection."""
+        """Whether the fit needs every node: it is not a projection, and there are as many nodes as polynomials."""
         return self.line is not None or (not self.projects and len(self.nodes) == len(self.alpha))
 
     @cached_property
@@ -111,8 +112,8 @@ class Fit:
         """Coefficients (n_b, m) from ``functionals @ y`` (n_b, m) over the nodes marked in ok (N,)."""
         if ok.all():
             return sums
-        # The sums are those of the full fit. They are multiplied by its Gram matrix, and solved with that of the
-        # remaining nodes. Values at nodes are thus not needed after they are in the sums.
+        # The sums are those of the fit with all nodes. They are multiplied by its Gram matrix. The Gram matrix of the
+        # remaining nodes is then solved. Single values at nodes are thus not needed any more.
         norms = self._norms[:, None]
         return np.linalg.solve(self._gram(ok), self._gram() @ (sums * norms)) / norms
 
@@ -144,7 +145,7 @@ class Fit:
 
 def _regular(gram: Array) -> bool:
     try:
-        # This factorization exists only if all eigenvalues are larger than the limit.
+        # The factorization exists only if all eigenvalues are larger than the limit.
         np.linalg.cholesky(gram - SMALLEST_EIGENVALUE * np.eye(len(gram)))
     except np.linalg.LinAlgError:
         return False

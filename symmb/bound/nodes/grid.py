@@ -1,9 +1,9 @@
 """Interpolation on nested nodes, on tensor grids and on sparse grids: a set of degrees, with one node for each.
 
 The nodes of one parameter have an order: the middle, the ends, then the nodes that halve the angles between them. The
-first 3, 5, 9, 17, ... are those of Clenshaw and Curtis. Within a halving, the next node has the largest product of
-distances (Leja). Degree k has the first k + 1 nodes. A set that contains all smaller multi-indices thus has one node
-for each of its polynomials, with the same numbers.
+first 3, 5, 9, 17, ... are those of Clenshaw and Curtis. Among the nodes of a halving, the next node has the largest
+product of distances to earlier nodes (Leja). Degree k has the first k + 1 nodes. A set that contains all smaller
+multi-indices thus has one node for each of its polynomials, with the same number.
 """
 
 import itertools
@@ -28,17 +28,18 @@ class Grid:
     def __init__(self, d: int) -> None:
         self.d = d
         self.row: dict[Index, int] = {}
-        self._signs: dict[Index, int] = {}  # those of the tensor interpolants
+        self._signs: dict[Index, int] = {}  # signs of the tensor interpolants
 
     def missing(self, indices: Iterable[Index]) -> set[Index]:
-        """The given indices and all smaller indices that the set does not contain. They must be added together."""
+        """The given indices and all smaller indices that the set does not contain. All must be added together."""
         return with_lower(indices, self.row)
 
     def add(self, indices: set[Index]) -> None:
         """Add indices, in the order of their degrees."""
         for index in sorted(indices, key=lambda a: (sum(a), a)):
             self.row[index] = len(self.row)
-            # The sum of differences of one parameter each (Smolyak 1963) has these tensor interpolants. Most cancel.
+            # The sum of tensor products of differences (Smolyak 1963) consists of these tensor interpolants. Most terms
+            # cancel.
             for steps in itertools.product(*[(0, 1) if k else (0,) for k in index]):
                 lowered = tuple(k - z for k, z in zip(index, steps, strict=True))
                 self._signs[lowered] = self._signs.get(lowered, 0) + (-1) ** sum(steps)
@@ -53,7 +54,7 @@ class Grid:
         return grid
 
     def ahead(self) -> set[Index]:
-        """Indices that may be added, because the set contains all smaller ones."""
+        """Indices that may be added, because the set contains all smaller indices."""
         near = {above for index in self.row for above in _above(index)}
         return {index for index in near if index not in self.row and all(b in self.row for b in below(index))}
 
@@ -61,7 +62,7 @@ class Grid:
     def alpha(self) -> MultiIndices:
         """(N, d) multi-indices in the order of `row`."""
         alpha = np.array(list(self.row), dtype=np.intp).reshape(-1, self.d)
-        alpha.flags.writeable = False  # expansions share it
+        alpha.flags.writeable = False  # several expansions use it
         return alpha
 
     @cached_property
@@ -102,7 +103,7 @@ def line(n: int) -> Array:
         new = np.arange(-1 + step, 1, 2 * step)
         while new.size:
             distances = np.abs(np.subtract.outer(np.sin(np.pi / 2 * new), np.sin(np.pi / 2 * np.array(angles))))
-            # Mirror images have equal products. Rounding makes the choice the same on every machine: the first one.
+            # Mirror images have equal products. After rounding, every machine chooses the first node.
             best = int(np.argmax(np.log(distances).sum(axis=1).round(9)))
             angles.append(float(new[best]))
             new = np.delete(new, best)

@@ -22,7 +22,7 @@ class Nodes(Protocol):
     """A rule of nodes and weights for expansions of a given order."""
 
     projects: ClassVar[bool]
-    """True: coefficients by Galerkin projection, eq. (30). False: coefficients by weighted least squares, which is
+    """True: coefficients by Galerkin projection, eq. (30). False: coefficients by weighted least squares, or by
     interpolation if there are as many nodes as polynomials."""
 
     def points(self, d: int, order: int) -> tuple[Array, Array]:
@@ -105,8 +105,8 @@ class ChebyshevGauss(Rule):
     """Tensor grid of the order + 1 roots of the Chebyshev polynomial T_(order + 1), with the weights of
     Fejér's first rule, all positive.
 
-    Interpolation at these nodes is nearly as accurate as the best approximation by polynomials, but it extrapolates to
-    the ends of the intervals.
+    Interpolation at these nodes is nearly as accurate as the best approximation by polynomials. It extrapolates to the
+    ends of the intervals.
 
     Examples
     --------
@@ -125,7 +125,7 @@ class ChebyshevGauss(Rule):
         return _interpolatory(np.sin(0.5 * np.pi * np.arange(-degree, degree + 1, 2) / (degree + 1)))
 
     def degree(self, level: int) -> int:
-        """Two additional nodes for each level. Three times as many would be nested, but take more runs."""
+        """Two additional nodes for each level. With three times as many, levels would be nested but take more runs."""
         return 2 * level
 
 
@@ -134,8 +134,8 @@ class Leja(Rule):
     """Tensor grid of the first order + 1 Leja nodes 0, 1, -1, x, -x, ... .
 
     The nodes of an order are nodes of every higher order. Even orders are symmetric. Up to order 20, Lebesgue constants
-    of even orders are at most 8.9, and those of odd orders at most 18.4. Sparse grids use even orders, with two
-    additional nodes for each level.
+    are at most 8.9 for even orders, and at most 18.4 for odd orders. Sparse grids use even orders, with two additional
+    nodes for each level.
 
     Examples
     --------
@@ -151,7 +151,7 @@ class Leja(Rule):
 
     def points(self, d: int, order: int) -> tuple[Array, Array]:
         """Nodes ((order + 1)^d, d) and equal weights."""
-        # Interpolatory weights are 0 at the last node of an odd order, so that a fit would not use this node.
+        # For odd orders, interpolatory weights are 0 at the last node. A fit would not use this node.
         nodes, weights = super().points(d, order)
         return nodes, np.full_like(weights, 1.0 / len(weights))
 
@@ -168,9 +168,10 @@ class Leja(Rule):
 class SparseGrid:
     """Smolyak's sparse grid (section 3.3 and Fig. 3): tensor grids of low total level, combined with signs.
 
-    The grid is exact for total degree 2 level + 1. Weights may be negative. Large weights amplify errors of runs: for 6
+    The grid is exact for total degree 2 level + 1. Weights may be negative. Large weights amplify errors of runs. For 6
     parameters at level 4, the sum of their magnitudes is 681 with Gauss nodes and 34 with Clenshaw-Curtis nodes. Leja
-    nodes need the fewest runs: 33 for 2 parameters at level 4, while Gauss nodes need 53 and Clenshaw-Curtis nodes 65.
+    nodes need the fewest runs. For 2 parameters at level 4, they need 33 runs, Gauss nodes 53, and Clenshaw-Curtis
+    nodes 65.
 
     Parameters
     ----------
@@ -216,10 +217,10 @@ class SparseGrid:
         return _merged(np.concatenate([x for x, _ in grids]), np.concatenate([w for _, w in grids]))
 
     def size(self, d: int, order: int) -> int:
-        """Number of nodes. Equal nodes of several tensor grids are counted several times."""
+        """Number of nodes. Common nodes of several tensor grids are counted several times."""
         level = self._level(order)
         line = [self.rule.degree(i) + 1 for i in range(level + 1)]
-        totals = [1] + [0] * level  # number of nodes of each total level, one parameter after the other
+        totals = [1] + [0] * level  # number of nodes of each total level, for the parameters so far
         for _ in range(d):
             totals = [sum(line[i] * totals[total - i] for i in range(total + 1)) for total in range(level + 1)]
         return sum(totals[max(0, level - d + 1) :])

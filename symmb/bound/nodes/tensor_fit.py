@@ -13,10 +13,10 @@ from symmb._types import Array, Indices
 from symmb.run.codegen import c_fields, c_source, load, on_threads, with_compiler
 
 Tensor = tuple[Indices, list[Array], int]
-"""Rows of the nodes of a tensor grid, a matrix for each parameter, and the factor of its interpolant in the sum."""
+"""Rows of the nodes of a tensor grid, a matrix for each parameter, and the factor of the interpolant in the sum."""
 
 _FEW_NUMBERS = 2**16
-"""NumPy is used up to this number of values or of squared coefficients, because compilation takes longer."""
+"""Up to this number of values or squared coefficients, NumPy is used, because compilation takes longer."""
 
 
 class _Tensors(ctypes.Structure):
@@ -32,7 +32,7 @@ class _Tensors(ctypes.Structure):
 def transform_axes(matrices: Sequence[Array], Y: Array) -> Array:
     """(A_1 x ... x A_d) Y, the Kronecker product of d matrices (n_k, n_k) applied to Y (n_1 ... n_d, m).
 
-    The cost is that of d small products instead of one product with n_1 ... n_d rows and columns.
+    The cost is that of d products with small matrices, instead of one matrix with n_1 ... n_d rows and columns.
     """
     block, before = Y, 1
     for A in matrices:
@@ -60,7 +60,7 @@ def group_squares(coefficients: Array, groups: Sequence[Indices]) -> Array:
 
 def _compiled_interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows: Indices) -> Array:
     basis = _packed(tensors, len(rows))
-    # Addresses of rows are used: blocks come from rounds of runs, and are too large to copy.
+    # Addresses of rows are used, because blocks from rounds of runs are too large to copy.
     blocks = [np.ascontiguousarray(Y, dtype=float) for Y in blocks]
     at = np.concatenate([Y.ctypes.data + Y.strides[0] * np.arange(len(Y)) for Y in blocks])[rows]
     m = blocks[0].shape[1]
@@ -72,7 +72,7 @@ def _compiled_interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows:
         if not library.fit(ctypes.byref(basis), ctypes.byref(next_response), ctypes.c_long(m), *pointers):
             raise MemoryError("not enough memory to fit an expansion")
 
-    on_threads(work, m, 1e-7 * C.size)  # at most, [s]: the time of degrees up to 64
+    on_threads(work, m, 1e-7 * C.size)  # upper limit of the time [s], for degrees up to 64
     return C
 
 
@@ -103,7 +103,7 @@ def _compiled_squares(coefficients: Array, groups: Sequence[Indices]) -> Array:
     sums = np.empty((len(groups), *coefficients.shape[1:]))
     of, begin, numbers, to = (ctypes.c_void_p(a.ctypes.data) for a in (C, first, rows, sums))
     library, count = load(_SOURCE, "fit", "squares"), ctypes.c_long(len(groups))
-    library.squares(m, of, count, begin, numbers, to)  # in less time than the start of a thread
+    library.squares(m, of, count, begin, numbers, to)  # this takes less time than the start of a thread
     return sums
 
 

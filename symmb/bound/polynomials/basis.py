@@ -20,7 +20,7 @@ class Basis(Protocol):
 
 @dataclass(frozen=True)
 class TotalDegree:
-    """Products with a sum of degrees up to the order, eq. (21): the paper's choice.
+    """Products with total degree up to the order, eq. (21), as in the paper.
 
     Examples
     --------
@@ -30,7 +30,7 @@ class TotalDegree:
     """
 
     def indices(self, d: int, order: int) -> MultiIndices:
-        """Multi-indices (n_b, d) of products with degrees up to the order in sum, the constant first."""
+        """Multi-indices (n_b, d) of products with total degree up to the order, the constant first."""
         d, _, order = dimensions(self, d, order=order)
         return total_degree(d, order)
 
@@ -41,7 +41,7 @@ class TotalDegree:
 
 @dataclass(frozen=True)
 class TensorDegree:
-    """Products with each degree up to the order. A tensor grid has as many nodes.
+    """Products with each degree up to the order. A tensor grid has the same number of nodes.
 
     Examples
     --------
@@ -62,12 +62,12 @@ class TensorDegree:
 
 @dataclass(frozen=True)
 class HyperbolicCross:
-    """Multi-indices with a quasi-norm (sum alpha_i^q)^(1/q) up to the order: the full order in single parameters, and
-    few products of several parameters.
+    """Multi-indices with a quasi-norm (sum alpha_i^q)^(1/q) up to the order. They have the full order in single
+    parameters, and few products of several parameters.
 
     Parameters
     ----------
-    q : exponent above 0 and up to 1. With 1 the norm is the total degree. Smaller values give fewer products
+    q : exponent above 0 and up to 1. For 1, the norm is the total degree. Smaller values give fewer products
 
     Raises
     ------
@@ -98,5 +98,5 @@ class HyperbolicCross:
         return alpha[np.sum((alpha / max(order, 1)) ** self.q, axis=1) <= 1 + rounding]
 
     def size(self, d: int, order: int) -> int:
-        """Number of products of the total degree. The products of the hyperbolic cross are some of these."""
+        """Number of products of the total degree, an upper limit for the hyperbolic cross."""
         return math.comb(d + order, d)

@@ -13,8 +13,8 @@ from symmb.bound.polynomials.legendre import MultiIndices, with_lower
 class LowerSet:
     """A set of multi-indices that contains all multi-indices below its members, in the order of increasing sums.
 
-    If the range of a parameter is halved, or a parameter is fixed, the expansion needs no other products. This holds
-    for Legendre and for Chebyshev polynomials.
+    If the range of a parameter is halved, or a parameter is fixed, the expansion has no products outside of the set.
+    This is valid for Legendre and Chebyshev polynomials.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ def halving(n: int) -> Array:
 
 
 def _times_x(coefficients: Array) -> Array:
-    """x times a Chebyshev series with a highest coefficient of 0. x T_i is the mean of T_(i - 1) and T_(i + 1)."""
+    """x times a Chebyshev series whose highest coefficient is 0. x T_i is the mean of T_(i - 1) and T_(i + 1)."""
     product = np.zeros_like(coefficients)
     product[1:] += 0.5 * coefficients[:-1]
     product[:-1] += 0.5 * coefficients[1:]

@@ -63,7 +63,7 @@ class Expansion:
         return np.tensordot(basis_values(self.alpha, points), self.coefficients, axes=1)
 
     def without(self, parameters: Mask, outputs: Mask) -> "Expansion":
-        """The expansion without the terms of some parameters (d,). Some outputs (n_y,) become constant."""
+        """The expansion without the terms of some parameters (d,). The outputs of a mask (n_y,) become constant."""
         if not parameters.any() and not outputs.any():
             return self
         coefficients = self.coefficients.copy()
@@ -77,8 +77,8 @@ class Moments(Saved):
     """Mean, variance and Sobol indices over time, for parameters that are uniform and independent in their
     intervals.
 
-    A first index is the fraction of the variance that a parameter alone explains. A total index adds the fractions that
-    it explains together with others. Indices are nan if the variance is only rounding.
+    A first index is the fraction of the variance that a parameter alone explains. A total index adds the fractions of
+    its interactions with other parameters. Indices are nan if the variance is only rounding.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ class Moments(Saved):
 
 def moments(expansion: Expansion, t: Array, names: tuple[str, ...]) -> Moments:
     """Moments of an expansion. The variance is the sum of squared coefficients times mean squares of polynomials. An
-    index is the part of the polynomials that contain the parameter, alone or with others.
+    index is the part of the variance from polynomials that contain the parameter, alone or with others.
 
     Examples
     --------
@@ -157,12 +157,12 @@ def moments(expansion: Expansion, t: Array, names: tuple[str, ...]) -> Moments:
     """
     involved = expansion.alpha.T > 0
     varies, alone = involved.any(axis=0), involved & (involved.sum(axis=0) == 1)
-    # Squares may underflow or overflow. Powers of two are taken out and put back without rounding.
+    # Squares may underflow or overflow. Scaling by powers of two avoids this without rounding.
     power = np.frexp(np.abs(expansion.coefficients).max(axis=(0, 1)))[1]
     parts = mean_squares(expansion.alpha)[:, None, None] * np.ldexp(expansion.coefficients, -power) ** 2
     mean = expansion.coefficients[~varies].sum(axis=0)
     variance = parts[varies].sum(axis=0)
-    # A smaller standard deviation, relative to the output's largest root mean square, counts as rounding.
+    # Standard deviations below this fraction of the output's largest root mean square are only rounding.
     least = ROUNDING**2 * parts.sum(axis=0).max(axis=0)
     shares = np.full((2, len(involved), *variance.shape), np.nan)
     for share, chosen in zip(shares, (alone, involved), strict=True):

@@ -19,12 +19,12 @@ Index = tuple[int, ...]
 
 
 def below(index: Index) -> list[Index]:
-    """The indices with one degree lower by 1."""
+    """The indices in which one degree is smaller by 1."""
     return [(*index[:i], k - 1, *index[i + 1 :]) for i, k in enumerate(index) if k]
 
 
 def with_lower(indices: Iterable[Index], known: Container[Index] = ()) -> set[Index]:
-    """The given indices and all smaller indices, without known ones. The known indices contain all smaller indices."""
+    """The given indices and all smaller indices, except known indices. All indices below known ones must be known."""
     found: set[Index] = set()
     pending = list(indices)
     while pending:
@@ -37,7 +37,7 @@ def with_lower(indices: Iterable[Index], known: Container[Index] = ()) -> set[In
 
 def basis_values(alpha: MultiIndices, points: Array) -> Array:
     """Values (N, n_b) of the polynomials ``alpha`` (n_b, d) at points (N, d)."""
-    # NumPy's legvander for each parameter takes ten times as long, because most calls are for a few points.
+    # For a few points, as in most calls, NumPy's legvander takes ten times as long.
     table = np.ones((int(alpha.max(initial=1)) + 1, *points.shape))
     table[1] = points
     for n in range(2, len(table)):
@@ -80,7 +80,7 @@ def total_degree(d: int, order: int) -> MultiIndices:
 
 
 def homogeneous(d: int, degree: int) -> list[tuple[int, ...]]:
-    """Multi-indices of d entries with sum ``degree``, in the order of decreasing first entries."""
+    """Multi-indices of d entries with sum ``degree``, in decreasing order of the first entry."""
     if d == 1:
         return [(degree,)]
     return [(first, *rest) for first in range(degree, -1, -1) for rest in homogeneous(d - 1, degree - first)]

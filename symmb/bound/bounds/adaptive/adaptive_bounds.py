@@ -24,8 +24,8 @@ from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box
 
 MOST_RUNS, MOST_NUMBERS = 5000, 40_000_000
-"""The largest number of runs without a budget, and the largest number of stored values. These take 0.3 GB, and their
-coefficients take as much."""
+"""The largest number of runs without a budget, and the largest number of stored values. The values take 0.3 GB, and so
+do their coefficients."""
 NOISY_SHARE = 0.2
 """Bounds are uncertain if the measured noise is larger than this part of the width. The bounds of a few runs that show
 only noise are five times as wide as the noise."""
@@ -44,9 +44,9 @@ def adaptive_bounds(
 ) -> Bounds:
     """Bounds by interpolants that are refined until their estimated error is below ``tolerance`` of the width.
 
-    The error of an output is its root mean square over time, divided by that of the width; the largest one counts. It
-    is at least the distance of runs beyond the interpolant's range. The bounds are the extremes of runs if the error
-    exceeds their width, or if the output is only noise.
+    The error of an output is a root mean square over time, divided by that of the width. The largest error of all
+    outputs is compared with the tolerance. Errors are at least the distance of runs beyond the interpolant's range. If
+    the error exceeds the width of the extremes of runs, or if an output is only noise, these extremes are the bounds.
     """
     d, numbers = len(box), max(len(simulator.times) * len(simulator.outputs), 1)
     first = probes + (max(5, 3**d) if d <= MOST_PARAMETERS else 2 * d + 1)
@@ -59,7 +59,7 @@ def adaptive_bounds(
         runs = runs.anew()
         if first > runs.left:
             raise PropagationError(
-                f"{text}: late runs give values 1e90 times those of earlier runs, and too few runs are left to begin "
+                f"{text}: late runs give values 1e90 times those of earlier runs, and too few runs are left to start "
                 "again. Use the logarithm of the output as the output, or a larger budget."
             )
     is_noise, power = np.isinf(runs.rms_widths()), runs.power
@@ -83,7 +83,7 @@ def adaptive_bounds(
         remarks=(*remarks, *_of_rounding(runs, is_noise)),
         range_of=estimated.surrogate,
     )
-    del runs  # the polynomials are as large
+    del runs  # frees memory: the polynomials need as much as the runs
     found = estimated.polynomials and estimated.polynomials()
     if found is None:
         return bounds
@@ -100,7 +100,7 @@ def _estimated(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange
     """The range of a surrogate that is refined until it is accurate enough; None if the study must begin again.
 
     If a tensor grid takes too many runs, the outputs are studied by the method for many parameters. The grid is then
-    refined only for outputs that are still uncertain. For each output the better answer counts.
+    refined only for outputs that are still uncertain. Each output gets the better of the two ranges.
     """
     other: EstimatedRange | None = None
     try:
@@ -123,8 +123,8 @@ def _estimated(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange
 
 
 def _attained_or_estimated(runs: Runs, estimated: EstimatedRange, is_noise: Mask) -> tuple[Array, Array, Array]:
-    """Bounds and their estimated errors, each (n_t, n_y). The bounds are the extremes of runs if the error exceeds
-    their width."""
+    """Bounds and their estimated errors, each (n_t, n_y). If the error exceeds the width of the extremes of runs, the
+    bounds are these extremes."""
     lowest, highest = runs.extremes
     estimate = np.maximum(estimated.estimate, runs.beyond(estimated.lower, estimated.upper))
     below = above = False
@@ -174,7 +174,7 @@ def _listed(runs: Runs, which: Mask, most: int = 4) -> str:
 
 
 def _of_rounding(runs: Runs, is_noise: Mask) -> tuple[str, ...]:
-    """A remark about outputs that vary by more than rounding, but so little that the variation counts as rounding."""
+    """A remark about outputs with a variation that counts as rounding, although it is larger than rounding."""
     lowest, highest = runs.extremes
     if runs.rounding < SAME:  # the simulator states its noise
         return ()
@@ -192,7 +192,7 @@ _CUT = (
     "The study ended before it reached the tolerance {tolerance:g}. Its work beside the runs took more than 1 s, "
     "and more than three times as long as the runs. PolynomialChaos(seconds=...) allows more."
 )
-"""The warning if a study had no time to refine the bounds and its error is far above the tolerance."""
+"""The warning if a study had no time to refine the bounds, and its error is far above the tolerance."""
 _SHORT = "The tolerance {} of the method was not reached: the estimated error is {} times the width."
 """A warning if the runs are too few, or if noise and rounding are too large."""
 

@@ -10,25 +10,25 @@ from symmb.bound.nodes import corners
 
 SAFETY = 2.5
 """Safety factor on measured errors and on the standard deviation of noise, because errors elsewhere may be larger. A
-smaller factor misses more, a larger factor takes more runs."""
+smaller factor misses more errors. A larger factor takes more runs."""
 FIELD_SAFETY = 1.6
 """SAFETY of outputs with many functions of time, because check runs show their errors at many times. A smaller factor
 takes fewer runs and misses more."""
 CANDIDATES = 150
-"""Number of extremes from which check points are chosen, since all pairs are compared. It is also the number of starts
-of searches on surfaces. Larger numbers take more time and miss fewer extremes."""
+"""Number of extremes from which check points are chosen. It is limited because all pairs are compared. Searches on
+surfaces have the same number of starts. Larger numbers take more time and miss fewer extremes."""
 WORTHWHILE = 0.3
-"""Ratio of a weight to the largest weight. An output adds check points to those of other outputs if its ratio is
-larger. Smaller ratios take more runs."""
+"""Smallest ratio of a weight to the largest weight at which an output adds check points to those of other outputs.
+Smaller ratios take more runs."""
 FEW_SHAPES, SHAPE_SHARE = 3, 1e-2
-"""Number of independent functions of time that count like separate outputs, and the smallest ratio of a function's size
-to the largest size. More functions take more check runs."""
+"""Number of independent functions of time above which an output is a field, and smallest ratio of a function's size to
+the largest size. Larger values take more check runs."""
 SHAPE_RUNS = round(1 / WINDOW)
-"""Largest number of runs from which independent functions of time are counted, and half the number of their times,
-because a window has two times."""
+"""Largest number of runs from which independent functions of time are counted. Twice as many times are used, because a
+window has two times."""
 PROBES = 6
-"""Number of quasi-random check points. Nodes are at the centre, the ends and the halves. Symmetric responses may be
-equal there. More points find narrower peaks."""
+"""Number of quasi-random check points. Symmetric responses may be equal at all nodes, which are at the centre, the ends
+and the halves. More points find narrower peaks."""
 PATIENCE = 30
 """Largest number of runs per parameter of a grid that does not converge, and of corners. Larger numbers take more runs
 and miss fewer extremes."""
@@ -40,15 +40,15 @@ miss fewer extremes."""
 
 
 def select_dispersed(places: Array, weights: Array, number: int, taken: Array | None = None) -> Array:
-    """At most `number` places (n, d) with large weights, not close together, from places (2, n_t, n_y, d).
+    """At most `number` of the places (2, n_t, n_y, d), with large weights and not close together, as an array (n, d).
 
-    Each choice maximises the weight in its neighbourhood, sum_j exp(-2 |x - x_j|^2 / d) w_j, and takes this weight from
-    its neighbours. Places `taken` (m, d) by others take weight first. Choices then end below the share WORTHWHILE of
-    the largest weight before this.
+    Each choice maximises the weight in its neighbourhood, sum_j exp(-2 |x - x_j|^2 / d) w_j. The weights of its
+    neighbours are then reduced. If places (m, d) are `taken` already, weights near them are reduced first. Choices then
+    end if the weight is below the fraction WORTHWHILE of the largest initial weight.
     """
     points, weights = places.reshape(-1, places.shape[-1]), weights.ravel()
-    # All pairs are compared, so candidates are few. The heaviest places are mostly neighbours in time, with one extreme
-    # in common. A stride over many of them keeps other extremes.
+    # All pairs are compared, so there are few candidates. Places with the largest weights are mostly at neighbouring
+    # times of one extreme. A stride over many places includes other extremes.
     heaviest = np.arange(len(weights))
     if len(weights) > 20 * CANDIDATES:  # a partition takes less time than a complete sort
         heaviest = np.flatnonzero(weights >= np.partition(weights, -20 * CANDIDATES)[-20 * CANDIDATES])
@@ -86,7 +86,7 @@ def quasi_random_points(number: int, d: int) -> Array:
 
 
 def evenly_spread_points(number: int, d: int) -> Array:
-    """Points (number, d) of the unit box from Roberts' sequence.
+    """Points (number, d) of the unit box from Roberts' quasi-random sequence.
 
     The coordinates are multiples of powers of 1 / r, modulo 1, with r^(d + 1) = r + 1. (Roberts 2018, The unreasonable
     effectiveness of quasirandom sequences)
@@ -98,10 +98,10 @@ def evenly_spread_points(number: int, d: int) -> Array:
 
 
 def screening_corners(d: int) -> Array:
-    """Corners (N, d) of the unit box: the rows of a Hadamard matrix that Paley's construction gives.
+    """Corners (N, d) of the unit box: the rows of a Hadamard matrix by Paley's construction.
 
-    For up to eleven parameters there are 12 corners. Among them is each combination of the signs of any three
-    parameters. (Plackett and Burman 1946, The design of optimum multifactorial experiments)
+    For up to eleven parameters there are 12 corners. They contain each combination of signs of any three parameters.
+    (Plackett and Burman 1946, The design of optimum multifactorial experiments)
     """
     prime = next(q for q in count(11, 4) if q >= d and all(q % k for k in range(3, q, 2)))
     signs = np.full(prime, -1.0)
@@ -145,10 +145,10 @@ def screening_points(d: int) -> Array:
 def count_shapes(Y: Array) -> Indices:
     """Number of independent functions of time (...) in deviations Y (..., N, m) from the mean response.
 
-    Values at many times may follow one function only. They then show no more than one number does. Functions count if
-    their size is at least SHAPE_SHARE of the largest one.
+    Values at many times may follow a single function. They then contain no more information than one number. A function
+    is counted if its size is at least the fraction SHAPE_SHARE of the largest size.
     """
-    # The products of N runs have the same nonzero eigenvalues as those of m times, and N is smaller.
+    # The Gram matrix of N runs has the same nonzero eigenvalues as that of m times, and N is smaller.
     squares = np.linalg.eigvalsh(Y @ Y.swapaxes(-1, -2))
     return np.asarray((squares > SHAPE_SHARE**2 * squares[..., -1:]).sum(axis=-1))
 
@@ -156,6 +156,6 @@ def count_shapes(Y: Array) -> Indices:
 def inflated_error(squares: Array, safety: float = SAFETY) -> Array:
     """Expected errors (n_t, n_y) at other points, from the largest squared errors at check runs and a factor.
 
-    Errors are averaged over a window. They are at least those of the check run, because a pulse may be shorter.
+    Errors are averaged over a window. They are at least the errors of the check runs, because a pulse may be shorter.
     """
     return np.sqrt(np.maximum(safety**2 * average_over_window(squares), squares))

@@ -1,4 +1,4 @@
-"""Rounds of check runs near extremes. They show the errors of two answers: a range of polynomials, extremes of runs."""
+"""Rounds of check runs near extremes. They measure errors of an interpolant's range and of extremes of runs."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -29,21 +29,21 @@ LEAST_ROUNDS = 2
 Larger numbers miss fewer extremes and take more runs."""
 FITTED_VALUES = 4, 12
 """Number of best runs per coefficient for a fit of parabolas. With too few runs, the fit only describes the best runs.
-With too many, it describes runs far from the extreme."""
+With too many runs, it describes runs far from the extreme."""
 BESIDE_STEP = 0.3
-"""Change of one parameter of a run that attains an extreme, in the search for larger extremes. Smaller steps take more
-rounds. Larger ones leave a narrow ridge. (calibrated by tests/benchmarks/everyday_machines.py)"""
+"""Change of one parameter of a run at an extreme, in the search for larger extremes. Smaller steps take more rounds.
+Larger steps leave a narrow ridge. (calibrated by tests/benchmarks/everyday_machines.py)"""
 
 
 @dataclass
 class Foreseen:
-    """Predicted and attained excess beyond earlier runs: sums of squares over points and times.
+    """Predicted and attained distance beyond earlier runs: sums of squares over points and times.
 
     Attributes
     ----------
-    foreseen : sum of the predicted excess
-    unconfirmed : sum of the differences between runs and predictions, where an excess is predicted
-    attained : sum of the excess that runs attain there
+    foreseen : sum of the predicted distances
+    unconfirmed : sum of the differences between runs and predictions, where a distance is predicted
+    attained : sum of the distances that runs attain there
     """
 
     foreseen: float = 0.0
@@ -59,15 +59,14 @@ class Foreseen:
         self.attained += float(np.square(gain)[beyond > 0].sum())
 
     def add_at(self, places: Array, foreseen: Array, points: Array, gains: Array) -> None:
-        """Add the predicted excess (2, n_t, 1) and the attained one, at places (2, n_t, 1, d) among the points (C,
+        """Add predicted distances and attained distances (2, n_t, 1), at places (2, n_t, 1, d) that are in points (C,
         d)."""
         is_run = is_among(places, points) & (foreseen > 0)
         self.foreseen += float(np.square(foreseen[is_run]).sum())
         self.attained += float(np.square(gains[is_run]).sum())
 
     def share(self, part: float) -> float:
-        """Square root of the ratio of a sum, `unconfirmed` or `attained`, to the predicted sum; 1 if nothing is
-        predicted."""
+        """Root of the ratio of a sum, `unconfirmed` or `attained`, to the predicted sum; 1 if nothing is predicted."""
         return min(part / self.foreseen, 1.0) ** 0.5 if self.foreseen else 1.0
 
 
@@ -96,7 +95,7 @@ class CheckRounds:
     ----------
     runs : OutputRuns
     base, grid : the interpolant, and its grid
-    sizes : expected sizes of coefficients ahead of the grid
+    sizes : expected sizes of coefficients next to the grid
     estimate : (n_t, 1) estimated error of the interpolant
     tolerance : largest accepted ratio of the error to the width
     has_corners : whether corners have been run
@@ -128,7 +127,8 @@ class CheckRounds:
         while True:
             n_known, extremes, former = len(runs.points), runs.extremes, self._corrected
             if self.has_corners:
-                # The next runs are near known ones. They come first: the last runs must be those that judge the error.
+                # The next runs are near known runs. They are made first, because the last runs of a round measure the
+                # error.
                 yield Checks(separable_extremes(*runs.attained()))
                 yield from self._search_beside()
             n_beside = len(runs.points) - n_known
@@ -141,7 +141,7 @@ class CheckRounds:
             self._foreseen.add(predicted, Y, *extremes)
             self._gains.append(inflated_error(np.square(runs.beyond(*extremes)), self._safety))
             errors = (Y - predicted) / self._remaining_share(points)[:, None, None]
-            errors = errors[n_beside:] if n_beside < len(errors) else errors  # earlier ones are near known runs
+            errors = errors[n_beside:] if n_beside < len(errors) else errors  # earlier errors are near known runs
             self._observed = (1 + 1 / len(errors)) * inflated_error(np.mean(np.square(errors), axis=0), self._safety)
             self._correct()
             share = self._remaining_share(self._places)
@@ -157,7 +157,7 @@ class CheckRounds:
         return self._better()
 
     def _search_beside(self) -> Iterator[Request]:
-        """Runs beside those that attain extremes and change fast there, except where this was done before."""
+        """Runs near those that attain extremes and change fast there. Earlier places are left out."""
         runs, (lowest, highest) = self.runs, self.runs.extremes
         at, swings = swings_at_extremes(runs)
         new = select_dispersed(at, np.where(is_among(at, self._searched), 0.0, swings), len(runs.box))
@@ -211,7 +211,7 @@ class CheckRounds:
         best = int(np.argmin([relative_rms(error, runs.rms_widths()) for error in errors]))
         if best:
             return EstimatedRange(lowest, highest, errors[best], polynomials, "runs near extremes", self._places)
-        # Further runs are expected to attain the same share of the interpolant's excess as earlier runs.
+        # Further runs are expected to attain the same fraction of predicted distances as earlier runs.
         share, name = self._foreseen.share(self._foreseen.attained), "an interpolant on a sparse grid"
         lower, upper = lowest - share * below, highest + share * above
         return EstimatedRange(lower, upper, errors[best], polynomials, name, self._places)
@@ -226,10 +226,10 @@ def is_among(places: Array, points: Array) -> Mask:
 
 
 def swings_at_extremes(runs: OutputRuns) -> tuple[Array, Array]:
-    """Places (2, n_t, 1, d) of the extremes of runs, and how much these runs change to a time beside (2, n_t, 1).
+    """Places (2, n_t, 1, d) of the extremes of runs, and the changes (2, n_t, 1) of these runs to neighbouring times.
 
-    Where a run changes fast, e.g. at an impact, few runs of the box are near an extreme at the same time. Changes up to
-    a fraction DOUBTFUL of the width are 0.
+    If a run changes fast, e.g. at an impact, few other runs are near an extreme at the same time. Changes up to a
+    fraction DOUBTFUL of the width are replaced by 0.
     """
     points, Y = runs.attained()
     rows, k = np.stack([Y.argmin(axis=0), Y.argmax(axis=0)]), np.arange(runs.shape[0])[:, None]
@@ -245,7 +245,7 @@ def points_beside(places: Array) -> Array:
 
 
 def growth_inside(runs: OutputRuns, safety: float) -> Array:
-    """Expected errors (n_t, 1) of the extremes of runs, from the gain of twice as many runs outside of corners.
+    """Expected errors (n_t, 1) of the extremes of runs: the gain from twice as many runs that are not at corners.
 
     The error is 0 if no run exceeds the extremes at corners.
     """
@@ -277,7 +277,7 @@ def separable_extremes(points: Array, Y: Array) -> Array:
 
 
 def spread_over_times(error: Array, width: Array) -> Array:
-    """Errors (n_t, n_y) spread over time: half of each squared error is a constant fraction of the squared width.
+    """Errors (n_t, n_y) distributed over time: half of each squared error is a constant fraction of the squared width.
 
     A few check runs show the size of errors reliably, but not the times at which the errors are small.
     """

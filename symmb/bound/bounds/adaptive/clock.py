@@ -10,22 +10,22 @@ from symmb._threads import threads_as_before
 from symmb._types import Array
 
 LEAST_SECONDS, SECONDS_OF_RUNS = 1.0, 3.0
-"""Allowed time of a study in addition to its runs [s]. Users do not notice the first second. After slow runs, the study
-may take a similar time."""
+"""Allowed time of a study in addition to its runs [s]. A second is short for users. After slow runs, the study may take
+a similar time as the runs."""
 OWN_SHARE = 0.1
-"""Smallest ratio of processor time to wall time of runs. The ratio is smaller only if other programs leave few
-processors, such as ten times as many processes as processors."""
+"""Smallest ratio of processor time to wall time of runs. The ratio is smaller if other programs use most processors,
+for example ten times as many processes as processors."""
 
 
 class Clock:
     """A clock that stops during runs.
 
-    The clock counts the time that passes, or the processor time of this program's threads if this is less. Work of
-    other programs thus does not count. Runs in other processes count with the time that passes.
+    The clock measures wall time, or the processor time of this program's threads if it is less. Work of other programs
+    is thus not included. For runs in other processes, it measures wall time.
 
     Attributes
     ----------
-    seconds : allowed seconds; None: LEAST_SECONDS plus SECONDS_OF_RUNS times those of the runs
+    seconds : allowed seconds; None: LEAST_SECONDS plus SECONDS_OF_RUNS times the seconds of the runs
     is_cut : whether `is_late` has been true
     """
 

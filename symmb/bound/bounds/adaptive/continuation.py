@@ -15,11 +15,11 @@ from symmb.bound.polynomials import Expansion, MultiIndices, basis_values
 from symmb.bound.polynomials.ranges import RANGE_WORK, Exact
 
 SPARSE_PROBES = 2
-"""Number of quasi-random check points. Runs along axes do not show products of parameters. More points miss fewer
-products and take more runs."""
+"""Number of quasi-random check points, because runs along axes do not show products of parameters. More points miss
+fewer products and take more runs."""
 REMAINING_SHARE = 0.1
 """Smallest ratio of the remaining to the expected error at check runs, because the continuation does not interpolate.
-It limits the estimated error after check runs too. Smaller ratios miss more. Larger ones take more runs."""
+It also limits the estimated error after check runs. Smaller ratios miss more errors. Larger ratios take more runs."""
 SPARSE_RANGE = 0.02
 """Ratio of the accuracy of a range to the tolerance. Smaller ratios take more time."""
 
@@ -38,7 +38,7 @@ class Continuation:
 
     Attributes
     ----------
-    alpha : (n_b, d)        multi-indices that may come next
+    alpha : (n_b, d)        multi-indices that may be added next
     sizes : (n_b,)          expected sizes
     interpolants : (N, n_b) coefficients of the interpolants of these polynomials
     """
@@ -63,7 +63,7 @@ class Continuation:
     @property
     def noise(self) -> float:
         """Variance of the noise of check runs."""
-        return EXPECTED_NOISE * float(np.square(self.sizes).sum()) or 1.0  # any value, if all sizes are 0
+        return EXPECTED_NOISE * float(np.square(self.sizes).sum()) or 1.0  # if all sizes are 0, any value is possible
 
 
 def along_axes(d: int, degree: int) -> set[Index]:
@@ -72,7 +72,7 @@ def along_axes(d: int, degree: int) -> set[Index]:
 
 
 def extrapolated_sizes(grid: Grid, sizes: Array) -> dict[Index, float]:
-    """Expected sizes of the coefficients next to a grid, if they decay like the coefficients of these indices (N,).
+    """Expected sizes of the coefficients next to a grid, if they decay like the known coefficients with sizes (N,).
 
     The size at index a is the smallest of |c_b| and |c_b| |c_(a-b+z)| / |c_z|, for lower neighbours b of a, and z of b.
     """
@@ -129,7 +129,7 @@ class Corrected:
 
     def expected_error(self, places: Array) -> Array:
         """Root mean square (...) of the remaining error at places (..., d), rounded to multiples of 0.1."""
-        # Neighbouring times have almost the same places. Rounded places are equal and share one solution.
+        # Neighbouring times have almost the same places. Rounded places are equal and need one solution.
         places = places.round(1)
         flat, errors = places.reshape(-1, places.shape[-1]), np.empty(places.shape[:-1])
         for window in windows(len(flat), places.shape[-1]):
@@ -183,8 +183,8 @@ class Corrected:
     def range(self, tolerance: float) -> tuple[Array, Array, Array]:
         """Minima and maxima (n_t, n_y), and their places (2, n_t, n_y, d).
 
-        The minima and maxima are the best values of a search. A rigorous range would take longer than the runs. The
-        response may exceed the expansion's range in any case.
+        The minima and maxima are the best values of a search. A proved range would take longer than the runs, and the
+        response may still exceed it.
         """
         alpha, shape = self.alpha, self.base.coefficients.shape[1:]
         attained = Exact(tolerance, RANGE_WORK // len(alpha) + 1).attained

@@ -13,16 +13,17 @@ from symmb.bound.nodes import group_squares, line
 from symmb.bound.polynomials import Expansion, MultiIndices
 
 SHELLS = 4
-"""Number of degree shells, of two degrees each, from which the decay is measured. With fewer shells, one pair that is
-small by chance counts more. More take more time."""
+"""Number of degree shells, of two degrees each, from which the decay is measured. With fewer shells, a pair that is
+small by chance has a larger effect. More shells take more time."""
 DECAY_POWER, FAST_DECAY = 0.6, 0.8
 """Power of the measured decay that is assumed to continue: 1 assumes the same decay, 0 assumes none and takes more
 runs. On tensor grids the power is 1 - decay / FAST_DECAY if this is larger, because a fast decay usually continues."""
 NODE_SHARE = 0.4
-"""Ratio of the expected error at nodes to the largest error, divided by the degree (at most 4). It is not 0 because the
-places of extremes are known only approximately. Smaller ratios miss more. Larger ones take more runs."""
+"""Ratio of the expected error at nodes to the largest error, divided by the degree (at most 4). It is not 0, because
+the places of extremes are only approximate. Smaller ratios miss more errors. Larger ratios take more runs."""
 SMOOTH_DECAY = 0.6
-"""Decay of coefficients in two degrees above which a response is not smooth. Smaller values divide the box earlier."""
+"""Ratio of coefficients over two degrees above which a response is not smooth. Smaller ratios divide the box
+earlier."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,18 +35,18 @@ class TruncationError:
 
         e_i = s_0 r^p,      r = s_0 / s_1 (sparse grids) or the largest of s_k / s_(k+1) (tensor grids),
 
-    where p < 1 allows for a slower decay than before. On sparse grids, lines differ too much for the largest ratio.
+    where p < 1 allows for a slower decay than before. On sparse grids, lines differ too much to use the largest ratio.
 
-    On a tensor grid, only a share NODE_SHARE of the error remains at the nodes, where (1 - x^2) U(x) = 0. The grid may
-    lack products with direction i. Relative to their factors, they are expected to be as large as the products in the
-    grid. Their size is `mixed`.
+    On a tensor grid, only a fraction NODE_SHARE of the error remains at the nodes, where (1 - x^2) U(x) = 0. Products
+    with direction i may be missing in the grid. Relative to their factors, missing products are expected to be as large
+    as products in the grid. Their size is `mixed`.
 
     Attributes
     ----------
     directions : (d, n_t, n_y)      largest error from each direction, e_i
     slow : (d, n_t, n_y)            whether r of each direction exceeds SMOOTH_DECAY
     mixed : (n_t, n_y)              error from products that are missing
-    degrees : (d,) or None          of a tensor grid; None for other grids: their errors are equal everywhere
+    degrees : (d,) or None          of a tensor grid; None for other grids, whose errors are the same everywhere
     """
 
     directions: Array
@@ -57,7 +58,7 @@ class TruncationError:
     def of(cls, alpha: MultiIndices, coefficients: Array, noise: Array | float = 0.0) -> "TruncationError":
         """The error for multi-indices (N, d) of a downward closed set, and Legendre coefficients (N, n_t, n_y).
 
-        The part of a coefficient that errors of runs up to `noise` (n_y,) cause is ignored.
+        Parts of coefficients that can come from `noise` (n_y,) of runs are ignored.
         """
         degrees = alpha.max(axis=0)
         tensor = len(alpha) == int(np.prod(degrees + 1))
@@ -66,7 +67,7 @@ class TruncationError:
         mixed = np.zeros(coefficients.shape[1:])
         groups = _groups(tuple(map(tuple, alpha.tolist())), 1 if tensor else 0)
         each_rows = [each.rows for each in groups]
-        parts = [list(itertools.chain(*each_rows))] if tensor else each_rows  # one direction at a time: memory
+        parts = [list(itertools.chain(*each_rows))] if tensor else each_rows  # one direction at a time, to save memory
         sizes = itertools.chain.from_iterable(_sizes(coefficients, noise, rows) for rows in parts)
         for i, each in enumerate(groups):
             shells = list(itertools.islice(sizes, len(each.shells)))
@@ -130,9 +131,9 @@ class _Groups(NamedTuple):
 
     Attributes
     ----------
-    shells : rows of the two highest degrees in this direction, of the two below, and so on
+    shells : rows of the two highest degrees in this direction, of the two degrees below, and so on
     unmixed : rows that have no product with this direction
-    products : rows of products of x_i with other parameters, and rows of these others
+    products : rows of products of x_i with other factors, and rows of these factors
     """
 
     shells: list[Indices]
@@ -157,14 +158,15 @@ def _degree_shells(alpha: MultiIndices, i: int, least: int) -> tuple[list[Indice
     line = line.ravel()
     top = np.zeros(int(line.max()) + 1, dtype=np.intp)
     np.maximum.at(top, line, alpha[:, i])
-    thickness = np.where(top[line] > 2, 2, 1)  # with degree 2 only one coefficient is above the slope
+    thickness = np.where(top[line] > 2, 2, 1)  # with degree 2, only one coefficient is above the linear term
     shell = (top[line] - alpha[:, i]) // thickness
     rows = (np.flatnonzero((top[line] > 0) & (alpha[:, i] >= least) & (shell == k)) for k in range(SHELLS))
     return [some for some in rows if some.size], np.flatnonzero((top[line] == 0) & (alpha.sum(axis=1) > 0))
 
 
 def _products(alpha: MultiIndices, i: int) -> tuple[Indices, Indices]:
-    """Rows of products of x_i with others, and rows of these others. Without products, rows of x_i and of all x_j."""
+    """Rows of products of x_i with other factors, and rows of these factors. Without products, rows of x_i and of all
+    x_j."""
     rows = {cast(tuple[int, ...], tuple(a)): k for k, a in enumerate(alpha.tolist())}
     first, base = [], []
     for a, k in rows.items():
@@ -178,11 +180,11 @@ def _products(alpha: MultiIndices, i: int) -> tuple[Indices, Indices]:
 
 
 def decay_ratios(expansion: Expansion, widths: Array, least: int) -> Array:
-    """Decay (d,) of the coefficients of each direction over two degrees; 0 for directions with too low a degree.
+    """Ratios (d,) of the coefficients of each direction over two degrees; 0 for directions with too low a degree.
 
-    With S_k the norm of all coefficients of degrees k - 1 and k, relative to the widths (n_y,), and n the highest
-    degree, the decay is the larger of S_(n-2) / S_(n-4) and S_(n-4) / S_(n-6). The two highest degrees do not count,
-    because they are halved in an interpolant that does not resolve the response.
+    Let S_k be the norm of all coefficients of degrees k - 1 and k, relative to the widths (n_y,), and n the highest
+    degree. The ratio is the larger of S_(n-2) / S_(n-4) and S_(n-4) / S_(n-6). The two highest degrees are left out:
+    their coefficients are only half as large if the interpolant does not resolve the response.
     """
     decay = np.zeros(expansion.alpha.shape[1])
     for i, degrees in enumerate(expansion.alpha.T):

@@ -1,4 +1,4 @@
-"""Bounds over many parameters. Each output has its own study, and all studies share their runs."""
+"""Bounds over many parameters. Each output has a separate study, and all studies use the same runs."""
 
 from collections.abc import Callable, Sequence
 
@@ -16,8 +16,8 @@ from symmb.bound.polynomials.ranges import Piecewise, joined
 def range_of_many(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange:
     """The ranges of all outputs. The study of an output uses all runs, and requests runs until its error is small.
 
-    A kink may change a few corners only. If runs cost little, the corners of all extremes are run at the end. Studies
-    with larger errors there continue with runs at all corners.
+    A kink may change the response at a few corners only. If runs cost little, the corners next to all extremes are run
+    at the end. Studies with larger errors at these corners continue with runs at all corners.
     """
     studies = [OutputStudy(OutputRuns(runs, k), tolerance, is_patient) for k in range(runs.shape[1])]
     found = _found(runs, studies, studies)
@@ -29,7 +29,7 @@ def range_of_many(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRa
 
 
 def _found(runs: Runs, studies: list[OutputStudy], some: list[OutputStudy]) -> dict[OutputStudy, EstimatedRange]:
-    """The ranges of some of all studies, which advance together and share their runs."""
+    """The ranges of `some` of all studies. These studies advance together and use the same runs."""
     steps, found = {study: study.steps() for study in some}, dict[OutputStudy, EstimatedRange]()
 
     def predict(points: Array) -> Array:
@@ -37,7 +37,7 @@ def _found(runs: Runs, studies: list[OutputStudy], some: list[OutputStudy]) -> d
             [np.broadcast_to(s.expansion.values(points), (len(points), runs.shape[0], 1)) for s in studies], axis=2
         )
 
-    known = None if some is studies else predict  # at first, there are no interpolants that could predict
+    known = None if some is studies else predict  # at first, no interpolant can predict values
     while True:
         requests = list[Request]()
         for study, own in list(steps.items()):

@@ -14,23 +14,24 @@ from symmb.bound.nodes import corners
 from symmb.bound.polynomials.ranges import Piecewise
 
 MONOTONE_SHARE = 0.2
-"""Expected error of the extremes at corners divided by the tolerance, because effects of parameters may change their
-signs between runs. Half of this error may come from corners with other signs. Smaller values take more runs."""
+"""Expected error of the extremes at corners, divided by the tolerance. The reason is that effects may change their
+signs between runs. Half of this error may come from the use of neighbouring corners. Smaller values take more runs."""
 
 
 def corner_range(
     runs: OutputRuns, tolerance: float, polynomials: Callable[[], Piecewise | None]
 ) -> Generator[Request, None, EstimatedRange | None]:
-    """The extremes of runs at the corners towards which all parameters increase or decrease the responses; None if an
-    effect changes its sign.
+    """The extremes of runs at the corners to which all parameters increase or decrease the responses; None if an effect
+    changes its sign.
 
     The effect of a parameter is the change of a response if only this parameter changes. Runs on both sides of the
-    middle of the box, and along edges, show it. If effects have one sign, the response is taken as monotone, and they
-    lead to the corners to run. A corner also serves other times if its parameters with other signs hardly matter then.
+    middle of the box, and along edges, show the effects. If each effect has one sign, the response is assumed to be
+    monotonic. The signs then give the corners of the extremes. Times with almost the same corner use one corner.
 
-    The estimated error has four parts: corners that are not run, effects with the other sign, parabolas along the axes
-    that exceed their ends, and runs that exceed the best corner. If it is too large because signs change, all corners
-    are run if they are few. They are the extremes of responses that bend little along each parameter, such as products.
+    The estimated error has four parts: corners without a run, effects with the opposite sign, parabolas along the axes
+    above their ends, and runs beyond the best corner. If this error is too large because signs change, and there are
+    few corners, all corners are run. Responses with little curvature along each parameter, such as products, have their
+    extremes there.
 
     `polynomials` returns polynomials through all runs.
     """
@@ -59,7 +60,7 @@ def _error(runs: OutputRuns, tolerance: float) -> Generator[Request, None, Array
     def is_too_large(error: Array) -> bool:
         return relative_rms(error, runs.rms_widths()) > tolerance
 
-    # Parabolas along the axes need no further run, so they come first.
+    # Parabolas along the axes are checked first, because they need no further run.
     if is_too_large(_beyond_noise(runs, bulge)) or not runs.are_ok:
         return None
     if runs.may_hide():
@@ -74,7 +75,7 @@ def _error(runs: OutputRuns, tolerance: float) -> Generator[Request, None, Array
 
 
 def _beyond_noise(runs: OutputRuns, against: Array) -> Array:
-    """The sum (n_t, n_y) of effects (d, n_t, n_y) with the opposite sign, without noise."""
+    """The sum (n_t, n_y) of opposite effects (d, n_t, n_y), minus noise."""
     return np.maximum(against - 2 * runs.noise, 0.0).sum(axis=0)
 
 
@@ -97,7 +98,7 @@ def _error_at_own_corners(
         if at_ends is None or at_others is None:
             return None
         for x, y, at_x, at_y in zip(ends[:, i], others[:, i], at_ends, at_others, strict=True):
-            effect = (at_x - at_y) / (x - y)  # its part against the slope counts
+            effect = (at_x - at_y) / (x - y)  # only the part opposite to the slope is used
             against[i] = np.maximum(against[i], np.where(slope[i] < 0, effect, -effect))
     lost = (np.abs(slope).reshape(d, -1) * (np.sign(slope).reshape(d, -1) != signs[own].T)).sum(axis=0)
     return _beyond_noise(runs, against) + SAFETY * (lost.reshape(runs.shape) + runs.beyond(lowest, highest))
@@ -145,7 +146,7 @@ def _bulge(lower: Array, upper: Array) -> Array:
 
 
 def _edges(corners: Array, corner: Array) -> Iterator[tuple[Array, Array]]:
-    """For each parameter, points (n, d), and points that differ from these in this parameter only.
+    """For each parameter, points (n, d), and points that differ from them in this parameter only.
 
     The points are pairs of corners (K, d). Without corners, they are halves of the edges at a corner and its opposite.
     """
@@ -162,10 +163,10 @@ def _edges(corners: Array, corner: Array) -> Iterator[tuple[Array, Array]]:
 
 
 def _corners(slope: Array, allowed: Array, most: int) -> tuple[Array, Indices]:
-    """Corners (K, d) for slopes (m, d), and the corner (m,) of each response. No response loses more than allowed.
+    """Corners (K, d) for slopes (m, d), and the corner (m,) of each response. Losses are at most `allowed` (m,).
 
-    Responses with the same signs of all slopes form a group. The most frequent signs give the first corner, which also
-    serves groups that lose little there. The result is empty if more than `most` corners are needed.
+    Responses with the same signs of all slopes form a group. The most frequent signs give the first corner. Groups with
+    a small loss at this corner use it too. The result is empty if more than `most` corners are needed.
     """
     packed = np.packbits(slope >= 0, axis=1)
     _, first, group, count = np.unique(packed, axis=0, return_index=True, return_inverse=True, return_counts=True)

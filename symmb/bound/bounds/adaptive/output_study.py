@@ -37,22 +37,22 @@ from symmb.bound.polynomials.ranges import Piecewise
 SURFACE_TIMES = 8
 """Largest number of times of an output with a response surface, because the extremes of each time require searches."""
 GROWTH = 0.25
-"""Fraction by which the grid grows in one round. Smaller fractions take more searches. Larger ones take more runs."""
+"""Fraction by which the grid grows in one round. Smaller fractions take more searches, larger ones more runs."""
 EARLY_CHECK = 5.0
-"""Ratio of the estimated error to the tolerance at which check runs are made. Larger ratios take fewer nodes, and more
-check runs that do not help."""
+"""Ratio of the estimated error to the tolerance at which check runs are made. Larger ratios take fewer nodes
+and more check runs."""
 FEW_NODES = 7
-"""Number of nodes per parameter after which the decay of the error is judged. Smaller numbers abandon more
-responses."""
+"""Number of nodes per parameter after which a slow decay of the error stops the growth of the grid. With smaller
+numbers, growth stops for more responses."""
 
 
 class OutputStudy:
     """An interpolant on a grid that grows by the indices with the largest expected coefficients.
 
-    Its error is estimated from its last coefficients. Runs at some of its extremes then check the estimate and correct
-    the expansion. Growth ends when the tolerance would take too many nodes, as with kinks. A response surface then
-    serves an output of few times. For other outputs, corners and rounds of check runs follow. If the runs of a
-    simulator do not share steps, corners are tried before the grid grows.
+    The error of the interpolant is estimated from its last coefficients. Runs at some of its extremes then check the
+    estimate and correct the expansion. Growth ends when the tolerance would take too many nodes, as with kinks. A
+    response surface is then used for outputs with few times. For other outputs, corners and rounds of check runs
+    follow. If runs of a simulator are not computed side by side, corners are tried before the grid grows.
     """
 
     def __init__(self, runs: OutputRuns, tolerance: float, is_patient: bool) -> None:
@@ -66,7 +66,7 @@ class OutputStudy:
         yield from self._grown(self.grid.missing(along_axes(d, 2)))
         self._probes = np.concatenate([quasi_random_points(SPARSE_PROBES, d), evenly_spread_points(runs.probes, d)])
         yield Checks(self._probes)
-        if self._has_corners:  # the study continues
+        if self._has_corners:  # a continued study
             yield Checks(corner_design(d))
         while True:
             yield from self._screened()
@@ -85,7 +85,7 @@ class OutputStudy:
                 step = largest({a: self.sizes[a] for a in step}, min(max(needed, 1), runs.left))
             if found := (yield from self._without_grid(is_stalled)):
                 return found
-            if is_stalled and not self._has_corners:  # then the runs are judged again before the grid grows
+            if is_stalled and not self._has_corners:  # then the error is estimated again before the grid grows
                 self._has_corners = True
                 yield Checks(corner_design(d))
             elif not runs.noise_is_known and NOISE_RUNS < self._left:
@@ -102,7 +102,7 @@ class OutputStudy:
         return np.unique(np.where(found.places < 0, -1.0, 1.0).reshape(-1, d), axis=0)
 
     def with_corners(self, found: EstimatedRange) -> EstimatedRange:
-        """A range with the extremes of all runs. What exceeds the estimate is an error."""
+        """A range extended to the extremes of all runs. Runs beyond the estimated error increase this error."""
         runs, (lowest, highest) = self.runs, self.runs.extremes
         beyond = runs.beyond(found.lower - found.estimate, found.upper + found.estimate)
         estimate = np.maximum(found.estimate, inflated_error(np.square(beyond)))
@@ -110,7 +110,7 @@ class OutputStudy:
         return found._replace(lower=lower, upper=upper, estimate=estimate)
 
     def continues(self, found: EstimatedRange) -> bool:
-        """Whether the study continues with runs at all corners, because its error is larger than it was."""
+        """Whether the study continues with runs at all corners, because its error has grown above the tolerance."""
         is_large = relative_rms(found.estimate, self.runs.rms_widths()) > self.tolerance
         is_continued = found.is_enough and is_large and not self._has_corners
         self._has_corners |= is_continued
@@ -128,7 +128,7 @@ class OutputStudy:
     def _without_grid(self, is_stalled: bool) -> Generator[Request, None, EstimatedRange | None]:
         """The range from runs at corners or from a response surface instead of a larger grid; None if neither applies.
 
-        Corners are tried first if runs are not computed side by side. Response surfaces serve only few times.
+        Corners are tried first if runs are not computed side by side. Response surfaces are for outputs with few times.
         """
         runs, tolerance = self.runs, self.tolerance
         if not self._has_corners and not runs.has_lanes:
@@ -154,7 +154,7 @@ class OutputStudy:
         without = Corrected(self.expansion, continuation, runs.points[SPARSE_PROBES:], runs.checks[SPARSE_PROBES:])
         errors = np.abs(without.values(runs.points[:SPARSE_PROBES]) - runs.checks[:SPARSE_PROBES]).max(axis=0)
         expansion = Corrected(self.expansion, continuation, runs.points, runs.checks).expansion()
-        for half in (0, 1):  # most check runs are at corners: polynomials err most there
+        for half in (0, 1):  # most check runs are at corners, where polynomials have the largest errors
             kept = np.arange(len(runs.points)) % 2 == half
             part = Corrected(self.expansion, continuation, runs.points[kept], runs.checks[kept])
             left_out = np.abs(part.values(runs.points[~kept]) - runs.checks[~kept])
@@ -178,7 +178,7 @@ class OutputStudy:
     def _estimate_error(self) -> None:
         """Set the expected sizes of the next coefficients of the grid, and the estimated error (n_t, n_y).
 
-        If the error at the first check points is far above the estimate, each next index may be the cause.
+        If the error at the first check points is far above the estimate, all next indices may be its cause.
         """
         runs, expansion, widths = self.runs, self.expansion, self.runs.rms_widths()
         sizes = extrapolated_sizes(self.grid, (rms(expansion.coefficients.swapaxes(0, 1)) / widths).max(axis=1))
@@ -205,7 +205,7 @@ class OutputStudy:
         return factor >= 1 or np.log(self.tolerance / self._error) / np.log(factor) > np.log2(most / nodes)
 
     def _searched(self, found: EstimatedRange) -> Steps:
-        """The range after further check runs near extremes, which end when they do not exceed earlier runs.
+        """The range after further check runs near extremes. The runs end when the error no longer decreases.
 
         Even without convergence, the interpolant shows where extremes may be.
         """
@@ -224,7 +224,7 @@ class OutputStudy:
 
     def _polled(self, found: EstimatedRange) -> Steps:
         """The range with the gain of runs at extremes of separable quadratics. Rounds end if the gain is small. The
-        last gain counts as an error."""
+        last gain is part of the error."""
         runs, estimate, size = self.runs, found.estimate, np.inf
         while runs.left and not runs.clock.is_late and size > self.tolerance / 2:
             yield Checks(separable_extremes(*runs.attained()))

@@ -19,11 +19,10 @@ REFINED_SHARE = 0.25
 more runs and fewer rounds. The same fraction of the error is expected after a rough piece is halved along every
 parameter."""
 JUDGED_DEGREE = 16
-"""Smallest degree at which smoothness is judged. On halves the degree is doubled, because one half is usually rough. A
-smaller degree divides smooth responses. A larger one takes more runs at kinks."""
+"""Smallest degree for a decision on smoothness. For halves, the degree is doubled, because one half is usually rough.
+With a smaller degree, smooth responses are divided. A larger degree takes more runs at kinks."""
 _DEGREES_OF_TAIL = 4
-"""Number of last degrees that give the error at kinks, because coefficients decrease slowly there. Larger numbers are
-safer."""
+"""Number of last degrees that give the error at kinks, where coefficients decrease slowly. Larger numbers are safer."""
 
 Part = tuple[Array, Array, Array]
 """Centre and half width (d,) of a part of the box, and the degrees of an interpolant on this part."""
@@ -59,7 +58,7 @@ class Piece:
     expansion : in coordinates of the piece
     nodes : (N, d) in coordinates of the piece
     runs, rows : all runs, and the rows (N,) of the responses at the nodes
-    widths : (n_y,) rms widths, by which errors are measured; infinite for outputs that do not count
+    widths : (n_y,) rms widths, the units of errors; infinite for outputs that are ignored
     inherited : (n_t, n_y) expected error where the response jumps; None for the whole box
     """
 
@@ -79,7 +78,7 @@ class Piece:
         grid = _grid(*degrees.tolist())
         rows = runs.at(centre + half * grid.nodes, parent and parent.values)
         lost = rows[~runs.is_attained[rows]]
-        if 0 < len(lost) <= CHEAP_RUNS:  # more failures form a region of their own
+        if 0 < len(lost) <= CHEAP_RUNS:  # more failures form a region
             runs.nodes[lost] += _smoothing(grid, runs.nodes, rows, lost)
         expansion = runs.interpolant(grid, rows)
         return cls(centre, half, expansion, grid.nodes, runs, rows, widths, parent and parent.inherited)
@@ -113,7 +112,7 @@ class Piece:
 
     @cached_property
     def rough_direction(self) -> int | None:
-        """The parameter with the largest error along which the response is not smooth; None if there is none."""
+        """The parameter with the largest error along which the response is not smooth; None if all are smooth."""
         largest = self._direction_errors.max()
         if self.event_errors is not None:
             errors = relative_errors(np.nan_to_num(self.event_errors), self.widths).max(axis=1, initial=0.0)
@@ -126,7 +125,7 @@ class Piece:
 
     @cached_property
     def jumps(self) -> Mask | None:
-        """Mask (n_t, n_y) of ranges by values at nodes, because interpolants overshoot at jumps; None without jumps."""
+        """Mask (n_t, n_y) of jumps; None without jumps. Values at nodes give their range: interpolants overshoot."""
         has_event = None if self.event_errors is None else np.isfinite(self.event_errors[0])
         if has_event is not None or self.inherited is None or self.rough_direction is None:
             return has_event
@@ -170,10 +169,10 @@ class Piece:
 
     @property
     def largest_error(self) -> Array:
-        """Expected error (n_t, n_y) at any point. At jumps it is that between nodes, because interpolants overshoot.
+        """Expected error (n_t, n_y) at any point. At jumps, it is the range of the values at nodes.
 
-        Extremes are mostly at nodes, where errors are smaller. At other points, terms are expected to decrease by the
-        same ratio from degree to degree as the last ones. At kinks all of the last degrees count.
+        Extremes are mostly at nodes, where errors are smaller. At other points, terms of higher degrees are expected to
+        decrease with the same ratio as the last terms. At kinks, all of the last degrees give the error.
         """
         alpha, size = self.expansion.alpha, np.abs(self.expansion.coefficients)
         highest = alpha.max(axis=0)
@@ -207,7 +206,7 @@ class Piece:
             is_large = self._direction_errors >= REFINED_SHARE * self._direction_errors.max()
             higher = np.where(is_large, _higher(degrees), degrees)
             return [(self.centre, self.half, higher)] if (higher > degrees).any() else []
-        if self.half[rough] < RANGE_ERROR:  # narrower pieces change no range
+        if self.half[rough] < RANGE_ERROR:  # narrower pieces do not change the range
             return []
         is_along = np.arange(len(degrees)) == rough
         half = np.where(is_along, self.half / 2, self.half)
@@ -222,7 +221,7 @@ class Piece:
             excess = np.maximum(own.min(axis=0) - new.min(axis=0), new.max(axis=0) - own.max(axis=0))
             missed = inflated_error(np.square(np.maximum(excess, 0.0)))
             for piece in pieces:
-                share = REFINED_SHARE ** (1 / len(self.half))  # for one halving among those along every parameter
+                share = REFINED_SHARE ** (1 / len(self.half))  # for one halving of one parameter
                 piece.inherited = np.maximum(missed, share * self.errors.max(axis=0))
         return pieces
 

@@ -1,4 +1,4 @@
-"""Requests for runs by studies of outputs. All studies make one request per round, and share the runs."""
+"""Requests for runs by studies of outputs. Each study makes one request per round, and all studies use all runs."""
 
 from collections.abc import Generator
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
 
 @dataclass
 class Nodes:
-    """Runs at new nodes (N, d): all of them, or none if too few runs are left."""
+    """Runs at new nodes (N, d). If too few runs are left for all nodes, no node is run."""
 
     points: Array
     are_run: bool = False
@@ -32,7 +32,7 @@ class Places:
 
 @dataclass
 class Noise:
-    """A measurement of the noise."""
+    """A measurement of the noise of runs."""
 
 
 Request = Nodes | Checks | Places | Noise

@@ -1,8 +1,8 @@
 """Bounds of few responses over many parameters, from a Gaussian process that learns the directions of variation.
 
-tests/benchmarks/known_ranges.py has 370 functions (seeds 5-9, 60 s each). The process serves 153 of them: they take 80
-runs in the median, 10 have needless warnings, and none is missed silently. With sparse grids, the same functions
-take 328 runs, 80 have needless warnings, and three sums of kinks are missed silently.
+tests/benchmarks/known_ranges.py has 370 functions (seeds 5-9, 60 s each). The process is used for 153 of them. The
+median is 80 runs, 10 functions have needless warnings, and no error is without a warning. With sparse grids, the median
+is 328 runs, 80 functions have needless warnings, and three sums of kinks have errors without a warning.
 """
 
 from collections.abc import Callable
@@ -27,19 +27,19 @@ from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import Piecewise
 
 SHORTEST_RIDGE = 0.7
-"""Length of a ridge. Searches start from 1, 2, 4 and 8 times this length. Fewer starts may fail. More take time."""
+"""Length of a ridge. Searches start from 1, 2, 4 and 8 times this length. Fewer may fail. More take time."""
 REFIT_GROWTH, UNLIKELY = 1.4, 20.0
 """Growth of the number of runs after which the kernel is chosen again. Logarithm of the likelihood ratio at which a
 kernel is abandoned. Smaller growth and larger ratios take more time and fewer runs."""
 DEVIATIONS, LATEST_RUNS = 2.0, 10
-"""Largest expected distance of a response from its mean, in standard deviations. Number of last runs that may show
-more. Larger numbers are safer and take more runs."""
+"""Largest expected distance of a response from its mean, in standard deviations. Number of last runs that may increase
+this distance. Larger numbers are safer and take more runs."""
 SPREAD_RUNS, FEWEST_SPREAD = 4, 12
-"""Number of runs of a round that are spread over the box, and their smallest total number. The first ones are at
-corners, because some effects occur only if several parameters are high together. Larger numbers are safer."""
+"""Number of runs of a round that are spread over the box, and their smallest total number. The first of these runs are
+at corners, because some effects require several high parameters. Larger numbers are safer."""
 SLOPE_STEP = 0.15
-"""Distance from the centre at which slopes are measured. At the same distance from an extreme, runs test in each
-parameter whether the response is flat. A small distance shows less. A large one shows other slopes."""
+"""Distance from the centre at which slopes are measured. Runs at the same distance from an extreme test whether the
+response is flat there. At a smaller distance, changes are smaller. At a larger distance, slopes differ."""
 SEARCH_CANDIDATES, SEARCH_STARTS = 200, 3
 """Number of points of the box (and as many corners), and number of starts of searches. Larger numbers take more time
 and miss fewer extremes."""
@@ -47,12 +47,13 @@ _NAME = "a response surface"
 
 
 def surface_range(runs: OutputRuns, points: Array, tolerance: float, is_patient: bool) -> Steps:
-    """The range of a Gaussian process through runs, refined where extremes are, or may be.
+    """The range of a Gaussian process through runs, with further runs at known and at possible extremes.
 
-    Slopes in the middle give the direction of a first ridge. Each round makes runs at the extremes of the mean, without
-    and with some standard deviations. Further runs are at points spread over the box, corners first. The estimated
-    error is the excess that these deviations allow, or a share of the error that the latest runs showed. If the runs do
-    not suffice, errors of cross-validation count too. If the error remains large, the bounds are extremes of runs.
+    Slopes in the middle give the direction of a first ridge. Each round makes runs at the extremes of the mean, and of
+    the mean with some standard deviations. Further runs are at points spread over the box, corners first. The estimated
+    error is the effect of these deviations on the extremes, or a fraction of the error at the latest runs. If the runs
+    do not suffice, it is at least the error of cross-validation. If the error remains large, the bounds are extremes of
+    runs.
 
     Parameters
     ----------
@@ -74,7 +75,7 @@ def surface_range(runs: OutputRuns, points: Array, tolerance: float, is_patient:
         if len(data.points) >= REFIT_GROWTH * n_fit:
             kernels, n_fit = _kernels(kernels, data), len(data.points)
         surface = GaussianProcess(kernels[0], data.points, data.Y)
-        # At an extreme, the errors of all kinks of a sum have the same sign.
+        # At an extreme of a sum, the errors of all its kinks have the same sign.
         factor = DEVIATIONS * (d**0.5 if kernels[0].is_sum else 1.0)
         places, ends = _extremes(surface, factor * max(1.0, float(rms(surface.left_out_deviations()[-LATEST_RUNS:]))))
         attained, width = np.stack([data.Y.min(axis=0), data.Y.max(axis=0)]), np.ptp(data.Y, axis=0)
@@ -91,7 +92,7 @@ def surface_range(runs: OutputRuns, points: Array, tolerance: float, is_patient:
             return found._replace(is_enough=is_enough)
         if not runs.noise_is_known and len(data.points) > CHEAP_RUNS:
             yield Noise()
-            kernels, n_fit = [], 0  # noise of one response spoils the kernel of all responses
+            kernels, n_fit = [], 0  # noise of one response changes the kernel of all responses
             continue
         spread = corners.pop() if corners else quasi_random_points(n_spread + SPREAD_RUNS, d)[-SPREAD_RUNS:]
         n_spread += SPREAD_RUNS
@@ -187,7 +188,7 @@ def _is_plateau(data: _Responses, attained: Array) -> Mask:
 
 
 def _left_out(surface: GaussianProcess, noise: Array) -> Array:
-    """Errors (m,) beyond noise (m,) of a surface that does not converge, from leave-one-out cross-validation.
+    """Errors (m,) minus noise (m,) of a surface that does not converge, from leave-one-out cross-validation.
 
     The latest runs may all be on one side of a jump, where the surface is accurate.
     """
@@ -198,7 +199,7 @@ def _left_out(surface: GaussianProcess, noise: Array) -> Array:
 def _kernels(kernels: list[Kernel], data: _Responses) -> list[Kernel]:
     """Likely kernels of a smooth response, of responses with one or two ridges, and of a sum. The most likely is first.
 
-    The first ridge is along the slope at the centre. The second one is along the direction of the largest remaining
+    The first ridge is along the slope at the centre. The second ridge is along the direction of the largest remaining
     variation.
     """
     slope, plain = _slope(data), Kernel.of(data.points.shape[1])
@@ -212,7 +213,7 @@ def _kernels(kernels: list[Kernel], data: _Responses) -> list[Kernel]:
         second = _with_ridge(first.kernel, first.rest_direction(), data)
         fits.append(GaussianProcess(second, data.points, data.Y).most_likely())
     fits.sort(key=_unlikeliness)
-    likely: dict[tuple[int, bool], Kernel] = {}  # the best one for each number of ridges, and for sums
+    likely: dict[tuple[int, bool], Kernel] = {}  # the best kernel for each number of ridges, and for sums
     for fit in fits:
         kernel = fit.kernel
         if _unlikeliness(fit) < _unlikeliness(fits[0]) + UNLIKELY:
@@ -242,10 +243,10 @@ def _with_ridge(kernel: Kernel, direction: Array, data: _Responses) -> Kernel:
 
 
 def _extremes(surface: GaussianProcess, factor: float) -> tuple[Array, Array]:
-    """Places (2, 2, m, d) of minima and maxima (first axis), of the mean without and with deviations, and values there.
+    """Places (2, 2, m, d) of minima and maxima (first axis) of the mean without and with deviations, and the values.
 
-    Local searches start from the best points of the box, corners and runs. One more start combines the best value of
-    each parameter, because a sum of functions of one parameter has many local extremes.
+    Local searches start from the best points of the box, corners and runs. One more start combines the best values of
+    all parameters, because a sum of functions of one parameter has many local extremes.
     """
     d, m = surface.points.shape[1], surface.Y.shape[1]
     spread = quasi_random_points(SEARCH_CANDIDATES, d)
@@ -274,7 +275,7 @@ def _best_of_each_parameter(surface: GaussianProcess, response: int, sign: float
 def _beside(places: Array, number: int) -> Array:
     """Points (n, d), one near each place (n, d). Runs there test whether the response is as flat as the surface.
 
-    `number` is the number of the round. The directions depend on it.
+    The directions depend on `number`, the number of the round.
     """
     directions = np.sign(quasi_random_points(number + len(places), places.shape[1])[number:])
     return np.clip(places + SLOPE_STEP * np.where(np.abs(places) < 1, directions, -np.sign(places)), -1.0, 1.0)
@@ -292,7 +293,7 @@ def _distinct(points: list[Array], known: Array) -> Array:
 def _polynomials(surface: Callable[[Array], Array], runs: OutputRuns, error: Array) -> Piecewise | None:
     """An interpolant of a surface (N, d) -> (N, n_t n_y) with an error (n_t, n_y); None if it is not accurate.
 
-    Its errors are those at quasi-random points and at runs, times SAFETY: between them, jumps have larger errors.
+    Its error is measured at quasi-random points and at runs. A factor SAFETY allows for larger errors near jumps.
     """
     d = len(runs.box)
     # Degree 2 does not distinguish x^3 from x.

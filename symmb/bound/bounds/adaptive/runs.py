@@ -21,18 +21,18 @@ from symmb.equations.model import Box
 from symmb.run.simulation import SceneSimulator
 
 TRUST = 0.6
-"""Smallest ratio of an interpolant's error after check runs to its estimate before. It is also the ratio of the error
-of a surface's extremes to that of the latest runs. Smaller ratios miss more. Larger ones take more runs."""
+"""Smallest ratio of an interpolant's error after check runs to its estimate before. The error of a surface's extremes
+has the same ratio to the error at the latest runs. Smaller ratios miss more extremes. Larger ratios take more runs."""
 CHEAP_RUNS = 60
-"""Number of runs up to which uncertain bounds are refined further. Above this number, a few runs measure the noise."""
+"""Number of runs up to which uncertain bounds are always refined. Above this number, a few runs measure the noise."""
 NOISE_RUNS, NOISE_SPACING = 5, 1e-7
-"""Number of runs on a short line from which noise is measured, and their distance in the unit box. The response is
-straight along this line. Fewer runs measure the noise less reliably."""
+"""Number of runs on a short line from which noise is measured, and their distance in the unit box. The exact response
+is linear along this line. Fewer runs measure the noise less reliably."""
 UNKNOWN_SHARE = 1.2 * DOUBTFUL
-"""Smallest error divided by the width, near failed runs and at extremes that searches attain. Nothing measures these
-errors. Smaller values miss more without a warning. Larger values warn more often than needed."""
+"""Smallest error divided by the width, near failed runs and at extremes from searches. These errors cannot be measured.
+Smaller values miss more errors without a warning. Larger values cause more needless warnings."""
 _ORDINARY_POWER = 300
-"""Exponent of two up to which numbers may grow (1e90), because they are squared. Above half, they are scaled."""
+"""Largest exponent of two of stored numbers (1e90), because they are squared. Above half of it, numbers are scaled."""
 
 
 class OutgrownError(Exception):
@@ -44,21 +44,21 @@ class Runs:
     """All runs of a study, at nodes and at check points. No node is run twice.
 
     If the run at a node fails, its value is predicted by an interpolant. Check points with failed runs are left out.
-    Responses are those of the simulator divided by 2^power.
+    Responses of the simulator are divided by 2^power.
 
     Attributes
     ----------
     most : allowed number of runs
     probes : requested number of further check runs, evenly spread over the box
     clock : limits the time of the study
-    power : (n_y,) powers of two; 0 for outputs with squares that neither overflow nor underflow
+    power : (n_y,) exponents of two; 0 for outputs with squares that neither overflow nor underflow
     before : number of runs before the study began again with larger powers
-    rounding : width divided by an output's scale below which the width is only rounding
-    is_attained : (N,) which nodes have run without failure
+    rounding : ratio of width to scale of an output below which the width is only rounding
+    is_attained : (N,) mask of the nodes with successful runs
     events : (N, n_t) numbers of events at nodes up to each time; -1 if not known. None if there are no events
     places : (N, d) nodes
     checks, points : (C, n_t, n_y) responses at other points, (C, d)
-    tried, ok : (M, d) all points that were run, (M,) which of the runs did not fail
+    tried, ok : (M, d) all points that were run, and (M,) mask of successful runs
     noise : (n_y,) error of responses, stated by the simulator or measured; 0 before it is measured
     extremes : smallest and largest responses of all runs (n_t, n_y)
     """
@@ -140,7 +140,8 @@ class Runs:
     def at(self, points: Array, predict: Callable[[Array], Array] | None = None) -> Indices:
         """Rows of ``nodes`` for points (N, d) of the unit box. ``predict`` gives the values of failed nodes.
 
-        Without ``predict``, a quadratic polynomial through the other nodes gives the values, unless most nodes fail.
+        Without ``predict``, a quadratic polynomial through the other nodes gives the values. PropagationError is raised
+        if most nodes fail.
         """
         keys = _keys(points)
         new = [i for i, key in enumerate(keys) if key not in self._row]
@@ -149,11 +150,12 @@ class Runs:
             Y, ok, events = self._run(points[new])
             if predict is None and 2 * ok.sum() < len(ok):
                 raise PropagationError(
-                    f"{len(self.failed)} of the first {len(new)} runs failed, too many to go on from.\n"
+                    f"{len(self.failed)} of the first {len(new)} runs failed, so the study cannot continue.\n"
                     + failure_text(self.failed)
                 )
             if not ok.all():
-                # An interpolant needs a value at each node. One that continues the others keeps coefficients small.
+                # An interpolant needs a value at each node. A smooth continuation of the other values keeps
+                # coefficients small.
                 predict = predict or _quadratic(points[new][ok], Y[ok])
                 Y[~ok] = predict(points[new][~ok])
             if events is not None:
@@ -179,7 +181,7 @@ class Runs:
             self.progress.estimate(error)  # pyright: ignore[reportFunctionMemberAccess, reportOptionalMemberAccess]
 
     def rms_widths(self) -> Array:
-        """Root mean square widths (n_y,) by which errors are measured; infinite if a width is only rounding."""
+        """Root mean square widths (n_y,), the units of errors; infinite if a width is only rounding."""
         if self._widths is None:
             low, high = self.extremes
             width = rms(high - low)
@@ -192,7 +194,7 @@ class Runs:
         return np.maximum(self.noise, self.rounding * self._scale)
 
     def is_near_lost(self, places: Array) -> Mask:
-        """Mask (...) of places (..., d): whether the nearest run failed, or most runs around the place fail."""
+        """Mask (...) of the places (..., d) at which the nearest run failed, or most runs nearby failed."""
         if self.ok.all():
             return np.zeros(places.shape[:-1], dtype=bool)
         near, which = np.unique(places.reshape(-1, places.shape[-1]).round(2), axis=0, return_inverse=True)
@@ -210,7 +212,7 @@ class Runs:
     def measure_noise(self) -> None:
         """Measure the noise on a short line, along which exact responses are straight, if enough runs are left."""
         d = len(self.box)
-        middle, direction = quasi_random_points(9, d)[-2:]  # the first ones are check points
+        middle, direction = quasi_random_points(9, d)[-2:]  # earlier points are check points
         self.noise_is_known = True
         if NOISE_RUNS > self.left:
             return
@@ -248,7 +250,7 @@ class Runs:
         failed_runs = tuple(zip(bad.tolist(), ensemble.t_failed[bad].tolist(), ensemble.messages, strict=True))
         self.failed += failure_records(self.simulator, self.box, P, failed_runs)
         low, high = ensemble.extremes()
-        depend = isinstance(self.simulator, SceneSimulator)  # its runs share steps
+        depend = isinstance(self.simulator, SceneSimulator)  # its runs have common steps
         note_attained(low, high, P, None if depend else ensemble.Y)
         if not ensemble.ok.any():
             return ensemble.Y, ensemble.ok, ensemble.events
@@ -332,7 +334,7 @@ class OutputRuns:
 
     @property
     def noise(self) -> Array:
-        """Error (1,) of responses that noise causes; 0 before it is known."""
+        """Error (1,) of responses from noise; 0 before it is known."""
         return self._runs.noise[self._own[-1]]
 
     @property
@@ -376,8 +378,7 @@ class OutputRuns:
         return Y if len(found) == len(points) else None
 
     def may_hide(self) -> bool:
-        """Whether runs contain as little information as a few numbers: responses have few independent functions of
-        time."""
+        """Whether runs contain little information, because responses have few independent functions of time."""
         Y = _some_deviations([self.nodes], self.rms_widths())
         return int(count_shapes(Y.reshape(len(Y), -1))) <= FEW_SHAPES or rests_for_a_time(*self.extremes, self.noise)
 

@@ -7,24 +7,24 @@ from symmb._types import Array
 from symmb.bound.bounds.adaptive.check_points import SAFETY
 
 LEAST_SHARE_BESIDE_CUSP = 0.2
-"""Smallest distance of a vertex from the ends of an interval, divided by its length. It applies if slopes increase
-towards the vertex, as at cusps."""
+"""Smallest distance of a vertex from the ends of an interval, divided by the length of the interval. The limit applies
+if slopes increase towards the vertex, as at cusps."""
 
 
 def secant_extremes(points: Array, Y: Array, noise: Array) -> tuple[Array, Array]:
     """Places (2, n_t, n_y, 1) of possible minima and maxima, and their largest distance beyond responses (2, n_t, n_y).
 
-    Two secants pass through the two runs on the left of an interval, and through those on its right. They bound a
-    response between them that bends one way. If the interval is steeper or flatter than both, or at an end of the box,
-    each secant may continue to the other side.
+    One secant passes through the two runs on the left of an interval, the other through the two runs on its right. They
+    bound a response that is convex or concave between them. At an end of the box, or if the slope in the interval is
+    not between the slopes of the secants, each secant may continue to the other side.
 
     Parameters
     ----------
     points : (N, 1)         of the unit box, three or more
     Y : (N, n_t, n_y)       responses there
-    noise : (n_y,)          of the responses; it does not count as slope
+    noise : (n_y,)          of the responses; it is subtracted from slopes
     """
-    _, order = np.unique(points[:, 0].round(9), return_index=True)  # slopes over shorter distances are rounding
+    _, order = np.unique(points[:, 0].round(9), return_index=True)  # over shorter distances, slopes are only rounding
     x = points[order, 0]
     n_t, n_y = Y.shape[1:]
     places, beyond = np.empty((2, n_t, n_y, 1)), np.empty((2, n_t, n_y))
@@ -42,12 +42,12 @@ def _lowest(x: Array, y: Array, noise: Array) -> tuple[Array, Array]:
     """The largest excess that secants through responses y (N, ...) allow between points x (N,), and its place."""
     h = np.diff(x)[:, None, None]
     slope = np.diff(y, axis=0) / h
-    # Noise of both ends tilts a secant by up to 2 noise / h, most in short intervals. Only the remainder is a slope.
+    # Noise at both ends changes the slope of a secant by up to 2 noise / h. Only the remainder is used as slope.
     sure = np.sign(slope) * np.maximum(np.abs(slope) - 2 * noise / h, 0.0)
     (before, growth_before), (after, growth_after) = _outer(sure), (each[::-1] for each in _outer(sure[::-1]))
     left, right = before * growth_before, after * growth_after
-    # If the slope of an interval is between the slopes beside it, the response bends one way. Its minimum is then
-    # inside only if the slopes beside it have opposite signs. At an end of the box, there is one secant.
+    # If the slope of an interval is between the neighbouring slopes, the response is convex or concave. It then has a
+    # minimum inside only if the neighbouring slopes have opposite signs. At an end of the box, there is one secant.
     bends = (np.minimum(left, right) <= slope) & (slope <= np.maximum(left, right))
     bends[[0, -1]] = False
     is_valley = bends & (left < 0) & (right > 0)
@@ -68,4 +68,4 @@ def _outer(slope: Array) -> tuple[Array, Array]:
     last, first = slope[1:-1], slope[:-2]
     grows = (last * first > 0) & (np.abs(last) > np.abs(first))
     np.divide(last, first, out=growth[2:], where=grows)
-    return outer, np.minimum(growth, SAFETY)  # unequal intervals exaggerate the growth
+    return outer, np.minimum(growth, SAFETY)  # unequal intervals make the growth too large

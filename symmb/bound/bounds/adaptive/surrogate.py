@@ -11,11 +11,11 @@ from symmb.bound.polynomials.ranges import Piecewise
 
 
 class EstimatedRange(NamedTuple):
-    """Range of a surrogate, its estimated error, each (n_t, n_y), and polynomials that are close to it everywhere.
+    """Range of a surrogate and its estimated error, each (n_t, n_y), and polynomials that approximate the surrogate.
 
-    A call of `polynomials` makes the polynomials. They are as large as the runs, which are not needed any more then.
-    `places` (2, n_t, n_y, d) are those of the minima and maxima, if known. `is_enough` tells whether the tolerance is
-    reached. `surrogate` names the surrogate.
+    A call of `polynomials` makes the polynomials. They need as much memory as the runs, which can then be deleted.
+    `places` (2, n_t, n_y, d) are the places of minima and maxima, if known. `is_enough` states whether the tolerance is
+    reached. `surrogate` is the name of the surrogate.
     """
 
     lower: Array
@@ -27,7 +27,7 @@ class EstimatedRange(NamedTuple):
     is_enough: bool = False
 
     def better(self, other: "EstimatedRange", widths: Array, tolerance: float) -> "EstimatedRange":
-        """For each output the range with the smaller error divided by the width (n_y,), and its polynomials."""
+        """For each output, the range with the smaller relative error, and its polynomials. `widths` are (n_y,)."""
         own, its = (rms(each.estimate) / widths for each in (self, other))
         is_other = its < own
         if is_other.all():

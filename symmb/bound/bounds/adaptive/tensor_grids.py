@@ -32,11 +32,9 @@ MANY_VALUES = 1000
 FIELD_TRUST = 0.18
 """TRUST of fields, because check runs show errors at many times. Smaller values take fewer runs and miss more."""
 KINK_GAIN = 0.9
-"""Fraction of the error that may remain after half of all rounds near kinks. Larger fractions take more runs that do
-not help."""
+"""Fraction of the error that may remain after half of all rounds near kinks. Larger fractions take more runs."""
 NARROW, MOST_AT_KINKS = 0.01, 8
-"""Distance of kinks that share a run, divided by that of other check runs. Largest number of runs of a round at
-kinks."""
+"""Distance of kinks with a common run, relative to other check runs. Largest number of runs of a round at kinks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +46,8 @@ class _Union:
     lower, upper : (n_t, n_y) range
     places : (2, n_t, n_y, d) of its minima and maxima
     errors : (k, n_t, n_y) possible excess of each piece over the range
-    checkable_error : (2, n_t, n_y) the part of the errors that runs at the places can show: none at nodes
-    trust : (n_t, n_y) smallest share of the largest error that remains after check runs; 1 for errors at events
+    checkable_error : (2, n_t, n_y) the part of the errors that runs at the places can show; 0 at nodes
+    trust : (n_t, n_y) smallest fraction of the largest error that remains after check runs; 1 for errors at events
     """
 
     pieces: list[Piece]
@@ -98,10 +96,10 @@ class TensorGrids:
     """Interpolants on tensor grids. Their degrees increase in the directions with the largest errors.
 
     If the response is not smooth, the box is halved. Each half is refined separately as long as it may contain an
-    extreme, at some time and for some output. Errors are estimated from the last coefficients, at the places of the
-    extremes. Runs at some of these places then check the estimate. For one parameter, secants predict extremes at
-    kinks. Runs there show the largest share (n_y,) of a prediction that was right. The same share of the other
-    predictions counts as an error.
+    extreme of some output at some time. Errors are estimated from the last coefficients, at the places of the extremes.
+    Runs at some of these places then check the estimate. For one parameter, secants predict extremes at kinks. Runs at
+    these points attain a fraction of the predictions. The largest fraction (n_y,) is applied to all other predictions,
+    and gives their error.
     """
 
     def __init__(self, runs: Runs, tolerance: float) -> None:
@@ -118,13 +116,14 @@ class TensorGrids:
     def bounded(self) -> EstimatedRange | None:
         """The range, if its error is small enough or cannot be reduced.
 
-        Check runs may reduce the estimated error to a share of it. If this share is small enough, they are made, and
-        the remaining error must be small enough. Uncertain bounds are refined further as long as that takes few runs.
+        Check runs can reduce the estimated error to a fraction. If this fraction is small enough, check runs are made.
+        The remaining error must then be small enough. Uncertain bounds are refined further as long as this takes few
+        runs.
         """
         runs, tolerance, first = self._runs, self._tolerance, self._pieces[0]
         widths, is_field = self._widths, self._is_field()
         measure = typical_error if is_field else relative_rms
-        if len(self._pieces) == 1 and first.jumps is None:  # no range is needed if errors are large everywhere
+        if len(self._pieces) == 1 and first.jumps is None:  # if errors are large everywhere, no range is needed
             least = (FIELD_TRUST if is_field else TRUST) * first.truncation.least
             if measure(least, widths) > tolerance and self._chooses(first):
                 return None
@@ -138,7 +137,8 @@ class TensorGrids:
     def _confirmed(self, union: _Union, worst: Piece, trusted: Array, is_field: bool) -> EstimatedRange | None:
         """The range after check runs, unless these runs show that the worst piece must be refined.
 
-        At least the trusted error (n_t, n_y) remains. For fields at least a fraction of the measured error remains.
+        The remaining error is at least `trusted` (n_t, n_y). For fields, it is at least a fraction of the measured
+        error.
         """
         runs, tolerance, expected = self._runs, self._tolerance, union.expected
         inflated, ratio, worst = self._check(union, worst, FIELD_SAFETY if is_field else SAFETY)
@@ -197,13 +197,13 @@ class TensorGrids:
         return None
 
     def _unseen(self, union: _Union) -> tuple[Array, Array]:
-        """Places (2, n_t, n_y, 1) of extremes by secants, and their excess (2, n_t, n_y) over runs and the range."""
+        """Places (2, n_t, n_y, 1) of extremes by secants, and their distance beyond runs and the range."""
         (places, beyond), (lowest, highest) = self._secant_extremes(), self._runs.extremes
         foreseen = np.maximum(np.stack([lowest - union.lower, union.upper - highest]), 0.0)
         return places, np.maximum(beyond - foreseen, 0.0)
 
     def _check_secants(self, union: _Union, places: Array, unseen: Array, chosen: Array) -> int:
-        """Run chosen points, store their gain at extremes by secants, and return the number of new points."""
+        """Run chosen points, store the attained fraction of secant predictions, and return the number of new runs."""
         runs = self._runs
         lower, upper = np.minimum(runs.extremes[0], union.lower), np.maximum(runs.extremes[1], union.upper)
         points, _ = runs.check(chosen)
@@ -221,9 +221,9 @@ class TensorGrids:
         return secant_extremes(points, np.concatenate([runs.nodes[ok], runs.checks]), runs.noise)
 
     def _probes(self, number: int) -> Array:
-        """Check points: the requested ones, and `number` others, which are closer to corners if there are corners."""
+        """Check points: the requested points, and `number` others. With corners, the others are close to corners."""
         d = len(self._runs.box)
-        n_even = self._runs.probes + (number if d == 1 else 0)  # a kink may be anywhere
+        n_even = self._runs.probes + (number if d == 1 else 0)  # kinks may be anywhere
         points = np.concatenate([evenly_spread_points(n_even, d), quasi_random_points(number if d > 1 else 0, d)])
         return points[: self._runs.left]
 
@@ -242,7 +242,7 @@ class TensorGrids:
         return self
 
     def _chooses(self, piece: Piece, most: int | None = None) -> bool:
-        """Choose a piece to refine, if it can be refined and enough runs are left for the nodes of its parts."""
+        """Choose this piece for refinement if it can be refined, and if enough runs are left for the new nodes."""
         runs, self._chosen, self._parts = self._runs, piece, piece.refined_parts()
         most = runs.left if most is None else min(most, runs.left)
         return bool(self._parts) and self._cost() <= most and not runs.clock.is_late
@@ -253,7 +253,7 @@ class TensorGrids:
         return np.where(self._counts, self._runs.rms_widths(), np.inf)
 
     def count_only(self, which: Mask) -> None:
-        """Refine only these outputs (n_y,) from now on, because the other outputs are known."""
+        """Refine only the outputs of a mask (n_y,) from now on, because the other outputs are known."""
         self._counts = which
         self._pieces = [replace(piece, widths=self._widths) for piece in self._pieces]
         self._chosen, self._parts = self._pieces[0], []
@@ -262,7 +262,7 @@ class TensorGrids:
     def is_costly(self) -> bool:
         """Whether the next step takes too many runs, such as halves along three parameters and large grids.
 
-        Over two parameters, pieces take some hundred runs. They resolve moving fronts better than searches do.
+        For two parameters, pieces take some hundred runs. They resolve moving fronts better than searches.
         """
         d = len(self._runs.box)
         return d > 2 and (len(self._parts) > 1 or self._cost() > PATIENCE * d)
@@ -272,7 +272,7 @@ class TensorGrids:
         return self._runs.unknown(np.concatenate([nodes_of(part) for part in self._parts]))
 
     def _is_field(self) -> bool:
-        """Whether all outputs with many values have many functions of time. Check runs then measure errors better."""
+        """Whether all outputs with many values have many functions of time, so that check runs measure errors well."""
         if math.prod(self._runs.shape) < MANY_VALUES:
             return False
         if len(self._pieces) > 1 or self._pieces[0].jumps is not None:
@@ -285,9 +285,10 @@ class TensorGrids:
     def _check(self, union: _Union, worst: Piece, safety: float) -> tuple[Array, Array, Piece]:
         """Make check runs at some of the extremes, and at quasi-random points.
 
-        If the estimate of a piece is E(x) at a run with the error e, it suggests the error e E / E(x) for an estimate
-        E. Return the error (n_t, n_y) that check runs show, and the ratio (n_y,) of the root mean squares of errors and
-        estimates there. The third value is the piece with the largest shown error; without check runs, the worst piece.
+        Let the estimate of a piece be E(x) at a run with the error e. At a place with the estimate E, the error is then
+        taken as e E / E(x). The method returns the error (n_t, n_y) from check runs, and the ratio (n_y,) of the rms
+        errors and estimates at these runs. The third value is the piece with the largest error; without check runs, the
+        worst piece.
         """
         runs, widths = self._runs, self._widths
         n_known, d = len(runs.points), len(runs.box)
@@ -307,7 +308,7 @@ class TensorGrids:
         squares, largest = np.zeros(runs.shape), -1.0
         seen, foreseen = np.zeros((2, runs.shape[1]))
         rows = np.arange(len(runs.points))
-        if len(union.pieces) > 1:  # near a jump, earlier check runs show nothing about the new pieces there
+        if len(union.pieces) > 1:  # near a jump, earlier check runs do not measure errors of the new pieces
             rows = rows[(rows < len(probes)) | (rows >= n_known)]
         distances = [(np.abs(runs.points[rows] - piece.centre) / piece.half).max(axis=1) for piece in union.pieces]
         home = np.argmin(distances, axis=0)  # the first piece that holds a point

@@ -12,7 +12,7 @@ from symmb.bound.polynomials.legendre import MultiIndices
 from symmb.run.codegen import c_fields, c_number, c_source, load, on_threads
 
 _FULL_MATRIX_TERMS = 64
-"""Up to this number of coefficients, one full matrix is the fastest change of basis."""
+"""Up to this number of coefficients, a product with one full matrix is the fastest change of basis."""
 _LANES = int(c_number("polynomial_ranges", "W"))
 
 
@@ -50,17 +50,17 @@ def compiled_ranges(
 ) -> tuple[Array, ...]:
     """Bounds, points and gaps of polynomials with Legendre coefficients (n_b, m), as in ``Extremes``.
 
-    Without `proves`, the result contains values at the points if the budget is used up.
+    Without `proves`, the bounds are the values at the points if the budget is used up.
     """
     products = LowerSet.of(alpha)
     tables = _tables(products)
     b, change, (n_given, m) = tables.basis, tables.change, legendre.shape
-    # C changes a small basis, because threads of NumPy's matrix product would keep waiting actively beside those below.
+    # C changes a small basis. NumPy's threads would use processor time while they wait for the threads below.
     C = np.ascontiguousarray(legendre, dtype=float)
     if change is None:
         C = np.zeros((m, b.padded))
         C[:, : b.n] = products.from_legendre(legendre).T
-    depth = 64 * b.d  # halvings of a parameter after which the size of a box is rounding
+    depth = 64 * b.d  # after 64 halvings of a parameter, the size of a box is only rounding
     ranges, points, gaps = np.empty((2, m)), np.empty((2, m, b.d)), np.empty((2, m))
     of, to, *rest = (None if a is None else ctypes.c_void_p(a.ctypes.data) for a in (C, change, ranges, points, gaps))
     library = load(_SOURCE, "ranges")
@@ -102,8 +102,8 @@ def _tables(products: LowerSet) -> _Tables:
     )
     x = np.cos(np.pi * np.arange(2 * order + 1) / max(2 * order, 1))
     samples = np.column_stack([x, np.polynomial.chebyshev.chebvander(x, order)])
-    # The rows have at least one zero after the products, for all products outside of the set. The slope of T_j is at
-    # most j^2. The linear terms are left out, because the other terms are compared with them.
+    # Rows end with at least one zero, which stands for all products outside of the set. The slope of T_j is at most
+    # j^2. Linear terms are left out, because all other terms are compared with them.
     padded, sums = _LANES * (n // _LANES + 1), _LANES * (d // _LANES + 1)
     weights = np.zeros((padded, sums))
     weights[:n, :d] = np.where(degree[:, None] == 1, 0, alpha**2)

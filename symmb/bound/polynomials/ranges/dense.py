@@ -13,11 +13,11 @@ from symmb.run.codegen import c_fields, c_number, c_source, load, on_threads
 MOST_PARAMETERS = int(c_number("dense_search", "DIRECTIONS"))
 HIGHEST_DEGREE = int(c_number("dense_search", "HIGHEST_DEGREE"))
 SAMPLES_PER_DEGREE = 4
-"""Number of samples for each degree along a parameter. They find the deepest of several valleys, unless others are
-nearly as deep."""
+"""Number of samples for each degree along a parameter. They find the lowest of several minima if it is clearly the
+lowest."""
 _WAVY_DEGREE = 8
-"""Above this degree, all valleys along a parameter may be similar. The parameter then has twice as many samples, and
-Newton's method starts in each of `_PIECES` pieces. tests/polynomials/test_ranges.py"""
+"""Above this degree, all minima along a parameter may be similar. The parameter then has twice as many samples, and
+Newton's method starts in each of `_PIECES` parts. tests/polynomials/test_ranges.py"""
 _PIECES = int(c_number("dense_search", "PIECES"))
 
 
@@ -36,12 +36,12 @@ class _Grid(ctypes.Structure):
 def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Array, Array]:
     """Attained minima and maxima (m,), and their points (m, d), of polynomials on a full tensor of degrees.
 
-    `alpha` (n_b, d) are all multi-indices up to some degrees, in any order. `coefficients` (n_b, m) are those of
+    `alpha` (n_b, d) contains all multi-indices up to some degrees, in any order. `coefficients` (n_b, m) are for
     Legendre polynomials.
     """
     d, m = alpha.shape[1], coefficients.shape[1]
     degrees = alpha.max(axis=0)
-    # The highest degree is last: sums along the last parameter are the innermost loop of the C.
+    # The parameter with the highest degree is last, because the innermost loop in C is along the last parameter.
     order = np.argsort(degrees, kind="stable")
     rows = np.ascontiguousarray(np.lexsort(alpha[:, order[::-1]].T), dtype=np.int32)
     wavy = degrees.max() > _WAVY_DEGREE
@@ -71,12 +71,12 @@ def _searched(grid: _Grid, coefficients: Array) -> tuple[Array, Array]:
         if not library.dense(ctypes.byref(grid), ctypes.byref(next_polynomial), ctypes.c_long(m), *pointers):
             raise MemoryError("not enough memory to search ranges")
 
-    on_threads(work, m, 2e-7 * C.size)  # at most, [s]: the time of one parameter at the highest degree
+    on_threads(work, m, 2e-7 * C.size)  # upper limit of the time [s], for one parameter at the highest degree
     return extremes, points
 
 
 def _reach(per_degree: list[int]) -> float:
-    """Fraction of the range by which an extreme may exceed the nearest sample."""
+    """Largest distance of an extreme from the nearest sample, divided by the range."""
     # With x_i = cos(theta_i), a polynomial of degrees n_i is trigonometric in the angles. Its second derivative along v
     # is at most (sum n_i |v_i|)^2 times its size (Bernstein). The range is at most 1 / prod cos(h_i) times the range of
     # samples at distances of 2 h_i / n_i (Ehlich and Zeller 1964).
@@ -87,7 +87,7 @@ def _reach(per_degree: list[int]) -> float:
 @cache
 def _samples(n: int, per_degree: int) -> tuple[Array, Array, np.ndarray]:
     """Samples of one parameter, and the n Legendre polynomials there in double and in single precision."""
-    intervals = max(per_degree * (n - 1), 12)  # more samples of low degrees cost nothing
+    intervals = max(per_degree * (n - 1), 12)  # for low degrees, more samples take no more time
     x: Array = np.cos(np.pi * np.arange(intervals + 1) / intervals) if n > 1 else np.zeros(1)
     values = np.ascontiguousarray(np.polynomial.legendre.legvander(x, n - 1), dtype=float)
     return x, values, values.astype(np.float32)

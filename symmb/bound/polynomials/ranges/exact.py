@@ -16,8 +16,8 @@ from symmb.run.codegen import with_compiler
 RANGE_ERROR = 1e-5
 """Error of a range by branch and bound divided by the width of the range."""
 RANGE_WORK = 200_000
-"""Largest number of coefficients in all boxes of a search by branch and bound. With many parameters ranges are not
-proved, and the best values found are used."""
+"""Largest number of coefficients in all boxes of a search by branch and bound. With many parameters, ranges are not
+proved. The result is then the best values of the search."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +27,8 @@ class Extremes:
     Attributes
     ----------
     lower, upper : (m,) bounds, never narrower than the range except for rounding
-    at_lower, at_upper : (m, d) points of [-1, 1]^d with values within tolerance and gap of the bounds
-    below, above : (m,) distance of lower and upper from the values at their points; 0 if it is within tolerance
+    at_lower, at_upper : (m, d) points of [-1, 1]^d with values that differ from the bounds by at most tolerance and gap
+    below, above : (m,) distance of lower and upper from the values at their points; 0 for distances up to the tolerance
     """
 
     lower: Array
@@ -50,9 +50,11 @@ class Exact:
 
     Parameters
     ----------
-    tolerance : largest excess of a bound over the true extreme, divided by the polynomial's range; for a constant 1e-13
-        of the coefficients. The bounds are never narrower than the range, except for rounding.
-    budget : largest number of boxes for each extreme of a polynomial; after it, the tolerance is relaxed as needed
+    tolerance : largest distance of a bound from the true extreme, divided by the range of the polynomial. For a
+        constant, 1e-13 of the coefficients replaces it. The bounds are never narrower than the range, except for
+        rounding.
+    budget : largest number of boxes for each extreme of a polynomial. If it is used up, the tolerance is increased as
+        needed
 
     Raises
     ------
@@ -61,10 +63,10 @@ class Exact:
 
     Notes
     -----
-    Two parameters take about ten boxes, six some hundreds, and ten or more may use up the budget. Errors
-    decrease with the cube of the box size: a tolerance of 1e-8 takes less than twice as long as 1e-3. Without a C
-    compiler the bounds are those of Bernstein or ChebyshevInclusion, which are wider. The points then come from a
-    search along one parameter after the other.
+    Two parameters take about ten boxes, six parameters some hundred boxes. Ten or more may use up the budget.
+    Errors decrease with the cube of the box size. A tolerance of 1e-8 thus takes less than twice as long as 1e-3.
+    Without a C compiler, Bernstein or ChebyshevInclusion give wider bounds. The points then come from a search along
+    one parameter after the other.
 
     Examples
     --------
@@ -121,7 +123,7 @@ def _enclosed(alpha: MultiIndices, coefficients: Array) -> Extremes:
     """Bounds without a C compiler, by other methods, and points found by a search along the parameters."""
     least, most, at_lower, at_upper = searched_extremes(alpha, coefficients)
     size = float(np.prod(alpha.max(axis=0, initial=0) + 1.0))
-    # The boxes have at most 2^14 Bernstein coefficients, because NumPy computes all of them for each polynomial.
+    # All boxes have at most 2^14 Bernstein coefficients, because NumPy computes all of them for each polynomial.
     fitting = [boxes for boxes in (2, 1) if size * boxes ** alpha.shape[1] <= 2**14]
     method: Range = Bernstein(fitting[0]) if fitting else ChebyshevInclusion()
     lower, upper = method.bounds(alpha, coefficients)

@@ -15,7 +15,7 @@ from symmb.bound.polynomials.chebyshev import LowerSet
 from symmb.bound.polynomials.legendre import MultiIndices, basis_ranges
 
 MOST_NUMBERS = 2**24
-"""Largest number of coefficients of a polynomial; they take 128 MB."""
+"""Largest number of coefficients of a polynomial. They take 128 MB."""
 
 
 class Range(Protocol):
@@ -30,7 +30,7 @@ class Range(Protocol):
 class LegendreInclusion:
     """Natural interval arithmetic a_0 + sum a_i [min phi_i, max phi_i], eqs. (23)-(24), for any order.
 
-    The interval encloses the range of the expansion. The excess grows with the number of terms.
+    The interval encloses the range of the expansion. It becomes wider than the range as the number of terms grows.
 
     Examples
     --------
@@ -54,7 +54,7 @@ class LegendreInclusion:
 class ChebyshevInclusion:
     """Interval arithmetic c_0 +- sum |c_i| with Chebyshev polynomials, because |T_i| <= 1, for any order.
 
-    The interval encloses the range of the expansion, and is the range if there is a single term.
+    The interval encloses the range of the expansion. It is equal to the range if there is a single term.
 
     Examples
     --------
@@ -82,7 +82,7 @@ class ChebyshevInclusion:
 class Bernstein:
     """The smallest and the largest Bernstein coefficient, for a few parameters.
 
-    Bernstein coefficients enclose the range of the expansion. The excess decreases with the square of the number of
+    Bernstein coefficients enclose the range of the expansion. The error decreases with the square of the number of
     boxes.
 
     Parameters
@@ -96,7 +96,7 @@ class Bernstein:
 
     Notes
     -----
-    Work grows as (boxes (order + 1))^d. The change from Legendre polynomials loses about 0.3 order d digits.
+    The time grows as (boxes (order + 1))^d. The change from Legendre polynomials loses about 0.3 order d digits.
 
     Examples
     --------
@@ -130,7 +130,7 @@ class Bernstein:
                 f"coefficients, more than {MOST_NUMBERS:.1e}. Use Exact() or ChebyshevInclusion()."
             )
         changes = [_on_boxes(n - 1, self.boxes) for n in shape]
-        m, step = coefficients.shape[1], max(1, 2**18 // size)  # 2^18 numbers take 2 MB, the size of a core's cache
+        m, step = coefficients.shape[1], max(1, 2**18 // size)  # 2^18 numbers take 2 MB, as the cache of a core
         lower, upper = np.empty(m), np.empty(m)
         for start in range(0, m, step):
             part = slice(start, start + step)
@@ -146,7 +146,7 @@ class Bernstein:
 @cache
 def _on_boxes(n: int, boxes: int) -> Array:
     """(boxes (n + 1), n + 1) matrix from Legendre coefficients to Bernstein coefficients on parts of [-1, 1]."""
-    # Coefficient j on the part from u to v of [0, 1] is the polar form at n - j arguments u and j arguments v.
+    # Coefficient j on the part from u to v of [0, 1] is the polar form of n - j arguments u and j arguments v.
     ends = [i / boxes for i in range(boxes + 1)]
     rows = [np.convolve(_power(u, n - j), _power(v, j)) for u, v in itertools.pairwise(ends) for j in range(n + 1)]
     return np.array(rows) @ _from_legendre(n)

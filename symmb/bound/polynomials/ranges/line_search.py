@@ -19,8 +19,8 @@ def searched_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, 
 
 def _minima(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array]:
     """The best minima (m,) of several searches, and their points (m, d)."""
-    # The starts are the middle, the corner to which its slopes lead, the opposite corner, and three random points. The
-    # random points find most other valleys.
+    # The starts are the centre, the corner in the direction of descent, the opposite corner, and three random points.
+    # The random points find most other minima.
     m, d = coefficients.shape[1], alpha.shape[1]
     slopes = np.zeros((m, d))
     for k in range(d):
@@ -38,7 +38,7 @@ def _minima(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array]:
 
 
 def _descended(alpha: MultiIndices, coefficients: Array, x: Array, most_sweeps: int = 30) -> tuple[Array, Array]:
-    """Values (m,) and points (m, d) of searches from points x along each parameter in turn, while they gain."""
+    """Values (m,) and points (m, d) of searches from points x along each parameter in turn, until none improves."""
     x, d = x.copy(), alpha.shape[1]
     factors = [legendre.legvander(x[:, k], int(alpha[:, k].max()))[:, alpha[:, k]].T for k in range(d)]
     value, floor = np.full(x.shape[0], np.inf), SAME * np.abs(coefficients).max(axis=0, initial=0.0)

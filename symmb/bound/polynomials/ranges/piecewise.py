@@ -16,7 +16,8 @@ from symmb.run.codegen import with_compiler
 
 def attained_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Array, Array]:
     """Minima and maxima (m,), and their points (m, d), of polynomials with Legendre coefficients (n_b, m)."""
-    # Samples in lanes are the fastest search for few parameters and full tensors. Branch and bound is used otherwise.
+    # For few parameters and full tensors, samples in vector lanes are the fastest search. Otherwise, branch and bound
+    # is used.
     d, degrees = alpha.shape[1], alpha.max(axis=0, initial=0)
     if d == 0:
         point = np.zeros((coefficients.shape[1], 0))
@@ -89,8 +90,8 @@ class Piecewise:
         return lows.min(axis=0), highs.max(axis=0), np.take_along_axis(places, best[None, ..., None], axis=0)[0]
 
     def acting(self, floor: Array) -> Mask:
-        """Mask (d,) of parameters that may change a response by more than its floor (n_y,). It includes parameters
-        without terms, and all parameters if the error of an output is infinite."""
+        """Mask (d,) of parameters that may change a response by more than its floor (n_y,). Parameters without terms
+        are included. So are all parameters if an error is infinite."""
         acts, has_terms = np.zeros((2, self.centres.shape[1]), dtype=bool)
         for own in self.expansions:
             for i, degrees in enumerate(own.alpha.T):
@@ -112,8 +113,8 @@ class Piecewise:
         shape, free = own.coefficients.shape[1:], half > 0
         alpha, c = own.alpha, own.coefficients.reshape(len(own.alpha), -1)
         moves = (centre - self.centres[k]) / self.halves[k], half / self.halves[k]
-        # The polynomial in coordinates of the box. The last parameter is first, because the removal of a fixed one
-        # changes the numbers of later ones.
+        # The polynomial in coordinates of the box. The loop starts at the last parameter, because the removal of a
+        # fixed parameter changes the numbers of later parameters.
         for i, (move, scale) in reversed([*enumerate(zip(*moves, strict=True))]):
             if (move, scale) != (0.0, 1.0):
                 alpha, c = _in_other_coordinates(alpha, c, i, move, scale)
@@ -124,7 +125,7 @@ class Piecewise:
         return low.reshape(shape), high.reshape(shape), places
 
     def ranges(self, points: Array, free: Mask) -> tuple[Array, Array]:
-        """Minima and maxima (N, n_t, n_y) over the free parameters (d,). The others have values of points (N, d)."""
+        """Minima and maxima (N, n_t, n_y) over the free parameters (d,). Others have values of points (N, d)."""
         low, high = np.full((2, len(points), *self.error.shape), [[[[np.inf]]], [[[-np.inf]]]])
         for centre, half, own in zip(self.centres, self.halves, self.expansions, strict=True):
             x = (points[:, ~free] - centre[~free]) / half[~free]
@@ -163,7 +164,7 @@ def joined(parts: Sequence[Piecewise | None], n_t: int) -> Piecewise | None:
 
 
 def last_terms(own: Expansion) -> Array:
-    """Sizes (n_t, n_y) of the terms of the highest degree in any parameter. Missing terms are usually not larger."""
+    """Sizes (n_t, n_y) of the terms with the highest degree in any parameter. Missing terms are usually not larger."""
     highest = own.alpha.max(axis=0, initial=0)
     is_last = ((own.alpha == highest) & (highest > 0)).any(axis=1)
     return np.abs(own.coefficients[is_last]).sum(axis=0)
