@@ -261,7 +261,7 @@ def test_what_first_nodes_cannot_see_is_found(f, d, lowest, highest):
 def test_kinks_of_many_parameters_are_bounded_by_what_runs_attain():
     t = np.linspace(0, 2, 41)
     simulator, box = unit_function(lambda x: abs(np.sin(3 * t) - 0.4 * (x @ np.arange(1, 7))), 6, t)
-    bounds = mb.propagate(simulator, mb.PolynomialChaos(), box)
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(seconds=600.0), box)
     assert bounds.evaluations < 600 and not bounds.doubtful()
     highest = 8.4 + np.abs(np.sin(3 * t))  # and the lowest is 0
     error = np.maximum(np.abs(bounds.lower), np.abs(bounds.upper - highest[:, None]))
