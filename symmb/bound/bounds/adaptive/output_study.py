@@ -205,8 +205,8 @@ class OutputStudy:
         return factor >= 1 or np.log(self.tolerance / self._error) / np.log(factor) > np.log2(most / nodes)
 
     def _searched(self, found: EstimatedRange) -> Steps:
-        """The range after further check runs near extremes. Rounds of runs end if the error is within the tolerance, or if
-        a round decreases the error by less than 10 %.
+        """The range after further check runs near extremes. The rounds end if the error is within the tolerance, or
+        if one round decreases the error by less than 10 %.
 
         Even without convergence, the interpolant shows where extremes may be.
         """
