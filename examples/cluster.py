@@ -6,7 +6,8 @@
 
 Methods as jobs: each job bounds the outputs by one method on one machine. The reference is also a job. All machines
 must have access to the folder. Each job writes its runs into one file in this folder, and reads the runs of other jobs
-from it. The final comparison finds all its runs in the file. If a job is lost, it is submitted again and continues.
+from it. The final comparison finds all its runs in the file. If a job fails, or if its time expires, the script ends
+with an error. Start it again with the same folder. The new jobs use all finished runs.
 
 `pip install submitit 'symmb[dask]'` installs the necessary packages.
 """

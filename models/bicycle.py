@@ -23,7 +23,7 @@ import symmb as mb
 
 
 def scene(*, speed: float = 4.6) -> mb.Scene:
-    """The benchmark bicycle, upright on a straight path, with a small push to the side.
+    """The benchmark bicycle, upright on a straight path. A nonzero parameter `lean_rate` [rad/s] is a push to the side.
 
     Parameters
     ----------

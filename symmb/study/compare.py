@@ -272,10 +272,11 @@ def _doubt_of_reference(simulator: Simulator, reference: Reference) -> list[str]
     uncertain = np.flatnonzero((reference.uncertainty > 0.05) & ~reference.yardstick.zero_width)
     if not uncertain.size:
         return []
-    names = ", ".join(f"{simulator.outputs[k]} by {reference.uncertainty[k]:.2g}" for k in uncertain)
+    names = ", ".join(f"{simulator.outputs[k]} by {reference.uncertainty[k]:.2g} of its width" for k in uncertain)
     return [
-        f"The reference {reference.method} is uncertain: {names} of the width. Smaller errors are not known, and "
-        "bounds with smaller deviations count as covering. Pass reference=PolynomialChaos(tolerance=1e-3)."
+        f"The reference {reference.method} is uncertain: {names}. Smaller errors of bounds are not known. Bounds "
+        "with smaller errors count as covering. Pass a more accurate reference, such as "
+        "reference=PolynomialChaos(tolerance=1e-3)."
     ]
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
-from symmb._types import Array, Executor
+from symmb._types import Array, Executor, Mask
 from symmb._units import told_units, typeset, units_of_parameters
 from symmb.bound.bounds import (
     Bounds,
@@ -16,6 +16,7 @@ from symmb.bound.bounds import (
     PolynomialChaos,
     Study,
     WorstCase,
+    idle_parameters,
     parameter_samples,
     units_of,
 )
@@ -96,6 +97,7 @@ class Search:
         # At the factor `to_zero`, a parameter such as a mass or length would reach 0. The given box is always allowed.
         self._most = np.clip(0.99 * to_zero, 1.0, LARGEST_FACTOR)
         self.evaluations, self.remarks, self.narrow = 1, tuple[str, ...](), tuple[str, ...]()
+        self._idle: Mask | None = None
         # Limits also apply between output times. Studies have values at output times only, single runs at all times.
         self._extremes = Extremes(simulator, [*limits], executor)
         nominal = np.array([[*map(float, simulator.parameters.values())]])
@@ -200,13 +202,13 @@ class Search:
         which a limit is reached. The next study is over a slightly smaller box. This is repeated until a check
         satisfies the limits.
         """
-        most = float(np.min(self._most / along))
-        ray, s = _Bracket(along, most, np.empty((0, len(self._shape)))), min(1.0, most)
+        ray = _Bracket(along, self._most_along(along), np.empty((0, len(self._shape))))
+        s = min(1.0, ray.most)
         for _ in range(_MAX_STUDIES):
             after = self._next(ray, s)
             if ray.best is not None and ray.undecided is not None:
                 after = (ray.low + ray.high) / 2  # the largest decided factor is between them
-            if ray.best is not None and (ray.low >= most or after <= ray.low * (1 + _SETTLED)):
+            if ray.best is not None and (ray.low >= ray.most or after <= ray.low * (1 + _SETTLED)):
                 break
             s = after
         if ray.best is None and ray.undecided is not None:
@@ -217,11 +219,23 @@ class Search:
             )
         undecided, violation = (ray.high if ray.why else min(ray.high, ray.reach)) / ray.low, ray.violation / ray.low
         self.remarks = ()
-        if ray.low < most and max(undecided, violation if violation < np.inf else 0.0) > 1 + 4 * _SETTLED:
+        if ray.low < ray.most and max(undecided, violation if violation < np.inf else 0.0) > 1 + 4 * _SETTLED:
             why = ray.why or "the largest number of studies was reached."
             beyond = f" Runs reach a limit at {violation:.4g} times these tolerances." if violation < np.inf else ""
             self.remarks = (f"At {undecided:.4g} times these tolerances the limits are undecided: {why}{beyond}",)
-        return ray.low * along, ray.best
+        return np.minimum(ray.low * along, self._most), ray.best
+
+    def idle(self, bounds: Bounds) -> Mask:
+        """Mask (d,) of parameters that do not change outputs with limits in the box of these bounds."""
+        assert bounds.box is not None
+        names, runs = idle_parameters(self._simulator, bounds.box, bounds, self._columns, self._executor)
+        self.evaluations += runs
+        return np.isin(self._shape.names, names)
+
+    def _most_along(self, along: Array) -> float:
+        """The largest factor along a ray. Parameters without effect keep their sign, but do not end the search."""
+        most = self._most if self._idle is None else np.where(self._idle, LARGEST_FACTOR, self._most)
+        return float(np.min(most / along))
 
     def _next(self, ray: _Bracket, s: float) -> float:
         """The factor of the next study, after a study at the factor s. The bracket stores the results of this study."""
@@ -231,6 +245,9 @@ class Search:
         except PropagationError as error:  # too many runs fail
             ray.high, ray.why = s, str(error).splitlines()[0]
             return (ray.low + s) / 2
+        if self._idle is None:
+            self._idle = self.idle(bounds)
+            ray.most = self._most_along(ray.along)
         # Two studies may give the same place with different rounding. Equal places are merged, to save runs.
         ray.places = np.unique(np.concatenate([ray.places, self._worst_places(bounds, check)]).round(9), axis=0)
         if check.kept:
@@ -273,9 +290,9 @@ class Search:
             return case
         return getattr(bounds.worst(limit.output), side)
 
-    def signs(self, factors: Array) -> tuple[str, ...]:
-        """A sentence if a parameter would reach 0 with larger factors (d,); otherwise empty."""
-        ends = (self._most < LARGEST_FACTOR) & (factors >= self._most * (1 - _SETTLED))
+    def signs(self, factors: Array, idle: Mask) -> tuple[str, ...]:
+        """A sentence if a parameter with an effect would reach 0 with larger factors (d,); otherwise empty."""
+        ends = (self._most < LARGEST_FACTOR) & (factors >= self._most * (1 - _SETTLED)) & ~idle
         names = [name for name, is_end in zip(self._shape.names, ends, strict=True) if is_end]
         text = f"The search ends here, because with larger tolerances {', '.join(names)} would reach 0."
         return (text,) if names else ()

@@ -45,7 +45,8 @@ class Tolerances(Counted, Result, Saved):
     ----------
     box : Box
     factor : float
-        factor on all intervals of the given box about the nominal values. With costs, the smallest of `factors`
+        factor on all intervals of the given box about the nominal values. With costs, the smallest of `factors`.
+        Parameters without an effect on outputs with limits are left out
     factors : dict
         the factor of each parameter
     cost : float
@@ -164,7 +165,8 @@ def tolerances(
     """The largest, or the cheapest, tolerances with which outputs satisfy limits at all times.
 
     All deviations of the box from the nominal values are multiplied by one factor, up to 16. With costs, each deviation
-    has a separate factor. If an interval contains values of one sign only, as for a mass, the sign is kept. Studies
+    has a separate factor. If an interval contains values of one sign only, as for a mass, the sign is kept. A parameter
+    without an effect on outputs with limits does not end the search; a remark names this parameter. Studies
     with PolynomialChaos() find the worst points of a box. Runs at these points show the factor at which a limit is
     reached. At the end, a study and `Bounds.check` verify the box. Costs are minimised with the polynomials of studies.
     Outputs without a limit are ignored.
@@ -216,14 +218,25 @@ def tolerances(
     check = bounds.check(limits)
     by_name = dict(zip(shape.names, factors.tolist(), strict=True))
     nominal = {name: float(simulator.parameters[name]) for name in shape.names}
-    factor = float(factors[shape.radius > 0].min(initial=LARGEST_FACTOR))
     assert bounds.box is not None
-    signs, remarks = search.signs(factors), search.remarks + search.narrow
-    is_open = factor >= LARGEST_FACTOR or search.remarks or (signs and cost is None) or check.kept is None
+    varies, idle = shape.radius > 0, search.idle(bounds)
+    acts = varies & ~idle
+    factor = float(factors[acts if acts.any() else varies].min(initial=LARGEST_FACTOR))
+    signs = search.signs(factors, idle)
+    remarks = search.remarks + search.narrow + _about_idle([*np.array(shape.names)[idle]])
+    has_end = acts.any() and factor < LARGEST_FACTOR and not (signs and cost is None)
+    is_open = not has_end or search.remarks or check.kept is None
     binding = None if is_open else search.binding(bounds, check)
     return Tolerances(
         bounds.box, factor, by_name, cost, binding, check, bounds, search.evaluations, nominal, remarks + signs
     )
+
+
+def _about_idle(names: Sequence[str]) -> tuple[str, ...]:
+    """A sentence about parameters without an effect on outputs with limits; otherwise empty."""
+    verb, whose = ("has", "its tolerance") if len(names) == 1 else ("have", "their tolerances")
+    text = f"{', '.join(names)} {verb} no effect on outputs with limits. The limits do not restrict {whose}."
+    return (text,) if names else ()
 
 
 def _of_outputs(simulator: Simulator, box: Box, names: Sequence[str]) -> Simulator:

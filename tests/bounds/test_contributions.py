@@ -1,5 +1,7 @@
 """Contributions against closed forms and sums over dense grids."""
 
+from dataclasses import replace
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -181,3 +183,17 @@ def test_progress_tells_how_many_further_studies_there_are(monkeypatch):
         bounds = mb.propagate(stairs, mb.MonteCarlo(30), box)
     bounds.contributions()
     assert labels == [f"contributions, further study {k + 1} of {len(labels)}" for k in range(len(labels))] and labels
+
+
+def test_contributions_below_their_error_are_told():
+    found = mb.propagate(simulator(), mb.PolynomialChaos(), BOX).contributions()
+    assert "may be zero" not in str(found) + found._repr_html_()
+    errors = np.zeros((2, 3, 2, 2))
+    errors[0, 2, 0, 1], errors[1, 2, 0] = 13.0, (3.0, 13.0)
+    rough = replace(found, errors=errors)
+    told = (
+        "These contributions may be zero, because their estimated errors are larger: a (saved), b (alone), b (saved)."
+    )
+    assert told in str(rough) and told in rough._repr_html_()
+    assert "may be zero" not in rough.some_as_html([0], {0: 1})
+    assert "may be zero" not in rough.some_as_html([1], {})

@@ -12,6 +12,8 @@ from small_scenes import formulas, particle
 
 import symmb as mb
 from symmb._doubt import Doubt
+from symmb.bound.bounds.further_runs import FurtherRun
+from symmb.bound.bounds.limits import by_further_run
 
 T = np.linspace(0.0, 2.0, 21)
 BOX = mb.Box(a=(0.9, 1.1), b=(-0.5, 0.5))
@@ -74,6 +76,15 @@ def test_an_estimate_that_straddles_a_limit_does_not_decide():
     bounds = mb.Bounds(**{**vars(bounds), "inner": (lower + 0.05, upper - 0.05)})
     results = {high: bounds.check({"y": (None, high)}).kept for high in (0.89, 0.92, 0.97, 1.05, 1.11)}
     assert results == {0.89: False, 0.92: False, 0.97: None, 1.05: None, 1.11: True}
+
+
+@pytest.mark.parametrize(("inside", "kept", "word"), [(3.36e-4, True, "is larger"), (4e-9, None, "is not larger")])
+def test_the_margin_of_further_runs_is_told_beside_the_error_of_the_search(inside, kept, word):
+    run = FurtherRun("upper", np.zeros(1), np.array([1.0 - inside]), -inside, 6e-9, 42, 0, False)
+    found = by_further_run(run, 1.0, np.array([1e-4]), 1e-12, " m")
+    assert found.kept is kept
+    assert found.why.startswith(f"The closest of 42 further runs is {inside:.3g} m inside.")
+    assert found.why.endswith(f" This margin {word} than the error of the search, 6.0e-09 m.")
 
 
 def test_errors_count_at_their_times():

@@ -11,7 +11,8 @@ from mechanisms import double_pendulum, double_pendulum_by_hand, explosion
 
 import symmb as mb
 from symmb.study import compare
-from symmb.study.compare import compare_simulator, default_methods
+from symmb.study.compare import _doubt_of_reference, compare_simulator, default_methods
+from symmb.study.reference import Reference
 
 T = np.linspace(0.0, 1.0, 11)
 BOX = mb.Box(k=(0.5, 1.5))
@@ -239,3 +240,12 @@ def test_a_motion_that_every_setting_follows_exactly_has_no_solver_error():
     scene = mb.Scene(mb.System(ball, parameters=p), {"ball.x": p.a}, T, {"x": ball.x}, box=mb.Box(a=(0.5, 1.5)))
     for solver in (mb.RungeKutta(steps=1), mb.DormandPrince(), mb.CVODES()):
         assert mb.compare(scene, [mb.Vertex()], reference=mb.Vertex(), solver=solver).solver_error == [0.0]
+
+
+def test_outputs_with_an_uncertain_reference_are_told():
+    f = mb.FunctionSimulator(lambda a: [[a**2, a, 1.0]], {"a": 0.5}, [0.0], ["y", "z", "constant"])
+    ends = np.zeros((1, 3)), np.array([[1.0, 1.0, 0.0]])
+    rough, exact = (Reference("Scanning(3)", *ends, np.array([e, 0.01, 9.0]), 3, 0, 1.0) for e in (0.12, 0.0))
+    assert _doubt_of_reference(f, exact) == []
+    (told,) = _doubt_of_reference(f, rough)
+    assert told.startswith("The reference Scanning(3) is uncertain: y by 0.12 of its width. Smaller errors of bounds")

@@ -45,7 +45,9 @@ _OF_PARAMETER = entry(Record.with_nan, "t", "names", "parameters")
 class Contributions(Result, Saved):
     """Contributions of each parameter to the outputs over time.
 
-    `print` shows the contributions at the times of the largest widths, sorted by `alone`. `plot` draws them.
+    `print` shows the contributions at the times of the largest widths, sorted by `alone`. `plot` draws them. If the
+    estimated error of a contribution is larger than the contribution, it may be zero. A sentence below the table names
+    such contributions.
 
     Attributes
     ----------
@@ -108,15 +110,31 @@ class Contributions(Result, Saved):
         first = f"Contributions to the bounds by {self.method}, {source}"
         return "\n".join([first, f"  {_NO_SUM}", *(f"  remark  {remark}" for remark in self.remarks)])
 
+    def _row(self, k: int, i: int | None) -> int:
+        """The time i, or the time of the largest width of output k."""
+        return int(self.width[:, k].argmax()) if i is None else i
+
+    def _each_error(self) -> Array:
+        """(2, n_t, n_y, n_p) estimated errors of alone and of saved."""
+        if self.errors is not None:
+            return self.errors
+        return np.stack([self.estimate, self.saved_estimate])[..., None].repeat(len(self.parameters), axis=-1)
+
+    def _may_be_zero(self, k: int, i: int | None = None) -> str:
+        """A sentence with the contributions to output k at time i that are smaller than their errors; else empty."""
+        i = self._row(k, i)
+        values, errors = np.stack([self.alone, self.saved])[:, i, k], self._each_error()[:, i, k]
+        places = np.argwhere(((values > SAME * self.width[i, k]) & (values < errors)).T)
+        names = ", ".join(f"{self.parameters[p]} ({('alone', 'saved')[kind]})" for p, kind in places)
+        return f"These contributions may be zero, because their estimated errors are larger: {names}." if names else ""
+
     def _rows(self, k: int, i: int | None = None) -> list[list[str]]:
         """A table of contributions to output k at time i (default: of the largest width), with the largest first."""
-        i = int(self.width[:, k].argmax()) if i is None else i
+        i, errors = self._row(k, i), self._each_error()
         width, of_share = self.width[i, k], self.share_estimate[i, k]
         has_times = time_text(self.t, i, self.width[:, k]) != ""
         name = told_names(self.names, self.units)[k]
         title = f"{name}{at_time(self.t, i)}" if has_times else name
-        errors = np.stack([self.estimate, self.saved_estimate])[..., None].repeat(len(self.parameters), axis=-1)
-        errors = errors if self.errors is None else self.errors
         rows = [[title, "alone", "±", "saved", "±", f"of width {width:.4g}", "first", "total"]]
         for p in np.argsort(-self.alone[i, k], kind="stable"):
             share = f"{self.alone[i, k, p] / width:.1%} / {self.saved[i, k, p] / width:.1%}" if width > 0 else "–"
@@ -129,7 +147,9 @@ class Contributions(Result, Saved):
         return rows
 
     def __str__(self) -> str:
-        tables = ("\n".join(aligned(self._rows(k))) for k in range(len(self.names)))
+        tables = (
+            "\n".join(filter(None, [*aligned(self._rows(k)), self._may_be_zero(k)])) for k in range(len(self.names))
+        )
         return "\n\n".join([self._head(), *tables])
 
     def _repr_html_(self) -> str:
@@ -138,7 +158,11 @@ class Contributions(Result, Saved):
 
     def some_as_html(self, columns: Sequence[int], rows: Mapping[int, int]) -> str:
         """Tables of some outputs, given by their numbers, at given rows of times or at the largest width."""
-        return html.page(html.text(self._head()), *(html.table(self._rows(k, rows.get(k))) for k in columns))
+        tables = (
+            html.page(html.table(self._rows(k, rows.get(k))), html.text(self._may_be_zero(k, rows.get(k))))
+            for k in columns
+        )
+        return html.page(html.text(self._head()), *tables)
 
     def plot(
         self,

@@ -1,6 +1,7 @@
 """Warnings about bounds, for studies and for comparisons of methods."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -75,27 +76,40 @@ def _far_nominal_values(simulator: Simulator, box: Box) -> list[str]:
 def _without_effect(simulator: Simulator, box: Box, bounds: Bounds) -> list[str]:
     """A remark on parameters that change no output of a black box.
 
-    Polynomials show parameters that seem to have no effect. Pairs of runs that differ in one parameter then confirm
-    this. Scenes need no such runs, because their equations show which parameters have an effect.
+    Scenes need no runs for it, because their equations show which parameters have an effect.
     """
-    surrogate, varies = bounds.surrogate, box.radius > 0
-    if surrogate is None or isinstance(simulator, SceneSimulator):
+    if isinstance(simulator, SceneSimulator):
         return []
-    floor = ROUNDING * np.abs([bounds.lower, bounds.upper]).max(axis=(0, 1), initial=0.0)
-    # A parameter may have no effect if its effect in polynomials, relative to the width, is below 1e-4.
-    small = np.maximum(floor, 1e-4 * (bounds.upper - bounds.lower).max(axis=0))
-    idle = np.flatnonzero(~surrogate.acting(small) & varies)
-    if not len(idle):
-        return []
-    base = Sobol().points(_EQUAL_PAIRS, len(box), seed=2)
-    pairs = np.concatenate([base, *(np.where(np.arange(len(box)) == i, np.roll(base, 1, axis=0), base) for i in idle)])
-    Y, _ = gathered(simulator, parameter_samples(simulator, box, pairs), None)
-    first, *others = Y.reshape(len(idle) + 1, _EQUAL_PAIRS, *Y.shape[1:])
-    names = [box.names[i] for i, own in zip(idle, others, strict=True) if (np.abs(own - first) <= floor).all()]
+    names, runs = idle_parameters(simulator, box, bounds, range(len(bounds.names)))
     if not names:
         return []
     verb = "changes" if len(names) == 1 else "change"
-    return [f"{', '.join(names)} {verb} no output in the runs of the study and in {counted(len(Y), 'further run')}."]
+    return [f"{', '.join(names)} {verb} no output in the runs of the study and in {counted(runs, 'further run')}."]
+
+
+def idle_parameters(
+    simulator: Simulator, box: Box, bounds: Bounds, columns: Sequence[int], executor: Executor | None = None
+) -> tuple[list[str], int]:
+    """Names of parameters that do not change some outputs, given by their numbers, and the number of further runs.
+
+    Polynomials show parameters that seem to have no effect. Pairs of runs that differ in one parameter then confirm
+    this.
+    """
+    if bounds.surrogate is None:
+        return [], 0
+    ends = np.stack([bounds.lower, bounds.upper])[..., columns]
+    floor = ROUNDING * np.abs(ends).max(axis=(0, 1), initial=0.0)
+    # A parameter may have no effect if its effect in polynomials, relative to the width, is below 1e-4.
+    small = np.maximum(floor, 1e-4 * (ends[1] - ends[0]).max(axis=0))
+    idle = np.flatnonzero(~bounds.surrogate.part(slice(None), columns).acting(small) & (box.radius > 0))
+    if not len(idle):
+        return [], 0
+    base = Sobol().points(_EQUAL_PAIRS, len(box), seed=2)
+    pairs = np.concatenate([base, *(np.where(np.arange(len(box)) == i, np.roll(base, 1, axis=0), base) for i in idle)])
+    Y, _ = gathered(simulator, parameter_samples(simulator, box, pairs), executor)
+    first, *others = Y[..., columns].reshape(len(idle) + 1, _EQUAL_PAIRS, len(Y[0]), -1)
+    names = [box.names[i] for i, own in zip(idle, others, strict=True) if (np.abs(own - first) <= floor).all()]
+    return names, len(Y)
 
 
 def _second_look(simulator: Simulator, box: Box, bounds: Bounds) -> tuple[tuple[str, ...], list[str]]:

@@ -19,7 +19,7 @@ near a limit may follow. Larger numbers take more time."""
 VERIFYING_RUNS = 32
 """Number of runs at samples of the distributions. They verify the values of polynomials, not only their range."""
 SAFETY_OF_RUNS = 2.0
-"""Safety factor on the errors of polynomials at verifying runs."""
+"""The reported error of polynomials, divided by their residual at runs that they do not use."""
 _FITTED_RUNS, _POINTS_INSIDE, _INTERVALS_OF_ALL_CORNERS = 256, 32, 5
 """Number of runs of a fit if polynomials are not accurate enough, number of points inside the intervals, and largest
 number of intervals for which all corners are used."""

@@ -390,8 +390,10 @@ def by_further_run(further: FurtherRun, limit: float, margin: Array, rounding: f
         return _Decision(None, why, margin, further)
     if not np.isfinite(error):
         return None
-    why = f"{further.runs} further runs stay {inside:.3g}{unit} inside. Other runs may be closer by {error:.1e}{unit}."
-    return _Decision(True if inside > error else None, why, np.fmin(np.maximum(margin, inside), own), further)
+    kept, is_larger = (True, "is larger") if inside > error else (None, "is not larger")
+    least = f"The closest of {further.runs} further runs is {inside:.3g}{unit} inside."
+    why = f"{least} This margin {is_larger} than the error of the search, {error:.1e}{unit}."
+    return _Decision(kept, why, np.fmin(np.maximum(margin, inside), own), further)
 
 
 def _ends(owner: str, name: str, pair: object, unit: str) -> tuple[float, float]:

@@ -33,8 +33,9 @@ _CERTAIN = {
 _WARNED = "A warning prevents a decision: see the annex. Remove its cause, or use another method."
 _SEARCH = "`mb.tolerances(...)` makes further runs, and finds tolerances that satisfy the limits."
 _AGAIN = (
-    "These tolerances include a margin for the estimated error of the study. A search with further runs by "
-    "`mb.tolerances(...)` finds the largest common factor of all tolerances."
+    "These tolerances and factors are estimates from the runs of this study. They are reduced by the estimated error, "
+    "so that larger ones may also satisfy the limits. `mb.tolerances(...)` makes further runs, and finds the largest "
+    "common factor of all tolerances."
 )
 
 

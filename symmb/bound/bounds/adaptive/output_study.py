@@ -205,7 +205,8 @@ class OutputStudy:
         return factor >= 1 or np.log(self.tolerance / self._error) / np.log(factor) > np.log2(most / nodes)
 
     def _searched(self, found: EstimatedRange) -> Steps:
-        """The range after further check runs near extremes. The runs end when the error no longer decreases.
+        """The range after further check runs near extremes. The rounds end if the error is within the tolerance, or
+        if one round decreases the error by less than 10 %.
 
         Even without convergence, the interpolant shows where extremes may be.
         """
