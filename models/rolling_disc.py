@@ -8,13 +8,12 @@
     ==========c/============  g = 9.81 m/s^2 along -z
 
 One holonomic constraint: height of the contact = 0. Two velocity constraints: no slip of the disc at the contact.
-Steady rolling on a circle with precession W and angular velocity w along n. The moments of inertia across and along n
-are A and C:
+The disc can roll steadily on a circle, with precession W and angular velocity w along n. The moments of inertia across
+and along n are A and C. The balance of angular momentum about the centre is then:
 
     (C + m R^2) w W sin(alpha) - A W^2 sin(alpha) cos(alpha) + m g R cos(alpha) = 0
 
-Source: Routh (1905), The Advanced Part of a Treatise on the Dynamics of a System of Rigid Bodies; steady
-rolling follows from the rate of the angular momentum about the centre.
+Source: Routh (1905), The Advanced Part of a Treatise on the Dynamics of a System of Rigid Bodies.
 """
 
 import casadi as ca

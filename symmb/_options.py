@@ -85,7 +85,7 @@ def python_number(value: float) -> float:
 
 
 def require_numbers(owner: str, name: str, value: object, *shape: int | None, leading: bool = False) -> Array:
-    """Real numbers as an array of the given shape. None stands for any length. `leading` allows axes before these.
+    """Real numbers as an array of the given shape. None is any length. With `leading`, other axes may come first.
 
     DeclarationError is raised if the values are not numbers, or have another shape.
     """
@@ -100,7 +100,7 @@ def require_numbers(owner: str, name: str, value: object, *shape: int | None, le
 
 
 def require_name(owner: str, what: str, name: object, known: Collection[str]) -> str:
-    """The normal form of a known name. DeclarationError is raised if the name is not known."""
+    """A known name as `normal` returns it. DeclarationError is raised if the name is not known."""
     if not isinstance(name, str) or (form := normal(name)) not in known:
         raise DeclarationError(f"{owner}: no {what} {shown(name)}.{did_you_mean(name, known)}")
     return form

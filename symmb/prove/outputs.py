@@ -127,7 +127,7 @@ def _ellipses(step: TimeStep, choice: Choice, patches: int) -> tuple[list[float]
 def _good_bounds(
     step: TimeStep, times: Array, which: tuple[int, ...], rho: list[float], most: Array, of_states: Array, sharp: float
 ) -> tuple[Array, Array, Array]:
-    """Bounds of some outputs. They are at most `most` on the ellipses rho of the parameters."""
+    """Bounds of some outputs. On the ellipses rho of the parameters, these outputs are at most `most`."""
     d = len(rho)
     degrees = degrees_of_outputs(step)[list(which)]
     c, rest = interpolation(step, times, which, rho, most, of_states, sharp, degrees)
@@ -153,10 +153,10 @@ def interpolation(
 
     Parameters
     ----------
-    rho : ellipses of the parameters
-    most : (m,) bounds of the outputs on the ellipses
-    blurred : (m,) other errors of the outputs. Errors by aliasing need not be much smaller than these
-    sharp : allowed errors by aliasing, relative to the width
+    rho : d sizes of Bernstein ellipses around the intervals of the parameters
+    most : (m,) bounds of the outputs on these ellipses
+    blurred : (m,) errors of the outputs from other causes. Aliasing errors need not be much smaller than these errors
+    sharp : allowed aliasing errors, relative to the width
     degrees : (m, d) degrees of outputs that are polynomials; infinite for other outputs
     """
     d = len(rho)

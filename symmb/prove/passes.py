@@ -2,8 +2,9 @@
 
 The time from the start t of a window to the pass is approximately a polynomial tau(p). In scaled time, the old
 equations lead from t to the surface of the switch for all parameters at once. The new equations then lead back to t.
-From this front, the new equations continue as if they had always been valid. The time between tau and the true pass is
-at most |g| / |dg/dt|. The error of the states is at most this time times the difference of the rates on both sides.
+From these states at t, the new equations continue as if they had always been valid. The time between tau and the true
+pass is at most |g| / |dg/dt|. The error of the states is at most the product of this time and the difference of the
+rates on both sides of the switch.
 
 Source: Filippov (1988), Differential Equations with Discontinuous Righthand Sides, section 10, transversal passes.
 """
@@ -59,7 +60,7 @@ class Crossing:
     why: str = ""
 
     def nearer(self, grain: float) -> float:
-        """Length of a step that ends closer to the pass [s]; 0 if the pass is within 64 units of times."""
+        """Length of a step that ends closer to the pass [s]; 0 if the time to the pass is at most 64 times `grain`."""
         return float(np.floor(63 / 64 * self.first / grain)) * grain if self.first > 64 * grain else 0.0
 
 

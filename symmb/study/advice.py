@@ -1,4 +1,4 @@
-"""Advice on solvers from the trials of a scene: a list of sentences, and a line for each harder variant."""
+"""Text that recommends solvers, from trials of a scene and of harder variants such as stiffer springs."""
 
 from collections.abc import Mapping, Sequence
 

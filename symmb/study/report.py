@@ -59,12 +59,12 @@ def cautions(rows: Iterable[Row]) -> list[str]:
 
 
 def zero_width(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]) -> list[str]:
-    """A line for each output without width: the methods with bounds that differ from the output, and their errors."""
+    """A line for each output that does not vary over the box: the methods with other bounds, and their errors."""
     lines = []
     for i in np.flatnonzero(yardstick.zero_width).tolist():
         misses = [f"{row.name} {number(row.score.error[i])}" for row in rows if row.score.error[i] != 0.0]
         finding = f"absolute error of {', '.join(misses)}" if misses else "all bounds equal the reference there"
-        lines.append(wrapped(f"{outputs[i]} has no width and is left out of the means: {finding}."))
+        lines.append(wrapped(f"{outputs[i]} does not vary over the box and is left out of the mean errors: {finding}."))
     return lines
 
 

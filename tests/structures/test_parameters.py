@@ -212,9 +212,9 @@ FAULTS = {
         ),
         "parameters change the proportions along a beam",
     ),
-    "at": (lambda: bar(P.E, 2700, 0.01, at=[7e10]), "at must be a Box, Parameters, or values by name, got"),
-    "reversed": (lambda: bar(P.E, 2700, 0.01, at={"E": (2.0, 1.0)}), "at 'E' has lower 2 above upper 1. Exchange"),
-    "no interval": (lambda: bar(P.E, 2700, 0.01, at={"E": None}), "at 'E' must be a number or a pair"),
+    "at": (lambda: bar(P.E, 2700, 0.01, at=[7e10]), "'at' must be a Box, Parameters, or a dictionary of values, got"),
+    "reversed": (lambda: bar(P.E, 2700, 0.01, at={"E": (2.0, 1.0)}), r"at\['E'\] has lower 2 above upper 1. Exchange"),
+    "no interval": (lambda: bar(P.E, 2700, 0.01, at={"E": None}), r"at\['E'\] must be a number or a pair"),
     "saved": (lambda: bar(P.E, 2700, 0.01, at=P).modes(count=2).save("modes.npz"), "these modes contain expressions"),
     "damping": (
         lambda: bar(7e10, 2700, 0.01, at={"zeta": -0.1}).modes(count=2, damping=P.zeta),

@@ -105,7 +105,10 @@ def test_the_head_tells_reference_cost_and_the_solvers_own_error():
 def test_an_output_without_width_is_told_apart():
     upper = ONE * [1.0, 0.0]
     told = " ".join(str(comparison(reference_upper=upper)).split())
-    assert "load [N] has no width and is left out of the means: absolute error of Vertex() 7.1e-02" in told
+    assert (
+        "load [N] does not vary over the box and is left out of the mean errors: absolute error of Vertex() 7.1e-02"
+        in told
+    )
     assert "7.1e-02 x" in lines_of(comparison(reference_upper=upper), "Vertex()")[0]
 
 

@@ -81,14 +81,14 @@ class Taylor(Method):
         directions = math.comb(d + self.order - 1, self.order)
         if directions > _MOST_DIRECTIONS:
             raise PropagationError(
-                f"{self!r} takes derivatives along {directions} directions in {d} parameters, more than the "
-                f"{_MOST_DIRECTIONS} allowed. Use a lower order."
+                f"{self!r} takes derivatives along {directions} directions in {d} parameters, but at most "
+                f"{_MOST_DIRECTIONS} are allowed. Use a lower order."
             )
         require_runs(self, self.planned_runs(d), "Use fewer subintervals.")
         if self.planned_runs(d) > _MOST_EVALUATIONS:
             raise PropagationError(
-                f"{self!r} takes {self.subintervals**d} expansions in {d} parameters, which count as "
-                f"{self.planned_runs(d)} evaluations, more than the {_MOST_EVALUATIONS} allowed. "
+                f"{self!r} takes {self.subintervals**d} expansions in {d} parameters. These count as "
+                f"{self.planned_runs(d)} evaluations, but at most {_MOST_EVALUATIONS} are allowed. "
                 "Use fewer subintervals, PolynomialChaos() or Optimization()."
             )
         outputs = len(simulator.times) * len(simulator.outputs)

@@ -77,8 +77,8 @@ class Moments(Saved):
     """Mean, variance and Sobol indices over time, for parameters that are uniform and independent in their
     intervals.
 
-    A first index is the fraction of the variance that a parameter alone explains. A total index adds the fractions of
-    its interactions with other parameters. Indices are nan if the variance is only rounding.
+    A first-order index is the fraction of the variance that one parameter explains alone. A total index includes the
+    interactions of this parameter with other parameters. Indices are nan if the variance is only a rounding error.
 
     Attributes
     ----------
@@ -137,8 +137,9 @@ class Moments(Saved):
 
 
 def moments(expansion: Expansion, t: Array, names: tuple[str, ...]) -> Moments:
-    """Moments of an expansion. The variance is the sum of squared coefficients times mean squares of polynomials. An
-    index is the part of the variance from polynomials that contain the parameter, alone or with others.
+    """Moments of an expansion. The variance is the sum of squared coefficients times mean squares of polynomials. The
+    first-order index is the fraction from polynomials of this parameter alone. The total index is the fraction from all
+    polynomials that contain the parameter.
 
     Examples
     --------

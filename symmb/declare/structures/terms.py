@@ -27,7 +27,7 @@ proportions must not depend on parameters."""
 
 @dataclass(frozen=True, eq=False)
 class Ranges:
-    """Intervals of parameters by name. An interval without width is a number."""
+    """Intervals of parameters by name. A number is an interval of zero width."""
 
     intervals: dict[str, tuple[float, float]]
 
@@ -35,17 +35,19 @@ class Ranges:
     def given(cls, at: Mapping[str, Any] | None, owner: str) -> "Ranges":
         """Intervals from a `Box`, from `Parameters`, or from a mapping with numbers and pairs."""
         if at is not None and not hasattr(at, "keys"):
-            raise DeclarationError(f"{owner}: at must be a Box, Parameters, or values by name, got {shown(at)}.")
+            raise DeclarationError(
+                f"{owner}: the argument 'at' must be a Box, Parameters, or a dictionary of values, got {shown(at)}."
+            )
         intervals = {}
         for name, value in dict(at or {}).items():
             ends = numbers_of(value)
             if ends is None or ends.shape not in ((), (2,)) or not np.isfinite(ends).all():
                 raise DeclarationError(
-                    f"{owner}: at {shown(name)} must be a number or a pair (lower, upper), got {shown(value)}."
+                    f"{owner}: at[{shown(name)}] must be a number or a pair (lower, upper), got {shown(value)}."
                 )
             low, high = np.broadcast_to(ends, 2).tolist()
             if low > high:
-                raise DeclarationError(f"{owner}: at {name!r} has lower {low:g} above upper {high:g}. Exchange them.")
+                raise DeclarationError(f"{owner}: at[{name!r}] has lower {low:g} above upper {high:g}. Exchange them.")
             intervals[name] = low, high
         return cls(intervals)
 

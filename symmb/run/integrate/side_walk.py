@@ -49,11 +49,12 @@ def stops_at(passes: Array) -> Stops:
 
 
 class SideWalk:
-    """The run of one sample, piece by piece. The vector y has the state and the integrals along the motion.
+    """The integration of one sample from stop to stop. The vector y has the state and the integrals along the motion.
 
-    A run of another solver gives the times of passes of switches. At such a time, this run moves forward or back until
-    it is on the switch. Forces that act over a short distance then do the correct work. At the end of a piece, the
-    motion may not be on the expected sides. Then the piece is run again with equations that follow the state.
+    A piece is the motion between two stops. A run of another solver gives the times of passes of switches. At such a
+    time, this run moves forward or back until it is on the switch. Forces that act over a short distance then do the
+    correct work. If the motion is not on the expected sides at the end of a piece, the piece is integrated again. In
+    this second integration, the state determines the sides.
 
     Parameters
     ----------
@@ -61,9 +62,9 @@ class SideWalk:
     p : (n_p,)                   parameters of the sample
     stops : Stops                stops of the sample
     span : float                 horizon [s]
-    one_sided : SideAdvance      advances y by equations on given sides, which are the last parameters, over a piece or
-                                 over a short time, which may be below 0
-    free : SideAdvance           advances y over a piece by equations that follow the state
+    one_sided : SideAdvance      advances y over a piece, or over a short time that may be negative. The sides are
+                                 given as the last parameters
+    free : SideAdvance           advances y over a piece. The state determines the sides
     """
 
     def __init__(
@@ -71,8 +72,8 @@ class SideWalk:
     ) -> None:
         self._equations, self._p, self._passes, self._until = equations, p, stops.passes, float(stops.until)
         self._one_sided, self._free = one_sided, free
-        # Largest error of the times of passes, divided by the horizon. A motion with a larger error takes branches from
-        # its own switches.
+        # Largest error of the times of passes, divided by the horizon. If an error is larger, the state determines the
+        # sides.
         self._shift, self._least, self._next = 1e-4 * span, 1e-3 * span, 0
         self._sides: Array | None = None
         self._is_lost = False
@@ -96,7 +97,7 @@ class SideWalk:
         return new if arrived is None else arrived
 
     def _behind_passes(self, t: float, y: Array, sides: Array, due: int) -> Array | None:
-        """The vector y after `due` passes at the time t; None if the motion is not on the expected sides then."""
+        """The vector y after `due` passes at the time t; None if the motion is then not on the expected sides."""
         self._sides = None
         with suppress(*_BREAKDOWNS):
             for _ in range(due):

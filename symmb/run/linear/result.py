@@ -275,7 +275,7 @@ class Linearization(WithWarnings, Saved):
 
 
 def _plain(names: Sequence[str]) -> list[str]:
-    """Names without points, which the package control does not allow."""
+    """Names with "_" for each dot, because the package control does not allow dots in names."""
     return [name.replace(".", "_") for name in names]
 
 

@@ -111,7 +111,7 @@ def _element_doubts(runs: PilotRuns, trajectory: Trajectory) -> Iterator[str]:
     f = scene.remembered((_element_doubts, "values"), lambda: output_function(dae, scene, scene.expression(every)))
     t, first = np.unique(np.append(states.t, trajectory.t), return_index=True)
     values = batch(f, np.vstack([states.x, trajectory.x])[first], runs.p, t[:, None])[0].reshape(len(t), -1)
-    # Largest violation of a margin, divided by its largest value, that rounding and errors of the run explain.
+    # A violation up to this fraction of the largest margin may be caused by rounding and errors of the run.
     below = values < -1e-9 * np.abs(values).max(axis=0)
     ends = np.cumsum([margins.numel() for _, margins, _ in known])
     for (title, _, what), own in zip(known, np.split(below, ends[:-1], axis=1), strict=True):
@@ -126,7 +126,7 @@ _LETS_GO = (
 
 
 def _pass_doubts(runs: PilotRuns, solver: Solver, switches: Kinks) -> tuple[str, ...]:
-    """A warning if a run has missed a switch, because states before and after a step are on different sides of it."""
+    """A warning if the states before and after a step are on different sides of a switch that the run has missed."""
     (run, trajectory), dae = runs.done[solver], runs.program.bodies.dae
     states = trajectory.examination
     if run.stops is None or dae.sampling is not None:  # sampled laws store their own side of each switch
@@ -144,7 +144,7 @@ def _pass_doubts(runs: PilotRuns, solver: Solver, switches: Kinks) -> tuple[str,
         return ()
     return (
         f"The equations have {switches}. The motion passes a switch after t = {missed:.6g} s, but no step of the run "
-        "ended at it. The run may have missed other switches as well.",
+        "ended at this switch. The run may have missed other switches as well.",
     )
 
 
@@ -152,7 +152,7 @@ def _small_state_doubts(runs: PilotRuns, solver: Solver, run: Trajectory) -> Ite
     """A warning if outputs change with the absolute tolerances.
 
     Only first-order states, and velocities that constraints determine, are examined. Other states of this size are
-    rounding.
+    rounding errors.
     """
     dae, states, elements, p = runs.program.bodies.judged, run.examination, runs.scene.system.elements, runs.p
     if not solver.controls_step or not any(isinstance(e, OwnState | VelocityConstraint) for e in elements):
