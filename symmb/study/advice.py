@@ -78,10 +78,10 @@ def _stiffness(fastest: Stiffness, span: float) -> str:
     text = f"the fastest decay is {fastest.decay:.1e} 1/s, "
     text += f"the fastest oscillation {fastest.frequency:.1e} rad/s"
     if fastest.is_stiff(span):
-        return f"It is stiff: {text}.\nExplicit steps must resolve the decay, implicit steps need not."
+        return f"The motion is stiff: {text}.\nExplicit solvers must resolve the decay, implicit solvers need not."
     if fastest.rate * span > STIFF:
-        return f"It oscillates fast for long: {text}.\nOnly methods that damp this oscillation can take longer steps."
-    return f"It is not stiff: {text}. Explicit steps are suitable."
+        return f"The motion has many oscillations: {text}.\nOnly solvers that damp them can take longer steps."
+    return f"The motion is not stiff: {text}. Explicit solvers are suitable."
 
 
 def _steps(trials: Sequence[Trial], standard: Standard) -> list[str]:
@@ -90,7 +90,7 @@ def _steps(trials: Sequence[Trial], standard: Standard) -> list[str]:
     stable = by_family([trial for trial in fixed if is_within(trial, standard, USABLE_ERROR)])
     largest = {family: max(trial.setting for trial in some) for family, some in stable.items()}
     text = ", ".join(f"{family} {step:.2g} s" for family, step in sorted(largest.items(), key=lambda item: -item[1]))
-    lines = [f"Largest steps tried that follow the motion (error below {USABLE_ERROR:g}): {text}."] if text else []
+    lines = [f"Largest tried steps with an error below {USABLE_ERROR:g}: {text}."] if text else []
     return lines + _too_long(by_family([trial for trial in fixed if trial.family not in largest]))
 
 

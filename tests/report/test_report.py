@@ -335,7 +335,7 @@ def test_the_command_makes_runs_for_contributions_only_if_asked(tmp_path, monkey
     assert bounds._known_contributions() is None
     count, text = calls("--report", "r.html")
     assert count == made and text.endswith("Add --contributions to make these runs.\n")
-    assert "`symmb bound --contributions` makes the further runs for them." in text_of(tmp_path / "r.html")
+    assert "`symmb bound --contributions` makes the further runs that they need." in text_of(tmp_path / "r.html")
     count, text = calls("--contributions", "--report", "r.html")
     assert count > made and f"{count - made} further runs" in text
     assert f"{count - made} further runs" in text_of(tmp_path / "r.html")

@@ -71,7 +71,7 @@ def test_stiff_scenes_are_told_and_stiffened(tmp_path, capsys):
     (tmp_path / "sprung.py").write_text(SPRUNG.format(k=1e6, c=1e6))
     assert main(["stability", str(tmp_path / "sprung.py"), "--json", str(tmp_path / "out.json")]) == 0
     out = " ".join(capsys.readouterr().out.split())
-    assert "It is stiff: the fastest decay is 1.0e+06 1/s" in out and "stiffness x 10000" in out
+    assert "The motion is stiff: the fastest decay is 1.0e+06 1/s" in out and "stiffness x 10000" in out
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs processes that fork")

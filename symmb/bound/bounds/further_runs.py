@@ -15,8 +15,8 @@ from symmb.bound.bounds.worst_case import SIDES
 from symmb.bound.nodes import Sobol
 
 _NEAR_LIMIT = 0.2
-"""Distance of a limit divided by the width of bounds. For smaller distances, the search follows creases. Polls missed
-up to 0.15 of the width there. tests/bounds/test_creases.py"""
+"""Distance of a limit divided by the width of bounds. For smaller distances, the search follows creases. Without this,
+the direct search missed up to 0.15 of the width. tests/bounds/test_creases.py"""
 _CLOSE_TO_LIMIT = 0.03
 """Distance of a limit divided by the width of bounds. For smaller distances, lines along the axes follow after the
 search. A peak that moves past output times causes many local maxima. Smaller values miss more maxima. Larger values
@@ -61,7 +61,7 @@ class FurtherRun:
 
 
 class Excess:
-    """The largest excess of runs over one end of a limit, negative inside of the limit. The best run is stored.
+    """The excess of runs over one end of a limit, negative inside of the limit. The worst run is stored.
 
     For curves of scenes, extremes over time are used, also between output times. Other outputs have values at output
     times only.
@@ -83,7 +83,7 @@ class Excess:
         self.place = np.zeros(len(bounds.box))
 
     def __call__(self, points: Array) -> Array:
-        """Largest excess (N,) over time at points (N, d); minus infinity for failed runs."""
+        """Make runs at points (N, d), and return the largest excess (N,) of each over time; -inf if a run fails."""
         if self.has_peaks:
             own = self._study.extremes((self._bounds.names[self._k],), points)[SIDES.index(self.side), :, 0]
         else:
@@ -91,7 +91,7 @@ class Excess:
         return self.add(points, own)
 
     def add(self, points: Array, own: Array) -> Array:
-        """Excess (N,) of runs at points (N, d) with known extremes (N,)."""
+        """Count runs at points (N, d) with known extremes (N,), and return their excess (N,)."""
         excess = np.nan_to_num(self._sign * (own - self._limit), nan=-np.inf)
         i = int(excess.argmax())
         self.first = self.first if self.runs else excess
@@ -106,7 +106,7 @@ class Excess:
         return self.largest - float(self.first[np.isfinite(self.first)].min(initial=self.largest))
 
     def is_flat(self) -> bool:
-        """Whether most starts and the nominal run have the largest excess, because the output is constant there."""
+        """Whether most first runs and the nominal run have the largest excess, because the output is limited to it."""
         least = self.largest - LAST_DIGITS * (abs(self._limit) + abs(self.largest))
         nominal = self._study.nominal[0] if np.mean(self.first >= least) > 0.5 else None
         return nominal is not None and bool((self._sign * (nominal[:, self._k] - self._limit)).max() >= least)

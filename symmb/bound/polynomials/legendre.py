@@ -75,7 +75,7 @@ def basis_ranges(alpha: MultiIndices) -> tuple[Array, Array]:
 
 
 def total_degree(d: int, order: int) -> MultiIndices:
-    """Multi-indices (n_b, d) with sum at most ``order``, by degree; n_b = C(d + order, d), eq. (21)."""
+    """Multi-indices (n_b, d) with sum at most ``order``, sorted by their sum. n_b = C(d + order, d), eq. (21)."""
     return np.array([row for degree in range(order + 1) for row in homogeneous(d, degree)], dtype=np.intp)
 
 

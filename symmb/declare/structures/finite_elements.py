@@ -345,7 +345,7 @@ class FiniteElements:
             raise DeclarationError(f"{OWNER}: stiffening requires a structure of beams with a clamped node.")
 
     def _freedom(self, fixed: Sequence[int], locked: Sequence[int]) -> tuple[Indices, Indices]:
-        """The free and the clamped degrees of freedom. Neither contains motions that are `locked` at all nodes."""
+        """The free and the clamped degrees of freedom. Both omit the `locked` directions (0 to 5) of all nodes."""
         every, held = np.arange(self.K.shape[0]), self._dofs(fixed)
         moving = every[~np.isin(every % self.per_node, locked)]
         return np.setdiff1d(moving, held), np.intersect1d(moving, held)

@@ -1,4 +1,4 @@
-"""The end of a run as the start of a scene."""
+"""A restart: the last state of a run becomes the start state of a scene."""
 
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
@@ -45,7 +45,7 @@ class Restart:
 
 
 def restart_of(system: System, run: object) -> Restart:
-    """The end of a run as the start of a system. The run must be of the same system."""
+    """The start state of a system from the last state of a run. The run must belong to the same system."""
     if not isinstance(run, EndedRun):
         raise DeclarationError(f"{_WHERE}: expected a run that simulate() returned, got {type(run).__name__}.")
     if run.scene is None:

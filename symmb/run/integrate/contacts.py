@@ -141,8 +141,8 @@ def _start(dae: DAE, impacts: Impacts, x: ca.SX, p: ca.SX, t: ca.SX, span: ca.SX
     gap, rate, _ = impacts.gaps(*dae.arguments(x, p, t))
     way = ca.fabs(rate) * span + impacts.forces(*dae.arguments(x, p, t))[2] * span**2 / 2
     e = impacts.impulses(*dae.arguments(x, p, t))[3]
-    # Negative gap at the start that counts as 0, divided by the size of the scene, or by the distance that speed and
-    # acceleration of the gap give until the end. The gap itself may be the only known length.
+    # A smaller negative gap at the start counts as 0. The limit is relative to the size of the scene, or to the change
+    # of the gap until the end by its speed and acceleration. The gap itself may be the only known length.
     rounding = ca.fmax(1e-9 * dae.scales.length, 1e-7 * way)
     faults = [ca.logic_not(gap >= -rounding), ca.logic_not(ca.logic_and(e >= 0, e <= 1))]
     last_first = list(range(gap.numel()))[::-1]
@@ -161,8 +161,9 @@ def _fault_texts(impacts: Impacts) -> tuple[tuple[str, str], ...]:
     return (
         *(
             (
-                f"{title}: its condition is already true at the start, but acts only when it becomes true. Start where "
-                f"it is false, or {'leave the joint out' if opens else 'leave the Latch out'}",
+                f"{title}: its condition is already true at the start. The joint opens or closes only when the "
+                "condition becomes true. Start where the condition is false, or "
+                f"{'leave the joint out' if opens else 'leave the Latch out'}",
                 "",
             )
             for title, opens in events
@@ -175,7 +176,7 @@ def _fault_texts(impacts: Impacts) -> tuple[tuple[str, str], ...]:
 def _joints_started(dae: DAE, joints: JointEvents, x: ca.SX, p: ca.SX, t: ca.SX) -> tuple[ca.SX, ca.SX]:
     """The state, in which true conditions of joints are recorded, and faults of the joints.
 
-    A fault is a condition that would have acted before the start. Clutches without slip stick.
+    A true condition is a fault if it would open a closed joint, or close an open joint. Clutches without slip stick.
     """
     at, x, faults = dae.n_q + dae.n_v, ca.SX(x), []
     slip, rounding = joints.slips(*dae.arguments(x, p, t))

@@ -15,16 +15,16 @@ from symmb.show.drawing.shapes import Shape
 from symmb.show.drawing.survey import Survey
 
 MOST_TRIANGLES = 12_000
-"""Largest number of triangles of all meshes in a drawing (1.2 MB of a page). All meshes are reduced by the same
-ratio."""
+"""Largest number of triangles of all meshes in a drawing. They take 1.2 MB of a page. All meshes are reduced by the
+same ratio."""
 _SOLIDS = {"box": 0.0, "cylinder": 1.0, "sphere": 2.0}
-"""Kinds of the form "solid"."""
+"""Numbers of the forms in a shape "solid"."""
 
 
 class BodyShapes:
     """The given shapes of a body. `unread` contains titles of meshes that cannot be drawn, and the reasons.
 
-    `coarse` contains titles of meshes with fewer triangles than in their file, and both numbers of triangles.
+    `coarse` contains titles of meshes with omitted triangles, the numbers of omitted triangles, and those in the file.
     """
 
     def __init__(self, body: AbstractBody, survey: Survey, most: int) -> None:

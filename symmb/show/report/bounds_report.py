@@ -22,7 +22,7 @@ from symmb.show.report import document
 from symmb.show.report.document import assumed, called, section, seed, settings_table
 from symmb.show.report.verdict import by_urgency, next_steps, verdict
 
-_NO_CONTRIBUTIONS = "The polynomials of the study do not give contributions. {} makes the further runs for them."
+_NO_CONTRIBUTIONS = "The polynomials of the study do not give contributions. {} makes the further runs that they need."
 _ASKED, _ASKED_BY_COMMAND = "`bounds.contributions()`", "`symmb bound --contributions`"
 _AT_MARGIN = "Outputs with limits: at the time of their smallest margin. Other outputs: where their bounds are widest."
 
@@ -38,7 +38,8 @@ def write_bounds(
 ) -> None:
     """Write the report of bounds; see `Bounds.report`.
 
-    The title block contains texts by name. If a `command` is given, the report shows it instead of lines of Python.
+    `block` contains the texts of the title block by name. The report shows how to repeat the study: by the `command`,
+    or by lines of Python if no command is given.
     Contributions are computed only if they need no further runs. Other contributions must be given.
     """
     require_suffix(path, ".html")

@@ -194,7 +194,7 @@ class OutputStudy:
     def _is_stalled(self) -> bool:
         """Whether the error decreases so slowly that the tolerance would take too many nodes, as near kinks.
 
-        If the error is larger than the width, the response is not resolved yet.
+        If the error is larger than the width, the response is not resolved yet, and more nodes are needed to decide.
         """
         nodes, d = len(self.grid.row), len(self.runs.box)
         few = FEW_NODES if self._is_brief else 2 * FEW_NODES
@@ -205,8 +205,8 @@ class OutputStudy:
         return factor >= 1 or np.log(self.tolerance / self._error) / np.log(factor) > np.log2(most / nodes)
 
     def _searched(self, found: EstimatedRange) -> Steps:
-        """The range after further check runs near extremes. The rounds end if the error is within the tolerance, or
-        if one round decreases the error by less than 10 %.
+        """The range of the outputs after rounds of check runs near the extremes. The rounds end if the error is within
+        the tolerance, or if one round decreases the error by less than 10 %.
 
         Even without convergence, the interpolant shows where extremes may be.
         """
@@ -224,8 +224,8 @@ class OutputStudy:
         return (yield from self._polled(found._replace(is_enough=error <= tolerance)))
 
     def _polled(self, found: EstimatedRange) -> Steps:
-        """The range with the gain of runs at extremes of separable quadratics. Rounds end if the gain is small. The
-        last gain is part of the error."""
+        """The range, widened by rounds of runs at the extremes of separable quadratics. The rounds end if the range
+        widens little. The error is never smaller than the last increase of the range."""
         runs, estimate, size = self.runs, found.estimate, np.inf
         while runs.left and not runs.clock.is_late and size > self.tolerance / 2:
             yield Checks(separable_extremes(*runs.attained()))

@@ -90,7 +90,7 @@ def full_matrix(moments: tuple[float, ...]) -> Array:
 
 
 def inertia_fault(moments: tuple[float, ...]) -> str:
-    """A sentence if an inertia matrix with entries xx, xy, xz, yy, yz, zz is impossible; empty if it is possible."""
+    """The reason why an inertia matrix with entries xx, xy, xz, yy, yz, zz is impossible, and a remedy; else empty."""
     low, middle, high = np.linalg.eigvalsh(full_matrix(moments)).tolist()
     total = low + middle + high
     diagonal = min(moments[0], moments[3], moments[5])
