@@ -74,7 +74,7 @@ class System(FilledByBlock, ReadEquations):
             if isinstance(name := getattr(element, "name", ""), str) and name != normal(name):
                 object.__setattr__(element, "name", normal(name))
         self.collected: Collected = collect(self.elements, parameters)
-        mark_as_used(self.elements)
+        mark_as_used((*self.elements, *(event for event, _ in self.collected.joint_events)))  # clutches make events
         self.parameters = self.collected.bind.parameters
         self._added: tuple[Symbol, ...] = ()
         self.nullity = 0
