@@ -271,6 +271,35 @@ def test_public_names_have_examples_and_numpydoc_layout():
             assert not [line for line in entries if re.search(r"\S {2,}\S", line)], f"{name}: {title}"
 
 
+def signatures():
+    """Of public classes and functions, without errors and warnings, which take a text."""
+    for name in mb.__all__:
+        public = getattr(mb, name)
+        if callable(public) and not (inspect.isclass(public) and issubclass(public, Exception)):
+            yield name, public, inspect.signature(public).parameters.values()
+
+
+def test_signatures_name_the_arguments():
+    """`Parameters(l1=1.0)` and `Box(l1=(0.9, 1.1))` take names of the user."""
+    of_any_name = {"VAR_POSITIONAL", "VAR_KEYWORD"}
+    assert {name for name, _, own in signatures() if own and {a.kind.name for a in own} <= of_any_name} == {
+        "Box",
+        "Parameters",
+    }
+
+
+def test_arguments_of_elements_that_may_be_none_have_a_default():
+    own = [(name, arguments) for name, kind, arguments in signatures() if inspect.isclass(kind) and is_declared(kind)]
+    assert {"Stop", "Coulomb", "Body", "Box3"} <= {name for name, _ in own}
+    needless = {(name, a.name) for name, arguments in own for a in arguments if "None" in str(a.annotation)}
+    needless -= {(name, a.name) for name, arguments in own for a in arguments if a.default is not a.empty}
+    assert not needless
+
+
+def is_declared(kind):
+    return kind.__module__.startswith("symmb.declare.")
+
+
 def names_without_import(text):
     """Names that the examples of a docstring use, and neither import nor define."""
     known, missing = {*dir(builtins)}, set()

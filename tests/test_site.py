@@ -136,6 +136,11 @@ def broken_links(site):
                 yield f"{path.relative_to(site)}: {file}#{place}"
 
 
+def plain(text):
+    """The text of a page, without its tags and line breaks."""
+    return " ".join(re.sub("<[^>]*>", "", text).split())
+
+
 def cards_without_pictures(text):
     """Pages whose card has no picture: they have no mechanism."""
     cards = re.findall(r'<a class="card" href="(\w+)\.html">(<img [^>]*>)?<b>[^<]+</b> [^<]+</a>', text)
@@ -189,6 +194,10 @@ def test_site(tmp_path):
     assert ("symmb.Revolute", "angle") in members and ("symmb.PolynomialChaos", "paper") in members
     hidden = [("Revolute", "position_rows"), ("Vertex", "bounds"), ("CVODES", "integration"), ("HHT", "scheme")]
     assert not members & {(f"symmb.{kind}", name) for kind, name in hidden}
+
+    of_api = {path.name: plain(path.read_text(encoding="utf-8")) for path in (tmp_path / "api").glob("*.html")}
+    assert not {name for name, text in of_api.items() if "(*_, **__)" in text or "Returns True when the arg" in text}
+    assert "Stop(name, joint, lower=None, upper=None, " in of_api["Stop.html"]
 
     failed = [(question, page) for question, words, page in QUESTIONS if page not in answers(index, words)[:3]]
     assert not failed

@@ -5,6 +5,7 @@ and `gallery` beside them at each build; git ignores these.
 """
 
 import ast
+import builtins
 import inspect
 import os
 import re
@@ -17,10 +18,14 @@ from html import escape
 from itertools import takewhile
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 from urllib.request import urlopen
+
+from sphinx.util.inspect import stringify_signature
 
 import symmb
 from symmb._names import public_names
+from symmb.declare.mechanics import Element
 from symmb.show.cli.scene_file import shipped_names
 
 HERE = Path(__file__).parent
@@ -111,7 +116,7 @@ OPTIONS_ALONE = {"Solvers"}
 _OF_ELEMENTS = (
     "actions alignment assembly_cosines axes bodies d doubtful faults flag frames handle holding impacts kind lam "
     "loads measured nearest number offset opens own_frames parts place place_faults position_rows positive pressure "
-    "round rows sizes states title turn_states velocity_rows"
+    "round rows sizes states title turn_states turns velocity_rows"
 )
 FOR_CONTRIBUTORS = {
     "Models": (
@@ -374,6 +379,8 @@ def two_lines(app, what: str, name: str, value: object, options: object, lines: 
             ">>> casadi.sin(2 * mb.t)",
             "SX(sin((2.*t)))",
         ]
+    if what in ("attribute", "property") and "\n".join(lines).strip() in OF_BUILTINS:
+        lines.clear()  # Sphinx takes the docstring of the type of the value
     old, section, at, code = [], "", 0, False
     for line in lines:
         code = bool(line) and (code or ">>>" in line)
@@ -394,12 +401,22 @@ def two_lines(app, what: str, name: str, value: object, options: object, lines: 
         lines += [head, *(f"    {text.strip()}" for text in (said, *more) if text.strip())]
 
 
+OF_BUILTINS = {inspect.getdoc(kind) for kind in vars(builtins).values() if isinstance(kind, type)}
+"""Docstrings of Python's own types."""
 MARKS = re.compile(r"(`+[^`]*`+)(\w?)|\||(?<=, )\.\.\.")
 WRAPPED = 95
 """Characters of a line from which on it goes on in the next one. Shorter ones end with the type."""
+
+
+def of_init(app, what: str, name: str, value: Any, options: object, arguments: str, returns: str):
+    """The arguments of an element. Sphinx prefers those of `Element.__new__`, which accepts all arguments."""
+    if what == "class" and issubclass(value, Element):
+        return stringify_signature(inspect.signature(value), show_annotation=False, show_return_annotation=False), None
+    return None
 
 
 def setup(app) -> None:
     app.connect("builder-inited", write_pages)
     app.connect("source-read", add_contents)
     app.connect("autodoc-process-docstring", two_lines, priority=100)
+    app.connect("autodoc-process-signature", of_init)

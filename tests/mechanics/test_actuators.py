@@ -184,6 +184,7 @@ FAULTS = [
     (lambda: mb.Actuator("m", PIN, "fast"), r"Actuator 'm': law: 'fast' is not a number"),
     (lambda: mb.Actuator("m", PIN, (1, 2)), r"Actuator 'm': law"),
     (lambda: mb.Stop("s", PIN, None, None, LAW), r"Stop 's': lower and upper are both None. Pass lower, upper or both"),
+    (lambda: mb.Stop("s", PIN, law=LAW), r"Stop 's': lower and upper are both None. Pass lower, upper or both"),
     (lambda: mb.Stop("s", PIN, 1.0, -1.0, LAW), r"lower 1.0 must be below upper -1.0"),
     (lambda: mb.Stop("s", PIN, -1.0, 1.0), r"pass either a contact law, or restitution="),
     (lambda: mb.Stop("s", PIN, -1.0, 1.0, LAW, restitution=0.5), r"pass either a contact law, or restitution="),

@@ -109,3 +109,44 @@ def test_a_door_that_balances_everywhere_is_neutral(count, axis):
     places = [[k * c for c in axis] for k in range(count)]
     hinges = [mb.Revolute(f"h{k}", GROUND.point(*at), leaf.point(*at), axis=axis) for k, at in enumerate(places)]
     assert doubts(mb.Scene(mb.System(leaf, *hinges, mb.Gravity(*(-9.81 * c for c in axis))), times=TIMES)) == ()
+
+
+def gate():
+    leaf = mb.Body("gate", 20.0, 4.0)
+    return leaf, mb.Revolute("hinge", GROUND.point(0, 0), leaf.point(-0.4, 0))
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda leaf, hinge: mb.Stop("end", hinge, upper=1.5, restitution=0.3),
+        lambda leaf, hinge: mb.SpringDamper("end", GROUND.point(1, 0), leaf.point(0, 0), 10.0),
+        lambda leaf, hinge: mb.Torque("end", leaf, 1.0),
+        lambda leaf, hinge: mb.Revolute("end", GROUND.point(0, 0), leaf.point(-0.4, 0)),
+        lambda leaf, hinge: mb.Motion("end", hinge.angle, mb.t),
+        lambda leaf, hinge: mb.Impact("end", 1.5 - leaf.theta, 0.3),
+        lambda leaf, hinge: mb.Release(hinge, leaf.theta > 1.5),
+    ],
+)
+def test_an_element_in_no_system_is_reported(make):
+    leaf, hinge = gate()
+    element = make(leaf, hinge)
+    angle = element.angle if isinstance(element, mb.Revolute) else hinge.angle
+    free = mb.Scene(mb.System(leaf, hinge), {"gate.omega": 2.0}, TIMES, {"angle": angle})
+    (text,) = doubts(free)
+    assert text.startswith(f"{element.title} is not part of the System and has no effect")
+    assert text.endswith("Add it to System(...).")
+    with pytest.warns(mb.SymmbWarning, match="is not part of the System"):
+        mb.linearize(mb.Scene(mb.System(leaf, hinge), times=TIMES))
+    mb.System(leaf, hinge, element)
+    assert doubts(mb.Scene(mb.System(leaf, hinge), {"gate.omega": 2.0}, TIMES)) == ()
+
+
+def test_variants_and_elements_of_other_bodies_are_not_reported():
+    leaf, hinge = gate()
+    springs = [mb.TorsionSpring("spring", GROUND, leaf, stiffness) for stiffness in (1.0, 2.0)]
+    other, post = mb.Body("other", 1.0, 0.1), mb.Body("post", 1.0, 0.1)
+    kept = mb.Torque("push", other, 1.0), mb.TorsionSpring("link", post, leaf, 1.0), mb.Gravity(0, -1), mb.Input("u")
+    mb.Stop("gone", hinge, upper=1.5, restitution=0.3)
+    scene = mb.Scene(mb.System(leaf, hinge, springs[1]), {"gate.omega": 2.0}, TIMES)
+    assert doubts(scene) == () and len(kept) == 4

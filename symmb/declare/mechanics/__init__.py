@@ -22,7 +22,7 @@ from symmb.declare.mechanics.constraint import Constraint, Motion, VelocityConst
 from symmb.declare.mechanics.contact import BushContact, Contact, ToothContact, TorsionContact
 from symmb.declare.mechanics.curve import Curve
 from symmb.declare.mechanics.curve_contact import CurveContact, PointOnCurve
-from symmb.declare.mechanics.declaration import FilledByBlock
+from symmb.declare.mechanics.declaration import FilledByBlock, in_no_system, mark_as_used
 from symmb.declare.mechanics.element import Element, law_value, positive_numbers
 from symmb.declare.mechanics.figure import Figure, maximum, mean
 from symmb.declare.mechanics.flexible_body import FlexibleBody

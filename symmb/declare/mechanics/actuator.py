@@ -53,6 +53,7 @@ class JointForce(ForceElement):
 
     @property
     def turns(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Whether the coordinate is an angle."""
         return self.handle == "angle"
 
     @property
@@ -112,7 +113,7 @@ class Stop(JointForce):
     joint : Joint
         Revolute, Prismatic, Cylindrical or Screw
     lower, upper : Expr
-        limits of the joint's `angle` [rad] or `displacement` [m]; None: no limit at this end
+        limits of the joint's `angle` [rad] or `displacement` [m]; default: no limit at this end
     law : ContactLaw
         law such as `KelvinVoigt(...)`: torque [N m] for a penetration [rad], or force [N] for a penetration [m]
     restitution : Expr
@@ -125,14 +126,14 @@ class Stop(JointForce):
     >>> import symmb as mb
     >>> cart = mb.Body("cart", mass=1.0, inertia=1.0)
     >>> rail = mb.Prismatic("rail", mb.Ground().point(0, 0), cart.point(0, 0), axis=(1, 0, 0))
-    >>> system = mb.System(cart, rail, mb.Stop("buffer", rail, None, 2.0, restitution=0.5))
+    >>> system = mb.System(cart, rail, mb.Stop("buffer", rail, upper=2.0, restitution=0.5))
     >>> run = mb.simulate(mb.Scene(system, {"cart.vx": 4.0}, [0.0, 1.0]))
     >>> float(run["cart.x"][-1].round(9)), run.events[0].name
     (1.0, 'buffer.upper')
     """
 
-    lower: Expr | None
-    upper: Expr | None
+    lower: Expr | None = None
+    upper: Expr | None = None
     law: ContactLaw | None = None
     restitution: Expr | None = field(default=None, metadata=COEFFICIENT)
 

@@ -1,17 +1,39 @@
-"""Recording of the elements that are declared inside `with System() as system:`."""
+"""Recording of the elements that are declared inside `with System() as system:`, and of those in no System."""
 
+from collections.abc import Iterable
 from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any, Self
+from weakref import WeakValueDictionary
 
 from symmb._errors import DeclarationError
 
 _MADE: ContextVar[list[Any] | None] = ContextVar("elements made inside", default=None)
+_IN_NO_SYSTEM: WeakValueDictionary[int, Any] = WeakValueDictionary()
+"""The elements that have not been part of a System yet, by their `id`."""
 
 
 def declared(*elements: Any) -> None:
     """Record elements if they are declared inside a block."""
     if (made := _MADE.get()) is not None:
         made.extend(elements)
+
+
+def enter(element: Any) -> None:
+    """Record a new element. It is in no System yet."""
+    declared(element)
+    _IN_NO_SYSTEM[id(element)] = element
+
+
+def mark_as_used(elements: Iterable[Any]) -> None:
+    """Note that these elements are part of a System."""
+    for element in elements:
+        _IN_NO_SYSTEM.pop(id(element), None)
+
+
+def in_no_system() -> list[Any]:
+    """The elements in use that have not been part of a System yet."""
+    references = _IN_NO_SYSTEM.valuerefs()  # a list, which other threads do not change
+    return [element for reference in references if (element := reference()) is not None]
 
 
 class Block:

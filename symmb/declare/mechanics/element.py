@@ -14,7 +14,7 @@ from symmb._errors import DeclarationError, text_of
 from symmb._options import is_real, number_text, python_number, shown
 from symmb._types import Array, Expr
 from symmb.declare.mechanics.body import AbstractBody, Ground, Point
-from symmb.declare.mechanics.declaration import declared
+from symmb.declare.mechanics.declaration import enter
 from symmb.declare.mechanics.pose import Fixed, Planar, Pose
 from symmb.declare.mechanics.table import Table
 from symmb.declare.symbolic import has_irregular_constant, is_zero, vector
@@ -44,7 +44,7 @@ class Element(ABC):
 
     def __new__(cls, *_: Any, **__: Any) -> Self:
         element = super().__new__(cls)
-        declared(element)
+        enter(element)
         return element
 
     @property

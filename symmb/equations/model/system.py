@@ -22,7 +22,7 @@ from symmb._interrupts import kept_interrupts
 from symmb._names import normal
 from symmb._options import require_instance, require_name
 from symmb._types import Expr
-from symmb.declare.mechanics import Body, Element, FilledByBlock, Ground, Input, Joint, Parameters
+from symmb.declare.mechanics import Body, Element, FilledByBlock, Ground, Input, Joint, Parameters, mark_as_used
 from symmb.declare.symbolic import Symbol, rate, reduction, saddle_solver, t
 from symmb.equations.model.assembly import Collected, collect
 from symmb.equations.model.binding import Binding
@@ -74,6 +74,7 @@ class System(FilledByBlock, ReadEquations):
             if isinstance(name := getattr(element, "name", ""), str) and name != normal(name):
                 object.__setattr__(element, "name", normal(name))
         self.collected: Collected = collect(self.elements, parameters)
+        mark_as_used((*self.elements, *(event for event, _ in self.collected.joint_events)))  # clutches make events
         self.parameters = self.collected.bind.parameters
         self._added: tuple[Symbol, ...] = ()
         self.nullity = 0

@@ -31,6 +31,7 @@ from symmb.declare.mechanics import (
     Sampled,
     Spatial,
     as_matrix,
+    in_no_system,
     inertia_matrix,
     law_value,
     positive_numbers,
@@ -93,14 +94,36 @@ def _kind(part: Body | Element) -> str:
 
 def membership_faults(element: Element, known: Collection[int]) -> list[str]:
     """Faults of an element that refers to missing bodies or elements. `known` are the `id`s of the system's parts."""
-    try:
-        attached = element.bodies()
-    except AttributeError:  # a point of a wrong type: the element reports this fault itself
-        return []
-    owners = [body.owner for body in attached if isinstance(body, AbstractBody)]
-    missing = [f"body {owner.name!r}" for owner in owners if isinstance(owner, Body) and id(owner) not in known]
+    missing = [f"body {body.name!r}" for body in _bodies_of(element) if id(body) not in known]
     missing += [part.title for part in element.parts() if isinstance(part, Element) and id(part) not in known]
     return [f"{element.title}: {what} is not part of the System. Add it to System(...)." for what in missing]
+
+
+def _bodies_of(element: Element) -> list[Body]:
+    """The bodies, without grounds, to which an element is attached; empty if it is not attached to points or bodies."""
+    try:
+        owners = [body.owner for body in element.bodies() if isinstance(body, AbstractBody)]
+    except AttributeError:  # a point of a wrong type: the element reports this fault itself
+        return []
+    return [owner for owner in owners if isinstance(owner, Body)]
+
+
+def left_out(elements: Sequence[Body | Element]) -> Iterator[str]:
+    """Warnings about elements of no System that act on bodies of this System. The user may have forgotten them.
+
+    An element with the name of an element in the System is a variant of that element.
+    """
+    bodies, names = [e for e in elements if isinstance(e, Body)], [e.name for e in elements]
+    known, symbols = set(map(id, bodies)), {s.sx.element_hash() for body in bodies for s in body.frame.records}
+    for element in in_no_system():
+        own = {id(body) for part in (element, *element.parts()) for body in _bodies_of(part)}
+        laws = [value for value in vars(element).values() if isinstance(value, ca.SX)]
+        acts = own <= known if own else any(s.element_hash() in symbols for x in laws for s in ca.symvar(x))
+        if acts and element.name not in names:
+            yield (
+                f"{element.title} is not part of the System and has no effect, although the System contains its "
+                "bodies. Add it to System(...)."
+            )
 
 
 def mass_and_inertia(body: Body, bind: Binding) -> tuple[ca.SX, ca.SX]:

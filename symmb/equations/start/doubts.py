@@ -1,4 +1,4 @@
-"""Warnings about a start: mechanisms that cannot move, unstable equilibria, and undetermined reactions."""
+"""Warnings about a start: elements left out, mechanisms that cannot move, unstable equilibria, open reactions."""
 
 from collections.abc import Iterator
 
@@ -10,7 +10,7 @@ from symmb._types import Array, Indices
 from symmb.declare.mechanics import Constraint, Weld
 from symmb.declare.symbolic import evaluated
 from symmb.declare.symbolic import t as time
-from symmb.equations.model import DAE, Scene
+from symmb.equations.model import DAE, Scene, left_out
 from symmb.equations.start.equilibrium import is_stable
 from symmb.equations.start.rank import redundant_names, vanishing_combinations
 from symmb.equations.start.residual_limits import SOLVED
@@ -22,6 +22,7 @@ def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: In
 
     `rows` are the indices of independent constraint rows.
     """
+    yield from left_out(scene.system.elements)
     s = (dae.s_start(q, dae.p_nominal).full().ravel(),) if dae.s_start is not None else ()
     if dae.sampling is not None:
         s = (np.asarray(ca.evalf(dae.sampling.held(*map(ca.SX, (q, v, *s, dae.p_nominal, t0))))).ravel(),)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from symmb.equations.model import Scene
+from symmb.equations.model import Scene, left_out
 from symmb.run.linear.eigenvalues import eigenvalues
 from symmb.run.linear.linear_equations import Blocks
 from symmb.run.linear.steady import DOUBT, SteadyMotion
@@ -20,7 +20,8 @@ def doubts_of(scene: Scene, motion: SteadyMotion, blocks: Blocks, loads: tuple[A
     dae, X = formulation.in_bodies(point.x[None], point.p)
     own = motion.doubts or ((DOUBT,) if _varies(scene, motion, blocks) else ())
     deformed = deformation_doubts(scene, dae, X, point.p, np.array([point.t])) if loads else ()
-    return (*own, *deformed, *_doubts_of_loads(loads, motion, blocks))
+    forgotten = left_out(scene.system.elements)
+    return (*forgotten, *own, *deformed, *_doubts_of_loads(loads, motion, blocks))
 
 
 def _varies(scene: Scene, motion: SteadyMotion, blocks: Blocks) -> bool:
