@@ -183,7 +183,7 @@ class Engine:
         self.newton = scheme.newton if scheme else 0.0
         self.counts, self.most_steps = Counts(), MOST_STEPS
         tableau = CLASSICAL if isinstance(lanes.control, FixedStep) else None
-        self.source = source_of(f, tableau, scheme, lanes.ends.hysteresis, lanes.contacts)
+        self.source = source_of(f, scheme or tableau, lanes.ends.hysteresis, lanes.contacts)
         self._pieces = {entry.pieces.name: entry.pieces.data for call in called(f).values() for entry in call if entry}
         self._open()
 

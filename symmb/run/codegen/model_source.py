@@ -126,8 +126,7 @@ def _function(
 
 def source_of(
     f: ca.Function,
-    tableau: Tableau | None,
-    scheme: Scheme | None,
+    scheme: Scheme | Tableau | None,
     hysteresis: Sequence[float] = (),
     contacts: Contacts | None = None,
     one_run: bool = False,
@@ -137,17 +136,16 @@ def source_of(
     Parameters
     ----------
     f : ca.Function            from `model_function` or `scheme_function`
-    tableau : Tableau or None  explicit method with fixed steps. Default: the pair of Dormand and Prince
-    scheme : Scheme or None    the scheme of a `scheme_function`
+    scheme                     of a `scheme_function`, or an explicit method with fixed steps; None for an embedded pair
     hysteresis : (m,)          distance by which the value of each switch must pass 0, larger than its rounding error
     contacts : Contacts        contacts and joints; their gaps and margins are the last switches
     one_run : bool             whether the source is for single runs of one lane by c/one_run.h, with the data of pieces
     """
 
-    write = functools.partial(_ensemble_source, f, tableau, scheme, hysteresis, contacts, one_run)
+    write = functools.partial(_ensemble_source, f, scheme, hysteresis, contacts, one_run)
     if f.n_instructions() < LARGE_MODEL:
         return write()
-    described = [f.serialize(), repr((tableau, scheme, hysteresis, contacts, one_run)), _generator()]
+    described = [f.serialize(), repr((scheme, hysteresis, contacts, one_run)), _generator()]
     key = hashlib.sha256("\0".join(described).encode()).hexdigest()[:32]
     path = cache.find(key, ".c")
     if path is not None:
@@ -197,8 +195,7 @@ def _scheme_sizes(nodes: Mapping[str, list[int]], scheme: Scheme) -> dict[str, f
 
 def _ensemble_source(
     f: ca.Function,
-    tableau: Tableau | None,
-    scheme: Scheme | None,
+    scheme: Scheme | Tableau | None,
     hysteresis: Sequence[float],
     contacts: Contacts | None,
     one_run: bool,
@@ -206,10 +203,10 @@ def _ensemble_source(
     """The C source of an ensemble: functions of the model, which compute nodes of a graph, and files for the steps."""
     graph = graph_of(f)
     nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
-    if scheme:
+    if isinstance(scheme, Scheme):
         place, own_sizes, steps = list(range(f.numel_in(0))), _scheme_sizes(nodes, scheme), [c_source("implicit_step")]
     else:
-        place, own_sizes, steps = _explicit_steps(graph, nodes, tableau, hysteresis)
+        place, own_sizes, steps = _explicit_steps(graph, nodes, scheme, hysteresis)
     emitter = Emitter(graph, place)
     parts, functions, n_c = emitter.source(nodes)
     lists = _state_lists(emitter, nodes, place, bool(hysteresis) or one_run)

@@ -5,21 +5,12 @@ from typing import NamedTuple
 
 
 class Tableau(NamedTuple):
-    """Butcher's tableau of an explicit method. Weights of slopes are nonzero values by stage.
-
-    Attributes
-    ----------
-    A : weights of earlier slopes in each stage
-    B : weights of the slopes in the step
-    C : times of the stages, as fractions of the step
-    """
+    """Weights A of slopes in each stage and B in the step, by stage, and times C as fractions of the step."""
 
     A: tuple[Mapping[int, float], ...]
     B: Mapping[int, float]
     C: tuple[float, ...]
 
 
-CLASSICAL = Tableau(
-    A=({}, {0: 0.5}, {1: 0.5}, {2: 1.0}), B={0: 1 / 6, 1: 1 / 3, 2: 1 / 3, 3: 1 / 6}, C=(0.0, 0.5, 0.5, 1.0)
-)
+CLASSICAL = Tableau(({}, {0: 0.5}, {1: 0.5}, {2: 1.0}), {0: 1 / 6, 1: 1 / 3, 2: 1 / 3, 3: 1 / 6}, (0.0, 0.5, 0.5, 1.0))
 """The classical method of order 4 (Kutta 1901)."""
