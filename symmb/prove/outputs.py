@@ -24,7 +24,7 @@ _MOST_NODES_OF_ALL_TIMES = 3e6
 """Largest number of nodes in the grids for all times. The values at so many nodes take seconds."""
 
 _PART = 0.1
-"""Part of `rtol` for aliasing and for removed coefficients. Larger values widen bounds, smaller ones take nodes."""
+"""Part of `rtol` for aliasing and removed coefficients. Larger values widen bounds, smaller ones take more nodes."""
 
 
 class OutputBounds(NamedTuple):
