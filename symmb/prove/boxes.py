@@ -15,7 +15,7 @@ from symmb.prove.march import Course, Place, march
 from symmb.prove.outputs import OutputBounds, output_bounds
 from symmb.prove.problem import Problem
 from symmb.prove.rounding import LARGEST_ZERO
-from symmb.prove.start import nominal_front, still
+from symmb.prove.start import constant_step, nominal_front
 
 _EARLY_REMAINDER = 1e-7
 """Parts are halved early if their remainder, relative to the width of the states in the whole box, is larger.
@@ -153,7 +153,7 @@ def _followed(problem: Problem, order: int, boxes: int, progress: Callable[[floa
 def _of_expressions(problem: Problem, order: int) -> Course:
     """The course of a problem without states. At each time, it has the best bounds from several ellipses."""
     end, course = float(problem.times[-1]), Course.empty(problem)
-    whole = still(problem, 0.0, np.zeros((0, *(order + 1,) * problem.d)), end or 1.0)
+    whole = constant_step(problem, 0.0, np.zeros((0, *(order + 1,) * problem.d)), end or 1.0)
     # motion of the parameters on the ellipses, relative to their middles
     for spread in (0.3, 1.0, 3.0, 10.0, 30.0, 100.0):
         control = Control(Choice((spread, spread)), end)

@@ -14,10 +14,10 @@ from symmb.prove.flow import frame, motion
 from symmb.prove.front import Front, leaving, well_conditioned
 from symmb.prove.outputs import OutputBounds, output_bounds
 from symmb.prove.pass_outputs import Part, bounds_about_pass
-from symmb.prove.passes import Crossing, Scaled, crossing, departure, off, window
+from symmb.prove.passes import Crossing, Scaled, crossing, departure, pass_errors, window
 from symmb.prove.problem import Change, Problem
 from symmb.prove.rounding import above, grain_of
-from symmb.prove.start import drifted, first_front, mapped, require_known, still
+from symmb.prove.start import constant_step, drifted, first_front, mapped, require_known
 from symmb.prove.step import Proof, is_regular, on_motion, prove, require_valid
 from symmb.prove.time_step import TimeStep
 
@@ -141,7 +141,7 @@ def _why(place: Place, reason: str) -> str:
         is_near = (now - then) * np.sign(now) * 40 > np.abs(now)
         reason = f"{reason}; {problem.why_singular}" if is_near.any() else reason
     if phase is not None and problem.valid_tape is not None and not any(f"'{own}'" in reason for own in phase.labels):
-        sides = on_motion(still(problem, front.t, front.x), problem.valid_tape, np.zeros(problem.n), (1, 1))
+        sides = on_motion(constant_step(problem, front.t, front.x), problem.valid_tape, np.zeros(problem.n), (1, 1))
         # a kink with infinite slopes ends a proof at a distance of some widths of the box
         near = [k for k, a in enumerate(sides) if not (np.real(a.centre) > 3.0 * a.swing).all()]
         reason = f"{reason}; {phase.steep(near[0])}" if near else reason
@@ -230,8 +230,8 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
     to = scaled.problem(about.old, about.surface)
     there, at_pass = _followed(to, replace(front, t=0.0), replace(control, h=h))
     g = np.maximum(np.abs(there.bounds.lower), np.abs(there.bounds.upper))[-1]
-    late, lost = off(to, scaled, at_pass.front, about, ahead.first, g)
-    if not above(late) < ahead.first:
+    delay, lost = pass_errors(to, scaled, at_pass.front, about, ahead.first, g)
+    if not above(delay) < ahead.first:
         raise ProofError("it may be passed at this time itself")
     # The motion goes back from the passes to one time. From there on, all parameters have the same time again.
     back = scaled.problem(about.new, about.surface, is_back=True)
@@ -244,7 +244,7 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
     if behind > course.stored:
         passes = ahead.tau.copy()
         passes[(0,) * passes.ndim] += begin
-        part = Part(old.steps, new.steps, passes, late + grain)  # the last term covers rounding
+        part = Part(old.steps, new.steps, passes, delay + grain)  # the last term covers rounding
         course.store(behind, bounds_about_pass(part, problem.times[course.stored : behind], control))
     phase = replace(problem.phase, sides=about.sides)
     after = replace(last.problem, times=problem.times, phase=phase, change=problem.change)

@@ -23,6 +23,9 @@ EXTRA_NODES = 4
 _MOST_NODES_OF_ALL_TIMES = 3e6
 """Largest number of nodes in the grids for all times. The values at so many nodes take seconds."""
 
+_PART = 0.1
+"""Part of `rtol` for aliasing and removed coefficients. Larger values widen bounds, smaller ones take more nodes."""
+
 
 class OutputBounds(NamedTuple):
     """Lower and upper bounds of the outputs, remainders (n_t, n_y), and sizes (n_y,) of the terms of the outputs.
@@ -66,21 +69,21 @@ class OutputBounds(NamedTuple):
 
 
 @np.errstate(all="ignore")  # bounds that are not finite are treated later
-def output_bounds(step: TimeStep, w: Array, times: Array, control: Control, sharp: float = SLIGHT) -> OutputBounds:
+def output_bounds(step: TimeStep, w: Array, times: Array, control: Control, rtol: float = SLIGHT) -> OutputBounds:
     """Bounds of the outputs at times (n_t,) of a step for |w| <= w (n,).
 
     The outputs y(u(xi, t), p, t) are interpolated in xi. Their ranges are widened by the aliasing, the rounding, and
     the largest sensitivity dy/dx times the largest B w. Outputs that cannot be shown to be smooth have infinite bounds.
-    `control.rough` marks these outputs. `sharp` is the allowed excess of the bounds, relative to their width.
+    `control.rough` marks these outputs. `rtol` is the allowed excess of the bounds, relative to their width.
     """
     problem, e, sizes = step.problem, above(step.B_largest @ w), ch.sums(step.x.c, step.x.c.ndim - 1)
     bounds = OutputBounds.unknown(len(times), problem.outputs.numel_out(0))
     fill = _model_bounds if problem.n and problem.d > ch.TENSOR_PARAMETERS else _grid_bounds
-    terms = fill(step, e, times, control, sharp, bounds) @ sizes
+    terms = fill(step, e, times, control, rtol, bounds) @ sizes
     return bounds._replace(terms=np.where(np.isfinite(terms), terms, 0.0))
 
 
-def _grid_bounds(step: TimeStep, e: Array, times: Array, control: Control, sharp: float, found: OutputBounds) -> Array:
+def _grid_bounds(step: TimeStep, e: Array, times: Array, control: Control, rtol: float, found: OutputBounds) -> Array:
     """Write bounds to `found` for states within e (n,) of the motion, and return the sensitivities (n_y, n)."""
     problem, n_y = step.problem, len(found.terms)
     smooth, is_refused = np.zeros(n_y, dtype=bool), np.array([*map(bool, problem.refused or [""] * n_y)], dtype=bool)
@@ -101,7 +104,7 @@ def _grid_bounds(step: TimeStep, e: Array, times: Array, control: Control, sharp
     while pending:
         part = pending.pop()
         try:
-            bounds = _good_bounds(step, times, tuple(part.tolist()), rho[1:], most[part], of_states[part], sharp)
+            bounds = _good_bounds(step, times, tuple(part.tolist()), rho[1:], most[part], of_states[part], rtol)
         except ProofError:  # a single output may be the cause
             pending += np.split(part, len(part)) if len(part) > 1 else []
         else:
@@ -125,18 +128,23 @@ def _ellipses(step: TimeStep, choice: Choice, patches: int) -> tuple[list[float]
 
 
 def _good_bounds(
-    step: TimeStep, times: Array, which: tuple[int, ...], rho: list[float], most: Array, of_states: Array, sharp: float
+    step: TimeStep, times: Array, which: tuple[int, ...], rho: list[float], most: Array, of_states: Array, rtol: float
 ) -> tuple[Array, Array, Array]:
     """Bounds of some outputs. On the ellipses rho of the parameters, these outputs are at most `most`."""
     d = len(rho)
     degrees = degrees_of_outputs(step)[list(which)]
-    c, rest = interpolation(step, times, which, rho, most, of_states, sharp, degrees)
+    c, remainder = interpolation(step, times, which, rho, most, of_states, rtol, degrees)
     width = (ch.sums(c, d) - np.abs(c[(..., *(0,) * d)])).max(axis=1)
-    flat, gone = cut(c.reshape(-1, *c.shape[2:]), np.repeat(0.1 * sharp * width, len(times)))
-    rest = above(rest + of_states[:, None] + gone.reshape(rest.shape))
-    low, high = (bounds.reshape(rest.shape) for bounds in ranges(flat, sharp))
-    low, high = low - rest, high + rest
-    return (low - 4 * U * np.abs(low)).T, (high + 4 * U * np.abs(high)).T, rest.T
+    kept, removed = cut(c.reshape(-1, *c.shape[2:]), np.repeat(_PART * rtol * width, len(times)))
+    remainder = above(remainder + of_states[:, None] + removed.reshape(remainder.shape))
+    low, high = _widened(*ranges(kept, rtol), remainder.ravel())
+    return low.reshape(remainder.shape).T, high.reshape(remainder.shape).T, remainder.T
+
+
+def _widened(low: Array, high: Array, remainder: Array) -> tuple[Array, Array]:
+    """Bounds widened by remainders. They are rounded outward."""
+    low, high = low - remainder, high + remainder
+    return low - 4 * U * np.abs(low), high + 4 * U * np.abs(high)
 
 
 def interpolation(
@@ -145,8 +153,8 @@ def interpolation(
     which: tuple[int, ...],
     rho: list[float],
     most: Array,
-    blurred: Array,
-    sharp: float = SLIGHT,
+    other_errors: Array,
+    rtol: float = SLIGHT,
     degrees: Array | float = np.inf,
 ) -> tuple[Array, Array]:
     """Coefficients (m, n_t, n1, ...) of outputs in the parameters, and bounds (m, n_t) of the errors.
@@ -155,8 +163,8 @@ def interpolation(
     ----------
     rho : d sizes of Bernstein ellipses around the intervals of the parameters
     most : (m,) bounds of the outputs on these ellipses
-    blurred : (m,) errors of the outputs from other causes. Aliasing errors need not be much smaller than these errors
-    sharp : allowed aliasing errors, relative to the width
+    other_errors : (m,) errors of the outputs from other causes. Aliasing errors need not be much smaller than these errors
+    rtol : allowed aliasing errors, relative to the width
     degrees : (m, d) degrees of outputs that are polynomials; infinite for other outputs
     """
     d = len(rho)
@@ -172,7 +180,7 @@ def interpolation(
             raise ProofError("a value is too large")
         is_exact = np.broadcast_to(degrees < np.array(counts), (len(most), d)).all(axis=1)
         alias = np.where(is_exact, 0.0, above(ch.aliasing(rho, counts) * most))
-        allowed = 0.1 * (sharp * width + blurred) + errors
+        allowed = _PART * (rtol * width + other_errors) + errors
         if (alias <= allowed).all():
             break
         wanted = node_counts(rho, float((allowed / most).min()))
@@ -201,7 +209,7 @@ def _values(step: TimeStep, times: Array, counts: tuple[int, ...], which: tuple[
     return np.stack([np.broadcast_to(a[0], shape) for a in found]), np.array([a[1] for a in found])
 
 
-def _model_bounds(step: TimeStep, e: Array, times: Array, control: Control, sharp: float, found: OutputBounds) -> Array:
+def _model_bounds(step: TimeStep, e: Array, times: Array, control: Control, rtol: float, found: OutputBounds) -> Array:
     """Write bounds to `found`, as `_grid_bounds` does, for several parameters. Return the sensitivities (n_y, n)."""
     problem = step.problem
     slopes = np.array([reach(a) for a in on_step(step, problem.sensitivity_tape, e)[1]])
@@ -211,16 +219,16 @@ def _model_bounds(step: TimeStep, e: Array, times: Array, control: Control, shar
     basis = basis_of(problem.d, step.x.c.shape[2] + 1)
     at, errors = step.at(times)
     c, lost = monomials(at, basis)
-    x = [Model(own.T, above(error + gone), basis) for own, error, gone in zip(c, errors, lost, strict=True)]
+    x = [Model(own.T, above(error + removed), basis) for own, error, removed in zip(c, errors, lost, strict=True)]
     t = Model(times[None], np.full(1, U * np.abs(times).max()), basis)
     for k, y in enumerate(run(problem.output_tape, [x, parameter_models(step, basis), [t]])[0]):
         if np.isfinite(reach(y)) and np.isfinite(of_states[k]):
-            bounds = _range_of_model(y, of_states[k], len(times), sharp)
+            bounds = _range_of_model(y, of_states[k], len(times), rtol)
             found.lower[:, k], found.upper[:, k], found.remainder[:, k] = bounds
     return slopes
 
 
-def _range_of_model(a: Model, beside: float, n_t: int, sharp: float) -> tuple[Array, Array, Array]:
+def _range_of_model(a: Model, other_errors: float, n_t: int, rtol: float) -> tuple[Array, Array, Array]:
     """Bounds and remainders (n_t,) of an output.
 
     The highest degrees are removed if they are small relative to the width, or if a tensor has more than 1e5
@@ -231,13 +239,11 @@ def _range_of_model(a: Model, beside: float, n_t: int, sharp: float) -> tuple[Ar
     sums = np.add.reduceat(np.abs(c), [0, *basis.counts[:-1]], axis=0)
     tails = np.cumsum(sums[::-1], axis=0)[::-1]
     degree = basis.degree
-    while degree > 1 and ((tails[degree] <= 0.1 * sharp * tails[1]).all() or (degree + 1.0) ** d > 1e5):
+    while degree > 1 and ((tails[degree] <= _PART * rtol * tails[1]).all() or (degree + 1.0) ** d > 1e5):
         degree -= 1
     kept = basis.counts[degree]
-    gone = tails[degree + 1] if degree < basis.degree else np.zeros(n_t)
+    removed = tails[degree + 1] if degree < basis.degree else np.zeros(n_t)
     whole = np.zeros((n_t, *(degree + 1,) * d))
     whole[(slice(None), *basis.exponents[:kept].T)] = c[:kept].T
-    rest = above(a.radius + gone + beside + of_sum(len(c) + 2) * a.norm)
-    low, high = ranges(whole, sharp)
-    low, high = low - rest, high + rest
-    return low - 4 * U * np.abs(low), high + 4 * U * np.abs(high), np.broadcast_to(rest, n_t)
+    remainder = above(a.radius + removed + other_errors + of_sum(len(c) + 2) * a.norm)
+    return *_widened(*ranges(whole, rtol), remainder), np.broadcast_to(remainder, n_t)

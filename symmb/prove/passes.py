@@ -9,7 +9,7 @@ rates on both sides of the switch.
 Source: Filippov (1988), Differential Equations with Discontinuous Righthand Sides, section 10, transversal passes.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import combinations, product
@@ -28,15 +28,22 @@ from symmb.prove.flow import fit, motion, parameters_at
 from symmb.prove.front import Front
 from symmb.prove.patches import largest_on
 from symmb.prove.points import PLAIN, plain
-from symmb.prove.problem import Problem
-from symmb.prove.rounding import LARGEST_ZERO, U, above
-from symmb.prove.start import require_known, still
+from symmb.prove.problem import Phase, Problem
+from symmb.prove.rounding import ERROR_OF_MODULI, LARGEST_ZERO, U, above
+from symmb.prove.start import constant_step, require_known
 from symmb.prove.step import MOST_CANDIDATES, on_motion
 from symmb.prove.tape import Tape
 from symmb.prove.time_step import TimeStep
 
 _MOST_SWITCHES_AT_ONCE = 4
 """Largest number of switches that are passed at once. Each switch doubles the number of equations during passes."""
+_STEPS_TO_PASS, _TIMES_OF_STEP, _NEWTON_STEPS = 16, 33, 8
+"""Steps in which all parameters must pass; times of a step at which signs are compared; Newton steps after the secant.
+If a pass and a return between two of the times are missed, the later proof of the conditions fails."""
+_TIME_LEFT = 1 / 64
+"""A step that ends closer to a pass leaves this fraction of the time, which must be longer than a unit of times."""
+_UNDERFLOW, _ROUNDING_OF_TIME = 1e-280, 1e-14
+"""A summand larger than the one in `above`, to prove exact passes, and 90 rounding errors of a scaled time of 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,9 +66,9 @@ class Crossing:
     place: tuple[Array, Array, float] | None = None
     why: str = ""
 
-    def nearer(self, grain: float) -> float:
-        """Length of a step that ends closer to the pass [s]; 0 if the time to the pass is at most 64 times `grain`."""
-        return float(np.floor(63 / 64 * self.first / grain)) * grain if self.first > 64 * grain else 0.0
+    def nearer(self, unit: float) -> float:
+        """Length of a step that ends closer to the pass [s], as a multiple of `unit`; 0 if the pass is too close."""
+        return float(np.floor((1 - _TIME_LEFT) * self.first / unit)) * unit if _TIME_LEFT * self.first > unit else 0.0
 
 
 def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: float) -> Crossing | None:
@@ -79,8 +86,7 @@ def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: 
     tape, nodes = Tape(with_slopes(problem.valid, problem.rates)), int(np.prod(counts))
     found = np.full((problem.valid.numel_out(0), nodes), np.inf)
     states, begin = np.zeros((problem.n, nodes)), t0
-    # all parameters must pass within 16 steps
-    for number in range(16):
+    for number in range(_STEPS_TO_PASS):
         _look(tape, ch.at_nodes(x, counts).reshape(*x.shape[:2], nodes), p, begin, h, found, states)
         if number == 0 and np.isinf(found).all():
             return None
@@ -113,8 +119,7 @@ def _look(tape: Tape, c: Array, p: list[Array], begin: float, h: float, found: A
         found = tape.run(PLAIN, plain, [list(x), [own[which] for own in p], [time]])
         return x, [[np.broadcast_to(a, s.shape) for a in part] for part in found]
 
-    # A pass and a return between two of 33 times are not found. The later proof of the conditions then fails.
-    s = -np.cos(np.linspace(0.0, np.pi, 33))
+    s = -np.cos(np.linspace(0.0, np.pi, _TIMES_OF_STEP))
     values = at(np.broadcast_to(s[:, None], (len(s), c.shape[2])))[1][0]
     for k, value in enumerate(values):
         beyond = ~(value > 0)
@@ -125,13 +130,13 @@ def _look(tape: Tape, c: Array, p: list[Array], begin: float, h: float, found: A
         before = np.maximum(after - 1, 0)
         a, b = value[before, own], value[after, own]
         with np.errstate(all="ignore"):
-            place = s[before] + np.where(a > b, a / (a - b), 0.0) * (s[after] - s[before])
-            for _ in range(8):  # Newton's method, from the secant
-                _, (g, slope) = at(place, own)
-                place = np.clip(np.nan_to_num(place - 2.0 / h * g[k] / slope[k]), s[before], s[after])
-        time = begin + 0.5 * h * (1.0 + place)
+            root = s[before] + np.where(a > b, a / (a - b), 0.0) * (s[after] - s[before])
+            for _ in range(_NEWTON_STEPS):  # from the secant
+                _, (g, slope) = at(root, own)
+                root = np.clip(np.nan_to_num(root - 2.0 / h * g[k] / slope[k]), s[before], s[after])
+        time = begin + 0.5 * h * (1.0 + root)
         is_first = time < found[:, own].min(axis=0)
-        states[:, own[is_first]] = at(place, own)[0][:, is_first]
+        states[:, own[is_first]] = at(root, own)[0][:, is_first]
         found[k, own] = time
 
 
@@ -147,8 +152,8 @@ def reach_of(problem: Problem, tau: Array) -> float:
     rho = []
     for j in range(problem.d):
         k = problem.variables.index(j)
-        off = float(above(errors[k] / problem.radius[k]) + 8 * U)
-        rho.append(1.0 + off + np.sqrt(off * (2.0 + off)))  # an ellipse around [-1 - off, 1 + off]
+        excess = float(above(errors[k] / problem.radius[k]) + 8 * U)
+        rho.append(1.0 + excess + np.sqrt(excess * (2.0 + excess)))  # an ellipse around [-1 - excess, 1 + excess]
     moved = tau.copy()
     moved[(0,) * problem.d] = 0.0
     return float(largest_on(rho, moved[None])[0]) if problem.d else 0.0
@@ -182,6 +187,14 @@ class Window:
     sides: Array
 
 
+def _on_all_sides(phase: Phase, which: Sequence[int]) -> Iterator[tuple[tuple[float, ...], Array]]:
+    """Signs of some switches relative to their present sides, and sides of all switches, for all combinations."""
+    for signs in product((1.0, -1.0), repeat=len(which)):
+        sides = phase.sides.copy()
+        sides[list(which)] *= signs
+        yield signs, sides
+
+
 def window(problem: Problem, ahead: Crossing) -> Window:
     """The equations near a pass. ProofError if a switch depends on another one that is passed at once."""
     phase, which = problem.phase, list(ahead.which)
@@ -190,9 +203,7 @@ def window(problem: Problem, ahead: Crossing) -> Window:
     surface = common("surface", arguments, [problem.valid(x, p, t)[which]])
     others = np.setdiff1d(np.arange(len(phase.sides)), which).tolist()
     found, changed = [], np.zeros(len(phase.sides), dtype=bool)
-    for signs in product((1.0, -1.0), repeat=len(which)):
-        sides = phase.sides.copy()
-        sides[which] *= signs
+    for signs, sides in _on_all_sides(phase, which):
         if min(signs) < 0:
             sides = phase.settled(*ahead.place, sides, ahead.which)
         rates, place = phase.on(phase.rates, sides, *ahead.place), ahead.place
@@ -235,17 +246,15 @@ def departure(
     phase = problem.phase
     assert phase is not None and problem.valid is not None and problem.valid_tape is not None
     x, p, t = arguments = problem.rates.sx_in()
-    begin = still(problem, front.t, front.x, 0.0)
+    begin = constant_step(problem, front.t, front.x, 0.0)
     which = np.flatnonzero(reaches(on_motion(begin, problem.valid_tape, front.reach, (1, 1))) <= LARGEST_ZERO).tolist()
     if not set(own) <= set(which) or len(which) > _MOST_SWITCHES_AT_ONCE:
         raise ProofError("the motion may begin on it")
     place = front.middle, problem.middle, front.t
-    behind = _moved(problem.rates, place, SMALL * h)  # tables may have other pieces shortly later
+    later = _moved(problem.rates, place, SMALL * h)  # tables may have other pieces shortly later
     both, left = [], []
-    for signs in product((1.0, -1.0), repeat=len(which)):
-        sides = phase.sides.copy()
-        sides[which] *= signs
-        both.append(problem.on_sides(phase.settled(*place, sides, tuple(which)), *behind))
+    for _, sides in _on_all_sides(phase, which):
+        both.append(problem.on_sides(phase.settled(*place, sides, tuple(which)), *later))
         rates = with_slopes(both[-1].valid, both[-1].rates)
         if (rates(*place)[1].full().ravel()[which] > 0).all():
             left.append((both[-1], rates))
@@ -279,9 +288,9 @@ class Scaled:
                 T.append(2 * xi * T[-1] - T[-2])
             powers.append(T)
         self._tau = ca.SX(0)
-        for place in zip(*np.nonzero(tau), strict=True) if tau.ndim else [()]:
-            term = reduce(lambda a, b: a * b, (powers[j][k] for j, k in enumerate(place)), ca.SX(1))
-            self._tau += float(tau[place]) * term
+        for degrees in zip(*np.nonzero(tau), strict=True) if tau.ndim else [()]:
+            term = reduce(lambda a, b: a * b, (powers[j][k] for j, k in enumerate(degrees)), ca.SX(1))
+            self._tau += float(tau[degrees]) * term
 
     def of(self, f: ca.Function, factor: float = 0.0, is_back: bool = False) -> ca.Function:
         """f in scaled time, or `factor` times f tau. With `is_back`, scaled time runs from the pass to the start."""
@@ -303,7 +312,9 @@ class Scaled:
         )
 
 
-def off(problem: Problem, scaled: Scaled, front: Front, about: Window, first: float, g: Array) -> tuple[float, Array]:
+def pass_errors(
+    problem: Problem, scaled: Scaled, front: Front, about: Window, first: float, g: Array
+) -> tuple[float, Array]:
     """Bounds of the time between passes and the polynomial [s], and of the resulting errors (n,) of the states.
 
     `front` is the front of the old equations at the times of the polynomial. The switches are at most g (m,) there. All
@@ -311,22 +322,21 @@ def off(problem: Problem, scaled: Scaled, front: Front, about: Window, first: fl
     `first` a lower bound of the polynomial [s]. ProofError if the pass is not transversal on all sides.
     """
     tapes = [tuple(Tape(scaled.of(f)) for f in pair) for pair in about.between]
-    late, room = 0.0, np.zeros(problem.n)
+    delay, shift = 0.0, np.zeros(problem.n)
     for _ in range(MOST_CANDIDATES):
-        late, room = 2.0 * late + 1e-280, 2.0 * room + 1e-280  # above underflow, to prove exact passes
-        # scaled time is 1 at the pass of the polynomial; the summand covers the rounding of scaled times
-        share = 2.0 * late / first + 1e-14
-        around = still(problem, 1.0 - share, front.x, 2.0 * share)
-        slowest, fastest, speed, apart, is_shown = _about_pass(around, above(front.reach + room), tapes, len(g))
-        new_late = above(float((g / slowest).max()))
+        delay, shift = 2.0 * delay + _UNDERFLOW, 2.0 * shift + _UNDERFLOW
+        share = 2.0 * delay / first + _ROUNDING_OF_TIME
+        around = constant_step(problem, 1.0 - share, front.x, 2.0 * share)
+        slowest, fastest, speed, differences, is_proved = _about_pass(around, above(front.reach + shift), tapes, len(g))
+        new_delay = above(float((g / slowest).max()))
         if len(g) > 1:  # after an early pass of one switch, the others may be approached more slowly
-            new_late = above(new_late * (2.0 + float((fastest / slowest).max())))
-        new_room = above(4.0 * new_late * speed)
-        if not (np.isfinite(new_room).all() and is_shown):
+            new_delay = above(new_delay * (2.0 + float((fastest / slowest).max())))
+        new_shift = above(4.0 * new_delay * speed)
+        if not (np.isfinite(new_shift).all() and is_proved):
             break
-        if new_late < late and (new_room < room).all():
-            return late, above((1.0 if len(g) == 1 else 2.0) * late * apart)
-        late, room = new_late, new_room
+        if new_delay < delay and (new_shift < shift).all():
+            return delay, above((1.0 if len(g) == 1 else 2.0) * delay * differences)
+        delay, shift = new_delay, new_shift
     raise ProofError("the pass may be tangential")
 
 
@@ -343,16 +353,16 @@ def _about_pass(
     each = [[on_motion(step, tape, e, (1, count)) for tape in pair] for pair in tapes]
     toward = [conditions[len(conditions) - own :] for _, conditions in each]
     subtract = discs.OPERATIONS[ca.OP_SUB]
-    apart = [reaches([*map(subtract, a, b)]) for (a, _), (b, _) in combinations(each, 2)]
+    differences = [reaches([*map(subtract, a, b)]) for (a, _), (b, _) in combinations(each, 2)]
     return (
         np.min([[_least(a) for a in part] for part in toward], axis=0),
         np.max([reaches(part) for part in toward], axis=0),
         np.max([reaches(rates) for rates, _ in each], axis=0),
-        np.max(apart, axis=0),
+        np.max(differences, axis=0),
         all(discs.is_positive(a) for _, conditions in each for a in conditions),
     )
 
 
 def _least(a: discs.Disc) -> float:
     """A lower bound of positive real numbers."""
-    return float((np.real(a.centre) - a.swing * (1.0 + 1e-9)).min()) * (1.0 - 1e-9)
+    return float((np.real(a.centre) - a.swing * (1.0 + ERROR_OF_MODULI)).min()) * (1.0 - ERROR_OF_MODULI)

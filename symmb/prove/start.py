@@ -38,7 +38,7 @@ def first_front(problem: Problem, order: int) -> Front:
     start, n, d = problem.start, problem.n, problem.d
     own = Problem(start.residual, start.states, problem.middle, problem.radius, problem.variables, np.zeros(1),
                   np.ones(start.residual.numel_in(0)), start)  # fmt: skip
-    step = still(own, 0.0, _unknowns(own, order))
+    step = constant_step(own, 0.0, _unknowns(own, order))
     e = _distance(step)
     x, lost = polynomials(step, np.arange(n), (order + 1,) * d)
     slopes = bounds_of(own.sensitivity_tape, step, e)[1]
@@ -52,36 +52,36 @@ def first_front(problem: Problem, order: int) -> Front:
     return Front(0.0, x, B, np.zeros(n), error, np.zeros((n, n)))
 
 
-def still(problem: Problem, t: float, x: Array, h: float = 1e-9) -> TimeStep:
+def constant_step(problem: Problem, t: float, x: Array, h: float = 1e-9) -> TimeStep:
     """A short step of length h [s] from time t with constant states (n, N + 1, ...)."""
     return TimeStep(problem, t, h, integrated(x, np.zeros((len(x), 1, *x.shape[1:])), h), _NO_FRAME, _NO_FRAME.c)
 
 
-def polynomials(step: TimeStep, which: Indices, lengths: tuple[int, ...], sharp: float = SLIGHT) -> tuple[Array, Array]:
+def polynomials(step: TimeStep, which: Indices, lengths: tuple[int, ...], rtol: float = SLIGHT) -> tuple[Array, Array]:
     """Coefficients (m, *lengths) of some outputs at the start of a step, and bounds (m,) of their errors.
 
     ProofError if the outputs cannot be shown to be smooth.
     """
-    c, rest = _approximated(step, which, max(lengths, default=1) - 1, sharp)
+    c, remainder = _approximated(step, which, max(lengths, default=1) - 1, rtol)
     part = (slice(None), *(slice(0, terms) for terms in lengths))
     kept, others = ch.graded(c[part], len(lengths)), c.copy()
     others[part] -= kept
     # smaller coefficients change no digit of the state
-    short, gone = cut(kept, 1e-17 * ch.sums(kept, len(lengths)))
+    short, removed = cut(kept, 1e-17 * ch.sums(kept, len(lengths)))
     whole = np.zeros((len(which), *lengths))
     whole[(slice(None), *(slice(0, m) for m in short.shape[1:]))] = short
-    return whole, above(rest + ch.sums(others, len(lengths)) + gone)
+    return whole, above(remainder + ch.sums(others, len(lengths)) + removed)
 
 
-def _approximated(step: TimeStep, which: Indices, order: int, sharp: float = SLIGHT) -> tuple[Array, Array]:
+def _approximated(step: TimeStep, which: Indices, order: int, rtol: float = SLIGHT) -> tuple[Array, Array]:
     """Coefficients (m, n1, ...) of some outputs at the start of a step, and bounds (m,) of their errors."""
     some = tuple(which.tolist())
     if step.problem.d > ch.TENSOR_PARAMETERS:
-        c, rest = _modelled(step, step.problem.tape_of_outputs(some), order)
+        c, remainder = _modelled(step, step.problem.tape_of_outputs(some), order)
     else:
         rho, most = _largest(step, step.problem.output_tape)
-        c, rest = interpolation(step, np.array([step.t0]), some, rho, most[which], np.zeros(len(some)), sharp)
-    return c[:, 0], rest[:, 0]
+        c, remainder = interpolation(step, np.array([step.t0]), some, rho, most[which], np.zeros(len(some)), rtol)
+    return c[:, 0], remainder[:, 0]
 
 
 def nominal_front(problem: Problem, order: int) -> Array:
@@ -250,7 +250,7 @@ def mapped(problem: Problem, front: Front, f: ca.Function) -> Front:
     states[(slice(n, None), *map(slice, of_frame))] = front.B.reshape(n * n, *of_frame)
     scales = np.concatenate([problem.scales, np.maximum(ch.sums(states[n:], d), 1e-300)])
     require_known("the laws of sampled values", both)
-    step = still(replace(problem, rates=same, outputs=both, scales=scales), front.t, states)
+    step = constant_step(replace(problem, rates=same, outputs=both, scales=scales), front.t, states)
     try:
         x_new, x_lost = polynomials(step, np.arange(m), lengths, FACTORS)
         B_new, B_lost = polynomials(step, np.arange(m, m + m * n), of_frame)
@@ -266,7 +266,7 @@ def mapped(problem: Problem, front: Front, f: ca.Function) -> Front:
     centres = np.zeros((3 * n, *lengths))
     centres[:n] = front.x
     more = np.concatenate([reach, reach, beside])
-    moved = still(replace(problem, scales=np.ones(3 * n)), front.t, centres)
+    moved = constant_step(replace(problem, scales=np.ones(3 * n)), front.t, centres)
     linear, quadratic = bounds_of(Tape(errors), moved, more)
     if not (np.isfinite(linear).all() and np.isfinite(quadratic).all()):
         raise ProofError(_ROUGH)
@@ -285,7 +285,7 @@ def require_known(where: str, *functions: ca.Function) -> None:
 def drifted(problem: Problem, front: Front, late: float) -> Front:
     """The front with the states up to a time `late` earlier and later [s]. ProofError if the rates are too large."""
     room = SAME * problem.scales  # states hardly move between an instant and its rounded time
-    around = still(problem, front.t - 2 * late, front.x, 4 * late)
+    around = constant_step(problem, front.t - 2 * late, front.x, 4 * late)
     moved = above(late * bounds_of(problem.rate_tape, around, above(front.reach + room))[0])
     if not (moved < room).all():
         raise ProofError("the motion changes too fast at an instant")

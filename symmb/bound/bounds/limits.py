@@ -30,7 +30,15 @@ Limits = Mapping[str, tuple[float | str | None, float | str | None] | tuple[floa
 """Limits (low, high) of outputs by name, with or without units, such as ("75 deg/s", None). One end may be None."""
 WARNED = "See the warnings"
 _MOVE = "For a decision, move the limit by more than this number."
+_UNCERTAIN_ERRORS, _NEAR_WIDTHS = 2.0, 0.5
+"""Further runs decide limits within this multiple of the estimated error plus, if runs have lanes, this fraction of the
+width, because the study may miss extremes. Smaller values miss more of them. Larger values check limits far away."""
 _WORDS = {True: "satisfied", False: "violated", None: "undecided"}
+
+
+def _suffix(unit: str) -> str:
+    """A unit for use after numbers; empty for a number without unit."""
+    return f" {typeset(unit)}".rstrip()
 
 
 class _Decision(NamedTuple):
@@ -49,7 +57,7 @@ class KeptLimit:
     Attributes
     ----------
     output, unit : str
-    low, high : float          limits, infinite if there is none
+    low, high : float          limits, infinite if there is none; infinite numbers are nan in files
     kept : True, False, None   whether all responses are inside; None if the bounds do not decide this
     why : str                  a sentence: the reason, or how to decide the limit
     margin : (n_t,)            distance of the bounds from the closer limit, negative beyond the limit; or the distance
@@ -86,8 +94,7 @@ class KeptLimit:
     @property
     def text(self) -> str:
         """The limit as an inequality. An SI unit is left out."""
-        (unit,) = told_units([self.unit], 1)
-        unit = f" {typeset(unit)}".rstrip()
+        unit = _suffix(told_units([self.unit], 1)[0])
         if not np.isfinite(self.high):
             return f"{self.low:g}{unit} <= {self.output}"
         low = f"{self.low:g} <= " if np.isfinite(self.low) else ""
@@ -161,7 +168,7 @@ class LimitCheck(plot.OverTimeBesideGiven, Result, ByOutput, Saved):
         rows = [["limit", "result", "why", "smallest margin", "at [s]"]]
         for limit in self.limits:
             least, _ = self._least(limit)
-            margin = f"{least:.4g}{' ' * bool(limit.unit)}{typeset(limit.unit)}"
+            margin = f"{least:.4g}{_suffix(limit.unit)}"
             time = time_text(self.t, limit.row, limit.margin) if np.isnan(limit.between) else f"{limit.between:.6g}"
             rows.append([limit.text, _WORDS[limit.kept], limit.why, margin, time])
         return over_times(rows, self.t)
@@ -211,12 +218,11 @@ class LimitCheck(plot.OverTimeBesideGiven, Result, ByOutput, Saved):
 
     def _labelled(self) -> Labelled:
         coordinates, units = over_outputs(self.t, self.names, [limit.unit for limit in self.limits])
-        kept = texts([_WORDS[limit.kept] for limit in self.limits])
         variables: dict[str, Any] = {
             "margin": (("time", "output"), np.stack([limit.margin for limit in self.limits], axis=1)),
             "low": (("output",), np.array([limit.low for limit in self.limits])),
             "high": (("output",), np.array([limit.high for limit in self.limits])),
-            "result": (("output",), kept),
+            "result": (("output",), texts([_WORDS[limit.kept] for limit in self.limits])),
         }
         return Labelled(coordinates, variables, {"method": self.method}, units)
 
@@ -229,7 +235,7 @@ def other_side(bounds: Envelope, limit: KeptLimit, side: str) -> str:
     error = 0.0 if bounds.estimate is None else float(bounds.estimate[row, k])
     if limit.kept is not False or not excess[row] > max(rounding_of(bounds, k), error):
         return ""
-    unit = f" {typeset(limit.unit)}".rstrip()
+    unit = _suffix(limit.unit)
     end = limit.low if side == "upper" else limit.high
     at = "" if limit.output in bounds.figures else f", at {bounds.t[row]:.4g} s"
     return f"In other cases {limit.output} may {verb} its limit of {end:.6g}{unit} by {excess[row]:.3g}{unit}{at}."
@@ -288,7 +294,7 @@ def _by_nominal_run(bounds: Envelope, k: int, low: float, high: float, found: _D
 
 def unit_told(bounds: Envelope, k: int) -> str:
     """The unit of output number k, for use after numbers; empty for SI units."""
-    return f" {typeset(told_units(bounds.units, len(bounds.names))[k])}".rstrip()
+    return _suffix(told_units(bounds.units, len(bounds.names))[k])
 
 
 def rounding_of(bounds: Envelope, k: int) -> float:
@@ -344,13 +350,9 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
     margin = bounds.lower[:, k] - limit if side == "lower" else limit - bounds.upper[:, k]
     estimate, rounding, further = bounds.estimate[:, k], rounding_of(bounds, k), None
     unit = unit_told(bounds, k)
-    # Further runs decide if the margin is smaller than this multiple of the estimated error.
-    near = 2.0 * estimate
+    near = _UNCERTAIN_ERRORS * estimate
     if bounds.study is not None and bounds.study.has_lanes:
-        # If the limit is closer than this fraction of the width, further runs look for extremes that the study missed.
-        # For example, the study may miss a corner that differs in two parameters from the best known corner. A smaller
-        # fraction misses more extremes. A larger fraction spends runs on limits that are far away.
-        near = near + 0.5 * (bounds.upper - bounds.lower)[:, k].max()
+        near = near + _NEAR_WIDTHS * (bounds.upper - bounds.lower)[:, k].max()
     if bounds.study is not None and (margin < near).any():
         further = closest_run(bounds, k, side, limit, np.argsort(margin, kind="stable"), rounding)
         if (found := by_further_run(further, limit, margin, rounding, unit)) is not None:

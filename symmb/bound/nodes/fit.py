@@ -23,6 +23,8 @@ MOST_PRODUCTS = 10**6
 
 LARGEST_INVERSE = 1e8
 """Largest entry of V^-1. With a larger entry, rounding leaves fewer than eight digits of the coefficients."""
+LARGEST_GRAM_ERROR = 1e-8
+"""Largest error of the Gram matrix of a projection. It covers rounding, so that inexact quadratures are refused."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,9 +32,9 @@ class Fit:
     """The linear map from node values to coefficients.
 
     Let V be the values of the basis at the nodes, and W the weights. Projection divides V^T W y by the mean squares,
-    eqs. (30)-(34). Least squares solve (V^T W V) a = V^T W y. Both give the same result if the quadrature is exact for
-    products of basis polynomials. With as many nodes as polynomials, the fit interpolates. It solves V a = y, because
-    V^T W V loses twice as many digits.
+    eqs. (30)-(34) of Wang and Yang (2021). Least squares solve (V^T W V) a = V^T W y. Both give the same result if the
+    quadrature is exact for products of basis polynomials. With as many nodes as polynomials, the fit interpolates. It
+    solves V a = y, because V^T W V loses twice as many digits.
 
     On a tensor grid with a tensor basis, V is the Kronecker product of one matrix for each parameter. The map is then
     applied parameter by parameter, and no matrix of all nodes is formed.
@@ -127,7 +129,7 @@ class Fit:
             except np.linalg.LinAlgError:  # singular
                 return False
         gram = self._gram()
-        return bool(np.abs(gram - np.eye(len(gram))).max() < 1e-8) if self.projects else _regular(gram)
+        return bool(np.abs(gram - np.eye(len(gram))).max() < LARGEST_GRAM_ERROR) if self.projects else _regular(gram)
 
     @cached_property
     def _norms(self) -> Array:

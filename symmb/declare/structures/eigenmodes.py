@@ -17,6 +17,12 @@ MECHANISM = (
 BEYOND_DOUBLES = "beyond the range of doubles. Check the units of materials and sections."
 INDEFINITE = "the mass matrix is not positive definite. Check its signs and the order of its rows."
 
+_DENSE, _DENSE_RATIO, _SPARE = 400, 4, 6
+"""All modes take less time for up to 400 degrees of freedom, or if more than a fourth of the modes are needed: Lanczos'
+method then stores more than d / 2 vectors. Six additional modes detect missed lower modes."""
+_ABOVE, _EQUAL = 1e-8, 1e-7
+"""Relative differences of λ. A mode is above another beyond the first. Frequencies are equal within the second."""
+
 
 def factorized(K: Sparse) -> Callable[[Array], Array]:
     """The function f -> K⁻¹ f for f (d,) or (d, m). Raises DeclarationError unless K is positive definite."""
@@ -66,12 +72,11 @@ def lowest(
     """The lowest elastic modes of K x = λ M x: ascending λ (n,) and X (d, n) with Xᵀ M X = 1.
 
     K and M (d, d) are sparse or dense; K is singular for the rigid motions (d, r) only. Modes of equal frequency are
-    combined into eigenvectors of `axes` (d, d), a matrix with a different value for each axis. The combinations are
-    modes along single axes if such modes exist. Without a count, all λ below `below` are found.
+    combined into eigenvectors of `axes` (d, d): the diagonal matrix with 1, 2, 3 for displacements along x, y, z and 0
+    for rotations, or its projection, to be along axes if possible. Without a count, all λ below `below` are found.
     """
     d = K.shape[0]
-    # For few degrees of freedom, computing all modes takes less time than inverse iteration.
-    few = isinstance(K, np.ndarray) or d <= 400 or (count is not None and count + 6 > d // 4)
+    few = isinstance(K, np.ndarray) or d <= _DENSE or (count is not None and count + _SPARE > d // _DENSE_RATIO)
     values, X = _all(K, M, rigid) if few else _some(K, M, rigid, count, below)
     X = _aligned(values, X, axes)
     keep = int((values < below).sum()) if count is None else min(count, len(values))
@@ -126,15 +131,14 @@ def _some(K: Sparse, M: Sparse, rigid: Array, count: int | None, below: float) -
     # A random start vector is not orthogonal to any mode. The fixed seed makes results reproducible.
     start = np.random.default_rng(0).standard_normal(d)
     operator = LinearOperator((d, d), matvec=flexibility, dtype=float)  # type: ignore[call-arg]
-    spare = 6  # additional modes, to detect missed lower modes
-    batch = 2 * spare if count is None else count + spare
+    batch = 2 * _SPARE if count is None else count + _SPARE
     while shapes.shape[1] + batch < d // 2:
         more, X = eigsh(K, batch, M, sigma=0.0, OPinv=operator, v0=flexibility(M @ start))
         values, shapes = np.concatenate([values, more]), np.hstack([shapes, X])
-        if more.min() > (below if count is None else np.sort(values)[count - 1] * (1 + 1e-8)):
+        if more.min() > (below if count is None else np.sort(values)[count - 1] * (1 + _ABOVE)):
             order = np.argsort(values)
             return values[order], _mass_orthonormal(shapes[:, r:][:, order], M)
-        batch = spare if count is not None else 2 * batch
+        batch = _SPARE if count is not None else 2 * batch
     return _all(K, M, rigid)
 
 
@@ -165,7 +169,7 @@ def determinate(rigid: Array) -> Indices:
 def _aligned(values: Array, X: Array, axes: Sparse) -> Array:
     """Modes in which modes of equal frequency are combined into modes along single axes, if possible."""
     X = X.copy()
-    starts = np.flatnonzero(np.diff(values, prepend=-np.inf) > 1e-7 * values)
+    starts = np.flatnonzero(np.diff(values, prepend=-np.inf) > _EQUAL * values)
     for group in np.split(np.arange(len(values)), starts[1:]):
         if len(group) > 1:
             X[:, group] = X[:, group] @ np.linalg.eigh(X[:, group].T @ (axes @ X[:, group]))[1]

@@ -12,7 +12,7 @@ from symmb._types import Array, Indices
 from symmb.equations.model import DAE
 from symmb.equations.start.residual_limits import SOLVED
 from symmb.equations.start.scales import above_zero, evaluate_at_rest, jacobian_at_rest, own_scales, resting, row_sizes
-from symmb.equations.start.sparse_rows import LARGE, determining_columns, least_step
+from symmb.equations.start.sparse_rows import LARGE, least_step, pivot_columns
 
 _AS_INDEPENDENT = 0.3
 """Chosen rows are sufficient if their smallest singular value, relative to the value of all rows, is above this ratio.
@@ -23,14 +23,14 @@ test_redundancy.py"""
 def independent_rows_and_columns(
     A: Array, sizes: Array | None = None, rank: int | None = None
 ) -> tuple[Indices, Indices]:
-    """Indices of independent rows and of as many columns that determine them, from pivoted QR of the scaled matrix.
+    """Indices of independent rows and of as many pivot columns, from pivoted QR of the scaled matrix.
 
     `sizes` (m,) are the sizes of the rows, by default their norms. If `rank` is None, the rank is counted.
     """
     if not A.size:
         return np.arange(0, dtype=np.intp), np.arange(0, dtype=np.intp)
     scaled = A / above_zero(np.linalg.norm(A, axis=1) if sizes is None else sizes)[:, None]
-    if min(A.shape) > LARGE and (columns := determining_columns(scaled)) is not None:
+    if min(A.shape) > LARGE and (columns := pivot_columns(scaled)) is not None:
         return np.arange(len(A), dtype=np.intp), columns
     if rank is None:
         rank = int(np.linalg.matrix_rank(scaled, tol=SOLVED * max(A.shape)))

@@ -11,6 +11,10 @@ from symmb._types import Array, Indices, Mask
 from symmb.declare.symbolic import evaluated, nonzeros, pattern, rotation_matrix
 from symmb.equations.model import DAE
 
+_NEARLY_SINGULAR = 1e-2
+"""A position is nearly singular if the ratio of smallest to largest singular value of unit rows is lower. Smaller
+limits miss singular positions between output times. Larger limits find regular positions. tests/test_problems.py"""
+
 
 @dataclass(frozen=True)
 class Singularity:
@@ -34,8 +38,7 @@ def singularity(dae: DAE, X: Array, p: Array, times: Array) -> Singularity | Non
     if dae.G is None or not len(X) or not lasting.size:
         return None
     rank = dae.rank + lasting.size - dae.n_r
-    k = _closest(dae, X, p, times)
-    if k is None:
+    if (k := _closest(dae, X, p, times, rank)) is None:
         return None
     cuts = [dae.n_q, dae.n_q + dae.n_v] if dae.n_s else [dae.n_q]
     G = evaluated(dae.G, *np.split(X[k], cuts), p, times[k : k + 1])[lasting] * dae.displacement_scales
@@ -44,7 +47,7 @@ def singularity(dae: DAE, X: Array, p: Array, times: Array) -> Singularity | Non
     share = np.zeros(dae.n_r)
     share[lasting] = np.abs(U[:, rank - 1])
     shares = {name: float(share[where].max()) for name, where in dae.rows.items()}
-    # The other constraints have only a small part in the vanishing combination.
+    # Smaller limits also name constraints that hardly take part in the vanishing combination of unit rows.
     names = tuple(name for name, share in shares.items() if share > 0.1)
     return Singularity(float(times[k]), float(sigma[rank - 1] / sigma[0]), names)
 
@@ -67,7 +70,7 @@ def _unit_rows(dae: DAE, _: Array) -> tuple[ca.Function, Mask]:
     return ca.Function("unit_rows", [x, p, t], [rows.T]), pattern(rows.sparsity())
 
 
-def _closest(dae: DAE, X: Array, p: Array, times: Array) -> int | None:
+def _closest(dae: DAE, X: Array, p: Array, times: Array, rank: int) -> int | None:
     """Index of the state in X (m, n_x) at which unit rows are closest to dependent; None if no position is nearly
     singular.
 
@@ -76,10 +79,9 @@ def _closest(dae: DAE, X: Array, p: Array, times: Array) -> int | None:
     limit and below the smallest ratio so far.
     """
     rows, where = dae.remembered(_unit_rows)
-    entries, rank = nonzeros(rows, X, p, times[:, None]).T, dae.rank + dae.lasting.size - dae.n_r  # (n, m)
+    entries = nonzeros(rows, X, p, times[:, None]).T  # (n, m)
     squares = np.einsum("nm,nm->m", entries, entries)
-    # Ratio of the smallest to the largest singular value of unit rows below which a position is nearly singular.
-    closest, smallest, count = None, 1e-2, 1
+    closest, smallest, count = None, _NEARLY_SINGULAR, 1
     rest: Indices = np.arange(len(X), dtype=np.intp)
     while len(rest):
         step = -(-len(rest) // count)

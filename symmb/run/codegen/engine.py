@@ -16,7 +16,7 @@ from symmb.run.codegen.contacts import BLAMED, CROWD, EVENT, Contacts
 from symmb.run.codegen.failures import REASONS, FailureCode
 from symmb.run.codegen.model_source import Scheme, source_of
 from symmb.run.codegen.threads import side_by_side
-from symmb.run.schemes import MOST_STEPS
+from symmb.run.schemes import CLASSICAL, MOST_STEPS
 
 
 @dataclass(frozen=True)
@@ -182,8 +182,8 @@ class Engine:
         self.times = np.ascontiguousarray(times, dtype=float)
         self.newton = scheme.newton if scheme else 0.0
         self.counts, self.most_steps = Counts(), MOST_STEPS
-        fixed = isinstance(lanes.control, FixedStep)
-        self.source = source_of(f, fixed, scheme, lanes.ends.hysteresis, lanes.contacts)
+        tableau = CLASSICAL if isinstance(lanes.control, FixedStep) else None
+        self.source = source_of(f, scheme or tableau, lanes.ends.hysteresis, lanes.contacts)
         self._pieces = {entry.pieces.name: entry.pieces.data for call in called(f).values() for entry in call if entry}
         self._open()
 

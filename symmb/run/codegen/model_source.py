@@ -9,12 +9,14 @@ from pathlib import Path
 import casadi as ca
 
 from symmb.declare.symbolic import Pieces, ranges_along
-from symmb.run.codegen import cache, tableau
+from symmb.run.codegen import cache
 from symmb.run.codegen.c_source import c_source
 from symmb.run.codegen.contacts import Contacts
 from symmb.run.codegen.emit import LARGE_MODEL, Emitter
 from symmb.run.codegen.failures import FailureCode
 from symmb.run.codegen.graph import BOX, INPUT, Graph, graph_of
+from symmb.run.codegen.tableau import PAIR_STAGES, explicit_stages, pair
+from symmb.run.schemes import Tableau
 
 CACHED_STATES = 32
 """Largest number of states for which 16 slopes of 8 lanes fit into a first-level cache of 32 kB.
@@ -124,8 +126,7 @@ def _function(
 
 def source_of(
     f: ca.Function,
-    fixed: bool,
-    scheme: Scheme | None,
+    scheme: Scheme | Tableau | None,
     hysteresis: Sequence[float] = (),
     contacts: Contacts | None = None,
     one_run: bool = False,
@@ -135,17 +136,16 @@ def source_of(
     Parameters
     ----------
     f : ca.Function            from `model_function` or `scheme_function`
-    fixed : bool               whether an explicit method has fixed steps
-    scheme : Scheme or None    the scheme of a `scheme_function`
+    scheme                     of a `scheme_function`, or an explicit method with fixed steps; None for an embedded pair
     hysteresis : (m,)          distance by which the value of each switch must pass 0, larger than its rounding error
     contacts : Contacts        contacts and joints; their gaps and margins are the last switches
     one_run : bool             whether the source is for single runs of one lane by c/one_run.h, with the data of pieces
     """
 
-    write = functools.partial(_ensemble_source, f, fixed, scheme, hysteresis, contacts, one_run)
+    write = functools.partial(_ensemble_source, f, scheme, hysteresis, contacts, one_run)
     if f.n_instructions() < LARGE_MODEL:
         return write()
-    described = [f.serialize(), repr((fixed, scheme, hysteresis, contacts, one_run)), _generator()]
+    described = [f.serialize(), repr((scheme, hysteresis, contacts, one_run)), _generator()]
     key = hashlib.sha256("\0".join(described).encode()).hexdigest()[:32]
     path = cache.find(key, ".c")
     if path is not None:
@@ -163,7 +163,7 @@ def _generator() -> str:
 
 
 def _explicit_steps(
-    graph: Graph, nodes: dict[str, list[int]], fixed: bool, hysteresis: Sequence[float]
+    graph: Graph, nodes: dict[str, list[int]], tableau: Tableau | None, hysteresis: Sequence[float]
 ) -> tuple[list[int], dict[str, float], list[str]]:
     """Places of the states, sizes, and C code of the steps of an explicit method. `nodes` is reordered in place."""
     order, n_own = _state_order(graph, nodes["rates"])
@@ -174,9 +174,9 @@ def _explicit_steps(
     if hysteresis:  # two functions, because most evaluations of switches need no rates
         both, m = nodes["switches"], len(hysteresis)
         nodes |= {"switches": both[:m], "changes": both[m:]}
-    stages = tableau.CLASSICAL_STAGES if fixed else tableau.PAIR_STAGES
-    steps = [tableau.classical(), c_source("fixed_step")] if fixed else [tableau.pair(), c_source("embedded_pair")]
-    return place, {"N_OWN": n_own, "N_K": stages * n_own}, steps
+    n_k = len(tableau.A) if tableau else PAIR_STAGES
+    steps = [explicit_stages(tableau), c_source("fixed_step")] if tableau else [pair(), c_source("embedded_pair")]
+    return place, {"N_OWN": n_own, "N_K": n_k * n_own}, steps
 
 
 def _scheme_sizes(nodes: Mapping[str, list[int]], scheme: Scheme) -> dict[str, float]:
@@ -195,8 +195,7 @@ def _scheme_sizes(nodes: Mapping[str, list[int]], scheme: Scheme) -> dict[str, f
 
 def _ensemble_source(
     f: ca.Function,
-    fixed: bool,
-    scheme: Scheme | None,
+    scheme: Scheme | Tableau | None,
     hysteresis: Sequence[float],
     contacts: Contacts | None,
     one_run: bool,
@@ -204,10 +203,10 @@ def _ensemble_source(
     """The C source of an ensemble: functions of the model, which compute nodes of a graph, and files for the steps."""
     graph = graph_of(f)
     nodes = dict(zip(f.name_out(), graph.outputs, strict=True))
-    if scheme:
+    if isinstance(scheme, Scheme):
         place, own_sizes, steps = list(range(f.numel_in(0))), _scheme_sizes(nodes, scheme), [c_source("implicit_step")]
     else:
-        place, own_sizes, steps = _explicit_steps(graph, nodes, fixed, hysteresis)
+        place, own_sizes, steps = _explicit_steps(graph, nodes, scheme, hysteresis)
     emitter = Emitter(graph, place)
     parts, functions, n_c = emitter.source(nodes)
     lists = _state_lists(emitter, nodes, place, bool(hysteresis) or one_run)

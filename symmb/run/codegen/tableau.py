@@ -8,16 +8,14 @@ Wanner 1993, section II.14). Only half of all slopes are computed, stored and lo
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from symmb.run.schemes import ROUNDED_STEP, STEP_CONTROL, dop853, runge_kutta
+from symmb.run.schemes import ROUNDED_STEP, STEP_CONTROL, Tableau, dop853
 
 Weights = Mapping[int, float]
 
-CLASSICAL_STAGES = len(runge_kutta.A)
 
-
-def classical() -> str:
-    """C code of the stages of the classical Runge-Kutta method."""
-    return "\n".join(_stages(range(1, CLASSICAL_STAGES), runge_kutta.A, runge_kutta.C, runge_kutta.B))
+def explicit_stages(tableau: Tableau) -> str:
+    """C code of the stages of an explicit Runge-Kutta method. The method has at most 12 stages, see `_place`."""
+    return "\n".join(_stages(range(1, len(tableau.A)), tableau.A, tableau.C, tableau.B))
 
 
 def pair() -> str:

@@ -22,6 +22,7 @@ from symmb.run.integrate.initial_value_problem import PROJECTION_STEPS, InitialV
 from symmb.run.integrate.integration import Integration
 from symmb.run.integrate.stabilization import AugmentedLagrangian, Projection, Stabilization
 from symmb.run.integrate.step_ends import SwitchedProblem, stops_in_time, switched
+from symmb.run.schemes import CLASSICAL
 
 
 class Explicit(CompiledSolver):
@@ -171,4 +172,4 @@ class RungeKutta(Explicit):
     def _integration(self, dae: DAE, times: Array, order: int, work: bool) -> Integration:
         problem = build_problem(dae, self.stabilization, algebraic=False, work=work, one_step=True).jets(order)
         require_steps(self, self.steps, MOST_STEPS_KEPT)
-        return fixed_step_integration(explicit(problem), times, self.fixed_step(times), problem.projection())
+        return fixed_step_integration(explicit(problem, CLASSICAL), times, self.fixed_step(times), problem.projection())

@@ -11,7 +11,7 @@ from symmb.declare.symbolic import batch, common
 from symmb.run.integrate.cells import interval_steps
 from symmb.run.integrate.initial_value_problem import InitialValueProblem
 from symmb.run.integrate.integration import Integration
-from symmb.run.schemes import Step, runge_kutta
+from symmb.run.schemes import Step, Tableau
 
 
 @dataclass(frozen=True)
@@ -83,16 +83,16 @@ def fixed_step_integration(
     return _FixedSteps(times, n_x, advance.n_quad, guess, whole, between, project, scheme=advance, counts=counts)
 
 
-def explicit(problem: InitialValueProblem) -> Advance:
-    """The classical Runge-Kutta method."""
+def explicit(problem: InitialValueProblem, tableau: Tableau) -> Advance:
+    """An explicit Runge-Kutta method."""
     n_x, n_quad = problem.x.numel(), problem.quad.numel()
     rates = common("rates", [problem.x, problem.p, problem.t], [problem.ode, problem.quad])
     w, h = ca.SX.sym("w", n_x + n_quad), ca.SX.sym("h")
     begin, slopes = problem.t - h, []
-    for c, row in zip(runge_kutta.C, runge_kutta.A, strict=True):
+    for c, row in zip(tableau.C, tableau.A, strict=True):
         shift = sum((a * slopes[j][:n_x] for j, a in row.items()), ca.SX.zeros(n_x))
         slopes.append(ca.vertcat(*rates(w[:n_x] + h * shift, problem.p, begin + c * h)))
-    new = w + h * sum((b * slopes[j] for j, b in runge_kutta.B.items()), ca.SX.zeros(n_x + n_quad))
+    new = w + h * sum((b * slopes[j] for j, b in tableau.B.items()), ca.SX.zeros(n_x + n_quad))
     step = common("step", [w, problem.p, problem.t, h], [new])
     return Advance(_start_at_rest(problem), step, n_x, n_quad)
 

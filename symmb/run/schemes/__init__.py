@@ -3,9 +3,10 @@
 The drivers that take the steps are in `codegen` and `integrate`.
 """
 
-from symmb.run.schemes import dop853, rosenbrock, runge_kutta
+from symmb.run.schemes import dop853, rosenbrock
 from symmb.run.schemes.embedded_pair import MOST_STEPS, ROUNDED_STEP, STEP_CONTROL
 from symmb.run.schemes.generalized_alpha import generalized_alpha
 from symmb.run.schemes.nstiff_si2 import nstiff_si2
 from symmb.run.schemes.roots import roots
+from symmb.run.schemes.runge_kutta import CLASSICAL, Tableau
 from symmb.run.schemes.step import Step

@@ -7,7 +7,7 @@ check_points       points of check runs; `inflated_error` widens the estimate by
 
 Up to three parameters:
 tensor_grids       refines grids, checks their ranges (`_check`) and ends when the error is small enough (`_confirmed`)
-piece              a part of the box with its own interpolant; `secants` finds the kinks of one parameter
+piece              a part of the box with an interpolant of degrees up to HIGHEST_DEGREE; `secants` finds its kinks
 
 More parameters:
 many_parameters    one study for each output; a round of `requests` answers all of them

@@ -44,6 +44,8 @@ and more check runs."""
 FEW_NODES = 7
 """Number of nodes per parameter after which a slow decay of the error stops the growth of the grid. With smaller
 numbers, growth stops for more responses."""
+SEARCH_GAIN = 0.9
+"""Fraction of the error that may remain after further check runs near extremes. Larger fractions take more runs."""
 
 
 class OutputStudy:
@@ -103,9 +105,12 @@ class OutputStudy:
 
     def with_corners(self, found: EstimatedRange) -> EstimatedRange:
         """A range extended to the extremes of all runs. Runs beyond the estimated error increase this error."""
-        runs, (lowest, highest) = self.runs, self.runs.extremes
-        beyond = runs.beyond(found.lower - found.estimate, found.upper + found.estimate)
-        estimate = np.maximum(found.estimate, inflated_error(np.square(beyond)))
+        beyond = self.runs.beyond(found.lower - found.estimate, found.upper + found.estimate)
+        return self._extended(found, np.maximum(found.estimate, inflated_error(np.square(beyond))))
+
+    def _extended(self, found: EstimatedRange, estimate: Array) -> EstimatedRange:
+        """A range extended to the extremes of all runs, with another estimated error."""
+        lowest, highest = self.runs.extremes
         lower, upper = np.minimum(found.lower, lowest), np.maximum(found.upper, highest)
         return found._replace(lower=lower, upper=upper, estimate=estimate)
 
@@ -138,14 +143,13 @@ class OutputStudy:
         if not self._is_brief or (runs.has_lanes and not is_stalled):
             return None
         known = np.concatenate([self.grid.nodes, self._probes if runs.has_lanes else runs.points])
-        return (yield from self._polled((yield from surface_range(runs, known, tolerance, self.is_patient))))
+        found = yield from surface_range(runs, known, tolerance, self.is_patient)
+        return (yield from self._polled(found))
 
     def _corrected(self, has_corners: bool) -> Steps:
         """The range after check runs at the extremes of the interpolant."""
-        rounds = CheckRounds(
-            self.runs, self.expansion, self.grid, self.sizes, self.estimate, self.tolerance, has_corners
-        )
-        found = yield from rounds.steps()
+        study = self.runs, self.expansion, self.grid, self.sizes, self.estimate, self.tolerance
+        found = yield from CheckRounds(*study, has_corners).steps()
         return found._replace(estimate=found.estimate + SPARSE_RANGE * self.tolerance * (found.upper - found.lower))
 
     def _continued(self) -> Piecewise:
@@ -219,7 +223,7 @@ class OutputStudy:
             before = error
             found = yield from self._corrected(True)
             error = relative_rms(found.estimate, runs.rms_widths())
-            if error <= tolerance or error >= 0.9 * before:
+            if error <= tolerance or error >= SEARCH_GAIN * before:
                 break
         return (yield from self._polled(found._replace(is_enough=error <= tolerance)))
 
@@ -229,9 +233,8 @@ class OutputStudy:
         runs, estimate, size = self.runs, found.estimate, np.inf
         while runs.left and not runs.clock.is_late and size > self.tolerance / 2:
             yield Checks(separable_extremes(*runs.attained()))
-            gained, (lowest, highest) = runs.beyond(found.lower, found.upper), runs.extremes
+            gained = runs.beyond(found.lower, found.upper)
             size = relative_rms(gained, runs.rms_widths())
-            lower, upper = np.minimum(found.lower, lowest), np.maximum(found.upper, highest)
-            found = found._replace(lower=lower, upper=upper, estimate=np.maximum(estimate, SAFETY * gained))
+            found = self._extended(found, np.maximum(estimate, SAFETY * gained))
         error = relative_rms(found.estimate, runs.rms_widths())
         return found._replace(is_enough=found.is_enough and error <= self.tolerance)

@@ -12,6 +12,7 @@ from symmb.run.codegen import c_fields, c_number, c_source, load, on_threads
 
 MOST_PARAMETERS = int(c_number("dense_search", "DIRECTIONS"))
 HIGHEST_DEGREE = int(c_number("dense_search", "HIGHEST_DEGREE"))
+"""Limits of the number of parameters, and of the degree along each. Branch and bound searches other polynomials."""
 SAMPLES_PER_DEGREE = 4
 """Number of samples for each degree along a parameter. They find the lowest of several minima if it is clearly the
 lowest."""
@@ -76,7 +77,7 @@ def _searched(grid: _Grid, coefficients: Array) -> tuple[Array, Array]:
 
 
 def _reach(per_degree: list[int]) -> float:
-    """Largest distance of an extreme from the nearest sample, divided by the range."""
+    """Largest difference between an extreme and the best sample near it, divided by the range of values."""
     # With x_i = cos(theta_i), a polynomial of degrees n_i is trigonometric in the angles. Its second derivative along v
     # is at most (sum n_i |v_i|)^2 times its size (Bernstein). The range is at most 1 / prod cos(h_i) times the range of
     # samples at distances of 2 h_i / n_i (Ehlich and Zeller 1964).

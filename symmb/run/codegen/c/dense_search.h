@@ -13,7 +13,7 @@
 
 #include "lanes.h"
 
-#define HIGHEST_DEGREE 64
+#define HIGHEST_DEGREE 64 /* not calibrated by a test. Larger values take more of the stack: local() takes 37 kB in lanes of 8 */
 #define ORDERS (HIGHEST_DEGREE + 1)
 #define DIRECTIONS 3 /* largest number of parameters: the size of the grid grows with its power */
 #define PIECES 4     /* of the last parameter of a polynomial with many waves. Newton's method starts in each piece */
@@ -29,7 +29,7 @@ typedef struct {
   const double *factors;                 /* (ORDERS, 2) factors of their recurrence */
   const int *rows;                       /* (n0 n1 n2) of the coefficients, the last parameter's degrees fastest */
   long pieces;                           /* of the last parameter. Newton's steps start from the best sample of each piece */
-  double reach;                          /* largest distance of an extreme from the samples near it, over the range */
+  double reach;                          /* largest difference between an extreme and the best sample near it, over the range */
 } Grid;
 
 /* Legendre polynomials at x, and their first two derivatives. */
