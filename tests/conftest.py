@@ -21,10 +21,7 @@ from joints import ALL_POSES as ALL_POSES
 
 from symmb import ChebyshevGauss, ClenshawCurtis, Gauss, HyperbolicCross, Leja, SparseGrid, TensorDegree, TotalDegree
 from symmb.bound.bounds import METHODS
-from symmb.bound.bounds.adaptive import clock
 from symmb.run.integrate import SOLVERS
-
-clock.LEAST_SECONDS = 10.0  # on a slow machine, studies of the tests end by the same rules as on a fast one
 
 ALL_SOLVERS = tuple(entry.accurate for entry in SOLVERS if entry.accurate is not None)
 

@@ -163,7 +163,7 @@ def interpolation(
     ----------
     rho : d sizes of Bernstein ellipses around the intervals of the parameters
     most : (m,) bounds of the outputs on these ellipses
-    other_errors : (m,) errors of the outputs from other causes. Aliasing errors need not be much smaller than these errors
+    other_errors : (m,) errors of the outputs from other causes. Aliasing errors need not be much smaller
     rtol : allowed aliasing errors, relative to the width
     degrees : (m, d) degrees of outputs that are polynomials; infinite for other outputs
     """
