@@ -15,7 +15,7 @@ from symmb.run.codegen import with_compiler
 
 RANGE_ERROR = 1e-5
 """Error of a range by branch and bound divided by the width of the range."""
-RANGE_WORK = 20_000
+RANGE_WORK = 200_000
 """Largest number of coefficients in all boxes of a search by branch and bound. With many parameters, ranges are not
 proved. The result is then the best values of the search."""
 

@@ -17,7 +17,7 @@
 #include <string.h>
 
 #define W 8 /* doubles in a vector */
-enum { PATIENCE = 10, FEW = 32, STARTS = 16, PART = 16 }; /* boxes before a descent; number of terms up to which no term
+enum { PATIENCE = 10, FEW = 32, STARTS = 10, PART = 16 }; /* boxes before a descent; number of terms up to which no term
    is left out; further descents; polynomials that a thread takes at once */
 #define LEFT_OUT 0.05 /* fraction of the tolerance for terms left out. They change both a bound and a value */
 #define PRUNED 0.9    /* fraction of the tolerance for bounds: 0.9 + 2 * 0.05 is 1 */
@@ -299,14 +299,14 @@ static void descend(const Search *s, const double *c, Extreme *e, double enough)
   }
 }
 
-/* Descend from random points and from random corners in turn. With many parameters, most extremes are at corners, and a search
-   by boxes cannot visit all corners. Starts near the best point miss more extremes: tests/benchmarks/surrogates.py */
+/* Descend repeatedly from the best point, with a quarter of the parameters moved to the other end. With many parameters, most
+   extremes are at corners, and a search by boxes cannot visit all corners. */
 static void explore(const Search *s, const double *c, Extreme *e, double enough) {
   unsigned long long random = 88172645463325252ULL; /* Marsaglia's xorshift (2003) */
   for (int start = 0; start < STARTS; ++start) {
     for (long k = 0; k < s->basis->d; ++k) {
       random ^= random << 13, random ^= random >> 7, random ^= random << 17;
-      s->x[k] = start % 2 ? 2.0 * (double)(random >> 11) * 0x1p-53 - 1.0 : random % 2 ? 1.0 : -1.0;
+      s->x[k] = random % 4 ? e->at[k] : e->at[k] > 0.0 ? -1.0 : 1.0;
     }
     descend(s, c, e, enough);
   }
