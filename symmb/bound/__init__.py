@@ -12,5 +12,6 @@ A method declares what it needs of a simulator: runs, derivatives, or equations.
 
 `propagate` in `bounds.propagation` makes the simulator, bounds by the method (`bounds.method`), and looks for warnings
 (`bounds.doubts`; `bounds.check_runs` checks methods without an estimated error). The Bounds then answer:
-`bounds.limits` decides limits, `bounds.contributions` and `bounds.probabilities` compute variances and probabilities.
+`bounds.limits` decides limits, `bounds.answers` has means, standard deviations and quantiles, `bounds.contributions`
+attributes widths and variances to parameters, and `bounds.probabilities` computes probabilities.
 """

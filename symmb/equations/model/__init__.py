@@ -1,6 +1,7 @@
 """From a declaration to equations: System, Scene, and the DAE bundle for solvers.
 
-Declarations are checked here, and all faults are reported at once.
+Declarations are checked here, and all faults are reported at once: `validation` and `assembly`. `tolerance_list` reads
+the texts of tolerances for `Box`, and `iso_grades` their grades.
 """
 
 from symmb.equations.model.box import Box
