@@ -38,17 +38,25 @@ def runs_of(interrupt: KeyboardInterrupt) -> list[Any]:
 def _handlers(replaced: Callable[[Handler], Handler]) -> Iterator[dict[int, Handler]]:
     """A context in which other handlers of SIGNALS are active. It yields the former handlers by signal."""
     previous: dict[int, Handler] = {}
-    if threading.current_thread() is threading.main_thread():  # handlers run in the main thread only
-        for number in SIGNALS:
-            handler = signal.getsignal(number)
-            if callable(handler):
-                previous[number] = handler
-                signal.signal(number, replaced(handler))
+    interrupt = None
     try:
+        if threading.current_thread() is threading.main_thread():  # handlers run in the main thread only
+            for number in SIGNALS:
+                handler = signal.getsignal(number)
+                if callable(handler):
+                    previous[number] = handler
+                    signal.signal(number, replaced(handler))
         yield previous
     finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
+        while True:  # an interrupt at this time must not leave handlers of this context
+            try:
+                for number, handler in previous.items():
+                    signal.signal(number, handler)
+                break
+            except BaseException as error:
+                interrupt = error
+        if interrupt is not None:
+            raise interrupt
 
 
 class _Repeated:
@@ -56,7 +64,7 @@ class _Repeated:
 
     def __init__(self, handler: Handler) -> None:
         self.handler = handler.handler if isinstance(handler, _Repeated) else handler
-        self.due = 0
+        self.due, self._lock = 0, threading.Lock()
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         self.due = 0
@@ -69,13 +77,16 @@ class _Repeated:
         self.handler(number, frame)
 
     def _again(self) -> None:
-        if self.due:
-            signal.raise_signal(self.due)
+        with self._lock:  # `end` waits until the signal is sent
+            number, self.due = self.due, 0
+            if number:
+                signal.raise_signal(number)
 
     def end(self) -> None:
         """Handle an interrupt that has not been sent again yet."""
-        if self.due:
+        with self._lock:
             number, self.due = self.due, 0
+        if number:
             self.handler(number, None)
 
 
