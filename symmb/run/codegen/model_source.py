@@ -175,7 +175,11 @@ def _explicit_steps(
         both, m = nodes["switches"], len(hysteresis)
         nodes |= {"switches": both[:m], "changes": both[m:]}
     stages = tableau.CLASSICAL_STAGES if fixed else tableau.PAIR_STAGES
-    steps = [tableau.classical(), c_source("fixed_step")] if fixed else [tableau.pair(), c_source("embedded_pair")]
+    integrals = n_own < len(order)
+    if fixed:
+        steps = [tableau.classical(integrals), c_source("fixed_step")]
+    else:
+        steps = [tableau.pair(integrals), c_source("embedded_pair")]
     return place, {"N_OWN": n_own, "N_K": stages * n_own}, steps
 
 
