@@ -57,9 +57,9 @@ def test_bricard_with_uncertain_masses_in_lanes():
 
 
 def test_all_rows_are_kept_where_no_choice_of_rows_lasts():
-    simulator = mb.DAESimulator(bricard.scene())
+    simulator = mb.DAESimulator(bricard.scene(), mb.DormandPrince())
     assert (simulator.dae.n_r, simulator.dae.rank) == (30, 29)
-    assert mb.DAESimulator(windows_in_space()).dae.vanishing is None
+    assert mb.DAESimulator(windows_in_space(), mb.DormandPrince()).dae.vanishing is None
 
 
 @pytest.mark.parametrize("seed", range(3))
