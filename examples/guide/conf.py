@@ -373,7 +373,7 @@ def keep_side_bar(app, page: str, template: str, context: dict[str, Any], doctre
             marked = make(**options).replace(here, start(page))
             SIDE_BARS[folder] = marked.replace(' current">', '">').replace('<ul class="current">', "<ul>")
         text = SIDE_BARS[folder]
-        for name, link in ((f"{folder}/index", start(f"{folder}/index")), (page, here)):
+        for name, link in {f"{folder}/index": start(f"{folder}/index"), page: here}.items():
             text = text.replace(f'">{start(name)}', f' current">{link}', 1)
         return text
 
