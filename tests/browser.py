@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import tempfile
+import time
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -62,7 +63,7 @@ class Browser:
         self._call("Page.navigate", url="about:blank")  # so that another fragment of the same file loads it anew
         self._call("Page.navigate", url=f"file://{path}{f'#{fragment}' if fragment else ''}")
         while self.run("document.readyState") != "complete" or not self.run("location.href").startswith("file"):
-            pass
+            time.sleep(0.005)  # to ask without a pause would slow the browser down
 
     def run(self, script: str) -> Any:
         """The value of an expression, or of its promise, in the page."""

@@ -1,5 +1,7 @@
 """Values that are not finite, very large or very small, and directions of any length."""
 
+from functools import cache
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -51,10 +53,15 @@ def test_points_that_are_not_finite_are_refused_by_name(body):
         mb.System(ball, *([body] if body is not GROUND else []), contact)
 
 
+@cache
+def along_z(element):
+    return mb.simulate(pushed(element, (0.0, 0.0, 1.0)))
+
+
 @pytest.mark.parametrize("element", DIRECTED)
 @pytest.mark.parametrize("size", [1e-320, 1e-200, 1e200, 1.5e308])
 def test_only_the_direction_of_a_vector_counts(element, size):
-    known = mb.simulate(pushed(element, (0.0, 0.0, 1.0)))
+    known = along_z(element)
     run = mb.simulate(pushed(element, (0.0, 0.0, size)))
     assert all(np.array_equal(run[name], known[name]) for name in known.names)
 

@@ -1,5 +1,6 @@
 """What must hold for every shipped scene."""
 
+from functools import cache
 from importlib import import_module
 
 import numpy as np
@@ -17,9 +18,14 @@ def _name(model):
     return model.__name__.removeprefix("models.")
 
 
+@cache
+def scene_of(model):
+    return model.scene()
+
+
 @pytest.fixture(scope="module", params=MOVING, ids=_name)
 def run(request):
-    return mb.simulate(request.param.scene())
+    return mb.simulate(scene_of(request.param))
 
 
 def test_constraints_hold(run):
@@ -47,7 +53,7 @@ def test_listed_start_holds(run):
 @pytest.mark.filterwarnings("ignore:.*Check runs show errors:symmb.SymmbWarning")
 @pytest.mark.parametrize("model", but_long(ALL_MODELS, slider_crank_flexible), ids=_name)
 def test_box_runs_to_its_corners(model):
-    scene = model.scene()
+    scene = scene_of(model)
     few = scene.with_times(scene.times[:: max(1, len(scene.times) // 10)])
     result = propagate(few, Scanning(3))
     assert not result.failed
@@ -55,7 +61,7 @@ def test_box_runs_to_its_corners(model):
 
 
 def test_smooth_models_are_those_without_impacts():
-    assert SMOOTH_MODELS == tuple(model for model in ALL_MODELS if not model.scene().system.collected.impacts)
+    assert SMOOTH_MODELS == tuple(model for model in ALL_MODELS if not scene_of(model).system.collected.impacts)
 
 
 def test_scenes_are_modules_of_the_package():
@@ -87,6 +93,6 @@ INSTRUCTIONS = {
 
 @pytest.mark.parametrize("model", [m for m in ALL_MODELS if _name(m) in INSTRUCTIONS], ids=_name)
 def test_what_a_scene_does_not_need_costs_nothing(model):
-    dae = mb.compile_dae(model.scene().system)
+    dae = mb.compile_dae(scene_of(model).system)
     counts = dae.rhs.n_instructions(), dae.forward.n_instructions()
     assert all(count <= known for count, known in zip(counts, INSTRUCTIONS[_name(model)], strict=True))

@@ -117,7 +117,8 @@ def test_scenes_with_events_are_refused():
     assert mb.linearize(scene).modes is not None
 
 
-SCENE = "from models.double_pendulum import scene as whole\n\ndef scene():\n    return whole().with_times([0, 1, 2])\n"
+SCENE = "from models.double_pendulum import scene as whole\n\n"
+SCENE += "def scene():\n    return whole().with_times([0, 0.2, 0.4])\n"
 
 
 @pytest.mark.filterwarnings("default::symmb.SymmbWarning")

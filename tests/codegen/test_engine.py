@@ -6,6 +6,7 @@ import platform
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 from operator import attrgetter
 from pathlib import Path
 
@@ -96,9 +97,14 @@ def test_an_output_that_is_not_finite_fails_its_sample_alone():
         assert_allclose([lower, upper], [good.Y.min(axis=0), good.Y.max(axis=0)], rtol=1e-9)
 
 
+@cache
+def scene_of(model):
+    return model.scene()
+
+
 @pytest.mark.parametrize("model", but_long(SMOOTH_MODELS, stewart_platform), ids=attrgetter("__name__"))
 def test_every_model_runs_as_with_cvodes(model):
-    scene = model.scene()
+    scene = scene_of(model)
     compiled = mb.simulate(scene, mb.DormandPrince(rtol=1e-10))
     reference = mb.simulate(scene, mb.CVODES(rtol=1e-12))
     scale = np.maximum(1.0, np.abs(reference.values).max(axis=0))
@@ -161,7 +167,7 @@ MOVING = [model for model in SMOOTH_MODELS if model is not cubic]  # which has n
 
 @pytest.mark.parametrize("model", but_long(MOVING, stewart_platform), ids=attrgetter("__name__"))
 def test_compiled_lanes_start_where_newton_s_method_says(model):
-    scene = model.scene() if hasattr(model, "scene") else model()
+    scene = scene_of(model)
     simulator = mb.DAESimulator(scene.with_times(scene.times[:1]))
     engine = simulator.program.engine()
     if not engine.starts:

@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 import pytest
 from _faulty_executors import FAULTS, FaultyMap, FaultySubmit
+from conftest import in_turns
 from faults import refused, told_in_a_line
 
 import symmb as mb
@@ -81,10 +82,8 @@ EXECUTORS = {
 }
 
 
-@pytest.mark.parametrize("f", [decay, quick])
-@pytest.mark.parametrize("name", EXECUTORS)
-@pytest.mark.parametrize("handed_in", [True, False])
-def test_results_do_not_depend_on_the_executor(f, name, handed_in):
+@pytest.mark.parametrize(("name", "handed_in", "f"), in_turns(EXECUTORS, [True, False], [decay, quick]))
+def test_results_do_not_depend_on_the_executor(name, handed_in, f):
     alone = run_blocks(simulator(f), SAMPLES)
     make = EXECUTORS[name]
     given = make() if handed_in else make

@@ -48,7 +48,7 @@ def test_bounds_of_accelerations():
     for method in (mb.PolynomialChaos(), mb.Taylor(order=2)):
         bounds = mb.propagate(scene, method)
         assert_allclose([bounds.lower[0, 0], bounds.upper[0, 0]], [lower, upper], rtol=1e-3)
-    assert mb.DAESimulator(scene).units == ("m/s^2",)
+    assert mb.DAESimulator(scene, mb.DormandPrince()).units == ("m/s^2",)
 
 
 def test_free_bodies_and_what_nothing_moves():

@@ -1,6 +1,7 @@
 """Every solver with every stabilization against equations written by hand; fitted orders; drift."""
 
 from dataclasses import replace
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -27,6 +28,12 @@ def stabilized():
             yield solver
 
 
+@cache
+def scene_of(name):
+    """A scene remembers its equations, which all solvers share."""
+    return MECHANISMS[name].scene()
+
+
 @pytest.fixture(scope="module")
 def by_hand():
     return {name: mechanism.by_hand(mechanism.nominal) for name, mechanism in MECHANISMS.items()}
@@ -35,7 +42,7 @@ def by_hand():
 @pytest.mark.parametrize("solver", tuple(stabilized()), ids=repr)
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_solvers_agree_with_equations_by_hand(name, solver, by_hand):
-    run = mb.simulate(MECHANISMS[name].scene(), solver)
+    run = mb.simulate(scene_of(name), solver)
     tolerance = 4e-3 if isinstance(solver, SECOND_ORDER) else 2e-7
     if isinstance(solver, mb.Newmark):
         tolerance = 8e-2
@@ -66,8 +73,8 @@ ORDERS = [
     (lambda n: mb.Rosenbrock(step=1 / n), 4, (1000, 1200, 1600)),
 ]
 SCENES = {
-    "planar": lambda: double_pendulum(np.linspace(0, 1, 6)),
-    "spatial": lambda: heavy_top.scene().with_times(np.linspace(0, 0.5, 6)),
+    "planar": cache(lambda: double_pendulum(np.linspace(0, 1, 6))),
+    "spatial": cache(lambda: heavy_top.scene().with_times(np.linspace(0, 0.5, 6))),
 }
 
 

@@ -16,23 +16,31 @@ CHILD = """
 import pickle, sys
 import numpy as np
 import symmb as mb
-scene, run = pickle.load(sys.stdin.buffer)
-again = mb.simulate(scene)
-sys.stdout.buffer.write(pickle.dumps((again.values, again.lam, run.values, run.energy, str(run))))
+found = []
+for scene, run in pickle.load(sys.stdin.buffer):
+    again = mb.simulate(scene)
+    found.append((again.values, again.lam, run.values, run.energy, str(run)))
+sys.stdout.buffer.write(pickle.dumps(found))
 """
 MODELS = (
     "double_pendulum slider_crank_spatial heavy_top rolling_disc flexible_pendulum bouncing_ball stick_slip".split()
 )
 
 
-@pytest.mark.parametrize("name", MODELS)
-def test_scenes_and_runs_are_the_same_in_another_process(name):
-    scene = importlib.import_module(f"models.{name}").scene()
-    scene = scene.with_times(np.linspace(scene.times[0], scene.times[0] + 0.2 * np.ptp(scene.times), 21))
-    run = mb.simulate(scene)
-    options = {"input": pickle.dumps((scene, run)), "capture_output": True, "check": True}
+@pytest.fixture(scope="module")
+def here_and_there():
+    """Name -> a run in this process, and what one other process has made of all scenes and runs."""
+    scenes = [importlib.import_module(f"models.{name}").scene() for name in MODELS]
+    scenes = [s.with_times(np.linspace(s.times[0], s.times[0] + 0.2 * np.ptp(s.times), 21)) for s in scenes]
+    runs = [mb.simulate(scene) for scene in scenes]
+    options = {"input": pickle.dumps([*zip(scenes, runs, strict=True)]), "capture_output": True, "check": True}
     end = subprocess.run([sys.executable, "-c", CHILD], cwd=Path(__file__).parents[2], **options)
-    values, lam, values_before, energy, text = pickle.loads(end.stdout)
+    return dict(zip(MODELS, zip(runs, pickle.loads(end.stdout), strict=True), strict=True))
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_scenes_and_runs_are_the_same_in_another_process(name, here_and_there):
+    run, (values, lam, values_before, energy, text) = here_and_there[name]
     assert np.array_equal(values, run.values) and np.array_equal(lam, run.lam)
     assert np.array_equal(values_before, run.values) and np.array_equal(energy, run.energy) and text == str(run)
 

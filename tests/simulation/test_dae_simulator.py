@@ -2,6 +2,7 @@
 
 import pickle
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from functools import cache
 from multiprocessing import get_context
 
 import numpy as np
@@ -18,8 +19,19 @@ RNG = np.random.default_rng(11)
 SAMPLES = np.array([1.0, 0.8]) * (1 + 0.1 * RNG.uniform(-1, 1, (300, 2)))
 
 
+@cache
+def pendulum():
+    """It remembers its equations, which the tests share."""
+    return double_pendulum(TIMES)
+
+
+@cache
+def spinning():
+    return spinning_body(TIMES)
+
+
 def test_results_are_the_same_bits_under_every_executor():
-    simulator = mb.DAESimulator(double_pendulum(TIMES))
+    simulator = mb.DAESimulator(pendulum())
     serial = run_blocks(simulator, SAMPLES)
     assert serial.ok.all() and serial.Y.shape == (300, 6, 4)
     with ThreadPoolExecutor(2) as threads:
@@ -29,7 +41,7 @@ def test_results_are_the_same_bits_under_every_executor():
 
 
 def test_extremes_are_the_same_bits_under_every_executor():
-    simulator = mb.DAESimulator(double_pendulum(TIMES))
+    simulator = mb.DAESimulator(pendulum())
     box, method = mb.Box.around(simulator.parameters, 0.05), mb.MonteCarlo(9000)
     simulator.threads = 1
     serial = mb.propagate(simulator, method, box)
@@ -54,20 +66,20 @@ def test_failed_samples_are_the_same_under_every_executor():
 
 @pytest.mark.parametrize("solver", ALL_SOLVERS, ids=repr)
 def test_a_sample_runs_as_it_does_alone(solver):
-    simulator = mb.DAESimulator(spinning_body(TIMES), solver)
+    simulator = mb.DAESimulator(spinning(), solver)
     samples = np.array([[1.5, 0.0], [1.4, 0.1], [1.7, -0.1]])
     together = simulator.run(samples)
     for k, sample in enumerate(samples):
         # Lanes share their step: alone, a sample takes others, within the tolerance.
         shared = 1e-9 if isinstance(solver, mb.DormandPrince | mb.Rosenbrock) else 0.0
         assert_allclose(simulator.run(sample[None]).Y[0], together.Y[k], rtol=0, atol=shared)
-        run = mb.simulate(spinning_body(TIMES), solver, dict(zip(("m", "c"), sample, strict=True)))
+        run = mb.simulate(spinning(), solver, dict(zip(("m", "c"), sample, strict=True)))
         assert_allclose(run.values, together.Y[k], atol=1e-8)
 
 
 @pytest.mark.parametrize("solver", ALL_SOLVERS, ids=repr)
 def test_simulators_pickle(solver):
-    simulator = mb.DAESimulator(double_pendulum(TIMES), solver)
+    simulator = mb.DAESimulator(pendulum(), solver)
     copy = pickle.loads(pickle.dumps(simulator))
     assert_array_equal(copy.run(SAMPLES[:3]).Y, simulator.run(SAMPLES[:3]).Y)
     assert repr(copy) == f"DAESimulator('double pendulum', {solver!r})"
@@ -89,7 +101,7 @@ FIXED_STEP = [*(s for s in ALL_SOLVERS if not isinstance(s, ADAPTIVE)), mb.Rosen
 
 @pytest.mark.parametrize("solver", FIXED_STEP, ids=repr)
 def test_marching_samples_side_by_side_is_the_same_run(solver):
-    simulator = mb.DAESimulator(double_pendulum(TIMES), solver)
+    simulator = mb.DAESimulator(pendulum(), solver)
     expected = simulator.run(SAMPLES[:5]).Y
     steps = list(simulator.march(SAMPLES[:5]))
     assert [i for i, _ in steps] == list(range(6))
@@ -98,11 +110,11 @@ def test_marching_samples_side_by_side_is_the_same_run(solver):
 
 def test_marching_needs_a_fixed_step():
     with pytest.raises(mb.PropagationError, match="needs a solver with a fixed step, such as RungeKutta"):
-        next(mb.DAESimulator(double_pendulum(TIMES)).march(SAMPLES[:2]))
+        next(mb.DAESimulator(pendulum()).march(SAMPLES[:2]))
 
 
 def test_capabilities_are_told_by_type():
-    simulator = mb.DAESimulator(double_pendulum(TIMES))
+    simulator = mb.DAESimulator(pendulum())
     assert isinstance(simulator, Jets) and isinstance(simulator, March) and not hasattr(simulator, "expression")
     plain = mb.Scene(mb.System(parameters=mb.Parameters(a=1.0)), outputs={"t": mb.t})
     assert hasattr(mb.DAESimulator(plain), "expression")
@@ -121,7 +133,7 @@ def test_times_do_not_start_at_zero_and_need_not_be_even():
 
 
 def test_simulate_takes_times_and_outputs_in_place_of_the_scene_s():
-    scene = double_pendulum(TIMES)
+    scene = pendulum()
     rod1, _ = scene.system.bodies
     run = mb.simulate(scene, times=[0.0, 0.25], outputs={"x": rod1.x})
     assert run.names == ("x",) and run.values.shape == (2, 1)

@@ -136,7 +136,7 @@ def implicit_start():
     ("scene", "nominal"), [(double_pendulum, [1.0, 0.8]), (spinning_body, [1.5, 0.0]), (implicit_start, [1.2, -0.45])]
 )
 def test_starts(scene, nominal):
-    start = mb.DAESimulator(scene()).start
+    start = mb.DAESimulator(scene(), mb.DormandPrince()).start
     h, directions = 0.005, np.array([[1.0, 0.0], [0.0, 1.0], [0.7, -0.4]])
     jets = start.jets(np.array(nominal), directions, ORDER)
     for m, direction in enumerate(directions):

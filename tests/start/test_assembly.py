@@ -16,7 +16,7 @@ SEEDS = but_long(range(20), *range(6, 20))
 
 
 def assembled(scene):
-    start = mb.DAESimulator(scene).start
+    start = mb.DAESimulator(scene, mb.DormandPrince()).start
     return dict(zip(start.dae.q_names, start.nominal()["q"].tolist(), strict=True))
 
 
@@ -193,7 +193,7 @@ def test_bodies_that_a_joint_locks_parallel_follow_a_rotation_beyond_a_right_ang
     lock = getattr(mb, kind)("lock", b.point(-0.2, 0), a.point(0.5, 0), **more)
     start = {f"{listed}.theta": angle} if flat else {f"{listed}.rotation": mb.rotation((0, 0, 1), angle)}
     place = {"y": 0.5 * np.sin(angle)} if kind == "Weld" else {}
-    at = mb.DAESimulator(mb.Scene(mb.System(a, b, hinge, lock), start, times=[0, 1])).start
+    at = mb.DAESimulator(mb.Scene(mb.System(a, b, hinge, lock), start, times=[0, 1]), mb.DormandPrince()).start
     q = dict(zip(at.dae.q_names, at.q_nominal, strict=True))
     for body in "ab":
         if flat:
@@ -211,7 +211,7 @@ def test_hinges_follow_the_axis_of_a_carrier_that_is_turned_far(turn):
     ball = mb.Spherical("ball", ground.point(0, 0, 0), a.point(-0.5, 0, 0))
     hinge = mb.Revolute("hinge", a.point(0.5, 0, 0), b.point(-0.5, 0, 0))
     scene = mb.Scene(mb.System(a, b, ball, hinge), {"a.rotation": mb.rotation((1, 0.2, 0), turn)}, times=[0, 1])
-    start = mb.DAESimulator(scene).start
+    start = mb.DAESimulator(scene, mb.DormandPrince()).start
     assert start.dae.assembly_cosines(start.q_nominal, []).full().min() == pytest.approx(1)
 
 
@@ -220,7 +220,8 @@ def test_a_motor_that_contradicts_the_start_is_named():
     hinge = mb.Revolute("hinge", ground.point(0, 0), rod.point(-0.5, 0))
 
     def starts(law, start, *more):
-        mb.DAESimulator(mb.Scene(mb.System(rod, hinge, mb.Motion("motor", *law), *more), start, times=[0, 1]))
+        scene = mb.Scene(mb.System(rod, hinge, mb.Motion("motor", *law), *more), start, times=[0, 1])
+        mb.DAESimulator(scene, mb.DormandPrince())
 
     with pytest.raises(mb.AssemblyError, match=r"hinge\.angle_rate differs by 1 from the value of 'motor'"):
         starts((hinge.angle, 2 * mb.t), {"hinge.angle_rate": 1.0})

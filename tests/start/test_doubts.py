@@ -11,7 +11,7 @@ TIMES = np.linspace(0.0, 2.0, 5)
 
 
 def doubts(scene):
-    return mb.DAESimulator(scene).start.doubts
+    return mb.DAESimulator(scene, mb.DormandPrince()).start.doubts
 
 
 def pendulum(angle=None, gravity=-9.81, **more):

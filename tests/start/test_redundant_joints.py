@@ -150,7 +150,7 @@ def test_hinges_that_fit_at_the_nominal_parameters_only_are_told(coordinates):
     for second, told in (apart, locked):
         system = mb.System(leaf, hinge, second, mb.Gravity(*GRAVITY), parameters=p)
         scene = mb.Scene(system, times=TIMES, coordinates=coordinates, box=mb.Box(e=(-0.01, 0.01)))
-        simulator = mb.DAESimulator(scene)
+        simulator = mb.DAESimulator(scene, mb.DormandPrince())
         (doubt,) = simulator.start.doubts
         assert "'lower', 'upper' are redundant at the nominal parameters, but not at e = 0.0" in doubt and told in doubt
         _, reasons = simulator.start.states(np.array([[0.0], [0.01]]))

@@ -16,7 +16,7 @@ GROUND = mb.Ground()
 
 def started(scene, P=None):
     """Start of a scene, with coordinates and velocities by name for every sample."""
-    simulator = mb.DAESimulator(scene)
+    simulator = mb.DAESimulator(scene, mb.DormandPrince())  # without pilot runs, which would be compiled
     P = simulator.start.dae.p_nominal[None] if P is None else np.asarray(P, dtype=float)
     x, reasons = simulator.start.states(P)
     assert not any(reasons), reasons
@@ -258,7 +258,7 @@ def test_a_flipped_root_is_an_error_that_names_the_joint(pose, make):
     body = mb.Body("b", 1.0, 1.0 if planar else (1, 1, 1), pose)
     guess = {"b.theta": 3.0} if planar else {"b.rotation": mb.rotation((0, 0, 1), 3.0)}
     with pytest.raises(mb.AssemblyError, match=r"'clamp' is assembled the wrong way round: .* Give a better guess="):
-        mb.DAESimulator(mb.Scene(mb.System(body, make(body)), guess=guess))
+        mb.DAESimulator(mb.Scene(mb.System(body, make(body)), guess=guess), mb.DormandPrince())
 
 
 def test_points_that_coincide_at_the_guess_are_told():
@@ -293,7 +293,7 @@ UPRIGHT = {"left.y": 0.5, "coupler.x": 1.0, "coupler.y": 1.0, "right.x": 2.0, "r
     ],
 )
 def test_redundant_constraints_are_left_out_and_named(system, guess, kept, named):
-    simulator = mb.DAESimulator(mb.Scene(system, guess=guess))
+    simulator = mb.DAESimulator(mb.Scene(system, guess=guess), mb.DormandPrince())
     assert simulator.start.redundant == named
     assert simulator.dae.n_r == len(simulator.start.rows) == kept
 

@@ -174,8 +174,11 @@ def _explicit_steps(
     if hysteresis:  # two functions, because most evaluations of switches need no rates
         both, m = nodes["switches"], len(hysteresis)
         nodes |= {"switches": both[:m], "changes": both[m:]}
-    n_k = len(tableau.A) if tableau else PAIR_STAGES
-    steps = [explicit_stages(tableau), c_source("fixed_step")] if tableau else [pair(), c_source("embedded_pair")]
+    integrals = n_own < len(order)
+    if tableau:
+        n_k, steps = len(tableau.A), [explicit_stages(tableau, integrals), c_source("fixed_step")]
+    else:
+        n_k, steps = PAIR_STAGES, [pair(integrals), c_source("embedded_pair")]
     return place, {"N_OWN": n_own, "N_K": n_k * n_own}, steps
 
 

@@ -3,7 +3,8 @@
 Slopes k are stored for the first N_OWN states v. The last N_X - N_OWN states x are the integrals of the first states v,
 x' = v, and are mostly positions. The slope of x in stage s is the v of this stage, v + h sum_j a_sj k_j. Therefore x is
 a sum of the slopes of v with the weights A A, as in Nystrom's methods for second-order equations (Hairer, Norsett,
-Wanner 1993, section II.14). Only half of all slopes are computed, stored and loaded.
+Wanner 1993, section II.14). Only half of all slopes are computed, stored and loaded. If N_OWN is N_X, the code for
+such states is left out. It would be most of the code, and compilers would read it.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,13 +14,19 @@ from symmb.run.schemes import ROUNDED_STEP, STEP_CONTROL, Tableau, dop853
 Weights = Mapping[int, float]
 
 
-def explicit_stages(tableau: Tableau) -> str:
-    """C code of the stages of an explicit Runge-Kutta method. The method has at most 12 stages, see `_place`."""
-    return "\n".join(_stages(range(1, len(tableau.A)), tableau.A, tableau.C, tableau.B))
+def explicit_stages(tableau: Tableau, integrals: bool) -> str:
+    """C code of the stages of an explicit Runge-Kutta method. The method has at most 12 stages, see `_place`.
+
+    `integrals`: whether N_OWN is less than N_X.
+    """
+    return "\n".join(_stages(range(1, len(tableau.A)), tableau.A, tableau.C, tableau.B, integrals))
 
 
-def pair() -> str:
-    """C code of the stages, error estimates and interpolant of the pair of Dormand and Prince."""
+def pair(integrals: bool) -> str:
+    """C code of the stages, error estimates and interpolant of the pair of Dormand and Prince.
+
+    `integrals`: whether N_OWN is less than N_X.
+    """
     A, C = dop853.A, dop853.C
     of_order_3, of_order_5 = dop853.E
     return "\n".join(
@@ -28,25 +35,28 @@ def pair() -> str:
             *(f"#define {name} {value!r}" for name, value in vars(STEP_CONTROL).items()),
             f"#define ROUNDED_STEP {ROUNDED_STEP!r}",
             f"#define LAST_STAGE {C[15]!r}",
-            *_stages(range(1, 12), A, C, dop853.B),
+            *_stages(range(1, 12), A, C, dop853.B, integrals),
             "PRIVATE void errors(const Part *a, double h, V *e5, V *e3) {",
             "  const V *k = a->k;",
             "  for (int m = 0; m < N_OWN; ++m) {",
             f"    e5[m] = {_sum(of_order_5)};",
             f"    e3[m] = {_sum(of_order_3)};",
             "  }",
-            "  for (int m = 0; m < N_X - N_OWN; ++m) {",
-            f"    e5[N_OWN + m] = h * ({_sum(_through(of_order_5, A))});",
-            f"    e3[N_OWN + m] = h * ({_sum(_through(of_order_3, A))});",
-            "  }",
+            *_only_if(
+                integrals,
+                "  for (int m = 0; m < N_X - N_OWN; ++m) {",
+                f"    e5[N_OWN + m] = h * ({_sum(_through(of_order_5, A))});",
+                f"    e3[N_OWN + m] = h * ({_sum(_through(of_order_3, A))});",
+                "  }",
+            ),
             "}",
             "PRIVATE void interpolant(Block *b) {",
             "  const double h = b->h;",
-            *(line for s in range(13, 16) for line in _stage(s, A, C)),
+            *(line for s in range(13, 16) for line in _stage(s, A, C, integrals)),
             "  EACH_PART(b) {",
             "    const V *k = a->k;",
             "    for (int u = 0; u < N_USED; ++u) {",
-            "      const int i = used[u], own = N_OWN == N_X || i < N_OWN, m = own ? i : i - N_OWN;",
+            "      const int i = used[u], own = i < N_OWN, m = own ? i : i - N_OWN;",
             "      V *f = a->F + 7 * u, d = a->x_new[i] - a->x[i];",
             "      const V first = slope(a->x, k, i), last = slope(a->x_new, k + END * N_OWN, i);",
             "      f[0] = d;",
@@ -54,10 +64,13 @@ def pair() -> str:
             "      f[2] = 2 * d - h * (last + first);",
             "      if (own) {",
             *(f"        f[{3 + r}] = h * ({_sum(row)});" for r, row in enumerate(dop853.D)),
-            "      } else {",
-            *(
-                f"        f[{3 + r}] = h * ({sum(row.values())!r} * first + h * ({_sum(_through(row, A))}));"
-                for r, row in enumerate(dop853.D)
+            *_only_if(
+                integrals,
+                "      } else {",
+                *(
+                    f"        f[{3 + r}] = h * ({sum(row.values())!r} * first + h * ({_sum(_through(row, A))}));"
+                    for r, row in enumerate(dop853.D)
+                ),
             ),
             "      }",
             "    }",
@@ -67,33 +80,40 @@ def pair() -> str:
     )
 
 
-def _stages(stages: Iterable[int], A: Sequence[Weights], C: Sequence[float], B: Weights) -> list[str]:
+def _only_if(needed: bool, *lines: str) -> tuple[str, ...]:
+    return lines if needed else ()
+
+
+def _stages(stages: Iterable[int], A: Sequence[Weights], C: Sequence[float], B: Weights, integrals: bool) -> list[str]:
     return [
         "PRIVATE void stages(Block *b) {",
         "  const double h = b->h;",
-        *(line for s in stages for line in _stage(s, A, C)),
-        *_each_part(_advance("x_new", B, 1.0, A)),
+        *(line for s in stages for line in _stage(s, A, C, integrals)),
+        *_each_part(_advance("x_new", B, 1.0, A, integrals)),
         "}",
     ]
 
 
-def _stage(s: int, A: Sequence[Weights], C: Sequence[float]) -> list[str]:
+def _stage(s: int, A: Sequence[Weights], C: Sequence[float], integrals: bool) -> list[str]:
     rates = f"rates(a->x_at, a->c, each(between_stops(b, b->t + {C[s]!r} * h)), k + {_place(s)} * N_OWN);"
-    return _each_part([*_advance("x_at", A[s], C[s], A), rates])
+    return _each_part([*_advance("x_at", A[s], C[s], A, integrals), rates])
 
 
 def _each_part(lines: Iterable[str]) -> list[str]:
     return ["  EACH_PART(b) {", "    V *k = a->k;", *(f"    {line}" for line in lines), "  }"]
 
 
-def _advance(to: str, weights: Weights, fraction: float, A: Sequence[Weights]) -> list[str]:
+def _advance(to: str, weights: Weights, fraction: float, A: Sequence[Weights], integrals: bool) -> list[str]:
     """Statements that write the states after a fraction of the step to `to`."""
     return [
-        "for (int m = 0; m < N_X - N_OWN; ++m) {",
-        f"  const V once = {_sum(weights)}, twice = {_sum(_through(weights, A))};",
-        f"  a->{to}[N_OWN + m] = a->x[N_OWN + m] + {fraction!r} * h * a->x[m] + h * h * twice;",
-        f"  a->{to}[m] = a->x[m] + h * once;",
-        "}",
+        *_only_if(
+            integrals,
+            "for (int m = 0; m < N_X - N_OWN; ++m) {",
+            f"  const V once = {_sum(weights)}, twice = {_sum(_through(weights, A))};",
+            f"  a->{to}[N_OWN + m] = a->x[N_OWN + m] + {fraction!r} * h * a->x[m] + h * h * twice;",
+            f"  a->{to}[m] = a->x[m] + h * once;",
+            "}",
+        ),
         f"for (int m = N_X - N_OWN; m < N_OWN; ++m) a->{to}[m] = a->x[m] + h * ({_sum(weights)});",
     ]
 
