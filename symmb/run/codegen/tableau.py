@@ -38,6 +38,7 @@ def pair(integrals: bool) -> str:
             *_stages(range(1, 12), A, C, dop853.B, integrals),
             "PRIVATE void errors(const Part *a, double h, V *e5, V *e3) {",
             "  const V *k = a->k;",
+            *_only_if(not integrals, "  (void)h;"),
             "  for (int m = 0; m < N_OWN; ++m) {",
             f"    e5[m] = {_sum(of_order_5)};",
             f"    e3[m] = {_sum(of_order_3)};",
