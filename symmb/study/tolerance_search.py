@@ -222,7 +222,10 @@ class Search:
         if ray.low < ray.most and max(undecided, violation if violation < np.inf else 0.0) > 1 + 4 * _SETTLED:
             why = ray.why or "the largest number of studies was reached."
             beyond = f" Runs reach a limit at {violation:.4g} times these tolerances." if violation < np.inf else ""
-            self.remarks = (f"At {undecided:.4g} times these tolerances the limits are undecided: {why}{beyond}",)
+            where = f"At {undecided:.4g} times these tolerances the limits are undecided"
+            if undecided == np.inf:
+                where = "Larger tolerances may also satisfy the limits"
+            self.remarks = (f"{where}: {why}{beyond}",)
         return np.minimum(ray.low * along, self._most), ray.best
 
     def idle(self, bounds: Bounds) -> Mask:

@@ -233,9 +233,8 @@ def tolerances(
 
 
 def _about_idle(names: Sequence[str]) -> tuple[str, ...]:
-    """A sentence about parameters without an effect on outputs with limits; otherwise empty."""
-    verb, whose = ("has", "its tolerance") if len(names) == 1 else ("have", "their tolerances")
-    text = f"{', '.join(names)} {verb} no effect on outputs with limits. The limits do not restrict {whose}."
+    """A sentence about parameters without an effect on outputs with limits in the box; otherwise empty."""
+    text = f"In this box {', '.join(names)} {'has' if len(names) == 1 else 'have'} no effect on outputs with limits."
     return (text,) if names else ()
 
 

@@ -135,7 +135,7 @@ def test_an_element_in_no_system_is_reported(make):
     free = mb.Scene(mb.System(leaf, hinge), {"gate.omega": 2.0}, TIMES, {"angle": angle})
     (text,) = doubts(free)
     assert text.startswith(f"{element.title} is not part of the System and has no effect")
-    assert text.endswith("Add it to System(...).")
+    assert text.endswith("Add it to System(...) if it belongs to the mechanism.")
     with pytest.warns(mb.SymmbWarning, match="is not part of the System"):
         mb.linearize(mb.Scene(mb.System(leaf, hinge), times=TIMES))
     mb.System(leaf, hinge, element)

@@ -63,7 +63,7 @@ def test_a_parameter_without_effect_is_named_and_does_not_end_the_search(costs, 
     f = lambda a, idle: [[a, 2 * idle]]  # noqa: E731
     simulator = mb.FunctionSimulator(f, {"a": 3.0, "idle": 1.0}, [0.0], ["y", "other"])
     found = mb.tolerances(simulator, {"y": (None, most)}, mb.Box(a=(2.9, 3.1), idle=(0.2, 1.8)), costs=costs)
-    text = "idle has no effect on outputs with limits. The limits do not restrict its tolerance."
+    text = "In this box idle has no effect on outputs with limits."
     assert found.remarks == (text,) and text in str(found)
     assert found.factors["idle"] == pytest.approx(0.99 * 1.25) and found.box.lower[1] > 0
     assert found.factor == found.factors["a"] == pytest.approx(16 if costs is None else 6, rel=2e-3)
@@ -74,7 +74,7 @@ def test_no_limit_binds_if_no_parameter_has_an_effect():
     f = lambda a, idle: [[a, 2 * idle]]  # noqa: E731
     simulator = mb.FunctionSimulator(f, {"a": 3.0, "idle": 1.0}, [0.0], ["y", "other"])
     found = mb.tolerances(simulator, {"y": (None, 4.0)}, mb.Box(idle=(0.2, 1.8)))
-    assert found.remarks[0].startswith("idle has no effect") and len(found.remarks) == 1
+    assert found.remarks[0].startswith("In this box idle has no effect") and len(found.remarks) == 1
     assert found.binding is None and found.check.kept
 
 
@@ -85,7 +85,7 @@ def test_a_parameter_that_cancels_in_a_scene_is_named():
     box = mb.Box(mass=(0.5, 1.5), k=(3.9, 4.1))
     system = mb.System(bob, spring, parameters=p)
     found = mb.tolerances(mb.Scene(system, {"bob.x": 1.0}, [0.0, 0.5, 1.0], {"x": bob.x}, box), {"x": (-0.45, None)})
-    assert [text for text in found.remarks if text.startswith("mass has no effect")]
+    assert [text for text in found.remarks if text.startswith("In this box mass has no effect")]
     assert found.factor == pytest.approx(1.51, rel=1e-2) and found.binding
 
 

@@ -46,8 +46,8 @@ class Contributions(Result, Saved):
     """Contributions of each parameter to the outputs over time.
 
     `print` shows the contributions at the times of the largest widths, sorted by `alone`. `plot` draws them. If the
-    estimated error of a contribution is larger than the contribution, it may be zero. A sentence below the table names
-    such contributions.
+    estimated error of a contribution is larger than the contribution, it may be zero. A sentence below the table says
+    this.
 
     Attributes
     ----------
@@ -121,12 +121,11 @@ class Contributions(Result, Saved):
         return np.stack([self.estimate, self.saved_estimate])[..., None].repeat(len(self.parameters), axis=-1)
 
     def _may_be_zero(self, k: int, i: int | None = None) -> str:
-        """A sentence with the contributions to output k at time i that are smaller than their errors; else empty."""
+        """A sentence if contributions to output k at time i are smaller than their errors; else empty."""
         i = self._row(k, i)
         values, errors = np.stack([self.alone, self.saved])[:, i, k], self._each_error()[:, i, k]
-        places = np.argwhere(((values > SAME * self.width[i, k]) & (values < errors)).T)
-        names = ", ".join(f"{self.parameters[p]} ({('alone', 'saved')[kind]})" for p, kind in places)
-        return f"These contributions may be zero, because their estimated errors are larger: {names}." if names else ""
+        is_small = (values > SAME * self.width[i, k]) & (values < errors)
+        return "Contributions that are smaller than their estimated errors may be zero." if is_small.any() else ""
 
     def _rows(self, k: int, i: int | None = None) -> list[list[str]]:
         """A table of contributions to output k at time i (default: of the largest width), with the largest first."""

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 import casadi as ca
 import numpy as np
 
+from symmb._doubt import Doubt
 from symmb._errors import DeclarationError, Faults, faults_of
 from symmb._magnitudes import SAME
 from symmb._names import name_fault
@@ -120,9 +121,9 @@ def left_out(elements: Sequence[Body | Element]) -> Iterator[str]:
         laws = [value for value in vars(element).values() if isinstance(value, ca.SX)]
         acts = own <= known if own else any(s.element_hash() in symbols for x in laws for s in ca.symvar(x))
         if acts and element.name not in names:
-            yield (
+            yield Doubt(
                 f"{element.title} is not part of the System and has no effect, although the System contains its "
-                "bodies. Add it to System(...)."
+                "bodies. Add it to System(...) if it belongs to the mechanism."
             )
 
 
