@@ -185,6 +185,34 @@ def test_progress_tells_how_many_further_studies_there_are(monkeypatch):
     assert labels == [f"contributions, further study {k + 1} of {len(labels)}" for k in range(len(labels))] and labels
 
 
+def test_widths_of_an_arm_that_meets_a_stop_have_small_errors():
+    """Polynomials of the full box are poor. Studies of one parameter, and of all parameters but one, are not."""
+    p = mb.Parameters(length=0.4, rate=2000.0, free=0.15, torque=11.0, payload=1.5, stop=np.pi / 3)
+    arm, load = mb.Body("arm", 1.2, 0.1 * p.length**2), mb.Body("load", p.payload, 1e-4 * p.payload)
+    hinge = mb.Revolute("hinge", mb.Ground().point(0, 0), arm.point(-p.length / 2, 0))
+    grip = mb.Weld("grip", arm.point(p.length / 2, 0), load.point(0, 0))
+    motor = mb.Actuator("motor", hinge, p.torque - 0.8 * hinge.angle_rate)
+    pull = mb.Ground().point(-0.05, 0.2), arm.point(0.1 - p.length / 2, 0)
+    spring = mb.Spring("spring", *pull, p.rate, length=p.free)
+    stop = mb.Stop("stop", hinge, upper=p.stop, law=mb.KelvinVoigt(2000.0, 20.0))
+    system = mb.System(arm, load, hinge, grip, motor, spring, stop, mb.Gravity(0, -9.81), parameters=p)
+    reaches, tip = hinge.angle >= p.stop, arm.point(p.length / 2, 0)
+    outputs = {
+        "peak": mb.maximum(system.force("stop")),
+        "arrival": mb.first_time(reaches),
+        "speed": mb.value_at(hinge.angle_rate, reaches),
+        "tip": tip.y,
+    }
+    box = mb.Box.plus_minus(p, length=5e-4, rate="10%", free=2e-3, torque="5%", payload=0.2, stop=0.0087)
+    scene = mb.Scene(system, {"hinge.angle": -0.6}, np.linspace(0, 1.2, 61), outputs, box)
+    found = mb.propagate(scene, mb.PolynomialChaos(seconds=60.0)).contributions()
+    assert (found.errors[0, 0, :3] < 0.01 * found.width[0, :3, None]).all()
+    assert (found.errors[1, 0, :3] < 0.1 * found.width[0, :3, None]).all()
+    own = mb.propagate(scene, mb.PolynomialChaos(tolerance=1e-3), mb.Box(rate=box["rate"]))
+    off = np.abs(found.alone[0, :3, 1] - (own.upper - own.lower)[0, :3])
+    assert (off <= found.errors[0, 0, :3, 1] + 1e-3 * found.width[0, :3]).all()
+
+
 def test_contributions_below_their_error_are_told():
     found = mb.propagate(simulator(), mb.PolynomialChaos(), BOX).contributions()
     assert "may be zero" not in str(found) + found._repr_html_()

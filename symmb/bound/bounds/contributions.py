@@ -27,10 +27,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_POOR_LINE, _SMALL_OF_WIDTH = 0.5, 0.05
-"""Two limits for the error of a width of one parameter alone, relative to this width and to the full width.
+_POOR_LINE, _SMALL_OF_WIDTH, _NOISE_OF_WIDTH = 0.1, 0.05, 0.5
+"""Three limits for the error of a width of one parameter alone: one relative to this width, two to the full width.
 
-If the error is above both limits, runs give the width instead of polynomials.
+If the error is above the first two limits, runs give the width instead of polynomials, because a study of one parameter
+takes few runs. An error above the third limit is noise, which runs would not reduce.
 """
 _FEWEST_SHARE_RUNS, _MOST_SHARE_RUNS = 64, 1024
 """Smallest and largest number of runs for variance fractions."""
@@ -232,7 +233,8 @@ def contributions_of(responses: Responses, may_run: bool = True) -> Contribution
     runs = _by_runs(responses, missing, True, alone, of_alone, (0, sum(asked)))
     runs += _by_runs(responses, lacking, False, others, of_others, (asked[0], sum(asked)))
     low, high, _ = responses.range(-np.ones(len(free)), np.ones(len(free)))
-    whole = np.where(np.isnan(low), width, high - low)  # differences of the polynomials' ranges are more accurate
+    # Differences of ranges of the same polynomials are more accurate.
+    whole = np.where(np.isnan(low) | lacking[:, None], width, high - low)
     saved = np.where(free[:, None, None], np.maximum(whole - others, 0.0), 0.0)
     of_saved = np.where(free[:, None, None], 2 * (of_others + responses.estimate) + width - whole, 0.0)
     errors = np.minimum([2 * of_alone, of_saved], width)
@@ -278,7 +280,7 @@ def _widths(responses: Responses, is_alone: bool) -> tuple[Array, Array, Mask]:
         if is_alone and responses.runs is not None:
             wrong = rms(np.where(2 * error[i] > SAME * largest, 2 * error[i], 0.0))
             hides = wrong > np.maximum(_POOR_LINE * rms(widths[i]), _SMALL_OF_WIDTH * whole)
-            missing[i] |= hides & (wrong <= _POOR_LINE * whole)  # a larger error is noise
+            missing[i] |= hides & (wrong <= _NOISE_OF_WIDTH * whole)
     return widths, error, missing
 
 
@@ -287,15 +289,17 @@ def _by_runs(
 ) -> int:
     """Fill in missing widths and errors, each (d, n_t, n_y), by further studies, and return the number of runs.
 
-    `missing` (d, n_y) marks these widths. The progress shows `studies`: the numbers of earlier studies and of all
-    studies.
+    `missing` (d, n_y) marks these widths, and after the studies all widths from runs. Errors of other outputs are often
+    smaller in the same studies. The progress shows `studies`: the numbers of earlier studies and of all studies.
     """
     runs, (before, of_all) = 0, studies
     for number, i in enumerate(np.flatnonzero(missing.any(axis=1)), before + 1):
-        own, each = missing[i], (np.arange(len(responses.box)) == i) == is_alone
+        each = (np.arange(len(responses.box)) == i) == is_alone
         low, high, of_range, more = responses.range_by_runs(
             each & (responses.box.radius > 0), f"contributions, further study {number} of {of_all}"
         )
+        # The widths of the full box and of its faces are from one source. Runs replace polynomials if they gain much.
+        own = missing[i] = missing[i] | (2 * rms(of_range) < rms(error[i]))
         widths[i][:, own] = np.maximum(high - low, 0.0)[:, own]
         error[i][:, own] = of_range[:, own]
         runs += more
