@@ -129,7 +129,6 @@ def test_an_integrator_of_casadi_does_not_swallow_an_interrupt(solver):
 
 
 PLATE = mb.Body("plate", 1.0, 0.1)
-SHAPED = ca.SX.sym("x", 2, 2)
 POINT = PLATE.point(1.0, 2.0)
 
 
@@ -163,24 +162,19 @@ def test_an_interrupt_is_not_lost_where_casadi_asks_for_a_shape(number, monkeypa
         time.sleep(1.0)
 
 
-def test_an_interrupt_at_the_end_of_a_declaration_is_raised_once(monkeypatch):
-    """It is sent again after 1 ms, while the handlers of the calling program return."""
-    interval, ends = sys.getswitchinterval(), [8e-4 + 4e-6 * k for k in range(200)]
-    sys.setswitchinterval(1e-6)  # the thread that sends it runs at any moment
-    try:
-        for end in ends:
-            with monkeypatch.context() as patch, interrupt_where_casadi_asks_for_a_shape(signal.SIGINT, patch):
-                end += time.perf_counter()
-                try:
-                    with kept_interrupts():
-                        SHAPED @ SHAPED
-                        while time.perf_counter() < end:
-                            pass
-                finally:
-                    time.sleep(0.003)  # nothing is sent any more
-                    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    finally:
-        sys.setswitchinterval(interval)
+def test_an_interrupt_while_handlers_return_leaves_none_of_them(monkeypatch):
+    before, restore, calls = signal.getsignal(signal.SIGINT), signal.signal, []
+
+    def interrupted(number, handler):
+        calls.append(number)
+        if len(calls) == 1:
+            raise KeyboardInterrupt
+        return restore(number, handler)
+
+    with pytest.raises(KeyboardInterrupt), kept_interrupts():
+        assert signal.getsignal(signal.SIGINT) is not before
+        monkeypatch.setattr(signal, "signal", interrupted)
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 @pytest.mark.parametrize(
