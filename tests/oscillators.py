@@ -54,12 +54,9 @@ class Wave:
             yield i, P[:, :1] * np.cos(P[:, 1:] * t)
 
     def jets(self, p0, directions, order):
-        cosine = [
-            np.multiply.outer(directions[:, 1] ** j, TIMES**j * np.cos(p0[1] * TIMES + j * np.pi / 2)) / factorial(j)
-            for j in range(order + 1)
-        ]
-        rate = directions[:, :1]
-        coefficients = [p0[0] * cosine[j] + (rate * cosine[j - 1] if j else 0.0) for j in range(order + 1)]
+        (amplitude, w), (rate, change) = np.broadcast_to(p0, directions.shape).T[..., None], directions.T[..., None]
+        cosine = [(change * TIMES) ** j * np.cos(w * TIMES + j * np.pi / 2) / factorial(j) for j in range(order + 1)]
+        coefficients = [amplitude * cosine[j] + (rate * cosine[j - 1] if j else 0.0) for j in range(order + 1)]
         return np.stack(coefficients)[..., None]
 
     @property

@@ -11,6 +11,7 @@ from symmb._errors import PropagationError, SimulationError
 from symmb._magnitudes import SAME
 from symmb._types import Array, Executor
 from symmb.bound.bounds import Bounds, Method, MonteCarlo, Optimization, Scanning, Vertex, gathered
+from symmb.bound.bounds.method import parameter_columns
 from symmb.bound.nodes import Sobol
 from symmb.connect import Simulator
 from symmb.equations.model import Box
@@ -158,14 +159,17 @@ class _Differences:
         self.run, self.stream = simulator.run, simulator.stream
 
     def jets(self, p0: Array, directions: Array, order: int) -> Array:
-        """Values and slopes (2, d, n_t, n_y) along directions (d, n_p), one for each parameter of the box."""
+        """Values and slopes (2, m, n_t, n_y) at points (m, n_p), each repeated for all parameters of the box, along
+        directions (m, n_p), one for each parameter."""
         del order
-        at = self._box.to_unit(p0[[list(self.parameters).index(name) for name in self._box.names]])
+        points = p0[:: len(self._box)]
+        at = self._box.to_unit(points[:, parameter_columns(self, self._box)]).ravel()
         # Step relative to the half width. It is small compared with the box, and large compared with errors of runs.
         # Steps point to the centre.
-        step = np.where(at > 0, -0.02, 0.02)
-        Y, _ = gathered(self._simulator, np.vstack([p0, p0 + step[:, None] * directions]), self._executor)
-        return np.stack([np.repeat(Y[:1], len(step), axis=0), (Y[1:] - Y[0]) / step[:, None, None]])
+        step = np.where(at > 0, -0.02, 0.02)[:, None]
+        Y, _ = gathered(self._simulator, np.vstack([points, p0 + step * directions]), self._executor)
+        values = Y[: len(points)].repeat(len(self._box), axis=0)
+        return np.stack([values, (Y[len(points) :] - values) / step[:, None]])
 
 
 def _is_optimized(n_p: int, runs: int) -> bool:

@@ -23,20 +23,34 @@ def _quadratic(rng, d, m):
     return H, value, lambda X: g + np.einsum("ijm,nj->nim", H, X)
 
 
+def _models(X, F, G):
+    """Models of m functions from their values F (N, m) and gradients G (N, d, m)."""
+    jets = np.concatenate([F[:, None], G], axis=1).transpose(0, 2, 1)
+    return quadratics(X, jets, np.arange(F.shape[1]), F.argmin(axis=0))
+
+
 @pytest.mark.parametrize(("d", "N"), [(1, 2), (2, 4), (3, 8), (6, 20)])
 def test_curvatures_of_quadratics_are_exact(d, N):
     rng = np.random.default_rng(d)
     H, value, gradient = _quadratic(rng, d, 50)
     X = rng.uniform(-1, 1, (N, d))
-    models = quadratics(X, value(X), gradient(X))
+    models = _models(X, value(X), gradient(X))
     np.testing.assert_allclose(models.hessian, np.broadcast_to(H, models.hessian.shape), atol=1e-9)
     change = np.diag(value((models.origin + models.step).T) - value(models.origin.T))
     np.testing.assert_allclose(models.change(models.step), change, atol=1e-9)
     assert (np.abs(models.origin + models.step) <= 1 + 1e-12).all() and models.gain.max() > 0.1
 
 
+def test_negative_outputs_have_negative_models():
+    jets = np.random.default_rng(2).normal(size=(4, 5, 3))
+    X, lowest = np.array([[-0.5, 0.2], [0.1, 0.3], [0.7, -0.6], [0.0, 0.9]]), np.array([0, 1, 2, 3, 0])
+    models, negative = (quadratics(X, side * jets, np.arange(5) + start, lowest) for side, start in [(1, 0), (-1, 5)])
+    np.testing.assert_allclose(models.hessian, negative.hessian)
+    np.testing.assert_allclose(models.step, negative.step)
+
+
 def test_one_point_predicts_the_corner_of_steepest_descent():
-    models = quadratics(np.zeros((1, 2)), np.zeros((1, 3)), np.array([[[1.0, -2.0, 0.5], [1.0, 3.0, -4.0]]]))
+    models = _models(np.zeros((1, 2)), np.zeros((1, 3)), np.array([[[1.0, -2.0, 0.5], [1.0, 3.0, -4.0]]]))
     np.testing.assert_array_equal(models.step, [[-1, 1, -1], [-1, -1, 1]])
     np.testing.assert_array_equal(models.gain, [2.0, 5.0, 4.5])
 
@@ -57,7 +71,7 @@ def test_steps_minimise_convex_quadratics_over_the_box():
 def test_a_point_is_not_chosen_twice():
     X = np.array([[-0.5], [0.5]])
     F, G = np.array([[1.0, 1.0, 0.1], [2.0, 2.0, 2.0]]), np.array([[[-4.0, -4.0, 0.2]], [[4.0, 4.0, 4.0]]])
-    models = quadratics(X, F, G)
+    models = _models(X, F, G)
     points = models.promising(np.full(3, 1e-6), 5)
     assert len(points) == 2 and points[0] != points[1]
     assert len(models.promising(np.full(3, 1e-6), 1)) == 1 and len(models.promising(np.full(3, 1e6), 5)) == 0
@@ -92,10 +106,10 @@ class Valley:
 
     def jets(self, p0, directions, order):
         assert order == 1
-        self.runs += 1 + len(directions)
-        (a, b), c = p0, self.centers
-        gradient = np.stack([2 * (a - c) - 2 * c * (b - c * a), 2 * (b - c * a)])
-        return np.stack([np.tile(self._y(a, b), (len(directions), 1)), directions @ gradient])[..., None]
+        self.runs += len(np.unique(p0, axis=0)) + len(directions)
+        (a, b), (da, db), c = p0.T[..., None], directions.T[..., None], self.centers
+        slope = da * (2 * (a - c) - 2 * c * (b - c * a)) + db * 2 * (b - c * a)
+        return np.stack([self._y(a, b), slope])[..., None]
 
 
 def test_minima_inside_are_found_and_every_run_is_counted():

@@ -141,7 +141,10 @@ def parameter_columns(simulator: Simulator, box: Box) -> list[int]:
 
 
 def unit_jets(method: Method, simulator: Simulator, box: Box, point: Array, directions: Array, order: int) -> Array:
-    """Taylor coefficients (order + 1, m, n_t, n_y) about a point (d,) along directions (m, d), both in [-1, 1]^d."""
+    """Taylor coefficients (order + 1, m, n_t, n_y) about a point (d,) or points (m, d) along directions (m, d).
+
+    Points and directions are in [-1, 1]^d.
+    """
     if not isinstance(simulator, Jets):
         figures = ", ".join(getattr(simulator, "figures", ()))
         source = f"scalar outputs ({figures}) have" if figures else f"{simulator!r} gives"
@@ -149,8 +152,8 @@ def unit_jets(method: Method, simulator: Simulator, box: Box, point: Array, dire
             f"{method!r}: it needs derivatives of the trajectory, but {source} values only. "
             "Use MonteCarlo or PolynomialChaos."
         )
-    p0 = parameter_samples(simulator, box, point[None])[0]
-    scaled = np.zeros((len(directions), len(p0)))
+    p0 = parameter_samples(simulator, box, np.atleast_2d(point)).reshape(*point.shape[:-1], -1)
+    scaled = np.zeros((len(directions), len(simulator.parameters)))
     scaled[:, parameter_columns(simulator, box)] = directions * box.radius
     jets = np.asarray(simulator.jets(p0, scaled, order), dtype=float)
     if not np.isfinite(jets).all():

@@ -1,5 +1,6 @@
 """Bounds by optimisation of the responses of all outputs and times together, with derivatives of the runs."""
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -10,7 +11,7 @@ from symmb._magnitudes import SAME
 from symmb._options import constructor_text, require_between, require_whole
 from symmb._types import Array, Executor
 from symmb.bound.bounds.method import Method, parameter_samples, unit_jets
-from symmb.bound.bounds.quadratic_models import Quadratics, quadratics
+from symmb.bound.bounds.quadratic_models import quadratics
 from symmb.bound.bounds.reductions import extremes, failure_details, failures, together
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.result_file import Kind
@@ -72,9 +73,7 @@ class Optimization(Method):
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         shape = len(simulator.times), len(simulator.outputs)
-        models, attained, least, before, runs = self._descended(simulator, box, progress)
-        predicted = attained - models.gain
-        points = models.promising(least, self.budget - runs)
+        points, attained, predicted, before, runs = self._descended(simulator, box, progress)
         P = parameter_samples(simulator, box, points)
         (lower, upper), bad = simulator.stream(P, together(extremes(simulator), failures()), executor)
         attained = np.minimum(attained, np.concatenate([lower.ravel(), -upper.ravel()]))
@@ -92,8 +91,8 @@ class Optimization(Method):
 
     def _descended(
         self, simulator: Simulator, box: Box, progress: Progress | None
-    ) -> tuple[Quadratics, Array, Array, Array, int]:
-        """Last quadratics of the runs with derivatives, smallest values, smallest gains, last prediction, and
+    ) -> tuple[Array, Array, Array, Array, int]:
+        """Points for further runs, smallest values of the runs with derivatives, the last two predictions, and
         evaluations. A maximum of y is a minimum of -y: the arrays contain all y, then all -y."""
         d, shape = len(box), (len(simulator.times), len(simulator.outputs))
         cost = 1 + d
@@ -105,38 +104,57 @@ class Optimization(Method):
             )
         new = corners(d) if 2**d < most else np.empty((0, d))
         new = np.concatenate([np.zeros((1, d)), new])
-        X, Y, G = np.empty((0, d)), np.empty((0, *shape)), np.empty((0, d, *shape))
-        predicted = None
+        X, J = np.empty((0, d)), list[Array]()
+        n = math.prod(shape)
+        attained, predicted = np.full(2 * n, np.inf), None
+        lowest, falling = np.zeros(2 * n, dtype=int), np.ones(2 * n, dtype=bool)
         while True:
-            jets = [unit_jets(self, simulator, box, x, np.eye(d), 1) for x in new]
+            for x, jets in zip(new, self._jets(simulator, box, new), strict=True):
+                values = np.concatenate([jets[:, 0], -jets[:, 0]])
+                better = np.flatnonzero(values < attained)
+                attained[better], lowest[better] = values[better], len(J)
+                # If a function rises along all edges from a corner of the box, the corner is its minimum.
+                slopes = jets[better % n, 1:] * np.where(better < n, 1.0, -1.0)[:, None]
+                falling[better] = (x * np.sign(slopes) > SAME - 1.0).any(axis=1)
+                J.append(jets)
             X = np.concatenate([X, new])
-            Y = np.concatenate([Y, *(J[0, :1] for J in jets)])
-            G = np.concatenate([G, *(J[1:] for J in jets)])
             if progress is not None:
                 progress(len(X) * cost, self.budget)
-            F = (Y[:, None] * _SIGNS).reshape(len(X), -1)
-            models = quadratics(X, F, (G[:, :, None] * _SIGNS).reshape(len(X), d, -1))
-            attained = F.min(axis=0)
-            least = self.tolerance * np.tile(_widths(Y, G).ravel(), 2)
-            before = attained if predicted is None else predicted
-            predicted = attained - models.gain
+            some = np.flatnonzero(falling)
+            models = quadratics(X, J, some, lowest[some])
+            least = self.tolerance * np.tile(_widths(attained.reshape(2, *shape), J[0]).ravel(), 2)[some]
+            before = attained.copy() if predicted is None else predicted
+            predicted = attained.copy()
+            predicted[some] -= models.gain
             # Number of runs with derivatives between two fits. Smaller numbers use runs better, but each fit takes
             # time.
             new = models.promising(least, min(8, most - len(X)))
             if not len(new):
-                return models, attained, least, before, len(X) * cost
+                runs = len(X) * cost
+                return models.promising(least, self.budget - runs), attained, predicted, before, runs
+
+    def _jets(self, simulator: Simulator, box: Box, points: Array) -> Array:
+        """Values and slopes (N, n_t n_y, 1 + d) of all outputs and times at points (N, d)."""
+        N, d = points.shape
+        Y, slopes = unit_jets(self, simulator, box, points.repeat(d, axis=0), np.tile(np.eye(d), (N, 1)), 1)
+        jets = np.empty((N, Y[0].size, 1 + d))
+        jets[..., 0] = Y[::d].reshape(N, -1)
+        jets[..., 1:] = slopes.reshape(N, d, -1).transpose(0, 2, 1)
+        return jets
 
     def __repr__(self) -> str:
         return constructor_text(self)
 
 
-def _widths(Y: Array, G: Array) -> Array:
-    """Widths (n_t, n_y), the scales of gains, from responses (N, n_t, n_y) and gradients (N, d, n_t, n_y).
+def _widths(attained: Array, jets: Array) -> Array:
+    """Widths (n_t, n_y), the scales of gains, from the smallest values (2, n_t, n_y) of y and of -y.
 
-    The width of a single run follows from its tangent. The width is inf if an output is always 0.
+    The width of a single run follows from its jets (n_t n_y, 1 + d). The width is inf if an output is always 0.
     """
-    width = np.ptp(Y, axis=0) if len(Y) > 1 else 2 * np.abs(G[0]).sum(axis=0)
+    width = -attained.sum(axis=0)
+    if not width.any():
+        width = 2 * np.abs(jets[:, 1:]).sum(axis=1).reshape(width.shape)
     # Smallest width of an output at a time, divided by its largest width over all times.
-    least = np.maximum(1e-2 * width.max(axis=0), SAME * np.abs(Y).max(axis=(0, 1)))
+    least = np.maximum(1e-2 * width.max(axis=0), SAME * np.abs(attained).max(axis=(0, 1)))
     widths = np.maximum(width, least)
     return np.where(widths > 0, widths, np.inf)
