@@ -159,8 +159,7 @@ class _Differences:
         self.run, self.stream = simulator.run, simulator.stream
 
     def jets(self, p0: Array, directions: Array, order: int) -> Array:
-        """Values and slopes (2, m, n_t, n_y) at points (m, n_p), each repeated for all parameters of the box, along
-        directions (m, n_p), one for each parameter."""
+        """Values and slopes (2, m, n_t, n_y), at each point along one direction for each parameter of the box."""
         del order
         points = p0[:: len(self._box)]
         at = self._box.to_unit(points[:, parameter_columns(self, self._box)]).ravel()

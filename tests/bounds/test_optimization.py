@@ -153,6 +153,24 @@ def test_outputs_without_width_promise_nothing():
     np.testing.assert_array_equal([result.lower, result.upper, result.estimate], expected)
 
 
+def test_a_monotone_output_needs_the_corners_only():
+    @dataclass
+    class Plane(Valley):
+        def _y(self, a, b):
+            return self.centers + a - 2 * b
+
+        def jets(self, p0, directions, order):
+            return np.stack([self._y(*p0.T[..., None]), np.tile(directions @ [[1.0], [-2.0]], len(self.centers))])[
+                ..., None
+            ]
+
+    result = propagate(Plane(), Optimization(), Box(a=(-1, 1), b=(-1, 1)))
+    assert result.evaluations == 15
+    expected = np.add.outer([-3.0, 3.0], Plane().centers)[..., None]
+    np.testing.assert_allclose([result.lower, result.upper], expected, atol=1e-14)
+    np.testing.assert_array_equal(result.estimate, 0)
+
+
 def test_failed_runs_are_told():
     with pytest.warns(mb.SymmbWarning, match=r"\d of \d+ runs failed"):
         result = propagate(Valley(broken=0.1), Optimization(budget=40), Box(a=(-1, 1), b=(-1, 1)))

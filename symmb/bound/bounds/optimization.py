@@ -104,8 +104,7 @@ class Optimization(Method):
             )
         new = corners(d) if 2**d < most else np.empty((0, d))
         new = np.concatenate([np.zeros((1, d)), new])
-        X, J = np.empty((0, d)), list[Array]()
-        n = math.prod(shape)
+        X, J, n = np.empty((0, d)), list[Array](), math.prod(shape)
         attained, predicted = np.full(2 * n, np.inf), None
         lowest, falling = np.zeros(2 * n, dtype=int), np.ones(2 * n, dtype=bool)
         while True:
@@ -113,7 +112,7 @@ class Optimization(Method):
                 values = np.concatenate([jets[:, 0], -jets[:, 0]])
                 better = np.flatnonzero(values < attained)
                 attained[better], lowest[better] = values[better], len(J)
-                # If a function rises along all edges from a corner of the box, the corner is its minimum.
+                # A function that rises along all edges from a corner of the box probably has its minimum there.
                 slopes = jets[better % n, 1:] * np.where(better < n, 1.0, -1.0)[:, None]
                 falling[better] = (x * np.sign(slopes) > SAME - 1.0).any(axis=1)
                 J.append(jets)
@@ -137,10 +136,7 @@ class Optimization(Method):
         """Values and slopes (N, n_t n_y, 1 + d) of all outputs and times at points (N, d)."""
         N, d = points.shape
         Y, slopes = unit_jets(self, simulator, box, points.repeat(d, axis=0), np.tile(np.eye(d), (N, 1)), 1)
-        jets = np.empty((N, Y[0].size, 1 + d))
-        jets[..., 0] = Y[::d].reshape(N, -1)
-        jets[..., 1:] = slopes.reshape(N, d, -1).transpose(0, 2, 1)
-        return jets
+        return np.stack([Y[::d], *(slopes[i::d] for i in range(d))], axis=-1).reshape(N, -1, 1 + d)
 
     def __repr__(self) -> str:
         return constructor_text(self)

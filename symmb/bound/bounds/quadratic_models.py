@@ -43,8 +43,8 @@ class Quadratics:
         part, gain, points = self, self.gain, list[Array]()
         left = gain / least
         while len(points) < count and (gaining := left > 1.0).any():
-            if 2 * np.count_nonzero(gaining) < len(left):  # fewer quadratics take less time
-                part = Quadratics(*(getattr(part, field.name)[..., gaining] for field in fields(self)))
+            if np.count_nonzero(gaining) < 0.8 * len(left):  # fewer quadratics take less time
+                part = Quadratics(*(getattr(part, field.name).compress(gaining, axis=-1) for field in fields(self)))
                 left, gain, least = left[gaining], gain[gaining], least[gaining]
             best = left.argmax()
             points.append(part.origin[:, best] + part.step[:, best])
@@ -54,59 +54,58 @@ class Quadratics:
 
 
 def quadratics(X: Array, J: Sequence[Array], some: Indices, lowest: Indices) -> Quadratics:
-    """Quadratics of some functions about their lowest points.
+    """Quadratics of m functions about their lowest points, from values and slopes J at points X (N, d).
 
-    Parameters
-    ----------
-    X : (N, d) points
-    J : N arrays (n, 1 + d) with values and slopes of n outputs at the points
-    some : (m,) numbers of the functions: i for output i, n + i for the negative of output i
-    lowest : (m,) numbers of the lowest points of these functions
+    J contains an array (n, 1 + d) for each point. Function i is output i, and function n + i is its negative. `some`
+    (m,) are the numbers of the functions, and `lowest` (m,) the numbers of their lowest points.
     """
-    (N, d), (i, j) = X.shape, np.triu_indices(X.shape[1])
-    place = np.empty((d, d), dtype=int)
-    place[i, j] = place[j, i] = np.arange(len(i))
-    side, rows = np.divmod(some, len(J[0]))
-    curvature, slope = np.empty((len(some), len(i))), np.empty((len(some), d))
+    N, d = X.shape
+    i, j = np.triu_indices(d)
+    basis = np.zeros((d, d, len(i)))
+    basis[i, j, np.arange(len(i))] = basis[j, i, np.arange(len(i))] = 1.0
+    negative, rows = np.divmod(some, len(J[0]))
+    slopes, curvatures = np.empty((len(some), d)), np.empty((len(some), len(i)))
     half = np.square(X[:, None] - X).sum(axis=2) / 2
     half[np.diag_indices(N)] = np.inf
-    groups = [(k, np.flatnonzero(lowest == k)) for k in np.unique(lowest)]
-    for k, own in groups:
-        # Number of nearest points for a curvature, divided by d + 1. Points farther away change the curvature little.
-        near = half[k].argsort()[: min(N - 1, 4 * (d + 1))]
-        jets = np.stack([J[n].take(rows[own], axis=0) for n in [k, *near]], axis=1)
-        slope[own] = jets[:, 0, 1:]
-        curvature[own] = jets.reshape(len(own), -1) @ _curvatures(X[near] - X[k], i, j)
-    sign = 1.0 - 2.0 * side
-    gradient, hessian = np.multiply(sign, slope.T, order="C"), np.multiply(sign, curvature.T, order="C")[place]
-    origin = X.T[:, lowest]
+    chosen = np.unique(lowest)
+    groups = {k: np.flatnonzero(lowest == k) for k in chosen}
+    # Number of nearest points for a curvature, divided by d + 1. Points farther away change the curvature little.
+    near = half.argsort(axis=1)[:, : min(N - 1, 4 * (d + 1))]
+    for points in np.array_split(chosen, 1 + len(chosen) // 16):  # in many parameters, each point needs much memory
+        for k, matrix in zip(points, _curvatures(X[near[points]] - X[points, None], basis), strict=True):
+            own = groups[k]
+            jets = np.stack([J[n].take(rows[own], axis=0) for n in [k, *near[k]]], axis=1)
+            slopes[own], curvatures[own] = jets[:, 0, 1:], jets.reshape(len(own), -1) @ matrix
+    sign = 1.0 - 2.0 * negative
+    gradient, hessian = np.multiply(sign, slopes.T, order="C"), sign * np.tensordot(basis, curvatures, (2, 1))
+    origin = X.T.take(lowest, axis=1)
     step = _box_minima(gradient, hessian, -1.0 - origin, 1.0 - origin)
     # Beyond half the distance to another point, the quadratic of the other point is more accurate.
-    for k, own in groups:
-        along = ((X - X[k]) / half[k, :, None]) @ step[:, own]
+    for k, own in groups.items():
+        along = ((X - X[k]) / half[k, :, None]) @ step.take(own, axis=1)
         step[:, own] /= along.max(axis=0, initial=1.0)
     return Quadratics(origin, gradient, hessian, step)
 
 
-def _curvatures(offset: Array, i: Indices, j: Indices) -> Array:
-    """Matrix from values and slopes at a point and at N points with offsets (N, d) from it to second derivatives H_ij.
+def _curvatures(offset: Array, basis: Array) -> Array:
+    """Matrices from values and slopes at K points and at N points with offsets (K, N, d) from them to curvatures H.
 
-    The rows are the value and the slopes at the point, then those at each other point. H is the least-squares solution
-    of H offset = change of the slopes, and offset H offset / 2 = change of the value minus the linear change. Closer
-    points have larger weights. If the equations do not determine H, the smallest H is the solution.
+    The rows of a matrix are the value and the slopes at the point, then those at each other point. The columns are the
+    components of H in a basis (d, d, n) of the symmetric matrices. H is the least-squares solution of H offset = change
+    of the slopes, and offset H offset / 2 = change of the value minus the linear change. Closer points have larger
+    weights. If the equations do not determine H, the solution is the smallest H.
     """
-    N, d = offset.shape
-    entries = np.arange(len(i))
-    system = np.zeros((N, 1 + d, len(i)))
-    system[:, 0] = offset[:, i] * offset[:, j] * np.where(i == j, 0.5, 1.0)
-    system[:, 1 + i, entries] = offset[:, j]
-    system[:, 1 + j, entries] = offset[:, i]
-    weight = np.linalg.norm(offset, axis=1)[:, None, None] ** -np.array([4.0, *[3.0] * d])[:, None]
+    (K, N, d), n = offset.shape, basis.shape[2]
+    turn = np.tensordot(offset, basis, 1)
+    rise = np.einsum("kni,knie->kne", offset, turn) / 2
+    weight = np.linalg.norm(offset, axis=2)[..., None, None] ** -np.array([4.0, *[3.0] * d])[:, None]
+    system = weight * np.concatenate([rise[:, :, None], turn], axis=2)
     # Singular values below this fraction of the largest one do not determine a curvature.
-    solve = np.linalg.pinv((weight * system).reshape(-1, len(i)), SAME).T.reshape(system.shape) * weight
-    own = -solve.sum(axis=0)
-    own[1:] -= offset.T @ solve[:, 0]
-    return np.concatenate([own[None], solve]).reshape(-1, len(i))
+    inverse: Array = np.linalg.pinv(system.reshape(K, N * (1 + d), n), SAME)
+    other = inverse.transpose(0, 2, 1).reshape(system.shape) * weight
+    own = -other.sum(axis=1, keepdims=True)
+    own[:, 0, 1:] -= offset.transpose(0, 2, 1) @ other[:, :, 0]
+    return np.concatenate([own, other], axis=1).reshape(K, (1 + N) * (1 + d), n)
 
 
 def _box_minima(g: Array, H: Array, lower: Array, upper: Array, sweeps: int = 10) -> Array:
