@@ -141,8 +141,7 @@ def parameter_columns(simulator: Simulator, box: Box) -> list[int]:
 
 
 def unit_jets(method: Method, simulator: Simulator, box: Box, point: Array, directions: Array, order: int) -> Array:
-    """Taylor coefficients (order + 1, m, n_t, n_y) about a point (d,) or points (m, d), along directions
-    (m, d), in [-1, 1]^d."""
+    """Taylor coefficients (order + 1, m, n_t, n_y) about points (d,) or (m, d) along directions (m, d) in [-1, 1]^d."""
     if not isinstance(simulator, Jets):
         figures = ", ".join(getattr(simulator, "figures", ()))
         source = f"scalar outputs ({figures}) have" if figures else f"{simulator!r} gives"

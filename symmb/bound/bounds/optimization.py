@@ -125,8 +125,7 @@ class Optimization(Method):
             before = attained.copy() if predicted is None else predicted
             predicted = attained.copy()
             predicted[some] -= models.gain
-            # Number of runs with derivatives between two fits. Smaller numbers use runs better, but each fit takes
-            # time.
+            # Number of runs between two fits. Smaller numbers use runs better, but each fit takes time.
             new = models.promising(least, min(8, most - len(X)))
             if not len(new):
                 runs = len(X) * cost

@@ -63,7 +63,7 @@ def quadratics(X: Array, J: Sequence[Array], some: Indices, lowest: Indices) -> 
     i, j = np.triu_indices(d)
     basis = np.zeros((d, d, len(i)))
     basis[i, j, np.arange(len(i))] = basis[j, i, np.arange(len(i))] = 1.0
-    negative, rows = np.divmod(some, len(J[0]))
+    sign, rows = np.where(some < len(J[0]), 1.0, -1.0), some % len(J[0])
     slopes, curvatures = np.empty((len(some), d)), np.empty((len(some), len(i)))
     half = np.square(X[:, None] - X).sum(axis=2) / 2
     half[np.diag_indices(N)] = np.inf
@@ -76,7 +76,6 @@ def quadratics(X: Array, J: Sequence[Array], some: Indices, lowest: Indices) -> 
             own = groups[k]
             jets = np.stack([J[n].take(rows[own], axis=0) for n in [k, *near[k]]], axis=1)
             slopes[own], curvatures[own] = jets[:, 0, 1:], jets.reshape(len(own), -1) @ matrix
-    sign = 1.0 - 2.0 * negative
     gradient, hessian = np.multiply(sign, slopes.T, order="C"), sign * np.tensordot(basis, curvatures, (2, 1))
     origin = X.T.take(lowest, axis=1)
     step = _box_minima(gradient, hessian, -1.0 - origin, 1.0 - origin)
