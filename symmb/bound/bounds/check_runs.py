@@ -204,13 +204,14 @@ def _predicted(Y: Array, c: Array, varied: Indices, candidates: Array) -> tuple[
     points = np.concatenate([top.reshape(n, -1), bottom.reshape(n, -1)], axis=1).T
     points = np.unique(np.round(points, 2), axis=0)
     values = middle + np.tensordot(points - c, slope, axes=1) + np.tensordot(points**2 - c**2, bend, axes=1) / 2
-    below, above = seen.min(axis=0), seen.max(axis=0)
     width = rms(values.max(axis=0) - values.min(axis=0))
     width = np.where(width > 0, width, np.inf)
+    values, seen = values / width, seen / width
+    below, above = seen.min(axis=0), seen.max(axis=0)
     chosen = list[int]()
     for _ in range(_RUNS_AT_EXTREMES):
-        beyond = np.maximum(np.maximum(values - above, below - values), 0.0) / width
-        gain = np.square(beyond).sum(axis=(1, 2))
+        beyond = (values - np.clip(values, below, above)).reshape(len(points), -1)
+        gain = np.einsum("pk,pk->p", beyond, beyond)
         best = int(gain.argmax())
         if not gain[best] > 0:
             break
