@@ -134,8 +134,8 @@ class _Checks:
         n_t = len(self._bounds.t)
         times = _evenly_spaced(n_t, _SEARCHED_TIMES)
         lower, upper, own = self._bounds.lower[times], self._bounds.upper[times], surrogate.part(times, slice(None))
-        # The surrogate is evaluated at 16 points at once, to limit memory.
-        parts = [own.values(some) for some in np.array_split(points, -(-len(points) // 16))]
+        # The surrogate is evaluated at 64 points at once, to limit memory.
+        parts = [own.values(some) for some in np.array_split(points, -(-len(points) // 64))]
         low = np.min([part.min(axis=0) for part in parts], axis=0)
         high = np.max([part.max(axis=0) for part in parts], axis=0)
         closest = np.linspace(0, len(times) - 1, n_t).round().astype(int)
