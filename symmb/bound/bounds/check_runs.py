@@ -5,6 +5,8 @@ parallel to the axes. Further runs are at the extremes of parabolas along these 
 itself. Runs, bounds and the method's surrogate must agree.
 """
 
+from functools import reduce
+
 import numpy as np
 
 from symmb._magnitudes import SAME
@@ -22,6 +24,8 @@ _RUNS_AT_EXTREMES = 4
 """Number of runs at predicted extremes."""
 _PREDICTED_VALUES = 256
 """Number of extremes, over outputs and times, that are predicted. A few times of each output suffice."""
+_SEARCHED_TIMES = 128
+"""Largest number of times at which the surrogate's range is searched."""
 _MOST_CORNERS, _POINTS_INSIDE = 64, 64
 """Largest number of corners, and number of points inside of the box, in a search for the surrogate's range."""
 _OFF_CENTRE = 0.2, 0.4
@@ -70,27 +74,29 @@ class _Checks:
         largest = np.abs([bounds.lower, bounds.upper]).max(axis=(0, 1))
         self.scale = np.where(largest > 0, largest, 1.0)
         self._floor = np.full(len(largest), SAME) if noise is None else noise / self.scale
-        self.n, self._outside, self._missed = 0, np.zeros((2, *bounds.lower.shape)), np.zeros((2, *bounds.lower.shape))
+        self._width = rms(bounds.upper / self.scale - bounds.lower / self.scale)
+        self._lowest, self._highest = bounds.lower - self._floor * self.scale, bounds.upper + self._floor * self.scale
+        self.n, self._outside, self._missed = 0, np.zeros((2, *bounds.lower.shape)), np.zeros((1, *bounds.lower.shape))
         self._failed, self._share, self._n_outside, self._n_missed = "", share, 0, 0
 
     def run(self, points: Array) -> Array | None:
         """Responses (N, n_t, n_y) at points (N, d) of the unit box; None if a run fails."""
         P = parameter_samples(self._simulator, self._box, points)
         bounds, (Y, bad) = self._bounds, gathered(self._simulator, P, self._executor)
-        ok = np.flatnonzero(~which_failed(bad, len(P)))
-        self.n += len(ok)
-        if len(ok):
-            outside = bounds.lower - Y[ok].min(axis=0), Y[ok].max(axis=0) - bounds.upper
-            self._outside = np.maximum(self._outside, outside)
-            off = (np.maximum(bounds.lower - y, y - bounds.upper) > self._floor * self.scale for y in Y[ok])
-            self._n_outside += np.count_nonzero([part.any() for part in off])
-        if len(ok) and bounds.surrogate is not None:
-            missed = np.abs(bounds.surrogate.values(points[ok]) - Y[ok])
-            self._missed = np.maximum(self._missed, missed.max(axis=0))
-            least = (self._share * self._sizes(self._missed)[1] + self._floor) * self.scale
-            self._n_missed += np.count_nonzero((missed > least).any(axis=(1, 2)))
         if bad:
             self._failed = str(failure_records(self._simulator, self._box, P, bad)[0])
+            ok = ~which_failed(bad, len(P))
+            points, Y = points[ok], Y[ok]
+        self.n += len(Y)
+        if len(Y):
+            outside = bounds.lower - Y.min(axis=0), Y.max(axis=0) - bounds.upper
+            self._outside = np.maximum(self._outside, outside)
+            self._n_outside += sum(bool(((y < self._lowest) | (y > self._highest)).any()) for y in Y)
+        if len(Y) and bounds.surrogate is not None:
+            missed = np.abs(bounds.surrogate.values(points) - Y)
+            self._missed = np.maximum(self._missed, missed.max(axis=0))
+            least = (self._share * self._width + self._floor) * self.scale
+            self._n_missed += sum(bool((own > least).any()) for own in missed)
         return None if bad else Y
 
     def doubts(self, candidates: Array) -> tuple[str, ...]:
@@ -100,14 +106,13 @@ class _Checks:
         if bounds.surrogate is not None:
             parts.append((f"the method's polynomial misses runs at {self._n_missed} {of_all}", self._missed, share))
         if bounds.surrogate is not None and not bounds.surrogate.exact:
-            low, high = _reached(bounds.surrogate, candidates)
-            gap = np.maximum([low - bounds.lower, bounds.upper - high], 0.0)
+            gap = self._gap(bounds.surrogate, candidates)
             parts.append(("the bounds are wider than the range of the method's polynomial", gap, DOUBTFUL))
         found = [(text, part * self._is_large(part, least)) for text, part, least in parts]
         doubts = list[str]()
         if any(part.any() for _, part in found):
             kinds = " and ".join(text for text, part in found if part.any())
-            where = self._where(np.maximum.reduce([part for _, part in found]))
+            where = self._where(reduce(np.maximum, [part for _, part in found]))
             doubts.append(f"Check runs show errors of the bounds: {where}. {kinds[:1].upper()}{kinds[1:]}.")
         if self._failed and not bounds.failed:
             doubts.append(f"A check run failed, although no run of the method failed: {self._failed}")
@@ -115,19 +120,31 @@ class _Checks:
 
     def _is_large(self, error: Array, share: float) -> Mask:
         """Mask (n_y,) of the outputs with errors (2, n_t, n_y) above noise and a fraction of the width."""
-        size, width = self._sizes(error)
-        return size > share * width + self._floor
+        return self._size(error) > share * self._width + self._floor
 
-    def _sizes(self, error: Array) -> tuple[Array, Array]:
-        """Root mean squares (n_y,) of errors (2, n_t, n_y) and of the width, divided by the outputs' scale."""
-        width = self._bounds.upper / self.scale - self._bounds.lower / self.scale
-        size = np.sqrt(np.square(error / self.scale).mean(axis=(0, 1)))
-        return size, rms(width)
+    def _size(self, error: Array) -> Array:
+        """Root mean square (n_y,) of errors (2, n_t, n_y), divided by the outputs' scale."""
+        return rms((error / self.scale).reshape(-1, len(self.scale)))
+
+    def _gap(self, surrogate: Piecewise, points: Array) -> Array:
+        """Distances (2, n_t, n_y) of the bounds from the values of a surrogate at points (N, d).
+
+        They are computed at some times. Other times have the distance of the closest of these times.
+        """
+        n_t = len(self._bounds.t)
+        times = _evenly_spaced(n_t, _SEARCHED_TIMES)
+        lower, upper, own = self._bounds.lower[times], self._bounds.upper[times], surrogate.part(times, slice(None))
+        # The surrogate is evaluated at 64 points at once, to limit memory.
+        parts = [own.values(some) for some in np.array_split(points, -(-len(points) // 64))]
+        low = np.min([part.min(axis=0) for part in parts], axis=0)
+        high = np.max([part.max(axis=0) for part in parts], axis=0)
+        closest = np.linspace(0, len(times) - 1, n_t).round().astype(int)
+        return np.maximum([low - lower, upper - high], 0.0)[:, closest]
 
     def _where(self, error: Array, most: int = 3) -> str:
         """Errors (2, n_t, n_y) in words: the outputs with large errors, and the time from which errors are large."""
         names, t = self._bounds.names, self._bounds.t
-        size, width = self._sizes(error)
+        size, width = self._size(error), self._width
         share = size / np.maximum(width, self._floor + SAME)
         large = sorted(np.flatnonzero(size), key=lambda k: -share[k])
         shares = [
@@ -174,8 +191,8 @@ def _predicted(Y: Array, c: Array, varied: Indices, candidates: Array) -> tuple[
     Y (1 + 2 n, n_t, n_y) are the scaled responses at the points of `_star`, with the first point c (n,).
     """
     n, n_t, n_y = len(varied), *Y.shape[1:]
-    outputs = np.linspace(0, n_y - 1, min(n_y, _PREDICTED_VALUES)).astype(int)
-    times = np.linspace(0, n_t - 1, min(n_t, max(_PREDICTED_VALUES // len(outputs), 1))).astype(int)
+    outputs = _evenly_spaced(n_y, _PREDICTED_VALUES)
+    times = _evenly_spaced(n_t, max(_PREDICTED_VALUES // len(outputs), 1))
     seen = Y[:, times][:, :, outputs]
     middle, low, high = seen[0], seen[1 : n + 1], seen[n + 1 :]
     at = c[:, None, None]
@@ -187,26 +204,25 @@ def _predicted(Y: Array, c: Array, varied: Indices, candidates: Array) -> tuple[
     points = np.concatenate([top.reshape(n, -1), bottom.reshape(n, -1)], axis=1).T
     points = np.unique(np.round(points, 2), axis=0)
     values = middle + np.tensordot(points - c, slope, axes=1) + np.tensordot(points**2 - c**2, bend, axes=1) / 2
-    below, above = seen.min(axis=0), seen.max(axis=0)
     width = rms(values.max(axis=0) - values.min(axis=0))
     width = np.where(width > 0, width, np.inf)
+    values, seen = values / width, seen / width
+    below, above = seen.min(axis=0), seen.max(axis=0)
     chosen = list[int]()
     for _ in range(_RUNS_AT_EXTREMES):
-        beyond = np.maximum(np.maximum(values - above, below - values), 0.0) / width
-        gain = np.square(beyond).sum(axis=(1, 2))
+        beyond = (values - np.clip(values, below, above)).reshape(len(points), -1)
+        gain = np.einsum("pk,pk->p", beyond, beyond)
         best = int(gain.argmax())
         if not gain[best] > 0:
             break
         chosen.append(best)
         below, above = np.minimum(below, values[best]), np.maximum(above, values[best])
-    some = [*chosen, *np.linspace(0, len(points) - 1, min(len(points), _POINTS_INSIDE)).astype(int)]
+    some = [*chosen, *_evenly_spaced(len(points), _POINTS_INSIDE)]
     predicted = np.zeros((len(some), candidates.shape[1]))
     predicted[:, varied] = points[some]
     return predicted[: len(chosen)], np.concatenate([candidates, predicted])
 
 
-def _reached(surrogate: Piecewise, points: Array) -> tuple[Array, Array]:
-    """Smallest and largest values (n_t, n_y) of a surrogate at points (N, d)."""
-    # Number of points at which a surrogate is evaluated at once, to limit memory.
-    parts = [surrogate.values(some) for some in np.array_split(points, -(-len(points) // 16))]
-    return np.min([part.min(axis=0) for part in parts], axis=0), np.max([part.max(axis=0) for part in parts], axis=0)
+def _evenly_spaced(n: int, most: int) -> Indices:
+    """At most `most` of the numbers below n."""
+    return np.linspace(0, n - 1, min(n, most)).astype(int)

@@ -24,18 +24,16 @@ from symmb.run.simulation import DAESimulator, SceneSimulator, motion_of
 def doubted(simulator: Simulator, box: Box, bounds: Bounds) -> Bounds:
     """The bounds of a method, with warnings about its runs in ``run_doubts``."""
     unused, far = _unused_doubts(simulator, box), _far_nominal_values(simulator, box)
-    bounds = replace(bounds, run_doubts=(*bounds.run_doubts, *unused), remarks=(*bounds.remarks, *far))
-    if bounds.kind == "enclosure":
-        if not isinstance(simulator, DAESimulator):
-            return bounds
+    doubts, remarks = unused, far
+    if bounds.kind != "enclosure":
+        own, more = _second_look(simulator, box, bounds)
+        own = (*own, *_linear_theory_doubts(simulator, box, bounds.seconds))
+        doubts = (*doubts, *own, *_pulse_doubts(simulator, box), *_noise_doubts(simulator, bounds))
+        remarks = [*remarks, *more, *_without_effect(simulator, box, bounds)]
+    elif isinstance(simulator, DAESimulator):
         # A proof makes no runs, so errors of the solver do not concern it.
-        doubts = (*simulator.start.doubts, *_nominal_doubts(simulator))
+        doubts = (*doubts, *simulator.start.doubts, *_nominal_doubts(simulator))
         doubts = (*doubts, *_linear_theory_doubts(simulator, box, bounds.seconds))
-        return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts))
-    own, remarks = _second_look(simulator, box, bounds)
-    own = (*own, *_linear_theory_doubts(simulator, box, bounds.seconds))
-    doubts = (*own, *_pulse_doubts(simulator, box), *_noise_doubts(simulator, bounds))
-    remarks += _without_effect(simulator, box, bounds)
     return replace(bounds, run_doubts=(*bounds.run_doubts, *doubts), remarks=(*bounds.remarks, *remarks))
 
 

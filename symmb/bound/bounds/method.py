@@ -81,8 +81,8 @@ class Method(ABC):
         seconds = time.perf_counter() - start
         attaining = AttainingRuns.of(simulator, attained)
         nominal = attained.nominal if result.nominal is None else result.nominal
-        result = replace(result, lower=lower, upper=upper, attaining=attaining, nominal=nominal)
-        return replace(result, seconds=seconds, **_about(simulator, box))
+        known = {"lower": lower, "upper": upper, "attaining": attaining, "nominal": nominal, "seconds": seconds}
+        return replace(result, **known, **_about(simulator, box))
 
     def planned_runs(self, d: int) -> int | None:
         """Number of runs for d uncertain parameters, derivatives included; None if it is not known in advance."""

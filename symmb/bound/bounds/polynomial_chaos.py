@@ -192,10 +192,7 @@ class PolynomialChaos(Method):
         self._require_determined(fit, ok, failed)
         if fit.line is None:
             return fit.coefficients(state, ok), inner, ok, failed
-        Y = np.empty((len(P), len(simulator.times) * len(simulator.outputs)))
-        for rows, values in state:
-            Y[rows] = values
-        return fit.transform(Y), inner, ok, failed
+        return fit.transform(*(values for _, values in state)), inner, ok, failed
 
     def _marched(self, fit: Fit, P: Array, simulator: Simulator, box: Box, progress: Progress | None) -> _Responses:
         if not isinstance(simulator, March):

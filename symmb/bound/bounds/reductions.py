@@ -109,6 +109,8 @@ def _merge_extremes(first: tuple[Array, Array], second: tuple[Array, Array]) -> 
 
 def _update_failures(state: FailedRuns, block: Samples, indices: Indices) -> FailedRuns:
     bad = ~block.ok
+    if not bad.any():
+        return state
     return state + tuple(zip(indices[bad].tolist(), block.t_failed[bad].tolist(), block.messages, strict=True))
 
 

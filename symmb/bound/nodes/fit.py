@@ -10,7 +10,7 @@ from symmb._errors import PropagationError
 from symmb._limits import require_memory, require_runs
 from symmb._types import Array, Mask
 from symmb.bound.nodes.quadrature import MOST_ORDER, Nodes, Rule
-from symmb.bound.nodes.tensor_fit import transform_axes
+from symmb.bound.nodes.tensor_fit import interpolants
 from symmb.bound.polynomials import Basis, MultiIndices, TensorDegree, basis_values, mean_squares
 
 SMALLEST_EIGENVALUE = 0.01
@@ -100,11 +100,12 @@ class Fit:
         sums = self._scaled.T * self.weights
         return (sums if self.projects else np.linalg.solve(self._gram(), sums)) / self._norms[:, None]
 
-    def transform(self, Y: Array) -> Array:
-        """Coefficients (n_b, m) from values (N, m) at all nodes."""
+    def transform(self, *blocks: Array) -> Array:
+        """Coefficients (n_b, m) from blocks of values (.., m) at all nodes in their order."""
         if self.line is None:
-            return self.functionals @ Y
-        return transform_axes([self.line] * self.alpha.shape[1], Y)
+            return self.functionals @ np.concatenate(blocks)
+        every = np.arange(len(self.nodes))
+        return interpolants([(every, [self.line] * self.alpha.shape[1], 1)], blocks, every)
 
     def determined(self, ok: Mask) -> bool:
         """Whether the nodes marked in ok (N,) determine all coefficients."""

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import SupportsFloat
@@ -283,6 +284,10 @@ class Box:
         return self.bounds[self.names.index(name)]
 
     def __repr__(self) -> str:
+        return self._text
+
+    @cached_property
+    def _text(self) -> str:
         inside = (
             f"{name}=({low:.12g}, {high:.12g}{''.join(f', {text!r}' for text in unit)})"
             for name, (low, high, *unit) in self.intervals.items()

@@ -101,12 +101,12 @@ class TwoWays:
             unchecked=message and f"A second run by {second!r}{where} {message}.",
         )
 
-    @property
+    @cached_property
     def error(self) -> Array:
         """Differences (m, n_y) of both ways; 0 after a failure."""
         return np.nan_to_num(np.abs(self.values - self.others), nan=0.0, posinf=0.0)
 
-    @property
+    @cached_property
     def _range(self) -> Array:
         return np.ptp(np.nan_to_num(self.values), axis=0)
 

@@ -60,7 +60,7 @@ class Piecewise:
         """Polynomials on the same parts, with changed expansions and a new error (n_t, n_y)."""
         return replace(self, expansions=tuple(map(change, self.expansions)), error=error)
 
-    def part(self, rows: slice | Indices | Sequence[int], outputs: Sequence[int]) -> "Piecewise":
+    def part(self, rows: slice | Indices | Sequence[int], outputs: slice | Sequence[int]) -> "Piecewise":
         """The polynomials of some outputs at some times."""
 
         def of(values: Array) -> Array:
