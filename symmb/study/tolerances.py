@@ -119,7 +119,10 @@ class Tolerances(Counted, Result, Saved):
         return "\n\n".join([f"{self._head()}\n{rows}", str(self.check)])
 
     def _repr_html_(self) -> str:
-        return html.page(html.text(self._head()), html.table(self._rows()), html.text(str(self.check)))
+        below = [f"worst case: {self.check.worst}"] if self.check.worst else []
+        below += [f"remark: {remark}" for remark in self.check.remarks]
+        own = html.page(html.text(self._head()), html.table(self._rows()))
+        return html.page(own, self.check._tabulated(), html.text("\n".join(below)))
 
     def _record(self) -> dict[str, Any]:
         return {

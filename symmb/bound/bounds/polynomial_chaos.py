@@ -49,7 +49,8 @@ class PolynomialChaos(Method):
 
     ``PolynomialChaos()`` adds nodes until the estimated error is small enough. For up to three parameters, it uses
     tensor grids, and check runs at the extremes of the expansion. For one parameter, runs near kinks reduce the error.
-    If this does not suffice, the box is divided into parts. For more parameters, each output has check runs and a
+    If this does not suffice, the box is divided into parts. For regular oscillations over many periods, polynomials
+    describe the phase and the form of the cycles. For more parameters, each output has check runs and a
     separate sparse grid, which grows where the output varies. If a sparse grid takes too many runs, runs at corners and
     near extremes give the bounds. Simulators that are not scenes try corners first, because monotonic responses have
     their extremes there. Outputs with at most eight output times use a Gaussian process that finds the directions of

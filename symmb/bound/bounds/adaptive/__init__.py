@@ -4,6 +4,7 @@ adaptive_bounds    entry point: chooses the kind of grid, and makes Bounds from 
 runs               all runs of a study, and measures of errors; `clock` ends a study that takes too long
 error_estimate     the truncation error of an interpolant, and its error at events: the first estimate
 check_points       points of check runs; `inflated_error` widens the estimate by the errors of these runs
+oscillations       ranges of oscillations over many periods, from polynomials of phase and waveform
 
 Up to three parameters:
 tensor_grids       refines grids, checks their ranges (`_check`) and ends when the error is small enough (`_confirmed`)

@@ -12,6 +12,7 @@ from symmb._threads import one_thread
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.bound.bounds.adaptive.clock import Clock
 from symmb.bound.bounds.adaptive.many_parameters import range_of_many
+from symmb.bound.bounds.adaptive.oscillations import oscillation_ranges
 from symmb.bound.bounds.adaptive.runs import UNKNOWN_SHARE, OutgrownError, Runs, relative_errors
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bound.bounds.adaptive.tensor_grids import TensorGrids
@@ -105,18 +106,22 @@ def _estimated(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange
     other: EstimatedRange | None = None
     try:
         with one_thread():
-            if len(runs.box) > MOST_PARAMETERS:
-                return range_of_many(runs, tolerance, is_patient)
-            surrogate = TensorGrids(runs, tolerance)
+            surrogate = TensorGrids(runs, tolerance) if len(runs.box) <= MOST_PARAMETERS else None
+            known = oscillation_ranges(runs, tolerance)
+            if surrogate is None or len(known) == runs.shape[1]:
+                return range_of_many(runs, tolerance, is_patient, known)
+            if known:
+                surrogate.count_only(np.array([k not in known for k in range(runs.shape[1])]))
             while (found := surrogate.bounded()) is None:
                 if other is None and surrogate.is_costly:
-                    other = range_of_many(runs, tolerance, is_patient=False)
+                    other = range_of_many(runs, tolerance, False, known)
                     is_open = relative_errors(other.estimate, runs.rms_widths()) > DOUBTFUL
                     if not is_open.any():
                         return other
                     surrogate.count_only(is_open)
                 else:
                     surrogate = surrogate.refined()
+            found = found.with_known(known)
             return other.better(found, runs.rms_widths(), tolerance) if other else found
     except OutgrownError:
         return None

@@ -1,6 +1,6 @@
 """Bounds over many parameters. Each output has a separate study, and all studies use the same runs."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -13,19 +13,25 @@ from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bound.polynomials.ranges import Piecewise, joined
 
 
-def range_of_many(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange:
+def range_of_many(
+    runs: Runs, tolerance: float, is_patient: bool, known: Mapping[int, EstimatedRange]
+) -> EstimatedRange:
     """The ranges of all outputs. The study of an output uses all runs, and requests runs until its error is small.
+
+    The ranges of some outputs may be known, and are given by the numbers of these outputs.
 
     A kink may change the response at a few corners only. If runs cost little, the corners next to all extremes are run
     at the end. Studies with larger errors at these corners continue with runs at all corners.
     """
-    studies = [OutputStudy(OutputRuns(runs, k), tolerance, is_patient) for k in range(runs.shape[1])]
+    columns = [k for k in range(runs.shape[1]) if k not in known]
+    studies = [OutputStudy(OutputRuns(runs, k), tolerance, is_patient) for k in columns]
     found = _found(runs, studies, studies)
-    if studies[0].runs.has_lanes and not runs.clock.is_late:
+    if studies and studies[0].runs.has_lanes and not runs.clock.is_late:
         runs.check(_distinct([study.corners_of(own) for study, own in found.items()])[: runs.left])
         found = {study: study.with_corners(own) for study, own in found.items()}
         found |= _found(runs, studies, [study for study in studies if study.continues(found[study])])
-    return _joined(runs, [found[study] for study in studies])
+    every = {**known, **{study.runs.column: own for study, own in found.items()}}
+    return joined_range(runs, [every[k] for k in range(runs.shape[1])])
 
 
 def _found(runs: Runs, studies: list[OutputStudy], some: list[OutputStudy]) -> dict[OutputStudy, EstimatedRange]:
@@ -33,9 +39,10 @@ def _found(runs: Runs, studies: list[OutputStudy], some: list[OutputStudy]) -> d
     steps, found = {study: study.steps() for study in some}, dict[OutputStudy, EstimatedRange]()
 
     def predict(points: Array) -> Array:
-        return np.concatenate(
-            [np.broadcast_to(s.expansion.values(points), (len(points), runs.shape[0], 1)) for s in studies], axis=2
-        )
+        values = np.zeros((len(points), *runs.shape))
+        for study in studies:
+            values[..., study.runs.column : study.runs.column + 1] = study.expansion.values(points)
+        return values
 
     known = None if some is studies else predict  # at first, no interpolant can predict values
     while True:
@@ -83,7 +90,7 @@ def _together(arrays: Sequence[Array], n_t: int, axis: int) -> Array:
     return np.concatenate([np.broadcast_to(a, (*a.shape[: axis - 1], n_t, *a.shape[axis:])) for a in arrays], axis=axis)
 
 
-def _joined(runs: Runs, found: list[EstimatedRange]) -> EstimatedRange:
+def joined_range(runs: Runs, found: Sequence[EstimatedRange]) -> EstimatedRange:
     """The range of all outputs, from the range of each output."""
     lower, upper, estimate = (
         _together([getattr(each, name) for each in found], runs.shape[0], 1) for name in ("lower", "upper", "estimate")

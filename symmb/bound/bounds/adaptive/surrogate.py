@@ -1,6 +1,6 @@
 """The range of a surrogate of the responses over the box."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -36,3 +36,13 @@ class EstimatedRange(NamedTuple):
         surrogate = f"{self.surrogate}, {other.surrogate}" if is_other.any() else self.surrogate
         is_enough = bool(np.minimum(own, its).max() <= tolerance)
         return self._replace(lower=lower, upper=upper, estimate=estimate, surrogate=surrogate, is_enough=is_enough)
+
+    def with_known(self, known: Mapping[int, "EstimatedRange"]) -> "EstimatedRange":
+        """The range, with known ranges (n_t, 1) of some outputs, given by their numbers."""
+        if not known:
+            return self
+        lower, upper, estimate = (each.copy() for each in self[:3])
+        for k, own in known.items():
+            lower[:, [k]], upper[:, [k]], estimate[:, [k]] = own[:3]
+        names = dict.fromkeys([self.surrogate, *(own.surrogate for own in known.values())])
+        return self._replace(lower=lower, upper=upper, estimate=estimate, surrogate=", ".join(names))

@@ -1,0 +1,262 @@
+"""Ranges of oscillations over many periods, from polynomials of their phase and of their waveform.
+
+If the period of a response depends on parameters, the response has many extremes in these parameters after many
+periods. Its phase and the form of its cycles remain simple functions. A few runs show both. Source: Mai and Sudret,
+SIAM/ASA Journal on Uncertainty Quantification 5 (2017).
+"""
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from symmb._types import Array, Indices, Mask
+from symmb.bound.bounds.adaptive.check_points import PROBES, SAFETY, corner_design, quasi_random_points
+from symmb.bound.bounds.adaptive.continuation import along_axes
+from symmb.bound.bounds.adaptive.runs import Runs, relative_rms
+from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
+from symmb.bound.nodes import Grid
+from symmb.bound.polynomials import Expansion, MultiIndices, TotalDegree, basis_values
+from symmb.bound.polynomials.ranges import Piecewise
+
+LEAST_CYCLES = 8
+"""Smallest number of cycles of each run, and of output times in each cycle. Splines through fewer are less accurate."""
+LEAST_SPREAD = 1.0
+"""Smallest difference of the phases of two runs [cycles]. Below it, polynomials of the response itself are accurate."""
+MOST_CHANGE = 0.1
+"""Largest relative change of the period between two cycles. Responses with several frequencies change more."""
+AT_REST = 1e-4
+"""Largest distance from the last value, divided by the width of a response, at which an oscillation has decayed."""
+MOST_DIMENSIONS = 4
+"""Largest number of parameters, because the number of lines grows with powers of it."""
+MOST_DEGREE, CONVERGENCE = 5, 0.5
+"""Largest degree of the polynomials, and largest ratio of the errors of two degrees. With a larger ratio, polynomials
+of phase and waveform do not converge, and other methods take fewer runs."""
+SAMPLES, FINE_SAMPLES, SLOW_TIMES = 32, 128, 129
+"""Samples of a cycle in fits and in ranges, and times at which waveforms are stored. Waveforms change slowly."""
+LINE_POINTS, LINE_ERROR = 9, 1e-3
+"""Number of points on a line, between which phases are nearly linear, and error of ranges on lines over the width."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cycles:
+    """Responses as waveforms of a phase.
+
+    Attributes
+    ----------
+    t : (n_t,)
+    phase : (N, n_t)                      phases [cycles]
+    form : (N, SLOW_TIMES, FINE_SAMPLES)  values during a cycle, at evenly spaced times
+    """
+
+    t: Array
+    phase: Array
+    form: Array
+
+    @classmethod
+    def of(cls, t: Array, features: Array) -> "Cycles":
+        """From phases and waveforms side by side, (N, n_t + SLOW_TIMES * SAMPLES)."""
+        series = np.fft.rfft(features[:, len(t) :].reshape(-1, SLOW_TIMES, SAMPLES))
+        return cls(t, features[:, : len(t)], np.fft.irfft(series, FINE_SAMPLES) * (FINE_SAMPLES / SAMPLES))
+
+    def values(self, phase: Array) -> Array:
+        """Responses (N, n_t) at phases (N, n_t)."""
+        u = np.mod(phase, 1.0) * FINE_SAMPLES
+        before = np.minimum(u.astype(int), FINE_SAMPLES - 1)
+        share, after, run = u - before, (before + 1) % FINE_SAMPLES, np.arange(len(phase))[:, None]
+        row, part = _slow_rows(self.t)
+        early, late = (
+            (1 - share) * self.form[run, k, before] + share * self.form[run, k, after] for k in (row, row + 1)
+        )
+        return (1 - part) * early + part * late
+
+    def range(self) -> tuple[Array, Array, Mask]:
+        """Smallest and largest values (n_t,) on a line through N points, and whether a phase attains them (2, n_t)."""
+        (row, part), values = _slow_rows(self.t), self.values(self.phase)
+        ends, attained = np.empty((2, len(self.t))), np.empty((2, len(self.t)), dtype=bool)
+        for side, sign in enumerate((-1.0, 1.0)):
+            best = (sign * self.form).argmax(axis=2)
+            top = sign * np.take_along_axis(self.form, best[..., None], axis=2)[..., 0]
+            top = (1 - part) * top[:, row] + part * top[:, row + 1]
+            # The top of the waveform is attained where the phase exceeds that of the top by whole cycles. The highest
+            # of these places between two points is the one next to one of these points.
+            away = self.phase - best[:, row] / FINE_SAMPLES
+            first, last = away[:-1], away[1:]
+            low, high = np.minimum(first, last), np.maximum(first, last)
+            places = (
+                np.divide(k - first, last - first, out=np.zeros_like(k), where=low < high)
+                for k in (np.ceil(low), np.floor(high))
+            )
+            tops = np.max([top[:-1] + u * (top[1:] - top[:-1]) for u in places], axis=0)
+            tops, points = np.where(np.ceil(low) <= high, tops, -np.inf).max(axis=0), (sign * values).max(axis=0)
+            ends[side], attained[side] = np.maximum(tops, points), tops >= points
+        return -ends[0], ends[1], attained
+
+
+def oscillation_ranges(runs: Runs, tolerance: float) -> dict[int, EstimatedRange]:
+    """The ranges of outputs, by their numbers, if responses have phases that differ by a cycle or more between runs.
+
+    Outputs that do not oscillate are approximated by polynomials through the same runs. The error is that of each run,
+    if the other runs predict it. Outputs with errors above the tolerance are left out. The result is empty if no
+    oscillation has a smaller error.
+    """
+    t, d, before = np.asarray(runs.simulator.times), len(runs.box), np.inf
+    found, oscillates = dict[int, EstimatedRange](), list[int]()
+    if d > MOST_DIMENSIONS or len(t) < LEAST_CYCLES**2:
+        return found
+    if not len(runs):  # sparse grids begin with the same runs
+        grid = Grid(d)
+        runs.at(grid.grown(grid.missing(along_axes(d, 2))).nodes)
+    if runs.ok.all():
+        oscillates = [k for k, Y in enumerate(_outputs(runs)) if _spread(t, Y) > LEAST_SPREAD]
+    for degree in range(2, MOST_DEGREE + 1):
+        alpha = TotalDegree().indices(d, degree)
+        design = np.concatenate([corner_design(d), quasi_random_points(2 * len(alpha) + PROBES, d)])
+        missing = len(design) - len(runs)
+        is_late = degree > 2 and runs.clock.is_late
+        if not set(oscillates) - found.keys() or missing > runs.left or is_late:
+            break
+        runs.check(design[: max(missing, 0)])
+        if not runs.ok.all():
+            break
+        points = np.concatenate([runs.places, runs.points])
+        error = 0.0
+        for k, Y in enumerate(_outputs(runs)):
+            lower, upper, estimate = (each[:, None] for each in _range(t, Y, points, alpha, runs.box.names))
+            own = relative_rms(estimate, runs.rms_widths()[k : k + 1])
+            if own <= tolerance:
+                found[k] = EstimatedRange(lower, upper, estimate, None, "waveforms of a phase", is_enough=True)
+            elif k in oscillates and k not in found:
+                error = max(error, own)
+        if error > CONVERGENCE * before:
+            break
+        before = error
+    return found if set(oscillates) & found.keys() else {}
+
+
+def _outputs(runs: Runs) -> list[Array]:
+    """Responses (N, n_t) of all runs, for each output."""
+    return [*np.moveaxis(np.concatenate([runs.nodes, runs.checks]), 2, 0)]
+
+
+def _spread(t: Array, Y: Array) -> float:
+    """Difference of the last phases [cycles] of the responses (n_t,) of Y (N, n_t) with the fewest and the most minima;
+    0 if they do not oscillate."""
+    falls = np.diff(Y) < 0
+    minima = (falls[:, :-1] & ~falls[:, 1:]).sum(axis=1)
+    found = _cycles(t, Y[[minima.argmin(), minima.argmax()]])
+    return 0.0 if found is None else float(np.ptp(found[:, len(t) - 1]))
+
+
+def _range(
+    t: Array, Y: Array, points: Array, alpha: MultiIndices, names: tuple[str, ...]
+) -> tuple[Array, Array, Array]:
+    """Range and estimated error, each (n_t,), of responses Y (N, n_t) at points (N, d)."""
+    features = _cycles(t, Y)
+    basis = basis_values(alpha, points)
+    inverse = np.linalg.pinv(basis)
+    leverage = (basis * inverse.T).sum(axis=1)[:, None]
+
+    def fit(values: Array) -> tuple[Array, Array]:
+        """Coefficients, and the predictions of each run by fits through the other runs."""
+        coefficients = inverse @ values
+        return coefficients, values - (values - basis @ coefficients) / (1 - leverage)
+
+    if features is None:
+        coefficients, others = fit(Y)
+        expansion, d = Expansion(alpha, coefficients[..., None], names), points.shape[1]
+        low, high, _ = Piecewise.whole(expansion, np.zeros((len(t), 1))).range(-np.ones(d), np.ones(d))
+        return low[:, 0], high[:, 0], SAFETY * np.sqrt(np.square(others - Y).mean(axis=0))
+    coefficients, others = fit(features)
+    left_out = Cycles.of(t, others)
+    errors = [
+        np.sqrt(np.square(left_out.values(phase) - Y).mean(axis=0)) for phase in (left_out.phase, features[:, : len(t)])
+    ]
+    low, high, attained = _on_lines(t, alpha, coefficients)
+    # Errors of the phase do not change an extreme that some phase attains.
+    error = np.where(attained.all(axis=0), errors[1], errors[0])
+    return low, high, SAFETY * error + LINE_ERROR * (high - low)
+
+
+def _cycles(t: Array, Y: Array) -> Array | None:
+    """Phases and waveforms of responses Y (N, n_t) side by side, as for `Cycles.of`; None if one does not oscillate.
+
+    Cycles begin where a response rises through the mean of all responses. If they are irregular, they begin at minima.
+    """
+    level = Y.mean()
+    responses, ends = [CubicSpline(t, y - level) for y in Y], [_end(t, y) for y in Y]
+    for order in (0, 1):
+        starts = [_starts(t[t <= end], each.derivative(order)) for each, end in zip(responses, ends, strict=True)]
+        if all(_is_regular(t, each, end) for each, end in zip(starts, ends, strict=True)):
+            rows = [_of_cycles(t, response, own) for response, own in zip(responses, starts, strict=True)]
+            found = np.array([np.concatenate([phase, form.ravel() + level]) for phase, form in rows])
+            found[:, : len(t)] -= np.round(found[:, :1] - found[0, 0])  # the first start may lie before the first time
+            return found
+    return None
+
+
+def _end(t: Array, y: Array) -> float:
+    """The last time at which a response (n_t,) has not come to rest."""
+    moves = np.abs(y - y[-1]) > AT_REST * np.ptp(y)
+    return float(t[np.flatnonzero(moves)[-1]]) if moves.any() else float(t[0])
+
+
+def _starts(t: Array, event: CubicSpline) -> Array:
+    """Times at which a spline passes 0 upwards, between the times t (n_t,)."""
+    values = event(t)
+    k = np.flatnonzero((values[:-1] <= 0) & (values[1:] > 0))
+    times = t[k] - values[k] * (t[k + 1] - t[k]) / (values[k + 1] - values[k])
+    for _ in range(3):  # Newton steps from the root of the straight line
+        times = np.clip(times - event(times) / event(times, 1), t[k], t[k + 1])
+    return times
+
+
+def _is_regular(t: Array, starts: Array, end: float) -> bool:
+    """Whether starts of cycles exist from the first time to an end, and the period changes slowly."""
+    if len(starts) <= LEAST_CYCLES or np.diff(np.searchsorted(t, starts)).min() < LEAST_CYCLES:
+        return False
+    periods, outside = np.diff(starts), np.array([starts[0] - t[0], end - starts[-1]])
+    is_complete = bool((outside < (1 + MOST_CHANGE) * periods[[0, -1]]).all())
+    return is_complete and bool(np.abs(np.diff(np.log(periods))).max() <= MOST_CHANGE)
+
+
+def _of_cycles(t: Array, response: CubicSpline, starts: Array) -> tuple[Array, Array]:
+    """Phase (n_t,) and waveforms (SLOW_TIMES, SAMPLES) of a response, from the starts of its cycles."""
+    number, u = np.arange(len(starts)), np.arange(SAMPLES) / SAMPLES
+    phase = CubicSpline(starts, number, bc_type="natural")
+    wanted = number[:-1, None] + u
+    at = CubicSpline(number, starts)(wanted)
+    for _ in range(2):  # Newton steps, because the inverse of a spline is no spline
+        at -= (phase(at) - wanted) / phase(at, 1)
+    cycles = CubicSpline(number[:-1], response(at), bc_type="natural")
+    # Beyond the last cycle, the frequency is constant. Splines are continued by two cycles at most.
+    last = starts[-1]
+    known = np.minimum(t, last)
+    slow = np.clip(phase(np.linspace(t[0], t[-1], SLOW_TIMES)[:, None]) - u, -2, len(starts))
+    return phase(known) + phase(last, 1) * (t - known), cycles(slow).diagonal(axis1=1, axis2=2)
+
+
+def _slow_rows(t: Array) -> tuple[Indices, Array]:
+    """For each time, the number of the last slow time before it, and the part of the interval that has passed."""
+    slow = (t - t[0]) / (t[-1] - t[0]) * (SLOW_TIMES - 1)
+    row = np.minimum(slow.astype(int), SLOW_TIMES - 2)
+    return row, slow - row
+
+
+def _on_lines(t: Array, alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Mask]:
+    """Range (n_t,) of polynomials of cycles on lines parallel to the axes, and whether phases attain it (2, n_t).
+
+    If amplitude and phase are linear, a largest value at a given phase lies on an edge. Other lines are for amplitudes
+    with a maximum inside of the box.
+    """
+    d = alpha.shape[1]
+    along = np.cos(np.pi * np.arange(LINE_POINTS) / (LINE_POINTS - 1))
+    lower, upper, attained = np.full(len(t), np.inf), np.full(len(t), -np.inf), np.zeros((2, len(t)), dtype=bool)
+    across = along[::2] if d < 3 else along[::4]
+    for axis, others in product(range(d), product(across, repeat=d - 1)):
+        line = np.insert(np.tile(others, (LINE_POINTS, 1)), axis, along, axis=1)
+        low, high, own = Cycles.of(t, basis_values(alpha, line) @ coefficients).range()
+        attained = np.where([low < lower, high > upper], own, attained)
+        lower, upper = np.minimum(lower, low), np.maximum(upper, high)
+    return lower, upper, attained

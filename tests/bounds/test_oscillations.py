@@ -1,0 +1,104 @@
+"""Bounds of oscillations over many periods, against closed forms and dense samples."""
+
+import numpy as np
+import pytest
+
+import symmb as mb
+
+
+def rms(values):
+    return np.sqrt(np.mean(np.square(values)))
+
+
+def assert_bounds(bounds, lower, upper, tolerance=2e-3):
+    """Bounds and estimate are within a fraction of the width of closed forms (n_t,)."""
+    width, error = rms(upper - lower), np.maximum(np.abs(bounds.lower - lower), np.abs(bounds.upper - upper))
+    assert rms(error) < tolerance * width
+    assert rms(bounds.estimate) < 1e-2 * width
+    assert not bounds.doubts
+
+
+def ranges_of_waves(phase):
+    """Smallest and largest cosine (n_t,) between two phases, each (n_t,)."""
+    low, high = phase
+    even, odd = (np.ceil((low - shift) / (2 * np.pi)) * 2 * np.pi + shift <= high for shift in (0.0, np.pi))
+    ends = np.cos([low, high])
+    return np.where(odd, -1.0, ends.min(axis=0)), np.where(even, 1.0, ends.max(axis=0))
+
+
+@pytest.mark.parametrize("periods", [30, 1000])
+def test_an_oscillator_has_the_bounds_of_its_closed_form(periods):
+    """x = cos(w t), with 3 % uncertain rate w = sqrt(k / m). The number of runs is the same for all horizons."""
+    t = np.linspace(0.0, periods, 20 * periods)
+    simulator = mb.FunctionSimulator(
+        lambda k, m: np.cos(2 * np.pi * np.sqrt(k / m) * t)[:, None], {"k": 1.0, "m": 1.0}, t, ["x"]
+    )
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(k=(0.97, 1.03), m=(0.97, 1.03)))
+    ends = np.sqrt([0.97 / 1.03, 1.03 / 0.97])
+    lower, upper = ranges_of_waves(2 * np.pi * np.outer(ends, t))
+    assert_bounds(bounds, lower[:, None], upper[:, None])
+    assert bounds.evaluations < 50
+
+
+def test_amplitudes_and_decay_count_beside_the_phase():
+    """x = a exp(-c t) cos(w t): the envelope is that of the largest a and the smallest c."""
+    t = np.linspace(0.0, 100.0, 3001)
+    simulator = mb.FunctionSimulator(
+        lambda a, c, w: (a * np.exp(-c * t) * np.cos(w * t))[:, None], {"a": 1.0, "c": 0.01, "w": 6.0}, t, ["x"]
+    )
+    box = mb.Box(a=(0.9, 1.1), c=(0.008, 0.012), w=(5.7, 6.3))
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), box)
+    low, high = ranges_of_waves(np.outer([5.7, 6.3], t))
+    ends = np.array([0.9 * np.exp(-0.012 * t), 1.1 * np.exp(-0.008 * t)])
+    lower, upper = np.minimum(*(ends * low)), np.maximum(*(ends * high))
+    assert_bounds(bounds, lower[:, None], upper[:, None])
+    assert bounds.evaluations < 60
+
+
+def test_a_long_horizon_of_a_scene_takes_as_many_runs_as_a_short_one():
+    """A nonlinear oscillator (Duffing) without damping, whose mass and stiffness are known to 5 %."""
+    p = mb.Parameters(m=1.0, k=100.0, k3=200.0)
+    ball = mb.Body("ball", p.m, pose=mb.Particle())
+    force = mb.Force("spring", ball.point(0, 0), (-(p.k * ball.x + p.k3 * ball.x**3), 0))
+    outputs = {"x": ball.x, "energy": p.m * ball.vx**2 / 2 + p.k * ball.x**2 / 2 + p.k3 * ball.x**4 / 4}
+    evaluations = list[int]()
+    for end in (20.0, 80.0):
+        times = np.linspace(0.0, end, int(30 * end) + 1)
+        scene = mb.Scene(
+            mb.System(ball, force, parameters=p), {"ball.x": 0.3}, times, outputs, box=mb.Box.around(p, 0.05)
+        )
+        bounds = mb.propagate(scene, mb.PolynomialChaos())
+        evaluations.append(bounds.evaluations)
+        late = times > end / 2  # phases differ by more than a cycle
+        np.testing.assert_allclose(bounds.upper[late, 0], 0.3, atol=1e-3)  # the start is the amplitude
+        np.testing.assert_allclose(bounds.lower[late, 0], -0.3, atol=1e-3)
+        energies = [p["k"] * s * 0.3**2 / 2 + p["k3"] * s * 0.3**4 / 4 for s in (0.95, 1.05)]
+        np.testing.assert_allclose([bounds.lower[:, 1].min(), bounds.upper[:, 1].max()], energies, rtol=1e-5)
+        assert not bounds.doubts and "phase" in bounds.range_of
+    assert max(evaluations) < 40
+
+
+def test_two_frequencies_are_no_phase():
+    """A beat of two frequencies has no regular cycles. Its study is the usual one."""
+    t = np.linspace(0.0, 20.0, 801)
+    simulator = mb.FunctionSimulator(
+        lambda w: (np.cos(w * t) + 0.9 * np.cos(1.35 * w * t))[:, None], {"w": 6.0}, t, ["x"]
+    )
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(w=(5.4, 6.6)))
+    assert "phase" not in bounds.range_of
+    w = np.linspace(5.4, 6.6, 20001)[:, None]
+    values = np.cos(w * t) + 0.9 * np.cos(1.35 * w * t)
+    beyond = np.maximum(bounds.lower[:, 0] - values.min(axis=0), values.max(axis=0) - bounds.upper[:, 0])
+    assert (beyond <= bounds.estimate[:, 0] + 1e-2).all()
+
+
+def test_a_kink_of_the_amplitude_is_in_the_estimate():
+    """The amplitude is limited in half of the box, which a polynomial misses."""
+    t = np.linspace(0.0, 60.0, 1801)
+    simulator = mb.FunctionSimulator(
+        lambda a, w: (np.minimum(a, 1.0) * np.cos(w * t))[:, None], {"a": 1.0, "w": 6.0}, t, ["x"]
+    )
+    bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(a=(0.5, 1.5), w=(5.7, 6.3)))
+    late = t > 20.0
+    error = np.maximum(np.abs(bounds.upper - 1.0), np.abs(bounds.lower + 1.0))[late]
+    assert (error <= bounds.estimate[late] + 1e-2).mean() > 0.99
