@@ -120,11 +120,13 @@ def oscillation_ranges(runs: Runs, tolerance: float) -> dict[int, EstimatedRange
         runs.check(design[: max(missing, 0)])
         if not runs.ok.all():
             break
-        points = np.concatenate([runs.places, runs.points])
-        error = 0.0
+        points, error = np.concatenate([runs.places, runs.points]), 0.0
         for k, Y in enumerate(_outputs(runs)):
-            lower, upper, estimate = (each[:, None] for each in _range(t, Y, points, alpha, runs.box.names))
-            own = relative_rms(estimate, runs.rms_widths()[k : k + 1])
+            fit, width = _Fit.of(t, Y, points, alpha), runs.rms_widths()[k : k + 1]
+            own = relative_rms(SAFETY * fit.least[:, None], width)
+            if own <= tolerance:  # ranges take time
+                lower, upper, estimate = (each[:, None] for each in fit.range())
+                own = relative_rms(estimate, width)
             if own <= tolerance:
                 found[k] = EstimatedRange(lower, upper, estimate, None, "waveforms of a phase", is_enough=True)
             elif k in oscillates and k not in found:
@@ -149,34 +151,50 @@ def _spread(t: Array, Y: Array) -> float:
     return 0.0 if found is None else float(np.ptp(found[:, len(t) - 1]))
 
 
-def _range(
-    t: Array, Y: Array, points: Array, alpha: MultiIndices, names: tuple[str, ...]
-) -> tuple[Array, Array, Array]:
-    """Range and estimated error, each (n_t,), of responses Y (N, n_t) at points (N, d)."""
-    features = _cycles(t, Y)
-    basis = basis_values(alpha, points)
-    inverse = np.linalg.pinv(basis)
-    leverage = (basis * inverse.T).sum(axis=1)[:, None]
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Polynomials of a response, or of its phase and waveform, through runs.
 
-    def fit(values: Array) -> tuple[Array, Array]:
-        """Coefficients, and the predictions of each run by fits through the other runs."""
-        coefficients = inverse @ values
-        return coefficients, values - (values - basis @ coefficients) / (1 - leverage)
+    Attributes
+    ----------
+    alpha : (n_b, d) degrees
+    coefficients : (n_b, n_t) of the response, or (n_b, n_t + SLOW_TIMES * SAMPLES) of phase and waveform
+    error : (n_t,) rms error of the response at each run, if the other runs predict it
+    least : (n_t,) the same without the error of the phase
+    """
 
-    if features is None:
-        coefficients, others = fit(Y)
-        expansion, d = Expansion(alpha, coefficients[..., None], names), points.shape[1]
-        low, high, _ = Piecewise.whole(expansion, np.zeros((len(t), 1))).range(-np.ones(d), np.ones(d))
-        return low[:, 0], high[:, 0], SAFETY * np.sqrt(np.square(others - Y).mean(axis=0))
-    coefficients, others = fit(features)
-    left_out = Cycles.of(t, others)
-    errors = [
-        np.sqrt(np.square(left_out.values(phase) - Y).mean(axis=0)) for phase in (left_out.phase, features[:, : len(t)])
-    ]
-    low, high, attained = _on_lines(t, alpha, coefficients)
-    # Errors of the phase do not change an extreme that some phase attains.
-    error = np.where(attained.all(axis=0), errors[1], errors[0])
-    return low, high, SAFETY * error + LINE_ERROR * (high - low)
+    t: Array
+    alpha: MultiIndices
+    coefficients: Array
+    error: Array
+    least: Array
+
+    @classmethod
+    def of(cls, t: Array, Y: Array, points: Array, alpha: MultiIndices) -> "_Fit":
+        """The fit to responses Y (N, n_t) at points (N, d)."""
+        cycles = _cycles(t, Y)
+        values = Y if cycles is None else cycles
+        basis = basis_values(alpha, points)
+        inverse = np.linalg.pinv(basis)
+        coefficients, leverage = inverse @ values, (basis * inverse.T).sum(axis=1)[:, None]
+        others = values - (values - basis @ coefficients) / (1 - leverage)
+        found = [others, others]
+        if cycles is not None:
+            left_out = Cycles.of(t, others)
+            found = [left_out.values(phase) for phase in (left_out.phase, cycles[:, : len(t)])]
+        return cls(t, alpha, coefficients, *(np.sqrt(np.square(each - Y).mean(axis=0)) for each in found))
+
+    def range(self) -> tuple[Array, Array, Array]:
+        """Smallest and largest values, and their estimated error, each (n_t,)."""
+        d, t = self.alpha.shape[1], self.t
+        if self.coefficients.shape[1] == len(t):
+            whole = Expansion(self.alpha, self.coefficients[..., None], tuple(map(str, range(d))))
+            low, high, _ = Piecewise.whole(whole, np.zeros((len(t), 1))).range(-np.ones(d), np.ones(d))
+            return low[:, 0], high[:, 0], SAFETY * self.error
+        low, high, attained = _on_lines(t, self.alpha, self.coefficients)
+        # Errors of the phase do not change an extreme that some phase attains.
+        error = np.where(attained.all(axis=0), self.least, self.error)
+        return low, high, SAFETY * error + LINE_ERROR * (high - low)
 
 
 def _cycles(t: Array, Y: Array) -> Array | None:
