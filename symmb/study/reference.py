@@ -11,7 +11,6 @@ from symmb._errors import PropagationError, SimulationError
 from symmb._magnitudes import SAME
 from symmb._types import Array, Executor
 from symmb.bound.bounds import Bounds, Method, MonteCarlo, Optimization, Scanning, Vertex, gathered
-from symmb.bound.bounds.method import parameter_columns
 from symmb.bound.nodes import Sobol
 from symmb.connect import Simulator
 from symmb.equations.model import Box
@@ -162,7 +161,8 @@ class _Differences:
         """Values and slopes (2, m, n_t, n_y), at each point along one direction for each parameter of the box."""
         del order
         points = p0[:: len(self._box)]
-        at = self._box.to_unit(points[:, parameter_columns(self, self._box)]).ravel()
+        columns = [list(self.parameters).index(name) for name in self._box.names]
+        at = self._box.to_unit(points[:, columns]).ravel()
         # Step relative to the half width. It is small compared with the box, and large compared with errors of runs.
         # Steps point to the centre.
         step = np.where(at > 0, -0.02, 0.02)[:, None]

@@ -7,9 +7,9 @@ SIAM/ASA Journal on Uncertainty Quantification 5 (2017).
 
 from dataclasses import dataclass
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from symmb._types import Array, Indices, Mask
 from symmb.bound.bounds.adaptive.check_points import PROBES, SAFETY, corner_design, quasi_random_points
@@ -19,6 +19,9 @@ from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bound.nodes import Grid
 from symmb.bound.polynomials import Expansion, MultiIndices, TotalDegree, basis_values
 from symmb.bound.polynomials.ranges import Piecewise
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 LEAST_CYCLES = 8
 """Smallest number of cycles of each run, and of output times in each cycle. Splines through fewer are less accurate."""
@@ -203,7 +206,7 @@ def _cycles(t: Array, Y: Array) -> Array | None:
     Cycles begin where a response rises through the mean of all responses. If they are irregular, they begin at minima.
     """
     level = Y.mean()
-    responses, ends = [CubicSpline(t, y - level) for y in Y], [_end(t, y) for y in Y]
+    responses, ends = [_spline(t, y - level) for y in Y], [_end(t, y) for y in Y]
     for order in (0, 1):
         starts = [_starts(t[t <= end], each.derivative(order)) for each, end in zip(responses, ends, strict=True)]
         if all(_is_regular(t, each, end) for each, end in zip(starts, ends, strict=True)):
@@ -214,13 +217,20 @@ def _cycles(t: Array, Y: Array) -> Array | None:
     return None
 
 
+def _spline(x: Array, y: Array) -> "CubicSpline":
+    """The natural cubic spline through values y (n, ...) at x (n,)."""
+    from scipy.interpolate import CubicSpline  # takes a tenth of a second
+
+    return CubicSpline(x, y, bc_type="natural")
+
+
 def _end(t: Array, y: Array) -> float:
     """The last time at which a response (n_t,) has not come to rest."""
     moves = np.abs(y - y[-1]) > AT_REST * np.ptp(y)
     return float(t[np.flatnonzero(moves)[-1]]) if moves.any() else float(t[0])
 
 
-def _starts(t: Array, event: CubicSpline) -> Array:
+def _starts(t: Array, event: "CubicSpline") -> Array:
     """Times at which a spline passes 0 upwards, between the times t (n_t,)."""
     values = event(t)
     k = np.flatnonzero((values[:-1] <= 0) & (values[1:] > 0))
@@ -239,15 +249,15 @@ def _is_regular(t: Array, starts: Array, end: float) -> bool:
     return is_complete and bool(np.abs(np.diff(np.log(periods))).max() <= MOST_CHANGE)
 
 
-def _of_cycles(t: Array, response: CubicSpline, starts: Array) -> tuple[Array, Array]:
+def _of_cycles(t: Array, response: "CubicSpline", starts: Array) -> tuple[Array, Array]:
     """Phase (n_t,) and waveforms (SLOW_TIMES, SAMPLES) of a response, from the starts of its cycles."""
-    number, u = np.arange(len(starts)), np.arange(SAMPLES) / SAMPLES
-    phase = CubicSpline(starts, number, bc_type="natural")
+    number, u = np.arange(len(starts), dtype=float), np.arange(SAMPLES) / SAMPLES
+    phase = _spline(starts, number)
     wanted = number[:-1, None] + u
-    at = CubicSpline(number, starts)(wanted)
+    at = _spline(number, starts)(wanted)
     for _ in range(2):  # Newton steps, because the inverse of a spline is no spline
         at -= (phase(at) - wanted) / phase(at, 1)
-    cycles = CubicSpline(number[:-1], response(at), bc_type="natural")
+    cycles = _spline(number[:-1], response(at))
     # Beyond the last cycle, the frequency is constant. Splines are continued by two cycles at most.
     last = starts[-1]
     known = np.minimum(t, last)
