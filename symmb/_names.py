@@ -112,7 +112,7 @@ def name_fault(name: object, without: str = "") -> str:
     if not name.isprintable() or name != name.strip() or not 1 <= len(name) <= LONGEST:
         return f"a name must have 1 to {LONGEST} printable characters, without spaces at its ends."
     if any(c in name for c in without):
-        return f"a name must not contain {' '.join(without.replace(' ', '␣'))}."
+        return f"a name must not contain {' '.join(without.replace(' ', ''))}{' or spaces' * (' ' in without)}."
     return ""
 
 

@@ -4,6 +4,8 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from symmb._magnitudes import SAME
+
 
 def is_timeless(t: Sequence[float] | np.ndarray) -> bool:
     """Whether the only time is 0. Results without times have this time, which is neither printed nor drawn."""
@@ -25,7 +27,8 @@ def over_times(rows: Sequence[Sequence[str]], t: Sequence[float] | np.ndarray = 
 
 def time_text(t: Sequence[float] | np.ndarray, i: int, *values: np.ndarray) -> str:
     """Time number i as text. The text is empty if the values (n_t,) are equal at all times, as for scalar outputs."""
-    return "" if len(t) > 1 and all((own == own[0]).all() for own in values) else f"{t[i]:.6g}"
+    is_scalar = len(t) > 1 and all(np.ptp(own) <= SAME * np.abs(own).max() or np.isnan(own).all() for own in values)
+    return "" if is_scalar else f"{t[i]:.6g}"
 
 
 def at_time(t: Sequence[float] | np.ndarray, i: int) -> str:

@@ -56,6 +56,8 @@ _TABLE = {
     for prefix, power in {"": 0, **_PREFIXES}.items()
     if not prefix or prefix in prefixes or ("u" in prefixes and power == _PREFIXES["u"])
 }
+_COMMON_FIRST = ["mm", "m", "kg", "s", "N", "kN", "MPa", "J", "W", "deg", "rad", "rpm", *_TABLE]
+"""Names of units for error messages, which list the first ones."""
 _OFFSET = re.compile(r"(?:\N{DEGREE SIGN}|deg)[CF]")
 _RAISED = re.compile("[\N{SUPERSCRIPT MINUS}\N{SUPERSCRIPT ONE}\N{SUPERSCRIPT TWO}\N{SUPERSCRIPT THREE}]+")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -105,7 +107,7 @@ def _named(owner: str, text: str, name: str) -> Unit:
         )
     if name not in _TABLE:
         where = "" if name == text.strip() else f" in {shown(text)}"
-        raise DeclarationError(f"{owner}: {shown(name)}{where} is not a known unit.{did_you_mean(name, _TABLE)}")
+        raise DeclarationError(f"{owner}: {shown(name)}{where} is not a known unit.{did_you_mean(name, _COMMON_FIRST)}")
     return _TABLE[name]
 
 

@@ -98,6 +98,7 @@ class Search:
         self._most = np.clip(0.99 * to_zero, 1.0, LARGEST_FACTOR)
         self.evaluations, self.remarks, self.narrow = 1, tuple[str, ...](), tuple[str, ...]()
         self._idle: Mask | None = None
+        self._shift = np.zeros(len(limits))
         # Limits also apply between output times. Studies have values at output times only, single runs at all times.
         self._extremes = Extremes(simulator, [*limits], executor)
         nominal = np.array([[*map(float, simulator.parameters.values())]])
@@ -263,7 +264,7 @@ class Search:
         if check.kept is None and not bounds.failed:
             # The margin is too small for a decision. A smaller box has a larger margin.
             ray.undecided = ray.undecided or (s, bounds)
-            after, ray.less = s * (1 - ray.less), 2 * ray.less
+            after, ray.less = s * (1 - ray.less), min(2 * ray.less, 0.5)
             return after
         ray.reach, is_failed = self._met(ray)
         ray.why = ray.why if is_failed or ray.reach == ray.high else ""
@@ -304,41 +305,58 @@ class Search:
         """The factors with the lowest cost, and bounds over their box.
 
         The search starts at the largest common factor. Further studies follow until the factors are inside a box with
-        accurate polynomials. If these factors do not cost less than the common factor, the common factor is the result.
+        accurate polynomials. Where polynomials are inaccurate, each step is verified, and the search ends if a step
+        saves little. If no factors cost less than the common factor, the common factor is the result.
         """
-        common, whole = self.largest(np.ones(len(self._shape)))
-        factors, remarks = common, self.remarks
+        best = self.largest(np.ones(len(self._shape)))
+        factors, remarks = best[0], self.remarks
+
+        def try_factors() -> bool:
+            """Whether these factors, or a multiple of them, satisfy the limits and cost less than the best so far."""
+            nonlocal best, remarks
+            before, found = cost(best[0]), self.largest(factors)
+            if cost(found[0]) < before:
+                best, remarks = found, self.remarks
+            return cost(best[0]) < before * (1 - _SETTLED)
+
         for _ in range(_MAX_STUDIES):
             wide = np.minimum(_WIDER * factors, self._most)
-            surrogate = self._polynomials(wide)
+            surrogate, is_good = self._polynomials(wide)
+            names = ", ".join(self._limits)
+            inaccurate = f"A cheaper box may exist: polynomials of {names} are inaccurate in a wider box."
+            self.narrow = () if is_good else (inaccurate,)
             if surrogate is None:
-                names = ", ".join(self._limits)
-                self.narrow = (f"A cheaper box may exist: polynomials of {names} are inaccurate in a wider box.",)
                 break
+            self._shift = np.zeros(len(self._limits))
+            if not is_good:  # the box with these factors satisfies the limits, and its margins must not be negative
+                self._shift = np.maximum(-self._margins_on(surrogate, wide, factors).min(axis=0), 0.0)
             start = self._factor_on(surrogate, wide, factors) * factors
             factors = self._allocated(surrogate, wide, start, cost)
             is_inside = (factors < wide * (1 - _SETTLED)) | (factors >= self._most * (1 - _SETTLED))
-            if (is_inside & (factors > start * _NARROWER * (1 + _SETTLED))).all():
+            if is_good and (is_inside & (factors > start * _NARROWER * (1 + _SETTLED))).all():
                 break
-        if cost(factors) < cost(common):
-            found = self.largest(factors)
-            if cost(found[0]) < cost(common):
-                return found
+            if not is_good:  # each step is verified
+                if not try_factors():
+                    break
+                factors = best[0]
+        if cost(factors) < cost(best[0]):
+            try_factors()
         self.remarks = remarks
-        return common, whole
+        return best
 
-    def _polynomials(self, factors: Array) -> Piecewise | None:
-        """The polynomials of the outputs with limits over a box; None if the polynomials are not accurate."""
+    def _polynomials(self, factors: Array) -> tuple[Piecewise | None, bool]:
+        """The polynomials of the outputs with limits over a box, or None, and whether they are accurate."""
         with suppress(PropagationError):  # too many runs fail
-            surrogate = self._study(factors).good_surrogate(self._columns)
-            return surrogate and surrogate.part(slice(None), self._columns)
-        return None
+            bounds = self._study(factors)
+            own = bounds.surrogate and bounds.surrogate.part(slice(None), self._columns)
+            return own, bounds.good_surrogate(self._columns) is not None
+        return None, False
 
     def _margins_on(self, surrogate: Piecewise, wide: Array, factors: Array) -> Array:
         """Margins (n_t, n_l) over a box with given factors, by polynomials for a box with the factors `wide` (d,)."""
         whole, part = self._box(wide), self._box(factors)
         low, high, _ = surrogate.range(whole.to_unit(part.lower), whole.to_unit(part.upper))
-        return self._margins(low, high)
+        return self._margins(low, high) + self._shift
 
     def _factor_on(self, surrogate: Piecewise, wide: Array, factors: Array) -> float:
         """The largest multiple of the factors (d,), at most 1, for which the polynomials give nonnegative margins."""

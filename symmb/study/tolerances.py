@@ -89,7 +89,7 @@ class Tolerances(Counted, Result, Saved):
     remarks: tuple[str, ...] = ()
 
     def _head(self) -> str:
-        best = "The cheapest box that" if self.cost is not None else "The largest box that"
+        best = "The cheapest box found that" if self.cost is not None else "The largest box that"
         kind = best if self.binding or self.cost is not None else "At least this box"
         satisfies = "may satisfy" if self.check.kept is None else "satisfies"
         lines = [f"{kind} {satisfies} the limits, from {self.evaluations} runs"]

@@ -27,7 +27,7 @@ FAULTS = [
     (lambda: [P], r"neither a body, a constraint nor a force\. Pass parameters=p"),
     (lambda: [mb.Torque("rod1", ROD1, 1.0)], "Torque 'rod1': the name is used twice. Choose another."),
     (lambda: [mb.Gravity(0, 1), mb.Gravity(1, 0)], "Gravity 'gravity': the name is used twice"),
-    (lambda: [mb.Body("rod.1", 1.0, 0.1)], r"Body 'rod\.1': a name must not contain \. \[ \] ␣"),
+    (lambda: [mb.Body("rod.1", 1.0, 0.1)], r"Body 'rod\.1': a name must not contain \. \[ \] or spaces"),
     (lambda: [mb.Body("", 1.0, 0.1)], "Body '': a name must have 1 to 100 printable characters"),
     (
         lambda: [mb.Torque("drive", ROD1, STRANGER.theta)],
