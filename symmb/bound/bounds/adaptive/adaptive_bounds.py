@@ -56,15 +56,16 @@ def adaptive_bounds(
         takes = "and the probes take" if probes else "takes"
         raise PropagationError(f"{text}: the first level {takes} {first} runs, more than the budget of {most}.")
     runs = Runs(simulator, box, most, executor, progress, Clock(seconds), probes)
-    while (estimated := _estimated(runs, tolerance, is_patient=budget is not None)) is None:
+    while (found := _estimated(runs, tolerance, is_patient=budget is not None)) is None:
         runs = runs.anew()
         if first > runs.left:
             raise PropagationError(
                 f"{text}: late runs give values 1e90 times those of earlier runs, and too few runs are left to start "
                 "again. Use the logarithm of the output as the output, or a larger budget."
             )
+    estimated, known = found
     is_noise, power = np.isinf(runs.rms_widths()), runs.power
-    lower, upper, estimate = _attained_or_estimated(runs, estimated, is_noise)
+    lower, upper, estimate = _attained_or_estimated(runs, estimated, is_noise, known)
     remarks, doubts = _of_accuracy(runs, tolerance, estimated.is_enough, estimate)
     lower, upper, estimate = (_scaled(each, power) for each in (lower, upper, estimate))
     bounds = Bounds(
@@ -97,8 +98,10 @@ def adaptive_bounds(
     return replace(bounds, surrogate=found, expansion=found.expansions[0] if len(found.expansions) == 1 else None)
 
 
-def _estimated(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange | None:
-    """The range of a surrogate that is refined until it is accurate enough; None if the study must begin again.
+def _estimated(runs: Runs, tolerance: float, is_patient: bool) -> tuple[EstimatedRange, list[int]] | None:
+    """The range of a surrogate that is refined until it is accurate enough, and numbers of outputs with waveforms.
+
+    The result is None if the study must begin again.
 
     If a tensor grid takes too many runs, the outputs are studied by the method for many parameters. The grid is then
     refined only for outputs that are still uncertain. Each output gets the better of the two ranges.
@@ -109,7 +112,7 @@ def _estimated(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange
             surrogate = TensorGrids(runs, tolerance) if len(runs.box) <= MOST_PARAMETERS else None
             known = oscillation_ranges(runs, tolerance)
             if surrogate is None or len(known) == runs.shape[1]:
-                return range_of_many(runs, tolerance, is_patient, known)
+                return range_of_many(runs, tolerance, is_patient, known), [*known]
             if known:
                 surrogate.count_only(np.array([k not in known for k in range(runs.shape[1])]))
             while (found := surrogate.bounded()) is None:
@@ -117,19 +120,24 @@ def _estimated(runs: Runs, tolerance: float, is_patient: bool) -> EstimatedRange
                     other = range_of_many(runs, tolerance, False, known)
                     is_open = relative_errors(other.estimate, runs.rms_widths()) > DOUBTFUL
                     if not is_open.any():
-                        return other
+                        return other, [*known]
                     surrogate.count_only(is_open)
                 else:
                     surrogate = surrogate.refined()
             found = found.with_known(known)
-            return other.better(found, runs.rms_widths(), tolerance) if other else found
+            return other.better(found, runs.rms_widths(), tolerance) if other else found, [*known]
     except OutgrownError:
         return None
 
 
-def _attained_or_estimated(runs: Runs, estimated: EstimatedRange, is_noise: Mask) -> tuple[Array, Array, Array]:
-    """Bounds and their estimated errors, each (n_t, n_y). If the error exceeds the width of the extremes of runs, the
-    bounds are these extremes."""
+def _attained_or_estimated(
+    runs: Runs, estimated: EstimatedRange, is_noise: Mask, known: list[int]
+) -> tuple[Array, Array, Array]:
+    """Bounds and their estimated errors, each (n_t, n_y).
+
+    If the error exceeds the width of the extremes of runs, the bounds are these extremes. This does not apply to
+    outputs with waveforms, given by their numbers: all runs may be at the same phase.
+    """
     lowest, highest = runs.extremes
     estimate = np.maximum(estimated.estimate, runs.beyond(estimated.lower, estimated.upper))
     below = above = False
@@ -141,6 +149,7 @@ def _attained_or_estimated(runs: Runs, estimated: EstimatedRange, is_noise: Mask
     floor = np.where(highest > lowest, np.where(is_noise, runs.floor, runs.noise), 0.0)
     estimate = np.maximum(np.where(is_noise, 0.0, estimate), floor)
     unresolved = is_noise | (estimate > highest - lowest)
+    unresolved[:, known] = is_noise[known]
     lower = np.where(unresolved | below, lowest, np.minimum(estimated.lower, lowest))
     upper = np.where(unresolved | above, highest, np.maximum(estimated.upper, highest))
     return lower, upper, estimate

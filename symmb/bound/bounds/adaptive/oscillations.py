@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from symmb._types import Array, Indices, Mask
-from symmb.bound.bounds.adaptive.check_points import PROBES, SAFETY, corner_design, quasi_random_points
+from symmb.bound.bounds.adaptive.check_points import PROBES, SAFETY, corner_design, evenly_spread_points
 from symmb.bound.bounds.adaptive.continuation import along_axes
 from symmb.bound.bounds.adaptive.runs import Runs, relative_rms
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bound.nodes import Grid
-from symmb.bound.polynomials import Expansion, MultiIndices, TotalDegree, basis_values
-from symmb.bound.polynomials.ranges import Piecewise
+from symmb.bound.polynomials import MultiIndices, TotalDegree, basis_values
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -31,15 +30,15 @@ MOST_CHANGE = 0.1
 """Largest relative change of the period between two cycles. Responses with several frequencies change more."""
 AT_REST = 1e-4
 """Largest distance from the last value, divided by the width of a response, at which an oscillation has decayed."""
-MOST_DIMENSIONS = 4
-"""Largest number of parameters, because the number of lines grows with powers of it."""
+MOST_DIMENSIONS, MOST_VALUES = 4, 5e7
+"""Largest number of parameters, and of values of waveforms in a search of ranges. The search takes a few seconds."""
 MOST_DEGREE, CONVERGENCE = 5, 0.5
 """Largest degree of the polynomials, and largest ratio of the errors of two degrees. With a larger ratio, polynomials
 of phase and waveform do not converge, and other methods take fewer runs."""
 SAMPLES, FINE_SAMPLES, SLOW_TIMES = 32, 128, 129
 """Samples of a cycle in fits and in ranges, and times at which waveforms are stored. Waveforms change slowly."""
-LINE_POINTS, LINE_ERROR = 9, 1e-3
-"""Number of points on a line, between which phases are nearly linear, and error of ranges on lines over the width."""
+LINE_ERROR, PHASE_ERROR = 1e-3, 0.1
+"""Error of ranges on lines over the width, and error of the phase [cycles] above which extremes may be wrong."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,26 +82,29 @@ class Cycles:
             top = sign * np.take_along_axis(self.form, best[..., None], axis=2)[..., 0]
             top = (1 - part) * top[:, row] + part * top[:, row + 1]
             # The top of the waveform is attained where the phase exceeds that of the top by whole cycles. The highest
-            # of these places between two points is the one next to one of these points.
-            away = self.phase - best[:, row] / FINE_SAMPLES
-            first, last = away[:-1], away[1:]
+            # of these places between two points is the one next to one of these points. If the top jumps to another
+            # hump between two points, it is not attained there.
+            at = best / FINE_SAMPLES
+            turn = np.diff(at, axis=0)
+            turn -= np.round(turn)
+            first = self.phase[:-1] - at[:-1, row]
+            last = first + np.diff(self.phase, axis=0) - turn[:, row]
             low, high = np.minimum(first, last), np.maximum(first, last)
             places = (
                 np.divide(k - first, last - first, out=np.zeros_like(k), where=low < high)
                 for k in (np.ceil(low), np.floor(high))
             )
             tops = np.max([top[:-1] + u * (top[1:] - top[:-1]) for u in places], axis=0)
-            tops, points = np.where(np.ceil(low) <= high, tops, -np.inf).max(axis=0), (sign * values).max(axis=0)
+            is_met = (np.ceil(low) <= high) & (np.abs(turn) < PHASE_ERROR)[:, row]
+            tops, points = np.where(is_met, tops, -np.inf).max(axis=0), (sign * values).max(axis=0)
             ends[side], attained[side] = np.maximum(tops, points), tops >= points
         return -ends[0], ends[1], attained
 
 
 def oscillation_ranges(runs: Runs, tolerance: float) -> dict[int, EstimatedRange]:
-    """The ranges of outputs, by their numbers, if responses have phases that differ by a cycle or more between runs.
+    """The ranges of outputs that oscillate, by their numbers, if their phases differ by a cycle or more between runs.
 
-    Outputs that do not oscillate are approximated by polynomials through the same runs. The error is that of each run,
-    if the other runs predict it. Outputs with errors above the tolerance are left out. The result is empty if no
-    oscillation has a smaller error.
+    The error is that of each run, if the other runs predict it. Outputs with errors above the tolerance are left out.
     """
     t, d, before = np.asarray(runs.simulator.times), len(runs.box), np.inf
     found, oscillates = dict[int, EstimatedRange](), list[int]()
@@ -113,31 +115,35 @@ def oscillation_ranges(runs: Runs, tolerance: float) -> dict[int, EstimatedRange
         runs.at(grid.grown(grid.missing(along_axes(d, 2))).nodes)
     if runs.ok.all():
         oscillates = [k for k, Y in enumerate(_outputs(runs)) if _spread(t, Y) > LEAST_SPREAD]
+    if len(oscillates) * len(t) * sum(map(len, _lines(d))) > MOST_VALUES:
+        return found
     for degree in range(2, MOST_DEGREE + 1):
         alpha = TotalDegree().indices(d, degree)
-        design = np.concatenate([corner_design(d), quasi_random_points(2 * len(alpha) + PROBES, d)])
-        missing = len(design) - len(runs)
+        spread = evenly_spread_points(2 * len(alpha) + PROBES, d)
+        design = np.concatenate([corner_design(d), spread])
         is_late = degree > 2 and runs.clock.is_late
-        if not set(oscillates) - found.keys() or missing > runs.left or is_late:
+        if found.keys() == set(oscillates) or len(design) > runs.left or is_late:
             break
-        runs.check(design[: max(missing, 0)])
+        runs.check(design)
         if not runs.ok.all():
             break
-        points, error = np.concatenate([runs.places, runs.points]), 0.0
-        for k, Y in enumerate(_outputs(runs)):
-            fit, width = _Fit.of(t, Y, points, alpha), runs.rms_widths()[k : k + 1]
+        points, Y, error = np.concatenate([runs.places, runs.points]), _outputs(runs), 0.0
+        for k in oscillates:
+            if k in found or (fit := _Fit.of(t, Y[k], points, alpha)) is None:
+                continue
+            width = runs.rms_widths()[k : k + 1]
             own = relative_rms(SAFETY * fit.least[:, None], width)
             if own <= tolerance:  # ranges take time
                 lower, upper, estimate = (each[:, None] for each in fit.range())
                 own = relative_rms(estimate, width)
-            if own <= tolerance:
-                found[k] = EstimatedRange(lower, upper, estimate, None, "waveforms of a phase", is_enough=True)
-            elif k in oscillates and k not in found:
-                error = max(error, own)
+                if own <= tolerance:
+                    found[k] = EstimatedRange(lower, upper, estimate, None, "waveforms of a phase", is_enough=True)
+                    continue
+            error = max(error, own)
         if error > CONVERGENCE * before:
             break
         before = error
-    return found if set(oscillates) & found.keys() else {}
+    return found
 
 
 def _outputs(runs: Runs) -> list[Array]:
@@ -156,48 +162,88 @@ def _spread(t: Array, Y: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Polynomials of a response, or of its phase and waveform, through runs.
+    """Polynomials of phase and waveform through runs.
 
     Attributes
     ----------
     alpha : (n_b, d) degrees
-    coefficients : (n_b, n_t) of the response, or (n_b, n_t + SLOW_TIMES * SAMPLES) of phase and waveform
+    coefficients : (n_b, n_t + SLOW_TIMES * SAMPLES) of phase and waveform
+    spread : (n_t,) largest difference of the phases of runs
     error : (n_t,) rms error of the response at each run, if the other runs predict it
     least : (n_t,) the same without the error of the phase
+    is_sure : (n_t,) whether the error of the phase is small
     """
 
     t: Array
     alpha: MultiIndices
     coefficients: Array
+    spread: Array
     error: Array
     least: Array
+    is_sure: Mask
 
     @classmethod
-    def of(cls, t: Array, Y: Array, points: Array, alpha: MultiIndices) -> "_Fit":
-        """The fit to responses Y (N, n_t) at points (N, d)."""
-        cycles = _cycles(t, Y)
-        values = Y if cycles is None else cycles
+    def of(cls, t: Array, Y: Array, points: Array, alpha: MultiIndices) -> "_Fit | None":
+        """The fit to responses Y (N, n_t) at points (N, d); None if a response does not oscillate."""
+        if (cycles := _cycles(t, Y)) is None:
+            return None
         basis = basis_values(alpha, points)
         inverse = np.linalg.pinv(basis)
-        coefficients, leverage = inverse @ values, (basis * inverse.T).sum(axis=1)[:, None]
-        others = values - (values - basis @ coefficients) / (1 - leverage)
-        found = [others, others]
-        if cycles is not None:
-            left_out = Cycles.of(t, others)
-            found = [left_out.values(phase) for phase in (left_out.phase, cycles[:, : len(t)])]
-        return cls(t, alpha, coefficients, *(np.sqrt(np.square(each - Y).mean(axis=0)) for each in found))
+        coefficients, leverage = inverse @ cycles, (basis * inverse.T).sum(axis=1)[:, None]
+        others = Cycles.of(t, cycles - (cycles - basis @ coefficients) / (1 - leverage))
+        phase = cycles[:, : len(t)]
+        errors = (others.values(each) - Y for each in (others.phase, phase))
+        of_all, of_form, of_phase = (np.sqrt(np.square(e).mean(axis=0)) for e in (*errors, others.phase - phase))
+        return cls(t, alpha, coefficients, np.ptp(phase, axis=0), of_all, of_form, of_phase < PHASE_ERROR)
 
     def range(self) -> tuple[Array, Array, Array]:
-        """Smallest and largest values, and their estimated error, each (n_t,)."""
-        d, t = self.alpha.shape[1], self.t
-        if self.coefficients.shape[1] == len(t):
-            whole = Expansion(self.alpha, self.coefficients[..., None], tuple(map(str, range(d))))
-            low, high, _ = Piecewise.whole(whole, np.zeros((len(t), 1))).range(-np.ones(d), np.ones(d))
-            return low[:, 0], high[:, 0], SAFETY * self.error
-        low, high, attained = _on_lines(t, self.alpha, self.coefficients)
+        """Smallest and largest values, and their estimated error, each (n_t,).
+
+        If amplitude and phase are linear, a largest value at a given phase lies on an edge. Other lines pass through
+        the middle and through the places of the largest amplitudes. If the largest amplitude on a grid is larger than
+        that on lines, the difference counts as an error. Half a cycle is the distance to the right phase at most.
+        """
+        t, d = self.t, self.alpha.shape[1]
+        lower, upper, attained = np.full(len(t), np.inf), np.full(len(t), -np.inf), np.zeros((2, len(t)), dtype=bool)
+        tops, places = self._largest_forms()
+        for line in _lines(d, places):
+            low, high, own = Cycles.of(t, basis_values(self.alpha, line) @ self.coefficients).range()
+            attained = np.where([low < lower, high > upper], own, attained)
+            lower, upper = np.minimum(lower, low), np.maximum(upper, high)
         # Errors of the phase do not change an extreme that some phase attains.
-        error = np.where(attained.all(axis=0), self.least, self.error)
-        return low, high, SAFETY * error + LINE_ERROR * (high - low)
+        is_met = attained.all(axis=0) & self.is_sure
+        least, most, change = (np.interp(t, np.linspace(t[0], t[-1], tops.shape[1]), each) for each in tops)
+        missed = np.maximum(lower - least, most - upper) - change / np.maximum(self.spread, 1.0)
+        error = np.where(is_met, self.least + np.maximum(missed, 0.0) / SAFETY, self.error)
+        return lower, upper, SAFETY * error + LINE_ERROR * (upper - lower)
+
+    def _largest_forms(self) -> tuple[Array, Array]:
+        """Extremes of waveforms on a grid, and the largest change of an extreme over the grid, each at some slow times
+        (3, n), and places (N, d) of the extremes."""
+        d, every = self.alpha.shape[1], SLOW_TIMES // 16
+        grid = np.array([*product(_along(d)[:: 1 if d < 4 else 2], repeat=d)])
+        forms = self.coefficients[:, len(self.t) :].reshape(len(self.alpha), SLOW_TIMES, SAMPLES)[:, ::every]
+        forms = np.tensordot(basis_values(self.alpha, grid), forms, axes=1)
+        lows, highs = forms.min(axis=2), forms.max(axis=2)
+        best = np.unique([lows.argmin(axis=0), highs.argmax(axis=0)])
+        change = np.maximum(np.ptp(lows, axis=0), np.ptp(highs, axis=0))
+        return np.stack([lows.min(axis=0), highs.max(axis=0), change]), grid[best]
+
+
+def _along(d: int) -> Array:
+    """Coordinates of points on a line in a box of d parameters."""
+    n = 33 if d < 3 else 17
+    return np.cos(np.pi * np.arange(n) / (n - 1))
+
+
+def _lines(d: int, places: Array | None = None) -> list[Array]:
+    """Lines (N, d) parallel to the axes: edges, lines through the middle of the box and through places (n, d)."""
+    along, across = _along(d), (-1.0, 0.0, 1.0) if d < MOST_DIMENSIONS else (-1.0, 1.0)
+    through = [each for axis in range(d) for each in product([axis], product(across, repeat=d - 1))]
+    through += [
+        (axis, tuple(np.delete(place, axis))) for place in (() if places is None else places) for axis in range(d)
+    ]
+    return [np.insert(np.tile(at, (len(along), 1)), axis, along, axis=1) for axis, at in dict.fromkeys(through)]
 
 
 def _cycles(t: Array, Y: Array) -> Array | None:
@@ -270,21 +316,3 @@ def _slow_rows(t: Array) -> tuple[Indices, Array]:
     slow = (t - t[0]) / (t[-1] - t[0]) * (SLOW_TIMES - 1)
     row = np.minimum(slow.astype(int), SLOW_TIMES - 2)
     return row, slow - row
-
-
-def _on_lines(t: Array, alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Mask]:
-    """Range (n_t,) of polynomials of cycles on lines parallel to the axes, and whether phases attain it (2, n_t).
-
-    If amplitude and phase are linear, a largest value at a given phase lies on an edge. Other lines are for amplitudes
-    with a maximum inside of the box.
-    """
-    d = alpha.shape[1]
-    along = np.cos(np.pi * np.arange(LINE_POINTS) / (LINE_POINTS - 1))
-    lower, upper, attained = np.full(len(t), np.inf), np.full(len(t), -np.inf), np.zeros((2, len(t)), dtype=bool)
-    across = along[::2] if d < 3 else along[::4]
-    for axis, others in product(range(d), product(across, repeat=d - 1)):
-        line = np.insert(np.tile(others, (LINE_POINTS, 1)), axis, along, axis=1)
-        low, high, own = Cycles.of(t, basis_values(alpha, line) @ coefficients).range()
-        attained = np.where([low < lower, high > upper], own, attained)
-        lower, upper = np.minimum(lower, low), np.maximum(upper, high)
-    return lower, upper, attained
