@@ -282,7 +282,9 @@ def _starts(t: Array, event: "CubicSpline") -> Array:
     k = np.flatnonzero((values[:-1] <= 0) & (values[1:] > 0))
     times = t[k] - values[k] * (t[k + 1] - t[k]) / (values[k + 1] - values[k])
     for _ in range(3):  # Newton steps from the root of the straight line
-        times = np.clip(times - event(times) / event(times, 1), t[k], t[k + 1])
+        slope = event(times, 1)
+        step = np.divide(event(times), slope, out=np.zeros_like(times), where=slope > 0)
+        times = np.clip(times - step, t[k], t[k + 1])
     return times
 
 
