@@ -27,7 +27,7 @@ def over_times(rows: Sequence[Sequence[str]], t: Sequence[float] | np.ndarray = 
 
 def time_text(t: Sequence[float] | np.ndarray, i: int, *values: np.ndarray) -> str:
     """Time number i as text. The text is empty if the values (n_t,) are equal at all times, as for scalar outputs."""
-    is_scalar = len(t) > 1 and all(np.ptp(own) <= SAME * np.abs(own).max() or np.isnan(own).all() for own in values)
+    is_scalar = len(t) > 1 and all(np.allclose(own, own[0], SAME, 0.0, equal_nan=True) for own in values)
     return "" if is_scalar else f"{t[i]:.6g}"
 
 
