@@ -1,5 +1,6 @@
 """What several test files share: one tuple for each family, so that a new member is tested by one line."""
 
+import functools
 import itertools
 import os
 import signal
@@ -21,6 +22,7 @@ from joints import ALL_POSES as ALL_POSES
 
 from symmb import ChebyshevGauss, ClenshawCurtis, Gauss, HyperbolicCross, Leja, SparseGrid, TensorDegree, TotalDegree
 from symmb.bound.bounds import METHODS
+from symmb.run.codegen import build
 from symmb.run.integrate import SOLVERS
 
 ALL_SOLVERS = tuple(entry.accurate for entry in SOLVERS if entry.accurate is not None)
@@ -54,6 +56,17 @@ def in_turns(first, second, third):
 
 SMOOTH_MODELS = tuple(model for model in ALL_MODELS if model.__name__ != "models.bouncing_ball")
 """Those that any solver runs."""
+
+
+@pytest.fixture
+def optimised():
+    """A test whose runs take longer than the compiler: it optimises models a little, unless a stage says how far."""
+    with pytest.MonkeyPatch.context() as patch:
+        if os.environ["SYMMB_CFLAGS"] == "-O0":
+            patch.setenv("SYMMB_CFLAGS", "-Og")
+            patch.setattr(build, "_compiler", functools.cache(build._compiler.__wrapped__))  # it reads the flags once
+        yield
+
 
 SLOW = frozenset((Path(__file__).parent / "slow.txt").read_text(encoding="utf-8").splitlines())
 """Names of tests that take more than 0.1 s of processor time: `costs.py`."""

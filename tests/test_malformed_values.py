@@ -5,6 +5,7 @@ from functools import cache
 import casadi as ca
 import numpy as np
 import pytest
+from conftest import but_long
 from faults import refused, told_in_a_line
 
 import symmb as mb
@@ -59,7 +60,7 @@ def along_z(element):
 
 
 @pytest.mark.parametrize("element", DIRECTED)
-@pytest.mark.parametrize("size", [1e-320, 1e-200, 1e200, 1.5e308])
+@pytest.mark.parametrize("size", but_long([1e-320, 1e-200, 1e200, 1.5e308], 1e-200, 1e200))
 def test_only_the_direction_of_a_vector_counts(element, size):
     known = along_z(element)
     run = mb.simulate(pushed(element, (0.0, 0.0, size)))

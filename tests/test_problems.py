@@ -1,6 +1,5 @@
 """Hard problems to the digits that are known, and what symmb does with them if no solver is given."""
 
-import functools
 import re
 from contextlib import nullcontext
 
@@ -11,7 +10,6 @@ from faults import told_in_a_line, warned
 from small_scenes import particle
 
 import symmb as mb
-from symmb.run.codegen import build
 from symmb.run.simulation import pilots
 
 AUGMENTED = mb.DormandPrince(rtol=1e-10, stabilization=mb.AugmentedLagrangian())
@@ -131,10 +129,8 @@ def test_stiff_scenes_get_implicit_solvers():
     np.testing.assert_allclose(study.run(np.array([[1.0]])).Y[0, :, 0], exact, atol=1e-5)
 
 
-def test_studies_go_through_singular_positions(monkeypatch):
-    """A pilot run takes a million steps before it is given up, so that runs take longer than the compiler."""
-    monkeypatch.setenv("SYMMB_CFLAGS", "-Og")
-    monkeypatch.setattr(build, "_compiler", functools.cache(build._compiler.__wrapped__))  # it reads the flags once
+def test_studies_go_through_singular_positions(optimised):
+    """A pilot run takes a million steps before it is given up."""
     study = mb.DAESimulator(problems.n_four_bar(2).make())
     assert "AugmentedLagrangian" in repr(study.solver) and study.reason.startswith("DormandPrince() breaks down: ")
 

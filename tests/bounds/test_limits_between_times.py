@@ -5,6 +5,8 @@ import pytest
 
 import symmb as mb
 
+pytestmark = pytest.mark.usefixtures("optimised")
+
 G = 9.81
 EXCESS = 1e-3
 """Relative distance of limits from closed forms."""

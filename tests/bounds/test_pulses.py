@@ -10,6 +10,8 @@ from unit_functions import unit_function
 
 import symmb as mb
 
+pytestmark = pytest.mark.usefixtures("optimised")
+
 
 def hit(law, nominal, times=(0.0, 4.0, 8.0), **start):
     """A mass of 1 kg at rest under a force, a function of parameters."""

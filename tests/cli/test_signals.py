@@ -35,8 +35,14 @@ def test_a_signal_ends_a_command_in_two_seconds_and_leaves_nothing(name, number)
     assert not faults and (seconds is None or seconds < interrupts.MOST)
 
 
-@pytest.mark.parametrize("number", interrupts.ENDS, ids=lambda number: number.name)
-@pytest.mark.parametrize("name", ["command", "Python, threads"])
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [
+        pytest.param(name, number, marks=[pytest.mark.long] * ((i + k) % 2), id=f"{name}-{number.name}")
+        for i, name in enumerate(["command", "Python, threads"])
+        for k, number in enumerate(interrupts.ENDS)
+    ],
+)
 def test_no_program_and_no_folder_outlives_a_study(name, number):
     assert not interrupts.ended_programs("programs", name, number, 0.1)
 

@@ -261,11 +261,12 @@ def test_runs_go_out_one_by_one_where_they_are_slow():
 
 
 def test_dask_gives_the_same_and_ends_where_runs_kill_their_workers():
-    distributed = pytest.importorskip("distributed")
+    distributed, dask = pytest.importorskip("distributed"), pytest.importorskip("dask")
     alone, quick_alone = run_blocks(simulator(decay), SAMPLES), run_blocks(simulator(quick), SAMPLES)
     killed = (SAMPLES[:, 0] > 0.9) & (SAMPLES[:, 0] < 0.92)
+    deaths = dask.config.set({"distributed.scheduler.allowed-failures": 1})  # of workers by one run: three by default
     cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0")
-    with cluster, distributed.Client(cluster) as client:
+    with deaths, cluster, distributed.Client(cluster) as client:
         for given in client, client.get_executor():
             assert run_blocks(simulator(decay), SAMPLES, given).Y.tobytes() == alone.Y.tobytes()
         shared = run_blocks(simulator(partial(deadly, end=0.92, other=quick)), SAMPLES, client)

@@ -6,6 +6,8 @@ from mechanisms import double_pendulum, spinning_body
 
 import symmb as mb
 
+pytestmark = pytest.mark.usefixtures("optimised")
+
 HORIZON = 1000.0
 GRIDS = (2, 11, 10_001)
 GROUND = mb.Ground()
