@@ -5,6 +5,7 @@ periods. Its phase and the form of its cycles remain simple functions. A few run
 SIAM/ASA Journal on Uncertainty Quantification 5 (2017).
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING
@@ -129,8 +130,10 @@ def oscillation_ranges(runs: Runs, tolerance: float) -> dict[int, EstimatedRange
             break
         points, Y, error = np.concatenate([runs.places, runs.points]), _outputs(runs), 0.0
         for k in oscillates:
-            if k in found or (fit := _Fit.of(t, Y[k], points, alpha)) is None:
+            if k in found:
                 continue
+            if (fit := _Fit.of(t, Y[k], points, alpha)) is None:  # some of the new runs do not oscillate
+                return found
             width = runs.rms_widths()[k : k + 1]
             own = relative_rms(SAFETY * fit.least[:, None], width)
             if own <= tolerance:  # ranges take time
@@ -236,13 +239,11 @@ def _along(d: int) -> Array:
     return np.cos(np.pi * np.arange(n) / (n - 1))
 
 
-def _lines(d: int, places: Array | None = None) -> list[Array]:
+def _lines(d: int, places: Iterable[Array] = ()) -> list[Array]:
     """Lines (N, d) parallel to the axes: edges, lines through the middle of the box and through places (n, d)."""
     along, across = _along(d), (-1.0, 0.0, 1.0) if d < MOST_DIMENSIONS else (-1.0, 1.0)
     through = [each for axis in range(d) for each in product([axis], product(across, repeat=d - 1))]
-    through += [
-        (axis, tuple(np.delete(place, axis))) for place in (() if places is None else places) for axis in range(d)
-    ]
+    through += [(axis, tuple(np.delete(place, axis))) for place in places for axis in range(d)]
     return [np.insert(np.tile(at, (len(along), 1)), axis, along, axis=1) for axis, at in dict.fromkeys(through)]
 
 
