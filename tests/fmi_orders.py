@@ -9,7 +9,7 @@ from pathlib import Path
 
 import symmb as mb
 
-SANITIZED = "-std=gnu11 -O0 -w -fsanitize=address,undefined -fno-sanitize-recover=all".split()
+SANITIZED = "-std=gnu11 -O0 -g -w -fsanitize=address,undefined -fno-sanitize-recover=all".split()
 DRIVER = r"""
 #include "fmi.c"
 #include <sys/time.h>

@@ -16,7 +16,7 @@ from symmb.run.codegen.model_source import _generator
 
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
 STRICT = ("-std=gnu11", "-Wall", "-Wextra", "-Wvla", "-Werror", "-fsyntax-only")
-SANITIZED = ("-std=gnu11", "-O0", "-march=native", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+SANITIZED = ("-std=gnu11", "-O0", "-g", "-march=native", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 FILLED = {**os.environ, "ASAN_OPTIONS": "max_malloc_fill_size=1000000000:malloc_fill_byte=255"}
 """Memory that nobody has written to is full of NaN."""
 MAIN = """
