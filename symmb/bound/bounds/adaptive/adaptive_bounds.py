@@ -56,14 +56,14 @@ def adaptive_bounds(
         takes = "and the probes take" if probes else "takes"
         raise PropagationError(f"{text}: the first level {takes} {first} runs, more than the budget of {most}.")
     runs = Runs(simulator, box, most, executor, progress, Clock(seconds), probes)
-    while (found := _estimated(runs, tolerance, is_patient=budget is not None)) is None:
+    while (result := _estimated(runs, tolerance, is_patient=budget is not None)) is None:
         runs = runs.anew()
         if first > runs.left:
             raise PropagationError(
                 f"{text}: late runs give values 1e90 times those of earlier runs, and too few runs are left to start "
                 "again. Use the logarithm of the output as the output, or a larger budget."
             )
-    estimated, known = found
+    estimated, known = result
     is_noise, power = np.isinf(runs.rms_widths()), runs.power
     lower, upper, estimate = _attained_or_estimated(runs, estimated, is_noise, known)
     remarks, doubts = _of_accuracy(runs, tolerance, estimated.is_enough, estimate)

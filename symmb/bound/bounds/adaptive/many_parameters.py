@@ -31,7 +31,7 @@ def range_of_many(
         found = {study: study.with_corners(own) for study, own in found.items()}
         found |= _found(runs, studies, [study for study in studies if study.continues(found[study])])
     every = {**known, **{study.runs.column: own for study, own in found.items()}}
-    return joined_range(runs, [every[k] for k in range(runs.shape[1])])
+    return _joined(runs, [every[k] for k in range(runs.shape[1])])
 
 
 def _found(runs: Runs, studies: list[OutputStudy], some: list[OutputStudy]) -> dict[OutputStudy, EstimatedRange]:
@@ -90,7 +90,7 @@ def _together(arrays: Sequence[Array], n_t: int, axis: int) -> Array:
     return np.concatenate([np.broadcast_to(a, (*a.shape[: axis - 1], n_t, *a.shape[axis:])) for a in arrays], axis=axis)
 
 
-def joined_range(runs: Runs, found: Sequence[EstimatedRange]) -> EstimatedRange:
+def _joined(runs: Runs, found: Sequence[EstimatedRange]) -> EstimatedRange:
     """The range of all outputs, from the range of each output."""
     lower, upper, estimate = (
         _together([getattr(each, name) for each in found], runs.shape[0], 1) for name in ("lower", "upper", "estimate")

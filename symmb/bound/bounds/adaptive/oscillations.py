@@ -235,7 +235,7 @@ class _Fit:
 
 def _along(d: int) -> Array:
     """Coordinates of points on a line in a box of d parameters."""
-    n = 33 if d < 3 else 17
+    n = 33 if d < 3 else 17  # between points, amplitudes are linear; more lines leave time for fewer points
     return np.cos(np.pi * np.arange(n) / (n - 1))
 
 
