@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
 from symmb._types import Array, Executor, Mask
-from symmb._units import told_units, typeset, units_of_parameters
+from symmb._units import typeset, units_of_parameters
 from symmb.bound.bounds import (
     Bounds,
     Extremes,
@@ -111,11 +111,11 @@ class Search:
             k = int(self._at_nominal.argmin())
             is_low = lowest[k] - self._low[k] <= 0
             value, limit = (lowest[k], self._low[k]) if is_low else (highest[k], self._high[k])
-            unit = typeset(told_units(units_of(simulator), len(simulator.outputs))[self._columns[k]])
-            own = " ".join(filter(None, [f"{limit:.6g}", unit]))
+            units = units_of(simulator) or ("",) * len(simulator.outputs)
+            unit = f" {typeset(units[self._columns[k]])}".rstrip()
             raise PropagationError(
-                f"{OWNER}: the nominal run violates or reaches the limit {own} of {[*limits][k]}: {value:.6g}. The "
-                "search needs a margin. Change the limit or the nominal values."
+                f"{OWNER}: the nominal run violates or reaches the limit {limit:.6g}{unit} of {[*limits][k]}: "
+                f"{value:.6g}{unit}. The search needs a margin. Change the limit or the nominal values."
             )
 
     def _margins(self, lower: Array, upper: Array) -> Array:

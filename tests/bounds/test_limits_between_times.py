@@ -64,7 +64,9 @@ def test_tolerances_do_not_depend_on_the_number_of_times(count):
 
 
 def test_the_nominal_run_passes_a_limit_between_two_times():
-    with pytest.raises(mb.PropagationError, match=r"the nominal run violates or reaches the limit 4 of speed: 4\.429"):
+    with pytest.raises(
+        mb.PropagationError, match=r"the nominal run violates or reaches the limit 4 m/s of speed: 4\.429"
+    ):
         mb.tolerances(pendulum(2), {"speed": (None, 4.0)})
 
 
@@ -101,6 +103,22 @@ def test_speeds_at_impacts_count(seed):
     bounds = mb.propagate(scene)
     assert bounds.check({"y": (1e-6, None)})["y"].kept is False  # each run touches the floor
     assert bounds.check({"y": (-1e-6, None)})["y"].kept is not False
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize(("count", "share"), [(46, 6), (91, 3), (181, 6)])
+def test_a_violation_is_told_by_the_fastest_impact(count, share):
+    """Bounds at output times have an error at impacts. The excess of a limit must not depend on it."""
+    p = mb.Parameters(h=0.7, e=0.6, g=G)
+    ball = mb.Body("ball", 0.4, pose=mb.Particle())
+    system = mb.System(ball, mb.Impact("floor", ball.y, p.e), mb.Gravity(0, -p.g), parameters=p)
+    box = mb.Box.plus_minus(p, h=f"{share}%", e="4%", g="3%")
+    bounds = mb.propagate(mb.Scene(system, {"ball.y": p.h}, np.linspace(0, 0.9, count), {"v": ball.vy}, box))
+    fastest = np.sqrt(2 * G * 1.03 * 0.7 * (1 + share / 100))
+    for part in (0.9, 0.98):
+        check = bounds.check({"v": (-part * fastest, None)})
+        assert check.kept is False and check.margin.min() == pytest.approx((part - 1) * fastest, rel=1e-6)
+        assert check.worst is not None and check.worst.value == pytest.approx(-fastest, rel=1e-6)
 
 
 def test_both_ends_are_told():

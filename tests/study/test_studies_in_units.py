@@ -188,7 +188,7 @@ def test_tables_tell_units(both):
         assert f"{unit.replace('deg', '°')} at " in str(worst.lower)
         assert str(plain.lower).startswith(f"lowest {name} {plain.lower.value:.6g} at")
     assert [limit.text for limit in own[0].check({"tip": (-200, 210)}).limits] == ["-200 <= tip <= 210 mm"]
-    assert [limit.text for limit in si[0].check({"tip": (-0.2, 0.21)}).limits] == ["-0.2 <= tip <= 0.21"]
+    assert [limit.text for limit in si[0].check({"tip": (-0.2, 0.21)}).limits] == ["-0.2 <= tip <= 0.21 m"]
 
 
 def test_probabilities_and_samples(both):
@@ -203,7 +203,7 @@ def test_probabilities_and_samples(both):
     found = [own.probability("swing", above=above, distributions=laws[0]) for above in levels]
     plain = si.probability("swing", above=np.deg2rad(level), distributions=laws[1])
     assert [each.ever[0] for each in found] == pytest.approx([plain.ever[0]] * 4, rel=1e-6)
-    assert f"swing above {level:g} deg" in str(found[1]) and "rad" not in str(plain)
+    assert f"swing above {level:g} °" in str(found[1]) and f"above {np.deg2rad(level):g} rad" in str(plain)
     with pytest.raises(mb.DeclarationError, match="'mm' does not fit output 'swing', which is in deg"):
         own.probability("swing", above="60 mm", distributions=laws[0])
     assert "Quantiles of tip [mm]" in str(own.quantiles("tip", [0.1], distributions=laws[0]))

@@ -10,7 +10,7 @@ from symmb._types import Array
 from symmb.bound.bounds.direct_search import direct_search
 from symmb.bound.bounds.envelope import Envelope
 from symmb.bound.bounds.further_runs import Excess, attaining_points, rows_of_runs
-from symmb.bound.bounds.limits import KeptLimit, between_text, by_further_run, rounding_of, unit_told
+from symmb.bound.bounds.limits import KeptLimit, between_text, by_further_run, rounding_of, unit_suffix
 from symmb.bound.bounds.worst_case import SIDES
 from symmb.bound.nodes import corners
 
@@ -48,7 +48,7 @@ def with_peaks(bounds: Envelope, limits: Sequence[KeptLimit]) -> tuple[list[Kept
         examined[limit.output] = limit
         n = int(np.argmin([excess.largest for excess in found]))
         if found[n].largest > rounding_of(bounds, k):
-            verb, unit = ("fall below", "exceed")[n], unit_told(bounds, k)
+            verb, unit = ("fall below", "exceed")[n], unit_suffix(bounds, k)
             remarks.append(
                 f"In other cases {limit.output} may {verb} its limit of {ends[n]:.6g}{unit} by "
                 f"{found[n].largest:.3g}{unit}."
@@ -63,7 +63,9 @@ def _examined(bounds: Envelope, limit: KeptLimit, k: int, excess: Excess, points
     if not np.isfinite(inside).all():
         return limit
     row = int(inside.argmin())
-    known = -float(inside[row]) + (0.0 if bounds.estimate is None else float(bounds.estimate[row, k]))
+    known = -float(inside[row])
+    if limit.kept is not False and bounds.estimate is not None:  # a violated limit is stated by its worst run instead
+        known += float(bounds.estimate[row, k])
     if limit.further and limit.further.side == excess.side:
         known = max(known, limit.further.beyond)
     if limit.kept is False:
@@ -74,7 +76,7 @@ def _examined(bounds: Envelope, limit: KeptLimit, k: int, excess: Excess, points
     if limit.kept is not False and excess.largest <= rounding:
         starts = points[np.argsort(-excess.first, kind="stable")[:_STARTS]]
         error = direct_search(excess, starts, _MOST_RUNS, rounding).error
-    further, unit = excess.further_run(error), unit_told(bounds, k)
+    further, unit = excess.further_run(error), unit_suffix(bounds, k)
     kept, why = limit.kept, limit.why
     if kept is not False and excess.largest > rounding:
         kept, why = False, f"A run is beyond the limit{between_text(further)}."
@@ -115,7 +117,7 @@ def _remark(bounds: Envelope, limit: KeptLimit) -> str:
     rise = _by_parabolas(bounds, limit)
     if not rise:
         return ""
-    unit = unit_told(bounds, bounds.names.index(limit.output))
+    unit = unit_suffix(bounds, bounds.names.index(limit.output))
     return (
         f"Between two output times {limit.output} may come closer to its limit by about {rise:.2g}{unit}, and exceed "
         f"the limit. Use more times, or bound mb.maximum or mb.minimum of {limit.output}."

@@ -15,7 +15,7 @@ from symmb._names import normal_keys
 from symmb._options import is_real, require_name, shown
 from symmb._table import aligned, over_times, time_text
 from symmb._types import Array
-from symmb._units import number_in, told_units, typeset
+from symmb._units import number_in, typeset
 from symmb.bound.bounds.envelope import Envelope
 from symmb.bound.bounds.further_runs import FurtherRun, closest_run
 from symmb.bound.bounds.result_file import box_entries, inner_entries
@@ -93,8 +93,8 @@ class KeptLimit:
 
     @property
     def text(self) -> str:
-        """The limit as an inequality. An SI unit is left out."""
-        unit = _suffix(told_units([self.unit], 1)[0])
+        """The limit as an inequality, with its unit."""
+        unit = _suffix(self.unit)
         if not np.isfinite(self.high):
             return f"{self.low:g}{unit} <= {self.output}"
         low = f"{self.low:g} <= " if np.isfinite(self.low) else ""
@@ -292,9 +292,9 @@ def _by_nominal_run(bounds: Envelope, k: int, low: float, high: float, found: _D
     return _Decision(False, "The nominal run is beyond the limit.", np.minimum(found.margin, margin), further)
 
 
-def unit_told(bounds: Envelope, k: int) -> str:
-    """The unit of output number k, for use after numbers; empty for SI units."""
-    return _suffix(told_units(bounds.units, len(bounds.names))[k])
+def unit_suffix(bounds: Envelope, k: int) -> str:
+    """The unit of output number k, for use after numbers; empty for a number without unit."""
+    return _suffix(bounds.units[k]) if bounds.units else ""
 
 
 def rounding_of(bounds: Envelope, k: int) -> float:
@@ -314,7 +314,7 @@ def _decision(bounds: Envelope, k: int, low: float, high: float) -> _Decision:
     """The decision on a limit of output number k."""
     lower, upper = bounds.lower[:, k], bounds.upper[:, k]
     margin, rounding = np.fmin(lower - low, high - upper), rounding_of(bounds, k)  # nan if bound and limit are infinite
-    unit = unit_told(bounds, k)
+    unit = unit_suffix(bounds, k)
     attained = bounds.inner or ((bounds.lower, bounds.upper) if bounds.kind == "sampled" else None)
     beyond = -np.inf if attained is None else max((low - attained[0][:, k]).max(), (attained[1][:, k] - high).max())
     if beyond > rounding:
@@ -349,7 +349,7 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
     assert bounds.estimate is not None
     margin = bounds.lower[:, k] - limit if side == "lower" else limit - bounds.upper[:, k]
     estimate, rounding, further = bounds.estimate[:, k], rounding_of(bounds, k), None
-    unit = unit_told(bounds, k)
+    unit = unit_suffix(bounds, k)
     near = _UNCERTAIN_ERRORS * estimate
     if bounds.study is not None and bounds.study.has_lanes:
         near = near + _NEAR_WIDTHS * (bounds.upper - bounds.lower)[:, k].max()

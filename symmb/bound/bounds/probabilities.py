@@ -13,7 +13,7 @@ from symmb._names import ByName, counted
 from symmb._options import is_finite_number, numbers_of, shown, whole
 from symmb._table import aligned, apart, at_time, is_timeless, over_times, time_text
 from symmb._types import Array
-from symmb._units import number_in, told_names, told_units, units_of_parameters
+from symmb._units import number_in, told_names, typeset, units_of_parameters
 from symmb.bound.bounds.law_samples import (
     SAFETY_OF_RUNS,
     SAMPLES_BEFORE_RUNS,
@@ -241,9 +241,9 @@ def _event(owner: str, responses: Responses, k: int, above: object, below: objec
             f"Got above={shown(above)} and below={shown(below)}."
         )
     limits = -np.inf if below is None else ends[0], np.inf if above is None else ends[-1]
-    (told,), named = told_units([unit], 1), zip(("below", "above"), (below, above), strict=True)
+    named = zip(("below", "above"), (below, above), strict=True)
     words = zip([word for word, given in named if given is not None], ends, strict=True)
-    parts = [f"{word} {end:g} {told}".rstrip() for word, end in words]
+    parts = [f"{word} {end:g} {typeset(unit)}".rstrip() for word, end in words]
     return limits, f"{responses.names[k]} {' or '.join(parts)}"
 
 
