@@ -159,6 +159,8 @@ def _spread(t: Array, Y: Array) -> float:
     0 if they do not oscillate."""
     falls = np.diff(Y) < 0
     minima = (falls[:, :-1] & ~falls[:, 1:]).sum(axis=1)
+    if np.ptp(minima) < int(LEAST_SPREAD):  # a cycle more has a minimum more
+        return 0.0
     found = _cycles(t, Y[[minima.argmin(), minima.argmax()]])
     return 0.0 if found is None else float(np.ptp(found[:, len(t) - 1]))
 
@@ -252,9 +254,12 @@ def _cycles(t: Array, Y: Array) -> Array | None:
 
     Cycles begin where a response rises through the mean of all responses. If they are irregular, they begin at minima.
     """
-    level = Y.mean()
-    responses, ends = [_spline(t, y - level) for y in Y], [_end(t, y) for y in Y]
-    for order in (0, 1):
+    level, ends, middles = Y.mean(), [_end(t, y) for y in Y], (t[1:] + t[:-1]) / 2
+    for order, (times, values) in enumerate(((t, Y - level), (middles, np.diff(Y) / np.diff(t)))):
+        starts = [_passages(times[times <= end], y[times <= end])[1] for y, end in zip(values, ends, strict=True)]
+        if not all(_changes_slowly(each, 2 * MOST_CHANGE) for each in starts):
+            continue  # splines take most of the time, and are not needed for responses that do not oscillate
+        responses = [_spline(t, y - level) for y in Y]
         starts = [_starts(t[t <= end], each.derivative(order)) for each, end in zip(responses, ends, strict=True)]
         if all(_is_regular(t, each, end) for each, end in zip(starts, ends, strict=True)):
             rows = [_of_cycles(t, response, own) for response, own in zip(responses, starts, strict=True)]
@@ -279,9 +284,7 @@ def _end(t: Array, y: Array) -> float:
 
 def _starts(t: Array, event: "CubicSpline") -> Array:
     """Times at which a spline passes 0 upwards, between the times t (n_t,)."""
-    values = event(t)
-    k = np.flatnonzero((values[:-1] <= 0) & (values[1:] > 0))
-    times = t[k] - values[k] * (t[k + 1] - t[k]) / (values[k + 1] - values[k])
+    k, times = _passages(t, event(t))
     for _ in range(3):  # Newton steps from the root of the straight line
         slope = event(times, 1)
         step = np.divide(event(times), slope, out=np.zeros_like(times), where=slope > 0)
@@ -289,13 +292,23 @@ def _starts(t: Array, event: "CubicSpline") -> Array:
     return times
 
 
+def _passages(t: Array, values: Array) -> tuple[Indices, Array]:
+    """Rows of the last times before values (n_t,) pass 0 upwards, and the times of these passages on straight lines."""
+    k = np.flatnonzero((values[:-1] <= 0) & (values[1:] > 0))
+    return k, t[k] - values[k] * (t[k + 1] - t[k]) / (values[k + 1] - values[k])
+
+
+def _changes_slowly(starts: Array, most: float) -> bool:
+    """Whether there are enough starts of cycles, and the period changes by at most `most` between two cycles."""
+    return len(starts) > LEAST_CYCLES and bool(np.abs(np.diff(np.log(np.diff(starts)))).max() <= most)
+
+
 def _is_regular(t: Array, starts: Array, end: float) -> bool:
     """Whether starts of cycles exist from the first time to an end, and the period changes slowly."""
-    if len(starts) <= LEAST_CYCLES or np.diff(np.searchsorted(t, starts)).min() < LEAST_CYCLES:
+    if not _changes_slowly(starts, MOST_CHANGE) or np.diff(np.searchsorted(t, starts)).min() < LEAST_CYCLES:
         return False
-    periods, outside = np.diff(starts), np.array([starts[0] - t[0], end - starts[-1]])
-    is_complete = bool((outside < (1 + MOST_CHANGE) * periods[[0, -1]]).all())
-    return is_complete and bool(np.abs(np.diff(np.log(periods))).max() <= MOST_CHANGE)
+    outside = np.array([starts[0] - t[0], end - starts[-1]])
+    return bool((outside < (1 + MOST_CHANGE) * np.diff(starts)[[0, -1]]).all())
 
 
 def _of_cycles(t: Array, response: "CubicSpline", starts: Array) -> tuple[Array, Array]:
