@@ -1,4 +1,4 @@
-"""The angle between two bodies about a common axis, with its turns counted."""
+"""The angle between two bodies about a common axis, including whole turns."""
 
 import casadi as ca
 
@@ -12,7 +12,7 @@ from symmb.declare.symbolic import Kind, Symbol, declare, triad
 def relative_angle(
     name: str, a: AbstractBody, axis_a: ca.SX, b: AbstractBody, alignment: ca.SX, parallel: bool = False
 ) -> tuple[ca.SX, tuple[Symbol, ...]]:
-    """Angle [rad] of body b relative to body a about an axis that is fixed in both, and the records of its state.
+    """Angle [rad] of body b relative to body a about an axis fixed in both bodies, and the records of its state.
 
     The angle is 0 if `alignment` (3, 3) converts components in axes of body a to axes of body b. If the axes of the
     bodies do not stay parallel, the angle is the twist. The relative rotation then consists of the smallest rotation
@@ -20,7 +20,7 @@ def relative_angle(
     `parallel` gives shorter expressions.
 
     If both bodies turn about z only, the angle is a difference of coordinates. Otherwise quaternions determine the
-    angle up to whole turns. A first-order state named `name.angle` follows the angle, and only chooses the number of
+    angle up to whole turns. A first-order state named `name.angle` follows the angle. It only determines the number of
     turns. So the angle has neither kinks nor jumps, and an error of the state is not an error of the angle.
     """
     if turns_about_z(a.pose) and turns_about_z(b.pose):

@@ -1,4 +1,4 @@
-"""Clutches and brakes: they slip with Coulomb's torque, and they stick."""
+"""Clutches and brakes, which slip with a torque of dry friction, or stick."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -76,7 +76,7 @@ class Clutch(PairTorque, Constraint):
             )
 
     def _jumps_with_slip(self, states: int = 4) -> bool:
-        """Whether the capacity jumps at zero slip, at each of some random states."""
+        """Whether the capacity jumps at zero slip. It is tested at random states, and must jump at all of them."""
         if not isinstance(self.capacity, ca.SX) or self.capacity.numel() != 1:
             return False
         symbols = ca.vertcat(*ca.symvar(ca.vertcat(self.capacity, self.slip)))
@@ -159,7 +159,7 @@ class ClutchEvent(JointEvent):
 
 
 class Slips(ClutchEvent):
-    """The event at which a clutch starts to slip. The torque on body b is -lam, and friction keeps this sign."""
+    """The event at which a clutch starts to slip. The slip torque on body b then has the sign of -lam."""
 
     opens = True
 

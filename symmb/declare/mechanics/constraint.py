@@ -35,7 +35,7 @@ class Constraint(Element):
 class Motion(Constraint):
     """Drive: a position expression follows a law of time, expression - law = 0.
 
-    The multiplier is minus the driving force on the expression [N, N m]. It follows from M v' + Phi_v' lam = Q.
+    The multiplier is minus the driving force on the expression [N, N m], because M v' + Phi_v' lam = Q.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Recording of the elements that are declared inside `with System() as system:`, and of those in no System."""
+"""Recording of the elements that are declared inside `with System() as system:`, and of elements in no System."""
 
 from collections.abc import Iterable
 from contextvars import ContextVar

@@ -12,11 +12,11 @@ from symmb.declare.mechanics.curve import Curve, Measured, Part
 from symmb.declare.symbolic import SOFT, Kind, Symbol, ddt, declare
 
 _CLOSE = 0.2
-"""Lower limit of the slope of a foot's condition, relative to a line. The slope is 0 at a centre of curvature."""
+"""Lower limit of (slope of a foot's condition) / (slope for a line). The slope is 0 at a centre of curvature."""
 _CATCH_UP = 100.0
 """The error of a foot decreases by the factor e while the point moves by 1/100 of the length of the curve."""
 _SAMPLES, ALL_SAMPLES = 12, 64
-"""Samples of a part, and of a whole curve, from which Newton's method for a foot starts."""
+"""Numbers of samples of a part and of a whole curve. Newton's method for a foot starts from the nearest sample."""
 _AT_REST = SLIGHT
 """Speed [m/s] that is added to the speed of the point. The error of a foot then decreases for a point at rest, too."""
 
@@ -286,4 +286,6 @@ def require_room(group: Sequence[Side], others: Sequence[Sequence[Side]] | None,
         if not any(one.is_hollow for one in group):
             return
         radius += 1 / least
-    measured.require_room(parts, side, radius, "its circle" if others is None else "the other curve's flattest circle")
+    measured.require_room(
+        parts, side, radius, "the circle" if others is None else "the other curve's largest circle of curvature"
+    )

@@ -86,10 +86,11 @@ class Coulomb(FrictionLaw):
 class Bristle(FrictionLaw):
     """Friction by elastic bristles that bend with the slip until they break away: F = N (k z + d(z')).
 
-    The deflection z of a bristle is a first-order state called `name.bristle`. It follows the slip up to 0.7 z_s. The
+    The deflection z of a bristle is a first-order state called `name.bristle`. Up to 0.7 z_s it follows the slip. The
     largest deflection is z_s = mu(v) / k, with mu(v) = mu_k + (mu_s - mu_k) exp(-(v / speed)^2). Above 0.7 z_s the
     bristle yields, and in steady sliding z is z_s. Forces below 0.7 of the breakaway force cause no creep, even if they
-    vibrate. d is c z' at small rates. It is at most mu, because linear damping would stop a fast body at once.
+    vibrate. The damping term d is c z' at small rates, and at most mu. Without this limit, damping would stop a fast
+    body at once.
 
     Parameters
     ----------

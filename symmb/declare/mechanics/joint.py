@@ -291,8 +291,8 @@ class Spherical(Joint):
 class Distance(Joint):
     """Massless rod between the points. Its length [m] must be positive. Its multiplier is the pull in the rod [N].
 
-    The rod pulls and pushes. It represents a rope only while it pulls: its multiplier is then positive. With
-    `unilateral=True`, a warning gives the time at which the rod starts to push. A `Rope` never pushes.
+    The rod pulls and pushes. It can represent a rope only while its multiplier, the pull, is positive.
+    With `unilateral=True`, a warning gives the time at which the rod starts to push. A `Rope` never pushes.
 
     Examples
     --------
@@ -366,9 +366,9 @@ class Gear(AxisJoint):
 class CamFollower(Constraint):
     """A follower that a cam moves. Its displacement or angle is the lift, a function of the cam's angle.
 
-    The lift must already include the effect of the follower's shape, such as a flat face or a roller. The constraint
-    is as smooth as the lift. The multiplier is minus the force of the cam on the follower [N, N m]. A warning says when
-    the cam would have to pull.
+    The lift must already include the effect of the follower's shape, such as a flat face or a roller. The constraint is
+    as smooth as the lift. The multiplier is minus the force of the cam on the follower [N, N m]. A warning gives the
+    time at which the cam would have to pull.
 
     Parameters
     ----------

@@ -160,7 +160,7 @@ def _slopes(h: Array, slope: Array) -> Array:
 
 
 def _end(h: float, h_next: float, slope: float, slope_next: float) -> float:
-    """Slope at an end: that of the parabola through three points, limited so that the curve does not overshoot."""
+    """Slope at an end: the slope of the parabola through three points, limited so that the curve does not overshoot."""
     m = ((2 * h + h_next) * slope - h * slope_next) / (h + h_next)
     if m * slope <= 0:
         return 0.0

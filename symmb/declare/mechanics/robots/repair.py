@@ -1,4 +1,4 @@
-"""Impossible moments of inertia: their replacement by the nearest possible moments, and its effect on the motion."""
+"""Impossible moments of inertia: their replacement by the nearest possible moments, and the effect on the motion."""
 
 from dataclasses import replace
 from itertools import product
