@@ -66,7 +66,7 @@ class MjcfModel:
         return self._free_names("equality", self.model.neq, taken)
 
     def _names(self, kind: str, count: int) -> list[str]:
-        """Unique names of the parts of a kind. Spaces, dots and brackets become _. Missing names become "joint2", ..."""
+        """Unique names of the parts of a kind. Spaces, dots and brackets become _. A missing name becomes "joint2"."""
         own = [re.sub(r"[\s.\[\]]", "_", getattr(self.model, kind)(k).name) for k in range(count)]
         for name in filter(None, own):
             if fault := name_fault(name):

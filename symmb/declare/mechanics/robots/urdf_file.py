@@ -302,14 +302,17 @@ def _free_mimic(joint: JointData, joints: dict[str, JointData]) -> None:
     if joint.mimic is None:
         return
     if not joint.moves:
-        what, why = f"{joint.kind} joints", f"a {joint.kind} joint has no angle or displacement, and cannot follow a joint"
+        what, why = (
+            f"{joint.kind} joints",
+            f"a {joint.kind} joint has no angle or displacement, so it cannot follow another joint",
+        )
     elif joint.mimic not in joints:
         what, why = "joints that do not exist", _none("joint", joint.mimic, joints)
     elif leader == joint.name:
         what, why = "joints that follow themselves", f"joint {joint.name!r} follows itself. Use another joint"
     elif not joints[joint.mimic].moves:
         kind = joints[joint.mimic].kind
-        what, why = f"a {kind} joint", f"joint {joint.mimic!r} ({kind}) has no angle or displacement. Use another joint"
+        what, why = f"a {kind} joint", f"{kind} joint {joint.mimic!r} has no angle or displacement. Use another joint"
     else:
         return
     mimic, free = joint.tag.needed("mimic"), ", so the followers move freely" * joint.moves
