@@ -60,7 +60,7 @@ def compliances(ends: Array, xi: Array, E: float, G: float) -> Array:
     with np.errstate(over="ignore", divide="ignore"):
         strains = 1 / np.stack([E * area, G * shear_y, G * shear_z, G * J, E * Iy, E * Iz], axis=-1)
     if not np.isfinite(strains).all():
-        raise DeclarationError("Beam: an area or a second moment of its section is too small to compute with.")
+        raise DeclarationError("Beam: the area or a second moment of a section is too small. Check the units.")
     return strains
 
 

@@ -39,7 +39,7 @@ class Beam:
     ------
     DeclarationError
         If there are fewer than two points, if neighbouring points coincide, if the orientation is along the beam, or if
-        the sections do not match the points or each other (with or without shear).
+        the number of sections is wrong, or if only some sections have shear deformation.
 
     Examples
     --------
@@ -70,7 +70,7 @@ class Beam:
         sections = self.sections
         if len(sections) != len(points):
             raise DeclarationError(
-                f"Beam: got {len(sections)} sections for {len(points)} points. Give one Section, or one for each point."
+                f"Beam: got {len(sections)} sections for {len(points)} points. Give one, or one for each point."
             )
         if len({(is_rigid(s.shear_y), is_rigid(s.shear_z)) for s in sections}) > 1:
             raise DeclarationError(

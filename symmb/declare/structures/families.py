@@ -18,8 +18,8 @@ from symmb.declare.structures.validation import is_law
 class ParametricModes(Modes):
     """Modes of a structure with parameters. Inertia, stiffness and damping are expressions.
 
-    The shapes are the same for all values of the parameters. The fields of `Modes` are numbers for the middles of the
-    intervals.
+    The shapes are the same for all values of the parameters. The numbers in the fields of `Modes` are for the middles
+    of the intervals of the parameters.
     """
 
     family: Family  # type: ignore[misc]
@@ -27,7 +27,7 @@ class ParametricModes(Modes):
     def save(self, path: str | PathLike[str]) -> None:
         raise DeclarationError(
             f"Modes.save: {str(path)!r} can contain only numbers, but these modes contain expressions of parameters. "
-            "Save the modes of a structure without parameters, or compute these modes again by their script."
+            "Save the modes of a structure without parameters, or do not save the modes, but compute them in a script."
         )
 
 

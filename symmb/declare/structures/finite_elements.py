@@ -46,7 +46,7 @@ class FiniteElements:
     axial : AxialForces
         axial forces of beams, for geometric stiffening
     terms : Terms
-        K and M as sums, for structures with parameters. Other fields are then for the middles of the intervals
+        K and M as sums, for structures with parameters. K, M and other fields are for the middles of the intervals
 
     Examples
     --------
@@ -137,14 +137,14 @@ class FiniteElements:
         all other nodes must have the order of the matrices.
 
         Mass, centre of mass, inertia, S and G0 of the `Modes` follow from M. J1, J2 and G1 describe how the inertia
-        changes with the deformation. They follow from node masses, the row sums of M. With parameters, K and M are
-        sums: lists of pairs (factor, matrix), such as [(p.h, membrane), (p.h**3, plate)]. For `at`, see `beams`.
+        changes with the deformation. These three follow from node masses, the row sums of M. With parameters, K and M
+        are sums: lists of pairs (factor, matrix), such as [(p.h, membrane), (p.h**3, plate)]. For `at`, see `beams`.
 
         Raises
         ------
         DeclarationError
-            If a matrix has another size, is not symmetric or not positive, if rigid motions have strain energy, or if a
-            file is not valid.
+            If a matrix has a wrong size, is not symmetric or is not positive, if rigid motions have strain energy, or
+            if a file is not valid.
         """
         owner = "FiniteElements.matrices"
         pairs = {"K": _pairs(K, "K"), "M": _pairs(M, "M")}
@@ -365,7 +365,9 @@ def _require_modes(found: int, count: int | None, cutoff: float | None, interfac
     if count is not None and cutoff is None and found < count:
         raise DeclarationError(f"{OWNER}: count={count}, but the mesh has only {found} modes. Refine the mesh.")
     if count != 0 and not interfaces and not found:
-        raise DeclarationError(f"{OWNER}: no mode is below cutoff={cutoff} Hz. Increase cutoff, or pass count=0.")
+        raise DeclarationError(
+            f"{OWNER}: no mode is below cutoff={cutoff} Hz. Increase cutoff. For a rigid body, pass count=0."
+        )
 
 
 def _pairs(given: Any, name: str) -> list[tuple[Expr, Any]]:

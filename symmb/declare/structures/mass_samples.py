@@ -14,7 +14,7 @@ Sparse = Any
 
 @dataclass(frozen=True, eq=False)
 class MassSamples:
-    """Point masses with inertia that move with d degrees of freedom. Their sum is an integral over the body."""
+    """Point masses with inertia that move with d degrees of freedom. Sums over them replace integrals over the body."""
 
     mass: Array  # (s,) [kg]
     positions: Array  # (s, 3), undeformed [m]

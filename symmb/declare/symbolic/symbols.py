@@ -78,7 +78,7 @@ class Symbol:
 
 _TABLE: WeakValueDictionary[int, Symbol] = WeakValueDictionary()
 _STARTS: WeakKeyDictionary[Symbol, list[Symbol]] = WeakKeyDictionary()
-"""Records of `initial` values. They live as long as a coordinate in the expression."""
+"""Records of `initial` values. A record lives as long as a coordinate in its expression."""
 
 
 def _entered(name: str, kind: Kind, sx: ca.SX, rate: ca.SX, value: ca.SX, owner: str) -> Symbol:
@@ -126,7 +126,7 @@ def is_time(symbol: ca.SX) -> bool:
 
 
 def initial(expression: ca.SX) -> ca.SX:
-    """Value of a position expression at the start of a run: a first-order state without rate.
+    """Value of a position expression at the start of a run. The value is a first-order state without rate.
 
     The start of a scene is often computed, for example as an equilibrium. `x - initial(x)` is the displacement since
     the start.
