@@ -51,7 +51,7 @@ class AbstractBody(Located):
 
     @property
     def owner(self) -> "AbstractBody":
-        """The body with the coordinates that determine the frame."""
+        """The body whose coordinates determine this frame."""
         return self
 
     @kept_interrupts()

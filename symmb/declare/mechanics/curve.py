@@ -131,7 +131,7 @@ class Measured:
         s = np.linspace(start, end, 4 * _SAMPLES + 1)
         x, d, _ = numbers(s)
         if not np.isfinite([x, d]).all() or not np.hypot(*d.T).min() > 0:
-            raise DeclarationError("the curve has a point that is not finite, or at which its derivative is zero")
+            raise DeclarationError("the curve has a point that is not finite, or a point with a derivative of zero")
         self.length, self.middle = float(np.hypot(*np.diff(x, axis=0).T).sum()), x[:-1].mean(axis=0)
         # The sign of the area (Green's theorem) shows which side of a closed curve is inside.
         moment = x[:, 0] * d[:, 1] - x[:, 1] * d[:, 0]

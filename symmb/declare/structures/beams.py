@@ -32,8 +32,8 @@ class Beam:
     elements : int
         number of elements between two neighbouring corners
     orientation : (3,)
-        the component of this vector normal to the beam is the section's y axis. The default is the horizontal vector z
-        × axis, and y for a beam along z
+        vector whose component normal to the beam is the section's y axis. The default is the horizontal vector z × axis,
+        or y for a beam along z
 
     Raises
     ------
@@ -70,7 +70,7 @@ class Beam:
         sections = self.sections
         if len(sections) != len(points):
             raise DeclarationError(
-                f"Beam: got {len(sections)} sections for {len(points)} points. Give one, or one for each point."
+                f"Beam: got {len(sections)} sections for {len(points)} points. Give one Section, or one for each point."
             )
         if len({(is_rigid(s.shear_y), is_rigid(s.shear_z)) for s in sections}) > 1:
             raise DeclarationError(
