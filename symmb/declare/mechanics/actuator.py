@@ -19,7 +19,7 @@ from symmb.declare.symbolic import ddt
 
 @dataclass(frozen=True, eq=False)
 class JointForce(ForceElement):
-    """A force along the coordinate of a joint. It acts on body b at the joint's point. The reaction acts on body a."""
+    """A force on body b along the coordinate of a joint, at the joint's point. The reaction acts on body a."""
 
     name: str
     joint: Joint

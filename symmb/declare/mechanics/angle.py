@@ -19,9 +19,9 @@ def relative_angle(
     that makes the axes coincide, and the rotation by this angle about the axis. If a joint keeps the axes parallel,
     `parallel` gives shorter expressions.
 
-    If both bodies turn about z only, the angle is a difference of coordinates. Otherwise quaternions determine the
-    angle up to whole turns. A first-order state named `name.angle` follows the angle. It only determines the number of
-    turns. So the angle has neither kinks nor jumps, and an error of the state is not an error of the angle.
+    If both bodies turn about z only, the angle is a difference of coordinates. In other cases, quaternions determine
+    the angle up to whole turns. A first-order state named `name.angle` follows the angle. The state only determines the
+    number of turns. So the angle has neither kinks nor jumps, and an error of the state is not an error of the angle.
     """
     if turns_about_z(a.pose) and turns_about_z(b.pose):
         return (b.frame.angle - a.frame.angle) * axis_a[2], ()
@@ -43,7 +43,8 @@ def relative_angle(
 
 
 def turning_direction(a: AbstractBody, axis_a: ca.SX, b: AbstractBody, alignment: ca.SX) -> ca.SX:
-    """Vector (3,) in world axes. Its dot product with the relative angular velocity is the rate of `relative_angle`.
+    """Vector (3,) in world axes with this property: its dot product with the relative angular velocity is the rate of
+    `relative_angle`.
 
     If the axes of the bodies are parallel, the vector is the axis. A torque along the vector does work on this angle
     only. So a torsion spring conserves energy for all motions of the bodies.

@@ -89,7 +89,7 @@ class AbstractBody(Located):
 
 @dataclass(frozen=True, eq=False)
 class Body(AbstractBody):
-    """A rigid body. Its coordinates are the position of its centre of mass and its orientation.
+    """A rigid body. The coordinates of a body are the position of its centre of mass and its orientation.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ class Body(AbstractBody):
 
 
 class Flywheel(Body):
-    """A body that represents the inertia of a drive. It is not drawn, because its position has no meaning."""
+    """A body that represents the inertia of a drive. A flywheel is not drawn, because its position has no meaning."""
 
 
 class Link(Body):

@@ -21,7 +21,7 @@ from symmb.declare.symbolic import Symbol, unit, vector
 
 @dataclass(frozen=True, eq=False)
 class Clutch(PairTorque, Constraint):
-    """A clutch between two shafts on one axis, or a brake if one of the shafts is the ground. It can slip and stick.
+    """A clutch between two shafts on one axis, or a brake if one of the shafts is the ground. A clutch slips or sticks.
 
     While the clutch slips, the torque of body a on body b is `capacity`, and it opposes the slip, like dry friction.
     When the slip becomes 0, the shafts stick without impact: a constraint keeps their speeds equal. If the torque of
@@ -76,7 +76,7 @@ class Clutch(PairTorque, Constraint):
             )
 
     def _jumps_with_slip(self, states: int = 4) -> bool:
-        """Whether the capacity jumps at zero slip. It is tested at random states, and must jump at all of them."""
+        """Whether the capacity jumps at zero slip. The capacity must jump at all random states."""
         if not isinstance(self.capacity, ca.SX) or self.capacity.numel() != 1:
             return False
         symbols = ca.vertcat(*ca.symvar(ca.vertcat(self.capacity, self.slip)))

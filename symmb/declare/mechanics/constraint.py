@@ -59,7 +59,7 @@ class Motion(Constraint):
 
 @dataclass(frozen=True, eq=False)
 class VelocityConstraint(Constraint):
-    """A constraint of velocities, such as rolling without slip. All expressions stay 0. They are linear in velocities.
+    """A constraint of velocities, such as rolling without slip. All expressions stay 0, and are linear in velocities.
 
     Examples
     --------

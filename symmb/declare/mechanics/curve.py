@@ -112,7 +112,7 @@ class Curve:
 
 
 _SAMPLES = 400
-"""Number of samples of the curvature of a smooth piece. It can be fixed, because feet are exact for all parts."""
+"""Number of samples of the curvature of a smooth piece. The number is fixed, because feet are exact for all parts."""
 _OVERLAP = 0.1
 """Overlap of successive parts, divided by the length of a part. So at the end of a part, the next part is nearer."""
 
@@ -222,7 +222,7 @@ class Measured:
         return found[0], found[1]
 
     def bend(self, part: Part, side: float) -> float:
-        """The lowest curvature [1/m] of a part. It is positive if the part bends away from the side."""
+        """The lowest curvature [1/m] of a part. The curvature is positive if the part bends away from the side."""
         low, high = part if np.isfinite(part[0]) else self.curve.ends
         inset = _OVERLAP * (high - low)
         _, d, dd = self._numbers(np.linspace(low + inset, high - inset, 100))

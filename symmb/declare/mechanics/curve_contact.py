@@ -181,8 +181,8 @@ class CurveContact(ShapeContact):
 class PointOnCurve(Joint):
     """A joint that holds point b, or a roller about point b, on a curve in the xy plane of point_a's body.
 
-    An example is a groove cam. The joint has one multiplier. It is minus the force [N] on body b along the normal of
-    the curve. The normal points to the left of an open curve, and out of a closed curve. There is no friction. An open
+    An example is a groove cam. The joint has one multiplier: minus the force [N] on body b along the normal of the
+    curve. The normal points to the left of an open curve, and out of a closed curve. The joint has no friction. An open
     curve continues along its tangents beyond its ends.
 
     Parameters
@@ -197,7 +197,7 @@ class PointOnCurve(Joint):
     inside : bool
         see `CurveContact`
     unilateral : bool
-        True: a warning gives the time at which the curve would have to pull. There a roller lifts off a real cam
+        True: a warning gives the time at which the curve would have to pull. Then a real roller lifts off
 
     Examples
     --------

@@ -19,7 +19,7 @@ def declared(*elements: Any) -> None:
 
 
 def enter(element: Any) -> None:
-    """Record a new element. It is in no System yet."""
+    """Record a new element, which is in no System yet."""
     declared(element)
     _IN_NO_SYSTEM[id(element)] = element
 

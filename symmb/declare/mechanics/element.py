@@ -70,8 +70,8 @@ class Element(ABC):
         return ()
 
     def doubtful(self, bind: Bind) -> Iterator[tuple[ca.SX, str]]:
-        """Expressions that become negative if a run leaves the range of validity of the element's law. Each comes with
-        the text of its warning. The time replaces {} in the text."""
+        """Expressions that become negative if a run leaves the range of validity of the element's law, each
+        with the text of a warning. The time replaces {} in the text."""
         yield from ()
 
     def place_faults(self) -> list[str]:

@@ -79,12 +79,12 @@ class Side(NamedTuple):
 
     @property
     def bend(self) -> float:
-        """The lowest curvature [1/m] of the part. It is positive if the part bends away from the side."""
+        """The lowest curvature [1/m] of the part. The curvature is positive if the part bends away from the side."""
         return self.measured.bend(self.part, self.side)
 
     @property
     def is_hollow(self) -> bool:
-        """Whether the part bends toward the side, so that it is concave there."""
+        """Whether the part is concave: it bends toward the side."""
         return self.bend * self.measured.length < -SLIGHT
 
     @property
@@ -271,7 +271,7 @@ def _start(a: Side, b: Side, motion: Motion) -> ca.SX:
 def require_room(group: Sequence[Side], others: Sequence[Sequence[Side]] | None, radius: float) -> None:
     """Raise DeclarationError if a circle or another curve may touch a group of parts at several points.
 
-    In place of the other curve, its largest circle of curvature is checked.
+    The largest circle of curvature of the other curve is checked in place of the curve.
     """
     measured, parts, side = group[0].measured, [one.part for one in group], group[0].side
     if others is not None:

@@ -1,8 +1,9 @@
 """Flexible bodies: a floating frame, and small deformations relative to it in modal coordinates.
 
-A material point of the body is at r + R (s + u). Its displacement u is the sum of mode shapes times modal coordinates
-eta. The first moment f(eta), the inertia J(eta) about the frame's origin, and the angular momentum G(eta) eta' are in
-the frame's axes. f, J and G are polynomials in eta with constant coefficients (`Modes`). The kinetic energy is
+A material point of the body is at r + R (s + u). The displacement u of the point is the sum of mode shapes times modal
+coordinates eta. The first moment f(eta), the inertia J(eta) about the frame's origin, and the angular momentum G(eta)
+eta' are in the frame's axes. f, J and G are polynomials in eta with constant coefficients (`Modes`). The kinetic energy
+is
 
     T = m r'.r' / 2 + r'.R (omega x f + f_eta eta') + omega.J omega / 2 + omega.G eta' + eta'.m_eta eta' / 2
 
@@ -130,7 +131,7 @@ class FlexibleBody(Body):
         count = len(self.modes.positions)
         if not is_whole(number) or not 0 <= number < count:
             raise DeclarationError(
-                f"FlexibleBody {self.name!r} has no node {shown(number)}. Its nodes are 0 to {count - 1}."
+                f"FlexibleBody {self.name!r} has no node {shown(number)}. The nodes are 0 to {count - 1}."
             )
         return Point(self._carrier(number), ca.SX(3, 1))
 

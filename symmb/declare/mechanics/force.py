@@ -130,9 +130,9 @@ class Gravity(ForceElement):
 class SpringDamper(PairForce):
     """Spring and damper along the line between two points at the distance d. The pull is k (d - length) + c d'.
 
-    A spring of length 0 pulls along the vector between the points. Its force is smooth even if the points coincide. A
-    damper acts along the line only, so it does not brake a common rotation of the bodies. A `Bushing` damps in all
-    directions.
+    A spring of length 0 pulls along the vector between the points. The force of this spring is smooth even if the
+    points coincide. A damper acts along the line only, so it does not brake a common rotation of the bodies. A
+    `Bushing` damps in all directions.
 
     Parameters
     ----------
@@ -241,7 +241,7 @@ class PairTorque(ForceElement):
     @property
     @abstractmethod
     def axis(self) -> tuple[Expr, ...]:
-        """The direction (3,) of the axis. It has the same components in the axes of both bodies."""
+        """The direction (3,) of the axis. The direction has the same components in the axes of both bodies."""
 
     @cached_property
     def _angle(self) -> tuple[ca.SX, tuple[Symbol, ...]]:
@@ -254,7 +254,7 @@ class PairTorque(ForceElement):
         return self._angle[0]
 
     def _loads(self, torque: ca.SX) -> tuple[Load, Load]:
-        """Loads of a torque on body b and the opposite torque on body a. Their power is torque times angular rate."""
+        """Loads of a torque on body b and the opposite torque on body a. The power is torque times angular rate."""
         turning = torque * turning_direction(self.body_a, unit(vector(self.axis)), self.body_b, ca.SX.eye(3))
         return (moment_on(self.body_a, -turning), moment_on(self.body_b, turning))
 
@@ -346,8 +346,8 @@ class Bushing(PairForce):
             cosine = (ca.trace(relative) - 1) / 2
             yield (
                 cosine - ca.cos(_LARGE_TURN),
-                f"the mount turns by more than {_LARGE_TURN:g} rad{{}}. Its moment uses the sine of the angle and "
-                "is too small. Use a TorsionSpring.",
+                f"the mount turns by more than {_LARGE_TURN:g} rad{{}}. The mount's moment uses the sine of the angle, "
+                "and is too small. Use a TorsionSpring.",
             )
 
 

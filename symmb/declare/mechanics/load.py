@@ -24,7 +24,7 @@ class NonlinearSpring(PairForce):
     name : str
     point_a, point_b : Point
     pull : callable
-        function of the distance [m] and its rate [m/s] (SX). It returns the force [N] that pulls the points together.
+        function of the distance [m] and its rate [m/s] (SX) that returns the force [N] that pulls the points together.
         Examples are `GasSpring(...)`, `Orifice(...)`, or a sum: `lambda d, v: gas(d, v) + oil(d, v)`
 
     Examples
@@ -100,7 +100,7 @@ class Orifice(Law):
     """Fluid that a piston pushes through an opening, as in recoil brakes: a law for a `NonlinearSpring`.
 
     The pressure loss of the flow A v through the opening gives the force F = rho A^3 / (2 (Cd a)^2) v |v|. In this
-    formula v sqrt(v^2 + speed^2) replaces v |v|. It is smooth, and describes laminar flow at low speeds.
+    formula v sqrt(v^2 + speed^2) replaces v |v|, so that the force is smooth, and the flow at low speeds is laminar.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ class Orifice(Law):
 
 @dataclass(frozen=True, eq=False)
 class Soil(ForceElement):
-    """Soil under a foot. It pushes along the normal, and springs and dampers act in the other directions.
+    """Soil under a foot. The soil pushes along the normal, and springs and dampers act in the other directions.
 
     The tangential springs also act without a normal force, because spades and ribs stay in the soil.
 

@@ -109,7 +109,7 @@ class Parameters(Mapping[str, float]):
 
     @property
     def symbols(self) -> ca.SX:
-        """All symbols as one vector (n_p,), in the order of declaration. Their values are in the parameters' units."""
+        """All symbols as one vector (n_p,), in the order of declaration. Values are in the parameters' units."""
         return self._symbols
 
     @property

@@ -32,7 +32,7 @@ class Rope(ForceElement):
 
     Each pulley has a first-order state, such as `rope.wrap1` for the second point of a rope called `rope`. The state is
     the angle [rad] by which the line through the points turns at the pulley. The angle is positive if the rope touches
-    the pulley, and includes whole turns. Its initial value follows from the positions at the start.
+    the pulley, and includes whole turns. The initial value of the state follows from the positions at the start.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Contacts of circles, slots, spheres and boxes. Their contact points have closed forms."""
+"""Contacts of circles, slots, spheres and boxes, whose contact points have closed forms."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -179,7 +179,7 @@ class BoxContact(ShapeContact):
     ----------
     name : str
     point_a : Point
-        centre of the box. Its sides are parallel to the axes of point_a's body
+        centre of the box. The sides of the box are parallel to the axes of point_a's body
     sides : tuple
         side lengths (x, y, z) of the box, or (x, y) of a rectangle [m]
     point_b : Point

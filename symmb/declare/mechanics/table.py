@@ -85,7 +85,7 @@ class Table:
             raise DeclarationError("Table: x and y must be lists of numbers.")
         if x.ndim != 1 or x.shape != y.shape or len(x) < 2:
             raise DeclarationError(
-                f"Table: x has the shape {x.shape} and y has {y.shape}. Pass two lists of one length, at least 2."
+                f"Table: x has the shape {x.shape} and y has {y.shape}. Pass two lists of equal length, at least 2."
             )
         if not (np.isfinite(x).all() and np.isfinite(y).all()):
             raise DeclarationError("Table: x and y must be finite numbers.")

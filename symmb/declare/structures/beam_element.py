@@ -29,7 +29,7 @@ PLANES = ((1, 5, BENDING_XY, np.array([1, 1, 1, 1]), 1), (2, 4, BENDING_XZ, np.a
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """e beam elements in global axes. Each element has 12 degrees of freedom: three translations and three rotations of two nodes.
+    """e elements in global axes. An element has 12 degrees of freedom: three translations and rotations of two nodes.
 
     Matrices map the degrees of freedom to fields at the g Gauss points. `weights` are Gauss weights times lengths.
     """

@@ -36,8 +36,8 @@ def with_parameters(
 ) -> Modes:
     """Modes with inertia, stiffness and damping as expressions from the terms of their structure.
 
-    Each shape is damped like a mode with the same stiffness and inertia. This is exact if no parameter changes the
-    shapes of modes.
+    Each shape is damped like a mode with the same stiffness and inertia. The damping is exact if no parameter changes
+    the shapes of modes.
     """
     n, stiffness = len(modes.stiffness), modes.stiffness
     masses = tuple((ca.SX(law), shapes.invariants(M, samples)) for law, M, samples in terms.mass)

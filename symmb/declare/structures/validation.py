@@ -35,7 +35,7 @@ def numbers(value: npt.ArrayLike, owner: str, name: str, *shapes: Shape) -> Arra
 
 
 LARGEST = 1e60
-"""Largest length, modulus or mass [SI]. Its fifth power must be finite."""
+"""Largest length, modulus or mass [SI]. The fifth power of this number must be finite."""
 
 
 def positive(value: npt.ArrayLike, owner: str, name: str) -> float:

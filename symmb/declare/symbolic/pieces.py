@@ -72,8 +72,8 @@ class Pieces:
     def function(self) -> ca.Function:
         """The Function (group, at) -> columns that expressions call.
 
-        If SX expressions call an MX function, CasADi needs derivatives that are not structurally zero. Here they are
-        numerical zeros.
+        If SX expressions call an MX function, CasADi needs derivatives that are not structurally zero. These
+        derivatives are numerical zeros.
         """
         group, at, n = ca.MX.sym("group"), ca.MX.sym("at"), self.data.shape[1]
         row_of = ca.interpolant("row_of", "linear", [self.knots], np.arange(1.0, n), {"lookup_mode": ["binary"]})
@@ -95,8 +95,8 @@ class Pieces:
 class Sides(Pieces):
     """The parts (0 to n) into which knots (n,) divide a line, and a wave that is 0 at the knots.
 
-    The wave is a parabola between two knots and straight outside, with alternating slopes 1 and -1 at the knots. It is
-    positive in parts with odd numbers.
+    The wave is a parabola between two knots and straight outside, with alternating slopes 1 and -1 at the knots. The
+    wave is positive in parts with odd numbers.
     """
 
     @classmethod

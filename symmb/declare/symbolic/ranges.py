@@ -241,7 +241,7 @@ def _power(a: SymbolicRange, exponent: SymbolicRange) -> SymbolicRange:
 
 
 def _turned(f: Callable[[ca.SX], ca.SX], a: SymbolicRange, top: float) -> SymbolicRange:
-    """The range of a sine or cosine. Its value is 1 if the argument is `top` plus whole turns."""
+    """The range of a sine or cosine. The value is 1 if the argument is `top` plus whole turns."""
 
     def has(angle: float) -> ca.SX:
         return ca.floor((a.high - angle) / (2 * math.pi)) >= ca.ceil((a.low - angle) / (2 * math.pi))

@@ -33,7 +33,7 @@ _KINKS: dict[Any, tuple[str, Callable[..., ca.SX]]] = {
 
 
 def _whole(side: ca.SX, value: ca.SX) -> ca.SX:
-    """floor(value) for a given sign of sin(pi value): the nearest even or odd number. It is valid up to 0.5 beyond."""
+    """floor(value) for a given sign of sin(pi value): the nearest even or odd number, valid 0.5 beyond it."""
     odd = (1 - side) / 2
     return 2 * ca.floor((value - odd + 0.5) / 2) + odd
 

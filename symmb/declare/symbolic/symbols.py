@@ -1,7 +1,7 @@
 """The table of symbols: the kind and the rate of every coordinate, velocity, state and parameter.
 
-A CasADi symbol has only a name. Its owner (a body, a joint, the parameters) keeps a `Symbol` record with its kind and
-rate. The table has weak references to the records, so a record does not outlive its model.
+A CasADi symbol has only a name. The owner of a symbol (a body, a joint, the parameters) keeps a `Symbol` record with
+its kind and rate. The table has weak references to the records, so a record does not outlive its model.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -23,7 +23,7 @@ _casadi_bool = ca.SX.__bool__
 
 
 class TruthValueError(DeclarationError, RuntimeError):
-    """Error if Python needs the truth value of a symbolic expression. It is also a RuntimeError, as in CasADi."""
+    """Error if Python needs the truth value of a symbolic expression: also a RuntimeError, as in CasADi."""
 
 
 def _truth_value(expression: ca.SX) -> bool:

@@ -171,7 +171,7 @@ def united(parts: Sequence[Mass]) -> Mass:
 
 
 def _offset(mass: Scalar, arm: Vector) -> Matrix:
-    """Inertia (3, 3) of a point mass about a point. `arm` (3,) leads from one to the other (parallel axis theorem)."""
+    """Inertia (3, 3) of a point mass about a point. `arm` (3,) leads from point to mass (parallel axis theorem)."""
     squared = dot(arm, arm)
     return tuple(tuple(mass * ((squared if i == k else 0.0) - arm[i] * arm[k]) for k in range(3)) for i in range(3))
 

@@ -155,7 +155,7 @@ class Tag:
 
 
 def _meant(name: str, known: Collection[str], similarity: float = 0.75) -> str:
-    """The known name that is closest to a misspelt name. It is empty if the name is known, or if no name is close."""
+    """The known name that is closest to a misspelt name; empty if the name is known, or if no name is close."""
     # Names of extensions are less similar to known names than misspelt names are.
     close = () if name in known else get_close_matches(name.lower(), known, n=1, cutoff=similarity)
     return close[0] if close else ""
