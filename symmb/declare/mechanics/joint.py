@@ -364,7 +364,7 @@ class Gear(AxisJoint):
 
 @dataclass(frozen=True, eq=False)
 class CamFollower(Constraint):
-    """A follower that a cam moves. The lift is the displacement or angle of the follower: a function of the cam's angle.
+    """A follower that a cam moves. The lift is the displacement or angle of the follower, a function of the cam angle.
 
     The lift must already include the effect of the follower's shape, such as a flat face or a roller. The constraint is
     as smooth as the lift. The multiplier is minus the force of the cam on the follower [N, N m]. A warning gives the
