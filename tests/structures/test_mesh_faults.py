@@ -71,7 +71,7 @@ FAULTS = {
     "dampings": (lambda: frame().modes(count=3, damping=[0.1, 0.1]), r"damping must be a number or an array \(3,\)"),
     "interface": (lambda: frame().modes(interfaces=[0, 13]), "interfaces: there is no node 13"),
     "clamped": (lambda: frame().modes(clamped=-1, count=1), "clamped: there is no node -1"),
-    "clamped end": (lambda: frame().modes(clamped=0, interfaces=[0]), "node 0 is clamped, so it cannot be an interface"),
+    "clamped end": (lambda: frame().modes(clamped=0, interfaces=[0]), "node 0 is clamped, so it cannot be an inter"),
     "clamped without rotations": (
         lambda: FiniteElements.matrices(POSITIONS, K, M).modes(clamped=0, count=1),
         "node 0 has no rotations, so clamping this node does not hold the body",

@@ -43,8 +43,7 @@ def relative_angle(
 
 
 def turning_direction(a: AbstractBody, axis_a: ca.SX, b: AbstractBody, alignment: ca.SX) -> ca.SX:
-    """Vector (3,) in world axes with this property: its dot product with the relative angular velocity is the rate of
-    `relative_angle`.
+    """Vector (3,) in world axes. The rate of `relative_angle` is vector . relative angular velocity (dot product).
 
     If the axes of the bodies are parallel, the vector is the axis. A torque along the vector does work on this angle
     only. So a torsion spring conserves energy for all motions of the bodies.

@@ -252,7 +252,7 @@ def velocity_at(body: AbstractBody, arm: ca.SX) -> ca.SX:
 
 
 def inertia_matrix(body: Body, inertia: ca.SX) -> ca.SX:
-    """Inertia (3, 3) about the centre of mass in body axes. The pose determines how many numbers the user must give."""
+    """Inertia (3, 3) about the centre of mass in body axes. The pose determines how many numbers `inertia` has."""
     if isinstance(body.pose, Planar) and inertia.numel() == 1:
         return ca.diag(ca.vertcat(0, 0, inertia))
     if isinstance(body.pose, Spatial) and inertia.numel() == 3:

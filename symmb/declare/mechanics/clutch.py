@@ -76,7 +76,7 @@ class Clutch(PairTorque, Constraint):
             )
 
     def _jumps_with_slip(self, states: int = 4) -> bool:
-        """Whether the capacity jumps at zero slip. The capacity must jump at all random states."""
+        """Whether the capacity jumps at zero slip: True if the capacity jumps at each of some random states."""
         if not isinstance(self.capacity, ca.SX) or self.capacity.numel() != 1:
             return False
         symbols = ca.vertcat(*ca.symvar(ca.vertcat(self.capacity, self.slip)))

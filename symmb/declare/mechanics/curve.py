@@ -1,4 +1,4 @@
-"""Plane curves of cams, grooves and tracks. On each part of a curve, only one point is nearest to a given point."""
+"""Plane curves of cams, grooves and tracks. On a part of a curve, the distance to a point has only one minimum."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -112,9 +112,9 @@ class Curve:
 
 
 _SAMPLES = 400
-"""Number of samples of the curvature of a smooth piece. The number is fixed, because feet are exact for all parts."""
+"""Number of samples of the curvature of a smooth piece. The number does not affect the accuracy of feet."""
 _OVERLAP = 0.1
-"""Overlap of successive parts, divided by the length of a part. So at the end of a part, the next part is nearer."""
+"""Overlap of successive parts / length of a part. At the end of a part, the foot on the next part is then nearer."""
 
 
 Part = tuple[float, float]
@@ -229,7 +229,7 @@ class Measured:
         return float((-side * (d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / np.hypot(*d.T) ** 3).min())
 
     def require_room(self, group: list[Part], side: float, radius: float, circle: str) -> None:
-        """Raise DeclarationError if a circle that touches a group of parts at a point intersects it at another."""
+        """Raise DeclarationError if a circle touches a group of parts and also intersects the group elsewhere."""
         ends = [(a, b) if np.isfinite(a) else (0.0, self.period) for a, b in group]
         sampled = [self._numbers(np.linspace(a, b, 100)) for a, b in ends]
         x, d, _ = (np.vstack(part) for part in zip(*sampled, strict=True))

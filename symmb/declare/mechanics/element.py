@@ -146,7 +146,7 @@ def pose_faults(
     for body, poses in zip(bodies, allowed, strict=False):
         if not isinstance(body.pose, (*poses, Fixed)):
             names = " or ".join(f"pose={p.__name__}()" for p in poses)
-            yield f"{title}: body {body.name!r} has {body.pose!r}, which cannot be used. Use {names}, or another type."
+            yield f"{title}: body {body.name!r} has {body.pose!r}, which cannot be used. Use {names} or other elements."
     yield from pair_faults(title, bodies)
 
 
@@ -253,7 +253,7 @@ def bound(law: T, bind: Callable[[Any, str], ca.SX], title: str) -> T:
 def positive_numbers(title: str, owner: object, bind: Bind) -> Iterator[tuple[str, ca.SX]]:
     """Expressions of an element and its laws that must be above 0, with their names.
 
-    If a value may also be 0, its expression is replaced by 1 where it is not negative.
+    Where 0 is allowed, too, the expression is 1 unless the value is negative.
     """
     for f, value in _given(owner):
         if isinstance(value, Law):
@@ -266,7 +266,7 @@ def positive_numbers(title: str, owner: object, bind: Bind) -> Iterator[tuple[st
 
 
 def _stays(kind: Any, value: object) -> bool:
-    """Whether the value is a table or a function that the field of a law accepts. `bound` does not change them."""
+    """Whether `bound` keeps a value unchanged: a table or a function that the field of a law accepts."""
     kinds = get_args(kind) or (kind,)
     functions = callable(value) and any(get_origin(each) is Callable for each in kinds)
     return functions or (isinstance(value, Table) and Table in kinds)

@@ -271,7 +271,7 @@ def _start(a: Side, b: Side, motion: Motion) -> ca.SX:
 def require_room(group: Sequence[Side], others: Sequence[Sequence[Side]] | None, radius: float) -> None:
     """Raise DeclarationError if a circle or another curve may touch a group of parts at several points.
 
-    The largest circle of curvature of the other curve is checked in place of the curve.
+    The check uses the largest circle of curvature of the other curve.
     """
     measured, parts, side = group[0].measured, [one.part for one in group], group[0].side
     if others is not None:

@@ -1,9 +1,8 @@
 """Flexible bodies: a floating frame, and small deformations relative to it in modal coordinates.
 
-A material point of the body is at r + R (s + u). The displacement u of the point is the sum of mode shapes times modal
-coordinates eta. The first moment f(eta), the inertia J(eta) about the frame's origin, and the angular momentum G(eta)
-eta' are in the frame's axes. f, J and G are polynomials in eta with constant coefficients (`Modes`). The kinetic energy
-is
+A material point of the body is at r + R (s + u). The displacement u is the sum of mode shapes times modal coordinates
+eta. The first moment f(eta), the inertia J(eta) about the frame's origin, and the angular momentum G(eta) eta' are in
+the frame's axes. f, J and G are polynomials in eta with constant coefficients (`Modes`). The kinetic energy is
 
     T = m r'.r' / 2 + r'.R (omega x f + f_eta eta') + omega.J omega / 2 + omega.G eta' + eta'.m_eta eta' / 2
 

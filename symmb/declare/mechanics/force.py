@@ -263,10 +263,10 @@ class PairTorque(ForceElement):
 class TorsionSpring(PairTorque):
     """Torsion spring and damper between two bodies about an axis that is fixed in both.
 
-    The torque on body b is -(stiffness (alpha - angle) + damping alpha'). Here alpha is the angle of b relative to a.
-    If the axes do not stay parallel, as on a Spherical joint, alpha is the twist. The relative rotation then has two
-    parts: the smallest rotation that makes the axes coincide, and a rotation by alpha about the axis. The potential of
-    the spring is stiffness (alpha - angle)^2 / 2 in all cases.
+    The torque on body b is -(stiffness (alpha - angle) + damping alpha'). The angle of b relative to a is alpha. If the
+    axes do not stay parallel, as on a Spherical joint, alpha is the twist. The relative rotation then has two parts:
+    the smallest rotation that makes the axes coincide, and a rotation by alpha about the axis. The potential of the
+    spring is stiffness (alpha - angle)^2 / 2 in all cases.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ class Impact(Element):
     so that all constraints hold after the impact. Simultaneous impacts are resolved in rounds, until no gap of size 0
     closes. In each round, impacts are resolved one after the other in the order of declaration. A warning says if
     another order gives another result. If a rebound is as low as the rounding of positions, the contact stays closed. A
-    closed contact is a constraint that can only push. It opens when the force would have to pull.
+    closed contact is a constraint that can only push, and opens when the force would have to pull.
 
     Parameters
     ----------

@@ -169,7 +169,7 @@ class Latch(JointEvent):
 
     @cached_property
     def _grip(self) -> tuple[Joint, tuple[tuple[Symbol, ca.SX], ...]]:
-        """The joint with its point and frame on body a moved to body b, and the states that store this displacement."""
+        """A copy of the joint with a moved point and frame on body a, and the states that store the displacement."""
         joint = self.joint
         if isinstance(joint, Distance):
             return joint, ((event_state(f"{self.name}.length", 1.0), ca.norm_2(joint.d)),)

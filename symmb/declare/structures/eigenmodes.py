@@ -112,7 +112,7 @@ def _some(K: Sparse, M: Sparse, rigid: Array, count: int | None, below: float) -
     """Modes of a large structure in batches, until all modes of a batch are above the requested modes.
 
     Each batch is orthogonal to earlier batches. Lanczos' method may find only one mode of a multiple frequency. The
-    next batch then finds the other modes.
+    next batch then finds the other modes of this frequency.
     """
     from scipy.sparse.linalg import LinearOperator, eigsh
 

@@ -73,7 +73,7 @@ nonzero eigenvalues. One refinement squares the relative error. tests/symbolic/t
 def singular_solver(S: ca.SX, nullity: int, usual: ca.SX | None = None) -> Callable[[ca.SX], ca.SX]:
     """Solver of S z = r for a semidefinite S (n, n), which is treated as a matrix of rank n - nullity.
 
-    Inverse iteration gives the vanishing combinations of rows. They are removed from right sides and solutions. Rows
+    Inverse iteration gives vanishing combinations of rows, which are removed from right sides and solutions. Rows
     are scaled by the diagonal, so units have no effect. Rows that vanish at some states are scaled by their `usual`
     relative sizes (n,), by default equal.
     """
@@ -186,9 +186,9 @@ class ExplicitSolver:
     """Solver of A z = r for a regular A (n, n) and r (n, m), by determinants of small blocks.
 
     Blocks of equations are solved one after the other. Large blocks are halved. `at` (n, n) are values of A at one
-    point. They order the rows so that both halves are regular at this point. A positive definite A needs no order. A is
-    regular, and solutions are exact, if no entry of `determinants` (k,) is 0. If the right side is 0, the solution may
-    be finite although A is singular.
+    point. These values order the rows so that both halves are regular at this point. A positive definite A needs no
+    order. A is regular, and solutions are exact, if no entry of `determinants` (k,) is 0. If the right side is 0, the
+    solution may be finite although A is singular.
     """
 
     def __init__(self, A: ca.SX, at: Array | None = None) -> None:

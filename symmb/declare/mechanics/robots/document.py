@@ -162,7 +162,7 @@ def _meant(name: str, known: Collection[str], similarity: float = 0.75) -> str:
 
 
 def told(passed: dict[str, list[Tag]]) -> list[str]:
-    """A list with one sentence that names each kind of harmless fault and its first line. Empty if there are none."""
+    """A list with one sentence that names each kind of harmless fault and its first line; empty without such faults."""
     kinds = []
     for what, tags in passed.items():
         more = f" and {len(tags) - 1} more" if len(tags) > 1 else ""
