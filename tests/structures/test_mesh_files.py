@@ -166,7 +166,7 @@ GRIDS = {
     "a system": ("GRID,1,4,0.,0.,0.\n", "line 1, GRID: the position of node 1 is in coordinate system 4"),
     "a system of displacements": ("GRID,1,,0.,0.,0.,2\n", "the displacement of node 1 is in coordinate system 2"),
     "no number": ("GRID,1,,0.,y,0.\n", "line 1, GRID: y of node 1 must be a number, got 'y'"),
-    "a node that is missing": ("GRID,100,,0.,0.,0.\n", "the matrices have node 110, but .* has no GRID card of it"),
+    "a node that is missing": ("GRID,100,,0.,0.,0.\n", "the matrices have node 110, but .* has no such GRID card"),
 }
 
 

@@ -286,6 +286,4 @@ def require_room(group: Sequence[Side], others: Sequence[Sequence[Side]] | None,
         if not any(one.is_hollow for one in group):
             return
         radius += 1 / least
-    measured.require_room(
-        parts, side, radius, "the circle" if others is None else "the other curve's largest circle of curvature"
-    )
+    measured.require_room(parts, side, radius, "the circle" if others is None else "the other curve's largest circle")

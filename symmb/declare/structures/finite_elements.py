@@ -365,9 +365,7 @@ def _require_modes(found: int, count: int | None, cutoff: float | None, interfac
     if count is not None and cutoff is None and found < count:
         raise DeclarationError(f"{OWNER}: count={count}, but the mesh has only {found} modes. Refine the mesh.")
     if count != 0 and not interfaces and not found:
-        raise DeclarationError(
-            f"{OWNER}: no mode is below cutoff={cutoff} Hz. Increase cutoff. For a rigid body, pass count=0."
-        )
+        raise DeclarationError(f"{OWNER}: no mode is below cutoff={cutoff} Hz. Increase cutoff, or pass count=0.")
 
 
 def _pairs(given: Any, name: str) -> list[tuple[Expr, Any]]:

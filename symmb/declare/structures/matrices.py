@@ -57,9 +57,7 @@ def _positions(source: npt.ArrayLike | str | PathLike[str], numbered: list[int])
         grids = read_grids(source)
         missing = [node for node in numbered if node not in grids]
         if missing:
-            raise DeclarationError(
-                f"{OWNER}: the matrices have node {missing[0]}, but {source} has no GRID card of it."
-            )
+            raise DeclarationError(f"{OWNER}: the matrices have node {missing[0]}, but {source} has no such GRID card.")
         return numbers([grids[node] for node in numbered or sorted(grids)], OWNER, "positions", ("k", 3))
     meshio = optional_package("meshio", f"{OWNER} with a file of a mesh", "fe")
     with told(source, "read"):

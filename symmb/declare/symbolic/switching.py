@@ -186,7 +186,7 @@ _POWERS = {ca.OP_SQ, ca.OP_MUL, ca.OP_POW, ca.OP_CONSTPOW}
 
 
 def _power(code: Any, of: Sequence[_Power[T]], constant: float | None) -> _Power[T] | None:
-    """The result of an operation in `_POWERS` as a power; None for other results. The exponent of `pow` may be constant."""
+    """An operation of `_POWERS` as a power; None for other operations. The exponent of `pow` may be constant."""
     base, exponent = of[0]
     if code == ca.OP_MUL:
         return _Power(base, exponent + of[1].exponent) if base == of[1].base else None
