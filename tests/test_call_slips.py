@@ -78,7 +78,9 @@ def test_a_table_of_tolerances_that_toml_cannot_read(text, tmp_path):
 def test_a_matrix_market_file_with_more_entries_than_places(entries, tmp_path):
     path = tmp_path / "k.mtx"
     path.write_text(f"%%MatrixMarket matrix coordinate real general\n9 9 {entries}\n1 1 1\n")
-    refused(f"its head announces {entries} entries in 9 rows", mb.FiniteElements.matrices, np.eye(3), path, np.eye(9))
+    refused(
+        f"header gives {entries} entries, too many for 9 rows", mb.FiniteElements.matrices, np.eye(3), path, np.eye(9)
+    )
 
 
 @pytest.mark.parametrize("name", ["b.npz", "b.json", "k.mtx", "k.bdf", "t.csv", "t.toml"])

@@ -176,7 +176,7 @@ LAW = mb.KelvinVoigt(1e3)
 FAULTS = [
     (lambda: mb.Actuator("m", "pin", 1.0), "Actuator 'm': expected a joint, got .pin.. Pass a joint, such as Revolute"),
     (lambda: mb.Actuator("m", BALL, 1.0), r"Spherical 'ball' has no angle and no displacement. .*three Revolute"),
-    (lambda: mb.Actuator("m", TUBE, 1.0), r"'tube' turns and slides. Pass coordinate='angle' or 'displacement'"),
+    (lambda: mb.Actuator("m", TUBE, 1.0), r"'tube' turns and also slides. Pass coordinate='angle' or 'displacement'"),
     (
         lambda: mb.Actuator("m", PIN, 1.0, coordinate="displacement"),
         r"no coordinate 'displacement'. Use coordinate='angle'",

@@ -145,7 +145,7 @@ def test_taylor_proofs_and_copies_read_tables():
     ("x", "y", "text"),
     [
         ([0.0, 1.0, 1.0], [1, 2, 3], r"Table: x must increase, but x\[2\] = 1 follows 1"),
-        ([0.0, 1.0], [1, 2, 3], r"x has the shape \(2,\) and y has \(3,\)\. Pass two lists of one length"),
+        ([0.0, 1.0], [1, 2, 3], r"x has the shape \(2,\) and y has \(3,\)\. Pass two lists of equal length"),
         ([0.0], [1.0], "at least 2"),
         ([0.0, np.nan], [1.0, 2.0], "Table: x and y must be finite"),
         ([0.0, "one"], [1.0, 2.0], "Table: x and y must be lists of numbers"),

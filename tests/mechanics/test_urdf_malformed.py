@@ -155,7 +155,7 @@ PASSED_OVER = [
     (inertial('<mass value="1"/>' + moments(ixy="3")), 3, "<inertia> of", "is negative"),
     (elbow("continuous", '<dynamics stiffness="1"/>'), 5, "<dynamics> of", "'stiffness' is not"),
     (elbow("continuous", '<mimic joint="a"/>'), 5, "<mimic> of <joint name='elbow'>", "no joint 'a'"),
-    (elbow("fixed", '<mimic joint="elbow"/>'), 5, "<mimic> of", "no single value and cannot follow"),
+    (elbow("fixed", '<mimic joint="elbow"/>'), 5, "<mimic> of", "no angle or displacement, so it cannot follow"),
     (elbow("continuous", '<mimic joint="elbow" offset="0.3"/>'), 5, "<mimic> of", "'elbow' follows itself. Use"),
     (
         robot(HAND, HINGE, *elbow("fixed", "", ENDS.replace("base", "hand").replace("arm", "base")).splitlines()[1:-1])
@@ -163,7 +163,7 @@ PASSED_OVER = [
         .replace("</joint>", '<mimic joint="elbow"/></joint>', 1),
         3,
         "<mimic> of <joint name='wrist'>",
-        "the fixed joint 'elbow' has no single value. Use another joint",
+        "fixed joint 'elbow' has no angle or displacement. Use another joint",
     ),
     (
         elbow("continuous", '<limit velocity="1" gear_velocity="9"/>'),
@@ -171,7 +171,7 @@ PASSED_OVER = [
         "<limit> of <joint name='elbow'>",
         "'gear_velocity' is not known. Did you mean 'velocity'",
     ),
-    (elbow("floating", '<mimic joint="elbow"/>'), 5, "<mimic> of", "no single value and cannot follow"),
+    (elbow("floating", '<mimic joint="elbow"/>'), 5, "<mimic> of", "no angle or displacement, so it cannot follow"),
 ]
 
 

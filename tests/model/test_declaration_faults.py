@@ -70,7 +70,7 @@ FAULTS = [
     (lambda: [spatial(inertia=1.0)], "cannot be used with Spatial.*three principal values or a 3x3"),
     (lambda: [spatial(inertia=[[1, 0, 0], [0, 1]])], "Body 'plate': inertia: the rows have 3 and 2"),
     (lambda: [spatial(inertia=[[1, 0.1, 0], [0, 1, 0], [0, 0, 1]])], "Body 'plate': inertia matrix is not symmetric"),
-    (lambda: [mb.Body("b", 1.0, 1.0, mb.Particle())], r"cannot be used with Particle\(\)\. Pass none"),
+    (lambda: [mb.Body("b", 1.0, 1.0, mb.Particle())], r"cannot be used with Particle\(\)\. Pass no inertia"),
     (
         lambda: [ROD1, BALL, mb.Spring("rubber", CENTRE, BALL.point(0, 0), 1.0)],
         r"Spring 'rubber': force along z .* planar body 'rod1'\. Particle 'ball' can leave the plane. Use Planar\(\)",

@@ -169,7 +169,7 @@ def test_a_condition_that_never_holds_is_doubted_in_a_run_and_fails_it_in_a_stud
         (lambda ball: {"f": mb.maximum(mb.mean(ball.y))}, "got a scalar output"),
         (lambda ball: {"f": mb.maximum(ball.y, window=(0.0, 5.0))}, "0 to 5 s is not inside the run from 0 to 1 s"),
         (lambda ball: {"f": mb.maximum(ball.y, window=(1.0, 0.0))}, "must end after its start"),
-        (lambda ball: {"f": mb.maximum(ball.y, window=3)}, "window must be two times"),
+        (lambda ball: {"f": mb.maximum(ball.y, window=3)}, "window must be a pair of times"),
         (lambda ball: {"f": mb.maximum(ca.vertcat(ball.x, ball.y))}, "has 2 components"),
         (lambda ball: {"f": mb.maximum(ca.SX.sym("z"))}, "'z' does not belong to a parameter"),
     ],

@@ -12,7 +12,7 @@ LENGTH = P.length
 LINE = [(0, 0, 0), (1, 0, 0)]
 CIRCLE = Section.circle(0.1)
 POSITIONS, K, M, _ = lattice()
-SYMBOL = "contains a symbol. Give numbers, because the modes are computed once. Use parameters in joints"
+SYMBOL = "contains a symbol. Give numbers, because the modes are computed once. Parameters are allowed only in joints"
 
 FAULTS = {
     "parameter without a value": (
@@ -31,7 +31,7 @@ FAULTS = {
     "infinite area": (lambda: Section(np.inf, 1, 1, 1), "Section: area must be finite"),
     "shear area next to nothing": (
         lambda: FiniteElements.beams(Beam(LINE, Section(1e-3, 1e-6, 1e-6, 2e-6, 1e-320), STEEL)),
-        "too small to compute with",
+        "is too small. Check the units",
     ),
     "tube without wall": (lambda: Section.circle(1.0, 1.0), "inner must be between 0 and the radius 1, got 1"),
     "no nu and no G": (lambda: Material(E=1.0, density=1.0), "give either nu or G"),
@@ -50,7 +50,7 @@ FAULTS = {
     "no beam": (FiniteElements.beams, "expected at least one Beam"),
     "beams apart": (
         lambda: FiniteElements.beams(Beam(LINE, CIRCLE, STEEL), Beam(np.array(LINE) + 5, CIRCLE, STEEL)).modes(count=1),
-        "motions without strain energy other than rigid motions",
+        "no strain energy for motions that are not rigid",
     ),
     "mass at no node": (lambda: frame().with_mass(99, 1.0), "there is no node 99. The nodes have the numbers 0 to 12"),
     "mass": (lambda: frame().with_mass(0, -1.0), "mass must be above 0, got -1"),
@@ -71,7 +71,7 @@ FAULTS = {
     "dampings": (lambda: frame().modes(count=3, damping=[0.1, 0.1]), r"damping must be a number or an array \(3,\)"),
     "interface": (lambda: frame().modes(interfaces=[0, 13]), "interfaces: there is no node 13"),
     "clamped": (lambda: frame().modes(clamped=-1, count=1), "clamped: there is no node -1"),
-    "clamped end": (lambda: frame().modes(clamped=0, interfaces=[0]), "node 0 is clamped. It cannot also be an inter"),
+    "clamped end": (lambda: frame().modes(clamped=0, interfaces=[0]), "node 0 is clamped, so it cannot be an inter"),
     "clamped without rotations": (
         lambda: FiniteElements.matrices(POSITIONS, K, M).modes(clamped=0, count=1),
         "node 0 has no rotations, so clamping this node does not hold the body",

@@ -134,9 +134,9 @@ GOOD = "DMIG,K,0,6,2\nDMIG,K,1,1,,1,1,2.0\n"
 FAULTS = {
     "no matrix": (
         "GRID,1,,0.,0.,0.\n",
-        "no matrix DMIG. Exactly one name must start with K, or the file must have one matrix",
+        "no matrix DMIG. Pass a file with one matrix, or with exactly one matrix whose name starts with K",
     ),
-    "two matrices": (GOOD + GOOD.replace(",K,", ",KB,"), "the matrices K, KB. Exactly one name must start with K"),
+    "two matrices": (GOOD + GOOD.replace(",K,", ",KB,"), "the matrices K, KB. Pass a file with one matrix, or with"),
     "no number": (GOOD + "DMIG,K,1,2,,1,2,two\n", "line 3, DMIG: an entry must be a number, got 'two'"),
     "infinite": (GOOD + "DMIG,K,1,2,,1,2,1e999\n", "line 3, DMIG: an entry must be finite, got '1e999'"),
     "no node": (GOOD + "DMIG,K,one,2,,1,2,1.\n", "line 3, DMIG: a node must be a whole number, got 'one'"),
@@ -166,7 +166,7 @@ GRIDS = {
     "a system": ("GRID,1,4,0.,0.,0.\n", "line 1, GRID: the position of node 1 is in coordinate system 4"),
     "a system of displacements": ("GRID,1,,0.,0.,0.,2\n", "the displacement of node 1 is in coordinate system 2"),
     "no number": ("GRID,1,,0.,y,0.\n", "line 1, GRID: y of node 1 must be a number, got 'y'"),
-    "a node that is missing": ("GRID,100,,0.,0.,0.\n", "the matrices have the node 110, but .* has no such GRID"),
+    "a node that is missing": ("GRID,100,,0.,0.,0.\n", "the matrices have node 110, but .* has no such GRID card"),
 }
 
 

@@ -62,7 +62,7 @@ def test_wrong_arrays(change, message):
         ({**ARRAYS, "layout": "symmb modes 0"}, "layout must be 'symmb modes 1', got 'symmb modes 0'"),
         (
             {"layout": "symmb modes 1", "mass": 1.0, "extra": 2.0},
-            r"arrays \['G0', .*\] are missing, and the arrays \['extra'\] are unknown",
+            r"missing arrays: \['G0', .*\]; unknown arrays: \['extra'\]\. The",
         ),
         ({**ARRAYS, "layout": "symmb modes 1", "J0": np.eye(2)}, r"J0 must be an array of the shape \(3, 3\)"),
     ],

@@ -193,7 +193,7 @@ FAULTS = {
     "no value": (lambda: bar(P.E, 2700, P.h, at=Box(h=(0.01, 0.02))), "'E' has no value. Give its interval, at=mb.Bo"),
     "a number where an interval is needed": (
         lambda: bar(P.E, P.rho, P.h, at=P).modes(count=3),
-        r"'h' changes the shapes of the modes and has only the value 0\.01\. Give its interval",
+        r"'h' changes the shapes of the modes, but has only the value 0\.01\. Give its interval",
     ),
     "shear": (
         lambda: FiniteElements.beams(
@@ -239,7 +239,7 @@ FAULTS = {
         lambda: FiniteElements.matrices(lattice()[0], [(P.h, lattice()[1])], lattice()[2], at={"h": (-1.0, 2.0)}).modes(
             count=2
         ),
-        "the stiffness has motions without strain energy .* The parameters are h = -1",
+        "the stiffness matrix gives no strain energy .* The parameters are h = -1",
     ),
 }
 

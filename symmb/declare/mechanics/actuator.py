@@ -19,7 +19,7 @@ from symmb.declare.symbolic import ddt
 
 @dataclass(frozen=True, eq=False)
 class JointForce(ForceElement):
-    """A force along the coordinate of a joint. It acts on body b at the joint's point. The reaction acts on body a."""
+    """A force on body b along the coordinate of a joint, at the joint's point. The reaction acts on body a."""
 
     name: str
     joint: Joint
@@ -39,7 +39,7 @@ class JointForce(ForceElement):
         if not joint.handles:
             yield f"{self.title}: {joint.title} has no angle and no displacement. {joint.without}"
         elif coordinate is None and joint.coordinate is None:
-            yield f"{self.title}: {joint.title} turns and slides. Pass coordinate='angle' or 'displacement'."
+            yield f"{self.title}: {joint.title} turns and also slides. Pass coordinate='angle' or 'displacement'."
         elif coordinate is not None and not (isinstance(coordinate, str) and coordinate in joint.handles):
             known = " or ".join(map(repr, joint.handles))
             yield f"{self.title}: {joint.title} has no coordinate {coordinate!r}. Use coordinate={known}."
@@ -149,7 +149,7 @@ class Stop(JointForce):
 
     @property
     def _ends(self) -> dict[str, int]:
-        """The limits by name, each with the sign of the joint's rate that leads away from the limit."""
+        """The limits by name, each with the sign of the joint's rate when the joint moves away from the limit."""
         return {name: sign for name, sign in (("lower", 1), ("upper", -1)) if getattr(self, name) is not None}
 
     def impacts(self, bind: Bind) -> tuple[Impact, ...]:

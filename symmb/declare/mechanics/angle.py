@@ -1,4 +1,4 @@
-"""The angle between two bodies about a common axis, with its turns counted."""
+"""The angle between two bodies about a common axis, including whole turns."""
 
 import casadi as ca
 
@@ -12,16 +12,16 @@ from symmb.declare.symbolic import Kind, Symbol, declare, triad
 def relative_angle(
     name: str, a: AbstractBody, axis_a: ca.SX, b: AbstractBody, alignment: ca.SX, parallel: bool = False
 ) -> tuple[ca.SX, tuple[Symbol, ...]]:
-    """Angle [rad] of body b relative to body a about an axis that is fixed in both, and the records of its state.
+    """Angle [rad] of body b relative to body a about an axis fixed in both bodies, and the records of its state.
 
     The angle is 0 if `alignment` (3, 3) converts components in axes of body a to axes of body b. If the axes of the
     bodies do not stay parallel, the angle is the twist. The relative rotation then consists of the smallest rotation
     that makes the axes coincide, and the rotation by this angle about the axis. If a joint keeps the axes parallel,
     `parallel` gives shorter expressions.
 
-    If both bodies turn about z only, the angle is a difference of coordinates. Otherwise quaternions determine the
-    angle up to whole turns. A first-order state named `name.angle` follows the angle, and only chooses the number of
-    turns. So the angle has neither kinks nor jumps, and an error of the state is not an error of the angle.
+    If both bodies turn about z only, the angle is a difference of coordinates. In other cases, quaternions determine
+    the angle up to whole turns. A first-order state named `name.angle` follows the angle. The state only determines the
+    number of turns. So the angle has neither kinks nor jumps, and an error of the state is not an error of the angle.
     """
     if turns_about_z(a.pose) and turns_about_z(b.pose):
         return (b.frame.angle - a.frame.angle) * axis_a[2], ()
@@ -43,7 +43,7 @@ def relative_angle(
 
 
 def turning_direction(a: AbstractBody, axis_a: ca.SX, b: AbstractBody, alignment: ca.SX) -> ca.SX:
-    """Vector (3,) in world axes. Its dot product with the relative angular velocity is the rate of `relative_angle`.
+    """Vector (3,) in world axes. The rate of `relative_angle` is vector . relative angular velocity (dot product).
 
     If the axes of the bodies are parallel, the vector is the axis. A torque along the vector does work on this angle
     only. So a torsion spring conserves energy for all motions of the bodies.

@@ -30,8 +30,8 @@ class Joint(Constraint):
 
     Joints that turn have an `angle` [rad] and an `angle_rate` [rad/s]. Joints that slide have a `displacement` [m] and
     a `displacement_rate` [m/s]. These handles describe the motion of body b relative to body a, positive about and
-    along `axis`. They are 0 if the joint's frames on both bodies coincide. `handles` lists the handles of a joint.
-    `coordinate` is the only coordinate of its motion, or None if it has no coordinate or several. `motion` has the
+    along `axis`. Handles are 0 if the joint's frames on both bodies coincide. `handles` lists the handles of a joint.
+    If the joint has exactly one coordinate, `coordinate` is the name of this coordinate, else None. `motion` has the
     joint coordinates of a body that the joint carries, or None if the joint can only close loops. `also` is a hint for
     users of the joint.
     """
@@ -85,9 +85,9 @@ class AxisJoint(Joint):
     """A joint with an axis in each body.
 
     `turns` and `slides` say whether the joint allows rotation and translation. `aligns` says whether the joint has a
-    zero: the orientation of body b relative to body a at which the angle is 0. It is given as a rotation by `zero`, or
-    follows from `axis_b`: the smallest rotation that makes both axes coincide. By default the frames of the bodies are
-    parallel at the zero. A body on such a joint starts at the zero if start and guess do not set its pose. `parallel`
+    zero: the orientation of body b relative to body a at which the angle is 0. The zero is the rotation `zero`. With
+    `axis_b` it is the smallest rotation that makes both axes coincide. By default the frames of the bodies are parallel
+    at the zero. If start and guess do not set the pose of a body, the body starts at the zero of its joint. `parallel`
     lists the columns of the joint's frames that the constraint keeps parallel.
     """
 

@@ -27,7 +27,7 @@ def _component(vector: str, k: int, doc: str) -> Any:
 
 
 class Located:
-    """Components of the world position and the world velocity. For a body, they are those of its centre of mass."""
+    """Components of the world position and velocity of a point, or of the centre of mass of a body."""
 
     _place: ca.SX
     _velocity: ca.SX
@@ -51,7 +51,7 @@ class AbstractBody(Located):
 
     @property
     def owner(self) -> "AbstractBody":
-        """The body with the coordinates that determine the frame."""
+        """The body whose coordinates determine this frame."""
         return self
 
     @kept_interrupts()
@@ -89,7 +89,7 @@ class AbstractBody(Located):
 
 @dataclass(frozen=True, eq=False)
 class Body(AbstractBody):
-    """A rigid body. Its coordinates are the position of its centre of mass and its orientation.
+    """A rigid body. The coordinates of a body are the position of its centre of mass and its orientation.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class Body(AbstractBody):
     pose : Pose
         possible motion of the body: `Planar()`, `Spatial()` or `Particle()`
     com : tuple
-        centre of mass [m], in the coordinates x, y and z of `point`. The default is their origin
+        centre of mass (x, y, z) [m], in the same coordinates as in `point`. The default is (0, 0, 0)
     shapes : sequence
         shapes of the body in drawings: `Box3(...)`, `Cylinder(...)`, `Sphere(...)` or `Mesh(...)`. By default drawings
         derive a shape from the points and the inertia. Shapes have no other effect
@@ -145,7 +145,7 @@ class Body(AbstractBody):
 
     @property
     def nearly_singular(self) -> bool:
-        """Whether the body's block of the mass matrix is nearly singular. Its inverse would then be inaccurate."""
+        """Whether the body's block of the mass matrix is nearly singular. The inverse of such a block is inaccurate."""
         return False
 
     @property
@@ -167,11 +167,11 @@ class Body(AbstractBody):
 
 
 class Flywheel(Body):
-    """A body that represents the inertia of a drive. It is not drawn, because its position has no meaning."""
+    """A body that represents the inertia of a drive. A flywheel is not drawn, because its position has no meaning."""
 
 
 class Link(Body):
-    """A body of a machine from a file. Files give its pose by joint values, not by coordinates of the body."""
+    """A body of a machine from a file. In the file, joint values determine the pose of the body."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,8 +196,8 @@ class Ground(AbstractBody):
     Parameters
     ----------
     shapes : sequence
-        shapes of the ground in drawings: `Box3(...)`, `Cylinder(...)`, `Sphere(...)` or `Mesh(...)`. They are drawn if
-        an element is attached to this ground
+        shapes of the ground in drawings: `Box3(...)`, `Cylinder(...)`, `Sphere(...)` or `Mesh(...)`. Shapes are drawn
+        only if an element is attached to this ground
 
     Examples
     --------
@@ -252,7 +252,7 @@ def velocity_at(body: AbstractBody, arm: ca.SX) -> ca.SX:
 
 
 def inertia_matrix(body: Body, inertia: ca.SX) -> ca.SX:
-    """Inertia (3, 3) about the centre of mass in body axes. The pose determines the shape of the given inertia."""
+    """Inertia (3, 3) about the centre of mass in body axes. The pose determines how many numbers `inertia` has."""
     if isinstance(body.pose, Planar) and inertia.numel() == 1:
         return ca.diag(ca.vertcat(0, 0, inertia))
     if isinstance(body.pose, Spatial) and inertia.numel() == 3:
@@ -261,10 +261,10 @@ def inertia_matrix(body: Body, inertia: ca.SX) -> ca.SX:
         return ca.sparsify(inertia)
     if isinstance(body.pose, Particle) and is_zero(inertia):
         return ca.SX(3, 3)
-    expected = {Planar: "one scalar about z", Spatial: "three principal values or a 3x3 matrix", Particle: "none"}
+    expected = {Planar: "one scalar about z", Spatial: "three principal values or a 3x3 matrix", Particle: "no inertia"}
     raise DeclarationError(
         f"Body {body.name!r}: inertia of shape {inertia.shape} cannot be used with {body.pose!r}. "
-        f"Pass {expected.get(type(body.pose), 'none')}."
+        f"Pass {expected.get(type(body.pose), 'no inertia')}."
     )
 
 

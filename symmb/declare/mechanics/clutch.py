@@ -1,4 +1,4 @@
-"""Clutches and brakes: they slip with Coulomb's torque, and they stick."""
+"""Clutches and brakes, which slip with a torque of dry friction, or stick."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -21,7 +21,7 @@ from symmb.declare.symbolic import Symbol, unit, vector
 
 @dataclass(frozen=True, eq=False)
 class Clutch(PairTorque, Constraint):
-    """A clutch between two shafts on one axis, or a brake if one of the shafts is the ground. It can slip and stick.
+    """A clutch between two shafts on one axis, or a brake if one of the shafts is the ground. A clutch slips or sticks.
 
     While the clutch slips, the torque of body a on body b is `capacity`, and it opposes the slip, like dry friction.
     When the slip becomes 0, the shafts stick without impact: a constraint keeps their speeds equal. If the torque of
@@ -76,7 +76,7 @@ class Clutch(PairTorque, Constraint):
             )
 
     def _jumps_with_slip(self, states: int = 4) -> bool:
-        """Whether the capacity jumps at zero slip, at each of some random states."""
+        """Whether the capacity jumps at zero slip: True if the capacity jumps at each of some random states."""
         if not isinstance(self.capacity, ca.SX) or self.capacity.numel() != 1:
             return False
         symbols = ca.vertcat(*ca.symvar(ca.vertcat(self.capacity, self.slip)))
@@ -159,7 +159,7 @@ class ClutchEvent(JointEvent):
 
 
 class Slips(ClutchEvent):
-    """The event at which a clutch starts to slip. The torque on body b is -lam, and friction keeps this sign."""
+    """The event at which a clutch starts to slip. The slip torque on body b then has the sign of -lam."""
 
     opens = True
 

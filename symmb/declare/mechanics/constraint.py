@@ -35,7 +35,7 @@ class Constraint(Element):
 class Motion(Constraint):
     """Drive: a position expression follows a law of time, expression - law = 0.
 
-    The multiplier is minus the driving force on the expression [N, N m]. It follows from M v' + Phi_v' lam = Q.
+    The multiplier is minus the driving force on the expression [N, N m], because M v' + Phi_v' lam = Q.
 
     Examples
     --------
@@ -59,7 +59,7 @@ class Motion(Constraint):
 
 @dataclass(frozen=True, eq=False)
 class VelocityConstraint(Constraint):
-    """A constraint of velocities, such as rolling without slip. All expressions stay 0. They are linear in velocities.
+    """A constraint of velocities, such as rolling without slip. All expressions stay 0, and are linear in velocities.
 
     Examples
     --------

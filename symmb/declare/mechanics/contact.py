@@ -17,7 +17,7 @@ from symmb.declare.symbolic import Z, ddt, triad, unit, vector
 
 
 def press(law: ContactLaw, penetration: ca.SX, loads: Callable[[ca.SX], tuple[Load, ...]], *fixed: ca.SX) -> Action:
-    """The action of a bound law. The function `loads` converts the force of the law into loads.
+    """The action of a law that `bound` has returned. The function `loads` converts the force of the law into loads.
 
     The action has a potential if all points, directions and sizes in `fixed` are constant.
     """
@@ -135,7 +135,7 @@ class BushContact(PairForce):
     point_a : Point
         point on the axis of the bush
     point_b : Point
-        point on the axis of the pin; it may move along the bush
+        point on the axis of the pin; the pin may move along the bush
     axis : tuple
         axis of the bush, in the axes of point_a's body
     clearance : Expr

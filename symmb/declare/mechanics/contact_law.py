@@ -213,7 +213,7 @@ class KelvinVoigt(ContactLaw):
 
 @dataclass(frozen=True, eq=False)
 class Tabulated(ContactLaw):
-    """A force from a table of penetrations, with a damper in parallel. The total force is never negative.
+    """A table of forces over the penetration, with a damper in parallel. The total force is never negative.
 
     Parameters
     ----------

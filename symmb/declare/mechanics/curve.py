@@ -1,4 +1,4 @@
-"""Plane curves of cams, grooves and tracks, divided into parts on which a point has one foot."""
+"""Plane curves of cams, grooves and tracks. On a part of a curve, the distance to a point has only one minimum."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -62,7 +62,7 @@ class Curve:
         if corners is None or corners.ndim != 1:
             raise DeclarationError(f"Curve: corners must be a list of numbers, got {shown(self.corners)}.")
         if callable(self.shape):
-            place = vector(law_value(self.shape, "Curve", self.s), "the place of a Curve")[:2]
+            place = vector(law_value(self.shape, "Curve", self.s), "the position on a Curve")[:2]
             if not (is_finite_number(self.start) and is_finite_number(self.end) and self.start < self.end):  # type: ignore
                 raise DeclarationError(
                     f"Curve: start {self.start!r} and end {self.end!r} must be finite, and start must be below end."
@@ -91,7 +91,7 @@ class Curve:
         return tuple(ca.substitute([self.place, first, ca.jacobian(first, self.s)], [self.s], [s]))  # type: ignore
 
     def nearest(self, P: ca.SX, low: float, high: float, samples: int, follow: Callable[[ca.SX], ca.SX]) -> ca.SX:
-        """The s of the point of the curve nearest to P (2,). Newton's steps improve the best of n `samples`."""
+        """The s of the point of the curve nearest to P (2,). Newton's method starts from the nearest of n `samples`."""
         ends = low, high - (high - low) / samples * self.closed
         best, squared = ca.SX(low), ca.sumsqr(P - ca.substitute(self.place, self.s, ca.SX(low)))
         for value in np.linspace(*ends, samples).tolist()[1:]:
@@ -112,9 +112,9 @@ class Curve:
 
 
 _SAMPLES = 400
-"""Number of samples of the curvature of a smooth piece. It may be fixed, because feet are exact for any parts."""
+"""Number of samples of the curvature of a smooth piece. The number does not affect the accuracy of feet."""
 _OVERLAP = 0.1
-"""Overlap of successive parts, relative to the length of a part. At its end, the foot on the next part is nearer."""
+"""Overlap of successive parts / length of a part. At the end of a part, the foot on the next part is then nearer."""
 
 
 Part = tuple[float, float]
@@ -131,7 +131,7 @@ class Measured:
         s = np.linspace(start, end, 4 * _SAMPLES + 1)
         x, d, _ = numbers(s)
         if not np.isfinite([x, d]).all() or not np.hypot(*d.T).min() > 0:
-            raise DeclarationError("the curve has a point that is not finite, or at which its derivative is zero")
+            raise DeclarationError("the curve has a point that is not finite, or a point with a derivative of zero")
         self.length, self.middle = float(np.hypot(*np.diff(x, axis=0).T).sum()), x[:-1].mean(axis=0)
         # The sign of the area (Green's theorem) shows which side of a closed curve is inside.
         moment = x[:, 0] * d[:, 1] - x[:, 1] * d[:, 0]
@@ -170,19 +170,19 @@ class Measured:
             groups[0] = groups.pop() + groups[0]
         if sum(map(len, groups)) > most_parts:  # each part adds a state to the equations
             raise DeclarationError(
-                f"the curve bends in {sum(map(len, groups))} parts, but at most {most_parts} are possible. Use a "
-                "smoother curve"
+                f"the curve has {sum(map(len, groups))} bends of at most 90°, but only {most_parts} are possible. Use "
+                "a smoother curve"
             )
         return groups
 
     def _is_concave(self, before: float, behind: float, side: float) -> bool:
-        """Whether the curve turns toward the side at a corner. `before` and `behind` are the s on its two sides."""
+        """Whether the curve turns toward the side at a corner. `before` and `behind` are s on its two sides."""
         inset = ROUNDING * self.period  # derivatives jump at the corner itself
         (u, v) = self._numbers(np.array([before - inset, behind + inset]))[1]
         return side * (u[0] * v[1] - u[1] * v[0]) > SLIGHT * np.hypot(*u) * np.hypot(*v)
 
     def _parts(self, a: float, b: float, side: float) -> list[Part]:
-        """The parts of a smooth piece from a to b: the curvature keeps its sign, the tangent turns by 90° at most."""
+        """The parts of a smooth piece from a to b. On each part the tangent turns in one direction, by up to 90°."""
         inset = ROUNDING * (b - a)  # derivatives jump at the ends
         s = np.linspace(a + inset, b - inset, _SAMPLES + 1)
         _, d, dd = self._numbers(s)
@@ -208,7 +208,7 @@ class Measured:
         return parts
 
     def corners_at(self, part: Part, side: float) -> tuple[float, float]:
-        """Angles [rad] of the corners at both ends of a part, away from the side; 0 if the curve is smooth there."""
+        """Angles [rad] by which corners at the ends of a part turn away from the side; 0 at an end that is smooth."""
         found, (start, end) = [], self.curve.ends
         for s, sign in zip(part, (-1, 1), strict=True):
             beyond = s + sign * 3 * ROUNDING * self.period
@@ -222,14 +222,14 @@ class Measured:
         return found[0], found[1]
 
     def bend(self, part: Part, side: float) -> float:
-        """The lowest curvature [1/m] of a part. It is positive if the part bends away from the side."""
+        """The lowest curvature [1/m] of a part. The curvature is positive if the part bends away from the side."""
         low, high = part if np.isfinite(part[0]) else self.curve.ends
         inset = _OVERLAP * (high - low)
         _, d, dd = self._numbers(np.linspace(low + inset, high - inset, 100))
         return float((-side * (d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / np.hypot(*d.T) ** 3).min())
 
     def require_room(self, group: list[Part], side: float, radius: float, circle: str) -> None:
-        """Raise DeclarationError if a circle touches a group of parts at a point and intersects it at another."""
+        """Raise DeclarationError if a circle touches a group of parts and also intersects the group elsewhere."""
         ends = [(a, b) if np.isfinite(a) else (0.0, self.period) for a, b in group]
         sampled = [self._numbers(np.linspace(a, b, 100)) for a, b in ends]
         x, d, _ = (np.vstack(part) for part in zip(*sampled, strict=True))
@@ -251,7 +251,7 @@ def _spline(points: object, closed: bool, corners: Array, s: ca.SX) -> tuple[ca.
 
     x = _points(points, closed)
     if not np.isin(corners, np.arange(len(x))).all():
-        raise DeclarationError(f"Curve: corners must be numbers of points, from 0 to {len(x) - 1}.")
+        raise DeclarationError(f"Curve: corners must be indices of points, from 0 to {len(x) - 1}.")
     at = np.unique(corners).astype(int)
     if closed:
         first = int(at[0]) if at.size else 0

@@ -51,7 +51,7 @@ def _side(measured: Measured, inside: bool) -> float:
 
 @dataclass(frozen=True, eq=False)
 class CurveContact(ShapeContact):
-    """A circle, a point or another curve against a curve in the xy plane of point_a's body, such as a roller on a cam.
+    """Contact of a circle, point or curve with a curve in the xy plane of point_a's body, such as a roller and a cam.
 
     A foot is the point of the curve that is nearest to the circle. First-order states, `name.foot`, follow the feet.
     The curve is divided into parts that bend to one side by at most a quarter of a turn. Each part has a foot, and
@@ -165,7 +165,7 @@ class CurveContact(ShapeContact):
     ) -> tuple[ca.SX, tuple[Symbol, ...]]:
         """The vector (6,) of squared distance [m^2], height of b [m], normal (2,) and point of b (2,); and the states.
 
-        With `has_back` the curve is thin, and a circle may be on either side. Otherwise heights below it are negative.
+        With `has_back`, a circle may be on either side of the curve. Without, heights below the curve are negative.
         """
         if self.curve_b is not None:
             feet, states = follow_curve(sides[0], sides[1], motion, name)
@@ -181,8 +181,8 @@ class CurveContact(ShapeContact):
 class PointOnCurve(Joint):
     """A joint that holds point b, or a roller about point b, on a curve in the xy plane of point_a's body.
 
-    An example is a groove cam. The joint has one multiplier. It is minus the force [N] on body b along the normal of
-    the curve. The normal points to the left of an open curve, and out of a closed curve. There is no friction. An open
+    An example is a groove cam. The joint has one multiplier: minus the force [N] on body b along the normal of the
+    curve. The normal points to the left of an open curve, and out of a closed curve. The joint has no friction. An open
     curve continues along its tangents beyond its ends.
 
     Parameters
@@ -197,7 +197,7 @@ class PointOnCurve(Joint):
     inside : bool
         see `CurveContact`
     unilateral : bool
-        True: a warning says when the curve would have to pull. A roller on a cam would then lift off
+        True: a warning gives the time at which the curve would have to pull, so that a roller lifts off
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Recording of the elements that are declared inside `with System() as system:`, and of those in no System."""
+"""Recording of the elements that are declared inside `with System() as system:`, and of elements in no System."""
 
 from collections.abc import Iterable
 from contextvars import ContextVar
@@ -19,7 +19,7 @@ def declared(*elements: Any) -> None:
 
 
 def enter(element: Any) -> None:
-    """Record a new element. It is in no System yet."""
+    """Record a new element, which is in no System yet."""
     declared(element)
     _IN_NO_SYSTEM[id(element)] = element
 

@@ -70,8 +70,8 @@ class Element(ABC):
         return ()
 
     def doubtful(self, bind: Bind) -> Iterator[tuple[ca.SX, str]]:
-        """Expressions that become negative if a run leaves the range of validity of the element's law. Each comes with
-        the text of its warning. The time replaces {} in the text."""
+        """Expressions that become negative if a run leaves the range of validity of the element's law, each
+        with the text of a warning. The time replaces {} in the text."""
         yield from ()
 
     def place_faults(self) -> list[str]:
@@ -102,7 +102,7 @@ def _attached(element: Element) -> tuple[AbstractBody, ...]:
 
 
 def _field_faults(title: str, owner: object) -> Iterator[str]:
-    """Faults of the fields of an element or a law: values of a wrong class, and values that the metadata refuse."""
+    """Faults of the fields of an element or a law: a wrong class, or a value that the metadata do not allow."""
     for f, value in _given(owner):
         kinds: tuple[Any, ...] = get_args(f.type) or (f.type,)
         for kind in kinds:
@@ -146,7 +146,7 @@ def pose_faults(
     for body, poses in zip(bodies, allowed, strict=False):
         if not isinstance(body.pose, (*poses, Fixed)):
             names = " or ".join(f"pose={p.__name__}()" for p in poses)
-            yield f"{title}: body {body.name!r} has {body.pose!r}, which cannot be used. Use {names}, or another joint."
+            yield f"{title}: body {body.name!r} has {body.pose!r}, which cannot be used. Use {names} or other elements."
     yield from pair_faults(title, bodies)
 
 
@@ -204,7 +204,7 @@ def within(**limits: Any) -> dict[str, Any]:
 
 
 def function(of: str) -> dict[str, Any]:
-    """Metadata of a field for functions. The text names the arguments at the end of an error message."""
+    """Metadata of a field for functions. Error messages end with the text `of`, which names the arguments."""
     return {"faults": partial(law_faults, of=of)}
 
 
@@ -253,7 +253,7 @@ def bound(law: T, bind: Callable[[Any, str], ca.SX], title: str) -> T:
 def positive_numbers(title: str, owner: object, bind: Bind) -> Iterator[tuple[str, ca.SX]]:
     """Expressions of an element and its laws that must be above 0, with their names.
 
-    If a value may also be 0, its expression is 1 for all values that are not negative.
+    Where 0 is allowed, too, the expression is 1 unless the value is negative.
     """
     for f, value in _given(owner):
         if isinstance(value, Law):
@@ -266,7 +266,7 @@ def positive_numbers(title: str, owner: object, bind: Bind) -> Iterator[tuple[st
 
 
 def _stays(kind: Any, value: object) -> bool:
-    """Whether the value is a table or a function that the field of a law accepts. Such values are not bound."""
+    """Whether `bound` keeps a value unchanged: a table or a function that the field of a law accepts."""
     kinds = get_args(kind) or (kind,)
     functions = callable(value) and any(get_origin(each) is Callable for each in kinds)
     return functions or (isinstance(value, Table) and Table in kinds)

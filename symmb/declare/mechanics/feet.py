@@ -12,11 +12,11 @@ from symmb.declare.mechanics.curve import Curve, Measured, Part
 from symmb.declare.symbolic import SOFT, Kind, Symbol, ddt, declare
 
 _CLOSE = 0.2
-"""Lower limit of the slope of a foot's condition, relative to a line. The slope is 0 at a centre of curvature."""
+"""Lower limit of (slope of a foot's condition) / (slope for a line). The slope is 0 at a centre of curvature."""
 _CATCH_UP = 100.0
 """The error of a foot decreases by the factor e while the point moves by 1/100 of the length of the curve."""
 _SAMPLES, ALL_SAMPLES = 12, 64
-"""Samples of a part, and of a whole curve, from which Newton's method for a foot starts."""
+"""Numbers of samples of a part and of a whole curve. Newton's method for a foot starts from the nearest sample."""
 _AT_REST = SLIGHT
 """Speed [m/s] that is added to the speed of the point. The error of a foot then decreases for a point at rest, too."""
 
@@ -79,12 +79,12 @@ class Side(NamedTuple):
 
     @property
     def bend(self) -> float:
-        """The lowest curvature [1/m] of the part. It is positive if the part bends away from the side."""
+        """The lowest curvature [1/m] of the part. The curvature is positive if the part bends away from the side."""
         return self.measured.bend(self.part, self.side)
 
     @property
     def is_hollow(self) -> bool:
-        """Whether the part bends toward the side, so that it is concave there."""
+        """Whether the part is concave: it bends toward the side."""
         return self.bend * self.measured.length < -SLIGHT
 
     @property
@@ -271,7 +271,7 @@ def _start(a: Side, b: Side, motion: Motion) -> ca.SX:
 def require_room(group: Sequence[Side], others: Sequence[Sequence[Side]] | None, radius: float) -> None:
     """Raise DeclarationError if a circle or another curve may touch a group of parts at several points.
 
-    In place of the other curve, its largest circle of curvature is checked.
+    The check uses the largest circle of curvature of the other curve.
     """
     measured, parts, side = group[0].measured, [one.part for one in group], group[0].side
     if others is not None:
@@ -286,4 +286,4 @@ def require_room(group: Sequence[Side], others: Sequence[Sequence[Side]] | None,
         if not any(one.is_hollow for one in group):
             return
         radius += 1 / least
-    measured.require_room(parts, side, radius, "its circle" if others is None else "the other curve's flattest circle")
+    measured.require_room(parts, side, radius, "the circle" if others is None else "the other curve's largest circle")

@@ -61,7 +61,7 @@ class Figure:
             return ""
         ends = tuple(window) if isinstance(window, tuple | list) else ()
         if len(ends) != 2 or not all(end is None or is_finite_number(end) for end in ends):
-            return f"window must be two times as (0.5, 2.0) [s], got {shown(window)}."
+            return f"window must be a pair of times, such as (0.5, 2.0) [s], got {shown(window)}."
         begin, end = ends
         crosses = begin is not None and end is not None and not begin < end
         return f"the window {shown(window)} must end after its start. Use increasing times." if crosses else ""
@@ -165,7 +165,7 @@ def first_time(condition: Expr, window: Window = None) -> Figure:
     ----------
     condition : SX
         comparison of expressions, or several comparisons joined by `casadi.logic_and` and `logic_or`. If the condition
-        never holds, the scalar output of a run is nan, with a warning. A run of a study then fails
+        never holds, a single run gives nan and a warning. In a study, such a run fails
     window : (2,)
         first and last time [s] of the window; None for the start and the end of the run
 
@@ -182,7 +182,7 @@ def first_time(condition: Expr, window: Window = None) -> Figure:
 
 
 def value_at(expression: Expr, condition: Expr, window: Window = None) -> Figure:
-    """The value of an expression at the `first_time` at which a condition holds, such as the range at landing.
+    """The value of an expression when a condition holds for the first time, such as the range at landing.
 
     If the expression jumps at this time, the result is the value before the jump.
 

@@ -1,6 +1,6 @@
 """Flexible bodies: a floating frame, and small deformations relative to it in modal coordinates.
 
-A material point of the body is at r + R (s + u). Its displacement u is the sum of mode shapes times modal coordinates
+A material point of the body is at r + R (s + u). The displacement u is the sum of mode shapes times modal coordinates
 eta. The first moment f(eta), the inertia J(eta) about the frame's origin, and the angular momentum G(eta) eta' are in
 the frame's axes. f, J and G are polynomials in eta with constant coefficients (`Modes`). The kinetic energy is
 
@@ -33,7 +33,7 @@ from symmb.declare.symbolic import rotation_matrix, rotation_z, vector
 class FlexibleBody(Body):
     """A flexible body with a floating frame and modal coordinates `name.eta1`, ... Without modes the body is rigid.
 
-    The modes determine the frame: it is at the centre of mass of the undeformed body, or clamped to one of its nodes.
+    The modes determine the frame: it is at the centre of mass of the undeformed body, or clamped to a node.
     Deformations are small. Joints and loads act at the nodes of the body.
 
     Parameters
@@ -125,12 +125,12 @@ class FlexibleBody(Body):
         Raises
         ------
         DeclarationError
-            If there is no node of this number
+            If no node has this number
         """
         count = len(self.modes.positions)
         if not is_whole(number) or not 0 <= number < count:
             raise DeclarationError(
-                f"FlexibleBody {self.name!r} has no node {shown(number)}. Its nodes are 0 to {count - 1}."
+                f"FlexibleBody {self.name!r} has no node {shown(number)}. The nodes are 0 to {count - 1}."
             )
         return Point(self._carrier(number), ca.SX(3, 1))
 
@@ -169,7 +169,7 @@ class FlexibleBody(Body):
         return Point(self._carrier(number), vector(arm.tolist()))
 
     def _beyond(self, number: int, arm: Array, short: float = 0.051) -> int | None:
-        """The second node of the beam element that contains the end of a long arm from a node. None without element."""
+        """The second node of the beam element that contains the end of a long arm from a node; else None."""
         structure, size = self.modes.flexibility, np.linalg.norm(np.ptp(self.modes.positions, axis=0))
         # An arm of half an element, in a beam of ten elements, bends little: it may be rigid.
         if structure is None or np.linalg.norm(arm) <= short * size:
@@ -318,7 +318,7 @@ def _inertia(m: Invariants, eta: ca.SX) -> ca.SX:
 
 
 def _triangle(A: Array) -> Array:
-    """The upper triangular matrix with the same quadratic form as a symmetric matrix. It needs half the products."""
+    """The upper triangular matrix with the same quadratic form as a symmetric matrix, but half the products."""
     return np.triu(A) + np.triu(A, 1)
 
 

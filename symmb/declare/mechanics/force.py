@@ -34,10 +34,10 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class Action:
-    """Loads with one cause, and their potential energy [J]. If the potential is None, their work is integrated.
+    """Loads with one cause, and their potential energy [J]. If the potential is None, the work is integrated.
 
     `states` are the first-order states of the loads. `force` is the value of a scalar law: a pull [N], a push [N] or a
-    torque [N m]. It is None for other laws.
+    torque [N m]. For other laws, `force` is None.
     """
 
     loads: tuple[Load, ...]
@@ -64,8 +64,7 @@ def fixed_at(body: AbstractBody, r: ca.SX) -> Point:
 def push(point: Point, body: AbstractBody, force: ca.SX) -> tuple[Load, Load]:
     """A force (3,) in world axes at a point, and the opposite force on another body.
 
-    The opposite force acts at the same position. Otherwise the loads would not balance, and energy would not be
-    conserved.
+    The opposite force acts at the same position, so that the two loads are in equilibrium, and the energy is conserved.
     """
     return force_at(point, force), force_at(fixed_at(body, point.r), -force)
 
@@ -131,9 +130,9 @@ class Gravity(ForceElement):
 class SpringDamper(PairForce):
     """Spring and damper along the line between two points at the distance d. The pull is k (d - length) + c d'.
 
-    A spring of length 0 pulls along the vector between the points. Its force is smooth even if the points coincide. A
-    damper acts along the line only, so it does not brake a common rotation of the bodies. A `Bushing` damps in all
-    directions.
+    A spring of length 0 pulls along the vector between the points. The force of this spring is smooth even if the
+    points coincide. A damper acts along the line only, so it does not brake a common rotation of the bodies. A
+    `Bushing` damps in all directions.
 
     Parameters
     ----------
@@ -220,7 +219,7 @@ def Damper(name: str, point_a: Point, point_b: Point, damping: Expr) -> SpringDa
 
 @dataclass(frozen=True, eq=False)
 class PairTorque(ForceElement):
-    """Opposite torques on two bodies as a function of their relative angle about an axis that is fixed in both."""
+    """Opposite torques on two bodies as a function of their relative angle about an axis fixed in both bodies."""
 
     turns = True
     poses: ClassVar = ((Planar, Spatial), (Planar, Spatial))
@@ -242,7 +241,7 @@ class PairTorque(ForceElement):
     @property
     @abstractmethod
     def axis(self) -> tuple[Expr, ...]:
-        """The direction (3,) of the axis. It has the same components in the axes of both bodies."""
+        """The direction (3,) of the axis. The direction has the same components in the axes of both bodies."""
 
     @cached_property
     def _angle(self) -> tuple[ca.SX, tuple[Symbol, ...]]:
@@ -255,7 +254,7 @@ class PairTorque(ForceElement):
         return self._angle[0]
 
     def _loads(self, torque: ca.SX) -> tuple[Load, Load]:
-        """Loads of a torque on body b and its opposite on body a. Their power is the torque times the angle's rate."""
+        """Loads of a torque on body b and the opposite torque on body a. The power is torque times angular rate."""
         turning = torque * turning_direction(self.body_a, unit(vector(self.axis)), self.body_b, ca.SX.eye(3))
         return (moment_on(self.body_a, -turning), moment_on(self.body_b, turning))
 
@@ -264,10 +263,10 @@ class PairTorque(ForceElement):
 class TorsionSpring(PairTorque):
     """Torsion spring and damper between two bodies about an axis that is fixed in both.
 
-    The torque on body b is -(stiffness (alpha - angle) + damping alpha'). Here alpha is the angle of b relative to a.
-    If the axes do not stay parallel, as on a Spherical joint, alpha is the twist. The relative rotation then has two
-    parts: the smallest rotation that makes the axes coincide, and a rotation by alpha about the axis. The potential of
-    the spring is stiffness (alpha - angle)^2 / 2 in all cases.
+    The torque on body b is -(stiffness (alpha - angle) + damping alpha'). The angle of b relative to a is alpha. If the
+    axes do not stay parallel, as on a Spherical joint, alpha is the twist. The relative rotation then has two parts:
+    the smallest rotation that makes the axes coincide, and a rotation by alpha about the axis. The potential of the
+    spring is stiffness (alpha - angle)^2 / 2 in all cases.
 
     Parameters
     ----------
@@ -347,8 +346,8 @@ class Bushing(PairForce):
             cosine = (ca.trace(relative) - 1) / 2
             yield (
                 cosine - ca.cos(_LARGE_TURN),
-                f"the mount turns by more than {_LARGE_TURN:g} rad{{}}. Its moment uses the sine of the angle and "
-                "is too small. Use a TorsionSpring.",
+                f"the mount turns by more than {_LARGE_TURN:g} rad{{}}. The mount's moment uses the sine of the angle, "
+                "and is too small. Use a TorsionSpring.",
             )
 
 
@@ -358,7 +357,7 @@ def _sines(relative: ca.SX) -> ca.SX:
 
 
 def mount_matrices(element: Element, bind: Bind) -> list[ca.SX]:
-    """Diagonal matrices (3, 3) of the four laws of an elastic mount. A law is one number, or one for each axis."""
+    """Diagonal matrices (3, 3) of the four laws of an elastic mount. A law is one number or three."""
     matrices = []
     for what in ("stiffness", "damping", "rotational_stiffness", "rotational_damping"):
         law, title = getattr(element, what), f"{element.title}: {what}"

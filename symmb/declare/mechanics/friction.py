@@ -40,8 +40,8 @@ class FrictionLaw(Law):
 class Coulomb(FrictionLaw):
     """Coulomb friction, smooth in the slip: mu(v) = mu_k tanh(4 u) + (mu_s - mu_k) u / (u^2 / 4 + 3 / 4)^2.
 
-    Here u is the slip speed divided by `speed`. At u = 1, mu is about mu_s. At lower speeds the force is about
-    proportional to the slip. So a force f below the limit causes a creep of about `speed` f / (4 mu_k N). Use
+    In this formula, u is the slip speed divided by `speed`. At u = 1, mu is about mu_s. At lower speeds the force is
+    about proportional to the slip. So a force f below the limit causes a creep of about `speed` f / (4 mu_k N). Use
     `Bristle` if bodies stick.
 
     Parameters
@@ -86,10 +86,11 @@ class Coulomb(FrictionLaw):
 class Bristle(FrictionLaw):
     """Friction by elastic bristles that bend with the slip until they break away: F = N (k z + d(z')).
 
-    The deflection z of a bristle is a first-order state called `name.bristle`. It follows the slip up to 0.7 z_s. The
+    The deflection z of a bristle is a first-order state called `name.bristle`. Up to 0.7 z_s, z follows the slip. The
     largest deflection is z_s = mu(v) / k, with mu(v) = mu_k + (mu_s - mu_k) exp(-(v / speed)^2). Above 0.7 z_s the
     bristle yields, and in steady sliding z is z_s. Forces below 0.7 of the breakaway force cause no creep, even if they
-    vibrate. d is c z' at small rates. It is at most mu, because linear damping would stop a fast body at once.
+    vibrate. The damping term d is c z' at small rates, and at most mu. Without this limit, damping would stop a fast
+    body at once.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from symmb.declare.symbolic import components, has_irregular_constant, is_zero, 
 
 
 class Geometry:
-    """A shape that represents a body in drawings. Its numbers may be expressions of parameters.
+    """A shape that represents a body in drawings. The numbers of a shape may be expressions of parameters.
 
     Attributes
     ----------
@@ -167,7 +167,7 @@ class Sphere(Geometry):
 
 @dataclass(frozen=True, eq=False)
 class Mesh(Geometry):
-    """The surface in an STL file. It represents a body in drawings.
+    """The surface in an STL file, which represents a body in drawings.
 
     Parameters
     ----------

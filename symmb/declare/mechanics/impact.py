@@ -32,10 +32,10 @@ class Impact(Element):
 
         M (v+ - v-) + G' L = W' P,      G (v+ - v-) = 0,      g'+ = -e g'-,      W = dg'/dv,
 
-    so that all constraints hold after the impact. Simultaneous impacts are resolved in rounds. The last round leaves no
-    gap of size 0 that closes. In each round, impacts are resolved one after the other in the order of declaration. A
-    warning says if another order gives another result. If a rebound is as low as the rounding of positions, the contact
-    stays closed. It is then a constraint that can only push. It opens when its force would have to pull.
+    so that all constraints hold after the impact. Simultaneous impacts are resolved in rounds, until no gap of size 0
+    closes. In each round, impacts are resolved one after the other in the order of declaration. A warning says if
+    another order gives another result. If a rebound is as low as the rounding of positions, the contact stays closed. A
+    closed contact is a constraint that can only push, and opens when the force would have to pull.
 
     Parameters
     ----------

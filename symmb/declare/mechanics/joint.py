@@ -289,10 +289,10 @@ class Spherical(Joint):
 
 @dataclass(frozen=True, eq=False)
 class Distance(Joint):
-    """Massless rod between the points. Its length [m] must be positive. Its multiplier is the pull in the rod [N].
+    """Massless rod of positive length [m] between the points. The multiplier of a Distance is the pull in the rod [N].
 
-    The rod pulls and pushes. It represents a rope only while it pulls: its multiplier is then positive. With
-    `unilateral=True`, a warning gives the time at which the rod starts to push. A `Rope` never pushes.
+    The rod pulls and pushes. A Distance can represent a rope only while the pull is positive. With `unilateral=True`, a
+    warning gives the time at which the rod starts to push. A `Rope` never pushes.
 
     Examples
     --------
@@ -316,7 +316,7 @@ class Distance(Joint):
 
 @dataclass(frozen=True, eq=False)
 class Gear(AxisJoint):
-    """Gear pair: the angle of body b is `ratio` times the angle of body a. Both angles are relative to the carrier.
+    """Gear pair: the angle of body b is `ratio` times the angle of body a. Angles are relative to the carrier.
 
     The carrier is the body that holds both axes, such as the arm of a planetary gear. By default it is the ground. An
     angle is 0 if the frame of its body is parallel to the carrier's frame. With a negative ratio the bodies turn in
@@ -364,11 +364,11 @@ class Gear(AxisJoint):
 
 @dataclass(frozen=True, eq=False)
 class CamFollower(Constraint):
-    """A follower that a cam moves. Its displacement or angle is the lift, a function of the cam's angle.
+    """A follower that a cam moves. The lift is the displacement or angle of the follower, a function of the cam angle.
 
-    The lift must already include the effect of the follower's shape, such as a flat face or a roller. The constraint
-    is as smooth as the lift. The multiplier is minus the force of the cam on the follower [N, N m]. A warning says when
-    the cam would have to pull.
+    The lift must already include the effect of the follower's shape, such as a flat face or a roller. The constraint is
+    as smooth as the lift. The multiplier is minus the force of the cam on the follower [N, N m]. A warning gives the
+    time at which the cam would have to pull.
 
     Parameters
     ----------
@@ -376,7 +376,7 @@ class CamFollower(Constraint):
     cam, follower : Joint
         joints of the cam and of the follower: Revolute, Prismatic, ...
     lift : callable
-        `Table`, or function of the cam's angle [rad] (SX). It returns the follower's displacement [m] or angle [rad]
+        `Table`, or function of the cam's angle [rad] (SX) that returns the follower's displacement [m] or angle [rad]
     unilateral : bool
         False if the cam has a groove and can also pull
 

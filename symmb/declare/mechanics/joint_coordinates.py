@@ -18,7 +18,7 @@ _QUARTER = ca.SX(ca.sparsify(ca.DM([[1, 0, 0], [0, 0, -1], [0, 1, 0]])))
 
 @dataclass(frozen=True, eq=False)
 class RelativePose:
-    """The pose of one frame relative to another, from body coordinates."""
+    """The pose of one frame relative to another frame, as expressions of body coordinates."""
 
     shift: ca.SX  # (3,) [m]
     turn: ca.SX  # (3, 3), rotation matrix
@@ -28,7 +28,7 @@ class RelativePose:
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """A rotation: matrix (3, 3), quaternion (4,), angular velocity `spin` (3,) in turned axes, and angle about z."""
+    """A rotation: matrix (3, 3), quaternion (4,), angular velocity `spin` (3,) in rotated axes, and angle about z."""
 
     matrix: ca.SX
     quaternion: ca.SX
@@ -75,12 +75,12 @@ def quaternion_of(F: ca.SX) -> ca.SX:
 
 
 def angle_of(pose: RelativePose) -> ca.SX:
-    """The angle [rad] with which `about_z` gives a pose."""
+    """The angle [rad] for which `about_z` gives the rotation of a pose."""
     return ca.atan2(pose.turn[1, 0], pose.turn[0, 0]) if pose.angle is None else pose.angle
 
 
 def angles_of(pose: RelativePose) -> ca.SX:
-    """The two angles (2,) [rad] with which `about_two` gives a pose."""
+    """The two angles (2,) [rad] for which `about_two` gives the rotation of a pose."""
     E = pose.turn
     return ca.vertcat(ca.atan2(E[0, 2], -E[1, 2]), ca.atan2(E[2, 0], E[2, 1]))
 

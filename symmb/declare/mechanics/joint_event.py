@@ -84,8 +84,8 @@ class Release(JointEvent):
     joint : Joint
     condition : expression
         comparison of coordinates, velocities, parameters and `t`, such as `arm.theta > 0.8`; comparisons may be joined
-        by `casadi.logic_and` and `logic_or`. Any other expression is true if positive. The condition may also be a
-        function of the joint's reaction (see `System.reaction`), such as
+        by `casadi.logic_and` and `logic_or`. Other expressions are true if they are positive. The condition may also be
+        a function of the joint's reaction (see `System.reaction`), such as
         `lambda pull: pull.fx**2 + pull.fy**2 > strength**2` for a pin that breaks. A peak of the reaction that is
         shorter than an eighth of a step may be missed
 
@@ -109,16 +109,16 @@ class Release(JointEvent):
 class Latch(JointEvent):
     """A joint that closes when a condition becomes true, such as a door's latch, a hook, or a clutch with teeth.
 
-    The event adds the rows of the joint to the equations. The bodies keep their positions. Instead, the joint's point
-    and frame on body a move to the point and frame on body b. A Distance keeps its current length. The impact is
-    plastic: velocities jump so that all rows have the rate 0,
+    The event adds the rows of the joint to the equations. The bodies keep their positions: the joint's point and frame
+    on body a move to the point and frame on body b. A Distance keeps its current length. The closing is a plastic
+    impact: velocities jump so that all rows have the rate 0,
 
         M (v+ - v-) + G' L = 0,    G v+ + Phi_t = 0,
 
     with the impulses L of the rows. If the gap of an `Impact` would then close, this impact follows. The joint is open
     at the start. A joint that also has a `Release` is closed at the start, and may open and close several times. The
     event occurs at the instant at which the condition becomes true. If the condition is true when the joint opens, the
-    joint closes only after the condition has been false.
+    joint closes only after the condition has become false and then true again.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ class Latch(JointEvent):
         joint = self.joint
         aligns = isinstance(joint, AxisJoint) and joint.aligns and not isinstance(joint, Screw)
         if isinstance(joint, Joint) and not aligns and not isinstance(joint, Spherical | PointOnLine | Distance):
-            yield f"{self.title}: a {type(joint).__name__} cannot close in a run. Use a Weld, Revolute or Prismatic."
+            yield f"{self.title}: a {type(joint).__name__} cannot close during a run. Use Weld, Revolute or Prismatic."
 
     @cached_property
     def place(self) -> tuple[tuple[Symbol, ca.SX], ...]:
@@ -169,7 +169,7 @@ class Latch(JointEvent):
 
     @cached_property
     def _grip(self) -> tuple[Joint, tuple[tuple[Symbol, ca.SX], ...]]:
-        """The joint, with its point and frame on body a moved to those on body b, and the states of this motion."""
+        """A copy of the joint with a moved point and frame on body a, and the states that store the displacement."""
         joint = self.joint
         if isinstance(joint, Distance):
             return joint, ((event_state(f"{self.name}.length", 1.0), ca.norm_2(joint.d)),)
@@ -200,7 +200,7 @@ class Latch(JointEvent):
 
 
 def row_gates(events: Iterable[JointEvent]) -> dict[str, ca.SX]:
-    """For each joint that opens or closes, by its name: an expression that is 1 while it is closed, else 0."""
+    """For each joint that opens or closes, by its name: an expression that is 1 while the joint is closed, else 0."""
     gates: dict[str, ca.SX] = {}
     for event in events:
         gates[event.joint.name] = gates.get(event.joint.name, ca.SX(0)) + event.closed
@@ -208,7 +208,7 @@ def row_gates(events: Iterable[JointEvent]) -> dict[str, ca.SX]:
 
 
 def closed_at_start(events: Iterable[JointEvent]) -> dict[str, bool]:
-    """For each joint that opens or closes, by its name: whether it is closed at the start.
+    """For each joint that opens or closes, by its name: whether the joint is closed at the start.
 
     Clutches, and joints with a Latch only, are open at the start.
     """

@@ -24,8 +24,8 @@ class NonlinearSpring(PairForce):
     name : str
     point_a, point_b : Point
     pull : callable
-        function of the distance [m] and its rate [m/s] (SX). It returns the force [N] that pulls the points together,
-        as `GasSpring(...)`, `Orifice(...)` and sums do: `lambda d, v: gas(d, v) + oil(d, v)`
+        function of the distance [m] and its rate [m/s] (SX) that returns the force [N] that pulls the points together.
+        Examples are `GasSpring(...)`, `Orifice(...)`, or a sum: `lambda d, v: gas(d, v) + oil(d, v)`
 
     Examples
     --------
@@ -51,7 +51,7 @@ class NonlinearSpring(PairForce):
 
 @dataclass(frozen=True, eq=False)
 class GasSpring(Law):
-    """Gas that pushes two points apart by a piston: a law for a `NonlinearSpring`. The product p V^n is constant.
+    """Gas in a cylinder that pushes two points apart: a law for a `NonlinearSpring`. The product p V^n is constant.
 
     If the volume V of the gas is below `volume` / 100, the pressure p is constant.
 
@@ -99,8 +99,8 @@ _SMALLEST_VOLUME = 0.01
 class Orifice(Law):
     """Fluid that a piston pushes through an opening, as in recoil brakes: a law for a `NonlinearSpring`.
 
-    The force is F = rho A^3 / (2 (Cd a)^2) v |v|, from the pressure loss of the flow A v through the opening. Here
-    v sqrt(v^2 + speed^2) replaces v |v|. This expression is smooth, and describes laminar flow at low speeds.
+    The pressure loss of the flow A v through the opening gives the force F = rho A^3 / (2 (Cd a)^2) v |v|. In this
+    formula v sqrt(v^2 + speed^2) replaces v |v|, so that the force is smooth, and the flow at low speeds is laminar.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ class Orifice(Law):
 
 @dataclass(frozen=True, eq=False)
 class Soil(ForceElement):
-    """Soil under a foot. It pushes along the normal, and springs and dampers act in the other directions.
+    """Soil under a foot. The soil pushes along the normal, and springs and dampers act in the other directions.
 
     The tangential springs also act without a normal force, because spades and ribs stay in the soil.
 

@@ -21,7 +21,7 @@ _LARGEST_FILE = 2**28
 
 
 def read_mesh(path: Path) -> Array:
-    """Corners (m, 3, 3) of the triangles of a mesh file. Raises DeclarationError for other or damaged files."""
+    """Corners (m, 3, 3) of the triangles of a mesh file. Raises DeclarationError for damaged files."""
     try:
         found = os.stat(path)
     except (OSError, ValueError):
@@ -60,7 +60,7 @@ def _stl(data: bytes) -> Array:
         whole = (len(data) - _HEAD) // _TRIANGLE.itemsize
         if whole < count:
             raise ValueError(
-                f"is incomplete or not an STL file: the header announces {count:,} triangles, but the file contains "
+                f"is incomplete or not an STL file: the header says {count:,} triangles, but the file contains "
                 f"{whole:,}"
             )
         return np.frombuffer(data, _TRIANGLE, count, _HEAD)["corners"].astype(float)

@@ -93,7 +93,7 @@ class Parameters(Mapping[str, float]):
         return self._with({n: number_in(f"{owner}: {n}", n, nominal[n], own.get(n, "")) for n in self._nominal})
 
     def _with(self, nominal: dict[str, float], more: Sequence[Symbol] = ()) -> "Parameters":
-        """Parameters with the symbols of this object, followed by more symbols, and other nominal values."""
+        """A copy with other nominal values, and with more symbols after the symbols of this object."""
         other = object.__new__(Parameters)
         other._nominal, other._units, other._records = nominal, self._units, (*self._records, *more)
         symbols = [symbol.sx for symbol in more]
@@ -109,7 +109,7 @@ class Parameters(Mapping[str, float]):
 
     @property
     def symbols(self) -> ca.SX:
-        """All symbols as one vector (n_p,), in the order of declaration. Their values are in the parameters' units."""
+        """All symbols as one vector (n_p,), in the order of declaration. Values are in the parameters' units."""
         return self._symbols
 
     @property
@@ -145,7 +145,7 @@ def _quantities(symbols: ca.SX, names: Iterable[str], units: Mapping[str, str]) 
 
 
 def with_si_symbols(parameters: Parameters, expression: ca.SX) -> ca.SX:
-    """The expression for symbols in SI units, as in textbooks. `expression` is for symbols in the parameters' units."""
+    """Convert an expression of symbols in the parameters' units to symbols in SI units, as in textbooks."""
     units, symbols = units_of_parameters(parameters), parameters.symbols
     ratios = [unit_of(name, units.get(name, "")) for name in parameters]
     numbers = [scaled(symbols[i], ratio, inverse=True) for i, ratio in enumerate(ratios)]

@@ -85,7 +85,7 @@ class Pose(ABC):
         return (*self.rigid_velocities, *(f"eta{j + 1}_dot" for j in range(self.modes)))
 
     def frame(self, name: str) -> Frame:
-        """The frame of a body of this name, with new symbols `name.x`, ..."""
+        """The frame of the body called `name`, with new symbols `name.x`, ..."""
         q_names, v_names = ([f"{name}.{x}" for x in names] for names in (self.coordinates, self.velocities))
         q, v = (ca.vertcat(ca.SX(0, 1), *map(ca.SX.sym, names)) for names in (q_names, v_names))
         S = np.zeros((6, len(v_names)))

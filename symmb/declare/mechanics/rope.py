@@ -27,12 +27,12 @@ class Rope(ForceElement):
     """A rope that never pushes. If its path l is longer than `length`, it pulls with k (l - length) + c (l' - length').
 
     The rope slides without friction over the points between its ends, and round pulleys in the xy plane. The pull is
-    the same everywhere in the rope. A slack rope has no force. The rope leaves a pulley if contact would require the
-    rope to pull the pulley. The rope may be wound round a pulley several times. The path is that of a tight rope.
+    the same everywhere in the rope. A slack rope has no force. The rope only pushes pulleys: it leaves a pulley that it
+    would have to pull. The rope may go round a pulley several times. The path is computed as if the rope were tight.
 
     Each pulley has a first-order state, such as `rope.wrap1` for the second point of a rope called `rope`. The state is
-    the angle [rad] by which the line through the points turns at the pulley. It is positive if the rope touches the
-    pulley, and it counts whole turns. Its initial value follows from the positions at the start.
+    the angle [rad] by which the line through the points turns at the pulley. The angle is positive if the rope touches
+    the pulley, and includes whole turns. The initial value of the state follows from the positions at the start.
 
     Parameters
     ----------
@@ -130,9 +130,9 @@ class Rope(ForceElement):
     def _wrap(self, pulley: int, before: "Straight", behind: "Straight", radius: ca.SX) -> ca.SX:
         """Angle [rad] by which the path turns at a pulley between two straight parts; negative without contact.
 
-        Directions determine the angle up to whole turns. A first-order state only chooses the number of turns. Its name
-        is `name.wrap1` for the pulley of point 1. It follows the angle between the lines to the centres of the pulley's
-        neighbours.
+        Directions determine the angle up to whole turns. A first-order state only chooses the number of turns. For
+        point 1, the name of the state is `name.wrap1`. The state follows the angle between the lines to the centres of
+        the pulley's neighbours.
         """
         side, (u, v) = ca.sign(radius), (before.direction, behind.direction)
         sine, cosine = side * (u[0] * v[1] - u[1] * v[0]), ca.dot(u, v)

@@ -1,4 +1,4 @@
-"""Contacts of circles, slots, spheres and boxes. Their contact points have closed forms."""
+"""Contacts of circles, slots, spheres and boxes, whose contact points have closed forms."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -57,7 +57,7 @@ class RoundContact(ShapeContact):
 
 @dataclass(frozen=True, eq=False)
 class CircleContact(RoundContact):
-    """Two circles in the xy plane of point_a's body: one outside or inside the other.
+    """Contact of two circles in the xy plane of point_a's body. One circle is outside or inside the other circle.
 
     With spatial bodies, the circles are cylinders along the z axis of point_a's body.
 
@@ -100,7 +100,7 @@ class CircleContact(RoundContact):
 
 @dataclass(frozen=True, eq=False)
 class SphereContact(CircleContact):
-    """Two spheres: one outside or inside the other.
+    """Contact of two spheres. One sphere is outside or inside the other sphere.
 
     Parameters
     ----------
@@ -173,13 +173,13 @@ class SlotContact(RoundContact):
 
 @dataclass(frozen=True, eq=False)
 class BoxContact(ShapeContact):
-    """A box against a sphere, or the corners of a box against a plane.
+    """Contact of a box with a sphere, or of the corners of a box with a plane.
 
     Parameters
     ----------
     name : str
     point_a : Point
-        centre of the box. Its sides are parallel to the axes of point_a's body
+        centre of the box. The sides of the box are parallel to the axes of point_a's body
     sides : tuple
         side lengths (x, y, z) of the box, or (x, y) of a rectangle [m]
     point_b : Point

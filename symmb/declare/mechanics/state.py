@@ -15,7 +15,7 @@ from symmb.declare.symbolic import Kind, Symbol, declare, scalar
 
 @dataclass(frozen=True, eq=False)
 class OwnState(Element):
-    """An element with first-order states. The first state is its value."""
+    """An element with first-order states. The first state is the value of the element."""
 
     name: str
     symbols: tuple[Symbol, ...] = field(init=False, repr=False)
@@ -32,7 +32,7 @@ class OwnState(Element):
 
 @dataclass(frozen=True, eq=False)
 class State(OwnState):
-    """A first-order state z with z' = rate. It is an element of the System. Laws and outputs use its `value`.
+    """A first-order state z with z' = rate. A State is an element of the System. Laws and outputs use its `value`.
 
     The state starts at 0, or at the value in `Scene(start={"z": 0.5})`.
 
@@ -116,9 +116,9 @@ class Sampled(OwnState):
 
 @dataclass(frozen=True, eq=False)
 class Input(Element):
-    """A value that another program sets during a run. It is an element of the System. Laws use its `value`.
+    """A value that another program sets during a run. An Input is an element of the System. Laws use its `value`.
 
-    The value is 0 in runs of symmb. It is an input of FMUs that `save_fmu` writes, and `linearize(inputs=...)` accepts
+    The value is 0 in runs of symmb. FMUs that `save_fmu` writes have this input, and `linearize(inputs=...)` accepts
     its name.
 
     Parameters

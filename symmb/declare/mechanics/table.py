@@ -85,7 +85,7 @@ class Table:
             raise DeclarationError("Table: x and y must be lists of numbers.")
         if x.ndim != 1 or x.shape != y.shape or len(x) < 2:
             raise DeclarationError(
-                f"Table: x has the shape {x.shape} and y has {y.shape}. Pass two lists of one length, at least 2."
+                f"Table: x has the shape {x.shape} and y has {y.shape}. Pass two lists of equal length, at least 2."
             )
         if not (np.isfinite(x).all() and np.isfinite(y).all()):
             raise DeclarationError("Table: x and y must be finite numbers.")
@@ -160,7 +160,7 @@ def _slopes(h: Array, slope: Array) -> Array:
 
 
 def _end(h: float, h_next: float, slope: float, slope_next: float) -> float:
-    """Slope at an end: that of the parabola through three points, limited so that the curve does not overshoot."""
+    """Slope at an end: the slope of the parabola through three points, limited so that the curve does not overshoot."""
     m = ((2 * h + h_next) * slope - h * slope_next) / (h + h_next)
     if m * slope <= 0:
         return 0.0

@@ -29,7 +29,7 @@ PLANES = ((1, 5, BENDING_XY, np.array([1, 1, 1, 1]), 1), (2, 4, BENDING_XZ, np.a
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """e elements in global axes. Each has 12 degrees of freedom: three translations and three rotations of two nodes.
+    """e elements in global axes. An element has 12 degrees of freedom: three translations and rotations of two nodes.
 
     Matrices map the degrees of freedom to fields at the g Gauss points. `weights` are Gauss weights times lengths.
     """
@@ -60,7 +60,7 @@ def compliances(ends: Array, xi: Array, E: float, G: float) -> Array:
     with np.errstate(over="ignore", divide="ignore"):
         strains = 1 / np.stack([E * area, G * shear_y, G * shear_z, G * J, E * Iy, E * Iz], axis=-1)
     if not np.isfinite(strains).all():
-        raise DeclarationError("Beam: an area or a second moment of its section is too small to compute with.")
+        raise DeclarationError("Beam: the area or a second moment of a section is too small. Check the units.")
     return strains
 
 

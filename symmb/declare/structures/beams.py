@@ -25,21 +25,21 @@ class Beam:
     points : (p, 3)
         corners of the axis through the sections' centroids [m]
     section : Section
-        section of the whole beam, or p sections, one at each corner. Between corners √A and I^¼ are linear. This is
+        section of the whole beam, or p sections, one at each corner. Between corners √A and I^¼ are linear, which is
         exact for similar sections, such as the sections of a cone
     material : Material
         material of the whole beam
     elements : int
         number of elements between two neighbouring corners
     orientation : (3,)
-        the component of this vector normal to the beam is the section's y axis. The default is the horizontal vector z
-        × axis, and y for a beam along z
+        vector whose component normal to the beam is the section's y axis. The default vector is z × axis (horizontal),
+        or y for a beam along z
 
     Raises
     ------
     DeclarationError
-        If there are fewer than two points, if neighbouring points coincide, if the orientation is along the beam, or if
-        the sections do not match the points or each other (with or without shear).
+        If there are fewer than two points, if neighbouring points coincide, if the orientation is along the beam, if
+        the number of sections is wrong, or if only some sections have shear deformation.
 
     Examples
     --------

@@ -11,17 +11,17 @@ from symmb._types import Array, Indices
 from symmb.declare.structures.mass_samples import Sparse
 
 MECHANISM = (
-    "has motions without strain energy other than rigid motions. Fix loose parts, or choose interfaces (a clamped "
-    "node) that hold the body: one node with rotations, or three nodes that are not on a line."
+    "matrix gives no strain energy for motions that are not rigid. Fix loose parts, or choose interfaces or a clamped "
+    "node that hold the body: one node with rotations, or three nodes that are not on a line."
 )
 BEYOND_DOUBLES = "beyond the range of doubles. Check the units of materials and sections."
 INDEFINITE = "the mass matrix is not positive definite. Check its signs and the order of its rows."
 
 _DENSE, _DENSE_RATIO, _SPARE = 400, 4, 6
-"""All modes take less time for up to 400 degrees of freedom, or if more than a fourth of the modes are needed: Lanczos'
-method then stores more than d / 2 vectors. Six additional modes detect missed lower modes."""
+"""Computing all modes is faster for up to 400 degrees of freedom, or if more than a fourth of the modes are needed:
+Lanczos' method then stores more than d / 2 vectors. Six additional modes detect missed lower modes."""
 _ABOVE, _EQUAL = 1e-8, 1e-7
-"""Relative differences of λ. A mode is above another beyond the first. Frequencies are equal within the second."""
+"""Relative differences of λ. Beyond _ABOVE, a mode is higher than another mode. Up to _EQUAL, frequencies are equal."""
 
 
 def factorized(K: Sparse) -> Callable[[Array], Array]:
@@ -54,7 +54,7 @@ def stiffness_scale(K: Sparse) -> Array:
 
 
 def _pivots(A: Sparse, scale: Array) -> tuple[Any, Array]:
-    """The factorization of the scaled A, and its pivots. Without row exchanges, their signs show definiteness."""
+    """The factorization of the scaled A, and its pivots. Signs of pivots show definiteness if no rows are exchanged."""
     from scipy.sparse import csc_array, diags_array
     from scipy.sparse.linalg import splu
 
@@ -71,9 +71,10 @@ def lowest(
 ) -> tuple[Array, Array]:
     """The lowest elastic modes of K x = λ M x: ascending λ (n,) and X (d, n) with Xᵀ M X = 1.
 
-    K and M (d, d) are sparse or dense; K is singular for the rigid motions (d, r) only. Modes of equal frequency are
-    combined into eigenvectors of `axes` (d, d): the diagonal matrix with 1, 2, 3 for displacements along x, y, z and 0
-    for rotations, or its projection, to be along axes if possible. Without a count, all λ below `below` are found.
+    K and M (d, d) are sparse or dense; K is singular for the rigid motions (d, r) only. `axes` (d, d) is the diagonal
+    matrix with 1, 2, 3 for displacements along x, y, z and 0 for rotations, or its projection. Modes of equal frequency
+    are combined into eigenvectors of `axes`, so that a mode moves along one axis if possible. Without a count, all λ
+    below `below` are found.
     """
     d = K.shape[0]
     few = isinstance(K, np.ndarray) or d <= _DENSE or (count is not None and count + _SPARE > d // _DENSE_RATIO)
@@ -111,7 +112,7 @@ def _some(K: Sparse, M: Sparse, rigid: Array, count: int | None, below: float) -
     """Modes of a large structure in batches, until all modes of a batch are above the requested modes.
 
     Each batch is orthogonal to earlier batches. Lanczos' method may find only one mode of a multiple frequency. The
-    next batch then finds the other modes.
+    next batch then finds the other modes of this frequency.
     """
     from scipy.sparse.linalg import LinearOperator, eigsh
 
@@ -143,7 +144,7 @@ def _some(K: Sparse, M: Sparse, rigid: Array, count: int | None, below: float) -
 
 
 def _mass_orthonormal(X: Array, M: Sparse) -> Array:
-    """The columns of X, orthonormalised in the metric of M from the first column on."""
+    """The columns of X, orthonormalised with respect to M, beginning with the first column."""
     from scipy.linalg import LinAlgError, cholesky, solve_triangular
 
     # If the Gram matrix is ill-conditioned, rounding reduces the orthonormality. The second pass restores it.

@@ -18,8 +18,8 @@ from symmb.declare.structures.validation import is_law
 class ParametricModes(Modes):
     """Modes of a structure with parameters. Inertia, stiffness and damping are expressions.
 
-    The shapes are the same for all values of the parameters. The fields of `Modes` are numbers for the middles of the
-    intervals.
+    The shapes are the same for all values of the parameters. The numbers in the fields of `Modes` are for the middles
+    of the intervals of the parameters.
     """
 
     family: Family  # type: ignore[misc]
@@ -27,7 +27,7 @@ class ParametricModes(Modes):
     def save(self, path: str | PathLike[str]) -> None:
         raise DeclarationError(
             f"Modes.save: {str(path)!r} can contain only numbers, but these modes contain expressions of parameters. "
-            "Save the modes of a structure without parameters, or compute these modes again by their script."
+            "Save the modes of a structure without parameters, or do not save the modes, but compute them in a script."
         )
 
 
@@ -36,8 +36,8 @@ def with_parameters(
 ) -> Modes:
     """Modes with inertia, stiffness and damping as expressions from the terms of their structure.
 
-    Each shape is damped like a mode with the same stiffness and inertia. This is exact if no parameter changes the
-    shapes of modes.
+    Each shape is damped like a mode with the same stiffness and inertia. The damping is exact if no parameter changes
+    the shapes of modes.
     """
     n, stiffness = len(modes.stiffness), modes.stiffness
     masses = tuple((ca.SX(law), shapes.invariants(M, samples)) for law, M, samples in terms.mass)

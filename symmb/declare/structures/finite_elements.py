@@ -46,7 +46,7 @@ class FiniteElements:
     axial : AxialForces
         axial forces of beams, for geometric stiffening
     terms : Terms
-        K and M as sums, for structures with parameters. Other fields are then for the middles of the intervals
+        K and M as sums, for structures with parameters. K, M and other fields are for the middles of the intervals
 
     Examples
     --------
@@ -137,14 +137,14 @@ class FiniteElements:
         all other nodes must have the order of the matrices.
 
         Mass, centre of mass, inertia, S and G0 of the `Modes` follow from M. J1, J2 and G1 describe how the inertia
-        changes with the deformation. They follow from node masses, the row sums of M. With parameters, K and M are
-        sums: lists of pairs (factor, matrix), such as [(p.h, membrane), (p.h**3, plate)]. For `at`, see `beams`.
+        changes with the deformation. J1, J2 and G1 follow from node masses, the row sums of M. With parameters, K and M
+        are sums: lists of pairs (factor, matrix), such as [(p.h, membrane), (p.h**3, plate)]. For `at`, see `beams`.
 
         Raises
         ------
         DeclarationError
-            If a matrix has another size, is not symmetric or not positive, if rigid motions have strain energy, or if a
-            file is not valid.
+            If a matrix has a wrong size, is not symmetric or is not positive, if rigid motions have strain energy, or
+            if a file is not valid.
         """
         owner = "FiniteElements.matrices"
         pairs = {"K": _pairs(K, "K"), "M": _pairs(M, "M")}
@@ -173,7 +173,7 @@ class FiniteElements:
         Raises
         ------
         DeclarationError
-            If there is no such node, the mass is not above 0, or the node has no rotations but the mass has inertia.
+            If the node does not exist, if the mass is not above 0, or if the mass has inertia but nodes cannot rotate.
         """
         owner = "FiniteElements.with_mass"
         where = np.array(chosen((node,), len(self.positions), owner))
@@ -217,7 +217,7 @@ class FiniteElements:
             nodes at which joints and forces act
         count : int
             total number of modes, the lowest first; 0 makes a rigid body. With interfaces there are 6 static shapes for
-            each node (3 without rotations), minus 6 if the body is free. The other modes are fixed-interface modes. If
+            each node (3 without rotations), minus 6 if the body is free. All other modes are fixed-interface modes. If
             `count` is smaller than the number of static shapes, the highest modes are left out. Static deformations
             are then approximate
         cutoff : float
@@ -335,7 +335,7 @@ class FiniteElements:
                 f"{OWNER}: the number of modes is missing. Pass count=10, or cutoff=500.0 for all modes below 500 Hz."
             )
         if set(fixed) & set(interfaces):
-            raise DeclarationError(f"{OWNER}: node {fixed[0]} is clamped. It cannot also be an interface.")
+            raise DeclarationError(f"{OWNER}: node {fixed[0]} is clamped, so it cannot be an interface.")
         if fixed and self.per_node == 3:
             raise DeclarationError(
                 f"{OWNER}: node {fixed[0]} has no rotations, so clamping this node does not hold the body. "
@@ -345,7 +345,7 @@ class FiniteElements:
             raise DeclarationError(f"{OWNER}: stiffening requires a structure of beams with a clamped node.")
 
     def _freedom(self, fixed: Sequence[int], locked: Sequence[int]) -> tuple[Indices, Indices]:
-        """The free and the clamped degrees of freedom. Both omit the `locked` directions (0 to 5) of all nodes."""
+        """The free and the clamped degrees of freedom, without the `locked` directions (0 to 5) of all nodes."""
         every, held = np.arange(self.K.shape[0]), self._dofs(fixed)
         moving = every[~np.isin(every % self.per_node, locked)]
         return np.setdiff1d(moving, held), np.intersect1d(moving, held)

@@ -44,7 +44,7 @@ class Flexibility:
         return bool(self.K[rows][:, columns].nnz)
 
     def responses(self, nodes: Sequence[int]) -> Responses:
-        """Responses to loads at m nodes. A free body accelerates rigidly, and its inertial forces deform it too."""
+        """Responses to loads at m nodes. A free body accelerates rigidly; inertial forces deform it, too."""
         dofs = (self.per_node * np.array(nodes, dtype=int)[:, None] + np.arange(self.per_node)).ravel()
         moves = np.isin(dofs, self.free)
         unit = np.zeros((self.K.shape[0], len(dofs)))

@@ -9,7 +9,7 @@ from symmb._types import Array
 from symmb.declare.structures.mass_samples import MassSamples, Sparse
 
 OF_MODES = 100.0
-"""Ratio of the rounding of products of modes to the rounding of other sums."""
+"""Rounding errors of products of modes, divided by rounding errors of other sums."""
 EPSILON = np.array(
     [[[0, 0, 0], [0, 0, 1], [0, -1, 0]], [[0, 0, -1], [0, 0, 0], [1, 0, 0]], [[0, 1, 0], [-1, 0, 0], [0, 0, 0]]], float
 )
@@ -49,7 +49,7 @@ class Invariants:
 class Shapes:
     """Shapes X (d, n) and rigid motions (d, 6) in a frame at an origin, and foreshortening D (s, 3, n, n) of samples.
 
-    Values that are small compared with the inertia and length of the whole body are rounding errors.
+    Values that are very small compared with the inertia and length of the whole body are set to 0.
     """
 
     X: Array
@@ -93,8 +93,8 @@ def deformed_inertia(
     """J1 (n, 3, 3), J2 (n, n, 3, 3), G1 (n, 3, n) and S2 (3, n, n) of point masses that move with X (d, n).
 
     With the moments B_j = Σ m s φ_jᵀ and A_ij = Σ m φ_i φ_jᵀ, the inertia of x = s + Σ φ_j η_j is the inertia of
-    Σ m x xᵀ = A_00 + Σ η_j (B_j + B_jᵀ) + Σ η_i η_j A_ij. Rotary inertia is constant. Second-order
-    displacements D (s, 3, n, n) of the masses add linear terms.
+    Σ m x xᵀ = A_00 + Σ η_j (B_j + B_jᵀ) + Σ η_i η_j A_ij. Rotary inertia is constant. With second-order
+    displacements D (s, 3, n, n) of the masses, J2, G1 and S2 have further terms, which are linear in D.
     """
     s, n = len(samples.mass), X.shape[1]
     phi = (samples.translation @ X).reshape(s, 3, n)

@@ -14,7 +14,7 @@ Sparse = Any
 
 @dataclass(frozen=True, eq=False)
 class MassSamples:
-    """Point masses with inertia that move with d degrees of freedom. Their sum is an integral over the body."""
+    """Point masses with inertia that move with d degrees of freedom. Sums over masses replace integrals."""
 
     mass: Array  # (s,) [kg]
     positions: Array  # (s, 3), undeformed [m]
@@ -45,7 +45,7 @@ def joined(parts: Sequence[MassSamples]) -> MassSamples:
 
 
 def at_nodes(nodes: Indices, mass: Array, rotary: Array, positions: Array, per_node: int) -> MassSamples:
-    """Samples at nodes. They move with the degrees of freedom of the nodes."""
+    """Samples at nodes, which move with the degrees of freedom of the nodes."""
     from scipy.sparse import csr_array
 
     def rows(first: int) -> Sparse:

@@ -20,13 +20,13 @@ from symmb.results.files import told
 
 OWNER = "FiniteElements.matrices"
 ASYMMETRY, STRAIN = 1e-8, SLIGHT
-"""Accepted asymmetry and strain of rigid motions, relative to the largest entries. Rounding in files causes both."""
+"""Accepted asymmetry and strain of rigid motions, relative to the largest entries. The cause is rounding in files."""
 
 
 def loaded(
     positions: npt.ArrayLike | str | PathLike[str], sources: dict[str, list[Any]]
 ) -> tuple[Array, list[list[Sparse]]]:
-    """Positions (k, 3) of nodes, and the matrices of each name, from arrays or files.
+    """Positions (k, 3) of nodes, and lists of the matrices K and M, from arrays or files.
 
     For matrices of Nastran, the nodes are the nodes of the matrices in the order of their numbers.
     """
@@ -57,7 +57,7 @@ def _positions(source: npt.ArrayLike | str | PathLike[str], numbered: list[int])
         grids = read_grids(source)
         missing = [node for node in numbered if node not in grids]
         if missing:
-            raise DeclarationError(f"{OWNER}: the matrices have the node {missing[0]}, but {source} has no such GRID.")
+            raise DeclarationError(f"{OWNER}: the matrices have node {missing[0]}, but {source} has no such GRID card.")
         return numbers([grids[node] for node in numbered or sorted(grids)], OWNER, "positions", ("k", 3))
     meshio = optional_package("meshio", f"{OWNER} with a file of a mesh", "fe")
     with told(source, "read"):
@@ -84,7 +84,7 @@ def read(source: Sparse | str | PathLike[str], name: str, k: int) -> Sparse:
                 *shape, entries = mminfo(source)[:3]  # checked before the entries are read
                 _require_size(tuple(shape), name, k)
                 if not entries <= shape[0] * shape[1]:
-                    raise ValueError(f"its head announces {entries} entries in {shape[0]} rows")
+                    raise ValueError(f"its header gives {entries} entries, too many for {shape[0]} rows")
                 source = mmread(source)
         except FileError:
             raise
@@ -100,7 +100,7 @@ def read(source: Sparse | str | PathLike[str], name: str, k: int) -> Sparse:
         matrix = csc_array(numbers(source, OWNER, name, ("d", "d")))
     _require_size(matrix.shape, name, k)
     if abs(matrix - matrix.T).max() > ASYMMETRY * abs(matrix).max():
-        raise DeclarationError(f"{OWNER}: {name} is not symmetric. If only one triangle is stored, add the other one.")
+        raise DeclarationError(f"{OWNER}: {name} is not symmetric. If only one triangle is stored, add the other.")
     return csc_array((matrix + matrix.T) / 2)
 
 
@@ -116,7 +116,7 @@ def _require_size(shape: Any, name: str, k: int) -> None:
 def checked(positions: Array, K: Sparse, M: Sparse) -> None:
     """Raise a DeclarationError unless K and M belong to a body without supports."""
     if K.shape != M.shape:
-        raise DeclarationError(f"{OWNER}: K has the shape {K.shape}, but M has the shape {M.shape}. Both must agree.")
+        raise DeclarationError(f"{OWNER}: K has the shape {K.shape}, but M has the shape {M.shape}. Use equal shapes.")
     if not np.ptp(positions, axis=0).any():
         raise DeclarationError(f"{OWNER}: a structure needs at least two nodes at different positions.")
     motions = rigid_motions(positions - positions.mean(axis=0), K.shape[0] // len(positions))

@@ -47,7 +47,7 @@ def nearest(positions: Array, point: tuple[float, float, float]) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """The parts of modes with fixed shapes that depend on parameters."""
+    """The parts of `ParametricModes` that depend on parameters."""
 
     masses: tuple[tuple[ca.SX, Invariants], ...]  # the inertia is the sum of the products (factor, invariants)
     stiffness: ca.SX  # (n, n)
@@ -140,7 +140,7 @@ class Modes:
     shapes2: Array
 
     family: ClassVar[Family | None] = None
-    """The expressions of `ParametricModes`; None for modes in numbers."""
+    """The expressions of `ParametricModes`; None if the modes have no parameters."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mass", positive(self.mass, "Modes", "mass"))
@@ -154,7 +154,7 @@ class Modes:
         if (self.stiffness <= 0).any():
             raise DeclarationError(
                 f"Modes: stiffness must be above 0, got {self.stiffness.min():g}. "
-                "Remove rigid modes, because the motion of the frame replaces rigid modes."
+                "Remove rigid modes, because the frame already describes rigid motions."
             )
         if (self.damping < 0).any():
             raise DeclarationError(f"Modes: damping must not be negative, got {self.damping.min():g}.")
@@ -176,7 +176,7 @@ class Modes:
         """Relative error of squared frequencies, and of deflections under loads at interfaces, caused by parameters.
 
         The error is twice the largest difference from modes that are computed at points of the box. A frequency below
-        that of the computed modes is not counted as an error, because it is closer to that of the full structure. The
+        the frequency of these modes is not an error, because the frequency of the full structure is even lower. The
         error is 0 if no parameter changes the shapes.
         """
         return 0.0 if self.family is None else self.family.error
@@ -207,7 +207,7 @@ class Modes:
     def turns(self, eta: Array) -> Array:
         """Largest rotation (m,) of a node relative to the frame [rad] for modal coordinates (m, n).
 
-        If nodes have no rotations, it is estimated from the chords of the body.
+        If nodes have no rotations, the rotation is estimated from the chords of the body.
         """
         if self.rotations.any() or len(self.positions) < 2:
             turned = np.einsum("kan,mn->mka", self.rotations, eta)
@@ -233,7 +233,7 @@ class Modes:
 
     @cached_property
     def lively(self) -> Array:
-        """Projection (6, 6) of forces and moments at a node onto the directions in which the modes move nodes."""
+        """Projection (6, 6) of the force and moment at a node onto the directions in which modes move nodes."""
         projection = np.zeros((6, 6))
         for shapes, at in ((self.shapes, slice(0, 3)), (self.rotations, slice(3, 6))):
             sizes, axes = np.linalg.eigh(np.einsum("kan,kbn->ab", shapes, shapes))
@@ -252,7 +252,7 @@ class Modes:
         Raises
         ------
         DeclarationError
-            If the name of the file has another suffix.
+            If the name of the file does not end with .npz or .json.
         """
         record = {"layout": LAYOUT, **{name: getattr(self, name) for name in SHAPES}}
         files.save(path, {"record": lambda: record, "entries": lambda: files.in_json(record)})
@@ -275,7 +275,7 @@ class Modes:
         if arrays.keys() != SHAPES.keys():
             missing, unknown = sorted(SHAPES.keys() - arrays.keys()), sorted(arrays.keys() - SHAPES.keys())
             raise DeclarationError(
-                f"the arrays {missing} are missing, and the arrays {unknown} are unknown. The file must have one array "
+                f"missing arrays: {missing}; unknown arrays: {unknown}. The file must have one array "
                 f"for each of {', '.join(SHAPES)}."
             )
         shapes = _shapes(arrays["stiffness"], arrays["positions"])
@@ -291,4 +291,4 @@ def _shapes(stiffness: Any, positions: Any) -> dict[str, tuple[int, ...]]:
 
 
 _STRUCTURES: WeakKeyDictionary[Modes, Flexibility] = WeakKeyDictionary()
-"""The structures of modes. They are not part of the data of the modes."""
+"""The structures of modes. A structure is not part of the data of its modes."""

@@ -64,7 +64,7 @@ class Matrix:
         return {degree for pair in self.entries for degree in pair}
 
     def sparse(self, nodes: list[int], per_node: int) -> Sparse:
-        """The matrix of these nodes, with `per_node` degrees of freedom for each node."""
+        """The matrix for the given nodes, with `per_node` degrees of freedom for each node."""
         from scipy.sparse import csc_array
 
         row_of = {node: per_node * k - 1 for k, node in enumerate(nodes)}
@@ -92,7 +92,7 @@ def read_grids(path: str | PathLike[str]) -> dict[int, Array]:
         for k, what in ((1, "position"), (5, "displacement")):
             if card.text(k) not in ("", "0"):
                 raise card.fault(
-                    f"the {what} of node {node} is in coordinate system {card.text(k)}. Use the basic one."
+                    f"the {what} of node {node} is in coordinate system {card.text(k)}. Use the basic system."
                 )
         grids[node] = np.array([card.real(k, f"{x} of node {node}") for k, x in zip((2, 3, 4), "xyz", strict=True)])
     if not grids:
@@ -110,8 +110,8 @@ def read_dmig(path: str | PathLike[str], letter: str) -> Matrix:
     if len(chosen) != 1:
         names = f"the matrices {', '.join(cards)}" if cards else "no matrix DMIG"
         raise DeclarationError(
-            f"{path}: the file has {names}. Exactly one name must start with {letter}, or the file must have one "
-            "matrix."
+            f"{path}: the file has {names}. Pass a file with one matrix, or with exactly one matrix whose name "
+            f"starts with {letter}."
         )
     header, *columns = cards[chosen[0]]
     if header.text(1) != "0" or (form := header.whole(2, "the form")) not in (1, 6):

@@ -30,8 +30,8 @@ class Section:
     J : Expr
         torsion constant [m^4]; Iy + Iz for a circle only
     shear_y, shear_z : Expr
-        effective shear areas κA along y and z [m^2]. Infinite areas (the default) make an Euler-Bernoulli beam, and
-        finite areas make a Timoshenko beam
+        effective shear areas κA along y and z [m^2]. Infinite shear areas (the default) make an Euler-Bernoulli beam,
+        and finite shear areas make a Timoshenko beam
 
     Raises
     ------

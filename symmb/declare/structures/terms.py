@@ -103,7 +103,7 @@ class Ranges:
 
 
 def names_in(laws: Sequence[Expr]) -> dict[str, None]:
-    """Names of the symbols in laws, in their order."""
+    """Names of the symbols in laws, in the order of the symbols."""
     return dict.fromkeys(symbol.name() for symbol in ca.symvar(ca.vertcat(*map(ca.SX, laws))))
 
 
@@ -145,7 +145,7 @@ class Terms:
         for name, (low, high) in box.items():
             if low == high:
                 raise DeclarationError(
-                    f"{OWNER}: {name!r} changes the shapes of the modes and has only the value {low:g}. Give its "
+                    f"{OWNER}: {name!r} changes the shapes of the modes, but has only the value {low:g}. Give its "
                     f"interval: at=mb.Box({name}=(lower, upper)), or at={{**parameters, **box}}."
                 )
         return box

@@ -14,11 +14,11 @@ Shape = tuple[int | str, ...]
 
 
 def numbers(value: npt.ArrayLike, owner: str, name: str, *shapes: Shape) -> Array:
-    """A read-only copy of finite numbers in one of the shapes, or of a scalar. A letter in a shape is any size."""
+    """A read-only copy of finite numbers in one of the shapes, or of a scalar. A letter in a shape means any size."""
     if any(type(item).__module__.split(".")[0] in ("casadi", "sympy") for item in _items(value)):
         raise DeclarationError(
-            f"{owner}: {name} contains a symbol. Give numbers, because the modes are computed once. Use parameters in "
-            "joints, forces, rigid bodies, materials, sections and damping ratios only."
+            f"{owner}: {name} contains a symbol. Give numbers, because the modes are computed once. Parameters are "
+            "allowed only in joints, forces, rigid bodies, materials, sections and damping ratios."
         )
     shapes = shapes or ((),)
     expected = " or ".join(map(_words, shapes))
@@ -35,7 +35,7 @@ def numbers(value: npt.ArrayLike, owner: str, name: str, *shapes: Shape) -> Arra
 
 
 LARGEST = 1e60
-"""Largest length, modulus or mass [SI]. Its fifth power must be finite."""
+"""Largest length, modulus or mass [SI]. The fifth power of this number must be finite."""
 
 
 def positive(value: npt.ArrayLike, owner: str, name: str) -> float:

@@ -33,7 +33,7 @@ def batch(f: ca.Function, *arguments: Array, threads: int = 1) -> tuple[Array, .
     """Evaluate f for N samples. Outputs are dense: (N, m) for columns and (N, m, k) for matrices.
 
     The inputs of f are vectors. Arguments are (N, n) arrays, or (n,) arrays for all samples; the last arguments may be
-    left out. `threads` is the number of CasADi's threads. Raises RuntimeError if a sample fails, as in an integrator.
+    left out. `threads` is the number of CasADi's threads. Raises RuntimeError if f fails for a sample.
     """
     return tuple(_shaped(f, i, values) for i, values in enumerate(_results(f, arguments, threads)))
 

@@ -12,8 +12,8 @@ from symmb.declare.symbolic.pieces import Entry, applied, called
 def common(name: str, *parts: Any) -> ca.Function:
     """A `casadi.Function` in which equal expressions are evaluated once.
 
-    CasADi compares called Functions by their text. This takes seconds for Functions with tables, so each call of such a
-    Function is replaced by symbols first.
+    CasADi compares called Functions by their text. This comparison takes seconds for Functions with tables, so each
+    call of such a Function is replaced by symbols first.
     """
     f = ca.Function(name, *parts)
     if not (f.is_a("SXFunction") and called(f)):

@@ -103,7 +103,7 @@ def triad(axis: ca.SX) -> ca.SX:
 
 
 def turn(a: ca.SX, b: ca.SX, in_plane: bool = False) -> ca.SX:
-    """Rotation matrix (3, 3) of the smallest rotation from the direction a to b. With `in_plane` it is about z."""
+    """Rotation matrix (3, 3) of the smallest rotation from the direction a to b. With `in_plane` the axis is z."""
     a, b = unit(a), unit(b)
     if is_zero(ca.simplify(a - b)):
         return ca.SX.eye(3)

@@ -1,8 +1,8 @@
 """Evaluation of the instructions of a CasADi SX Function with any number type.
 
-CasADi evaluates an SX Function as a flat list of scalar instructions on a work vector. Here the caller defines the
-operations. SymPy expressions in place of numbers give an export to SymPy. Intervals give an interval evaluation, and
-names of variables give C code.
+CasADi evaluates an SX Function as a flat list of scalar instructions on a work vector. In `interpret`, the caller
+defines the operations. SymPy expressions in place of numbers give an export to SymPy. Intervals give an interval
+evaluation, and names of variables give C code.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -73,7 +73,7 @@ nonzero eigenvalues. One refinement squares the relative error. tests/symbolic/t
 def singular_solver(S: ca.SX, nullity: int, usual: ca.SX | None = None) -> Callable[[ca.SX], ca.SX]:
     """Solver of S z = r for a semidefinite S (n, n), which is treated as a matrix of rank n - nullity.
 
-    The vanishing combinations of rows come from inverse iteration, and are removed from right sides and solutions. Rows
+    Inverse iteration gives vanishing combinations of rows, which are removed from right sides and solutions. Rows
     are scaled by the diagonal, so units have no effect. Rows that vanish at some states are scaled by their `usual`
     relative sizes (n,), by default equal.
     """
@@ -107,7 +107,7 @@ def vanishing_rows(G: ca.SX, nullity: int, usual: ca.SX | None = None) -> ca.SX:
 def least_multipliers(G: ca.SX, force: ca.SX, units: ca.SX) -> ca.SX:
     """Least-norm multipliers lam (n_r,) with G' lam = force (n_v,), for G of any rank, if a solution exists.
 
-    The norm is that of multipliers divided by their `units` (n_r,).
+    The norm is computed from the multipliers divided by their `units` (n_r,).
     """
     G = ca.sparsify(ca.diag(units) @ G)
     size = ca.sqrt(ca.sum1(G * G).T + NOTHING)  # not 0 for velocities without rows
@@ -186,9 +186,9 @@ class ExplicitSolver:
     """Solver of A z = r for a regular A (n, n) and r (n, m), by determinants of small blocks.
 
     Blocks of equations are solved one after the other. Large blocks are halved. `at` (n, n) are values of A at one
-    point. They order the rows so that both halves are regular at this point. A positive definite A needs no order. A is
-    regular, and solutions are exact, if no entry of `determinants` (k,) is 0. If the right side is 0, the solution does
-    not show a singular A.
+    point. These values order the rows so that both halves are regular at this point. A positive definite A needs no
+    order. A is regular, and solutions are exact, if no entry of `determinants` (k,) is 0. If the right side is 0, the
+    solution may be finite although A is singular.
     """
 
     def __init__(self, A: ca.SX, at: Array | None = None) -> None:
@@ -261,8 +261,8 @@ def saddle_solver(
 
     Range-space method: the sparse S = G M^-1 G' is factorised by LDL' with a fill-reducing order. M (n_v, n_v) has
     diagonal blocks with the given `sizes`. If a block is structurally singular, as for a massless body, M + G'w G
-    replaces M. Here w is the mean mass. `coupled` means that blocks are nearly singular, as for flexible bodies with
-    modes that almost contain the motion of the frame. Then w is the effective mass of each row.
+    replaces M, and w is the mean mass. `coupled` means that blocks are nearly singular, as for flexible bodies with
+    modes that almost contain the motion of the frame. In this case w is the effective mass of each row.
 
     Parameters
     ----------
@@ -312,9 +312,9 @@ def saddle_solver(
 
 
 def _rotors(G: ca.SX, sizes: Sequence[int]) -> dict[int, int]:
-    """For each velocity of a rotor, the row that determines it from the velocities of one other block, by indices.
+    """For each velocity of a rotor, by index: the row that determines it from velocities of one other block.
 
-    A velocity of a rotor is a block of its own. It appears in only one row, and has a constant factor there.
+    A velocity of a rotor is a block of its own, and appears in only one row, with a constant factor.
     """
     there, block = pattern(G.sparsity()), np.repeat(np.arange(len(sizes)), sizes)
     found: dict[int, int] = {}

@@ -10,7 +10,7 @@ from symmb.declare.symbolic.pieces import applied
 def with_nodes(expression: ca.SX, replacements: Mapping[int, ca.SX]) -> ca.SX:
     """An expression in which nodes, given by their hashes, are replaced by scalars.
 
-    Unlike `casadi.substitute`, it replaces any subexpression.
+    Unlike `casadi.substitute`, this function replaces any subexpression, not only symbols.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Pieces of curves as data. A bisection finds the piece of a number, so many pieces cost little.
+"""Pieces of curves as data. A bisection finds the piece of an argument, so many pieces cost little.
 
 SX expressions call a CasADi Function that reads the numbers of a piece. Derivatives of expressions therefore use the
 same pieces as the expressions.
@@ -65,15 +65,15 @@ class Pieces:
 
     @cached_property
     def sided(self) -> tuple["Sides", "Pieces"]:
-        """The sides of all knots, and the same rows with one group per row."""
+        """The sides of all knots, and the same rows as pieces, where each row is a group."""
         return Sides.of(self.knots), Pieces(self.data[-1], self.data[1], self.data[2:-1].T)
 
     @cached_property
     def function(self) -> ca.Function:
         """The Function (group, at) -> columns that expressions call.
 
-        If SX expressions call an MX function, CasADi needs derivatives that are not structurally zero. Here they are
-        numerical zeros.
+        If SX expressions call an MX function, CasADi needs derivatives that are not structurally zero. These
+        derivatives are numerical zeros.
         """
         group, at, n = ca.MX.sym("group"), ca.MX.sym("at"), self.data.shape[1]
         row_of = ca.interpolant("row_of", "linear", [self.knots], np.arange(1.0, n), {"lookup_mode": ["binary"]})
@@ -95,8 +95,8 @@ class Pieces:
 class Sides(Pieces):
     """The parts (0 to n) into which knots (n,) divide a line, and a wave that is 0 at the knots.
 
-    The wave is a parabola between two knots and straight outside, with alternating slopes 1 and -1 at the knots. It is
-    positive in parts with odd numbers.
+    The wave is a parabola between two knots and straight outside, with alternating slopes 1 and -1 at the knots. The
+    wave is positive in parts with odd numbers.
     """
 
     @classmethod
@@ -120,7 +120,7 @@ class Sides(Pieces):
 
     @cached_property
     def _nearest(self) -> "_Nearest":
-        """The nearest odd and even part numbers. They change in the middle of a part."""
+        """The nearest odd and the nearest even part number. These numbers change in the middle of a part."""
         knots = self.knots
         number = np.arange(float(len(knots)))
         begins = np.concatenate([knots[:1], (knots[1:] + knots[:-1]) / 2])
@@ -135,7 +135,7 @@ class Sides(Pieces):
 
 
 class _Nearest(Pieces):
-    """Numbers of parts. They jump only if a step continues too far beyond its side."""
+    """Numbers of parts, as columns. The numbers jump only if a step goes too far beyond its side."""
 
 
 class Smooth(Pieces):

@@ -28,7 +28,7 @@ class _SplitRange(NamedTuple):
     behind: Any
 
     def of(self, a: "SymbolicRange") -> tuple["SymbolicRange", "SymbolicRange"]:
-        """The two parts of a range. If it has no parts, both are the whole range."""
+        """The two parts of a range; for a range without parts, the whole range twice."""
         if a.parts is not None and a.parts.own is self.own:
             return a.parts.before, a.parts.behind
         is_same = all(x.element_hash() == y.element_hash() for x, y in zip(a[:2], self.at[:2], strict=True))
@@ -241,7 +241,7 @@ def _power(a: SymbolicRange, exponent: SymbolicRange) -> SymbolicRange:
 
 
 def _turned(f: Callable[[ca.SX], ca.SX], a: SymbolicRange, top: float) -> SymbolicRange:
-    """The range of a sine or cosine. Its value is 1 if the argument is `top` plus whole turns."""
+    """The range of a sine or cosine. The value is 1 if the argument is `top` plus whole turns."""
 
     def has(angle: float) -> ca.SX:
         return ca.floor((a.high - angle) / (2 * math.pi)) >= ca.ceil((a.low - angle) / (2 * math.pi))

@@ -33,7 +33,7 @@ _KINKS: dict[Any, tuple[str, Callable[..., ca.SX]]] = {
 
 
 def _whole(side: ca.SX, value: ca.SX) -> ca.SX:
-    """floor(value) on one side of sin(pi value): the nearest even or odd number, valid up to 0.5 beyond it."""
+    """floor(value) for a given sign of sin(pi value): the nearest even or odd number, valid 0.5 beyond it."""
     odd = (1 - side) / 2
     return 2 * ca.floor((value - odd + 0.5) / 2) + odd
 
@@ -73,7 +73,7 @@ _POSITIVE = {ca.OP_SQRT, ca.OP_LOG, ca.OP_POW, ca.OP_CONSTPOW}
 
 
 class On(IntEnum):
-    """What a value depends on: the state, or else time, or else parameters only."""
+    """What a value depends on: parameters only, time but not the state, or the state."""
 
     PARAMETERS = 0
     TIME = 1
@@ -186,7 +186,7 @@ _POWERS = {ca.OP_SQ, ca.OP_MUL, ca.OP_POW, ca.OP_CONSTPOW}
 
 
 def _power(code: Any, of: Sequence[_Power[T]], constant: float | None) -> _Power[T] | None:
-    """The result of an operation of `_POWERS` as a power; None for others. The exponent of `pow` may be constant."""
+    """An operation of `_POWERS` as a power; None for other operations. The exponent of `pow` may be constant."""
     base, exponent = of[0]
     if code == ca.OP_MUL:
         return _Power(base, exponent + of[1].exponent) if base == of[1].base else None
@@ -333,7 +333,7 @@ def laws(expression: ca.SX, p: ca.SX, t: ca.SX) -> ca.SX:
 
 
 def _difference(value: ca.SX) -> tuple[int, int]:
-    """Hashes of a and b in a - b, 0 for a missing operand. b - a has the same hashes in the other order."""
+    """Hashes of a and b in a - b, 0 for a missing operand. For b - a the order is reversed."""
     if value.is_op(ca.OP_SUB):
         return value.dep(0).element_hash(), value.dep(1).element_hash()
     return (0, value.dep(0).element_hash()) if value.is_op(ca.OP_NEG) else (value.element_hash(), 0)

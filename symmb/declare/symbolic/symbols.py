@@ -1,7 +1,7 @@
 """The table of symbols: the kind and the rate of every coordinate, velocity, state and parameter.
 
-A CasADi symbol has only a name. Its owner (a body, a joint, the parameters) keeps a `Symbol` record with its kind and
-rate. The table has weak references to the records, so a record does not outlive its model.
+A CasADi symbol has only a name. The owner of a symbol (a body, a joint, the parameters) keeps a `Symbol` record with
+its kind and rate. The table has weak references to the records, so a record does not outlive its model.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -23,7 +23,7 @@ _casadi_bool = ca.SX.__bool__
 
 
 class TruthValueError(DeclarationError, RuntimeError):
-    """Error if Python needs the truth value of a symbolic expression. It is also a RuntimeError, as in CasADi."""
+    """Error if Python needs the truth value of a symbolic expression: also a RuntimeError, as in CasADi."""
 
 
 def _truth_value(expression: ca.SX) -> bool:
@@ -78,7 +78,7 @@ class Symbol:
 
 _TABLE: WeakValueDictionary[int, Symbol] = WeakValueDictionary()
 _STARTS: WeakKeyDictionary[Symbol, list[Symbol]] = WeakKeyDictionary()
-"""Records of `initial` values. They live as long as a coordinate in the expression."""
+"""Records of `initial` values. A record lives as long as a coordinate in its expression."""
 
 
 def _entered(name: str, kind: Kind, sx: ca.SX, rate: ca.SX, value: ca.SX, owner: str) -> Symbol:
@@ -126,7 +126,7 @@ def is_time(symbol: ca.SX) -> bool:
 
 
 def initial(expression: ca.SX) -> ca.SX:
-    """Value of a position expression at the start of a run: a first-order state without rate.
+    """Value of a position expression at the start of a run. The value is a first-order state without rate.
 
     The start of a scene is often computed, for example as an equilibrium. `x - initial(x)` is the displacement since
     the start.

@@ -105,7 +105,7 @@ def _constant(value: float) -> Any:
     import sympy
 
     if math.isnan(value):
-        raise DeclarationError("Expression contains a NaN constant. SX and SymPy do not mix in one expression.")
+        raise DeclarationError("The expression contains a NaN constant. Do not mix SX and SymPy in an expression.")
     if math.isinf(value):
         return sympy.oo if value > 0 else -sympy.oo
     fraction = Fraction(value).limit_denominator(1000)

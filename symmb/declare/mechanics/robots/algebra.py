@@ -90,8 +90,8 @@ def about(axis: Vector, angle: Scalar) -> Vector:
 def angles(e: Vector) -> tuple[float, ...]:
     """Roll, pitch and yaw [rad] of a unit quaternion of numbers, for `by_angles`.
 
-    Roll is computed after yaw is applied. So the three angles are consistent at a pitch of 90 degrees, too. Only the
-    sum or the difference of roll and yaw is determined there.
+    Roll is computed from the known yaw. So the three angles are consistent also at a pitch of 90 degrees, where only
+    the sum or the difference of roll and yaw is determined.
     """
     (xx, xy, xz), (yx, yy, yz), (zx, _, _) = (map(float, row) for row in matrix(e))
     yaw = math.atan2(yx, xx)
@@ -171,7 +171,7 @@ def united(parts: Sequence[Mass]) -> Mass:
 
 
 def _offset(mass: Scalar, arm: Vector) -> Matrix:
-    """Inertia (3, 3) of a point mass about a point. `arm` (3,) connects the two (parallel axis theorem)."""
+    """Inertia (3, 3) of a point mass about a point. `arm` (3,) leads from point to mass (parallel axis theorem)."""
     squared = dot(arm, arm)
     return tuple(tuple(mass * ((squared if i == k else 0.0) - arm[i] * arm[k]) for k in range(3)) for i in range(3))
 

@@ -155,14 +155,14 @@ class Tag:
 
 
 def _meant(name: str, known: Collection[str], similarity: float = 0.75) -> str:
-    """The known name that is closest to a misspelt name. It is empty if the name is known, or if no name is close."""
+    """The known name that is closest to a misspelt name; empty if the name is known, or if no name is close."""
     # Names of extensions are less similar to known names than misspelt names are.
     close = () if name in known else get_close_matches(name.lower(), known, n=1, cutoff=similarity)
     return close[0] if close else ""
 
 
 def told(passed: dict[str, list[Tag]]) -> list[str]:
-    """A list with one sentence: each kind of harmless faults, with first line and number. Empty if there are none."""
+    """A list with one sentence that names each kind of harmless fault and its first line; empty without such faults."""
     kinds = []
     for what, tags in passed.items():
         more = f" and {len(tags) - 1} more" if len(tags) > 1 else ""

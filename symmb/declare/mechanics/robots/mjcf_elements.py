@@ -84,7 +84,7 @@ def _bodies(source: MjcfModel, equality: int) -> list[int]:
 
 
 def _at_sites(source: MjcfModel, equality: int) -> bool:
-    """Whether an equality constraint connects sites. Otherwise it connects bodies."""
+    """Whether an equality constraint connects sites; False if the constraint connects bodies."""
     return source.kind("mjtObj", source.model.eq_objtype[equality]) == "SITE"
 
 
@@ -273,9 +273,9 @@ class MjcfElements:
         return Weld(name, a, b, zero=rotation(zero))
 
     def _led(self, kind: str, name: str, first: int, second: int) -> Element:
-        """A constraint between two joints or tendons. The change of the first is a polynomial in the second change.
+        """A constraint between two joints or tendons. The first value is a polynomial of the second value.
 
-        Changes are relative to the pose of the file.
+        Both values are changes from the pose of the file.
         """
         m = self.source.model
         moves = []

@@ -68,7 +68,7 @@ def load_mjcf(
     stop : ContactLaw or float
         see `load_urdf`
     strict : bool
-        whether an inertia that no body can have is an error. By default it is replaced, as in `load_urdf`
+        whether an impossible inertia is an error. By default the inertia is replaced, as in `load_urdf`
 
     Returns
     -------

@@ -16,7 +16,7 @@ def left_out(source: MjcfModel, has_stops: bool) -> list[str]:
 
 
 def _listed(what: str, names: list[str], where: Iterable[Any], most: int = 6) -> Iterator[str]:
-    """The text `what` with the names that have a nonzero entry in `where`; nothing without such names."""
+    """The text `what` with the names that have a nonzero entry in `where`; nothing if there are none."""
     hit = [name for name, value in zip(names, where, strict=True) if np.any(value)]
     if hit:
         more = f" and {len(hit) - most} more" if len(hit) > most else ""

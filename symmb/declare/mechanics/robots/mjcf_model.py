@@ -66,7 +66,7 @@ class MjcfModel:
         return self._free_names("equality", self.model.neq, taken)
 
     def _names(self, kind: str, count: int) -> list[str]:
-        """Unique names of the parts of a kind. Spaces, dots and brackets become _. A part without name is "joint2"."""
+        """Unique names of the parts of a kind. Spaces, dots and brackets become _. A missing name becomes "joint2"."""
         own = [re.sub(r"[\s.\[\]]", "_", getattr(self.model, kind)(k).name) for k in range(count)]
         for name in filter(None, own):
             if fault := name_fault(name):
@@ -76,7 +76,7 @@ class MjcfModel:
         return [name or _free(f"{kind}{k}", "_", taken) for k, name in enumerate(given)]
 
     def _free_names(self, kind: str, count: int, taken: set[str]) -> list[str]:
-        """Names of the parts of a kind. The kind is added to a name that another part has."""
+        """Names of the parts of a kind. If another part has the same name, the kind is added to the name."""
         return [_free(name, f"_{kind}", taken) for name in self._names(kind, count)]
 
     def mesh_file(self, mesh: int) -> str:

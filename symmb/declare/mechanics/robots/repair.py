@@ -1,4 +1,4 @@
-"""Impossible moments of inertia: their replacement by the nearest possible moments, and its effect on the motion."""
+"""Impossible moments of inertia: their replacement by the nearest possible moments, and the effect on the motion."""
 
 from dataclasses import replace
 from itertools import product
@@ -45,7 +45,7 @@ def repaired(building: Building) -> tuple[Building, list[str]]:
             f"{description.path}: the inertia of {names} is impossible. The nearest possible inertia would change the "
             f"kinetic energy of a motion by {min(share, 10):.0%}. Correct the file."
         )
-    said = f"The inertia of {names} is impossible. The nearest possible inertia is used. It changes the kinetic energy "
+    said = f"The inertia of {names} is impossible. The nearest possible inertia is used, changing the kinetic energy "
     description = replace(description, numbers=description.numbers | better)
     changed = replace(building, description=description, values={**values, **better})
     return changed, [f"{said}of a motion by at most {100 * share:.1g} %."]

@@ -70,7 +70,7 @@ class _LinkMesh(Mesh):
 
 @dataclass(frozen=True, eq=False)
 class LinkFrame:
-    """A link that fixed joints connect to another link. Both are one `body` with the name of the link nearest the base.
+    """A link that fixed joints connect to other links. All are one `body` with the name of the link nearest the base.
 
     Attributes
     ----------
@@ -222,14 +222,14 @@ class Building:
         return by_angles(self.vector(name, RPY))
 
     def carried(self, joint: JointData, place: Place) -> Place:
-        """The origin and quaternion of a joint's child at joint value 0, from those of its parent."""
+        """The origin and quaternion of a joint's child at joint value 0. `place` belongs to the joint's parent."""
         at, e = place
         origin = add(at, turned(matrix(e), self.vector(f"{joint.name}.origin")))
         return origin, one_after(e, self.quaternion(f"{joint.name}.origin"))
 
     @cached_property
     def places(self) -> dict[str, Place]:
-        """The origins and quaternions of all links on their bodies."""
+        """The origins and quaternions of all links relative to their bodies."""
         places: dict[str, Place] = {}
         joints = {joint.child: joint for joint in self.description.joints.values()}
         for link, top in self.description.tops.items():

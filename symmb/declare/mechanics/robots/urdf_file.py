@@ -60,14 +60,14 @@ def load_urdf(
         .yaw), "elbow.axis.x", "elbow.limit.lower" (.upper), "elbow.damping", "elbow.friction", "elbow.mimic.multiplier"
         (.offset)
     fixed_base : bool
-        whether the base link is fixed to the ground; otherwise it moves freely
+        whether the base link is fixed to the ground. With False, the base link moves freely
     stop : ContactLaw or float
         contact law or coefficient of restitution of a `Stop` at the limits of each joint. With None, limits have no
         effect. If the lower limit is equal to the upper limit, they never have an effect
     strict : bool
         whether all faults are errors. By default one SymmbWarning names harmless faults: attributes of other programs,
-        <mimic> of joints that cannot follow, dots in names, and inertias that no body can have. The nearest possible
-        inertia replaces such an inertia. It is an error if this would have a large effect on the motion
+        <mimic> of joints that cannot follow, dots in names, and impossible inertias. The nearest possible inertia
+        replaces an impossible inertia. If this would have a large effect on the motion, it is an error
 
     Returns
     -------
@@ -168,7 +168,7 @@ def _link(tag: Tag, numbers: dict[str, float]) -> LinkData:
         moments = tuple(of_inertia.number(entry) for entry in _INERTIA)
         fault = inertia_fault(moments)
         if fault:
-            of_inertia.pass_over("inertias that no body can have", of_inertia.fault(fault))
+            of_inertia.pass_over("impossible inertias", of_inertia.fault(fault))
     numbers |= {f"{name}.mass": mass} | named(f"{name}.com", (*XYZ, *RPY), (*xyz, *rpy))
     numbers |= named(f"{name}.inertia", tuple(entry[1:] for entry in _INERTIA), moments)
     visual, collision = ([shape for t in tag.all(kind) if (shape := _shape(t))] for kind in ("visual", "collision"))
@@ -292,7 +292,7 @@ def _none(what: str, name: str | None, known: Mapping[str, object]) -> str:
 def _free_mimic(joint: JointData, joints: dict[str, JointData]) -> None:
     """Record a <mimic> without effect as a harmless fault: a joint is missing, has no value, or follows itself.
 
-    The joint then moves freely if it has a value."""
+    If the joint has a value, it then moves freely."""
     # The leader of a joint is the joint that it follows. The search ends if a leader is missing or appears again. Only
     # the first joint of a circle becomes free. The other joints of the circle then follow this joint.
     row, leader = [joint.name], joint.mimic
@@ -302,14 +302,17 @@ def _free_mimic(joint: JointData, joints: dict[str, JointData]) -> None:
     if joint.mimic is None:
         return
     if not joint.moves:
-        what, why = f"{joint.kind} joints", f"a {joint.kind} joint has no single value and cannot follow another joint"
+        what, why = (
+            f"{joint.kind} joints",
+            f"a {joint.kind} joint has no angle or displacement, so it cannot follow another joint",
+        )
     elif joint.mimic not in joints:
         what, why = "joints that do not exist", _none("joint", joint.mimic, joints)
     elif leader == joint.name:
         what, why = "joints that follow themselves", f"joint {joint.name!r} follows itself. Use another joint"
     elif not joints[joint.mimic].moves:
         kind = joints[joint.mimic].kind
-        what, why = f"a {kind} joint", f"the {kind} joint {joint.mimic!r} has no single value. Use another joint"
+        what, why = f"a {kind} joint", f"{kind} joint {joint.mimic!r} has no angle or displacement. Use another joint"
     else:
         return
     mimic, free = joint.tag.needed("mimic"), ", so the followers move freely" * joint.moves
@@ -328,7 +331,7 @@ def _tree(top: Tag, links: Mapping[str, LinkData], joints: Mapping[str, JointDat
         )
     if len(roots) > 1:
         raise links[roots[1]].tag.fault(
-            f"no joint carries this link, and no joint carries {roots[0]!r}. Connect the two by a joint."
+            f"no joint carries this link, and no joint carries {roots[0]!r}. Connect the two links by a joint."
         )
     by_parent: dict[str, list[JointData]] = {}
     for joint in joints.values():
