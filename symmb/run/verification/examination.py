@@ -105,7 +105,7 @@ class Examination:
 
     @cached_property
     def energy_drift(self) -> float:
-        """Largest |T + V - W - E_0|, divided by the largest kinetic energy; nan if nothing moves."""
+        """Largest drift of energy |T + V - W - E_0|, divided by the largest kinetic energy; nan if nothing moves."""
         change, largest = _change(self._energy), float(self._energy.kinetic.max(initial=0.0))
         # Drift of energy divided by the largest kinetic energy at the examined times. Above this value, a second run
         # looks for larger kinetic energies between these times.
@@ -119,7 +119,7 @@ class Examination:
 
     @cached_property
     def singularity(self) -> Singularity | None:
-        """The singular position to which the run comes closest; None if it does not come close to one."""
+        """The singular position to which the run comes closest; None if the run is not close to any."""
         near = self.program.bodies.singularity(self.x, self.t, self.p)
         if near or self.program.bodies.dae.G is None or self.program.bodies.dae.impacts is not None:
             return near

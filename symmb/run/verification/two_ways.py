@@ -85,7 +85,7 @@ class TwoWays:
         parameters = values_text(first.bodies.dae.p_names, p, first.bodies.dae.p_units)
         at = f"t = {run.t_failed[0]:g} s"
         told = f"{at}{parameters and f', {parameters}'}: "  # the time and the parameters are not repeated
-        message = "".join(f"breaks down at {at}: {text.removeprefix(told)}" for text in run.messages)
+        message = "".join(f"fails at {at}: {text.removeprefix(told)}" for text in run.messages)
         where = parameters and f", with {parameters},"
         return cls(
             t=second.times,
