@@ -81,7 +81,7 @@ def has_compiler() -> bool:
 
 
 def require_compiler(user: str) -> None:
-    """Raise NoCompilerError if no C compiler works. `user` is the name of the part that needs one."""
+    """Raise NoCompilerError if no C compiler works. `user` is the name of the part that needs it."""
     if not has_compiler():
         raise NoCompilerError(f"{user} needs a C compiler, and none was found. {compiler_advice()}")
 
@@ -101,7 +101,7 @@ def with_compiler(work: Callable[[], R], otherwise: Callable[[], R]) -> R:
 
 
 def load(source: str, *names: str) -> ctypes.CDLL:
-    """The library of a C source. It is in the cache, or is built now.
+    """The library of a C source, from the cache or built now.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def load(source: str, *names: str) -> ctypes.CDLL:
 
 
 def portable_library(files: Mapping[str, str], sources: Sequence[str]) -> bytes:
-    """A library of C files for every processor of this family. Its symbols are hidden unless they are exported.
+    """A library of C files for every processor of this family. Symbols are hidden unless they are exported.
 
     Parameters
     ----------
@@ -341,12 +341,12 @@ def _probed(command: tuple[str, ...], own: tuple[str, ...] | None = None) -> _Co
         else:
             return _Compiler(command[0], version, flags, command[1:])
     if own != _FLAGS and _probed(command, _FLAGS):
-        raise DeclarationError(f"{_MORE_FLAGS} is {os.environ[_MORE_FLAGS]!r}. With it {command[0]} fails: {refused}")
+        raise DeclarationError(f"{_MORE_FLAGS} is {os.environ[_MORE_FLAGS]!r}: {command[0]} then fails: {refused}")
     raise _BuildError(refused)
 
 
 def _probe(compiler: tuple[str, ...], version: str, flags: tuple[str, ...]) -> None:
-    """Test a compiler: build a library with lanes, and call it. Success is noted in the cache; else _BuildError."""
+    """Test a compiler: build a library with lanes, and call it. The cache stores a success. Otherwise: _BuildError."""
     key = _key(_PROBE, c_source("lanes"), *compiler, version, *flags)
     if cache.is_noted(key):
         return

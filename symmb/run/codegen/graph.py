@@ -1,4 +1,4 @@
-"""The instructions of a CasADi Function as a graph. It has each value once, with the inputs on which it depends."""
+"""The instructions of a CasADi Function as a graph. Each value occurs once, with the inputs on which it depends."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field

@@ -72,6 +72,6 @@ def event_doubts(events: Sequence[Event]) -> tuple[str, ...]:
     time = doubtful[0].time
     names = ", ".join(repr(name) for name in dict.fromkeys(event.name for event in doubtful if event.time == time))
     return (
-        f"The impacts of {names} at t = {time:g} s happen at one instant, and the motion after them depends on their "
-        "order. They are computed one after another, in the order of declaration.",
+        f"The impacts of {names} at t = {time:g} s are simultaneous, and the motion after them depends on their "
+        "order. symmb computes them one after another, in the order of declaration.",
     )

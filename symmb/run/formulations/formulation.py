@@ -62,7 +62,7 @@ class Formulation:
         return self.dae.remembered(kinks, times)
 
     def pulses(self, times: Array) -> Pulses:
-        """Pulses of laws of time over the output times (n_t,)."""
+        """Pulses of functions of time over the output times (n_t,)."""
         return self.dae.remembered(Pulses, times)
 
     def singularity(self, X: Array, times: Array, p: Array) -> Singularity | None:
@@ -82,7 +82,7 @@ class Formulation:
 
     @property
     def has_loops(self) -> bool:
-        """Whether the Jacobian of the rows changes along the motion. Only then can positions be singular."""
+        """Whether the Jacobian of the rows changes along the motion. If it is constant, no position is singular."""
         return self.dae.G is not None and self.dae.G.jac_sparsity(0, 0).nnz() > 0
 
     @property
@@ -134,7 +134,7 @@ class Formulations(NamedTuple):
     ----------
     bodies : Formulation           formulation in coordinates of the bodies
     joints : Formulation or None   formulation in coordinates of the joints, if the scene runs in them
-    spare : Formulation or None    the same, if it is not used because it has more operations
+    spare : Formulation or None    another in the joints, which is not used because it has more operations
     """
 
     bodies: Formulation

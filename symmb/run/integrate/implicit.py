@@ -82,8 +82,8 @@ class _SchemeSolver(CompiledSolver):
             control = self.step_control(dae, times)
             if isinstance(control, StepTolerances):
                 raise PropagationError(
-                    f"{self!r} controls its step, which needs at most {MOST_VELOCITIES} velocities, "
-                    "and is not possible in lockstep. Give a step instead of a tolerance."
+                    f"{self!r} controls its step. This is possible for at most {MOST_VELOCITIES} velocities, and not "
+                    "in lockstep. Give a fixed step instead of a tolerance."
                 )
             step = self.scheme(dae, order, work)
             project = None

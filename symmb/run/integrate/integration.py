@@ -54,7 +54,7 @@ class Run:
 
 @dataclass(eq=False)
 class Integration:
-    """Compiled runs over one time grid. It can be pickled: threads and processes get copies.
+    """Compiled runs over one time grid. Threads and processes get copies by pickling.
 
     Parameters
     ----------

@@ -112,7 +112,7 @@ class Solver(ABC):
         """Step control by the options `rtol` and `atol`. By default, atol is rtol / 100 times the size of each state.
 
         Tolerances are for states (n_x,), their Taylor coefficients up to `order`, and `n_quad` integrals along the
-        motion. They do not depend on the values of coefficients, because coefficients may be 0 until a jump at a kink.
+        motion. Tolerances of coefficients do not depend on their values, which may be 0 until they jump at a kink.
         """
         rtol: float = self.rtol  # pyright: ignore[reportAttributeAccessIssue]
         atol: float | None = getattr(self, "atol", None)
@@ -132,7 +132,7 @@ class Solver(ABC):
     def tighter(self, factor: float = 10.0, times: Array | None = None) -> Self:
         """The same solver with options that make errors about `factor` times smaller.
 
-        Output times limit fixed steps. If the times (n_t,) [s] are given, steps are shorter than the steps so far.
+        Output times limit fixed steps. If the times (n_t,) [s] are given, steps between them become shorter.
         """
         values = self._values
         changes: dict[str, Any] = {}

@@ -41,11 +41,11 @@ class Baumgarte:
 
 @dataclass(frozen=True)
 class Projection:
-    """Projection of positions and velocities onto the constraints at every output time, along the shortest way in the
-    norm of M.
+    """Projection of positions and velocities onto the constraints at every output time, with the smallest change in
+    the norm of M.
 
-    CasADi's integrators cannot change the state within a call. They are restarted at every output time, and multistep
-    methods lose their history there.
+    CasADi's integrators cannot change the state within a call. Therefore they are restarted at every output time, and
+    multistep methods lose their history.
 
     Examples
     --------

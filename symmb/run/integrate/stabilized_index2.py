@@ -13,7 +13,7 @@ def stabilized_problem(dae: DAE, *, work: bool) -> InitialValueProblem:
 
         q' = N v - S Phi_q' mu,      M v' = Q - G' lam,      0 = Phi,      0 = G v + Phi_t
 
-    lam and mu are multipliers; mu is zero at the exact solution. S are squared scales of q: units have no effect.
+    lam and mu are multipliers; mu is zero at the exact solution. S are squared scales of q. Units have no effect.
 
     References
     ----------

@@ -36,9 +36,9 @@ class SwitchedProblem:
 
 
 def switched(problem: InitialValueProblem, dae: DAE, times: Array, of_time: bool = False) -> SwitchedProblem:
-    """The problem with its switches. It must not have algebraic variables.
+    """A problem without algebraic variables, with its switches.
 
-    Switches of time are located before a run. With `of_time`, they are treated like switches of the state instead.
+    Switches of time are located before a run. With `of_time`, switches of time are treated like switches of the state.
     """
     x, p, t = problem.x, problem.p, problem.t
     f = ca.Function("problem", [x, p, t], [ca.densify(ca.vertcat(problem.ode, problem.quad))])

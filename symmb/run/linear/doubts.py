@@ -42,9 +42,9 @@ def _varies(scene: Scene, motion: SteadyMotion, blocks: Blocks) -> bool:
 def _doubts_of_loads(some: tuple[AttachedLoads, ...], motion: SteadyMotion, blocks: Blocks) -> Iterator[str]:
     """For each flexible body, warnings about oscillations with frequencies that are too high.
 
-    Modes neglect a part of the compliance of the body. In this part, the loads of an oscillation cause the strain energy
-    e. By Rayleigh's quotient, the true frequency is lower by the factor (1 + e / V)^(-1/2), with the potential energy V of
-    the oscillation.
+    Modes neglect a part of the compliance of the body. The loads of an oscillation cause the strain energy e in this
+    part. By Rayleigh's quotient, the true frequency is lower by the factor (1 + e / V)^(-1/2), with the potential
+    energy V of the oscillation.
     """
     if not some:
         return

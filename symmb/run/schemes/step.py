@@ -138,7 +138,8 @@ class At:
     def independent(self, rows: ca.SX, multipliers: ca.SX, scales: ca.SX | ca.DM) -> ca.SX:
         """Rows (n_r,) divided by their scales, or position rows (n_c,), without redundancy.
 
-        Some combinations of the rows may be zero at this state. The same combinations of the multipliers are added.
+        At this state, rows can be redundant: some linear combinations of them are zero. The same combinations of the
+        multipliers are added to the rows.
         """
         if self.dae.vanishing is None:
             return rows

@@ -139,13 +139,13 @@ class Examination:
             return ""
         cause = "drives contradict each other, jump within a step, or require positions that cannot be reached"
         return (
-            f"the run leaves its constraints at t = {self.t[int(left.argmax())]:g} s, by up to "
-            f"{self.violation.max():.0e} of its size: {'steps are too long, ' if self._rtol is None else ''}{cause}"
+            f"the run leaves its constraints at t = {self.t[int(left.argmax())]:g} s, by "
+            f"{self.violation.max():.0e} of the size of the scene: {'steps are too long, ' if self._rtol is None else ''}{cause}"
         )
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
-        """Warnings because of drifts. The energy also drifts at singular positions, because branches meet there.
+        """Warnings about drifts. The energy also drifts at singular positions, because branches of motion meet there.
 
         Velocities that a drive prescribes may jump. Fixed steps follow such a jump, but miss its work. In this case the
         drift of energy causes no warning.
@@ -156,8 +156,8 @@ class Examination:
             energy *= not self._falls_with_tolerance()
         if self._is_unexplained(position):
             return (
-                f"The run violates its constraints by {position:.0e} of its size: constraints contradict each other, "
-                "or a position is nearly singular.",
+                f"The run violates its constraints by {position:.0e} of the scene's size: constraints contradict each "
+                "other, or a position is nearly singular.",
             )
         # Drift of energy in fixed steps. Above this value, the motion changes visibly.
         if self._rtol is None and energy > 0.01 and self.program.bodies.dae.Phi_t is None:
@@ -223,7 +223,7 @@ class Examination:
 
     @cached_property
     def _again(self) -> tuple[Array, Array]:
-        """Times (m,) [s] and states (m, n_x) of a second run with many times; with impacts, of the run itself."""
+        """Times (m,) [s] and states (m, n_x) of a second run with more times; of the run itself if it has impacts."""
         dae = self.program.bodies.dae
         if dae.impacts is not None:
             return self.t, self.x

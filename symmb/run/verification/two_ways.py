@@ -133,7 +133,7 @@ class TwoWays:
     def doubts_of_widths(self, widths: Array) -> tuple[str, ...]:
         """A warning about errors that are large in comparison with the widths (n_y,) of bounds.
 
-        The second way is the more accurate one.
+        The second way is more accurate.
         """
         lost = self.beyond(_OF_WIDTH * widths, self.levels[1])
         if lost.any():
