@@ -140,7 +140,8 @@ class Examination:
         cause = "drives contradict each other, jump within a step, or require positions that cannot be reached"
         return (
             f"the run leaves its constraints at t = {self.t[int(left.argmax())]:g} s, by "
-            f"{self.violation.max():.0e} of the size of the scene: {'steps are too long, ' if self._rtol is None else ''}{cause}"
+            f"{self.violation.max():.0e} of the size of the scene: "
+            f"{'steps are too long, ' if self._rtol is None else ''}{cause}"
         )
 
     @cached_property
