@@ -6,7 +6,7 @@ from symmb.run.schemes import MOST_STEPS
 
 
 class FailureCode(IntEnum):
-    """The number of a failure in the C code. It is an index of `REASONS`."""
+    """The number of a failure in the C code, which is an index of `REASONS`."""
 
     STEPS, OUTPUT, NEWTON, MANY, STICKS, IMMOVABLE, UNENDING, DEPENDENT, ENDLESS, OPEN = range(10)
 

@@ -33,7 +33,7 @@ def cores() -> int:
 
 
 def side_by_side(work: Callable[[A], R], arguments: Sequence[A]) -> list[R]:
-    """Results for all arguments, from several threads. The calling thread computes the first, or all if it is alone."""
+    """Results for all arguments, from several threads. The calling thread computes those without a thread."""
     first, *others = arguments
     if not others:
         return [work(first)]

@@ -30,8 +30,7 @@ class Event:
         whether another order of the impacts at this instant would give another result
     impulse : tuple of float
         impulse along the gap [N s, N m s], or impulses of the rows of a joint that closes, with the order and signs of
-        their multipliers. It is empty if a joint or contact opens. Joints that close at one instant have one
-        common impact
+        their multipliers; empty if a joint or contact opens. Joints that close at one instant have one common impact
 
     Examples
     --------

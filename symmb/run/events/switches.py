@@ -51,13 +51,13 @@ class Kinks:
         return batch(self.switches, X, p, times[:, None])[0]
 
     def met(self, values: Array) -> int:
-        """Number of sign changes between values (n_t, m). Two changes between two times cancel, and are not counted."""
+        """Number of sign changes of values (n_t, m) over time. Two changes between two times are not counted."""
         return int(np.count_nonzero(np.diff(values > 0, axis=0)))
 
     def passed_over(self, values: Array, times: Array, passes: Array) -> float:
-        """The time [s] before the first change of side in values (n_t, m) without a known pass; nan if there is none.
+        """The time [s] before the first sign change of values (n_t, m) without a known pass; nan if there is none.
 
-        `passes` (k,) [s] are the passes that the run itself has stored. Values close to 0 are on no side.
+        `passes` (k,) [s] are the passes that the run itself has stored. Values close to 0 count as 0.
         """
         if not len(values):
             return np.nan
@@ -214,7 +214,7 @@ class Break(NamedTuple):
 
 
 def broken(dae: DAE, q: Array, times: Array) -> Break | None:
-    """The first constraint with a jump or corner in its function of time, at coordinates q (n_q,), nominal parameters.
+    """The first constraint with a jump or corner in time, at coordinates q (n_q,) and nominal parameters.
 
     Solvers integrate accelerations, in which a corner of this function is not visible.
     """

@@ -73,7 +73,7 @@ def _contains(y: ca.SX, symbols: ca.SX) -> bool:
 
 
 def jet_outputs(y: ca.Function, order: int) -> ca.Function:
-    """A function of (x_0 ... x_k, (p_0, p_1), t). It gives the Taylor coefficients of y(x, p, t) in eps, where
+    """A function of (x_0 ... x_k, (p_0, p_1), t) that gives the Taylor coefficients of y(x, p, t) in eps, for
     x = x_0 + x_1 eps + ... + x_k eps^k and p = p_0 + p_1 eps."""
     n_x, n_p = y.numel_in(0), y.numel_in(1)
     X = [ca.SX.sym(f"x_{j}", n_x) for j in range(order + 1)]

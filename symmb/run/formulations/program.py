@@ -1,4 +1,4 @@
-"""Programs run samples of a scene. They consist of formulations, a solver and output times."""
+"""Programs run samples of a scene. A program consists of formulations, a solver and output times."""
 
 import time
 from collections.abc import Callable, Hashable
@@ -241,7 +241,7 @@ class Program:
     def shortest_equations(self, X: Array, p: Array) -> tuple[Array, DAE]:
         """Equations in some coordinates, and the states (m, n_x) in these coordinates for states X of the bodies.
 
-        Coordinates of joints are used if the scene has no loops, or if the equations of the bodies are long. Otherwise
+        Coordinates of joints are used if the scene has no loops, or if the equations of the bodies are long; otherwise
         coordinates of bodies are used.
         """
         tree = self.forms.least_constrained

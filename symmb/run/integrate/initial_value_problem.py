@@ -74,7 +74,7 @@ class InitialValueProblem:
         return replace(self, x=y, p=p, ode=ode, alg=at(self.alg), quad=nothing, z_guess=guess, projected=None)
 
     def jets(self, order: int) -> "InitialValueProblem":
-        """The problem of the Taylor coefficients x_0, ..., x_k for p_0 + p_1 eps. Its parameters are (p_0, p_1)."""
+        """The problem of the Taylor coefficients x_0, ..., x_k for p_0 + p_1 eps, with parameters (p_0, p_1)."""
         if order == 0:
             return self
         zero = ca.SX.zeros(self.p.shape)

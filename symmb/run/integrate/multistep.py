@@ -109,7 +109,7 @@ class _Integrators(NamedTuple):
         return _integrator(name, self.plugin, part, times[0] / unit, times / unit, limits)
 
     def from_0_to_1(self, name: str, problem: InitialValueProblem, ends: Array, most: float) -> ca.Function:
-        """The integrator for intervals between ends. Its time is 0 at the start and 1 at the end of an interval."""
+        """The integrator for intervals between ends, with a time from 0 at the start to 1 at the end of an interval."""
         begin, span = ca.SX.sym("begin"), ca.SX.sym("span")
         part = _rescaled(problem, begin, span) | {"p": ca.vertcat(problem.p, begin, span)}
         limits = self._limited(problem, 1.0, float(np.diff(ends).max()), most)

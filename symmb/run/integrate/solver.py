@@ -48,7 +48,7 @@ class Solver(ABC):
 
     @property
     def takes_any_coordinates(self) -> bool:
-        """Whether the solver needs only accelerations. Coordinates of joints can then replace coordinates of bodies."""
+        """Whether the solver needs only accelerations, so that coordinates of joints can replace those of bodies."""
         return False
 
     @property
@@ -66,7 +66,7 @@ class Solver(ABC):
         return False
 
     def has_dense_output(self, dae: DAE) -> bool:
-        """Whether the state at output times is interpolated. Output times then do not change the steps."""
+        """Whether the state at output times is interpolated, so that output times do not change the steps."""
         return False
 
     def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:

@@ -60,7 +60,7 @@ class Projection:
 
 @dataclass(frozen=True)
 class AugmentedLagrangian:
-    """Constraints as stiff elements. A few iterations correct the forces of these elements to constraint forces.
+    """Constraints as stiff elements, and a few iterations that correct their forces to constraint forces.
 
         (M + a G' G) v' = Q - G' lam + a G' b,      b = gamma - 2 damping omega (G v + Phi_t) - omega^2 Phi,
         lam <- lam + a (G v' - b)

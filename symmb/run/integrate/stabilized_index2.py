@@ -9,7 +9,7 @@ from symmb.run.integrate.projection import sampled
 
 
 def stabilized_problem(dae: DAE, *, work: bool) -> InitialValueProblem:
-    """The stabilised index-2 form. Its algebraic equations are constraints of positions and velocities:
+    """The stabilised index-2 form, with constraints of positions and velocities as algebraic equations:
 
         q' = N v - S Phi_q' mu,      M v' = Q - G' lam,      0 = Phi,      0 = G v + Phi_t
 

@@ -80,7 +80,7 @@ class _Linearization:
         self._colours = self._seeds.argmax(axis=0)[self._columns]
 
     def eigenvalues(self, x: Array, p: Array, t: Array) -> Array:
-        """Eigenvalues of the Jacobian at a state x (n_x,); only the largest of a large system; nan without Jacobian."""
+        """Eigenvalues of the Jacobian at a state x (n_x,), of large systems only the largest; nan without Jacobian."""
         from scipy import sparse
 
         n = len(x)

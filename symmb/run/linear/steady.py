@@ -1,8 +1,8 @@
 """Steady motions, and rotating coordinates in which the linearised equations have constant coefficients.
 
 Deviations z from a motion satisfy z' = A(t) z. The eigenvalues of A determine stability only if A is constant, as at an
-equilibrium. A wheel that rolls at constant speed is in a steady motion too. But its coordinates rotate with the wheel,
-and A changes. In rotating coordinates w, with z = exp(X t) w, the equations are
+equilibrium. A wheel that rolls at constant speed is in a steady motion too. But the coordinates of the wheel rotate
+with the wheel, so that A changes. In rotating coordinates w, with z = exp(X t) w, the equations are
 
     w' = (exp(-X t) A exp(X t) - X) w
 

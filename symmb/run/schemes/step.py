@@ -57,7 +57,7 @@ class Step:
         return change, (self.weight * change)[counted]
 
     def jets(self, order: int) -> "Step":
-        """The step of the Taylor coefficients for parameters p_0 + p_1 eps. The states (x_0, ..., x_k) begin w."""
+        """The step of the Taylor coefficients for parameters p_0 + p_1 eps. The history begins with (x_0, ..., x_k)."""
         if order == 0:
             return self
         n_w, n_x = self.w.numel(), self.n_x

@@ -92,7 +92,8 @@ def simulate(
         relative and absolute tolerance, instead of those of the default solver
     check : bool
         whether a second run is made by a solver of another family and, if possible, in other coordinates.
-        `trajectory.error` (n_t, n_y) is the difference of both runs. Warnings give the time after which digits are lost
+        `trajectory.error` (n_t, n_y) is the difference of both runs. Warnings give the
+        time after which outputs have fewer than three certain digits
     times, outputs
         times and outputs, if they differ from those of the scene
 

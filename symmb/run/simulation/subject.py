@@ -101,12 +101,12 @@ def require_own(subject: object, solver: object, times: object, outputs: object)
 
 
 def prepare(scene: Scene, solver: Solver | str | None = None) -> DAESimulator:
-    """Prepare the equations, the start and the solver of a scene for all its runs. The scene remembers the result.
+    """Prepare the equations, the start and the solver of a scene for all its runs. The scene stores the result.
 
     The nominal parameters are run in two ways. If the two runs differ, there are warnings.
 
-    `simulate`, `propagate`, `compare`, `linearize`, `stability` and `view` prepare scenes in this way. If they
-    get the prepared scene instead of the scene, nothing is derived, chosen or compiled twice.
+    `simulate`, `propagate`, `compare`, `linearize`, `stability` and `view` prepare scenes in this way. If these
+    functions get the prepared scene instead of the scene, nothing is derived, chosen or compiled twice.
 
     Parameters
     ----------

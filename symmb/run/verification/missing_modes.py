@@ -1,9 +1,9 @@
 """The effects of deformations that the modes of flexible bodies neglect.
 
 If the neglected deformations of a body have the compliance C at its nodes, loads w there cause the missing
-displacements u = C w. If a joint holds a node, the body and other bodies move instead. They move with the smallest
-kinetic energy, and modes are stiff. For example, a missing rotation at a weld moves the other end of the body, and a
-missing rotation at a loaded end moves nothing else. The slopes of outputs then give the effect on the outputs.
+displacements u = C w. If a joint holds a node, the body and other bodies move instead. These bodies move with the
+smallest kinetic energy, and modes are stiff. For example, a missing rotation at a weld moves the other end of the body,
+and a missing rotation at a loaded end moves nothing else. The slopes of outputs then give the effect on the outputs.
 """
 
 from collections.abc import Iterator
