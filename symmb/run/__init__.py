@@ -12,7 +12,7 @@ verification   checks of runs: drift, energy, noise and a second solver
 simulation     `simulate`, `prepare`, `sweep`, sensitivities: the choice of the solver, and runs of a scene
 linear         linearization, modes and steady motions
 
-Scene -> Formulations -> Program -> Trajectory, or outputs of samples. A Program is a scene with a solver and times. It
-never changes, and it compiles at its first use. One run, in `simulation.single_run`: choose the solver by pilot runs,
-make the program, run it, examine the run. Many runs: a study calls `run(P)` of a DAESimulator, which has a program.
+Scene -> Formulations -> Program -> Trajectory, or outputs of samples. A Program is a scene with a solver and times. A
+Program never changes, and compiles at its first use. One run, in `simulation.single_run`: choose the solver by pilot
+runs, make the program, run it, examine the run. Many runs: a study calls `run(P)` of a DAESimulator with a program.
 """

@@ -165,7 +165,7 @@ def test_a_contact_that_stays_open_is_no_kink():
 
 
 def test_derivatives_that_do_not_pass_a_contact_name_it():
-    with pytest.raises(mb.SymmbError, match=r"derivatives break down .* the run itself has met kinks or jumps"):
+    with pytest.raises(mb.SymmbError, match=r"derivatives fails at .* the run itself meets kinks or jumps"):
         mb.propagate(dropped(0.12, mb.HuntCrossley(1e6, 0.8, 1.0)), mb.Taylor(2), mb.Box(gap=(0.045, 0.055)))
 
 

@@ -65,7 +65,7 @@ def test_words_of_solvers(text, solver):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("stiff", "Write a solver in front"),
+        ("stiff", "Write the name of a solver first"),
         ("dopri:projection:baumgarte", "sets an option twice"),
         ("dopri:stiff", "has no option 'stiff'"),
         ("idas:lagrangian", "for solvers that eliminate the multipliers"),

@@ -326,7 +326,7 @@ def let_hang_briefly(monkeypatch, *words):
 @pytest.mark.parametrize("given", ["gcc-99", "gcc-99 -O1", "/no/such/cc"])
 def test_a_cc_that_is_not_there_is_told(folder, compilers, monkeypatch, given):
     monkeypatch.setenv("CC", given)
-    with pytest.warns(mb.SymmbWarning, match=f"CC is '{given}', and there is no such program"):
+    with pytest.warns(mb.SymmbWarning, match=f"CC is '{given}', but there is no such program"):
         assert build.has_compiler()
 
 

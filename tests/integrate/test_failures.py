@@ -1,4 +1,4 @@
-"""Runs that break down: an error with time and parameters, a failed sample whose neighbours are untouched."""
+"""Runs that fail: an error with time and parameters, a failed sample whose neighbours are untouched."""
 
 import re
 
@@ -17,11 +17,11 @@ from symmb.run.formulations.ensembles import NAMED_SAMPLES
 ADAPTIVE = [s for s in ALL_SOLVERS if isinstance(s, mb.IDAS | mb.CVODES)]
 
 
-BLOW_UPS = [(s, r"explosion: the run breaks down at t = 0\.99\d* s \(a = 1\): .") for s in ADAPTIVE]
+BLOW_UPS = [(s, r"explosion: the run fails at t = 0\.99\d* s \(a = 1\): .") for s in ADAPTIVE]
 BLOW_UPS += [
-    (mb.RungeKutta(steps=400), r"breaks down at t = 1\.?\d* s \(a = 1\): the state became infinite or NaN"),
-    (mb.DormandPrince(), r"breaks down at t = (1|0\.99)"),
-    (mb.StateSpace(), r"breaks down at t = \d"),
+    (mb.RungeKutta(steps=400), r"fails at t = 1\.?\d* s \(a = 1\): the state became infinite or NaN"),
+    (mb.DormandPrince(), r"fails at t = (1|0\.99)"),
+    (mb.StateSpace(), r"fails at t = \d"),
 ]
 
 
@@ -116,7 +116,7 @@ def test_a_run_that_fails_between_outputs_names_the_joints_of_a_singular_positio
 
 
 def test_derivatives_of_a_failing_run_are_an_error():
-    with pytest.raises(mb.SimulationError, match=r"derivatives break down at t = [01]\.?\d* s"):
+    with pytest.raises(mb.SimulationError, match=r"derivatives fails at t = [01]\.?\d* s"):
         mb.DAESimulator(explosion()).jets(np.array([1.0]), np.array([[1.0]]), 1)
 
 

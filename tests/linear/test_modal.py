@@ -66,7 +66,7 @@ def test_damping_and_a_mode_that_ends():
     samples = modal.run(np.array([[0.2, 4.0], [1.0, 9.0], [5.0, 4.0]]))
     np.testing.assert_allclose(samples.Y[:2, 0], [[2 / (2 * np.pi), 0.05], [3 / (2 * np.pi), 1 / 6]], rtol=1e-12)
     assert samples.ok.tolist() == [True, True, False]
-    assert "mode 1 does not oscillate there" in samples.messages[0]
+    assert "mode 1 does not oscillate at these parameters" in samples.messages[0]
 
 
 def test_a_swing_is_doubtful():

@@ -146,7 +146,7 @@ def test_a_force_begins_when_it_leaves_zero(law):
 @pytest.mark.parametrize("file", ["a.npz", "a.json"])
 def test_a_condition_that_never_holds_is_doubted_in_a_run_and_fails_it_in_a_study(check, file, tmp_path):
     scene = thrown(lambda ball: {"y": ball.y, "top": mb.maximum(ball.y), "high": mb.first_time(ball.y > 5)})
-    run = warned("Output 'high' is nan: its condition does not hold in the run", mb.simulate, scene, check=check)
+    run = warned("Output 'high' is nan, because its condition never holds", mb.simulate, scene, check=check)
     run.save(tmp_path / file)
     for one in (run, mb.Trajectory.load(tmp_path / file)):
         assert np.isnan(one["high"]) and one["top"] == pytest.approx(0.2039, abs=1e-4)

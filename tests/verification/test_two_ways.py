@@ -85,5 +85,5 @@ def test_second_way_that_breaks_down_is_told():
     ways = simulator.ways.two(np.array([1.0]))
     assert not ways.unchecked and not ways.doubts
     ways = simulator.ways.two(np.array([2.0]))  # x = sqrt(1 - k t^2) ends at 0.707 s
-    assert "A second run by CVODES" in ways.unchecked and "with k = 2, breaks down at t = 0.7" in ways.unchecked
+    assert "A second run by CVODES" in ways.unchecked and "with k = 2, fails at t = 0.7" in ways.unchecked
     assert ways.unchecked.count("t = ") == ways.unchecked.count("k = 2") == 1

@@ -81,7 +81,7 @@ def has_compiler() -> bool:
 
 
 def require_compiler(user: str) -> None:
-    """Raise NoCompilerError if no C compiler works. `user` is the name of the part that needs one."""
+    """Raise NoCompilerError if no C compiler works. `user` is the part that needs the compiler."""
     if not has_compiler():
         raise NoCompilerError(f"{user} needs a C compiler, and none was found. {compiler_advice()}")
 
@@ -101,7 +101,7 @@ def with_compiler(work: Callable[[], R], otherwise: Callable[[], R]) -> R:
 
 
 def load(source: str, *names: str) -> ctypes.CDLL:
-    """The library of a C source. It is in the cache, or is built now.
+    """The library of a C source, from the cache or built now.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def load(source: str, *names: str) -> ctypes.CDLL:
 
 
 def portable_library(files: Mapping[str, str], sources: Sequence[str]) -> bytes:
-    """A library of C files for every processor of this family. Its symbols are hidden unless they are exported.
+    """A library of C files for every processor of this family. Symbols are hidden unless they are exported.
 
     Parameters
     ----------
@@ -243,11 +243,11 @@ def _compile(command: list[str], library_path: Path, folder: Path, seconds: floa
     """Run a compiler. _BuildError is raised if it writes no library or takes longer than `seconds`."""
     status, text = _ran(command, seconds, folder)
     if status:
-        raise _BuildError(f"it cannot build a model: {_first_error(text)}.")
+        raise _BuildError(f"the compiler cannot build a model: {_first_error(text)}.")
     head = library_path.read_bytes()[:18] if library_path.is_file() else b""
     is_shared = head[:4] == b"\x7fELF" and head[16:].strip(b"\0") == b"\3"  # a flag such as -c gives an object file
     if not head or (sys.platform.startswith("linux") and not is_shared):
-        raise _BuildError("it reports success, but writes no library.")
+        raise _BuildError("the compiler reports success, but writes no library.")
 
 
 def _ran(command: Sequence[str], seconds: float, folder: Path | None = None, purpose: str = "") -> tuple[int, str]:
@@ -255,9 +255,9 @@ def _ran(command: Sequence[str], seconds: float, folder: Path | None = None, pur
     try:
         return run_program(command, seconds, folder)
     except subprocess.TimeoutExpired:
-        raise _TimeoutError(f"it takes longer than {seconds:.0f} s{purpose}.") from None
+        raise _TimeoutError(f"the compiler takes longer than {seconds:.0f} s{purpose}.") from None
     except OSError as error:
-        raise _BuildError(f"it cannot be started ({error.strerror}).") from None
+        raise _BuildError(f"the compiler cannot be started ({error.strerror}).") from None
 
 
 def _first_error(text: str) -> str:
@@ -305,7 +305,7 @@ def _candidates() -> Iterator[tuple[str, ...]]:
     """Commands of installed compilers. The first is the value of CC, which may have arguments; the last is ziglang."""
     given = os.environ.get("CC") or ""
     if given.strip() and not (shutil.which(given) or shutil.which(given.split()[0])):
-        warnings.warn(f"CC is {given!r}, and there is no such program. CC is ignored.", SymmbWarning, stacklevel=2)
+        warnings.warn(f"CC is {given!r}, but there is no such program. CC is ignored.", SymmbWarning, stacklevel=2)
     for command in ([given], given.split(), ["cc"], ["gcc"], ["clang"]):
         if command and (path := shutil.which(command[0])):
             yield path, *command[1:]
@@ -341,12 +341,12 @@ def _probed(command: tuple[str, ...], own: tuple[str, ...] | None = None) -> _Co
         else:
             return _Compiler(command[0], version, flags, command[1:])
     if own != _FLAGS and _probed(command, _FLAGS):
-        raise DeclarationError(f"{_MORE_FLAGS} is {os.environ[_MORE_FLAGS]!r}. With it {command[0]} fails: {refused}")
+        raise DeclarationError(f"{_MORE_FLAGS} is {os.environ[_MORE_FLAGS]!r}: {command[0]} then fails: {refused}")
     raise _BuildError(refused)
 
 
 def _probe(compiler: tuple[str, ...], version: str, flags: tuple[str, ...]) -> None:
-    """Test a compiler: build a library with lanes, and call it. Success is noted in the cache; else _BuildError."""
+    """Test a compiler: build a library with lanes, and call it. The cache stores a success. Otherwise: _BuildError."""
     key = _key(_PROBE, c_source("lanes"), *compiler, version, *flags)
     if cache.is_noted(key):
         return
@@ -360,7 +360,7 @@ def _probe(compiler: tuple[str, ...], version: str, flags: tuple[str, ...]) -> N
             # mounted noexec may therefore still be good, and can be loaded from the cache.
             library = _opened(library_path)
             if library is not None and library.answer() != 42:
-                raise _BuildError("the functions of its libraries return wrong values.")
+                raise _BuildError("the functions that the compiler has built return wrong values.")
     except (OSError, AttributeError) as error:
         raise _BuildError(f"its test fails ({error}).") from error
     cache.note(key)

@@ -1,9 +1,9 @@
 """The user's cache folder of libraries. Files that are damaged, or that others can write to, are not used.
 
-A library is one file, `<key>-<SHA-256 of its bytes>.so`, which is moved into place when it is complete. Its bytes are
-compared with its name before it is loaded, because an incomplete library may crash the process. Sources of large models
-are stored in the same way as files `.c`, because their generation takes seconds. If all files together are larger than
-`LARGEST`, the files that were not used for the longest time are removed.
+A library is one file, `<key>-<SHA-256 of its bytes>.so`, which is moved into place when it is complete. The bytes are
+compared with this name before the library is loaded, because an incomplete library may crash the process. Sources of
+large models are stored in the same way as files `.c`, because their generation takes seconds. If all files together are
+larger than `LARGEST`, the files that were not used for the longest time are removed.
 """
 
 import hashlib
@@ -24,7 +24,7 @@ _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
 class UnsafeFolderError(SymmbError):
-    """Other users can write to a folder of libraries. The process could then load their code."""
+    """Other users can write to a folder of libraries, so that the process could load the code of these users."""
 
 
 def folder() -> Path:
@@ -56,8 +56,8 @@ def check_folder(path: Path, variable: str) -> None:
     """Raise UnsafeFolderError if others can put files into a folder. `path` is absolute and has no links.
 
     The folder must belong to the user, and only the user may write to it. The folders above must belong to the user or
-    to root. Others must not write to them, except to sticky folders such as /tmp, in which others cannot rename the
-    user's files.
+    to root. Others must not write to these folders, except to sticky folders such as /tmp, in which others cannot
+    rename the user's files.
     """
     for place in (path, *path.parents):
         status = place.stat()

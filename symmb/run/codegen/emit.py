@@ -99,8 +99,8 @@ class _Schedule:
 class Emitter:
     """Generates the functions of a graph with inputs x (0), p (1), t (2) and box (3). `place` gives places of x in C.
 
-    Functions of a box receive the box instead of x. Once in a run, `prepare` computes the values that depend on
-    parameters alone, and stores them in c. All other functions start from x, c and t.
+    Functions of a box of states receive the box instead of x. Once in a run, `prepare` computes the values that depend
+    on parameters alone, and stores them in c. All other functions start from x, c and t.
     """
 
     def __init__(self, graph: Graph, place: Sequence[int]) -> None:

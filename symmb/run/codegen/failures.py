@@ -6,7 +6,7 @@ from symmb.run.schemes import MOST_STEPS
 
 
 class FailureCode(IntEnum):
-    """The number of a failure in the C code. It is an index of `REASONS`."""
+    """The number of a failure in the C code, which is an index of `REASONS`."""
 
     STEPS, OUTPUT, NEWTON, MANY, STICKS, IMMOVABLE, UNENDING, DEPENDENT, ENDLESS, OPEN = range(10)
 
@@ -18,7 +18,7 @@ REASONS = (
     f"{MOST_STEPS} steps are not enough",
     "the motion sticks to a switch of a force, because the force pushes it back from both sides",
     "Impact {} cannot rebound, because the constraints determine the rate of its gap",
-    "impacts of {} at one instant do not end",
+    "the sequence of impacts of {} at one instant does not end",
     "the closed contacts {} depend on each other",
     "events of {} follow each other without end",
     "the constraints cannot be satisfied with the new parameters",

@@ -1,4 +1,4 @@
-"""The instructions of a CasADi Function as a graph. It has each value once, with the inputs on which it depends."""
+"""The instructions of a CasADi Function as a graph. Each value occurs once, with the inputs on which it depends."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
@@ -86,7 +86,7 @@ class Graph:
 
 
 def graph_of(f: ca.Function) -> Graph:
-    """The graph of an SX Function. Its `outputs` are, for each output, the nodes of its nonzeros in column order."""
+    """The graph of an SX Function. `outputs` has, for each output, the nodes of the nonzeros in column order."""
     graph = Graph()
     inputs: Sequence[Sequence[int]] = [[graph.source(k, i) for i in range(f.nnz_in(k))] for k in range(f.n_in())]
     graph.outputs = interpret(f, inputs, graph.operation, graph.constant)

@@ -1,4 +1,4 @@
-"""The C source of single runs of a scene. It needs neither symmb nor CasADi. c/scene.h lists its functions."""
+"""The C source of single runs of a scene, without symmb and CasADi. c/scene.h lists the functions of this source."""
 
 import re
 from collections.abc import Sequence

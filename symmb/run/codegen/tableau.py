@@ -4,7 +4,7 @@ Slopes k are stored for the first N_OWN states v. The last N_X - N_OWN states x 
 x' = v, and are mostly positions. The slope of x in stage s is the v of this stage, v + h sum_j a_sj k_j. Therefore x is
 a sum of the slopes of v with the weights A A, as in Nystrom's methods for second-order equations (Hairer, Norsett,
 Wanner 1993, section II.14). Only half of all slopes are computed, stored and loaded. If N_OWN is N_X, the code for
-such states is left out. It would be most of the code, and compilers would read it.
+states x is left out, because compilers would need time to read it.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

@@ -33,7 +33,7 @@ def cores() -> int:
 
 
 def side_by_side(work: Callable[[A], R], arguments: Sequence[A]) -> list[R]:
-    """Results for all arguments, from several threads. This thread computes the first, and all without a thread."""
+    """Results for all arguments, from several threads. The calling thread computes those without a thread."""
     first, *others = arguments
     if not others:
         return [work(first)]
@@ -55,7 +55,7 @@ def _started(pool: ThreadPoolExecutor, work: Callable[[A], R], arguments: Sequen
 def on_threads(work: Callable[[ctypes.c_long], object], n: int, seconds: float) -> None:
     """Call `work` once on each of several threads, with a common counter of n small pieces of work.
 
-    `seconds` is the expected time of the work in one thread. Short work is done in this thread.
+    `seconds` is the expected time of the work in one thread. The calling thread does short work alone.
     """
     counter = ctypes.c_long(0)
     if seconds <= 0.1:  # Python handles interrupts only after this call of C

@@ -30,8 +30,7 @@ class Event:
         whether another order of the impacts at this instant would give another result
     impulse : tuple of float
         impulse along the gap [N s, N m s], or impulses of the rows of a joint that closes, with the order and signs of
-        their multipliers. It is empty if a joint or contact opens. Joints that close at one instant have one
-        common impact
+        their multipliers; empty if a joint or contact opens. Joints that close at one instant have one common impact
 
     Examples
     --------
@@ -72,6 +71,6 @@ def event_doubts(events: Sequence[Event]) -> tuple[str, ...]:
     time = doubtful[0].time
     names = ", ".join(repr(name) for name in dict.fromkeys(event.name for event in doubtful if event.time == time))
     return (
-        f"The impacts of {names} at t = {time:g} s happen at one instant, and the motion after them depends on their "
-        "order. They are computed one after another, in the order of declaration.",
+        f"The impacts of {names} at t = {time:g} s are simultaneous, and the motion after them depends on their "
+        "order. symmb computes them one after another, in the order of declaration.",
     )

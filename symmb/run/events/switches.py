@@ -1,4 +1,4 @@
-"""Kinks, jumps and laws of time in equations of motion."""
+"""Kinks, jumps and functions of time in equations of motion."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from symmb.equations.model import DAE
 from symmb.run.events.time_switches import TimeSwitches
 
 _LOOKS = 20_000
-"""Number of equally spaced times at which laws of time are evaluated, in addition to the output times."""
+"""Number of equally spaced times at which functions of time are evaluated, in addition to the output times."""
 _SUSPECTS, _HALVINGS = 20, 30
 """Number of intervals with the largest changes of a law of time, and number of bisections of each. Bisections show
 whether the law jumps there."""
@@ -51,13 +51,13 @@ class Kinks:
         return batch(self.switches, X, p, times[:, None])[0]
 
     def met(self, values: Array) -> int:
-        """Number of sign changes between values (n_t, m). Two changes between two times cancel, and are not counted."""
+        """Number of sign changes of values (n_t, m) over time. Two changes between two times are not counted."""
         return int(np.count_nonzero(np.diff(values > 0, axis=0)))
 
     def passed_over(self, values: Array, times: Array, passes: Array) -> float:
-        """The time [s] before the first change of side in values (n_t, m) without a known pass; nan if there is none.
+        """The time [s] before the first sign change of values (n_t, m) without a known pass; nan if there is none.
 
-        `passes` (k,) [s] are the passes that the run itself has stored. Values close to 0 are on no side.
+        `passes` (k,) [s] are the passes that the run itself has stored. Values close to 0 count as 0.
         """
         if not len(values):
             return np.nan
@@ -125,12 +125,12 @@ def _branches(dae: DAE, _: Array) -> Branches:
 
 
 def longest_step(dae: DAE, times: Array) -> float:
-    """A step [s] shorter than every pulse of a law of time at the nominal parameters; see `Pulses`."""
+    """A step [s] shorter than every pulse of a function of time at the nominal parameters; see `Pulses`."""
     return float(dae.remembered(Pulses, times)(dae.p_nominal[None])[0])
 
 
 def _signals(dae: DAE, _: Array) -> ca.Function | None:
-    """A function (p, t) -> laws of time; None if there are none."""
+    """A Function (p, t) -> the functions of time in the equations; None if there are none."""
     f = dae.remembered(_equations)
     x, p, time = f.sx_in()
     time_laws = laws(with_common_expressions(f)(x, p, time), p, time)
@@ -140,11 +140,11 @@ def _signals(dae: DAE, _: Array) -> ca.Function | None:
 
 
 class Pulses:
-    """Pulses of the laws of time of a DAE over the output times (n_t,).
+    """Pulses of the functions of time in a DAE over the output times (n_t,).
 
     Step control does not detect a pulse between the evaluations of a step. A pulse is an interval, shorter than the
-    horizon, in which a law is far from its median, or an interval between two jumps. Pulses shorter than 1/20,000 of
-    the horizon are detected only at output times. Pulses with a switch of time are ignored, because steps end there.
+    horizon, in which a function is far from its median, or an interval between two jumps. Pulses shorter than 1/20,000
+    of the horizon are detected only at output times. Pulses with a switch of time are ignored, because steps end there.
     """
 
     def __init__(self, dae: DAE, times: Array) -> None:
@@ -174,7 +174,7 @@ class Pulses:
 
 
 def _shortest_pulse(t: Array, law: Array, stops: Array) -> float:
-    """Duration of the shortest pulse of a law (m,) at times t (m,) [s]; infinite without pulses.
+    """Duration of the shortest pulse of values `law` (m,) at times t (m,) [s]; infinite without pulses.
 
     The result is at most twice the true duration. Pulses that contain a stop are ignored.
     """
@@ -214,9 +214,9 @@ class Break(NamedTuple):
 
 
 def broken(dae: DAE, q: Array, times: Array) -> Break | None:
-    """The first constraint with a jump or a corner in its law of time, at coordinates q (n_q,) and nominal parameters.
+    """The first constraint with a jump or corner in time, at coordinates q (n_q,) and nominal parameters.
 
-    Solvers integrate accelerations, in which a corner of the law is not visible.
+    Solvers integrate accelerations, in which a corner of this function is not visible.
     """
     if dae.Phi_dot is None or len(times) < 2:
         return None
@@ -234,7 +234,7 @@ def broken(dae: DAE, q: Array, times: Array) -> Break | None:
 
 
 def _jumps(law: ca.Function, times: Array) -> Array:
-    """Times of the jumps of a law, in order. If an interval with a jump is halved, the difference remains."""
+    """Ordered times of jumps of a function of time. If an interval with a jump is halved, the difference remains."""
 
     def values(t: Array) -> Array:
         return batch(law, t.reshape(-1, 1))[0].reshape(t.shape)

@@ -55,14 +55,14 @@ class TimeSwitches:
 
     @property
     def linear(self) -> tuple[ca.Function, list[Array]] | None:
-        """A function (p) -> values (k,) at time 0 and slopes (k,), and knots (m,); None if some switches are curved.
+        """A function (p) -> values (k,) at time 0 and slopes (k,), and knots (m,); None if some switches are nonlinear.
 
         The first values switch at 0, and the last values at the knots.
         """
         return None if self._curved.numel_out(0) or self._tables else (self._linear, self._places)
 
     def of_all_samples(self) -> Array:
-        """Times (k,) of sampling instants, and of switches of curved laws without parameters [s]."""
+        """Times (k,) of sampling instants, and of nonlinear switches without parameters [s]."""
         none = np.zeros(self._linear.numel_in(0))
         curved = self._curved_roots(none) if self._curved.numel_out(0) and not self._depends else np.empty(0)
         tables = [table(none[None])[0] for table in self._tables if not table.depends]

@@ -1,6 +1,6 @@
 """The coordinates in which a scene runs, and the program that runs its samples with a solver.
 
-A Formulation has equations, start and outputs in the same coordinates. A Program is made from formulations.
+A Formulation has equations, start and outputs in the same coordinates. A Program has formulations, a solver and times.
 """
 
 from symmb.run.formulations.ensembles import LOCK, CompiledEnsemble, block_size

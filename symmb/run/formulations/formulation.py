@@ -37,7 +37,7 @@ class Formulation:
     declared : (x, p, t, multipliers, accelerations of the bodies) -> outputs (n_y,)
     bodies : InBodies          the bodies, if the coordinates are those of joints
     why : str                  why these coordinates are chosen; empty for coordinates of bodies, or if they are given
-    judging : equations with the scales of bodies that move along joints. They take fewer operations than `dae`
+    judging : equations with the scales of bodies that move along joints, and with fewer operations than `dae`
     """
 
     dae: DAE
@@ -62,7 +62,7 @@ class Formulation:
         return self.dae.remembered(kinks, times)
 
     def pulses(self, times: Array) -> Pulses:
-        """Pulses of laws of time over the output times (n_t,)."""
+        """Pulses of functions of time over the output times (n_t,)."""
         return self.dae.remembered(Pulses, times)
 
     def singularity(self, X: Array, times: Array, p: Array) -> Singularity | None:
@@ -82,7 +82,7 @@ class Formulation:
 
     @property
     def has_loops(self) -> bool:
-        """Whether the Jacobian of the rows changes along the motion. Only then can positions be singular."""
+        """Whether the Jacobian of the rows changes along the motion. If not, no position is singular."""
         return self.dae.G is not None and self.dae.G.jac_sparsity(0, 0).nnz() > 0
 
     @property
@@ -101,7 +101,7 @@ class Formulation:
 
 @dataclass(frozen=True, eq=False)
 class InBodies:
-    """The bodies of a scene that runs in coordinates of its joints. By default, x are states of the joints.
+    """The bodies of a scene that runs in coordinates of its joints. Unless said otherwise, x are states of the joints.
 
     Attributes
     ----------
@@ -134,7 +134,7 @@ class Formulations(NamedTuple):
     ----------
     bodies : Formulation           formulation in coordinates of the bodies
     joints : Formulation or None   formulation in coordinates of the joints, if the scene runs in them
-    spare : Formulation or None    the same, if it is not used because it has more operations
+    spare : Formulation or None    formulation in joints that is not used, because it has more operations
     """
 
     bodies: Formulation

@@ -13,8 +13,8 @@ from symmb.run.integrate import Run
 
 
 def declared_function(scene: Scene, own: System, y: ca.SX) -> ca.Function:
-    """A function (x, p, t, multipliers, accelerations of the bodies) -> y. The states x are those of the system `own`:
-    the system of the scene, or a system in joint space."""
+    """A function (x, p, t, multipliers, accelerations of the bodies) -> y. The states x belong to `own`, which is the
+    system of the scene, or a system in joint space."""
     x = ca.vertcat(own.q, own.v, own.s)
     arguments = [x, own.p, time_symbol, ca.SX(scene.system.lam), scene.system.vdot]
     return ca.Function("declared", arguments, [ca.densify(y)])
@@ -36,9 +36,10 @@ def output_function(dae: DAE, scene: Scene, y: ca.SX) -> ca.Function:
 def joint_output_function(
     dae: DAE, joint_dae: DAE, scene: Scene, system: System, joints: JointSpace, declared: ca.Function
 ) -> ca.Function:
-    """A function (x, p, t) -> outputs for states x of joints, from their `declared_function`.
+    """A function (x, p, t) -> outputs, for states x in joint coordinates.
 
-    `system` is the system of the scene in joint space. `dae` has the equations of the bodies.
+    `declared` is the `declared_function` of the outputs, `system` is the system of the scene in joint space, and `dae`
+    has the equations of the bodies.
     """
     t = time_symbol
     own = ca.vertcat(system.q, system.v, system.s)
@@ -72,7 +73,7 @@ def _contains(y: ca.SX, symbols: ca.SX) -> bool:
 
 
 def jet_outputs(y: ca.Function, order: int) -> ca.Function:
-    """A function of (x_0 ... x_k, (p_0, p_1), t). It gives the Taylor coefficients of y(x, p, t) in eps, where
+    """A function of (x_0 ... x_k, (p_0, p_1), t) that gives the Taylor coefficients of y(x, p, t) in eps, for
     x = x_0 + x_1 eps + ... + x_k eps^k and p = p_0 + p_1 eps."""
     n_x, n_p = y.numel_in(0), y.numel_in(1)
     X = [ca.SX.sym(f"x_{j}", n_x) for j in range(order + 1)]

@@ -1,4 +1,4 @@
-"""A program runs samples of a scene. It is made from formulations, a solver and output times."""
+"""Programs run samples of a scene. A program consists of formulations, a solver and output times."""
 
 import time
 from collections.abc import Callable, Hashable
@@ -138,7 +138,7 @@ class Program:
         return self.compiled.get(("engine", order), make)
 
     def single(self) -> tuple[Integration, Array, Indices]:
-        """The integration of one run with its work, its times (m,), and the indices (n_t,) of the output times in them.
+        """The integration of one run with its work, its times (m,), and the indices (n_t,) of the output times.
 
         If further times do not change the steps, the times (m,) are close together, also between output times.
         """
@@ -184,8 +184,8 @@ class Program:
         return Program(self.forms, solver, self.times, self.contradiction)
 
     def tighter(self) -> "Program":
-        """The program of the same scene with a solver that is ten times more accurate, or still more accurate if the
-        steps would be the same."""
+        """The program of the same scene with a solver that is at least ten times more accurate, so that its steps
+        change."""
         P = self.bodies.dae.p_nominal[None]
         nominal, finer = self.runs(P), self.by(self.solver.tighter(times=self.times))
         if self.bodies.dae.impacts is not None and nominal.ok.size:
@@ -241,7 +241,7 @@ class Program:
     def shortest_equations(self, X: Array, p: Array) -> tuple[Array, DAE]:
         """Equations in some coordinates, and the states (m, n_x) in these coordinates for states X of the bodies.
 
-        Coordinates of joints are used if the scene has no loops, or if the equations of the bodies are long. Otherwise
+        Coordinates of joints are used if the scene has no loops, or if the equations of the bodies are long; otherwise
         coordinates of bodies are used.
         """
         tree = self.forms.least_constrained
@@ -291,5 +291,5 @@ def _require_able(solver: Solver, dae: DAE, times: Array, contradiction: Break |
     if contradiction and not solver.keeps_positions:
         raise DeclarationError(
             f"{contradiction}. {solver!r} integrates accelerations only, so it would miss this jump. Give a "
-            "law with a continuous rate, or use a solver that satisfies Phi = 0, such as NSTIFFSI2(step=...)."
+            "law with a continuous rate, or use a solver that satisfies the constraints, such as NSTIFFSI2(step=...)."
         )

@@ -39,7 +39,7 @@ class _Multistep(Solver):
     def independent_integration(self, dae: DAE, times: Array, of_state: bool = False) -> Integration:
         """An integration in which step control alone follows switches of the state.
 
-        With `of_state`, steps also end at switches that DormandPrince locates. Short pulses are then not missed.
+        With `of_state`, steps also end at switches that DormandPrince locates, so that short pulses are not missed.
         """
         return self._integration(dae, times, 0, False, independent=True, of_state=of_state)
 

@@ -11,10 +11,10 @@ _LONGEST, _GOLDEN = 1.5, 0.5 * (5**0.5 - 1)
 
 
 def refined(times: Array) -> tuple[Array, Indices]:
-    """Output times (n_t,) and further times between them, together (m,), and the indices (n_t,) of the output times.
+    """Output times and further times between them as one array (m,), and the indices (n_t,) of the output times in it.
 
-    Longer intervals are cut into unequal pieces. With equal pieces, a motion might be at rest at all times. One time is
-    very close to the start, so that solvers always begin in the same way.
+    Longer intervals are cut into unequal pieces. With equal pieces, an oscillation might be at rest at all times. One
+    time is very close to the start, so that solvers always begin in the same way.
     """
     spans = np.diff(times)
     if not spans.size:

@@ -96,8 +96,8 @@ class CompiledSolver(Solver):
 class CompiledIntegration(Integration):
     """An integration in which the engine computes the states.
 
-    `fixed_steps` makes the same fixed steps one by one, for runs that advance together. It is None if the scheme has no
-    fixed step.
+    `fixed_steps` makes the same fixed steps one by one, for runs that advance together; None if the scheme has no fixed
+    step.
     """
 
     def __init__(

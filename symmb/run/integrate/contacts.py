@@ -49,7 +49,7 @@ def contacts_of(dae: DAE, impacts: Impacts, with_work: bool) -> Contacts:
 
 
 def _tolerances(dae: DAE, joints: JointEvents) -> tuple[float, ...]:
-    """Values (m,) below which margins are rounding errors. For conditions of forces, one joint is closed.
+    """Values (m,) below which margins are rounding errors. Margins of forces are tested with one closed joint.
 
     With more closed joints, forces of redundant joints would be unlimited at states that violate constraints.
     """
@@ -72,7 +72,7 @@ def _tolerances(dae: DAE, joints: JointEvents) -> tuple[float, ...]:
 def with_gaps(frozen: SwitchedProblem, dae: DAE, impacts: Impacts, work: bool) -> SwitchedProblem:
     """A problem with further switches: gaps of contacts, with the value 1 if closed, and then margins of joints.
 
-    A margin is above 0 on its present side. It is 1 if the event would change nothing. The new problem also projects
+    A margin is above 0 on its present side, and 1 if the event would change nothing. The new problem also projects
     states onto closed contacts. With `work`, it has an integral along the motion, to which impulses add their work.
     """
     problem, m, joints = frozen.problem, len(frozen.ends.hysteresis), impacts.joints

@@ -17,7 +17,7 @@ from symmb.run.integrate.stabilization import Projection, Stabilization
 
 @dataclass(frozen=True, repr=False)
 class EventDriven(Explicit):
-    """Explicit pair of order 8. Its steps end at events of an `Impact`, a `Release`, a `Latch` or a `Clutch`.
+    """Explicit pair of order 8 with steps that end at events of an `Impact`, `Release`, `Latch` or `Clutch`.
 
     The interpolant of a step gives the time of an event, exact up to rounding. The steps of each sample are
     independent. After every step, positions and velocities are projected onto the constraints and onto closed contacts.

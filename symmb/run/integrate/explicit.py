@@ -103,10 +103,10 @@ def _compiled_start(
 class DormandPrince(Explicit):
     """Embedded pair of order 8 with step control and dense output, compiled for many samples in parallel.
 
-    Each 8 successive samples have the same steps. With `Projection()`, positions and velocities are projected onto the
-    constraints after every step. Steps end at switches of forces or of functions of time, such as `if_else`, `fabs` and
-    `fmax`. This includes switches that the motion passes twice within a step. Steps also end where `exp`, `tanh`, `erf`
-    or `cosh` of positions or of time is steep. So smooth pulses of these functions are not missed.
+    Blocks of 8 successive samples have the same steps. With `Projection()`, positions and velocities are projected onto
+    the constraints after every step. Steps end at switches of forces or of functions of time, such as `if_else`, `fabs`
+    and `fmax`, even if the motion passes a switch twice within a step. Steps also end where `exp`, `tanh`, `erf` or
+    `cosh` of positions or of time is steep, so that smooth pulses of these functions are not missed.
 
     Parameters
     ----------
@@ -139,9 +139,7 @@ class DormandPrince(Explicit):
 
 @dataclass(frozen=True, repr=False)
 class RungeKutta(Explicit):
-    """Classical Runge-Kutta method of order 4 with a fixed step.
-
-    It is compiled for many samples in parallel.
+    """Classical Runge-Kutta method of order 4 with a fixed step, compiled for many samples in parallel.
 
     Parameters
     ----------

@@ -84,7 +84,7 @@ def fixed_step_integration(
 
 
 def explicit(problem: InitialValueProblem, tableau: Tableau) -> Advance:
-    """An explicit Runge-Kutta method."""
+    """One step of an explicit Runge-Kutta method."""
     n_x, n_quad = problem.x.numel(), problem.quad.numel()
     rates = common("rates", [problem.x, problem.p, problem.t], [problem.ode, problem.quad])
     w, h = ca.SX.sym("w", n_x + n_quad), ca.SX.sym("h")
@@ -122,7 +122,7 @@ def collocation(problem: InitialValueProblem, degree: int) -> Advance:
 
 
 def implicit(scheme: Step) -> Advance:
-    """An implicit scheme. CasADi derives the matrix of Newton's method."""
+    """One step of an implicit scheme. CasADi derives the matrix of Newton's method."""
     arguments = [scheme.w, scheme.p, scheme.t, scheme.h]
     begin = common("begin", [scheme.x, scheme.p, scheme.t, scheme.h], [scheme.begin])
     following = common("following", [scheme.z, *arguments], [ca.densify(scheme.following)])

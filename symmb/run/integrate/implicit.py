@@ -82,8 +82,8 @@ class _SchemeSolver(CompiledSolver):
             control = self.step_control(dae, times)
             if isinstance(control, StepTolerances):
                 raise PropagationError(
-                    f"{self!r} controls its step, which needs at most {MOST_VELOCITIES} velocities, "
-                    "and is not possible in lockstep. Give a step instead of a tolerance."
+                    f"{self!r} controls its step. This is possible for at most {MOST_VELOCITIES} velocities, and not "
+                    "in lockstep. Give a fixed step instead of a tolerance."
                 )
             step = self.scheme(dae, order, work)
             project = None
@@ -98,7 +98,7 @@ class _SchemeSolver(CompiledSolver):
 
 @dataclass(frozen=True, repr=False)
 class Rosenbrock(_SchemeSolver):
-    """RODAS, an L-stable method of order 4 on the index-1 DAE, for stiff motion. Its steps need no iterations.
+    """RODAS, an L-stable method of order 4 without iterations on the index-1 DAE, for stiff motion.
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ class _AlphaScheme(_PositionScheme):
 
 @dataclass(frozen=True, repr=False)
 class Newmark(_AlphaScheme):
-    """Newmark's method on the index-3 form. With gamma above 1/2, it damps high frequencies and has order 1.
+    """Newmark's method on the index-3 form. A gamma above 1/2 damps high frequencies and gives order 1.
 
     Parameters
     ----------

@@ -40,7 +40,7 @@ class InitialValueProblem:
         return common("project", [self.x, self.p, self.t], [self.projected])
 
     def in_units(self, units: Array) -> "InitialValueProblem":
-        """The problem of x and integrals divided by units (n_x + n_quad,). Then one absolute tolerance is enough."""
+        """The problem of x and integrals divided by units (n_x + n_quad,), for one absolute tolerance."""
         n, D = self.x.numel(), ca.DM(units[: self.x.numel()])
 
         def at(f: ca.SX) -> ca.SX:
@@ -74,7 +74,7 @@ class InitialValueProblem:
         return replace(self, x=y, p=p, ode=ode, alg=at(self.alg), quad=nothing, z_guess=guess, projected=None)
 
     def jets(self, order: int) -> "InitialValueProblem":
-        """The problem of the Taylor coefficients x_0, ..., x_k for p_0 + p_1 eps. Its parameters are (p_0, p_1)."""
+        """The problem of the Taylor coefficients x_0, ..., x_k for p_0 + p_1 eps, with parameters (p_0, p_1)."""
         if order == 0:
             return self
         zero = ca.SX.zeros(self.p.shape)
@@ -185,7 +185,7 @@ def _projected(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, projections: int, one_
 
 
 def _feedback(dae: DAE, at: tuple[ca.SX, ...], of_rates: float, of_positions: float) -> ca.SX:
-    """The feedback of_rates (G v + Phi_t) + of_positions Phi, (n_r,). Velocity-only rows have no part of Phi."""
+    """The feedback of_rates (G v + Phi_t) + of_positions Phi, (n_r,). Velocity-only rows have no term with Phi."""
     if dae.Phi_dot is None:
         return ca.SX(0, 1)
     Phi = dae.Phi(*at) if dae.Phi is not None else ca.SX(0, 1)

@@ -54,7 +54,7 @@ class Run:
 
 @dataclass(eq=False)
 class Integration:
-    """Compiled runs over one time grid. It can be pickled: threads and processes get copies.
+    """Compiled runs over one time grid. Threads and processes get pickled copies.
 
     Parameters
     ----------
@@ -251,7 +251,7 @@ def stateless_integration(dae: DAE, times: Array, order: int = 0) -> Integration
 
 
 def pieces_between(begin: float, end: float, stops: Array) -> Iterator[tuple[float, float]]:
-    """The pieces of an interval between stops. Pieces end before and start after a stop by rounding errors."""
+    """The pieces of an interval between stops. At a stop, a gap of some rounding errors remains."""
     for stop in stops[(stops >= begin) & (stops <= end)].tolist():
         margin = 2 * np.spacing(max(abs(stop), 1e-3 * (end - begin)))
         if stop - margin > begin:
@@ -262,7 +262,7 @@ def pieces_between(begin: float, end: float, stops: Array) -> Iterator[tuple[flo
 
 
 def quiet() -> AbstractContextManager[object]:
-    """A context without output on stderr. CasADi would write all arguments of a failing call. `Run.message` contains
+    """A context without output on stderr, where CasADi writes all arguments of a failing call. `Run.message` contains
     the reason."""
     return redirect_stderr(io.StringIO())
 

@@ -41,11 +41,11 @@ def multistep_integration(
 ) -> Integration:
     """The integration of a DAE by SUNDIALS. `options` gives CasADi's options for an integration over a given time.
 
-    Steps end at switches, and are shorter than other pulses of laws of time. Errors of states and integrals are
+    Steps end at switches, and are shorter than other pulses of functions of time. Errors of states and integrals are
     relative to `units` (n_x + n_quad,). If the first step [s] is not given, SUNDIALS chooses it. In an independent
     integration, the step control follows switches of the state, with steps of at most a thousandth of the horizon.
     With `of_state`, steps also end at the passes that runs of DormandPrince report. Without a C compiler there are no
-    such runs: every integration of equations with switches of the state is then an independent one.
+    such runs, so that every integration of equations with switches of the state is independent.
     """
     independent = independent or follows_switches(dae)
     problem = problem_of(dae).jets(order)
@@ -109,7 +109,7 @@ class _Integrators(NamedTuple):
         return _integrator(name, self.plugin, part, times[0] / unit, times / unit, limits)
 
     def from_0_to_1(self, name: str, problem: InitialValueProblem, ends: Array, most: float) -> ca.Function:
-        """The integrator for intervals between ends. Its time is 0 at the start and 1 at the end of an interval."""
+        """The integrator for intervals between ends, with a time from 0 at the start to 1 at the end of an interval."""
         begin, span = ca.SX.sym("begin"), ca.SX.sym("span")
         part = _rescaled(problem, begin, span) | {"p": ca.vertcat(problem.p, begin, span)}
         limits = self._limited(problem, 1.0, float(np.diff(ends).max()), most)
@@ -202,7 +202,7 @@ def _integrator(
 ) -> ca.Function:
     """CasADi's integrator of a problem. Without Newton iterations it needs no Jacobian, which takes long to derive.
 
-    CasADi would derive the Jacobian anyway. For this reason the rates become a Function without derivatives.
+    CasADi would derive the Jacobian nevertheless. Therefore the rates become a Function without derivatives.
     """
     if options.get("nonlinear_solver_iteration") == "functional":
         inputs, rates = [key for key in parts if key not in _SCALED], [key for key in parts if key in _SCALED]

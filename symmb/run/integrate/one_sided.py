@@ -14,7 +14,7 @@ from symmb.run.integrate.step_ends import hysteresis_of
 
 @dataclass(frozen=True, eq=False)
 class OneSided:
-    """Smooth equations of motion. Their last parameters are the sides of the switches, 1 or -1.
+    """Smooth equations of motion, with the sides of the switches, 1 or -1, as last parameters.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class OneSided:
         return values * sides, rates * sides
 
     def sides_at(self, x: Array, p: Array, t: float) -> Array:
-        """The sides (m,) at one state x (n_x,). If a switch is 0, its rate decides."""
+        """The sides (m,) at one state x (n_x,). If a switch is 0, its rate gives the side."""
         sides = np.ones(len(self.hysteresis))
         # Maximum number of repetitions, because switches may depend on the sides of other switches.
         for _ in range(8):

@@ -34,7 +34,7 @@ def project(dae: DAE, x: ca.SX, p: ca.SX, time: ca.SX, projections: int) -> ca.S
     """The state x (n_x,) on the constraints: Newton steps for the positions, then one correction of the velocities.
 
     Each Newton step moves q by the displacement delta that minimises delta' M delta subject to G delta = -Phi. The
-    steps converge quadratically from a small drift. So `projections` is 1 after a step and 3 after an output interval.
+    steps converge quadratically from a small drift: `projections` is 1 after a step, and 3 after an output interval.
     """
     if dae.min_norm_correction is None or dae.Phi_dot is None:
         return normalize(dae, x)

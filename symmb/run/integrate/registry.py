@@ -118,7 +118,7 @@ def read_solver(text: str) -> Solver:
     """
     parts = text.split(":")
     if parts[0] in WORDS:
-        raise DeclarationError(f"The solver {text!r}: {parts[0]!r} is an option. Write a solver in front of it.")
+        raise DeclarationError(f"The solver {text!r}: {parts[0]!r} is an option. Write the name of a solver first.")
     words = [WORDS[word] for word in parts if word in WORDS]
     options = dict(words)
     if len(options) < len(words):

@@ -1,4 +1,4 @@
-"""RODAS as a symbolic step."""
+"""One step of the Rosenbrock method RODAS in symbols of CasADi."""
 
 import casadi as ca
 
@@ -9,8 +9,8 @@ from symmb.run.schemes import rosenbrock as rodas
 
 
 def rosenbrock(problem: InitialValueProblem) -> Step:
-    """One step of RODAS. It solves six linear systems with one matrix, which contains the Jacobian of the problem. The
-    history contains multipliers."""
+    """One step of RODAS: six linear systems with one matrix, which contains the Jacobian of the problem. The history
+    contains multipliers."""
     n_x, n_quad, n_z, t, p = problem.x.numel(), problem.quad.numel(), problem.z.numel(), problem.t, problem.p
     n, nothing = n_x + n_quad + n_z, ca.SX(0, 1)
     y, h = ca.SX.sym("w", n), ca.SX.sym("h")

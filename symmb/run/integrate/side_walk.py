@@ -16,7 +16,7 @@ _BREAKDOWNS = RuntimeError, np.linalg.LinAlgError
 
 
 class Stops(NamedTuple):
-    """Times at which steps of N samples end [s]. They are infinite after the last one.
+    """Times at which steps of N samples end [s], infinite after the last one.
 
     Attributes
     ----------

@@ -48,7 +48,7 @@ class Solver(ABC):
 
     @property
     def takes_any_coordinates(self) -> bool:
-        """Whether the solver needs only accelerations. Coordinates of joints can then replace coordinates of bodies."""
+        """Whether the solver needs only accelerations, so that coordinates of joints can replace those of bodies."""
         return False
 
     @property
@@ -66,7 +66,7 @@ class Solver(ABC):
         return False
 
     def has_dense_output(self, dae: DAE) -> bool:
-        """Whether the state at output times is interpolated. Output times then do not change the steps."""
+        """Whether the state at output times is interpolated, so that output times do not change the steps."""
         return False
 
     def integration(self, dae: DAE, times: Array, *, order: int = 0, work: bool = False) -> Integration:
@@ -112,7 +112,7 @@ class Solver(ABC):
         """Step control by the options `rtol` and `atol`. By default, atol is rtol / 100 times the size of each state.
 
         Tolerances are for states (n_x,), their Taylor coefficients up to `order`, and `n_quad` integrals along the
-        motion. They do not depend on the values of coefficients, because coefficients may be 0 until a jump at a kink.
+        motion. Tolerances of coefficients do not depend on their values, which may be 0 until they jump at a kink.
         """
         rtol: float = self.rtol  # pyright: ignore[reportAttributeAccessIssue]
         atol: float | None = getattr(self, "atol", None)
@@ -132,7 +132,7 @@ class Solver(ABC):
     def tighter(self, factor: float = 10.0, times: Array | None = None) -> Self:
         """The same solver with options that make errors about `factor` times smaller.
 
-        Output times limit fixed steps. If the times (n_t,) [s] are given, steps are shorter than the steps so far.
+        Output times limit fixed steps. If the times (n_t,) [s] are given, steps between them become shorter.
         """
         values = self._values
         changes: dict[str, Any] = {}

@@ -41,11 +41,11 @@ class Baumgarte:
 
 @dataclass(frozen=True)
 class Projection:
-    """Projection of positions and velocities onto the constraints at every output time, along the shortest way in the
-    norm of M.
+    """Projection of positions and velocities onto the constraints at every output time, with the smallest change in
+    the norm of M.
 
-    CasADi's integrators cannot change the state within a call. They are restarted at every output time, and multistep
-    methods lose their history there.
+    CasADi's integrators cannot change the state within a call. Therefore they are restarted at every output time, and
+    multistep methods lose their history.
 
     Examples
     --------
@@ -60,7 +60,7 @@ class Projection:
 
 @dataclass(frozen=True)
 class AugmentedLagrangian:
-    """Constraints as stiff elements. A few iterations correct the forces of these elements to constraint forces.
+    """Constraints as stiff elements, and a few iterations that correct their forces to constraint forces.
 
         (M + a G' G) v' = Q - G' lam + a G' b,      b = gamma - 2 damping omega (G v + Phi_t) - omega^2 Phi,
         lam <- lam + a (G v' - b)

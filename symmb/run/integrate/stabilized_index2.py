@@ -9,11 +9,11 @@ from symmb.run.integrate.projection import sampled
 
 
 def stabilized_problem(dae: DAE, *, work: bool) -> InitialValueProblem:
-    """The stabilised index-2 form. Its algebraic equations are constraints of positions and velocities:
+    """The stabilised index-2 form, with constraints of positions and velocities as algebraic equations:
 
         q' = N v - S Phi_q' mu,      M v' = Q - G' lam,      0 = Phi,      0 = G v + Phi_t
 
-    lam and mu are multipliers; mu is zero at the exact solution. S are squared scales of q: units have no effect.
+    lam and mu are multipliers; mu is zero at the exact solution. S are squared scales of q. Units have no effect.
 
     References
     ----------

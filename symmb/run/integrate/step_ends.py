@@ -36,9 +36,9 @@ class SwitchedProblem:
 
 
 def switched(problem: InitialValueProblem, dae: DAE, times: Array, of_time: bool = False) -> SwitchedProblem:
-    """The problem with its switches. It must not have algebraic variables.
+    """A problem without algebraic variables, with its switches.
 
-    Switches of time are located before a run. With `of_time`, they are treated like switches of the state instead.
+    Switches of time are located before a run. With `of_time`, switches of time are treated like switches of the state.
     """
     x, p, t = problem.x, problem.p, problem.t
     f = ca.Function("problem", [x, p, t], [ca.densify(ca.vertcat(problem.ode, problem.quad))])
@@ -86,7 +86,7 @@ def stops_in_time(dae: DAE, times: Array) -> StopsInTime | None:
 
 
 def hysteresis_of(dae: DAE, switches: ca.SX, x: ca.SX, p: ca.SX, t: ca.SX, sides: ca.SX) -> tuple[float, ...]:
-    """A value above the rounding of each switch, at states of their sizes. Other parts of a scene have no effect."""
+    """A value above the rounding error of each switch, at typical sizes of its states. Other states have no effect."""
     size, m = np.maximum(dae.state_sizes, 1e-300), sides.numel()
     change = ca.Function("change", [x, p, t, sides], [ca.fabs(ca.jacobian(switches, x)) @ ca.DM(size)])
     # A switch may depend on the state only for some sides of other switches. The smallest change is used, because the

@@ -1,4 +1,4 @@
-"""Stiffness of a motion, from eigenvalues of its linearisation along a run. The choice of the solver uses it."""
+"""Stiffness of a motion, from eigenvalues of its linearisation along a run, for the choice of the solver."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from symmb.equations.model import DAE
 from symmb.run.integrate.initial_value_problem import build_problem
 
 STIFF = 2e3
-"""A motion is stiff if its horizon is longer than this many shortest time constants. Explicit steps take about one."""
+"""A motion is stiff if its horizon has more of its shortest time constants. An explicit step covers about one."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Stiffness:
 
     @property
     def rate(self) -> float:
-        """The rate [1/s] that limits the step of explicit methods. Step times rate must be below about 3."""
+        """The rate [1/s] that limits the step of explicit methods. The step times the rate must be below about 3."""
         return max(self.decay, self.frequency)
 
     def is_stiff(self, span: float, most: float = STIFF) -> bool:
@@ -80,7 +80,7 @@ class _Linearization:
         self._colours = self._seeds.argmax(axis=0)[self._columns]
 
     def eigenvalues(self, x: Array, p: Array, t: Array) -> Array:
-        """Eigenvalues of the Jacobian at a state x (n_x,); only the largest of a large system; nan without Jacobian."""
+        """Eigenvalues of the Jacobian at a state x (n_x,), of large systems only the largest; nan without Jacobian."""
         from scipy import sparse
 
         n = len(x)

@@ -18,11 +18,11 @@ from symmb.run.integrate.side_walk import Stops, no_stops
 from symmb.run.integrate.step_ends import switched
 
 _SAFE_RTOL = 1e-8
-"""Tolerance of a second run if the first run breaks down."""
+"""Tolerance of a second run if the first run fails."""
 
 
 class SwitchPasses:
-    """Switches of time, and passes of switches of the state by a run of DormandPrince. It can be pickled.
+    """Switches of time, and passes of switches of the state by a run of DormandPrince. Pickling is possible.
 
     Parameters
     ----------

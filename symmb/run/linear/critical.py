@@ -55,7 +55,7 @@ def critical(scene: Scene, parameter: str, range: tuple[float, float]) -> "Criti
 
 
 class CriticalSimulator(BlackBox):
-    """The result of `critical`. If there are several critical values, their names have numbers: v1, v2, ..."""
+    """The result of `critical`. If there are several critical values of a parameter v, their names are v1, v2, ..."""
 
     def __init__(self, scene: Scene, parameter: str, range: tuple[float, float]) -> None:
         scene = scene_of(scene)
@@ -148,7 +148,7 @@ def require_range(owner: str, scene: Scene, parameter: str, range: tuple[float, 
 
 
 def _growth(found: Eigenvalues) -> float:
-    """The largest real part of an eigenvalue that is not 0 [1/s]: positive if there is one, otherwise negative."""
+    """The largest real part of the eigenvalues [1/s]. Real parts that are 0 up to rounding are ignored."""
     real = found.values.real
     growing, decaying = real[real > found.errors], real[real < -found.errors]
     return float(growing.max(initial=0.0) or decaying.max(initial=-np.inf))

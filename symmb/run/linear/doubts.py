@@ -15,7 +15,7 @@ _NAMED = 3
 
 
 def doubts_of(scene: Scene, motion: SteadyMotion, blocks: Blocks, loads: tuple[AttachedLoads, ...]) -> tuple[str, ...]:
-    """Warnings about the linearisation of a motion. The last outputs of its blocks are loads of flexible bodies."""
+    """Warnings about the linearisation of a motion. The last outputs in `blocks` are loads of flexible bodies."""
     point, formulation = motion.point, motion.equations.formulation
     dae, X = formulation.in_bodies(point.x[None], point.p)
     own = motion.doubts or ((DOUBT,) if _varies(scene, motion, blocks) else ())
@@ -40,11 +40,11 @@ def _varies(scene: Scene, motion: SteadyMotion, blocks: Blocks) -> bool:
 
 
 def _doubts_of_loads(some: tuple[AttachedLoads, ...], motion: SteadyMotion, blocks: Blocks) -> Iterator[str]:
-    """Warnings about oscillations with frequencies that are too high, for each flexible body.
+    """For each flexible body, warnings about oscillations with frequencies that are too high.
 
-    Modes neglect a compliance of their body. The loads of an oscillation cause the strain energy e in this compliance.
-    By Rayleigh's quotient, the true frequency is lower by the factor (1 + e / V)^(-1/2), with the potential energy V of
-    the oscillation.
+    Modes neglect a part of the compliance of the body. The loads of an oscillation cause the strain energy e in this
+    part. By Rayleigh's quotient, the true frequency is lower by the factor (1 + e / V)^(-1/2), with the potential
+    energy V of the oscillation.
     """
     if not some:
         return
@@ -71,7 +71,7 @@ def _doubts_of_loads(some: tuple[AttachedLoads, ...], motion: SteadyMotion, bloc
         if (wrong := np.flatnonzero((high > 0.05) & promised)).size:
             listed = ", ".join(f"{rates[k] / (2 * np.pi):.4g} Hz by {high[k]:.0%}" for k in wrong[:_NAMED])
             yield (
-                f"FlexibleBody {loads.body.name!r}: its modes do not follow the loads at its nodes "
+                f"FlexibleBody {loads.body.name!r}: its modes do not represent deflections by loads at its nodes "
                 f"{', '.join(map(str, loads.loaded))}, so that frequencies are too high: {listed}"
                 f"{', ...' * (len(wrong) > _NAMED)}. {loads.remedy}"
             )

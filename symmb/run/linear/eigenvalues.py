@@ -46,8 +46,8 @@ def eigenvalues(A: Array) -> Eigenvalues:
     """The eigenvalues of A (n, n).
 
     The null space of A is split off until the remaining matrix is regular (Golub & Van Loan, Matrix Computations,
-    section 7.6.5). With this, chains of free motions, such as a position and its rate, have eigenvalues 0. Otherwise
-    these eigenvalues would have the size of the square root of rounding.
+    section 7.6.5). After this, chains of free motions, such as a position and its rate, have eigenvalues 0. Without
+    this step, these eigenvalues would be as large as the square root of a rounding error.
     """
     from scipy.linalg import get_lapack_funcs
 

@@ -40,7 +40,7 @@ class LinearFamily:
         warn_of(self.doubts, f"Linearisation of {scene.name}")
 
     def eigen(self, p: Array) -> tuple[Eigenvalues, Array]:
-        """Eigenvalues for parameters p (n_p,), and displacements (n_v, n) of their modes, divided by their sizes."""
+        """Eigenvalues for parameters p (n_p,), and displacements (n_v, n) of the modes, divided by typical sizes."""
         (found,) = self.eigen_of(p[None])
         return found
 
@@ -69,11 +69,11 @@ class LinearFamily:
     def _reduced(self, blocks: Blocks, point: LinearizationPoint) -> tuple[Array, Array]:
         """The matrix A (n, n) of one sample, and all displacements (n_z, n) for unit states.
 
-        Each sample has its own choice of independent states, because states of another sample may be dependent here.
+        Independent states are chosen for each sample, because the choice for another sample may be wrong for this one.
         For example, the heading of a bicycle follows from its sideways motion only if the bicycle moves.
         """
         free = free_states(self._equations, blocks)
         motion = SteadyMotion(self._equations, point, blocks, free)
-        if self._turns is None and motion.moves:  # the first sample that moves decides whether coordinates turn
+        if self._turns is None and motion.moves:  # the first sample that moves decides whether coordinates rotate
             self._turns = motion.turning is not None and bool(motion.turning.any())
         return motion.turned(motion.best_turning() if self._turns and motion.moves else None), motion.lift

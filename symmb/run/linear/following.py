@@ -1,4 +1,4 @@
-"""Modes along a straight line of parameters. Their shapes identify the modes from one point to the next."""
+"""Modes along a straight line of parameters. From one point to the next, modes are identified by their shapes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from symmb._types import Array, Indices
 from symmb.run.linear.eigenvalues import Eigenvalues
 
 _ALIKE = 0.9
-"""Overlap of two shapes. Above it, they belong to the same mode, and the overlap with other modes is below 0.1."""
+"""Shapes with a larger overlap belong to the same mode. The overlap with other modes is then below 0.1."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,8 +46,8 @@ def with_inputs(scene: Scene, inputs: Sequence[str]) -> tuple[Scene, tuple[int, 
 def with_uniform(scene: Scene) -> tuple[Scene, tuple[int, ...], tuple[str, ...]]:
     """The scene with parameters for start values of uniform motions, and the numbers and names of these parameters.
 
-    A coordinate moves uniformly if no force depends on it. It is not a state of the equations of motion, but outputs
-    may contain it. Each coordinate of this kind has two parameters: its position and its velocity at the start.
+    A coordinate moves uniformly if no force depends on it. Such a coordinate is not a state of the equations of motion,
+    but outputs may contain it. Such a coordinate has two parameters: position and velocity at the start.
     """
     system = scene.system
     curves = [y for y, _ in scene.asked.values() if not isinstance(y, Figure)]

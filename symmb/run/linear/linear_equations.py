@@ -56,7 +56,7 @@ class LinearEquations:
     formulation : Formulation
     inputs : numbers of the parameters that are inputs
     often : bool           whether blocks are computed for dozens of samples. Then whole matrices are derived. This
-                           takes as long as some dozen samples, and makes each sample about ten times faster
+                           takes the time of some dozen samples, and makes each sample about ten times faster
     """
 
     formulation: Formulation
@@ -65,7 +65,7 @@ class LinearEquations:
 
     @property
     def dae(self) -> DAE:
-        """The equations."""
+        """The equations of the formulation."""
         return self.formulation.dae
 
     @property
@@ -157,7 +157,7 @@ class LinearEquations:
 def independent(equations: LinearEquations, blocks: Blocks) -> Indices:
     """Numbers of independent displacements, velocities and states of the first sample.
 
-    The rank of the rows is known from the equations of motion. It is determined at the start.
+    The rank of the rows is known, because it was determined for the equations of motion at the start.
     """
     from scipy.linalg import qr
 

@@ -44,7 +44,7 @@ def linearize(
     parameters : mapping, optional
         values of parameters instead of the nominal values, for a scene
     inputs : names
-        names of actuators, inputs or parameters; an actuator gets an additional force or torque
+        names of actuators, inputs or parameters; for an actuator, the input is an additional force or torque
     outputs : names, optional
         names of outputs; default: all outputs of the scene over time
 
@@ -127,7 +127,7 @@ def _require_slopes_of_outputs(names: Sequence[str], *parts: Array) -> None:
     for name, *rows in zip(names, *parts, strict=True):
         if not all(np.isfinite(row).all() for row in rows):
             raise DeclarationError(
-                f"linearize: output {name!r} has no finite derivative at this state, such as a square root at 0. "
+                f"linearize: output {name!r} has no finite derivative at this state (example: a square root at 0). "
                 "Remove this output, or linearise at a state nearby."
             )
 

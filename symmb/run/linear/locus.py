@@ -79,7 +79,7 @@ def _oscillations(point: tuple[Eigenvalues, Array]) -> list[int]:
 def _way(
     family: LinearFamily, begin: Array, end: Array, at_end: tuple[Eigenvalues, Array]
 ) -> Callable[[float], tuple[Eigenvalues, Array]]:
-    """A function of a fraction of the line between two sets of parameters -> eigenvalues and shapes there.
+    """A function of a fraction of the line between two sets of parameters -> eigenvalues and shapes.
 
     `at_end` has the eigenvalues and shapes at the end, which are known already.
     """

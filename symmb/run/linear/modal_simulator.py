@@ -72,7 +72,7 @@ class ModalSimulator(BlackBox):
         found = self._followed(np.array(list(values.values())))
         reached = found.values[: len(self._modes)]
         if np.isnan(reached).any():
-            raise SimulationError(f"mode {int(np.isnan(reached).argmax()) + 1} does not oscillate there")
+            raise SimulationError(f"mode {int(np.isnan(reached).argmax()) + 1} does not oscillate at these parameters")
         sizes = np.abs(reached)
         return np.concatenate([sizes / (2 * np.pi), 0.0 - reached.real / sizes])[None]
 

@@ -45,7 +45,7 @@ class Origin:
         Z = np.real(np.exp(1j * phase)[:, None] * deviation)
         X = batch(self._displaced(), self.point.x, Z, p)[0]
         if not np.isfinite(X).all():
-            raise SimulationError(f"{label} has no visible motion: joints cannot be closed near the state.")
+            raise SimulationError(f"{label} cannot be shown: joints cannot be closed near the state.")
         scene = self.scene.curves.with_name(label).with_times(self.point.t + phase / rate)
         run = Trajectory(
             scene=scene,

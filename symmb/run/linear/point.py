@@ -36,7 +36,7 @@ def point_of(
     if not isinstance(subject, Trajectory):
         subject = scene_of(subject)
         if time is not None:
-            raise DeclarationError("linearize: a scene is linearised at its start. Pass time= with a run of simulate.")
+            raise DeclarationError("linearize: a scene is linearised at its start. Pass time= with a run only.")
         values = parameter_values(subject, {} if parameters is None else parameters)
         return subject, values, float(subject.times[0]), None
     if subject.scene is None:

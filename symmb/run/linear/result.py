@@ -54,7 +54,7 @@ class Mode:
 
     @property
     def text(self) -> str:
-        """The largest displacements as text. The first has the amplitude 1; others show amplitude and phase."""
+        """The largest displacements as text. The first has the amplitude 1; others have amplitude and phase."""
         largest = sorted(self.shape.items(), key=lambda item: -round(abs(item[1]), 9))  # equal ones keep their order
         words = [_displacement_text(*item) for item in largest[:_MOST] if abs(item[1]) >= _LEAST]
         return ", ".join([largest[0][0], *words[1:]])

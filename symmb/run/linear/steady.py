@@ -1,8 +1,8 @@
-"""Steady motions, and turning coordinates in which their linear equations are constant.
+"""Steady motions, and rotating coordinates in which the linearised equations have constant coefficients.
 
 Deviations z from a motion satisfy z' = A(t) z. The eigenvalues of A determine stability only if A is constant, as at an
-equilibrium. A wheel that rolls at constant speed is in a steady motion too. But its coordinates turn with the wheel,
-and so does A. In turned coordinates z = exp(X t) w the equations are
+equilibrium. A wheel that rolls at constant speed is in a steady motion too. But the coordinates of the wheel rotate
+with the wheel, so that A changes. In rotating coordinates w, with z = exp(X t) w, the equations are
 
     w' = (exp(-X t) A exp(X t) - X) w
 
@@ -53,7 +53,7 @@ class SteadyMotion:
 
     @cached_property
     def _fixed(self) -> Array:
-        """The matrix A (n, n) in coordinates that do not turn."""
+        """The matrix A (n, n) in coordinates that do not rotate."""
         return (self.blocks.A[0] @ self.lift)[self.free]
 
     @cached_property
@@ -71,7 +71,7 @@ class SteadyMotion:
 
     @cached_property
     def turning(self) -> Array | None:
-        """The rotation X (n_z, n_z) of coordinates in which A is constant: 0 if A is constant, None if none exists."""
+        """A rotation X (n_z, n_z) of coordinates that makes A constant: 0 if A is constant, None if none exists."""
         none = np.zeros((self.equations.n_z,) * 2)
         if not self._rates.any() or not self._fixed.size or self._is_constant(none):
             return none
@@ -80,11 +80,11 @@ class SteadyMotion:
 
     @property
     def A(self) -> Array:
-        """The matrix (n, n) of the equations, in turning coordinates if the matrix is constant in them."""
+        """The matrix (n, n) of the equations, in rotating coordinates if this makes the matrix constant."""
         return self.turned(self.turning)
 
     def turned(self, X: Array | None) -> Array:
-        """The matrix A (n, n) in coordinates that turn by X (n_z, n_z)."""
+        """The matrix A (n, n) in coordinates that rotate by X (n_z, n_z)."""
         if X is None or not X.any():
             return self._fixed
         turn = (X @ self.lift)[self.free]
@@ -102,7 +102,7 @@ class SteadyMotion:
     def best_turning(self) -> Array | None:
         """The rotation X (n_z, n_z) with the smallest change of exp(-X t) A exp(X t) and of the rows of constraints.
 
-        The result is None if no coordinates can turn.
+        The result is None if no coordinates can rotate.
         """
         candidates = list(_generators(self.equations.dae.v_names, self.equations.n_z))
         if not candidates:
@@ -130,7 +130,7 @@ class SteadyMotion:
         ]
 
     def _is_constant(self, X: Array) -> bool:
-        """Whether A is constant in coordinates that turn by X. Then no mode changes within its own time constant."""
+        """Whether A is constant in coordinates that rotate by X: no mode changes within its own time constant."""
         modes = eigenvalues(self._turned(0.0, X))
         sizes = np.abs(modes.values)
         slowest = sizes[sizes > 0].min(initial=np.inf)
@@ -148,7 +148,7 @@ class SteadyMotion:
         """Whether the changes of A from -`time` to `time` have little effect on these modes.
 
         A change dA of the matrix has the effect (s - A)^-1 dA x on a mode x. The distance of s from the eigenvalue is
-        the size of the eigenvalue. Stiff parts then respond little, as in the motion.
+        the size of the eigenvalue. With this s, stiff parts respond little, as in the motion.
         """
         step = self._step(time)
         # Largest factor of the extrapolation. With it, rounding of 1e-13 in second differences becomes 1e-8.
@@ -188,7 +188,7 @@ class SteadyMotion:
         return np.linalg.solve(np.eye(self.equations.n_z) - tau / 2 * self.blocks.A[0], tau * self._rates)
 
     def _at(self, tau: float, X: Array | None) -> tuple[Array, Array]:
-        """The matrix A (n_z, n_z) and the rows of constraints at a time tau, in coordinates that turn by X."""
+        """The matrix A (n_z, n_z) and the rows of constraints at a time tau, in coordinates that rotate by X."""
         from scipy.linalg import expm
 
         equations, point = self.equations, self.point
@@ -205,7 +205,7 @@ class SteadyMotion:
         return turned.T @ A @ turned - X, rows @ turned  # rotations
 
     def _turned(self, tau: float, X: Array) -> Array:
-        """The matrix A (n, n) of independent displacements at a time tau, in coordinates that turn by X."""
+        """The matrix A (n, n) of independent displacements at a time tau, in coordinates that rotate by X."""
         A, rows = self._at(tau, X)
         lift = lifts(Blocks(A[None], *[rows[None]] * 6), self.free)[0]
         return (A @ lift)[self.free]

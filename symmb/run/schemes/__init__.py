@@ -1,6 +1,6 @@
 """Time steps as data: tableaus and symbolic residuals, one file for each method.
 
-The drivers that take the steps are in `codegen` and `integrate`.
+The loops that take these steps are in `codegen` and `integrate`.
 """
 
 from symmb.run.schemes import dop853, rosenbrock

@@ -57,7 +57,7 @@ class Step:
         return change, (self.weight * change)[counted]
 
     def jets(self, order: int) -> "Step":
-        """The step of the Taylor coefficients for parameters p_0 + p_1 eps. The states (x_0, ..., x_k) begin w."""
+        """The step of the Taylor coefficients for parameters p_0 + p_1 eps. The history begins with (x_0, ..., x_k)."""
         if order == 0:
             return self
         n_w, n_x = self.w.numel(), self.n_x
@@ -138,7 +138,8 @@ class At:
     def independent(self, rows: ca.SX, multipliers: ca.SX, scales: ca.SX | ca.DM) -> ca.SX:
         """Rows (n_r,) divided by their scales, or position rows (n_c,), without redundancy.
 
-        Some combinations of the rows may be zero at this state. The same combinations of the multipliers are added.
+        At this state, rows can be redundant: some linear combinations of them are zero. The same combinations of the
+        multipliers are added to the rows.
         """
         if self.dae.vanishing is None:
             return rows

@@ -26,9 +26,9 @@ S = TypeVar("S")
 
 
 class DAESimulator(WithWarnings):
-    """A scene with its equations, its start and its solver, ready for runs. `prepare` returns it.
+    """A scene with its equations, start and solver, ready for runs. `prepare` returns a DAESimulator.
 
-    The simulator runs samples of the parameters. It compiles once, at the first run. It can be pickled.
+    The simulator runs samples of the parameters. Equations are compiled once, at the first run. Pickling is possible.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ class DAESimulator(WithWarnings):
         self.program.prepare()
 
     def tighter(self) -> "DAESimulator":
-        """The same simulator with a solver that is ten times more accurate, or more if its steps would not change."""
+        """The same simulator with a solver that is at least ten times more accurate, so that its steps change."""
         return self._by(self.program.tighter())
 
     def solved_by(self, solver: Solver) -> "DAESimulator":
@@ -138,7 +138,7 @@ class DAESimulator(WithWarnings):
         return other
 
     def second_look(self) -> None:
-        """Run the nominal parameters in two ways, at the first call. This sets `warnings`, `noise` and `nominal`."""
+        """At the first call, run the nominal parameters in two ways, and set `warnings`, `noise` and `nominal`."""
         if self.noise is None:
             self.nominal, self.noise, self.doubts = self.ways.at_nominal()
 
@@ -165,7 +165,7 @@ class DAESimulator(WithWarnings):
         Raises
         ------
         SimulationError
-            If a run breaks down
+            If a run fails
         """
         with LOCK:
             d = len(self.parameters)
@@ -186,13 +186,13 @@ class DAESimulator(WithWarnings):
                 Y = outputs_along(y, runs, P, self.times, self.threads)
             if fault:
                 kink = self.kink(points[fault[2]])
-                near = f"; the run itself has met {kink[1]} by t = {kink[0]:g} s" if kink else ""
+                near = f"; the run itself meets {kink[1]} at or before t = {kink[0]:g} s" if kink else ""
                 text = f"t = {fault[0]:g} s: {fault[1]}{near}"
-                raise SimulationError(f"{self!r}: derivatives break down at {text}.")
+                raise SimulationError(f"{self!r}: the computation of derivatives fails at {text}.")
             return Y.reshape(m, len(self.times), order + 1, -1).transpose(2, 0, 1, 3)
 
     def kink(self, p0: Array) -> tuple[float, str] | None:
-        """Time [s] at which the run at p0 (d,) first meets a kink or a jump of the state, and the names of all kinks.
+        """Time [s] at which the run at p0 (d,) first meets a kink or jump of the equations, and the names of all kinks.
 
         The result is None if the run meets no kink.
         """
@@ -230,7 +230,7 @@ class DAESimulator(WithWarnings):
         """A function (p, t) -> outputs y of a scene without bodies, in which outputs are plain expressions."""
         if self.dae.n_q:
             raise AttributeError(
-                "The outputs depend on the motion of bodies. They are not expressions of p and t alone."
+                "The outputs depend on the motion of bodies, so they are not expressions of p and t alone."
             )
         p, t = ca.SX.sym("p", len(self.parameters)), ca.SX.sym("t")
         return ca.Function("expression", [p, t], [self.y(ca.SX(0, 1), p, t)])

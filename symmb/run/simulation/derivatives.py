@@ -67,11 +67,11 @@ class Differentiable:
         Raises
         ------
         SimulationError
-            If a run breaks down
+            If a run fails
         """
         samples = self.simulator.run(self._samples(P))
         if samples.messages:
-            raise SimulationError(f"{self._owner}: a run breaks down: {samples.messages[0]}.")
+            raise SimulationError(f"{self._owner}: a run fails: {samples.messages[0]}.")
         return samples.Y.reshape(*np.shape(P)[:-1], *self.shape)
 
     def slopes(self, P: Array) -> tuple[Array, Array]:
@@ -80,7 +80,7 @@ class Differentiable:
         Raises
         ------
         SimulationError
-            If a run breaks down
+            If a run fails
         """
         batch, n_p = np.shape(P)[:-1], len(self._columns)
         points = np.repeat(self._samples(P), n_p, axis=0)
@@ -98,7 +98,7 @@ class Differentiable:
         return self.checked_slopes(self._nominal[self._columns])
 
     def checked_slopes(self, P: Array) -> tuple[Array, Array]:
-        """The results of `slopes`. There is a warning if a run has jumps and difference quotients disagree."""
+        """The results of `slopes`. If a run meets a jump, and difference quotients disagree, a warning is issued."""
         Y, dY = self.slopes(P)
         if isinstance(self.simulator, Kinked):
             n_p = len(self._columns)
@@ -124,16 +124,16 @@ class Differentiable:
         if not names:
             return ""
         return (
-            f"Derivatives for {', '.join(names)} are not valid from t = {kink[0]:g} s on: they ignore the {kink[1]} "
-            "that the run meets at this time. Compare them with runs at nearby parameters (sweep)."
+            f"Derivatives with respect to {', '.join(names)} are not valid from t = {kink[0]:g} s on, because they "
+            f"ignore the {kink[1]} at this time. Compare them with runs at nearby parameters (sweep)."
         )
 
     def require_shape(self, shape: Sequence[int]) -> None:
         """Raise a DeclarationError unless the shape is (..., n_p)."""
         if not shape or shape[-1] != len(self._columns):
             raise DeclarationError(
-                f"{self._owner}: expected an array of shape (..., {len(self._columns)}) with "
-                f"{', '.join(self.parameters)}, got an array of shape {tuple(shape)}."
+                f"{self._owner}: expected an array of shape (..., {len(self._columns)}), with the values of "
+                f"{', '.join(self.parameters)} along the last axis, got an array of shape {tuple(shape)}."
             )
 
     def _samples(self, P: Array) -> Array:
@@ -169,7 +169,7 @@ def jax_function(
     scene : Scene
         scene, or a simulator with derivatives
     parameters : list of str
-        names of the parameters of the function, in this order; default: all. Other parameters are nominal.
+        names of the parameters of the function, in this order; default: all. Other parameters have nominal values
     solver, times, outputs
         solver, times and outputs of the runs, if they differ from those of the scene
 
@@ -182,8 +182,8 @@ def jax_function(
     AssemblyError
         If the scene cannot be started
     SimulationError
-        If the nominal run breaks down, the simulator has no derivatives, or second derivatives are required. If a later
-        run breaks down, JAX raises its own error with the reason
+        If the nominal run fails, the simulator has no derivatives, or second derivatives are required. If a later run
+        fails, JAX raises its own error with the reason
 
     Examples
     --------
@@ -223,7 +223,7 @@ def torch_function(
     Raises
     ------
     DeclarationError, ImportError, AssemblyError, SimulationError
-        In the cases in which `jax_function` raises them. If a later run breaks down, SimulationError is raised
+        In the same cases as `jax_function`. If a later run fails, SimulationError is raised
 
     Examples
     --------

@@ -28,13 +28,13 @@ _PARTS, _LEVELS = 8, 9
 """Number of parts of a divided panel, and maximum number of repeated divisions."""
 _SHORTEST, _BESIDE, _NEAR = 1e-10, 3e-11, 1e-3
 """Smallest width of a divided panel, divided by the horizon; distance of panel ends from an event, divided by the
-horizon; and their distance from a bend, divided by the width of the panel."""
+horizon; and distance of panel ends from a bend, divided by the width of the panel."""
 _SAME = 1e-13
 """Largest distance of two equal times, divided by the horizon."""
 
 
 class FigureSimulator(WithWarnings):
-    """The simulator of a scene with scalar outputs. It has the interface of `DAESimulator`, but no derivatives.
+    """A simulator of a scene with scalar outputs, with the interface of `DAESimulator`, but without derivatives.
 
     A scalar output has the same value at all times. If all outputs are scalar, the only time is 0.
 
@@ -59,9 +59,9 @@ class FigureSimulator(WithWarnings):
 
     @classmethod
     def of_peaks(cls, simulator: "SceneSimulator", names: Sequence[str]) -> "FigureSimulator":
-        """The simulator of the lowest and the highest value over time of each of these outputs.
+        """A simulator of the lowest and the highest value over time of each of these outputs.
 
-        Both are scalar outputs, one after the other. Scalar outputs of the given simulator have two equal values.
+        Each output gives two scalar outputs, which are equal if the output is scalar already.
         """
         own, known = cls.__new__(cls), dict[str, Rule]()
         if isinstance(simulator, DAESimulator):
@@ -114,13 +114,13 @@ class FigureSimulator(WithWarnings):
         self._with_rates.prepare()
 
     def tighter(self) -> "FigureSimulator":
-        """The same simulator with a solver that is ten times more accurate, or more if its steps would not change."""
+        """The same simulator with a solver that is at least ten times more accurate, so that its steps change."""
         _, other, curves = self._count, FigureSimulator.__new__(FigureSimulator), self.curves.tighter()
         vars(other).update(vars(self), curves=curves, solver=curves.solver, _with_rates=_with_rates(curves))
         return other
 
     def second_look(self) -> None:
-        """Run the nominal parameters in two ways, at the first call. This sets `warnings` and `noise`."""
+        """At the first call, run the nominal parameters in two ways, and set `warnings` and `noise`."""
         if self.noise is not None:
             return
         self.curves.second_look()
@@ -177,7 +177,7 @@ class FigureSimulator(WithWarnings):
 
         Raises
         ------
-        SimulationError        if the run breaks down
+        SimulationError        if the run fails
         """
         with LOCK:
             traces, Y = self._values(p[None])
@@ -222,7 +222,7 @@ class FigureSimulator(WithWarnings):
             count = min(2 * count, _MOST)
 
     def _sizes(self, traces: "_Traces") -> Array:
-        """Largest absolute values (N, n_c) of the curves of samples. They are not below the rounding of the curves."""
+        """Largest absolute values (N, n_c) of the curves of samples; at least the rounding errors of the curves."""
         return np.maximum(np.abs(traces.Y[0]).max(axis=2).T, self._rounding)
 
     @cached_property
@@ -267,7 +267,7 @@ class FigureSimulator(WithWarnings):
         return _Traces(times, Y, ensemble.ok, ensemble.t_failed, texts, stops)
 
     def _refined(self, panels: Panels, sizes: Array, P: Array, stops: Sequence[Array]) -> Panels:
-        """The panels after divisions. Further runs divide the panels until they are exact or very short."""
+        """The panels, divided by means of further runs until the panels are exact or very short."""
         done, has_stops = list[Panels](), any(own.size for own in stops)
         best = np.full((len(self._rules), len(P)), -np.inf)
         for level in range(_LEVELS):

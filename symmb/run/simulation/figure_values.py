@@ -26,7 +26,7 @@ class Rule(NamedTuple):
 
     @property
     def sign(self) -> float:
-        """The factor 1 or -1 of the expression. With it, minima become maxima."""
+        """The factor of the expression: -1 for minima, so that they become maxima; otherwise 1."""
         return -1.0 if self.kind == "minimum" else 1.0
 
     def inside(self, panels: Panels) -> Mask:
@@ -39,7 +39,7 @@ class Rule(NamedTuple):
 class Curves:
     """Curves of samples in ordered panels. `exact` (n_c, n) is a mask of exact panels.
 
-    Other panels are not longer than `shortest` [s], or have no effect.
+    Panels that are not exact are at most `shortest` [s] long, or have no effect on scalar outputs.
     """
 
     panels: Panels
@@ -85,7 +85,7 @@ class Curves:
         return values
 
     def _passages(self, rule: Rule, samples: Indices, first: Indices) -> tuple[Indices, Array]:
-        """Numbers of the panels in which a condition first holds, or -1, and the places (0 to 1) in these panels.
+        """Numbers of the panels in which a condition first holds, or -1, and the times (0 to 1) in these panels.
 
         A condition first holds when its margin falls from above its tolerance to 0, or to a minimum within the
         tolerance. This includes a gap that an impact closes, but not a gap that is 0 at the start and opens. If a
@@ -125,9 +125,9 @@ class Curves:
 
 
 def _passage(B: Array, tolerance: float) -> tuple[bool, float, float]:
-    """Whether a polynomial B (6,) falls to a tolerance, and two places (0 to 1) between which it passes 0.
+    """Whether a polynomial B (6,) falls to a tolerance, and two times (0 to 1) between which it passes 0.
 
-    The two places are equal if the polynomial does not pass 0.
+    The two times are equal if the polynomial does not pass 0.
     """
     x, values = GRID, B @ ON_GRID
     if values.min() > tolerance:

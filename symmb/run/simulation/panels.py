@@ -1,4 +1,4 @@
-"""Curves over time as polynomials of degree 5. Each interpolates values and rates at three times."""
+"""Curves over time as polynomials of degree 5, which interpolate values and rates at three times."""
 
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -10,7 +10,7 @@ from symmb._types import Array, Indices, Mask
 
 _DEGREE = 5
 GRID = np.linspace(0.0, 1.0, 17)
-"""Places in a panel (0 to 1) at which polynomials are evaluated first."""
+"""Times in a panel (0 to 1) at which polynomials are evaluated first."""
 _EXACT, _ROUGH = 3e-8, 0.03
 """Largest misfit of an exact polynomial: divided by the size of its curve, and divided by the misfit of a cubic
 polynomial to the power of 3/2."""
@@ -37,7 +37,7 @@ def values_at(B: Array, x: Array) -> Array:
 
 
 def highest(B: Array) -> tuple[Array, Array]:
-    """The places (n,) of the maxima of polynomials B (n, 6) on [0, 1], and the maxima (n,)."""
+    """The points (n,) of the maxima of polynomials B (n, 6) on [0, 1], and the maxima (n,)."""
     low, high, rows = np.zeros(len(B)), np.ones(len(B)), np.arange(len(B))
     # Number of refinements of a maximum, each by a factor of 8.
     for _ in range(8):

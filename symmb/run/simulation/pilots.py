@@ -45,7 +45,7 @@ MANY = 20_000
 
 _PAIR, _MULTISTEP, _STIFF = DormandPrince(rtol=1e-11), CVODES(), CVODES(stiff=True)
 """Solvers of one run. For all tests/problems.py, the errors of DormandPrince are at most those of CVODES() at the same
-tolerance. It takes a third to a twentieth of the time, plus compilation. Its steps also end at switches."""
+tolerance. DormandPrince takes a third to a twentieth of the time, plus compilation, and ends steps at switches."""
 _TIGHTER, _COMPILED = CVODES(rtol=1e-12, stiff=True), (Rosenbrock(), DormandPrince())
 """Solvers of stiff scenes."""
 _SINGULAR = (DormandPrince(stabilization=AugmentedLagrangian()),)
@@ -84,7 +84,7 @@ class Pilot:
 
 
 class Candidates(NamedTuple):
-    """Solvers to try: the first solver, an implicit solver that may be faster, and more if the first solver fails."""
+    """Solvers to try: the first solver, an implicit solver that may be faster, and others if the first solver fails."""
 
     first: Solver
     implicit: Solver
@@ -92,7 +92,7 @@ class Candidates(NamedTuple):
 
 
 def for_studies(stiff: bool) -> Candidates:
-    """Candidates for many runs. Explicit solvers are not tried for stiff scenes: they would exceed the step limit."""
+    """Candidates for many runs. Explicit solvers are not tried for stiff scenes, which need too many steps."""
     if not has_compiler():
         return Candidates(_STIFF if stiff else _MANY_RUNS, *for_one_run(stiff)[1:])
     implicit, through = Rosenbrock(), Rosenbrock(stabilization=AugmentedLagrangian())
@@ -116,7 +116,7 @@ def at_tolerances(solver: Solver, tolerances: Mapping[str, Any]) -> Solver:
 
 
 def choose(candidates: Callable[[], Candidates], pilot: Callable[[Solver], Pilot]) -> tuple[Solver, str]:
-    """The first solver with a successful pilot run, or a faster one if this run is slow, and the reason."""
+    """The first solver with a successful pilot run, or a faster solver if this run is slow, and the reason."""
     choice = partial(_choice, candidates, pilot)
     return with_compiler(choice, choice)  # if no compiler works, other candidates are tried
 
@@ -135,8 +135,8 @@ def _choice(candidates: Callable[[], Candidates], pilot: Callable[[Solver], Pilo
         return first, f"{_count(run)}; {_fault(implicit, other)}"
     times = run.seconds / other.seconds
     if times > 1:
-        return implicit, f"{first!r} takes {run.steps} steps and {times:.1f} times as long"
-    return first, f"{_count(run)}; {implicit!r} takes {1 / times:.1f} times as long"
+        return implicit, f"{first!r} takes {run.steps} steps and {times:.1f} times as long as {implicit!r}"
+    return first, f"{_count(run)}; {implicit!r} takes {1 / times:.1f} times as long as {first!r}"
 
 
 def _replaced(
@@ -155,7 +155,7 @@ def _replaced(
 
 
 def _fault(solver: Solver, run: Pilot) -> str:
-    return f"{solver!r} breaks down: {run.message}" if run.message else f"{solver!r}: {run.doubt}"
+    return f"{solver!r} fails: {run.message}" if run.message else f"{solver!r}: {run.doubt}"
 
 
 def _count(run: Pilot) -> str:
@@ -163,7 +163,7 @@ def _count(run: Pilot) -> str:
 
 
 def given_program(scene: Scene, solver: Solver | None) -> tuple[Program, str] | None:
-    """The program with the given solver, or with the only one that locates events, and the reason; otherwise None."""
+    """The program with the given solver or the solver for events, and the reason; None if pilot runs must choose."""
     if solver is None and not scene.system.collected.has_events:
         return None
     program = program_of(scene, solver)
@@ -173,7 +173,7 @@ def given_program(scene: Scene, solver: Solver | None) -> tuple[Program, str] | 
 
 
 def program_for_studies(scene: Scene, threads: int) -> tuple[Program, str]:
-    """The program of a scene by the solver that pilot runs choose for many samples, and the reason."""
+    """The program of a scene with the solver that pilot runs choose for many samples, and the reason."""
 
     def pilot(solver: Solver) -> Pilot:
         return _pilot_of_samples(program_of(scene, solver).cautious, threads)
@@ -246,7 +246,7 @@ class PilotRuns:
         return program.cautious.around(self.p)
 
     def run(self, solver: Solver) -> Pilot:
-        """Run by a solver, and keep the trajectory in `done`."""
+        """Make a run by a solver, and store the trajectory in `done`."""
         begin = time.perf_counter()
         is_own = solver == self.program.solver
         program = self.program if is_own else self._judging(program_of(self.scene, solver))
@@ -298,14 +298,14 @@ class PilotRuns:
         )
 
     def choice(self, tolerances: Mapping[str, Any]) -> tuple[Solver, str]:
-        """The solver of one run that pilot runs choose, with these tolerances, and the reason."""
+        """The solver that pilot runs choose for one run, with these tolerances, and the reason."""
         stiff = starts_stiff(self.program, self.x0, self.p)
         solver, reason = choose(partial(for_one_run, stiff), lambda each: self.judge(at_tolerances(each, tolerances)))
         solver = at_tolerances(solver, tolerances)
         return solver, _joined(TOO_FAST if stiff else "", reason, self.program.forms.of(solver).why)
 
     def judge(self, solver: Solver) -> Pilot:
-        """Run by a solver, and check the result."""
+        """Make a run by a solver, and check the result."""
         pilot = self.run(solver)
         run, trajectory = self.done[solver]
         if pilot.message:

@@ -80,7 +80,7 @@ def _switch_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
 
 
 def _gap_doubts(runs: PilotRuns, solver: Solver) -> tuple[str, ...]:
-    """A warning if a run has missed an impact, because bodies overlap at a gap."""
+    """A warning if bodies overlap at a gap, because the run has missed an impact."""
     dae, states = runs.program.bodies.dae, runs.done[solver][1].examination
     if dae.impacts is None or not dae.impacts.names:
         return ()
@@ -151,8 +151,8 @@ def _pass_doubts(runs: PilotRuns, solver: Solver, switches: Kinks) -> tuple[str,
 def _small_state_doubts(runs: PilotRuns, solver: Solver, run: Trajectory) -> Iterator[str]:
     """A warning if outputs change with the absolute tolerances.
 
-    Only first-order states, and velocities that constraints determine, are examined. Other states of this size are
-    rounding errors.
+    Only first-order states, and velocities that constraints determine, are examined. In other states, such small
+    values are rounding errors.
     """
     dae, states, elements, p = runs.program.bodies.judged, run.examination, runs.scene.system.elements, runs.p
     if not solver.controls_step or not any(isinstance(e, OwnState | VelocityConstraint) for e in elements):

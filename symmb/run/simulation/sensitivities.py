@@ -135,7 +135,7 @@ def sensitivities(
 ) -> Sensitivities:
     """Exact derivatives of all outputs over time with respect to parameters, along the nominal run.
 
-    The derivatives of the equations of motion are integrated together with the equations, as for `Taylor`.
+    The derivatives of the equations of motion are integrated together with the equations, as in `Taylor`.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def sensitivities(
     AssemblyError
         If the scene cannot be started
     SimulationError
-        If the run breaks down, or the simulator has no derivatives
+        If the run fails, or the simulator has no derivatives
 
     Examples
     --------

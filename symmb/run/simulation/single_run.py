@@ -34,7 +34,7 @@ from symmb.run.simulation.sweep import Sweep, swept
 from symmb.run.simulation.trajectory import Trajectory
 from symmb.run.verification import in_two_ways, other_way
 
-_STICKS = f"if it sticks to a switch, {SMOOTH}"
+_STICKS = f"If the motion sticks to a jump of a force, {SMOOTH}"
 
 
 @overload
@@ -92,7 +92,8 @@ def simulate(
         relative and absolute tolerance, instead of those of the default solver
     check : bool
         whether a second run is made by a solver of another family and, if possible, in other coordinates.
-        `trajectory.error` (n_t, n_y) is the difference. Warnings give the time after which digits are lost
+        `trajectory.error` (n_t, n_y) is the difference of both runs. Warnings give the
+        time after which outputs have fewer than three certain digits
     times, outputs
         times and outputs, if they differ from those of the scene
 
@@ -109,7 +110,7 @@ def simulate(
     AssemblyError
         If the scene cannot be started
     SimulationError
-        If the run breaks down, leaves its constraints, or has an output that is not finite
+        If the run fails, leaves its constraints, or has an output that is not finite
 
     Examples
     --------
@@ -152,7 +153,7 @@ def _tolerances(rtol: float | None, atol: float | None, is_chosen: bool) -> dict
     tolerances = {name: value for name, value in (("rtol", rtol), ("atol", atol)) if value is not None}
     if tolerances and is_chosen:
         raise DeclarationError(
-            "simulate: rtol= and atol= apply to the default solver only. Write them into the solver, such as "
+            "simulate: rtol= and atol= apply to the default solver only. Write them as options of the solver, as in "
             "solver=CVODES(rtol=1e-10)."
         )
     return tolerances
@@ -192,7 +193,7 @@ def _simulated(runs: PilotRuns, check: bool, tolerances: Mapping[str, Any]) -> t
         raise SimulationError(_breakdown_text(runs, solver, reason, str(switches) if switches else ""))
     states = trajectory.examination
     count = switches.met(states.switch_values) if switches and reason else 0
-    reason = f"{reason}; {switches} met at least {counted(count, 'time')}" if count else reason
+    reason = f"{reason}; the run meets {switches} at least {counted(count, 'time')}" if count else reason
     if runs.reason is None and switches is not None and switches.on_state.any():
         solver, trajectory, reason = _confirmed(runs, solver, trajectory, reason)
     trajectory = replace(trajectory, reason=reason)
@@ -210,11 +211,11 @@ def _simulated(runs: PilotRuns, check: bool, tolerances: Mapping[str, Any]) -> t
 def with_figures_of(trajectory: Trajectory, simulator: FigureSimulator, check: bool) -> Trajectory:
     """The trajectory with the scalar outputs of its scene, and with their errors if `check` is true.
 
-    A scalar output is nan if its condition never holds. In this case there is a warning.
+    If the condition of a scalar output never holds, the output is nan, and there is a warning.
 
     Raises
     ------
-    SimulationError        if the run by the solver of studies breaks down
+    SimulationError        if the run that computes the scalar outputs fails
     """
     p = np.array([*trajectory.parameters.values()])
     Y, lacking = simulator.values(p)
@@ -225,7 +226,7 @@ def with_figures_of(trajectory: Trajectory, simulator: FigureSimulator, check: b
         error = np.abs((simulator.tighter().values(p)[0] if check else Y)[:1] - Y[:1]).repeat(len(trajectory.t), axis=0)
         others = [k for k in range(len(simulator.outputs)) if k not in columns]
         error[:, others] = trajectory.error
-    doubts = (Doubt(f"Output {name!r} is nan: its condition does not hold in the run.", [name]) for name in lacking)
+    doubts = (Doubt(f"Output {name!r} is nan, because its condition never holds.", [name]) for name in lacking)
     return replace(trajectory, figures=values, error=error, run_doubts=(*trajectory.run_doubts, *doubts))
 
 
@@ -295,9 +296,9 @@ def _breakdown_text(runs: PilotRuns, solver: Solver, reason: str, switches: str)
     is_known = "': " in run.message  # a fault of an element, with its own remedy
     near, switches = (None, "") if is_known else (trajectory.singularity, switches)
     parts = [
-        f"{runs.scene.name}: the run breaks down at t = {run.t_failed:g} s{runs.where}: {run.message}",
+        f"{runs.scene.name}: the run fails at t = {run.t_failed:g} s{runs.where}: {run.message}",
         f"The position may be singular: {near}" if near else "",
-        f"The equations have {switches}. A motion cannot stay on a switch: {_STICKS}" if switches else "",
+        f"The equations have {switches}. {_STICKS}" if switches else "",
         f"The other solvers fail as well: {reason}" if len(runs.done) > 1 else "",
     ]
     return ". ".join(filter(None, parts)) + "."

@@ -52,7 +52,7 @@ def simulator_for(
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,
 ) -> Simulator:
-    """The simulator of a scene with these options, or the given simulator. It computes scalar outputs too.
+    """The simulator of a scene with these options, or the given simulator, including scalar outputs.
 
     Raises
     ------
@@ -101,12 +101,12 @@ def require_own(subject: object, solver: object, times: object, outputs: object)
 
 
 def prepare(scene: Scene, solver: Solver | str | None = None) -> DAESimulator:
-    """Prepare the equations, the start and the solver of a scene for all its runs. The scene remembers the result.
+    """Prepare the equations, the start and the solver of a scene for all its runs. The scene stores the result.
 
     The nominal parameters are run in two ways. If the two runs differ, there are warnings.
 
-    `simulate`, `propagate`, `compare`, `linearize`, `stability` and `view` prepare scenes in this way. They also accept
-    the prepared scene instead of the scene. With it, nothing is derived, chosen or compiled twice.
+    `simulate`, `propagate`, `compare`, `linearize`, `stability` and `view` prepare scenes in this way. If these
+    functions get the prepared scene instead of the scene, nothing is derived, chosen or compiled twice.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def simulator_with(scene: Scene, solver: Solver | str | None = None) -> DAESimul
 
 
 def study_simulator(scene: Scene, solver: Solver | None = None) -> SceneSimulator:
-    """The simulator of a study of a scene. It also computes the scalar outputs of the scene, if there are any."""
+    """The simulator of a study of a scene, which also computes the scalar outputs of the scene."""
     if not scene.figures:
         return simulator_with(scene, solver)
     curves = scene.curves
@@ -171,5 +171,5 @@ def scene_of(subject: Scene | DAESimulator) -> Scene:
     if isinstance(scene, Scene):
         return scene
     if hasattr(subject, "outputs"):
-        raise DeclarationError(f"{subject!r} is a simulator. Call its run(P) with samples P (N, d) of its parameters.")
+        raise DeclarationError(f"Expected a Scene, but {subject!r} is a simulator. For runs, call its method run(P).")
     raise DeclarationError(f"Expected a Scene, got {type(subject).__name__}. {_SCENE}")

@@ -41,9 +41,8 @@ Part = tuple[Indices, Array, Mask, tuple[str, ...]]
 class Sweep(plot.OverTime, Result, ByOutput, WithWarnings, Saved):
     """Runs with several values of parameters.
 
-    `runs["x"]` gives an output of all runs. `print` shows extremes. `plot` draws all runs in the order of the
-    parameters that vary, and scalar outputs over the parameter with the most values. `save` writes a file, and `load`
-    reads it.
+    `runs["x"]` gives an output of all runs. `print` shows extremes. `plot` draws all runs over time,
+    and scalar outputs over the parameter that has the most values. `save` writes a file, and `load` reads it.
 
     Attributes
     ----------
@@ -177,7 +176,7 @@ class Sweep(plot.OverTime, Result, ByOutput, WithWarnings, Saved):
         return ", ".join(f"{n} = {self.parameters[n][run]:g} {units.get(n, '')}".rstrip() for n in parameters)
 
     def _lines(self, order: Indices) -> plot.RunLines:
-        """The runs in this order, over the parameter with the most values. Runs of a line differ only in it.
+        """The runs in this order, as lines over the parameter with the most values. Other parameters define the lines.
 
         If a list of runs varies several parameters, the runs are points over the numbers of the runs.
         """

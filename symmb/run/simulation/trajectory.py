@@ -244,7 +244,7 @@ class Trajectory(plot.OverTime, Result, ByOutput, WithWarnings, files.Saved):
 
     @property
     def singularity(self) -> Singularity | None:
-        """The singular position to which the run comes closest; None if it does not come close to one."""
+        """The singular position to which the run comes closest; None if the run is not close to any."""
         return self.examination.singularity
 
     @cached_property
@@ -259,7 +259,7 @@ class Trajectory(plot.OverTime, Result, ByOutput, WithWarnings, files.Saved):
 
     @cached_property
     def energy_drift(self) -> float:
-        """Largest |T + V - W - E_0|, divided by the largest kinetic energy; nan if nothing moves."""
+        """Largest drift of energy |T + V - W - E_0|, divided by the largest kinetic energy; nan if nothing moves."""
         return self.examination.energy_drift
 
     @cached_property

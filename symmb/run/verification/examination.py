@@ -105,7 +105,7 @@ class Examination:
 
     @cached_property
     def energy_drift(self) -> float:
-        """Largest |T + V - W - E_0|, divided by the largest kinetic energy; nan if nothing moves."""
+        """Largest drift of energy |T + V - W - E_0|, divided by the largest kinetic energy; nan if nothing moves."""
         change, largest = _change(self._energy), float(self._energy.kinetic.max(initial=0.0))
         # Drift of energy divided by the largest kinetic energy at the examined times. Above this value, a second run
         # looks for larger kinetic energies between these times.
@@ -119,7 +119,7 @@ class Examination:
 
     @cached_property
     def singularity(self) -> Singularity | None:
-        """The singular position to which the run comes closest; None if it does not come close to one."""
+        """The singular position to which the run comes closest; None if the run is not close to any."""
         near = self.program.bodies.singularity(self.x, self.t, self.p)
         if near or self.program.bodies.dae.G is None or self.program.bodies.dae.impacts is not None:
             return near
@@ -139,13 +139,14 @@ class Examination:
             return ""
         cause = "drives contradict each other, jump within a step, or require positions that cannot be reached"
         return (
-            f"the run leaves its constraints at t = {self.t[int(left.argmax())]:g} s, by up to "
-            f"{self.violation.max():.0e} of its size: {'steps are too long, ' if self._rtol is None else ''}{cause}"
+            f"the run leaves its constraints at t = {self.t[int(left.argmax())]:g} s, by "
+            f"{self.violation.max():.0e} of the size of the scene: "
+            f"{'steps are too long, ' if self._rtol is None else ''}{cause}"
         )
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
-        """Warnings because of drifts. The energy also drifts at singular positions, because branches meet there.
+        """Warnings about drifts. The energy also drifts at singular positions, because branches of motion meet there.
 
         Velocities that a drive prescribes may jump. Fixed steps follow such a jump, but miss its work. In this case the
         drift of energy causes no warning.
@@ -156,8 +157,8 @@ class Examination:
             energy *= not self._falls_with_tolerance()
         if self._is_unexplained(position):
             return (
-                f"The run violates its constraints by {position:.0e} of its size: constraints contradict each other, "
-                "or a position is nearly singular.",
+                f"The run violates its constraints by {position:.0e} of the scene's size: constraints contradict each "
+                "other, or a position is nearly singular.",
             )
         # Drift of energy in fixed steps. Above this value, the motion changes visibly.
         if self._rtol is None and energy > 0.01 and self.program.bodies.dae.Phi_t is None:
@@ -223,7 +224,7 @@ class Examination:
 
     @cached_property
     def _again(self) -> tuple[Array, Array]:
-        """Times (m,) [s] and states (m, n_x) of a second run with many times; with impacts, of the run itself."""
+        """Times (m,) [s] and states (m, n_x) of a second run with more times; of the run itself if it has impacts."""
         dae = self.program.bodies.dae
         if dae.impacts is not None:
             return self.t, self.x

@@ -33,8 +33,8 @@ def linear_theory_doubts(scene: Scene, dae: DAE, X: Array, p: Array, t: Array) -
         if lack.share > 0.08:
             doubts.append(
                 f"FlexibleBody {lack.loads.body.name!r}: its modes neglect {lack.share:.0%} of the deflections by "
-                f"loads at its nodes {', '.join(map(str, lack.loads.loaded))}, so that the body is too stiff. This is "
-                f"the effect on {lack.output}. {lack.loads.remedy}"
+                f"loads at its nodes {', '.join(map(str, lack.loads.loaded))} (in their effect on {lack.output}), so "
+                f"that the body is too stiff. {lack.loads.remedy}"
             )
     return tuple(doubts)
 
@@ -54,8 +54,8 @@ def _turned(body: FlexibleBody, eta: Array, t: Array) -> Iterator[str]:
     first, worst = t[int((turn > TURN).argmax())], t[int(turn.argmax())]
     if turn.max() > TURN:
         yield (
-            f"FlexibleBody {body.name!r}: its cross sections turn by up to {turn.max():.2g} rad against its frame (at "
-            f"t = {worst:.3g} s), and by more than {TURN:g} rad from t = {first:.3g} s on. Its modes are linear: "
+            f"FlexibleBody {body.name!r}: its cross sections turn by up to {turn.max():.2g} rad relative to its frame "
+            f"(at t = {worst:.3g} s), and by more than {TURN:g} rad from t = {first:.3g} s on. Its modes are linear: "
             "deflections are too large, and bending does not shorten the body. Divide the body into several bodies."
         )
 
@@ -65,7 +65,7 @@ def _beyond(scene: Scene, body: FlexibleBody, p: Array) -> Iterator[str]:
     # Largest relative error of squared frequencies because of common mode shapes for a box of parameters.
     if family is not None and family.error > 0.01:
         yield (
-            f"FlexibleBody {body.name!r}: its mode shapes are the same for all parameters of the box. Squared "
+            f"FlexibleBody {body.name!r}: its mode shapes are the same for all parameters of the box, so squared "
             f"frequencies have errors of up to {family.error:.1%}. Use narrower intervals in at=, or more modes."
         )
     for name, (low, high) in family.box.items() if family is not None else ():

@@ -1,9 +1,9 @@
 """The effects of deformations that the modes of flexible bodies neglect.
 
 If the neglected deformations of a body have the compliance C at its nodes, loads w there cause the missing
-displacements u = C w. If a joint holds a node, the body and other bodies move instead. They move with the smallest
-kinetic energy, and modes are stiff. For example, a missing rotation at a weld moves the other end of the body, and a
-missing rotation at a loaded end moves nothing else. The slopes of outputs then give the effect on the outputs.
+displacements u = C w. If a joint holds a node, the body and other bodies move instead. These bodies move with the
+smallest kinetic energy, and modes are stiff. For example, a missing rotation at a weld moves the other end of the body,
+and a missing rotation at a loaded end moves nothing else. The slopes of outputs then give the effect on the outputs.
 """
 
 from collections.abc import Iterator
@@ -64,7 +64,7 @@ class AttachedLoads:
             )
         return (
             "Compute its modes with interfaces=[...]: the nodes at which joints and forces act, except a clamped node. "
-            "Further modes (a larger count=) then follow inertial loads."
+            "Further modes (a larger count=) then represent inertial loads."
         )
 
     @cached_property
@@ -142,8 +142,8 @@ def _clamped(body: FlexibleBody) -> int | None:
 class LeftOut:
     """The largest effect on an output of deformations that the modes of a body neglect.
 
-    `share` is the root mean square of this effect over time. It is divided by the root mean square of the effect of all
-    deformations, or of the changes of the output if the changes are larger.
+    `share` is the root mean square of this effect over time, divided by the root mean square of the effect of all
+    deformations, or of the changes of the output if these are larger.
     """
 
     loads: AttachedLoads
@@ -204,7 +204,7 @@ def left_out(
 
 
 def along(loads: AttachedLoads, w: Array) -> Array:
-    """Forces and moments (..., 6 m) in the directions in which modes move."""
+    """The components of forces and moments w (..., 6 m) at m nodes, along the directions in which modes move nodes."""
     return w @ np.kron(np.eye(len(loads.nodes)), loads.body.modes.lively)
 
 

@@ -78,14 +78,14 @@ class TwoWays:
     def of(cls, first: Program, second: Program, names: tuple[str, ...], p: Array, values: Array) -> "TwoWays":
         """A run with parameters p (n_p,) in two ways. `values` (n_t, n_y) are the outputs in the first way.
 
-        Outputs are compared at the times of the second way. The first way has these times too.
+        Outputs are compared at the times of the second way, which are times of the first way, too.
         """
         begin, some = time.perf_counter(), np.searchsorted(first.times, second.times)
         run = second.runs(p[None])
         parameters = values_text(first.bodies.dae.p_names, p, first.bodies.dae.p_units)
         at = f"t = {run.t_failed[0]:g} s"
         told = f"{at}{parameters and f', {parameters}'}: "  # the time and the parameters are not repeated
-        message = "".join(f"breaks down at {at}: {text.removeprefix(told)}" for text in run.messages)
+        message = "".join(f"fails at {at}: {text.removeprefix(told)}" for text in run.messages)
         where = parameters and f", with {parameters},"
         return cls(
             t=second.times,
@@ -133,7 +133,7 @@ class TwoWays:
     def doubts_of_widths(self, widths: Array) -> tuple[str, ...]:
         """A warning about errors that are large in comparison with the widths (n_y,) of bounds.
 
-        The second way is the more accurate one.
+        The second way is more accurate.
         """
         lost = self.beyond(_OF_WIDTH * widths, self.levels[1])
         if lost.any():
