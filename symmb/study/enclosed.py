@@ -83,7 +83,7 @@ class ProvedBounds:
         ]
 
     def _farthest(self, slack: Array, times: Array, outputs: Sequence[str], lower: Array, upper: Array) -> str:
-        """Output, distance and time at which bounds are farthest outside; empty if all distances are in the slack."""
+        """Output, distance and time at which bounds are farthest outside; empty if no distance exceeds the slack."""
         outside = np.maximum(self.lower - lower, upper - self.upper)
         shares = np.where(outside > 0, outside, 0.0) / slack
         t, y = (int(i) for i in np.unravel_index(np.argmax(shares), shares.shape))

@@ -222,7 +222,7 @@ class _Running:
             message = self.pipe.recv()
         except EOFError:
             self.ended = True
-            yield from _left(self.job, self.done, "the process broke down")
+            yield from _left(self.job, self.done, "the process ended without a result")
             return
         if isinstance(message, Trial):
             yield message

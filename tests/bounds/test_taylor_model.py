@@ -313,7 +313,7 @@ def test_parameters_without_a_start_need_smaller_intervals():
 def test_an_output_without_a_remainder_leaves_others_their_bounds(operation):
     both = lambda z: {"steps": operation(3 * z), "z": z}  # noqa: E731
     scene = state(lambda p, z: -p.k * z, [0.0, 1.0], 2.0, both, k=(0.9, 1.1))
-    bounds = warned(r"are infinite for steps, since \w+ has no remainder\.", mb.propagate, scene, mb.TaylorModel())
+    bounds = warned(r"are infinite for steps, because \w+ has no remainder\.", mb.propagate, scene, mb.TaylorModel())
     assert np.isinf(bounds.upper[:, 0]).all()
     np.testing.assert_allclose([bounds.lower[1, 1], bounds.upper[1, 1]], 2 * np.exp([-1.1, -0.9]), rtol=1e-6)
 

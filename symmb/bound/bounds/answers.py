@@ -240,8 +240,8 @@ class Answers(Envelope):
         laws, correlation, distributions : as in `quantiles`
         error : float
             the accepted error, relative to the probability of the event at any time. The number of samples of the
-            polynomials grows until the estimated error is below it. If this does not suffice, and all parameters have
-            distributions, up to 1,000 runs near the limit give probabilities down to 1e-9
+            polynomials grows until the estimated error is small enough. If this does not suffice, and all
+            parameters have distributions, up to 1,000 runs near the limit give probabilities down to 1e-9
         """
         given = given_once("Bounds.probability", laws, distributions)
         responses = self._responses("Bounds.probability")

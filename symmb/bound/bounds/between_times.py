@@ -1,4 +1,4 @@
-"""Limits of curves between output times. Scalar outputs give the lowest and highest values of runs there."""
+"""Checks of limits between output times. Scalar outputs give the lowest and highest values of runs."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -57,7 +57,7 @@ def with_peaks(bounds: Envelope, limits: Sequence[KeptLimit]) -> tuple[list[Kept
 
 
 def _examined(bounds: Envelope, limit: KeptLimit, k: int, excess: Excess, points: Array) -> KeptLimit:
-    """The limit of output number k. If a run at points (n, d) is closer than known, a search starts from them."""
+    """The limit of output number k. If a run at points (n, d) is the closest so far, a search starts."""
     is_lower, rounding = excess.side == "lower", rounding_of(bounds, k)
     inside = bounds.lower[:, k] - limit.low if is_lower else limit.high - bounds.upper[:, k]
     if not np.isfinite(inside).all():
@@ -80,7 +80,7 @@ def _examined(bounds: Envelope, limit: KeptLimit, k: int, excess: Excess, points
         kept, why = False, f"A run is beyond the limit{between_text(further)}."
     elif kept:
         found = by_further_run(further, limit.low if is_lower else limit.high, limit.margin, rounding, unit)
-        close = f"{excess.runs} runs stay {-excess.largest:.3g}{unit} inside, but others may be closer."
+        close = f"{excess.runs} runs stay {-excess.largest:.3g}{unit} inside the limit, but others may be closer."
         kept, why = (
             (found.kept, found.why) if found else (None, f"{close} Limit mb.maximum or mb.minimum of the output.")
         )

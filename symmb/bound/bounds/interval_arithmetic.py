@@ -51,7 +51,7 @@ class IntervalArithmetic(Method):
         f: ca.Function | None = getattr(simulator, "expression", None)
         if f is None:
             raise PropagationError(
-                f"{self!r}: it needs outputs that are plain expressions of parameters and time, "
+                f"{self!r}: outputs must be plain expressions of parameters and time, "
                 f"but {simulator!r} integrates or calls a function. Use MonteCarlo or PolynomialChaos."
             )
         inputs = [parameter_intervals(simulator.parameters, box), [Interval.exactly(simulator.times)] * f.nnz_in(1)]

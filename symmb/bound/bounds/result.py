@@ -96,10 +96,10 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         makes the nominal run.
 
         If the bounds are closer to a limit than twice their estimated error, further runs search for a run beyond the
-        limit. For a scene, the search also starts if the bounds are closer than half of their width. It makes at most
-        600 runs, or as many as the study. With other simulators, it makes at most twice as many runs as the study. The
-        limit is then satisfied if the closest run is farther inside than the error of the search. Otherwise the limit
-        is undecided.
+        limit. For a scene, the search also starts if the bounds are closer than half of their width. The search makes
+        at most as many runs as the study, or 600 runs if this is more. With other simulators, the search makes at most
+        twice as many runs as the study. The limit is then satisfied if the closest run is farther inside than the error
+        of the search. Otherwise the limit is undecided.
 
         For scenes, the check uses the lowest and highest values of runs over time, as from `mb.minimum` and
         `mb.maximum`. It does this for the nominal run, for the corners if there are few, for the runs closest to the
@@ -116,7 +116,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         Raises
         ------
         DeclarationError
-            If an output is unknown, or limits cross.
+            If an output is unknown, or a lower limit is above the upper limit.
         """
         pairs = limit_pairs("Bounds.check", limits, self.names, self.units)
         with shown_runs(None, "runs near limits"):
@@ -133,7 +133,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         """A remark if the box does not contain the nominal values."""
         values = {name: f"{self.nominal_parameters[name]:.6g}" for name in self._left_out}
         listed = ", ".join(with_units(values, self.nominal_parameters))
-        text = f"The nominal values ({listed}) are outside of the box. The nominal run is not one of its cases."
+        text = f"The nominal values ({listed}) are outside of the box. The check does not include the nominal run."
         return (text,) if values else ()
 
     def _closest_to(self, limits: Sequence[KeptLimit]) -> WorstCase | None:
@@ -157,7 +157,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
 
     @np.errstate(invalid="ignore")  # bounds and limits may be infinite
     def _side(self, limit: KeptLimit) -> str:
-        """The side of a limit that is closest."""
+        """The side of a limit that is closest to the bounds or to a further run."""
         i, k = limit.row, self._column(limit.output)
         nearest = "lower" if self.lower[i, k] - limit.low < limit.high - self.upper[i, k] else "upper"
         return limit.further.side if limit.further else nearest
@@ -287,7 +287,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         return [*lines, *(f"  remark       {remark}" for remark in self.remarks)]
 
     def _rows(self, names: Sequence[str]) -> list[list[str]]:
-        """Extremes of each output, nominal values at these times, largest width and estimated error. Rounding is 0."""
+        """Extremes of each output, nominal values at these times, largest width and error. Rounding errors are 0."""
         then = [] if self.nominal is None else ["nominal then"]
         rows = [["output", "lowest", "at [s]", *then, "highest", "at [s]", *then, "width", "at [s]", "estimated error"]]
         with np.errstate(over="ignore"):

@@ -20,10 +20,10 @@ from symmb.run.integrate import Solver
 from symmb.run.simulation import DAESimulator, FigureSimulator, SceneSimulator, motion_of, simulator_with
 
 _FAILED = (
-    "{} of {} runs failed: {}. Take a box without failures; MonteCarlo(n, distributions=...) leaves failed runs out."
+    "{} of {} runs failed: {}. Use a box without failures, or MonteCarlo(n, distributions=...). It omits failed runs."
 )
 _MANY, _LEAST_PARTS = 1000, 4
-"""Two smallest numbers: of times at which a run is compared with a limit, and of parts between two output times."""
+"""Smallest number of times at which a run is compared with a limit, and of parts between two output times."""
 
 
 class Extremes:
@@ -145,7 +145,7 @@ class Study:
 
     @property
     def has_lanes(self) -> bool:
-        """Whether runs are computed side by side, so that many runs take little time."""
+        """Whether runs are computed together, so that many runs take little time."""
         return isinstance(self.simulator, SceneSimulator)
 
     def attempted(self, points: Array) -> tuple[Array, FailedRuns]:

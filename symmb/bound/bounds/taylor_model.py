@@ -44,15 +44,15 @@ class TaylorModel(Method):
     the dependent velocities. If other independent velocities suit the nominal run better, the method changes to them.
     Frequencies and damping of a `ModalSimulator` are proved if no two frequencies can cross in the box. At a proved
     value of `critical`, one eigenvalue is imaginary or 0. Checks at a few points, without a proof, show that no other
-    eigenvalue reaches the imaginary axis before. Both need an equilibrium, or a steady motion in coordinates that do
-    not rotate. Reactions and accelerations can be outputs. Multipliers of redundant constraints are those of smallest
-    norm. Steps end at the instants of sampled values. A proof continues through a kink or jump of a force if all
-    motions pass it once, transversally, and separately from other kinks. An example is drag by abs(w) w at w = 0. A
-    force law that is not smooth on one side of a kink, such as w abs(w)**0.5, ends the proof. Impacts, and constraints
-    that are redundant for some parameters only, raise an error. A proof also ends at a kink that only a part of the box
-    meets, or close to a singular position of a loop. From then on bounds are infinite, and ``caution`` states this
-    time. Outputs that are not smooth, or have operations without a remainder, have infinite bounds. The executor is not
-    used, and each box counts as a run.
+    eigenvalue reaches the imaginary axis before. Proofs of frequencies and critical values need an equilibrium, or a
+    steady motion in coordinates that do not rotate. Reactions and accelerations can be outputs. Multipliers of
+    redundant constraints are those of smallest norm. Steps end at the instants of sampled values. A proof continues
+    through a kink or jump of a force if all motions pass it once, transversally, and separately from other kinks. An
+    example is drag by abs(w) w at w = 0. A force law that is not smooth on one side of a kink, such as w abs(w)**0.5,
+    ends the proof. Impacts, and constraints that are redundant for some parameters only, raise an error. A proof also
+    ends at a kink that only a part of the box meets, or close to a singular position of a loop. From then on bounds are
+    infinite, and ``caution`` states this time. Outputs that are not smooth, or have operations without a remainder,
+    have infinite bounds. The executor is not used, and each box counts as a run.
 
     Parameters
     ----------
@@ -126,8 +126,8 @@ class TaylorModel(Method):
             most = int(terms ** (1.0 / d) + 1e-9) - more
             lower = f"order={most}, " if most > 0 else ""
             raise PropagationError(
-                f"{self!r}: polynomials of {d} parameters have {(self.order + more) ** d} terms, of which it takes at "
-                f"most {terms}. Use {lower}fewer uncertain parameters, or PolynomialChaos()."
+                f"{self!r}: polynomials of {d} parameters have {(self.order + more) ** d} terms, but at most "
+                f"{terms} are allowed. Use {lower}fewer uncertain parameters, or PolynomialChaos()."
             )
 
     def __repr__(self) -> str:
@@ -168,7 +168,7 @@ def _caution(found: Enclosure, remedy: str, times: Array, outputs: Sequence[str]
     """The warning about times or outputs for which nothing or little is proved."""
     begin = float(times[0])
     parts = [
-        f"infinite for {name}, since {unknown} has no remainder"
+        f"infinite for {name}, because {unknown} has no remainder"
         for name, unknown in zip(outputs, refused, strict=True)
         if unknown
     ]
@@ -183,7 +183,7 @@ def _caution(found: Enclosure, remedy: str, times: Array, outputs: Sequence[str]
     if is_infinite.any():
         names, when = _names(outputs, is_infinite), "" if is_infinite.all(axis=0).any() else " at some times"
         parts.append(
-            f"infinite for {names}{when}, which cannot be shown to be smooth over the box; try smaller intervals"
+            f"infinite for {names}{when}, because smoothness over the box is not proved; try smaller intervals"
         )
     elif not found.why and loose.any():
         begin = times[loose.any(axis=1).argmax()]

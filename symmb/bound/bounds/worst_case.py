@@ -158,7 +158,7 @@ class WorstCase:
         scene = getattr(self.simulator, "scene", None)
         if not isinstance(scene, Scene):
             raise DeclarationError(
-                "This worst case has no scene, because its bounds are from a file or of another simulator."
+                "This worst case has no scene, because the bounds are from a file, or from another simulator."
             )
         return scene.with_nominal(self.parameters)
 

@@ -33,8 +33,8 @@ class Fit:
 
     Let V be the values of the basis at the nodes, and W the weights. Projection divides V^T W y by the mean squares,
     eqs. (30)-(34) of Wang and Yang (2021). Least squares solve (V^T W V) a = V^T W y. Both give the same result if the
-    quadrature is exact for products of basis polynomials. With as many nodes as polynomials, the fit interpolates. It
-    solves V a = y, because V^T W V loses twice as many digits.
+    quadrature is exact for products of basis polynomials. With as many nodes as polynomials, the fit interpolates. The
+    fit then solves V a = y, because V^T W V loses twice as many digits.
 
     On a tensor grid with a tensor basis, V is the Kronecker product of one matrix for each parameter. The map is then
     applied parameter by parameter, and no matrix of all nodes is formed.

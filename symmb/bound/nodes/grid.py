@@ -1,9 +1,9 @@
-"""Interpolation on nested nodes, on tensor grids and on sparse grids: a set of degrees, with one node for each.
+"""Interpolation on nested nodes, on tensor grids and on sparse grids. A grid is a set of degrees with a node for each.
 
 The nodes of one parameter have an order: the middle, the ends, then the nodes that halve the angles between them. The
 first 3, 5, 9, 17, ... are those of Clenshaw and Curtis. Among the nodes of a halving, the next node has the largest
 product of distances to earlier nodes (Leja). Degree k has the first k + 1 nodes. A set that contains all smaller
-multi-indices thus has one node for each of its polynomials, with the same number.
+multi-indices thus has one node for each polynomial, with the same multi-index.
 """
 
 import itertools

@@ -125,7 +125,7 @@ class ChebyshevGauss(Rule):
         return _interpolatory(np.sin(0.5 * np.pi * np.arange(-degree, degree + 1, 2) / (degree + 1)))
 
     def degree(self, level: int) -> int:
-        """Two additional nodes for each level. With three times as many, levels would be nested but take more runs."""
+        """Two additional nodes for each level. Three times as many nodes would nest the levels, but take more runs."""
         return 2 * level
 
 

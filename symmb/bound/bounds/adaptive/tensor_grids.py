@@ -30,11 +30,11 @@ from symmb.run.simulation import SceneSimulator
 MANY_VALUES = 1000
 """Number of values of a run above which the output is a field. A mean over fewer values is less reliable."""
 FIELD_TRUST = 0.18
-"""TRUST of fields, because check runs show errors at many times. Smaller values take fewer runs and miss more."""
+"""TRUST of fields. It is smaller, because check runs show errors at many times. Smaller values miss more errors."""
 KINK_GAIN = 0.9
 """Fraction of the error that may remain after half of all rounds near kinks. Larger fractions take more runs."""
 NARROW, MOST_AT_KINKS = 0.01, 8
-"""Distance of kinks with a common run, relative to other check runs. Largest number of runs of a round at kinks."""
+"""Distance of runs at kinks, divided by that of other check runs. Largest number of runs at kinks in a round."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -125,7 +125,7 @@ class Piecewise:
         return low.reshape(shape), high.reshape(shape), places
 
     def ranges(self, points: Array, free: Mask) -> tuple[Array, Array]:
-        """Minima and maxima (N, n_t, n_y) over the free parameters (d,). Others have values of points (N, d)."""
+        """Minima and maxima (N, n_t, n_y) over the free parameters (d,). Others keep their values at points (N, d)."""
         low, high = np.full((2, len(points), *self.error.shape), [[[[np.inf]]], [[[-np.inf]]]])
         for centre, half, own in zip(self.centres, self.halves, self.expansions, strict=True):
             x = (points[:, ~free] - centre[~free]) / half[~free]
