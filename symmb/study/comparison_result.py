@@ -1,4 +1,4 @@
-"""The result of a comparison. It can be printed, plotted and saved."""
+"""The result of a comparison, which can be printed, plotted and saved."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -46,8 +46,8 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
     setup_seconds : float or None
         time for deriving and compiling [s]
     solver_error : (n_y,) or None
-        rms difference from a solver with ten times smaller tolerances, in the norm of `Score.error`. It is measured at
-        the centre and two opposite corners of the box
+        rms difference from a solver with ten times smaller tolerances, in the norm of `Score.error`. The difference is
+        measured at the centre and two opposite corners of the box
     threads, repeats : int or None
         number of threads for runs, and number of repetitions for the run time
     units : tuple of n_y str

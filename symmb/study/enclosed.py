@@ -35,7 +35,7 @@ class ProvedBounds:
 
         The true bounds are between the attained values and the proved bounds, except for the error of the solver. The
         distance between attained values and proved bounds is thus the largest error of the reference. If this distance
-        is smaller than the uncertainty, it becomes the uncertainty.
+        is smaller than the uncertainty, the distance becomes the uncertainty.
         """
         lower, upper = (np.clip(a, self.lower, self.upper) for a in (reference.lower, reference.upper))
         limited = replace(reference, lower=lower, upper=upper)

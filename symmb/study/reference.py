@@ -61,7 +61,7 @@ class Reference:
         return Yardstick(self.lower, self.upper, self.uncertainty, self.noise)
 
     def joined(self, attained: Sequence[tuple[Array, Array]]) -> "Reference":
-        """The reference, extended by values that other runs attained. Its uncertainty is at least this extension."""
+        """The reference, extended by values that other runs attained. The uncertainty is at least the extension."""
         lower = np.min([self.lower, *(low for low, _ in attained)], axis=0)
         upper = np.max([self.upper, *(high for _, high in attained)], axis=0)
         missed = Yardstick(lower, upper, self.uncertainty).deviation(self.lower, self.upper)
@@ -90,7 +90,7 @@ def find_reference(
 
     Parameters
     ----------
-    reference : Method or Bounds, optional      better bounds. Their `estimate` is the uncertainty
+    reference : Method or Bounds, optional      better bounds, with `estimate` as the uncertainty
 
     Raises
     ------
@@ -183,7 +183,7 @@ def affordable_runs(seconds: float) -> int:
 
 
 def planned_runs(n_p: int, runs: int = RUNS) -> int:
-    """Number of runs of the default reference for this many parameters."""
+    """Number of runs of the default reference for `n_p` parameters."""
     optimized = runs if _is_optimized(n_p, runs) else 0
     return optimized + sum(method.planned_runs(n_p) or 0 for method in _resolutions(n_p, runs))
 

@@ -27,7 +27,7 @@ NOISE_OF_RUNS = 1e-4
 class Residuals:
     """Residuals and their derivatives with respect to relative parameters. Each run is made once.
 
-    Derivatives are exact if the run passes no kink or jump of its equations. Otherwise they are differences of runs.
+    Derivatives are exact if the run passes no kink or jump of its equations. Other derivatives are differences of runs.
     """
 
     def __init__(

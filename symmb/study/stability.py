@@ -41,7 +41,7 @@ _LEFT, _STRESS_LEFT = (0, 7), (0, 1, 8)
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Stability(plot.ThreeDiagrams, WithWarnings, Saved):
-    """Results of the solvers on a scene. `print` shows the results, `save` and `load` use a file.
+    """Results of the solvers on a scene. `print` shows the results. `save` and `load` write and read files.
 
     `plot` draws error against run time, the drift of positions over time, and errors of the harder variants.
 
@@ -158,8 +158,9 @@ def stability(
     """Try every solver on a scene and on harder variants. Each run takes up to 3 s, and all runs about a minute.
 
     In some variants, springs are 100 or 10,000 times as stiff, or the lightest body is 100 or 10,000 times as light. In
-    other variants, functions of time, start velocities and gravity are 10 times faster or slower, but not springs and
-    dampers. Horizons are 10 and 100 times as long. Boxes of 10, 20 and 50 % are tried at their corners.
+    other variants, functions of time, start velocities and gravity make the motion 10 times faster or slower, with the
+    same springs and dampers. Horizons are 10 and 100 times as long. Boxes of 10, 20 and 50 % are tried at their
+    corners.
 
     Fixed steps depend on the horizon and the fastest motion. Errors are differences from a reference solution that
     conserves energy. Runs with two tolerances confirm this solution. Without a reference, no setting is recommended.

@@ -22,7 +22,7 @@ class Standard:
     ----------
     values : (n_t, n_y) array    outputs; empty without a confirmed solution
     units : n_y texts            units of the outputs
-    uncertainty : float          `distance` of the coarser run, and of the closest run of another solver, if any
+    uncertainty : float          `distance` of the coarser run, or of the closest run of another solver if larger
     fault : str                  reason why there is no confirmed solution; empty if there is one
     """
 

@@ -201,7 +201,7 @@ class Search:
         """The largest factors (d,) along a ray for which the box satisfies the limits, and bounds over this box.
 
         A study and its check find the worst points of a box. Runs at these points of other boxes show the factor at
-        which a limit is reached. The next study is over a slightly smaller box. This is repeated until a check
+        which a limit is reached. The next study is over a slightly smaller box. Such studies follow until a check
         satisfies the limits.
         """
         ray = _Bracket(along, self._most_along(along), np.empty((0, len(self._shape))))

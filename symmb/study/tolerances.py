@@ -178,7 +178,7 @@ def tolerances(
     ----------
     scene : Scene or simulator
     limits : mapping
-        output -> (low, high); one of them may be None
+        output -> (low, high); one limit may be None
     box : Box
         intervals that contain the nominal values, and give the shape; default: the box of the scene
     costs : mapping

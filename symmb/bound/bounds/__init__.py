@@ -4,8 +4,8 @@
   its name. Methods that use extremes of runs are in `sampling`. Polynomial chaos that chooses its own runs is in
   `adaptive`.
 - `result` has the bounds, `envelope` has their curves, and `doubts` and `check_runs` have the warnings about bounds.
-- `answers` computes results from bounds: `limits`, `worst_case`, `contributions` and `probabilities`. It uses the
-  polynomials or runs in `responses`.
+- `answers` computes results from bounds: `limits`, `worst_case`, `contributions` and `probabilities`. `answers` uses
+the polynomials or runs in `responses`.
 """
 
 from symmb.bound.bounds.contributions import Contributions

@@ -46,9 +46,9 @@ _OF_PARAMETER = entry(Record.with_nan, "t", "names", "parameters")
 class Contributions(Result, Saved):
     """Contributions of each parameter to the outputs over time.
 
-    `print` shows the contributions at the times of the largest widths, sorted by `alone`. `plot` draws them. If the
-    estimated error of a contribution is larger than the contribution, it may be zero. A sentence below the table says
-    this.
+    `print` shows the contributions at the times of the largest widths, sorted by `alone`. `plot` draws them. A
+    contribution may be zero if its estimated error is larger than the contribution. A sentence below the table then
+    says that contributions may be zero.
 
     Attributes
     ----------

@@ -19,7 +19,8 @@ LINE_POINTS = 17
 class Found(NamedTuple):
     """The best place (d,) of a search, the value at this place, and its expected distance from the largest value.
 
-    This distance, `error`, follows from the gain of the last steps. It is infinite if the search was not completed.
+    This distance, `error`, follows from the gain of the last steps. The distance is infinite if the search was not
+    completed.
     """
 
     place: Array
@@ -30,10 +31,10 @@ class Found(NamedTuple):
 def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough: float = np.inf) -> Found:
     """Search for the largest value of f by polls, from the best of some starts (n, d).
 
-    A poll evaluates points one step away in both directions along each axis, or along random orthogonal directions. It
-    also evaluates the point that parabolas through these values predict. If neither axes nor random directions give a
-    gain, the step becomes shorter. (Audet and Dennis 2006, Mesh adaptive direct search algorithms for constrained
-    optimization)
+    A poll evaluates points one step away in both directions along each axis, or along random orthogonal directions. A
+    poll also evaluates the point that parabolas through these values predict. If neither axes nor random directions
+    give a gain, the step becomes shorter. (Audet and Dennis 2006, Mesh adaptive direct search algorithms for
+    constrained optimization)
 
     Parameters
     ----------

@@ -91,7 +91,7 @@ def idle_parameters(
     """Names of parameters that do not change some outputs, given by their numbers, and the number of further runs.
 
     Polynomials show parameters that seem to have no effect. Pairs of runs that differ in one parameter then confirm
-    this.
+    that there is no effect.
     """
     if bounds.surrogate is None:
         return [], 0

@@ -133,10 +133,10 @@ class Excess:
 def closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indices, enough: float) -> FurtherRun:
     """The further run that is closest to a limit, or farthest beyond the limit, from a search with several starts.
 
-    The starts are the worst runs of the study, the extremes of its polynomials, and the nearest corners. They are taken
-    at the first of the times `rows` (n_t,) that have different runs. If runs cost little, starts also include points
-    with two changed parameters, and points spread over the box. If the limit is close, searches along lines through the
-    best run follow. An excess above `enough` ends the search.
+    The starts are the worst runs of the study, the extremes of its polynomials, and the nearest corners. The starts are
+    taken at the first of the times `rows` (n_t,) that have different runs. If runs cost little, starts also include
+    points with two changed parameters, and points spread over the box. If the limit is close, searches along lines
+    through the best run follow. An excess above `enough` ends the search.
     """
     study, box = bounds.study, bounds.box
     assert study is not None and box is not None

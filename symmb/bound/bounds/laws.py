@@ -17,7 +17,7 @@ Correlation = Sequence[Sequence[float]] | Array
 
 
 def given_once(owner: str, laws: object, distributions: object) -> Any:
-    """The distributions, which may be given by either of two names."""
+    """The distributions, given as `laws` or as `distributions`."""
     if laws is not None and distributions is not None:
         raise DeclarationError(f"{owner}: laws and distributions are two names of one argument. Give one of them.")
     return distributions if laws is None else laws

@@ -195,7 +195,7 @@ class _Margin:
         return self.size * self.factor * np.maximum(self.process.deviation((x - self.centre) / self.scale), least)
 
     def optimistic(self, x: Array) -> Array:
-        """Margins (N,) plus the leave-one-out error. Standard deviations take a hundred times as long."""
+        """Margins (N,) plus leave-one-out errors, because standard deviations take a hundred times as long."""
         error = float(np.sqrt(np.square(self.process.left_out_errors()).mean()))
         # The search for failures adds this many errors to a margin. With smaller numbers, the search misses regions
         # without runs.

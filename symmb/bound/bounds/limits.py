@@ -83,7 +83,8 @@ class KeptLimit:
 
     @property
     def share(self) -> float:
-        """The margin m relative to the width w, m / (|m| + w), from -1 to 1. It compares limits of any units."""
+        """The margin m relative to the width w, m / (|m| + w), from -1 to 1. This ratio compares limits of any
+        units."""
         least = float(self.margin.min())
         return least / (abs(least) + self.width) if least and np.isfinite(least) else float(np.sign(least))
 
@@ -373,8 +374,8 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
 def by_further_run(further: FurtherRun, limit: float, margin: Array, rounding: float, unit: str) -> _Decision | None:
     """The decision by the further run that is closest to a limit; None if the search was not completed.
 
-    The limit is violated if the run is beyond the limit. It is satisfied if the run is farther inside than the error of
-    the search, or if the output is constant exactly at the limit.
+    The limit is violated if the run is beyond the limit. The limit is satisfied if the run is farther inside than the
+    error of the search, or if the output is constant exactly at the limit.
     """
     inside, error = -further.beyond, max(further.error, rounding)
     own = limit - further.values if further.side == "upper" else further.values - limit

@@ -23,7 +23,7 @@ from symmb.run.simulation import DAESimulator
 
 
 class Method(ABC):
-    """A method to bound responses over a box. Subclasses are frozen dataclasses. Their fields are the options."""
+    """A method to bound responses over a box. Subclasses are frozen dataclasses with the options as fields."""
 
     kind: ClassVar[Kind]
     unit_of_work: ClassVar[str] = "runs"
@@ -135,7 +135,7 @@ def parameter_samples(simulator: Simulator, box: Box, unit: Array) -> Array:
 
 
 def parameter_columns(simulator: Simulator, box: Box) -> list[int]:
-    """Columns of the box's parameters among those of the simulator."""
+    """Columns of the box's parameters among the parameters of the simulator."""
     order = list(simulator.parameters)
     return [order.index(name) for name in box.names]
 

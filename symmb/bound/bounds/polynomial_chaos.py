@@ -49,15 +49,16 @@ class PolynomialChaos(Method):
 
     ``PolynomialChaos()`` adds nodes until the estimated error is small enough. For up to three parameters, it uses
     tensor grids, and check runs at the extremes of the expansion. For one parameter, runs near kinks reduce the error.
-    If this does not suffice, the box is divided into parts. For regular oscillations over many periods, polynomials
+    If the error remains large, the box is divided into parts. For regular oscillations over many periods, polynomials
     describe the phase and the form of the cycles. For more parameters, each output has check runs and a
     separate sparse grid, which grows where the output varies. If a sparse grid takes too many runs, runs at corners and
     near extremes give the bounds. For simulators that are not scenes, runs at corners come first, because monotonic
     responses have their extremes there. Outputs with at most eight output times use a Gaussian process that finds the
-    directions of variation. Narrow bumps may be missed without a warning. Their standard deviation, divided by the half
-    width of the box, is below 0.2 for two parameters, 0.4 for three and 0.5 for four. ``PolynomialChaos(probes=200)``
-    finds more bumps. ``PolynomialChaos(order=4)`` has a given order: it interpolates at Clenshaw-Curtis nodes, and
-    takes the exact range of the interpolant. ``PolynomialChaos.paper(order=2)`` is the method of the paper.
+    directions of variation. Narrow bumps may be missed without a warning. Bumps are narrow if their standard deviation,
+    divided by the half width of the box, is below 0.2 for two parameters, 0.4 for three and 0.5 for four.
+    ``PolynomialChaos(probes=200)`` finds more bumps. ``PolynomialChaos(order=4)`` has a given order: it interpolates at
+    Clenshaw-Curtis nodes, and takes the exact range of the interpolant. ``PolynomialChaos.paper(order=2)`` is the
+    method of the paper.
 
     Parameters
     ----------
@@ -71,17 +72,17 @@ class PolynomialChaos(Method):
     probes : without order: number of further runs, evenly spread over the box, with which the surrogate must agree.
         These runs find effects in small parts of the box
     lockstep : advance all nodes together from one output time to the next, and compute the expansion there (Fig. 4).
-        This needs a simulator that can march, and does not use the executor. Otherwise each node runs separately (Fig.
-        5)
+        This option needs a simulator with a method `march`, and does not use the executor. Without this option, each
+        node runs separately (Fig. 5)
 
     Raises
     ------
     DeclarationError
         If an option is out of its range, or has no meaning with the other options.
     PropagationError
-        From ``bounds``: too many nodes failed for least squares over the other nodes; without order, most of the first
-        nodes failed; the nodes do not determine the basis; the simulator cannot march in lockstep; the budget is
-        smaller than the number of first runs.
+        Raised by ``bounds`` if too many nodes failed for least squares over the other nodes; if, without order, most of
+        the first nodes failed; if the nodes do not determine the basis; if the simulator cannot march in lockstep; or
+        if the budget is smaller than the number of first runs.
 
     Examples
     --------

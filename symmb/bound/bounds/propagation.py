@@ -49,8 +49,8 @@ def propagate(
     Returns
     -------
     Bounds
-        ``lower`` and ``upper`` (n_t, n_y). Their ``warnings`` state what is uncertain. A SymmbWarning is issued as
-        well.
+        ``lower`` and ``upper`` (n_t, n_y). ``warnings`` of the bounds state what is uncertain. A SymmbWarning is issued
+        as well.
 
     Raises
     ------

@@ -67,8 +67,8 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     attaining : the runs that attain the bounds; None if the bounds were read or pickled, or if there are no runs
     worst_cases : worst cases over all times, if the bounds were read from a file
     figures : names of the scalar outputs (one number per run); their bounds are the same at all times
-    range_of : source of the range of an adaptive method, in words: interpolants, runs at corners; empty for other
-        methods
+    range_of : source of the range of an adaptive method, such as an interpolant, or runs at corners; empty for other
+    methods
 
     Examples
     --------
@@ -90,20 +90,20 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     def check(self, limits: Limits) -> LimitCheck:
         """Check whether outputs satisfy limits for all parameters of the box, at all times.
 
-        The check widens the bounds by their estimated error at each time. A limit is satisfied if these bounds are
-        inside, and no warning concerns the output. A limit is violated if a run exceeds it by more than rounding and
-        noise. The nominal run is one of these runs if its parameters are in the box. If nothing else decides, the check
-        makes the nominal run.
+        The check widens the bounds by their estimated error at each time. A limit is satisfied if the widened bounds
+        are inside the limit, and no warning concerns the output. A limit is violated if a run exceeds it by more than
+        rounding and noise. The nominal run counts if its parameters are in the box. If a limit is still undecided, the
+        check makes the nominal run.
 
         If the bounds are closer to a limit than twice their estimated error, further runs search for a run beyond the
         limit. For a scene, the search also starts if the bounds are closer than half of their width. The search makes
         at most as many runs as the study, or 600 runs if this is more. With other simulators, the search makes at most
-        twice as many runs as the study. The limit is then satisfied if the closest run is farther inside than the error
-        of the search. Otherwise the limit is undecided.
+        twice as many runs as the study. The limit is satisfied if the closest run is farther inside than the error of
+        the search, and undecided otherwise.
 
         For scenes, the check uses the lowest and highest values of runs over time, as from `mb.minimum` and
-        `mb.maximum`. It does this for the nominal run, for the corners if there are few, for the runs closest to the
-        limit, and for the search. For other simulators, the check uses values at output times only.
+        `mb.maximum`. These values are used for the nominal run, for the corners if there are few, for the runs closest
+        to the limit, and for the search. For other simulators, the check uses values at output times only.
 
         An enclosure proves that a limit is satisfied at the output times. Samples alone can only show that a limit is
         violated.
@@ -211,9 +211,9 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     ) -> "Figure":
         """Draw the bounds of outputs over time; write the picture to ``path`` if given.
 
-        Without names, the first six outputs are drawn. The filled band is between lower and upper. Dashed lines are
-        ``outer``. Dotted lines are ``inner``, unless the bounds are sampled. The thin line is the nominal run. Scalar
-        outputs are bars.
+        If `outputs` is not given, the first six outputs are drawn. The filled band is between lower and upper. Dashed
+        lines are ``outer``. Dotted lines are ``inner``, unless the bounds are sampled. The thin line is the nominal
+        run. Scalar outputs are bars.
 
         Parameters
         ----------
@@ -240,8 +240,8 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     def report(self, path: str | Path, limits: Limits | None = None, **block: object) -> None:
         """Write a report: one .html file that can be opened offline and printed.
 
-        The report first states whether limits are satisfied. It then states which tolerance to tighten, and by how
-        much. Curves and the mechanism follow. An annex contains warnings, tables, worst cases, contributions by
+        The report first states whether limits are satisfied. The report then states which tolerance to tighten, and by
+        how much. Curves and the mechanism follow. An annex contains warnings, tables, worst cases, contributions by
         adaptive methods, the equations, the assumptions, the cost, and how to repeat the study.
 
         Parameters

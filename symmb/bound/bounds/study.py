@@ -1,4 +1,4 @@
-"""The data from which bounds were computed. They are stored with the bounds for further runs."""
+"""The data from which bounds were computed, which are stored with the bounds for further runs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -115,7 +115,7 @@ class Study:
     def range(self, box: Box, label: str) -> tuple[Array, Array, Array, int]:
         """Bounds (n_t, n_y) over another box by PolynomialChaos(), their estimated error, and the number of runs.
 
-        Parameters outside of the box have their nominal values. The progress shows the label.
+        Parameters outside of the box have their nominal values. The progress bar shows `label`.
         """
         with shown_runs(None, f"{label}, {', '.join(box.names)}") as progress:
             bounds = PolynomialChaos().bounds(self.simulator, box, progress=progress)
@@ -123,7 +123,8 @@ class Study:
         return bounds.lower, bounds.upper, bounds.estimate, bounds.evaluations
 
     def sample(self, n: int) -> tuple[Array, Array]:
-        """Points (n, d) spread over the unit box, and the responses (n, n_t, n_y) there. All answers use these runs.
+        """Points (n, d) spread over the unit box, and the responses (n, n_t, n_y) at these points. All answers use
+        these runs.
 
         Points with failed runs are left out. PropagationError is raised if most runs fail.
         """

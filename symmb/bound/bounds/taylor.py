@@ -42,12 +42,12 @@ class Taylor(Method):
     ----------
     order : highest total degree
     subintervals : number of equal parts of the interval of each parameter. Each of the ``subintervals**d`` parts has an
-        expansion. The bounds are the union of their bounds
+        expansion. The bounds are the union of the bounds of all parts
 
     Raises
     ------
     PropagationError
-        From ``bounds``: the simulator gives no derivatives, or they are not finite, or an `Impact` makes them invalid.
+        Raised by ``bounds`` if derivatives are missing or not finite, or if an `Impact` makes them invalid.
 
     Examples
     --------

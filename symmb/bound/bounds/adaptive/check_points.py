@@ -100,8 +100,8 @@ def evenly_spread_points(number: int, d: int) -> Array:
 def screening_corners(d: int) -> Array:
     """Corners (N, d) of the unit box: the rows of a Hadamard matrix by Paley's construction.
 
-    For up to eleven parameters there are 12 corners. They contain each combination of signs of any three parameters.
-    (Plackett and Burman 1946, The design of optimum multifactorial experiments)
+    For up to eleven parameters there are 12 corners. These corners contain each combination of signs of any three
+    parameters. (Plackett and Burman 1946, The design of optimum multifactorial experiments)
     """
     prime = next(q for q in count(11, 4) if q >= d and all(q % k for k in range(3, q, 2)))
     signs = np.full(prime, -1.0)
@@ -114,7 +114,7 @@ def corner_design(d: int) -> Array:
     """Corners (N, d) of the unit box: all, or with more than ALL_CORNERS parameters a subset of resolution V.
 
     The subset contains all sign combinations of any four parameters. The first r parameters have all combinations. The
-    sign of each other parameter is a product of their signs. No sum of four or fewer vectors of factors may vanish
+    sign of each other parameter is a product of signs of these r. No sum of four or fewer vectors of factors may vanish
     modulo 2. (Box and Hunter 1961, The 2^(k-p) fractional factorial designs)
     """
     if d <= ALL_CORNERS:
@@ -136,7 +136,7 @@ def corner_design(d: int) -> Array:
 def screening_points(d: int) -> Array:
     """Points (N, d) for responses about which nothing else is known: corners, and PROBES points inside.
 
-    If there are few corners, all are used, because a kink may affect one corner only.
+    If there are few corners, all corners are used, because a kink may affect one corner only.
     """
     ends = corners(d) if 2**d <= MOST_CORNERS else screening_corners(d)
     return np.concatenate([ends, quasi_random_points(2 + PROBES, d)[2:]])
@@ -145,8 +145,8 @@ def screening_points(d: int) -> Array:
 def count_shapes(Y: Array) -> Indices:
     """Number of independent functions of time (...) in deviations Y (..., N, m) from the mean response.
 
-    Values at many times may follow a single function. They then contain no more information than one number. A function
-    is counted if its size is at least the fraction SHAPE_SHARE of the largest size.
+    Values at many times may follow a single function. Such values contain no more information than one number. A
+    function is counted if its size is at least the fraction SHAPE_SHARE of the largest size.
     """
     # The Gram matrix of N runs has the same nonzero eigenvalues as that of m times, and N is smaller.
     squares = np.linalg.eigvalsh(Y @ Y.swapaxes(-1, -2))
@@ -156,6 +156,7 @@ def count_shapes(Y: Array) -> Indices:
 def inflated_error(squares: Array, safety: float = SAFETY) -> Array:
     """Expected errors (n_t, n_y) at other points, from the largest squared errors at check runs and a factor.
 
-    Errors are averaged over a window. They are at least the errors of the check runs, because a pulse may be shorter.
+    Errors are averaged over a window. Expected errors are at least the errors of the check runs, because a pulse may be
+    shorter.
     """
     return np.sqrt(np.maximum(safety**2 * average_over_window(squares), squares))

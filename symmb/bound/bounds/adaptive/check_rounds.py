@@ -1,4 +1,4 @@
-"""Rounds of check runs near extremes. They measure errors of an interpolant's range and of extremes of runs."""
+"""Rounds of check runs near extremes, which measure errors of an interpolant's range and of extremes of runs."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -75,14 +75,14 @@ class CheckRounds:
     """Two ranges of an output with their errors, from rounds of check runs. The range with the smaller error is used.
 
     The first range is the range of an expansion. The check runs of each round correct the expansion. The runs of the
-    next round show its error. Rounds end when this error is small enough or no longer decreases. The continuation
-    expects an error at x that is s(x) times the typical error. A new run at x with the error e suggests a typical error
-    of e / s(x). The first range may exceed all runs. In earlier rounds, runs have attained a fraction of the predicted
-    excess. The bounds contain the same fraction of the present excess. The error of the excess is the fraction that
-    runs attained, or the fraction that runs did not confirm, if this fraction is smaller.
+    next round show the error of the range. Rounds end when this error is small enough or no longer decreases. The
+    continuation expects an error at x that is s(x) times the typical error. A new run at x with the error e suggests a
+    typical error of e / s(x). The first range may exceed all runs. In earlier rounds, runs have attained a fraction of
+    the predicted excess. The bounds contain the same fraction of the present excess. The error of the excess is the
+    fraction that runs attained, or the fraction that runs did not confirm, if this fraction is smaller.
 
-    The second range contains the extremes of all runs, if corners have been run. Its error is the largest of four
-    values:
+    The second range contains the extremes of all runs, if corners have been run. The error of this range is the largest
+    of four values:
 
     - the gain of the last rounds
     - the gain from twice as many runs inside the box

@@ -21,7 +21,7 @@ class Clock:
     """A clock that stops during runs.
 
     The clock measures wall time, or the processor time of this program's threads if this is shorter. Work of other
-    programs is thus not included. For runs in other processes, it measures wall time.
+    programs is thus not included. For runs in other processes, the clock measures wall time.
 
     Attributes
     ----------

@@ -1,8 +1,8 @@
 """Ranges of oscillations over many periods, from polynomials of their phase and of their waveform.
 
 If the period of a response depends on parameters, the response has many extremes in these parameters after many
-periods. Its phase and the form of its cycles remain simple functions. A few runs show both. Source: Mai and Sudret,
-SIAM/ASA Journal on Uncertainty Quantification 5 (2017).
+periods. The phase and the form of the cycles remain simple functions. A few runs show these functions. Source: Mai and
+Sudret, SIAM/ASA Journal on Uncertainty Quantification 5 (2017).
 """
 
 from collections.abc import Iterable
@@ -59,7 +59,7 @@ class Cycles:
 
     @classmethod
     def of(cls, t: Array, features: Array) -> "Cycles":
-        """From phases and waveforms side by side, (N, n_t + SLOW_TIMES * SAMPLES)."""
+        """Cycles from phases and waveforms side by side, (N, n_t + SLOW_TIMES * SAMPLES)."""
         series = np.fft.rfft(features[:, len(t) :].reshape(-1, SLOW_TIMES, SAMPLES))
         return cls(t, features[:, : len(t)], np.fft.irfft(series, FINE_SAMPLES) * (FINE_SAMPLES / SAMPLES))
 

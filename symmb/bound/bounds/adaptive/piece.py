@@ -169,7 +169,7 @@ class Piece:
 
     @property
     def largest_error(self) -> Array:
-        """Expected error (n_t, n_y) at any point. At jumps, it is the range of the values at nodes.
+        """Expected error (n_t, n_y) at any point. At jumps, this error is the range of the values at nodes.
 
         Extremes are mostly at nodes, where errors are smaller. At other points, terms of higher degrees are expected to
         decrease with the same ratio as the last terms. At kinks, all of the last degrees give the error.

@@ -1,6 +1,6 @@
 """Bounds of few responses over many parameters, from a Gaussian process that learns the directions of variation.
 
-tests/benchmarks/known_ranges.py has 370 functions (seeds 5-9, 60 s each). The process is used for 153 of them. The
+tests/benchmarks/known_ranges.py has 370 functions (seeds 5-9, 60 s each). The process is used for 153 functions. The
 median is 80 runs, 10 functions have needless warnings, and no error is without a warning. With sparse grids, the median
 is 328 runs, 80 functions have needless warnings, and three sums of kinks have errors without a warning.
 """

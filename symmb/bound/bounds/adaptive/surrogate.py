@@ -13,9 +13,9 @@ from symmb.bound.polynomials.ranges import Piecewise
 class EstimatedRange(NamedTuple):
     """Range of a surrogate and its estimated error, each (n_t, n_y), and polynomials that approximate the surrogate.
 
-    A call of `polynomials` makes the polynomials. They need as much memory as the runs, which can then be deleted.
-    `places` (2, n_t, n_y, d) are the places of minima and maxima, if known. `is_enough` states whether the tolerance is
-    reached. `surrogate` is the name of the surrogate.
+    A call of `polynomials` makes the polynomials. The polynomials need as much memory as the runs, which can then be
+    deleted. `places` (2, n_t, n_y, d) are the places of minima and maxima, if known. `is_enough` states whether the
+    tolerance is reached. `surrogate` is the name of the surrogate.
     """
 
     lower: Array

@@ -93,13 +93,13 @@ class _Union:
 
 
 class TensorGrids:
-    """Interpolants on tensor grids. Their degrees increase in the directions with the largest errors.
+    """Interpolants on tensor grids. Degrees increase in the directions with the largest errors.
 
     If the response is not smooth, the box is halved. Each half is refined separately as long as it may contain an
     extreme of some output at some time. Errors are estimated from the last coefficients, at the places of the extremes.
     Runs at some of these places then check the estimate. For one parameter, secants predict extremes at kinks. Runs at
     these points attain a fraction of the predictions. The largest fraction (n_y,) is applied to all other predictions,
-    and gives their error.
+    and gives the error of these predictions.
     """
 
     def __init__(self, runs: Runs, tolerance: float) -> None:
@@ -262,7 +262,7 @@ class TensorGrids:
     def is_costly(self) -> bool:
         """Whether the next step takes too many runs, such as halves along three parameters and large grids.
 
-        For two parameters, pieces take some hundred runs. They resolve moving fronts better than searches.
+        For two parameters, pieces take some hundred runs. Pieces resolve moving fronts better than searches.
         """
         d = len(self._runs.box)
         return d > 2 and (len(self._parts) > 1 or self._cost() > PATIENCE * d)

@@ -53,8 +53,8 @@ class Exact:
     tolerance : largest distance of a bound from the true extreme, divided by the range of the polynomial. For a
         constant, the largest distance is 1e-13 of the coefficients. The bounds are never narrower than the range,
         except for rounding.
-    budget : largest number of boxes for each extreme of a polynomial. If it is used up, the tolerance is increased as
-        needed
+    budget : largest number of boxes for each extreme of a polynomial. If the budget is used up, the tolerance is
+    increased as needed
 
     Raises
     ------

@@ -91,7 +91,7 @@ class Piecewise:
 
     def acting(self, floor: Array) -> Mask:
         """Mask (d,) of parameters that may change a response by more than its floor (n_y,). Parameters without terms
-        are included. So are all parameters if an error is infinite."""
+        are included. If an error is infinite, all parameters are included."""
         acts, has_terms = np.zeros((2, self.centres.shape[1]), dtype=bool)
         for own in self.expansions:
             for i, degrees in enumerate(own.alpha.T):
