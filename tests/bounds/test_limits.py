@@ -329,7 +329,7 @@ def test_limits_are_drawn_and_labelled(tmp_path):
     ("limits", "why"),
     [
         ({}, "a dictionary"), (3, "a dictionary of pairs"), ({"x": (0, 1)}, "no output 'x'"), ({"y": 3}, "pair"),
-        ({"y": (None, None)}, "pair"), ({"y": (1, 0)}, "cross"), ({"y": (np.nan, 1)}, "numbers or None"),
+        ({"y": (None, None)}, "pair"), ({"y": (1, 0)}, "is above"), ({"y": (np.nan, 1)}, "numbers or None"),
         ({"y": (np.inf, np.inf)}, "must be finite"), ({"y": (-np.inf, np.inf)}, "must be finite"),
         ({"y": (np.inf, None)}, "must be finite"), ({"y": (None, -np.inf)}, "must be finite"),
         ({"y": ("a", 1)}, "not a finite number"), ({"y": (1, 2, 3)}, "pair"), ({"y": (True, 2)}, "numbers or None"),

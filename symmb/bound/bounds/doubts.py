@@ -196,8 +196,7 @@ def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
 
 
 def _noise_doubts(simulator: Simulator, bounds: Bounds) -> tuple[str, ...]:
-    """A warning about outputs with a width above rounding, but below noise. Scenes are left out: their noise is only an
-    estimate."""
+    """A warning about outputs with a width above rounding, but below noise. Scenes are left out: noise is only estimated."""
     if isinstance(simulator, SceneSimulator) or not isinstance(simulator, Noisy) or simulator.noise is None:
         return ()
     lower, upper = bounds.inner or (bounds.lower, bounds.upper)

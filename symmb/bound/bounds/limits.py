@@ -83,8 +83,7 @@ class KeptLimit:
 
     @property
     def share(self) -> float:
-        """The margin m relative to the width w, m / (|m| + w), from -1 to 1. This ratio compares limits of any
-        units."""
+        """The margin m relative to the width w, m / (|m| + w), from -1 to 1, which compares limits of any units."""
         least = float(self.margin.min())
         return least / (abs(least) + self.width) if least and np.isfinite(least) else float(np.sign(least))
 

@@ -67,8 +67,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     attaining : the runs that attain the bounds; None if the bounds were read or pickled, or if there are no runs
     worst_cases : worst cases over all times, if the bounds were read from a file
     figures : names of the scalar outputs (one number per run); their bounds are the same at all times
-    range_of : source of the range of an adaptive method, such as an interpolant, or runs at corners; empty for other
-    methods
+    range_of : source of the range of an adaptive method, such as runs at corners; empty for other methods
 
     Examples
     --------

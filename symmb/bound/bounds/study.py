@@ -123,8 +123,7 @@ class Study:
         return bounds.lower, bounds.upper, bounds.estimate, bounds.evaluations
 
     def sample(self, n: int) -> tuple[Array, Array]:
-        """Points (n, d) spread over the unit box, and the responses (n, n_t, n_y) at these points. All answers use
-        these runs.
+        """Points (n, d) spread over the unit box, and the responses (n, n_t, n_y) of these runs, for all answers.
 
         Points with failed runs are left out. PropagationError is raised if most runs fail.
         """

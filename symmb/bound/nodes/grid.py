@@ -31,8 +31,7 @@ class Grid:
         self._signs: dict[Index, int] = {}  # signs of the tensor interpolants
 
     def missing(self, indices: Iterable[Index]) -> set[Index]:
-        """The given indices and all smaller indices that the set does not contain. All these indices must be added
-        together."""
+        """The given indices and all smaller indices that the set does not contain, which must be added together."""
         return with_lower(indices, self.row)
 
     def add(self, indices: set[Index]) -> None:

@@ -156,7 +156,6 @@ def count_shapes(Y: Array) -> Indices:
 def inflated_error(squares: Array, safety: float = SAFETY) -> Array:
     """Expected errors (n_t, n_y) at other points, from the largest squared errors at check runs and a factor.
 
-    Errors are averaged over a window. Expected errors are at least the errors of the check runs, because a pulse may be
-    shorter.
+    Errors are averaged over a window, but are at least the errors of check runs, because pulses may be short.
     """
     return np.sqrt(np.maximum(safety**2 * average_over_window(squares), squares))

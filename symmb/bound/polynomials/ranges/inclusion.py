@@ -30,8 +30,7 @@ class Range(Protocol):
 class LegendreInclusion:
     """Natural interval arithmetic a_0 + sum a_i [min phi_i, max phi_i], eqs. (23)-(24), for any order.
 
-    The interval encloses the range of the expansion. The interval becomes wider than the range as the number of terms
-    grows.
+    The interval encloses the range of the expansion. With more terms, the interval becomes wider than the range.
 
     Examples
     --------
