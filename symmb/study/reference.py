@@ -99,7 +99,8 @@ def find_reference(
     if isinstance(reference, Bounds):
         if tuple(reference.names) != tuple(simulator.outputs):
             raise PropagationError(
-                f"The reference has {', '.join(reference.names)}, but outputs are {', '.join(simulator.outputs)}. "
+                f"The outputs of the reference are {', '.join(reference.names)}, but the outputs of the simulator are "
+                f"{', '.join(simulator.outputs)}. "
                 "Give a reference of the same outputs in the same order."
             )
         t, times = reference.t, simulator.times

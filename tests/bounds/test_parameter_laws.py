@@ -64,7 +64,7 @@ def test_laws_are_cut_to_the_box():
     cut = st.truncexpon(1.0)
     assert np.allclose(found.lower[:, 0], cut.ppf(LEVELS), atol=found.estimate[:, 0])
     told = "The distribution of a is cut to its interval. The part outside has a probability of 0.37. "  # exp(-1)
-    assert found.remarks == (told + "Bounds over wider intervals include it.",)
+    assert found.remarks == (told + "Bounds over wider intervals include this part.",)
 
 
 def test_laws_that_are_cut_are_told_together():

@@ -196,7 +196,7 @@ def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
 
 
 def _noise_doubts(simulator: Simulator, bounds: Bounds) -> tuple[str, ...]:
-    """A warning about outputs with a width above rounding, but below noise. Scenes are left out: noise is only estimated."""
+    """A warning about outputs with a width between rounding and noise, except for scenes: their noise is estimated."""
     if isinstance(simulator, SceneSimulator) or not isinstance(simulator, Noisy) or simulator.noise is None:
         return ()
     lower, upper = bounds.inner or (bounds.lower, bounds.upper)

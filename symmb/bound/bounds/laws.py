@@ -110,7 +110,9 @@ def _law_text(law: Any) -> str:
 
 def _masses(owner: str, name: str, law: Any, box: Box) -> tuple[float, float]:
     if hasattr(law, "freeze"):
-        raise DeclarationError(f"{owner}: distribution of {name!r} needs numbers, such as scipy.stats.norm(40, 1.3).")
+        raise DeclarationError(
+            f"{owner}: give numbers to the distribution of {name!r}, as in scipy.stats.norm(40, 1.3)."
+        )
     if not all(callable(getattr(law, part, None)) for part in ("cdf", "ppf")):
         raise DeclarationError(
             f"{owner}: the distribution of {name!r} must have cdf and ppf, such as scipy.stats.norm(40, 1.3), "
@@ -127,7 +129,7 @@ def _masses(owner: str, name: str, law: Any, box: Box) -> tuple[float, float]:
     # A distribution with a smaller probability in the box is rejected, because its quantiles there have few digits.
     if not above - below >= SLIGHT:
         raise DeclarationError(
-            f"{owner}: the distribution of {name!r} has a probability of only {above - below:.1g} in its interval "
+            f"{owner}: the distribution of {name!r} has a probability of {above - below:.1g} in its interval "
             f"from {low:g} to {high:g}. Give another interval or distribution."
         )
     return below, above

@@ -101,7 +101,7 @@ class TaylorModel(Method):
         self._require_room(problem.d, *((20_000, 1) if problem.n else (1_000_000, EXTRA_NODES + 1)))
 
         if problem.meeting:
-            warnings.warn(f"{self!r}: {problem.meeting}. The proof ends there.", SymmbWarning, stacklevel=2)
+            warnings.warn(f"{self!r}: {problem.meeting}. The proof ends at this time.", SymmbWarning, stacklevel=2)
         outlook = _Outlook(self)
 
         def tell(share: float) -> None:

@@ -207,7 +207,7 @@ class SparseGrid:
         level = self._level(order)
         if self.rule.degree(level) > MOST_ORDER:
             degree = self.rule.degree(level)
-            raise PropagationError(f"{self!r}: level {level} has degree {degree}. The highest degree is {MOST_ORDER}.")
+            raise PropagationError(f"{self!r}: level {level} needs degree {degree}. Use a degree up to {MOST_ORDER}.")
         lines = [self.rule.line(self.rule.degree(i)) for i in range(level + 1)]
         grids = []
         for total in range(max(0, level - d + 1), level + 1):
@@ -229,7 +229,7 @@ class SparseGrid:
     def _level(self, order: int) -> int:
         level = order if self.level is None else self.level
         if level > MOST_ORDER:  # a degree is never lower than its level
-            raise PropagationError(f"{self!r}: level {level} is above the highest degree, {MOST_ORDER}.")
+            raise PropagationError(f"{self!r}: level {level} is too high. Use a level below {MOST_ORDER}.")
         return level
 
     def __repr__(self) -> str:
