@@ -27,9 +27,9 @@ def advice(
 ) -> str:
     """The best solver, the largest steps of other solvers, and the best solver for each harder variant.
 
-    If no solver is known to be good, the reason is given. The last sentences list the solvers that were not tried, and
-    warnings about the model. Only settings with a small error and a small drift of energy are recommended. The error
-    includes the uncertainty of the reference. Trials that were left out for lack of time are ignored.
+    If no solver is known to be good, the reason is given. The text ends with warnings, also about solvers that were not
+    tried. Only settings with a small error and a small drift of energy are recommended. The error includes the
+    uncertainty of the reference. Trials that were left out for lack of time are ignored.
     """
     tried, standard = trials, standards[""]
     trials = [t for t in trials if t.reason != LEFT_OUT]
@@ -43,7 +43,7 @@ def advice(
     ]
     broken = [f"{failed} of {of} at {width:.0%}" for width, (failed, of) in corners.items() if failed]
     if broken:
-        lines.append(f"Corners of wider boxes fail: {', '.join(broken)}. Bounds there use only the other runs.")
+        lines.append(f"Corners of wider boxes fail: {', '.join(broken)}. Bounds of wider boxes use only other runs.")
     return "\n".join([*lines, *doubts])
 
 
@@ -106,7 +106,7 @@ def _too_long(families: Mapping[str, Sequence[Trial]]) -> list[str]:
     lines = [f"No step of {', '.join(enough)} was small enough."] if enough else []
     if cut:
         lines.append(
-            f"Smaller steps of {', '.join(cut)} had no time to finish. It is not known whether they are small enough."
+            f"Runs of {', '.join(cut)} with smaller steps had no time to finish. These steps may be small enough."
         )
     return lines
 
@@ -135,12 +135,12 @@ def _under_stress(stress: Sequence[Trial], standards: Standards) -> list[str]:
 
 
 def _verdict(trials: Sequence[Trial], standard: Standard) -> str:
-    """The fastest good setting, and the families without a good setting; or why no setting is known to be good."""
+    """The fastest good setting, and families without a good setting; or why no setting is known to be good."""
     if standard.fault:
-        return f"none is known to be good: {standard.fault}"
+        return f"no setting is known to be good: {standard.fault}"
     good = _good(trials, standard)
     others = [t for t in trials if t.family not in {g.family for g in good}]
     finished = [t for t in others if not t.reason]
     failed = by_reason([t for t in others if t.family not in {f.family for f in finished}])
     parts = filter(None, [f"inaccurate: {named(finished)}" if finished else "", failed])
-    return "; ".join([_timed(good[0]) if good else "none tried is good", *parts])
+    return "; ".join([_timed(good[0]) if good else "no tried setting is good", *parts])

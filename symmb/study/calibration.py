@@ -39,7 +39,7 @@ _LEAST_COMPONENT = 0.05
 class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved):
     """Estimates of parameters from data, and their accuracy.
 
-    `print` shows the estimates, `plot` draws the data and the fitted run, `save` and `load` use a file.
+    `print` shows the estimates, `plot` draws the data and the fitted run. `save` writes a file, and `load` reads it.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
     noise : dict
         output -> standard deviation of the data, given or estimated
     times, data, residuals : dict
-        output -> (n,) times [s], values, and values minus those of the fitted run
+        output -> (n,) times [s], data, and data minus the outputs of the fitted run
     degrees : int
         degrees of freedom: number of values minus number of determined quantities; 0 if the noise was given
     undetermined : tuple of str
@@ -282,7 +282,7 @@ def calibrate(
     count = sum(len(values) for _, values in measured.values())
     if count < (needed := len(some) + (not known_noise)):
         unknown, gave = counted(len(some), "parameter"), counted(count, "value")
-        more = f"Give {needed} or more"
+        more = f"Give {needed} or more values"
         rest = f"{unknown}. {more}" if known_noise else f"{unknown} and the noise. {more}, or noise="
         raise DeclarationError(f"{OWNER}: {gave} cannot determine {rest}, or estimate fewer parameters.")
     with kept_interrupts():
@@ -294,16 +294,16 @@ def calibrate(
 def _measured(scene: Scene, data: Mapping[str, Any]) -> dict[str, tuple[Array, Array]]:
     """Times and values of each output that has data."""
     if not isinstance(data, Mapping) or not data:
-        raise DeclarationError(f'{OWNER}: data must be values by output, such as {{"x": [...]}}, got {shown(data)}.')
+        raise DeclarationError(f'{OWNER}: data must map outputs to values, such as {{"x": [...]}}, got {shown(data)}.')
     measured = {}
     for name, values in normal_keys(OWNER, data).items():
         require_name(OWNER, "output", name, scene.output_names)
         if name in scene.figures:
-            raise DeclarationError(f"{OWNER}: {name!r} is a scalar output. Data are values of an output over time.")
+            raise DeclarationError(f"{OWNER}: {name!r} is a scalar output, but data must belong to outputs over time.")
         pair = isinstance(values, tuple) and len(values) == 2 and np.ndim(values[0]) == 1
         t, y = (numbers_of(part) for part in (values if pair else (scene.times, values)))
         if t is None or y is None or t.ndim != 1 or y.shape != t.shape:
-            where = "its own times" if pair else f"the {len(scene.times)} times of the scene"
+            where = "the given times" if pair else f"the {len(scene.times)} times of the scene"
             raise DeclarationError(f"{OWNER}: data of {name!r} must be one number for each of {where}.")
         if fault := _fault(t, y, scene.times[0]):
             raise DeclarationError(f"{OWNER}: {fault.format(name=repr(name))}")
@@ -332,7 +332,7 @@ def _noise(noise: Mapping[str, float] | None, measured: Mapping[str, Any]) -> di
     noise = normal_keys(OWNER, noise)
     if not isinstance(noise, Mapping) or noise.keys() != measured.keys():
         raise DeclarationError(
-            f"{OWNER}: noise must be numbers, one for each output with data: {', '.join(measured)}, got {shown(noise)}."
+            f"{OWNER}: noise must have a number for each output with data: {', '.join(measured)}, got {shown(noise)}."
         )
     for name, value in noise.items():
         require_positive(OWNER, f"noise of {name!r}", value)
@@ -380,7 +380,7 @@ class _Minimum(NamedTuple):
 
 
 def _best(fit: Residuals, known_noise: Mapping[str, float]) -> tuple[_Minimum, tuple[str, ...]]:
-    """The fit that starts at the nominal parameters, and its warnings. If it has warnings, the best of many fits."""
+    """The best fit and its warnings. More fits follow if the fit from the nominal parameters fails or has warnings."""
     nominal = fit.p[fit.columns] / fit.sizes
     if not np.isfinite(fit(nominal)[0]).all():
         raise SimulationError(f"{OWNER}: the run with the nominal parameters fails. Call simulate(scene) to see why.")
@@ -398,7 +398,7 @@ def _best(fit: Residuals, known_noise: Mapping[str, float]) -> tuple[_Minimum, t
 
 
 def _minimum(fit: Residuals, nominal: Array, begin: Array, known_noise: Mapping[str, float]) -> _Minimum | None:
-    """The fit from relative parameters `begin`; None if it does not end. Undetermined combinations stay nominal."""
+    """The fit that starts at parameters `begin`; None if it does not end. Undetermined combinations stay nominal."""
     basis = np.eye(len(begin))
     for _ in range(2):
         solution = least_squares(fit, begin, basis, known_noise)
@@ -420,7 +420,5 @@ def _undetermined(names: Sequence[str], direction: Array) -> str:
     """A sentence about a combination of parameters that does not change the outputs."""
     some = [name for name, part in zip(names, np.abs(direction), strict=True) if part > _LEAST_COMPONENT]
     if len(some) == 1:
-        return (
-            f"The data do not determine {some[0]!r}: the outputs do not depend on it. Leave it out of the parameters."
-        )
-    return f"The data do not determine {', '.join(map(repr, some))} together. Leave one of them out of the parameters."
+        return f"The data do not determine {some[0]!r}: the outputs do not depend on it. Leave out this parameter."
+    return f"The data do not determine {', '.join(map(repr, some))} separately. Leave out one of these parameters."

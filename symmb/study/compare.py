@@ -52,11 +52,11 @@ def compare(
     ----------
     scene_or_simulator : Scene, FunctionSimulator, ...
     methods : Method or several
-        or texts as on the command line, such as "pce:4"; default: several settings of each suitable method
+        methods, or texts as on the command line, such as "pce:4"; default: several settings of each suitable method
     box : Box
         default: the box of the scene
     reference : Method or Bounds
-        for errors; default: scans at two resolutions, with a ten times smaller tolerance of the solver
+        reference for errors; default: scans at two resolutions, with a ten times smaller tolerance of the solver
     solver : Solver
         solver of all methods, for a Scene; default: chosen by pilot runs
     times, outputs
@@ -79,7 +79,7 @@ def compare(
     PropagationError
         If no method can run
     KeyboardInterrupt
-        If it is interrupted. `partial` then contains the Comparison of the finished methods
+        If the comparison is interrupted. `partial` then contains the Comparison of the finished methods
 
     Examples
     --------
@@ -115,10 +115,10 @@ def compare(
 
 
 def _doubted(comparison: Comparison) -> Comparison:
-    """The comparison with a warning about failed runs. All its warnings are issued."""
+    """The comparison with a warning about failed runs. All warnings of the comparison are issued."""
     counts = {"the reference": comparison.reference.failed or 0} | {row.name: row.failed for row in comparison.rows}
     if failed := ", ".join(f"{count} of {name}" for name, count in counts.items() if count):
-        doubt = f"Runs failed: {failed}. The bounds are those of the other runs. The failed cases are not known."
+        doubt = f"Runs failed: {failed}. The bounds use only the other runs, and may miss the failed cases."
         comparison = replace(comparison, doubts=(*comparison.doubts, doubt))
     warn_of(comparison.doubts, f"Comparison of {comparison.scene}")
     return comparison
@@ -160,8 +160,8 @@ def compare_simulator(
 ) -> Comparison:
     """Run each method over the box, and compare its bounds with the reference; see `compare`.
 
-    `tighter` is the same simulator with a ten times smaller tolerance. Without it, the reference contains the error of
-    the solver. `about` contains further attributes of the Comparison.
+    `tighter` is the same simulator with a ten times smaller tolerance. Without `tighter`, the reference contains the
+    error of the solver. `about` contains further attributes of the Comparison.
     """
     repeats = 1 if isinstance(simulator, StoredSimulator) else _REPEATS  # repeated runs would only be read again
     about = {"scene": "simulator", "solver": "", "threads": 1, "repeats": repeats, **about}
@@ -219,7 +219,7 @@ def _measured(
 def _confronted(
     found: Reference, given: Method | Bounds | None, bounds: Sequence[Bounds], difference: Array | None
 ) -> tuple[Reference, Array | None, list[str]]:
-    """The reference with all attained values, limited by proved bounds; the solver's error; sentences on proofs."""
+    """The reference with all attained values, limited by proved bounds; the solver's error; violated proofs."""
     joint = found if given is not None else found.joined([each.inner for each in bounds if each.inner is not None])
     attained = found if given is None or given.kind == "sampled" else None
     proved = ProvedBounds.of(bounds)
@@ -274,8 +274,8 @@ def _doubt_of_reference(simulator: Simulator, reference: Reference) -> list[str]
         return []
     names = ", ".join(f"{simulator.outputs[k]} by {reference.uncertainty[k]:.2g} of its width" for k in uncertain)
     return [
-        f"The reference {reference.method} is uncertain: {names}. Smaller errors of bounds are not known. Bounds "
-        "with smaller errors count as covering. Pass a more accurate reference, such as "
+        f"The reference {reference.method} is uncertain: {names}. Errors of bounds below this "
+        "uncertainty are not known, and such bounds count as covering. Pass a more accurate reference, such as "
         "reference=PolynomialChaos(tolerance=1e-3)."
     ]
 
@@ -324,7 +324,7 @@ def _announcement(
     open_ended = [repr(method) for method, number in zip(methods, known, strict=True) if number is None]
     parts = [f"{sum(filter(None, known))} for the methods"]
     if open_ended:
-        parts.append(f"as many as they choose for {', '.join(open_ended)}")
+        parts.append(f"and a number of runs that is not known yet for {', '.join(open_ended)}")
     fewer = ""
     if reference is None:
         parts.insert(0, f"{planned_runs(d, runs)} runs for the reference")
@@ -332,7 +332,7 @@ def _announcement(
     elif isinstance(reference, Method):
         parts.insert(0, f"{reference.planned_runs(d) or 'some'} runs for the reference {reference!r}")
     often = (
-        f"at least {_REPEATS} times for its run time, and once if it takes {LONG_RUN:g} s" if repeats > 1 else "once"
+        f"at least {_REPEATS} times to measure its time, or once if it takes {LONG_RUN:g} s" if repeats > 1 else "once"
     )
     return f"This comparison makes {', '.join(parts)}.{fewer} Each method runs {often}."
 

@@ -1,4 +1,4 @@
-"""The result of a comparison. It can be printed, plotted and saved."""
+"""The result of a comparison, which can be printed, plotted and saved."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -26,9 +26,9 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
     """Bounds of one scene by several methods, compared with one reference.
 
     `print` shows a table. `save` writes a file, and `load` reads it. `plot` draws bounds over time, and error against
-    run time. It draws the given outputs, or the six outputs with the largest errors. Bounds are drawn for the most
-    accurate setting of each family of methods. The reference is a filled band. If a single Axes is given, it shows the
-    errors.
+    run time, for the given outputs or for the six outputs with the largest errors. Bounds are drawn for the most
+    accurate setting of each family of methods. The reference is a filled band. If a single Axes is given, this Axes
+    shows the errors.
 
     Attributes
     ----------
@@ -46,8 +46,8 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
     setup_seconds : float or None
         time for deriving and compiling [s]
     solver_error : (n_y,) or None
-        rms difference from a solver with ten times smaller tolerances, in the norm of `Score.error`. It is measured at
-        the centre and two opposite corners of the box
+        rms difference from a solver with ten times smaller tolerances, in the norm of `Score.error`. The difference is
+        measured at the centre and two opposite corners of the box
     threads, repeats : int or None
         number of threads for runs, and number of repetitions for the run time
     units : tuple of n_y str
@@ -109,7 +109,7 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
             *(report.wrapped(f"warning: {doubt}") for doubt in self.doubts),
             *report.cautions(self.rows),
             *report.zero_width(self.rows, yardstick, self.outputs),
-            "error: rms over time / rms width. outer: error of the bounds widened by the method's estimate.",
+            "error: rms deviation of bounds / rms width. outer: error of bounds widened by the method's estimate.",
             "over, under: mean distance outside and inside of the reference / mean width. All are means over outputs.",
             f"covered: fraction of times at which outer contains the reference. run [s]: {self._timing()}.",
             "Sampled bounds are attained, not proved.",
@@ -201,7 +201,7 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
     def report(self, path: str | Path) -> None:
         """Write a report: one .html file that can be opened offline and printed.
 
-        It contains the warnings, the table, the picture, the assumptions, the cost, and how to repeat the comparison.
+        The report contains the warnings, table, picture, assumptions and cost, and how to repeat the comparison.
 
         Raises
         ------
@@ -248,12 +248,12 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
 
     def _timing(self) -> str:
         if self.repeats is None or self.threads is None:
-            return "evaluations and bounding, warm, median"
+            return "median time of evaluations and bounding, without the first run"
         if self.repeats == 1:
-            return "bounding, and the evaluations that earlier methods have not stored"
+            return "time of bounding, and of evaluations that earlier methods have not stored"
         threads = "1 thread" if self.threads == 1 else f"{self.threads} threads"
-        once = f", of 1 above {LONG_RUN:g} s" if any(row.run_seconds > LONG_RUN for row in self.rows) else ""
-        return f"evaluations and bounding, warm, median of at least {self.repeats}{once}, {threads}"
+        once = f" (1 if longer than {LONG_RUN:g} s)" if any(row.run_seconds > LONG_RUN for row in self.rows) else ""
+        return f"evaluations and bounding, median of at least {self.repeats} measurements{once}, {threads}"
 
 
 def _filled(arrays: Sequence[Array | None], shape: tuple[int, ...]) -> Array | None:

@@ -35,7 +35,7 @@ class ProvedBounds:
 
         The true bounds are between the attained values and the proved bounds, except for the error of the solver. The
         distance between attained values and proved bounds is thus the largest error of the reference. If this distance
-        is smaller than the uncertainty, it becomes the uncertainty.
+        is smaller than the uncertainty, the distance becomes the uncertainty.
         """
         lower, upper = (np.clip(a, self.lower, self.upper) for a in (reference.lower, reference.upper))
         limited = replace(reference, lower=lower, upper=upper)
@@ -83,7 +83,7 @@ class ProvedBounds:
         ]
 
     def _farthest(self, slack: Array, times: Array, outputs: Sequence[str], lower: Array, upper: Array) -> str:
-        """Output, distance and time at which bounds are farthest outside; empty if all distances are in the slack."""
+        """Output, distance and time at which bounds are farthest outside; empty if no distance exceeds the slack."""
         outside = np.maximum(self.lower - lower, upper - self.upper)
         shares = np.where(outside > 0, outside, 0.0) / slack
         t, y = (int(i) for i in np.unravel_index(np.argmax(shares), shares.shape))

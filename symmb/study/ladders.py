@@ -59,7 +59,7 @@ def under_stress(step: float) -> dict[str, Ladder]:
 
 
 def finer_numbers(most: float, radians: float) -> list[int]:
-    """Numbers of fixed steps that resolve the fastest motion over `radians`, if they are clearly above `most`."""
+    """Numbers of fixed steps that resolve a fastest motion of `radians` [rad], without numbers near or below `most`."""
     # Explicit methods are stable with half a step for each radian, and accurate with more steps. 200,000 steps take a
     # tenth of a second or more, and RungeKutta needs some seconds to compile them.
     return [round(n * radians) for n in (0.5, 2.0, 8.0, 32.0) if 1.5 * most < n * radians <= 200_000]

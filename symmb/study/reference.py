@@ -39,7 +39,7 @@ class Reference:
     uncertainty : (n_y,)        in the norm of `Score.error`; nan if not known
     evaluations, failed : int or None     number of runs, and of failed runs; None if not known
     seconds : float or None     run time [s]; None if bounds were given
-    proved : (n_y,) or None     largest proved distance of attained values from the true bounds, in the same norm
+    proved : (n_y,) or None     largest proved distance of attained values from the true bounds, in this norm
     proved_by : tuple of str    methods that prove this distance
     noise : (n_y,) or None      errors of runs, in the outputs' units; None if not known
     """
@@ -61,7 +61,7 @@ class Reference:
         return Yardstick(self.lower, self.upper, self.uncertainty, self.noise)
 
     def joined(self, attained: Sequence[tuple[Array, Array]]) -> "Reference":
-        """The reference, extended by the values that other runs attained. Uncertainty is at least this extension."""
+        """The reference, extended by values that other runs attained. The uncertainty is at least the extension."""
         lower = np.min([self.lower, *(low for low, _ in attained)], axis=0)
         upper = np.max([self.upper, *(high for _, high in attained)], axis=0)
         missed = Yardstick(lower, upper, self.uncertainty).deviation(self.lower, self.upper)
@@ -80,17 +80,17 @@ def find_reference(
     """Reference bounds of `simulator` over `box`.
 
     If `reference` is not given, the method is a scan of 2 m + 1 points in each dimension. The uncertainty is the
-    difference from the bounds by every second point. With more than five parameters, 2048 and 512 Sobol samples replace
-    the grids. If the box has at most 2000 vertices, they are added.
+    difference from the bounds by only every second point. With more than five parameters, 2048 and 512 Sobol samples
+    replace the grids. If the box has at most 2000 vertices, the vertices are added.
 
-    From four parameters on, extremes are also optimised, with derivatives from differences of runs. If the other runs
-    stay within the estimated error of the optimisation, this error is the uncertainty. Otherwise the uncertainty is the
-    larger of two values: the distance of these runs beyond the optimised bounds, and the difference of the two
+    With four or more parameters, extremes are also optimised, with derivatives from differences of runs. If the other
+    runs stay within the estimated error of the optimisation, this error is the uncertainty. Otherwise the uncertainty
+    is the larger of two values: the distance of these runs beyond the optimised bounds, and the difference of the two
     resolutions.
 
     Parameters
     ----------
-    reference : Method or Bounds, optional      better bounds. Their `estimate` is the uncertainty
+    reference : Method or Bounds, optional      better bounds, with `estimate` as the uncertainty
 
     Raises
     ------
@@ -99,14 +99,15 @@ def find_reference(
     if isinstance(reference, Bounds):
         if tuple(reference.names) != tuple(simulator.outputs):
             raise PropagationError(
-                f"The reference has {', '.join(reference.names)}, the simulator {', '.join(simulator.outputs)}. "
+                f"The outputs of the reference are {', '.join(reference.names)}, but the outputs of the simulator are "
+                f"{', '.join(simulator.outputs)}. "
                 "Give a reference of the same outputs in the same order."
             )
         t, times = reference.t, simulator.times
         if len(t) != len(times) or not np.allclose(t, times, rtol=0.0, atol=SAME):
             raise PropagationError(
-                f"The reference has {len(t)} times from {t[0]:g} to {t[-1]:g} s, the simulator {len(times)} from "
-                f"{times[0]:g} to {times[-1]:g} s. Give a reference with the same times."
+                f"The reference has {len(t)} times from {t[0]:g} to {t[-1]:g} s, but the simulator has {len(times)} "
+                f"from {times[0]:g} to {times[-1]:g} s. Give a reference with the same times."
             )
         return _of_bounds(reference, seconds=None)
     start = time.perf_counter()
@@ -150,7 +151,7 @@ def _optimized(
 
 
 class _Differences:
-    """A simulator with first derivatives from differences of runs. They exist at kinks and for black boxes."""
+    """A simulator with first derivatives from differences of runs. Differences exist at kinks and for black boxes."""
 
     def __init__(self, simulator: Simulator, box: Box, executor: Executor | None) -> None:
         self._simulator, self._box, self._executor = simulator, box, executor
@@ -183,7 +184,7 @@ def affordable_runs(seconds: float) -> int:
 
 
 def planned_runs(n_p: int, runs: int = RUNS) -> int:
-    """Number of runs of the default reference for this many parameters."""
+    """Number of runs of the default reference for `n_p` parameters."""
     optimized = runs if _is_optimized(n_p, runs) else 0
     return optimized + sum(method.planned_runs(n_p) or 0 for method in _resolutions(n_p, runs))
 
@@ -211,7 +212,7 @@ def _of_bounds(bounds: Bounds, seconds: float | None) -> Reference:
         first, output = np.argwhere(infinite)[0]
         raise PropagationError(
             f"The reference {bounds.method} has infinite bounds of {bounds.names[output]} at t = {bounds.t[first]:g} s."
-            " Errors are not known there. Give times that end earlier, or another reference, such as Scanning(21)."
+            "  Errors are not known then. Give times that end earlier, or another reference, such as Scanning(21)."
         )
     unknown = np.full(len(bounds.names), np.nan)
     yardstick = Yardstick(bounds.lower, bounds.upper, unknown)

@@ -41,7 +41,7 @@ def not_run(methods: Iterable[NotRun]) -> list[str]:
 
 
 def failed(rows: Iterable[Row]) -> list[str]:
-    """The effect of failed runs on the bounds, their region, and the first message; empty if no run failed."""
+    """Failed runs: their effect on the bounds, their region, and the first message; empty if no run failed."""
     failing = [row for row in rows if row.failed]
     if not failing:
         return []
@@ -63,7 +63,7 @@ def zero_width(rows: Sequence[Row], yardstick: Yardstick, outputs: Sequence[str]
     lines = []
     for i in np.flatnonzero(yardstick.zero_width).tolist():
         misses = [f"{row.name} {number(row.score.error[i])}" for row in rows if row.score.error[i] != 0.0]
-        finding = f"absolute error of {', '.join(misses)}" if misses else "all bounds equal the reference there"
+        finding = f"absolute error of {', '.join(misses)}" if misses else "all bounds equal the reference"
         lines.append(wrapped(f"{outputs[i]} does not vary over the box and is left out of the mean errors: {finding}."))
     return lines
 

@@ -21,13 +21,13 @@ FALSE_WARNING = 1e-4
 FEWEST_TESTED = 12
 """Smallest number of values of an output for a test of its residuals. Tests of independence need many values."""
 NOISE_OF_RUNS = 1e-4
-"""Residuals below this fraction of the spread of the data may be errors of runs. Their order is not tested."""
+"""Residuals below this fraction of the spread of the data may be errors of runs, so their correlation is not tested."""
 
 
 class Residuals:
     """Residuals and their derivatives with respect to relative parameters. Each run is made once.
 
-    Derivatives are exact if the run passes no kink or jump of its equations. Otherwise they are differences of runs.
+    Derivatives are exact if the run passes no kink or jump of its equations. Other derivatives are differences of runs.
     """
 
     def __init__(
@@ -203,7 +203,8 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
             worst = int(np.argmax(np.abs(r)))
             doubts.append(
                 f"{int(is_far.sum())} of {len(r)} values of {name} are outliers: the value at t = {t[worst]:g} s is "
-                f"{abs(r[worst]) / max(deviation, rms_of(r[~is_far])):.3g} deviations off. Replace wrong values by nan."
+                f"off by {abs(r[worst]) / max(deviation, rms_of(r[~is_far])):.3g} times the noise. "
+                "Replace wrong values by nan."
             )
             t, y, r = t[~is_far], y[~is_far], r[~is_far]
         squares, n_squares = squares + float(np.square(r / deviation).sum()), n_squares + len(r)

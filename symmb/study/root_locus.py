@@ -28,7 +28,7 @@ _HEAD = ("mode", "from", "to", "frequency [Hz]", "", "smallest damping [-]", "at
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RootLocus(plot.ThreeDiagrams, Counted, WithWarnings, Saved):
-    """Eigenvalues against one parameter. `print` lists the oscillations, `save` and `load` use a file.
+    """Eigenvalues against one parameter. `print` lists the oscillations. `save` and `load` write and read files.
 
     `plot` draws the eigenvalues in the complex plane, and frequency and damping (Campbell diagram).
 

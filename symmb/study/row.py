@@ -61,7 +61,7 @@ class Row(Counted, WithWarnings):
 
     @staticmethod
     def of_record(record: Record, yardstick: Yardstick) -> "Row":
-        """The row of a file. Its score is computed again from the bounds."""
+        """The row of a file. The score is computed again from the bounds."""
         own = attributes(Row, record)
         return Row(**own, score=yardstick.score(own["lower"], own["upper"], own["estimate"]))
 

@@ -33,7 +33,7 @@ from symmb.study.stress import stresses
 from symmb.study.trials import Job, Trial, by_family, run_jobs
 
 TIMES = 51
-"""Number of output times, enough to show drift over time. Steps end at output times, so more times shorten steps."""
+"""Number of output times, enough to show drift over time. Steps end at output times: more times need shorter steps."""
 _HEAD = ("solver", "setting", "error", "position", "velocity", "energy", "run [s]", "outcome")
 _LEFT, _STRESS_LEFT = (0, 7), (0, 1, 8)
 """Head of the tables, and columns that are aligned on the left."""
@@ -41,7 +41,7 @@ _LEFT, _STRESS_LEFT = (0, 7), (0, 1, 8)
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Stability(plot.ThreeDiagrams, WithWarnings, Saved):
-    """Results of the solvers on a scene. `print` shows the results, `save` and `load` use a file.
+    """Results of the solvers on a scene. `print` shows the results. `save` and `load` write and read files.
 
     `plot` draws error against run time, the drift of positions over time, and errors of the harder variants.
 
@@ -53,7 +53,7 @@ class Stability(plot.ThreeDiagrams, WithWarnings, Saved):
     errors : dict
         key of a trial -> root mean square error, divided by the rms deviation from the mean; empty without a reference
     uncertainty : float
-        uncertainty of the reference of the scene, in the same measure; nan if there is no reference
+        uncertainty of the reference of the scene, measured like `errors`; nan if there is no reference
     corners : dict
         relative half width of the box -> (number of corners that fail, number of corners)
     advice : str
@@ -91,7 +91,7 @@ class Stability(plot.ThreeDiagrams, WithWarnings, Saved):
         return html.page(html.text(self._head()), *tables, notes, html.picture(plot.png(self.plot())))
 
     def _head(self) -> str:
-        known = "errors are not known" if np.isnan(self.uncertainty) else f"errors to {self.uncertainty:.0e}"
+        known = "errors are not known" if np.isnan(self.uncertainty) else f"errors known to {self.uncertainty:.0e}"
         return f"{self.scene}: {len(self.trials)} runs from {self.times[0]:g} to {self.times[-1]:g} s, {known}"
 
     def _rows(self) -> list[list[str]]:
@@ -157,12 +157,13 @@ def stability(
 ) -> Stability:
     """Try every solver on a scene and on harder variants. Each run takes up to 3 s, and all runs about a minute.
 
-    Some variants have springs 100 and 10,000 times as stiff, or a lightest body 100 and 10,000 times as light. Other
-    variants have a time scale 0.1 and 10 times as long, for functions of time, start velocities and gravity, but not
-    for springs and dampers. Horizons are 10 and 100 times as long. Boxes of 10, 20 and 50 % are tried at their corners.
+    In some variants, springs are 100 or 10,000 times as stiff, or the lightest body is 100 or 10,000 times as light. In
+    other variants, functions of time, start velocities and gravity make the motion 10 times faster or slower, with the
+    same springs and dampers. Horizons are 10 and 100 times as long. Boxes of 10, 20 and 50 % are tried at their
+    corners.
 
-    Fixed steps depend on the horizon and the fastest motion. Errors are differences from a reference solution. It
-    conserves energy, and two tolerances of a solver agree on it. Without a reference, no setting is recommended.
+    Fixed steps depend on the horizon and the fastest motion. Errors are differences from a reference solution that
+    conserves energy. Runs with two tolerances confirm this solution. Without a reference, no setting is recommended.
 
     Parameters
     ----------
@@ -182,7 +183,7 @@ def stability(
     SimulationError
         If there is nothing to integrate, if there are impacts, or if no solver finishes
     KeyboardInterrupt
-        If it is interrupted. `partial` then contains the Stability of the finished runs
+        If the study is interrupted. `partial` then contains the Stability of the finished runs
 
     Examples
     --------
@@ -233,8 +234,8 @@ class _StabilityStudy:
         self.times = np.linspace(float(scene.times[0]), float(scene.times[-1]), TIMES)
         if scene.system.collected.has_events:
             raise SimulationError(
-                f"{scene.name} has impacts, or joints that open or close. Only EventDriven() locates these, so there "
-                "are no solvers to compare."
+                f"{scene.name} has impacts, or joints that open or close. Only EventDriven() locates such events, "
+                "so there are no solvers to compare."
             )
         self._bodies, self._units = program_of(scene).bodies, scene.curve_units
         if len(scene.times) < 2 or not self._bodies.dae.n_v:
@@ -250,7 +251,7 @@ class _StabilityStudy:
         return [Job("", lambda: self.scene, family, ladder) for family, ladder in tried.items()]
 
     def announce(self, *jobs: Sequence[Job]) -> None:
-        """Add jobs to the order of the report."""
+        """Set the order of the report to that of these jobs, and count their runs."""
         self._order = [(job.scene, job.family) for some in jobs for job in some]
         self.total += sum(len(job.solvers) for some in jobs for job in some)
 
@@ -312,7 +313,7 @@ def _parted(trials: Sequence[Trial]) -> tuple[tuple[Trial, ...], tuple[Trial, ..
 
 
 def _stress_jobs(name: str, make: Callable[[], Scene], horizon: float) -> list[Job]:
-    """Jobs of all families for a variant. All horizons have the same fixed steps. Fast motions add smaller steps."""
+    """Jobs of all families for a variant. Fixed steps do not depend on the horizon. Fast motions add smaller steps."""
     # Number of fixed steps over the horizon of the scene, which gives the steps of the variants.
     step = horizon / 800
     return [

@@ -11,7 +11,7 @@ from symmb.study.ladders import CONTROLLED
 from symmb.study.trials import Trial, by_family, by_reason
 
 AGREEMENT = 1e-4
-"""Largest difference of two tolerances, or of two solvers, that confirm each other."""
+"""Largest difference of two runs that confirm each other. The runs have two tolerances, or two solvers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +22,7 @@ class Standard:
     ----------
     values : (n_t, n_y) array    outputs; empty without a confirmed solution
     units : n_y texts            units of the outputs
-    uncertainty : float          `distance` of the coarser run, and of the closest run of another solver, if any
+    uncertainty : float          `distance` of the coarser run, or of the closest run of another solver if larger
     fault : str                  reason why there is no confirmed solution; empty if there is one
     """
 
@@ -108,8 +108,8 @@ def distance(values: Array, true: Array, units: Sequence[str]) -> float:
 def _deviation(true: Array, units: Sequence[str]) -> Array:
     """Root mean square deviation of each output from its mean (n_y,).
 
-    If an output is constant up to rounding, the result is its largest value. If it is 0 up to rounding, the result is
-    the largest value of its unit.
+    If an output is constant up to rounding, the result is its largest value. If this value is 0 up to rounding, the
+    result is the largest value of all outputs with the same unit.
     """
     largest, deviation = np.abs(true).max(axis=0), np.std(true, axis=0)
     of_unit = np.array([max(largest[k] for k in range(len(units)) if units[k] == unit) for unit in units])

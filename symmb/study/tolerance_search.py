@@ -26,10 +26,10 @@ from symmb.equations.model import Box
 
 OWNER = "tolerances"
 TOLERANCE = 1e-2
-"""Tolerance of the studies. If a limit is closer than this, runs near the limit decide."""
+"""Tolerance of the studies. If bounds are closer to a limit than this, runs near the limit decide."""
 _SETTLED = 2e-3
-"""A search ends if factors change by less than this fraction. A study uses a factor smaller than expected by half of
-this fraction."""
+"""A search ends if factors change by less than this fraction. A study uses a factor that is smaller than the expected
+one by half of this fraction."""
 LARGEST_FACTOR = 16.0
 """Largest factor that a search tries. If a search reaches this factor, the given box was far too small."""
 _MAX_STUDIES = 12
@@ -49,7 +49,7 @@ class _Bracket:
     ----------
     along : (d,) array             factors of the parameters at point 1 of the ray
     most : float                   largest factor
-    places : (n, d) array          places of the unit box with the worst runs so far
+    places : (n, d) array          points of the unit box with the worst runs so far
     low, high : float              factors of the largest valid study, and of the last study that is not valid
     reach, violation : float       factor at which runs reach a limit, and factor at which runs or a study violate it
     less : float                   relative distance of the next study from `reach`
@@ -72,7 +72,7 @@ class _Bracket:
 
 
 class Search:
-    """Studies over boxes that are stretched about the nominal values, and runs at the worst places of these boxes."""
+    """Studies over boxes that are stretched about the nominal values, and runs at the worst points of these boxes."""
 
     def __init__(
         self,
@@ -145,7 +145,7 @@ class Search:
         return check
 
     def _worst_places(self, bounds: Bounds, check: LimitCheck) -> Array:
-        """Places (n, d) in the unit box of the run closest to each limit, and of a failed run."""
+        """Points (n, d) of the unit box: the run closest to each limit, and a failed run."""
         box = bounds.box
         assert box is not None
         places = [limit.further.place for limit in check.limits if limit.further]
@@ -155,7 +155,7 @@ class Search:
         return np.array(places)
 
     def _margin(self, factors: Array, places: Array) -> float:
-        """The smallest margin of runs at places (n, d) of a box, relative to the margin of the nominal run.
+        """The smallest margin of runs at points (n, d) of a box, relative to the margin of the nominal run.
 
         The margin is -inf if a run fails.
         """
@@ -169,8 +169,9 @@ class Search:
 
         If no run reaches a limit, the factor is `high`.
 
-        The next factor follows by linear interpolation of margins, or by bisection. If an end is kept twice, its margin
-        is halved (Illinois method). If `high` is infinite, runs are made up to the largest factor.
+        The next factor follows by linear interpolation of margins, or by bisection. If one end of the interval is kept
+        twice, the margin at this end is halved (Illinois method). If `high` is infinite, runs are made up to the
+        largest factor.
         """
         along, places, low = ray.along, ray.places, ray.low
         inside, beyond = (self._margin(low * along, places) if low else 1.0), np.nan
@@ -199,8 +200,8 @@ class Search:
     def largest(self, along: Array) -> tuple[Array, Bounds]:
         """The largest factors (d,) along a ray for which the box satisfies the limits, and bounds over this box.
 
-        A study and its check find the worst places of a box. Runs at these places of other boxes show the factor at
-        which a limit is reached. The next study is over a slightly smaller box. This is repeated until a check
+        A study and its check find the worst points of a box. Runs at these points of other boxes show the factor at
+        which a limit is reached. The next study is over a slightly smaller box. Such studies follow until a check
         satisfies the limits.
         """
         ray = _Bracket(along, self._most_along(along), np.empty((0, len(self._shape))))
@@ -305,7 +306,7 @@ class Search:
         """The factors with the lowest cost, and bounds over their box.
 
         The search starts at the largest common factor. Further studies follow until the factors are inside a box with
-        accurate polynomials. Where polynomials are inaccurate, each step is verified, and the search ends if a step
+        accurate polynomials. If polynomials are inaccurate, each step is verified, and the search ends if a step
         saves little. If no factors cost less than the common factor, the common factor is the result.
         """
         best = self.largest(np.ones(len(self._shape)))

@@ -45,8 +45,8 @@ class Tolerances(Counted, Result, Saved):
     ----------
     box : Box
     factor : float
-        factor on all intervals of the given box about the nominal values. With costs, the smallest of `factors`.
-        Parameters without an effect on outputs with limits are left out
+        factor by which all deviations of the given box from the nominal values are multiplied. With costs, the smallest
+        of `factors`, without parameters that have no effect on outputs with limits
     factors : dict
         the factor of each parameter
     cost : float
@@ -178,9 +178,9 @@ def tolerances(
     ----------
     scene : Scene or simulator
     limits : mapping
-        output -> (low, high); one of them may be None
+        output -> (low, high); one limit may be None
     box : Box
-        intervals about the nominal values, which give the shape; default: the box of the scene
+        intervals that contain the nominal values, and give the shape; default: the box of the scene
     costs : mapping
         parameter -> cost as a function of its half width. The sum of the costs is minimised. Without a function, the
         cost is the half width in the box divided by the new half width; {} uses this cost for all parameters. A single
@@ -242,8 +242,8 @@ def _about_idle(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def _of_outputs(simulator: Simulator, box: Box, names: Sequence[str]) -> Simulator:
-    """The simulator of a scene with some of its outputs, because other outputs may need more runs. Black boxes are
-    kept."""
+    """The simulator of a scene with some of its outputs, because other outputs may need more runs. A black box keeps
+    all outputs."""
     if not isinstance(simulator, SceneSimulator) or simulator.scene is None or simulator.scene.outputs is None:
         return simulator
     if len(names) == len(simulator.outputs):
@@ -255,7 +255,10 @@ def _total_cost(costs: Costs, shape: Box) -> Callable[[Array], float]:
     """Sum of the costs as a function of the factors (d,)."""
     if not isinstance(costs, Mapping):
         if not callable(costs):
-            raise DeclarationError(f"{OWNER}: costs must be functions of half widths by name, got {shown(costs)}.")
+            raise DeclarationError(
+                f"{OWNER}: costs must be a function of the half width, or a mapping of parameters to such functions, "
+                f"got {shown(costs)}."
+            )
         costs = dict.fromkeys(shape.names, costs)
     costs = normal_keys(OWNER, costs)
     for name, own in costs.items():

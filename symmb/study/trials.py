@@ -222,7 +222,7 @@ class _Running:
             message = self.pipe.recv()
         except EOFError:
             self.ended = True
-            yield from _left(self.job, self.done, "the process broke down")
+            yield from _left(self.job, self.done, "the process ended without a result")
             return
         if isinstance(message, Trial):
             yield message
@@ -244,8 +244,8 @@ class _Running:
 def run_jobs(jobs: Sequence[Job], limit: float, deadline: float) -> Iterator[Trial]:
     """The trials of all jobs, in the order in which they end.
 
-    A trial is stopped if it takes longer than the limit [s], set-up included. Slower trials of its job are then left
-    out. The first trial of a job has more time, because it compiles the scene. No trial starts after the deadline
+    A trial is stopped if it takes longer than the limit [s], set-up included. Slower trials of the same job are then
+    left out. The first trial of a job has more time, because it compiles the scene. No trial starts after the deadline
     (`time.monotonic`). If processes cannot be forked, jobs run in this process one after the other, without limits.
     """
     if "fork" not in multiprocessing.get_all_start_methods():

@@ -114,7 +114,7 @@ def named(found: Stability) -> Iterator[tuple[Trial, float]]:
     """The settings that the advice names, with the error that it promises."""
     for line in found.advice.splitlines():
         limit = next((limit for begin, limit in LIMITS.items() if line.startswith(begin)), None)
-        if limit is None or "none is known" in line:
+        if limit is None or "no setting is known" in line:
             continue
         stress = re.split(r"  +", line.strip())[0] if line.startswith("  ") else ""
         for trial in found.stress if stress else found.trials:

@@ -83,7 +83,7 @@ def test_the_margin_of_further_runs_is_told_beside_the_error_of_the_search(insid
     run = FurtherRun("upper", np.zeros(1), np.array([1.0 - inside]), -inside, 6e-9, 42, 0, False)
     found = by_further_run(run, 1.0, np.array([1e-4]), 1e-12, " m")
     assert found.kept is kept
-    assert found.why.startswith(f"The closest of 42 further runs is {inside:.3g} m inside.")
+    assert found.why.startswith(f"The closest of 42 further runs is {inside:.3g} m inside the limit.")
     assert found.why.endswith(f" This margin {word} than the error of the search, 6.0e-09 m.")
 
 
@@ -244,7 +244,7 @@ def test_the_nominal_run_violates_a_limit_with_any_method(method):
     assert bounds.check({"x": (None, 1.6)}).kept is not False and not bounds.check({"x": (None, 1.6)}).remarks
     check = mb.propagate(scene, method, mb.Box(k=(1.9, 2.1), a=(1.0, 1.1))).check({"x": (None, 1.2)})
     assert check.kept is not False
-    remark = "The nominal values (a = 1.3) are outside of the box. The nominal run is not one of its cases."
+    remark = "The nominal values (a = 1.3) are outside of the box. The check does not include the nominal run."
     assert check.remarks == (remark,) and f"remark: {remark}" in str(check)
 
 
@@ -329,7 +329,7 @@ def test_limits_are_drawn_and_labelled(tmp_path):
     ("limits", "why"),
     [
         ({}, "a dictionary"), (3, "a dictionary of pairs"), ({"x": (0, 1)}, "no output 'x'"), ({"y": 3}, "pair"),
-        ({"y": (None, None)}, "pair"), ({"y": (1, 0)}, "cross"), ({"y": (np.nan, 1)}, "numbers or None"),
+        ({"y": (None, None)}, "pair"), ({"y": (1, 0)}, "is above"), ({"y": (np.nan, 1)}, "numbers or None"),
         ({"y": (np.inf, np.inf)}, "must be finite"), ({"y": (-np.inf, np.inf)}, "must be finite"),
         ({"y": (np.inf, None)}, "must be finite"), ({"y": (None, -np.inf)}, "must be finite"),
         ({"y": ("a", 1)}, "not a finite number"), ({"y": (1, 2, 3)}, "pair"), ({"y": (True, 2)}, "numbers or None"),

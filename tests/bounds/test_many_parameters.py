@@ -138,7 +138,7 @@ def test_a_study_without_time_ends_and_says_so():
     method = mb.PolynomialChaos(budget=2000, seconds=1e-6)
     bounds, calls = unit_study(lambda x: np.array([float(np.sin(7 * sum(x)) > 0.3)]), 4, T[:1], method)
     assert calls < 100
-    assert any("PolynomialChaos(seconds=...) allows more" in doubt for doubt in bounds.doubts)
+    assert any("Allow more time by PolynomialChaos(seconds=...)" in doubt for doubt in bounds.doubts)
 
 
 @pytest.mark.parametrize("seconds", [0, -1.0, np.nan, "1", True])

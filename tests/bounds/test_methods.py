@@ -78,7 +78,7 @@ def test_function_simulator_serves_every_method_or_says_why_not(method):
     if isinstance(method, Taylor | Optimization):
         message = r"needs derivatives of the trajectory, but FunctionSimulator\(wave\) gives values only"
     elif getattr(method, "lockstep", False):
-        message = r"FunctionSimulator\(wave\) runs each sample by itself"
+        message = r"FunctionSimulator\(wave\) runs each sample separately"
     elif "TaylorModel" in repr(method):
         message = r"needs the equations of a scene, or outputs that.*but FunctionSimulator\(wave\)"
     elif "Interval" in repr(method):
@@ -102,7 +102,7 @@ def test_what_is_no_parameter_and_no_method_is_told():
         (lambda: MonteCarlo(0), "samples must be an integer of at least 1"),
         (lambda: MonteCarlo(1.5), "got 1.5"),
         (lambda: PolynomialChaos(order=0), "order must be an integer"),
-        (lambda: PolynomialChaos(order=2, budget=10), "leave order out"),
+        (lambda: PolynomialChaos(order=2, budget=10), "Leave out order"),
         (lambda: PolynomialChaos(lockstep=True), "give order"),
         (lambda: PolynomialChaos(tolerance=0.0), "tolerance must be a number above 0 and below 1"),
         (lambda: Taylor(0), "order must be an integer of at least 1"),

@@ -64,7 +64,7 @@ def test_laws_are_cut_to_the_box():
     cut = st.truncexpon(1.0)
     assert np.allclose(found.lower[:, 0], cut.ppf(LEVELS), atol=found.estimate[:, 0])
     told = "The distribution of a is cut to its interval. The part outside has a probability of 0.37. "  # exp(-1)
-    assert found.remarks == (told + "Bounds over wider intervals include it.",)
+    assert found.remarks == (told + "Bounds over wider intervals include this part.",)
 
 
 def test_laws_that_are_cut_are_told_together():
@@ -175,7 +175,7 @@ def test_monte_carlo_draws_from_laws():
     [
         ({"output": "z"}, "no output 'z'"), ({"levels": 1.5}, "above 0 and below 1"),
         ({"levels": []}, "above 0 and below 1"), ({"laws": {}}, "must be given by name"),
-        ({"laws": {"a": 3.0}}, "cdf and ppf"), ({"laws": {"c": st.norm()}}, "'c' is not in the box"),
+        ({"laws": {"a": 3.0}}, "cdf and ppf"), ({"laws": {"c": st.norm()}}, "'c' is not a parameter of the box"),
         ({"laws": {"a": st.norm(99, 1)}}, "probability of 0 in its interval"),
         ({"correlation": [[1, 2], [2, 1]]}, "not positive definite"), ({"correlation": [[1]]}, "2 x 2 matrix"),
         ({"correlation": [[1, 0.5], [0.1, 1]]}, "symmetric"), ({"laws": {"a": st.multivariate_normal([0, 0])}}, "cdf"),

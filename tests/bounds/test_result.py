@@ -142,7 +142,7 @@ def test_the_picture(tmp_path):
 
 
 def test_failed_samples_are_told_and_the_others_count():
-    with pytest.warns(mb.SymmbWarning, match="5 of 25 runs failed. The bounds are those of the other runs"):
+    with pytest.warns(mb.SymmbWarning, match="5 of 25 runs failed. The bounds use only the other runs"):
         bounds = mb.propagate(FAILING, mb.Scanning(5), BOX)
     assert bounds.evaluations == 25 and len(bounds.failed) == 5
     assert bounds.failed[0].parameters == pytest.approx({"amplitude": 0.9, "w": 1.05})

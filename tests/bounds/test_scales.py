@@ -53,7 +53,7 @@ def test_first_runs_in_the_tail_of_a_narrow_bump():
 
 
 def test_a_width_that_counts_as_rounding_is_told():
-    assert "width below 1e-9 of the values" in str(bounds_of(lambda p: 1e6 + 1e-6 * p))
+    assert "width is below 1e-9 of the values" in str(bounds_of(lambda p: 1e6 + 1e-6 * p))
     assert "1e-9" not in str(bounds_of(lambda p: 1e6 + 1e-6 * p, noise={"y": 1e-10}))
     assert "1e-9" not in str(bounds_of(lambda p: 1e6 + 0 * p))
 

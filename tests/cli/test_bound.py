@@ -72,7 +72,7 @@ def test_pictures_are_written(folder):
     ("words", "why"),
     [
         (["--limit", "x"], "name=low:high"), (["--limit", "x=:"], "has no number"), (["--limit", "x=a:1"], "low:high"),
-        (["--limit", "x=2:1"], "cross"), (["--limit", "q=:1"], "no output 'q'"), (["--box", "speed=1:"], "both ends"),
+        (["--limit", "x=2:1"], "above"), (["--limit", "q=:1"], "no output 'q'"), (["--box", "speed=1:"], "both ends"),
         (["--box", "speed=1:2", "speed=1:2"], "twice"), (["--box", "sped=1:2"], ": Box: no parameter 'sped'. Did you"),
         (["--box", "speed=:"], "both ends"), (["--limit", "x=-inf:inf"], "must be finite"),
         (["--tolerances", "none.csv"], "cannot be read"), (["--method", "magic"], "magic"), (["--csv", "b.png"], "csv"),

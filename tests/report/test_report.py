@@ -262,7 +262,7 @@ def test_comparisons(tmp_path):
         (3, None, "must be a text or a Path"),
         ("none/r.html", None, "cannot be written"),
         ("r.html", {"q": (0, 1)}, "no output 'q'"),
-        ("r.html", {"x": (1, 0)}, "cross"),
+        ("r.html", {"x": (1, 0)}, "is above"),
         ("r.html", {}, "limits must be a dictionary of pairs"),
     ],
 )

@@ -101,7 +101,7 @@ def test_what_is_determined_beside_an_undetermined_pair_is_as_without_it(name, n
     data = {"x": 0.38 * np.cos(np.sqrt(7.6 / 1.3) * T) + 0.01 * np.random.default_rng(1).standard_normal(41)}
     given = noise and {"x": noise}
     exact = mb.calibrate(scene, data, ["k", "a"], noise=given)
-    found = warned("'m', 'k' together", mb.calibrate, scene, data, noise=given)
+    found = warned("'m', 'k' separately", mb.calibrate, scene, data, noise=given)
     m, k, a = found.parameters.values()
     assert k / m == pytest.approx(exact.parameters["k"] / 1.3, rel=1e-6)
     share = np.array([1.0, k / m * 1.3 / 7.0])
@@ -112,7 +112,7 @@ def test_what_is_determined_beside_an_undetermined_pair_is_as_without_it(name, n
         assert one.deviations == {"m": np.inf, "k": np.inf, "a": pytest.approx(exact.deviations["a"], rel=1e-4)}
         assert str(one) == str(found) and one.correlation[2, 2] == pytest.approx(1)
         for call in (lambda fit=one: fit.laws, one.box):
-            refused("do not determine 'm', 'k' together", call)
+            refused("do not determine 'm', 'k' separately", call)
 
 
 @pytest.mark.parametrize("noise", [None, 0.004])
@@ -234,22 +234,22 @@ def test_wrong_calls_are_told():
     scene = particle()
     wrong = {
         "expected a Scene": lambda: mb.calibrate(3, {"x": T}),
-        "values by output": lambda: mb.calibrate(scene, [1, 2]),
+        "map outputs to values": lambda: mb.calibrate(scene, [1, 2]),
         "no output 'y'": lambda: mb.calibrate(scene, {"y": T}),
         "no parameter 'mass'": lambda: mb.calibrate(scene, {"x": T}, ["mass"]),
         "the list of parameters is empty": lambda: mb.calibrate(scene, {"x": T}, []),
         "contains 'fall' twice": lambda: mb.calibrate(scene, {"x": T}, ["fall", "speed", "fall"]),
         "the 41 times of the scene": lambda: mb.calibrate(scene, {"x": T[:3]}),
-        "its own times": lambda: mb.calibrate(scene, {"x": (T[:3], T)}),
+        "the given times": lambda: mb.calibrate(scene, {"x": (T[:3], T)}),
         "times of 'x' start at -1 s, before": lambda: mb.calibrate(scene, {"x": (T - 1, T)}),
         "times of 'x' must be finite": lambda: mb.calibrate(scene, {"x": ([0.0, np.nan, 1.0], [1.0, 2.0, 3.0])}),
         "are gaps": lambda: mb.calibrate(scene, {"x": T * np.nan}),
         "infinite at 0.3 s. Write a gap as nan": lambda: mb.calibrate(scene, {"x": np.where(T == T[3], np.inf, T)}),
-        "one for each output with data: x, got {}": lambda: mb.calibrate(scene, {"x": T}, noise={}),
-        r"1 value cannot determine 2 parameters\. Give 2 or more, or estimate fewer": lambda: mb.calibrate(
+        "a number for each output with data: x, got {}": lambda: mb.calibrate(scene, {"x": T}, noise={}),
+        r"1 value cannot determine 2 parameters\. Give 2 or more values, or estimate fewer": lambda: mb.calibrate(
             scene, {"x": ([1.0], [1.0])}, ["fall", "speed"], noise={"x": 1.0}
         ),
-        r"1 value cannot determine 1 parameter and the noise\. Give 2 or more, or noise=,": lambda: mb.calibrate(
+        r"1 value cannot determine 1 parameter and the noise\. Give 2 or more values, or noise=,": lambda: mb.calibrate(
             scene, {"x": ([1.0], [1.0])}, ["speed"]
         ),
         "for each output with data: x, got {.y": lambda: mb.calibrate(scene, {"x": T}, noise={"y": 1.0}),

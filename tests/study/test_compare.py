@@ -196,8 +196,8 @@ def test_a_comparison_announces_its_runs(caplog):
     caplog.set_level("INFO", logger="symmb")
     compare_simulator(simulator(lambda k: k * T), [mb.Vertex(), mb.PolynomialChaos(order=3), mb.PolynomialChaos()], BOX)
     (told,) = caplog.messages
-    assert "3002 runs for the reference, 6 for the methods, as many as they choose for PolynomialChaos()." in told
-    assert "Each method runs at least 3 times for its run time, and once if it takes 10 s." in told
+    assert "3002 runs for the reference, 6 for the methods, and a number of runs that is not known yet for" in told
+    assert "Each method runs at least 3 times to measure its time, or once if it takes 10 s." in told
 
 
 def test_the_reference_of_slow_runs_is_smaller(caplog):
@@ -248,4 +248,4 @@ def test_outputs_with_an_uncertain_reference_are_told():
     rough, exact = (Reference("Scanning(3)", *ends, np.array([e, 0.01, 9.0]), 3, 0, 1.0) for e in (0.12, 0.0))
     assert _doubt_of_reference(f, exact) == []
     (told,) = _doubt_of_reference(f, rough)
-    assert told.startswith("The reference Scanning(3) is uncertain: y by 0.12 of its width. Smaller errors of bounds")
+    assert told.startswith("The reference Scanning(3) is uncertain: y by 0.12 of its width. Errors of bounds below")

@@ -99,7 +99,7 @@ def test_the_head_tells_reference_cost_and_the_solvers_own_error():
     assert "reference: Scanning(45), 2554 runs, 1.5 s; uncertainty 1.0e-03 of the width" in text
     assert "solver's own error: 1.5e-06 of the width, at most 2.0e-06 (load [N])" in text
     assert "Taylor(order=2) did not run: It needs derivatives." in text
-    assert "median of at least 3, 1 thread" in text
+    assert "median of at least 3 measurements, 1 thread" in text
 
 
 def test_an_output_without_width_is_told_apart():

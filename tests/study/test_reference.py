@@ -77,7 +77,11 @@ def test_given_bounds_state_their_own_uncertainty():
 
 @pytest.mark.parametrize(
     ("bounds", "words"),
-    [(given(names=("z",)), "has z, the simulator y"), (given(t=T[:-1]), "10 times"), (given(t=T + 0.1), "same times")],
+    [
+        (given(names=("z",)), "are z, but the outputs of the simulator are y"),
+        (given(t=T[:-1]), "10 times"),
+        (given(t=T + 0.1), "same times"),
+    ],
 )
 def test_given_bounds_must_fit(bounds, words):
     with pytest.raises(PropagationError, match=words):

@@ -58,7 +58,7 @@ def test_a_single_run_that_finishes_is_no_reference():
     assert standard.fault.startswith("no solver finishes at two tolerances") and np.isnan(standard.uncertainty)
     assert all(standard.error(t) is None for t in stress)
     text = told([trial("DormandPrince", np.cos(T), r) for r in (1e-8, 1e-6)], stress)
-    assert "hard  none is known to be good: no solver finishes at two tolerances" in text
+    assert "hard  no setting is known to be good: no solver finishes at two tolerances" in text
     assert "too slow: CVODES" in text and "Rosenbrock(" not in text
 
 

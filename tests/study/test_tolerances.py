@@ -225,7 +225,7 @@ def test_it_is_printed_and_labelled():
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        (({"no": (0, 1)}, BOX), "no output 'no'"), (({"gap": (1, 0)}, BOX), "cross"), (({}, BOX), "a dictionary"),
+        (({"no": (0, 1)}, BOX), "no output 'no'"), (({"gap": (1, 0)}, BOX), "is above"), (({}, BOX), "a dictionary"),
         (({"gap": (0, 1)}, mb.Box(a=(2, 3))), "outside of its"), (({"gap": (0, 1)}, BOX, 3), "costs must be"),
         (({"gap": (0, 1)}, BOX, {"q": abs}), "not in the box"), (({"gap": (0, 1)}, BOX, {"a": 3}), "function"),
         (({"gap": (0, 1)}, BOX, {"a": lambda h: np.nan}), "is not a number"),

@@ -1,11 +1,11 @@
 """Methods that bound responses over a box of parameters, and their results.
 
-- `propagation` makes the bounds of a simulator by a method. `registry` lists the methods. Each method has a file with
-  its name; methods from extremes of runs are in `sampling`. Polynomial chaos that chooses its own runs is in
+- `propagation` computes bounds of a simulator by a method. `registry` lists the methods. Each method has a file with
+  its name. Methods that use extremes of runs are in `sampling`. Polynomial chaos that chooses its own runs is in
   `adaptive`.
-- `result` has the bounds, `envelope` their curves, and `doubts` and `check_runs` their warnings.
-- `answers` gives results from bounds: `limits`, `worst_case`, `contributions` and `probabilities`, with the polynomials
-  or runs in `responses`.
+- `result` has the bounds, `envelope` has their curves, and `doubts` and `check_runs` have the warnings about bounds.
+- `answers` computes results from bounds: `limits`, `worst_case`, `contributions` and `probabilities`. `answers` uses
+the polynomials or runs in `responses`.
 """
 
 from symmb.bound.bounds.contributions import Contributions

@@ -189,10 +189,10 @@ class Answers(Envelope):
         """Quantiles of an output over time, for parameters that have distributions.
 
         A parameter without a distribution may have any value in its interval, and a different value in each sample.
-        There is then a lowest and a highest quantile. Quantiles follow from polynomials, which 32 runs verify. If
-        polynomials are not accurate enough, quantiles follow from 1,024 runs. If, in addition, some parameters have no
-        distribution, quantiles follow from least squares through 256 runs. Some hundreds of further runs then estimate
-        the error.
+        With such parameters, there is a lowest and a highest quantile. Quantiles follow from polynomials, which 32 runs
+        verify. If polynomials are not accurate enough, quantiles follow from 1,024 runs. If, in addition, some
+        parameters have no distribution, quantiles follow from least squares through 256 runs. Some hundreds of further
+        runs then estimate the error.
 
         Parameters
         ----------
@@ -240,8 +240,8 @@ class Answers(Envelope):
         laws, correlation, distributions : as in `quantiles`
         error : float
             the accepted error, relative to the probability of the event at any time. The number of samples of the
-            polynomials grows until the estimated error is below it. If this does not suffice, and all parameters have
-            distributions, up to 1,000 runs near the limit give probabilities down to 1e-9
+            polynomials grows until the estimated error is small enough. If more samples do not suffice, and all
+            parameters have distributions, up to 1,000 runs near the limit give probabilities down to 1e-9
         """
         given = given_once("Bounds.probability", laws, distributions)
         responses = self._responses("Bounds.probability")

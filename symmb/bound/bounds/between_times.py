@@ -1,4 +1,4 @@
-"""Limits of curves between output times. Scalar outputs give the lowest and highest values of runs there."""
+"""Checks of limits between output times. Scalar outputs give the lowest and highest values of runs."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -27,10 +27,10 @@ _STARTS, _MOST_RUNS = 6, 300
 def with_peaks(bounds: Envelope, limits: Sequence[KeptLimit]) -> tuple[list[KeptLimit], list[str]]:
     """The limits after a check of the curves between output times, and remarks on limits that may be violated.
 
-    For a scene, the nominal run, the corners and the runs closest to a limit are repeated. They give the lowest and
-    highest values over time. If one of these runs is closer to the limit than the bounds, further runs search for the
-    closest run. For other simulators, parabolas through three neighbouring times estimate the bounds between the times.
-    Scalar outputs have no times.
+    For a scene, the nominal run, the corners and the runs closest to a limit are repeated. These runs give the lowest
+    and highest values over time. If one of these runs is closer to the limit than the bounds, further runs search for
+    the closest run. For other simulators, parabolas through three neighbouring times estimate the bounds between the
+    times. Scalar outputs have no times.
     """
     curves = [limit for limit in limits if limit.output not in bounds.figures and len(bounds.t) > 1]
     names, study = tuple(limit.output for limit in curves), bounds.study
@@ -57,7 +57,7 @@ def with_peaks(bounds: Envelope, limits: Sequence[KeptLimit]) -> tuple[list[Kept
 
 
 def _examined(bounds: Envelope, limit: KeptLimit, k: int, excess: Excess, points: Array) -> KeptLimit:
-    """The limit of output number k. If a run at points (n, d) is closer than known, a search starts from them."""
+    """The limit of output number k. If a run at points (n, d) is the closest so far, a search starts."""
     is_lower, rounding = excess.side == "lower", rounding_of(bounds, k)
     inside = bounds.lower[:, k] - limit.low if is_lower else limit.high - bounds.upper[:, k]
     if not np.isfinite(inside).all():
@@ -82,10 +82,8 @@ def _examined(bounds: Envelope, limit: KeptLimit, k: int, excess: Excess, points
         kept, why = False, f"A run is beyond the limit{between_text(further)}."
     elif kept:
         found = by_further_run(further, limit.low if is_lower else limit.high, limit.margin, rounding, unit)
-        close = f"{excess.runs} runs stay {-excess.largest:.3g}{unit} inside, but others may be closer."
-        kept, why = (
-            (found.kept, found.why) if found else (None, f"{close} Limit mb.maximum or mb.minimum of the output.")
-        )
+        close = f"{excess.runs} runs stay {-excess.largest:.3g}{unit} inside the limit, but others may be closer."
+        kept, why = (found.kept, found.why) if found else (None, f"{close} Use limits of mb.maximum or mb.minimum.")
     margin = limit.margin.copy()
     margin[further.row] = min(margin[further.row], -excess.largest)
     return replace(limit, kept=kept, why=why, margin=margin, row=further.row, further=further, between=further.between)

@@ -40,8 +40,8 @@ def check_doubts(
     """Warnings from check runs about bounds that have no estimated error, and the number of check runs.
 
     Runs outside of the bounds show that the bounds are too narrow. If the surrogate differs from the runs, the bounds
-    may be too narrow or too wide. Some bounds are not the exact range of the surrogate. They are too wide if no value
-    of the surrogate is near them. Only differences above `share` times the width give a warning.
+    may be too narrow or too wide. Some bounds are not the exact range of the surrogate. Such bounds are too wide if no
+    value of the surrogate is near the bounds. Only differences above `share` times the width give a warning.
     """
     if bounds.kind == "enclosure" or bounds.estimate is not None or share == np.inf:
         return (), 0
@@ -104,7 +104,7 @@ class _Checks:
         bounds, share, of_all = self._bounds, self._share, f"of {self.n} other points"
         parts = [(f"runs at {self._n_outside} {of_all} are outside of the bounds", self._outside, share)]
         if bounds.surrogate is not None:
-            parts.append((f"the method's polynomial misses runs at {self._n_missed} {of_all}", self._missed, share))
+            parts.append((f"the polynomial differs from runs at {self._n_missed} {of_all}", self._missed, share))
         if bounds.surrogate is not None and not bounds.surrogate.exact:
             gap = self._gap(bounds.surrogate, candidates)
             parts.append(("the bounds are wider than the range of the method's polynomial", gap, DOUBTFUL))
@@ -174,7 +174,7 @@ def some_corners(d: int, random: np.random.Generator) -> Array:
 def _star(d: int, varied: Indices) -> Array:
     """A point c near the centre, then the points with one parameter of c at its lower or upper end.
 
-    The centre itself is not used: most methods make a run there, so that their error is 0.
+    The centre itself is not used, because most methods make a run at the centre, and have no error there.
     """
     n = len(varied)
     random = np.random.default_rng(1)

@@ -46,9 +46,9 @@ _OF_PARAMETER = entry(Record.with_nan, "t", "names", "parameters")
 class Contributions(Result, Saved):
     """Contributions of each parameter to the outputs over time.
 
-    `print` shows the contributions at the times of the largest widths, sorted by `alone`. `plot` draws them. If the
-    estimated error of a contribution is larger than the contribution, it may be zero. A sentence below the table says
-    this.
+    `print` shows the contributions at the times of the largest widths, sorted by `alone`. `plot` draws them. A
+    contribution may be zero if its estimated error is larger than the contribution. A sentence below the table then
+    says that contributions may be zero.
 
     Attributes
     ----------
@@ -63,12 +63,12 @@ class Contributions(Result, Saved):
     saved : (n_t, n_y, n_p)
         decrease of the width if this parameter has its nominal value
     first, total : (n_t, n_y, n_p)
-        Sobol's indices: the fraction of the variance by a parameter alone, and with its interactions. Parameters are
-        uniform and independent. Indices are nan if the variance is only rounding
+        Sobol's indices: the fraction of the variance that a parameter causes alone, and with its interactions.
+        Parameters are uniform and independent. Indices are nan if the variance is only rounding
     estimate : (n_t, n_y)
-        largest estimated error of alone
+        largest estimated error of `alone`
     saved_estimate : (n_t, n_y)
-        largest estimated error of saved
+        largest estimated error of `saved`
     share_estimate : (n_t, n_y)
         estimated error of the indices
     runs : int
@@ -78,7 +78,7 @@ class Contributions(Result, Saved):
     remarks : sentences
         further information
     errors : (2, n_t, n_y, n_p)
-        estimated errors of alone and of saved of each parameter; None in files of earlier versions
+        estimated errors of `alone` and of `saved` for each parameter; None in files of earlier versions
 
     Examples
     --------

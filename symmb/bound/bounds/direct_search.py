@@ -13,13 +13,14 @@ STEPS, LEAST_STEPS = (2.0, 0.5, 0.12, 0.03, 0.008), 3
 """Lengths of the steps, and number of first steps that are always made. The first steps lead from a corner to its
 neighbours. Shorter steps follow only if their gain may be relevant."""
 LINE_POINTS = 17
-"""Number of points of a line search along an axis. For one period of a sine, they find the extremes within 0.06."""
+"""Number of points of a line search along an axis. For one period of a sine, these points find extremes within 0.06."""
 
 
 class Found(NamedTuple):
-    """The best place (d,) of a search, the value there, and the expected distance from the largest value.
+    """The best place (d,) of a search, the value at this place, and its expected distance from the largest value.
 
-    This error follows from the gain of the last steps. It is infinite if the search was not completed.
+    This distance, `error`, follows from the gain of the last steps. The distance is infinite if the search was not
+    completed.
     """
 
     place: Array
@@ -30,10 +31,10 @@ class Found(NamedTuple):
 def direct_search(f: Callable[[Array], Array], starts: Array, most: int, enough: float = np.inf) -> Found:
     """Search for the largest value of f by polls, from the best of some starts (n, d).
 
-    A poll evaluates points one step away in both directions along each axis, or along random orthogonal directions. It
-    also evaluates the point that parabolas through these values predict. If neither axes nor random directions give a
-    gain, the step becomes shorter. (Audet and Dennis 2006, Mesh adaptive direct search algorithms for constrained
-    optimization)
+    A poll evaluates points one step away in both directions along each axis, or along random orthogonal directions. A
+    poll also evaluates the point that parabolas through these values predict. If neither axes nor random directions
+    give a gain, the step becomes shorter. (Audet and Dennis 2006, Mesh adaptive direct search algorithms for
+    constrained optimization)
 
     Parameters
     ----------
@@ -91,8 +92,8 @@ class _Values:
 def _poll(values: Callable[[Array], Array], x: Array, fx: Array, step: float, basis: Array) -> Array:
     """Points (k, 2 d + 2, d) of a poll about places x (k, d) with values fx (k,).
 
-    The points are the place itself, one step ahead and behind along each vector of a basis (d, d), and a combined step.
-    The combined step contains the best step along each vector: to the better end, or to the vertex of a parabola.
+    The points are the place itself, points one step ahead and behind along each vector of a basis (d, d), and a
+    combined step. Its parts are the best steps along each vector: to the better end, or to a parabola's vertex.
     """
     polled = np.clip(x[:, None] + step * np.concatenate([basis, -basis]), -1.0, 1.0)
     ahead, behind = np.split(values(polled) - fx[:, None], 2, axis=1)

@@ -49,7 +49,7 @@ def checked(method: Method, simulator: Simulator, box: Box, bounds: Bounds, exec
 
 
 def _unused_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
-    """Warnings about parameters of the box that do not occur in the scene. It often contains their values instead."""
+    """Warnings about parameters of the box that do not occur in the scene. Often the scene contains numbers instead."""
     if not isinstance(simulator, SceneSimulator) or simulator.scene is None:  # e.g. a copy from a pickle
         return ()
     varied = [name for name, low, high in zip(box.names, box.lower, box.upper, strict=True) if low < high]
@@ -74,7 +74,7 @@ def _far_nominal_values(simulator: Simulator, box: Box) -> list[str]:
 def _without_effect(simulator: Simulator, box: Box, bounds: Bounds) -> list[str]:
     """A remark on parameters that change no output of a black box.
 
-    Scenes need no runs for it, because their equations show which parameters have an effect.
+    Scenes need no runs for this remark, because their equations show which parameters have an effect.
     """
     if isinstance(simulator, SceneSimulator):
         return []
@@ -91,7 +91,7 @@ def idle_parameters(
     """Names of parameters that do not change some outputs, given by their numbers, and the number of further runs.
 
     Polynomials show parameters that seem to have no effect. Pairs of runs that differ in one parameter then confirm
-    this.
+    that there is no effect.
     """
     if bounds.surrogate is None:
         return [], 0
@@ -191,13 +191,12 @@ def _pulse_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
     where = values_text(simulator.parameters, P[k + 1], units_of_parameters(simulator.parameters))
     return (
         f"At {where} a function of time has a pulse that is shorter than the steps of the solver. The solver may miss "
-        "the pulse. Choose nominal parameters for which the pulse is shortest.",
+        "the pulse. Use nominal parameters with the shortest pulse.",
     )
 
 
 def _noise_doubts(simulator: Simulator, bounds: Bounds) -> tuple[str, ...]:
-    """A warning about outputs with widths between rounding and noise. Scenes are left out: their noise is only
-    estimated."""
+    """A warning about outputs with a width between rounding and noise, except for scenes: their noise is estimated."""
     if isinstance(simulator, SceneSimulator) or not isinstance(simulator, Noisy) or simulator.noise is None:
         return ()
     lower, upper = bounds.inner or (bounds.lower, bounds.upper)

@@ -63,7 +63,7 @@ class Envelope(WithWarnings):
         if self.failed:
             where = f" Runs fail {self.failed_region}." if self.failed_region else ""
             doubts.append(
-                f"{len(self.failed)} of {self.evaluations} runs failed. The bounds are those of the other runs. The "
+                f"{len(self.failed)} of {self.evaluations} runs failed. The bounds use only the other runs. The "
                 f"responses near the failed runs are not known.{where}"
             )
         if since := self.doubtful():
@@ -97,7 +97,7 @@ class Envelope(WithWarnings):
             return self.lower - self.estimate, self.upper + self.estimate
 
     def doubtful(self, share: float = DOUBTFUL) -> dict[str, float]:
-        """Outputs with an estimated error above a fraction of the width, and the time [s] from which the error is so
+        """Outputs with an estimated error above a fraction of the width, and the time [s] from which on the error is
         large.
 
         Error and width are root mean squares from a time to the end. The width is taken as at least a tenth of the

@@ -118,7 +118,7 @@ def find_failed_region(box: Box, points: Array, failed: Mask) -> FailedRegion | 
 
 
 def _extended(intervals: _Intervals, ranks: Indices, failed: Mask) -> _Intervals:
-    """The intervals with an interval of one more column. Each one is then optimized, with the others fixed."""
+    """The intervals with an interval of one more column. Each interval is then optimized, with the others fixed."""
     free = [j for j in range(len(ranks)) if j not in intervals]
     tried = [intervals | {j: _best_interval(intervals, j, ranks, failed)} for j in free]
     intervals = max(tried, key=lambda some: _score(some, ranks, failed))

@@ -18,9 +18,8 @@ _NEAR_LIMIT = 0.2
 """Distance of a limit divided by the width of bounds. For smaller distances, the search follows creases. Without this,
 the direct search missed up to 0.15 of the width. tests/bounds/test_creases.py"""
 _CLOSE_TO_LIMIT = 0.03
-"""Distance of a limit divided by the width of bounds. For smaller distances, lines along the axes follow after the
-search. A peak that moves past output times causes many local maxima. Smaller values miss more maxima. Larger values
-take more runs."""
+"""Distance of a limit divided by the width of bounds. For smaller distances, searches along the axes follow. A peak
+that moves past output times causes many local maxima. Smaller values miss more maxima. Larger values take more runs."""
 _MISSED_HILL = 1e-3
 """Error of a search that ends inside the box, divided by the spread of the extremes of its first runs. A slightly
 higher local maximum may be next to the highest known one. tests/benchmarks/machine_tolerances.py"""
@@ -106,7 +105,7 @@ class Excess:
         return self.largest - float(self.first[np.isfinite(self.first)].min(initial=self.largest))
 
     def is_flat(self) -> bool:
-        """Whether most first runs and the nominal run have the largest excess, because the output is limited to it."""
+        """Whether most first runs and the nominal run have the largest excess, because the output cannot exceed it."""
         least = self.largest - LAST_DIGITS * (abs(self._limit) + abs(self.largest))
         nominal = self._study.nominal[0] if np.mean(self.first >= least) > 0.5 else None
         return nominal is not None and bool((self._sign * (nominal[:, self._k] - self._limit)).max() >= least)
@@ -134,10 +133,10 @@ class Excess:
 def closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indices, enough: float) -> FurtherRun:
     """The further run that is closest to a limit, or farthest beyond the limit, from a search with several starts.
 
-    The starts are the worst runs of the study, the extremes of its polynomials, and the nearest corners. They are taken
-    at the first of the times `rows` (n_t,) that have different runs. If runs cost little, starts also include points
-    with two changed parameters, and points spread over the box. If the limit is close, lines through the best run
-    follow. An excess above `enough` ends the search.
+    The starts are the worst runs of the study, the extremes of its polynomials, and the nearest corners. The starts are
+    taken at the first of the times `rows` (n_t,) that have different runs. If runs cost little, starts also include
+    points with two changed parameters, and points spread over the box. If the limit is close, searches along lines
+    through the best run follow. An excess above `enough` ends the search.
     """
     study, box = bounds.study, bounds.box
     assert study is not None and box is not None
@@ -163,7 +162,7 @@ def closest_run(bounds: Envelope, k: int, side: str, limit: float, rows: Indices
 
 
 def _along_crease(excess: Excess, error: float, enough: float) -> float:
-    """The error of the closest run after a search along a crease, if the run is inside the box and is not beyond."""
+    """The error of the closest run after a search along a crease, if the run is in the box and not beyond `enough`."""
     if excess.largest > enough or (np.abs(excess.place) == 1.0).all():
         return error
     return gradient_sampling(excess, excess.place, excess.largest, _SUFFICIENT_GAIN * excess.spread, enough).error

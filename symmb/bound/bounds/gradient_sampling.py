@@ -15,7 +15,7 @@ POINTS = 4
 LENGTHS = (2.0, 1.0, 0.5, 0.25)
 """Largest steps, divided by the radius. Gradients are less valid at longer distances."""
 DIFFERENCE = 1e-3
-"""Step of the finite differences that approximate gradients. Errors of 1e-6 of values cause errors of 1e-3 of
+"""Step of the finite differences that approximate gradients. Errors of 1e-6 in values cause errors of 1e-3 in
 gradients."""
 
 

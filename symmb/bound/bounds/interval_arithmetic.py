@@ -22,14 +22,14 @@ class IntervalArithmetic(Method):
     """Enclosure of plain expressions of parameters and time by natural interval arithmetic, eq. (12).
 
     Every operation is replaced by its interval extension and rounded outward. The bounds thus contain the range of the
-    expression. Its constants, the ends of the box and the times are double precision numbers. The bounds are usually
-    far too wide, because an argument that occurs twice counts as two arguments. One evaluation gives the bounds at all
-    times.
+    expression. Constants of the expression, the ends of the box and the times are double precision numbers. The bounds
+    are usually far too wide, because an argument that occurs twice counts as two arguments. One evaluation gives the
+    bounds at all times.
 
     Raises
     ------
     PropagationError
-        From ``bounds``: the outputs are not plain expressions, an operation has no interval extension, or an
+        Raised by ``bounds`` if the outputs are not plain expressions, an operation has no interval extension, or an
         argument lies outside the domain of its function.
 
     Examples
@@ -51,7 +51,7 @@ class IntervalArithmetic(Method):
         f: ca.Function | None = getattr(simulator, "expression", None)
         if f is None:
             raise PropagationError(
-                f"{self!r}: it needs outputs that are plain expressions of parameters and time, "
+                f"{self!r}: outputs must be plain expressions of parameters and time, "
                 f"but {simulator!r} integrates or calls a function. Use MonteCarlo or PolynomialChaos."
             )
         inputs = [parameter_intervals(simulator.parameters, box), [Interval.exactly(simulator.times)] * f.nnz_in(1)]

@@ -19,7 +19,7 @@ near a limit may follow. Larger numbers take more time."""
 VERIFYING_RUNS = 32
 """Number of runs at samples of the distributions. They verify the values of polynomials, not only their range."""
 SAFETY_OF_RUNS = 2.0
-"""The reported error of polynomials, divided by their residual at runs that they do not use."""
+"""The reported error of polynomials, divided by the residual at runs that are not used in the fit."""
 _FITTED_RUNS, _POINTS_INSIDE, _INTERVALS_OF_ALL_CORNERS = 256, 32, 5
 """Number of runs of a fit if polynomials are not accurate enough, number of points inside the intervals, and largest
 number of intervals for which all corners are used."""
@@ -160,14 +160,14 @@ class LawSamples:
     def about(
         self, levels: Array | None = None
     ) -> tuple[str, str, Array, str, tuple[str, ...], int, int, tuple[str, ...]]:
-        """The attributes of `Figures`, in their order."""
+        """The values of the attributes of `Figures`, in the order of the attributes."""
         responses = self.responses
         intervals = tuple(name for name, free in zip(responses.box.names, self.free, strict=True) if free)
         remarks = (*responses.remarks, *self._laws.remarks)
         # If fewer samples than this are beyond a quantile, a remark reports too few samples.
         if levels is not None and (few := np.minimum(levels, 1 - levels) * self.number < 8).any():
             text = ", ".join(f"{q:g}" for q in levels[few])
-            remarks = (*remarks, f"Few of the samples are beyond the quantiles {text}: their error is inaccurate.")
+            remarks = (*remarks, f"Few samples are beyond the quantiles {text}, so their errors are inaccurate.")
         unit = responses.units[self.column] if responses.units else ""
         numbers = self.number, self.runs
         return responses.names[self.column], unit, responses.t, repr(self._laws), intervals, *numbers, remarks

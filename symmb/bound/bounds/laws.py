@@ -17,7 +17,7 @@ Correlation = Sequence[Sequence[float]] | Array
 
 
 def given_once(owner: str, laws: object, distributions: object) -> Any:
-    """The distributions, which may be given by either of two names."""
+    """The distributions, given as `laws` or as `distributions`."""
     if laws is not None and distributions is not None:
         raise DeclarationError(f"{owner}: laws and distributions are two names of one argument. Give one of them.")
     return distributions if laws is None else laws
@@ -53,7 +53,9 @@ class Laws:
         laws, masses = normal_keys(owner, laws), []
         for name, law in laws.items():
             if name not in box.names:
-                raise DeclarationError(f"{owner}: {name!r} is not in the box.{did_you_mean(str(name), box.names)}")
+                raise DeclarationError(
+                    f"{owner}: {name!r} is not a parameter of the box.{did_you_mean(str(name), box.names)}"
+                )
             masses.append(_masses(owner, name, law, box))
         names = tuple(laws)
         columns = np.array([box.names.index(name) for name in names], dtype=np.intp)
@@ -73,7 +75,7 @@ class Laws:
         parts = ", ".join(f"{mass:.2g} for {name}" if len(cut) > 1 else f"{mass:.2g}" for name, mass in cut.items())
         return (
             f"The {words.format(', '.join(cut))}. The part outside has a probability of {parts}. Bounds over wider "
-            "intervals include it.",
+            "intervals include this part.",
         )
 
     def unit_points(self, uniform: Array, box: Box) -> Array:
@@ -108,7 +110,9 @@ def _law_text(law: Any) -> str:
 
 def _masses(owner: str, name: str, law: Any, box: Box) -> tuple[float, float]:
     if hasattr(law, "freeze"):
-        raise DeclarationError(f"{owner}: distribution of {name!r} needs numbers, such as scipy.stats.norm(40, 1.3).")
+        raise DeclarationError(
+            f"{owner}: give numbers to the distribution of {name!r}, as in scipy.stats.norm(40, 1.3)."
+        )
     if not all(callable(getattr(law, part, None)) for part in ("cdf", "ppf")):
         raise DeclarationError(
             f"{owner}: the distribution of {name!r} must have cdf and ppf, such as scipy.stats.norm(40, 1.3), "
@@ -119,14 +123,14 @@ def _masses(owner: str, name: str, law: Any, box: Box) -> tuple[float, float]:
         below, above = float(law.cdf(np.nextafter(low, -np.inf))), float(law.cdf(high))  # an end may have a mass
         middle = np.shape(law.ppf(np.array([below, above])))
     except Exception as error:  # raised by the user's class
-        raise DeclarationError(f"{owner}: the distribution of {name!r} has no values: {error}.") from error
+        raise DeclarationError(f"{owner}: the distribution of {name!r} cannot be evaluated: {error}.") from error
     if middle != (2,):
-        raise DeclarationError(f"{owner}: ppf of the distribution of {name!r} must return a number for each number.")
+        raise DeclarationError(f"{owner}: ppf of the distribution of {name!r} must return one number per probability.")
     # A distribution with a smaller probability in the box is rejected, because its quantiles there have few digits.
     if not above - below >= SLIGHT:
         raise DeclarationError(
-            f"{owner}: the distribution of {name!r} has a probability of {above - below:.1g} in its interval from "
-            f"{low:g} to {high:g}."
+            f"{owner}: the distribution of {name!r} has a probability of {above - below:.1g} in its interval "
+            f"from {low:g} to {high:g}. Give another interval or distribution."
         )
     return below, above
 

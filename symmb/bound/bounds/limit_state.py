@@ -26,9 +26,9 @@ heavier tails. Fraction of samples from the distributions of the parameters."""
 SETS_OF_SAMPLES, _SAMPLES_OF_A_SET = 8, 2048
 """Number of independent sets of samples, and number of samples of a set."""
 _POOL_OF_RUNS = 4096
-"""Number of samples from which the places of runs are chosen."""
+"""Number of samples from which the points of runs are chosen."""
 _RUNS_OF_A_ROUND = 48
-"""Number of runs in a round, at points where the predicted sign is most likely wrong. They correct the probability."""
+"""Number of runs in a round that correct the probability, at points where the predicted sign is most likely wrong."""
 _RUNS_OVER_FAILURES = 0.25
 """Fraction of the runs of a round that is spread over all failures."""
 EXPECTED_IF_NONE = 3.0
@@ -63,7 +63,7 @@ def rare_event(points_of: Normal, margins: Normal, known: tuple[Array, Array], a
     """Probability that the largest margin over time is positive.
 
     Each round fits a Gaussian process to the margins of all runs. Subset simulation finds failures of the process, and
-    samples are drawn around them. Runs are made where the sign of the margin is most uncertain. They correct the
+    samples are drawn around them. Runs are made where the sign of the margin is most uncertain. These runs correct the
     probability, and are used in the next fit. (Echard, Gayton and Lemaire, Structural Safety 33 (2011); Dubourg, Sudret
     and Deheeger, Probabilistic Engineering Mechanics 33 (2013))
 
@@ -195,7 +195,7 @@ class _Margin:
         return self.size * self.factor * np.maximum(self.process.deviation((x - self.centre) / self.scale), least)
 
     def optimistic(self, x: Array) -> Array:
-        """Margins (N,) plus the leave-one-out error. Standard deviations take a hundred times as long."""
+        """Margins (N,) plus leave-one-out errors, because standard deviations take a hundred times as long."""
         error = float(np.sqrt(np.square(self.process.left_out_errors()).mean()))
         # The search for failures adds this many errors to a margin. With smaller numbers, the search misses regions
         # without runs.
@@ -253,7 +253,7 @@ def _failures(margin: Normal, n_l: int, rng: np.random.Generator) -> Array:
 def _moved(
     margin: Normal, level: float, z: Array, m: Array, step: float, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Samples beyond a level, as many as before, after moves that keep their distribution."""
+    """Samples beyond a level, as many as before, after moves that do not change their distribution."""
     start = rng.choice(np.flatnonzero(m >= level), len(z))
     z, m = z[start], m[start]
     for _ in range(_MOVES_OF_A_CHAIN):

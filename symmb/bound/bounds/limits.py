@@ -31,8 +31,8 @@ Limits = Mapping[str, tuple[float | str | None, float | str | None] | tuple[floa
 WARNED = "See the warnings"
 _MOVE = "For a decision, move the limit by more than this number."
 _UNCERTAIN_ERRORS, _NEAR_WIDTHS = 2.0, 0.5
-"""Further runs decide limits within this multiple of the estimated error plus, if runs have lanes, this fraction of the
-width, because the study may miss extremes. Smaller values miss more of them. Larger values check limits far away."""
+"""Further runs decide limits that are closer to the bounds than this multiple of the estimated error. If many runs take
+little time, this fraction of the width is added. Smaller values miss more extremes. Larger values take more runs."""
 _WORDS = {True: "satisfied", False: "violated", None: "undecided"}
 
 
@@ -61,7 +61,7 @@ class KeptLimit:
     kept : True, False, None   whether all responses are inside; None if the bounds do not decide this
     why : str                  a sentence: the reason, or how to decide the limit
     margin : (n_t,)            distance of the bounds from the closer limit, negative beyond the limit; or the distance
-                               of further runs, if it is larger
+                               of further runs, if this is larger
     row : int                  index of the time of the smallest margin
     further : FurtherRun       the further run that comes closest to the limit, or None if none was made or the check
                                was read from a file
@@ -83,7 +83,7 @@ class KeptLimit:
 
     @property
     def share(self) -> float:
-        """The margin m relative to the width w, m / (|m| + w), from -1 to 1. It compares limits of any units."""
+        """The margin m relative to the width w, m / (|m| + w), from -1 to 1, which compares limits of any units."""
         least = float(self.margin.min())
         return least / (abs(least) + self.width) if least and np.isfinite(least) else float(np.sign(least))
 
@@ -154,7 +154,7 @@ class LimitCheck(plot.OverTimeBesideGiven, Result, ByOutput, Saved):
 
     @property
     def margin(self) -> Array:
-        """(n_t,) distance of the bounds from the limit with the smallest relative margin, negative beyond it."""
+        """(n_t,) distance of the bounds from the limit with the smallest relative margin, negative beyond the limit."""
         return closest(self.limits).margin
 
     def __getitem__(self, output: str) -> KeptLimit:
@@ -228,7 +228,7 @@ class LimitCheck(plot.OverTimeBesideGiven, Result, ByOutput, Saved):
 
 
 def other_side(bounds: Envelope, limit: KeptLimit, side: str) -> str:
-    """A sentence if bounds exceed the end of a violated limit opposite to the given side; otherwise empty."""
+    """A sentence if bounds also exceed the other end of a violated limit, not the given side; otherwise empty."""
     k = bounds.names.index(limit.output)
     excess = limit.low - bounds.lower[:, k] if side == "upper" else bounds.upper[:, k] - limit.high
     row, verb = int(excess.argmax()), "fall below" if side == "upper" else "exceed"
@@ -373,8 +373,8 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
 def by_further_run(further: FurtherRun, limit: float, margin: Array, rounding: float, unit: str) -> _Decision | None:
     """The decision by the further run that is closest to a limit; None if the search was not completed.
 
-    The limit is violated if the run is beyond the limit. It is satisfied if the run is farther inside than the error of
-    the search, or if the output is constant exactly at the limit.
+    The limit is violated if the run is beyond the limit. The limit is satisfied if the run is farther inside than the
+    error of the search, or if the output is constant exactly at the limit.
     """
     inside, error = -further.beyond, max(further.error, rounding)
     own = limit - further.values if further.side == "upper" else further.values - limit
@@ -385,7 +385,7 @@ def by_further_run(further: FurtherRun, limit: float, margin: Array, rounding: f
         why = f"{further.failed} of {further.runs} further runs near the limit failed."
         return _Decision(None, why, margin, further)
     if further.is_flat and np.isfinite(error) and abs(inside) <= LAST_DIGITS * abs(limit):
-        why = f"Most of {further.runs} further runs attain the limit exactly. None is beyond the limit."
+        why = f"Most of {further.runs} further runs attain the limit exactly. No run is beyond the limit."
         return _Decision(True, why, np.fmin(np.maximum(margin, 0.0), own), further)
     if inside <= rounding:
         why = f"A further run reaches the limit, up to rounding or noise of {rounding:.1e}{unit}. {_MOVE}"
@@ -393,7 +393,7 @@ def by_further_run(further: FurtherRun, limit: float, margin: Array, rounding: f
     if not np.isfinite(error):
         return None
     kept, is_larger = (True, "is larger") if inside > error else (None, "is not larger")
-    least = f"The closest of {further.runs} further runs is {inside:.3g}{unit} inside."
+    least = f"The closest of {further.runs} further runs is {inside:.3g}{unit} inside the limit."
     why = f"{least} This margin {is_larger} than the error of the search, {error:.1e}{unit}."
     return _Decision(kept, why, np.fmin(np.maximum(margin, inside), own), further)
 
@@ -409,7 +409,7 @@ def _ends(owner: str, name: str, pair: object, unit: str) -> tuple[float, float]
         raise DeclarationError(f"{own}: both ends must be numbers or None, got {shown(ends)}.")
     low, high = (default if end is None else float(end) for end, default in zip(ends, (-np.inf, np.inf), strict=True))
     if low > high:
-        raise DeclarationError(f"{owner}: the limits of {name!r} cross: {low:g} is above {high:g}.")
+        raise DeclarationError(f"{owner}: the lower limit of {name!r}, {low:g}, is above the upper limit, {high:g}.")
     if not np.isfinite([low, high]).any():
         raise DeclarationError(f"{owner}: one end of the limit of {name!r} must be finite, got {shown(ends)}.")
     return low, high

@@ -23,7 +23,7 @@ from symmb.run.simulation import DAESimulator
 
 
 class Method(ABC):
-    """A method to bound responses over a box. Subclasses are frozen dataclasses. Their fields are the options."""
+    """A method to bound responses over a box. Subclasses are frozen dataclasses with the options as fields."""
 
     kind: ClassVar[Kind]
     unit_of_work: ClassVar[str] = "runs"
@@ -33,8 +33,8 @@ class Method(ABC):
 
     @property
     def doubtful_miss(self) -> float:
-        """A larger difference from check runs, relative to the width, causes a warning. The value is half of that for
-        estimated errors, because a few runs show only a part of an error."""
+        """Largest difference from check runs without a warning, relative to the width. This value is half of the limit
+        of estimated errors, because a few runs show only a part of an error."""
         return 0.05
 
     def bounds(
@@ -61,7 +61,7 @@ class Method(ABC):
         PropagationError
             If the simulator lacks what the method needs, or too many runs fail.
         KeyboardInterrupt
-            If it is interrupted. ``partial`` then contains the bounds that runs have attained, if there are any.
+            If the study is interrupted. ``partial`` then contains the bounds that runs have attained, if there are any.
         """
         for name in box.names:
             require_name("Box", "parameter", name, simulator.parameters)
@@ -135,7 +135,7 @@ def parameter_samples(simulator: Simulator, box: Box, unit: Array) -> Array:
 
 
 def parameter_columns(simulator: Simulator, box: Box) -> list[int]:
-    """Columns of the box's parameters among those of the simulator."""
+    """Columns of the box's parameters among the parameters of the simulator."""
     order = list(simulator.parameters)
     return [order.index(name) for name in box.names]
 
@@ -146,7 +146,7 @@ def unit_jets(method: Method, simulator: Simulator, box: Box, point: Array, dire
         figures = ", ".join(getattr(simulator, "figures", ()))
         source = f"scalar outputs ({figures}) have" if figures else f"{simulator!r} gives"
         raise PropagationError(
-            f"{method!r}: it needs derivatives of the trajectory, but {source} values only. "
+            f"{method!r}: the method needs derivatives of the trajectory, but {source} values only. "
             "Use MonteCarlo or PolynomialChaos."
         )
     p0 = parameter_samples(simulator, box, np.atleast_2d(point)).reshape(*point.shape[:-1], -1)

@@ -28,11 +28,11 @@ class Optimization(Method):
     """Smallest and largest responses of all outputs and times together, by Newton steps from the best runs.
 
     A run with first derivatives gives the value and the gradient of every output at every time. For each minimum and
-    maximum, a quadratic model about the best run predicts a better point of the box. Its curvature follows from secant
-    equations. The next runs are at the best predicted points, and each run also serves all other extremes. These runs
-    take the first half of the budget. The second half is for runs without derivatives at the points that the last
-    models predict. Runs attain the bounds. The ``estimate`` is the distance of the bounds from the prediction plus the
-    last change of the prediction. An extreme far from every run may be missed. The executor makes the runs without
+    maximum, a quadratic model about the best run predicts a better point of the box. The curvature of the model follows
+    from secant equations. The next runs are at the best predicted points, and each run also serves all other extremes.
+    These runs take the first half of the budget. The second half is for runs without derivatives at the points that the
+    last models predict. Runs attain the bounds. The ``estimate`` is the distance of the bounds from the prediction plus
+    the last change of the prediction. An extreme far from every run may be missed. The executor makes the runs without
     derivatives.
 
     Parameters
@@ -45,10 +45,10 @@ class Optimization(Method):
     DeclarationError
         If the budget is not a positive integer, or the tolerance is not between 0 and 1.
     PropagationError
-        From ``bounds``: the simulator gives no derivatives, they are not finite, or the first half of the budget is
-        less than one run with derivatives.
+        Raised by ``bounds`` if the simulator gives no derivatives, if derivatives are not finite, or if the first half
+        of the budget is less than one run with derivatives.
     SimulationError
-        From ``bounds``: a run with derivatives fails.
+        Raised by ``bounds`` if a run with derivatives fails.
 
     Examples
     --------

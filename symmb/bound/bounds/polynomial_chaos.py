@@ -49,15 +49,16 @@ class PolynomialChaos(Method):
 
     ``PolynomialChaos()`` adds nodes until the estimated error is small enough. For up to three parameters, it uses
     tensor grids, and check runs at the extremes of the expansion. For one parameter, runs near kinks reduce the error.
-    If this does not suffice, the box is divided into parts. For regular oscillations over many periods, polynomials
+    If the error remains large, the box is divided into parts. For regular oscillations over many periods, polynomials
     describe the phase and the form of the cycles. For more parameters, each output has check runs and a
     separate sparse grid, which grows where the output varies. If a sparse grid takes too many runs, runs at corners and
-    near extremes give the bounds. Simulators that are not scenes try corners first, because monotonic responses have
-    their extremes there. Outputs with at most eight output times use a Gaussian process that finds the directions of
-    variation. Narrow bumps may be missed without a warning. Their standard deviation, divided by the half width of the
-    box, is below 0.2 for two parameters, 0.4 for three and 0.5 for four. ``PolynomialChaos(probes=200)`` finds more
-    bumps. ``PolynomialChaos(order=4)`` has a given order: it interpolates at Clenshaw-Curtis nodes, and takes the exact
-    range of the interpolant. ``PolynomialChaos.paper(order=2)`` is the method of the paper.
+    near extremes give the bounds. For simulators that are not scenes, runs at corners come first, because monotonic
+    responses have their extremes there. Outputs with at most eight output times use a Gaussian process that finds the
+    directions of variation. Narrow bumps may be missed without a warning. Bumps are narrow if their standard deviation,
+    divided by the half width of the box, is below 0.2 for two parameters, 0.4 for three and 0.5 for four.
+    ``PolynomialChaos(probes=200)`` finds more bumps. ``PolynomialChaos(order=4)`` has a given order: it interpolates at
+    Clenshaw-Curtis nodes, and takes the exact range of the interpolant. ``PolynomialChaos.paper(order=2)`` is the
+    method of the paper.
 
     Parameters
     ----------
@@ -70,17 +71,18 @@ class PolynomialChaos(Method):
     seconds : without order: longest time in addition to the runs [s]; None: 1 s plus three times the time of the runs
     probes : without order: number of further runs, evenly spread over the box, with which the surrogate must agree.
         These runs find effects in small parts of the box
-    lockstep : advance all nodes together from one output time to the next, and expand there (Fig. 4). This needs a
-        simulator that can march, and does not use the executor. Otherwise each node runs separately (Fig. 5)
+    lockstep : advance all nodes together from one output time to the next, and compute the expansion there (Fig. 4).
+        This option needs a simulator with a method `march`, and does not use the executor. Without this option, each
+        node runs separately (Fig. 5)
 
     Raises
     ------
     DeclarationError
         If an option is out of its range, or has no meaning with the other options.
     PropagationError
-        From ``bounds``: too many nodes failed for least squares over the other nodes; without order, most of the first
-        nodes failed; the nodes do not determine the basis; the simulator cannot march in lockstep; the budget is
-        smaller than the number of first runs.
+        Raised by ``bounds`` if too many nodes failed for least squares over the other nodes; if, without order, most of
+        the first nodes failed; if the nodes do not determine the basis; if the simulator cannot march in lockstep; or
+        if the budget is smaller than the number of first runs.
 
     Examples
     --------
@@ -119,13 +121,13 @@ class PolynomialChaos(Method):
             require_whole(self, "order", 1)
             if self.budget is not None or self.tolerance != 1e-2 or self.seconds is not None or self.probes != 0:
                 raise DeclarationError(
-                    "PolynomialChaos: tolerance, budget, seconds and probes choose the order; leave order out."
+                    "PolynomialChaos: tolerance, budget, seconds and probes cannot be used with order. Leave out order."
                 )
             return
         chosen = self.nodes != _CLENSHAW_CURTIS or self.basis != _TENSOR_DEGREE or self.range != _EXACT
         if chosen or self.lockstep:
             raise DeclarationError(
-                "PolynomialChaos without order chooses nodes, basis and range itself; give order=... ."
+                "PolynomialChaos without order chooses nodes, basis and range itself. To set them, give order=... ."
             )
         if self.budget is not None:
             require_whole(self, "budget", 1)
@@ -198,8 +200,8 @@ class PolynomialChaos(Method):
     def _marched(self, fit: Fit, P: Array, simulator: Simulator, box: Box, progress: Progress | None) -> _Responses:
         if not isinstance(simulator, March):
             raise PropagationError(
-                f"{self!r}: it advances all nodes together, but {simulator!r} runs each sample by itself. "
-                "Leave lockstep out."
+                f"{self!r}: with lockstep=True, all samples must advance together in time, but {simulator!r} runs "
+                "each sample separately. Leave out lockstep."
             )
         n_t, n_y = len(simulator.times), len(simulator.outputs)
         coefficients = np.empty((len(fit.alpha), n_t, n_y))
@@ -223,7 +225,7 @@ class PolynomialChaos(Method):
     def _require_determined(self, fit: Fit, ok: Mask, failed: tuple[Failure, ...]) -> None:
         if not fit.determined(ok):
             raise PropagationError(
-                f"{self!r}: {len(failed)} of {len(ok)} nodes failed, and the others do not determine "
+                f"{self!r}: {len(failed)} of {len(ok)} nodes failed, and the other nodes do not determine "
                 f"{len(fit.alpha)} coefficients.\n{failure_text(failed)}"
             )
 

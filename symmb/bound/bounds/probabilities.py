@@ -69,7 +69,8 @@ class Figures(Result):
         ]
         if self.intervals:
             lines.append(
-                f"  intervals    {', '.join(self.intervals)}: any value in the box, so that there are two values"
+                f"  intervals    {', '.join(self.intervals)}: any value in the box, "
+                "so each result has a lowest and a highest value"
             )
         return "\n".join([*lines, *(f"  remark       {remark}" for remark in self.remarks)])
 
@@ -225,7 +226,7 @@ def probability_of(
     figures = Probability(*samples.about(), event, lower[:-1], upper[:-1], estimate[:-1], last)
     if _is_short(found, error) and upper[-1] > 0:
         told, most = apart(float(estimate[-1]), error * float(lower[-1]))
-        short = f"The error, {told}, is above {most}, which is {error:g} times the lowest probability, {lower[-1]:.2g}."
+        short = f"The error {told} is above {most}, which is {error:g} times the lowest probability {lower[-1]:.2g}."
         return replace(figures, remarks=(*figures.remarks, short))
     return figures
 
@@ -255,7 +256,7 @@ def _is_short(found: Array, error: float) -> bool:
 def _by_samples(samples: LawSamples, limits: tuple[float, float]) -> Array:
     """Lowest and highest probability, their error, and the error from polynomials, (4, n_t + 1).
 
-    The last entry of each is for the event at any time.
+    The last entry of each row is for the event at any time.
     """
     responses, k, (bottom, top) = samples.responses, samples.column, limits
     at_times, ever = [], np.zeros((4, SETS_OF_SAMPLES, samples.number // SETS_OF_SAMPLES), dtype=bool)
@@ -311,7 +312,7 @@ def samples_of(
     if lacking:
         raise DeclarationError(
             f"{owner}: samples need a distribution of every parameter, and {', '.join(lacking)} have none. "
-            "scipy.stats.uniform(low, width) spreads evenly."
+            "For equally likely values, use scipy.stats.uniform(low, width)."
         )
     points = np.zeros((number, len(box)))
     points[:, own.columns] = own.unit_points((Random().points(number, len(own.names), seed) + 1) / 2, box)

@@ -38,19 +38,19 @@ def propagate(
     scene_or_simulator : Scene, FunctionSimulator, DAESimulator or anything with their interface
     method : PolynomialChaos(...), Taylor(...), MonteCarlo(...), Scanning(...), ..., or its text on the command line,
         such as "pce:4"; default: PolynomialChaos()
-    box : intervals of some or all parameters; the others keep their nominal values; default: that of the scene
+    box : intervals of some or all parameters; the others keep their nominal values; default: the box of the scene
     solver : solver of a Scene, or a text such as "cvodes:1e-9"; default: pilot runs choose it, usually DormandPrince()
     executor : anything with an ordered ``map`` (thread or process pool, Dask); the result does not depend on the
         executor
     progress : called with the number of finished runs and of all runs. Adaptive methods increase the number of all
-        runs. If `progress` has a method ``estimate``, they call it with the current estimated error. Default: a bar, in
-        notebooks and terminals
+        runs. If `progress` has a method ``estimate``, these methods call ``estimate`` with the current estimated error.
+        Default: a bar, in notebooks and terminals
 
     Returns
     -------
     Bounds
-        ``lower`` and ``upper`` (n_t, n_y). Their ``warnings`` state what is uncertain. A SymmbWarning is issued as
-        well.
+        ``lower`` and ``upper`` (n_t, n_y). ``warnings`` of the bounds state what is uncertain. A SymmbWarning is issued
+        as well.
 
     Raises
     ------

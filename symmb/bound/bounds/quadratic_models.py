@@ -87,7 +87,7 @@ def quadratics(X: Array, J: Sequence[Array], some: Indices, lowest: Indices) -> 
 
 
 def _curvatures(offset: Array, basis: Array) -> Array:
-    """Matrices from values and slopes at K points and at N points with offsets (K, N, d) from them to curvatures H.
+    """Matrices that give curvatures H from values and slopes at K points, and at N points with offsets (K, N, d).
 
     The rows of a matrix are the value and the slopes at the point, then those at each other point. The columns are the
     components of H in a basis (d, d, n) of the symmetric matrices. H is the least-squares solution of H offset = change

@@ -1,4 +1,4 @@
-"""Reductions of trajectories. Bounding methods compute them block by block."""
+"""Reductions of trajectories. Bounding methods compute reductions block by block."""
 
 import operator
 from collections.abc import Callable
@@ -51,7 +51,7 @@ def gathered(simulator: Simulator, P: Array, executor: Executor | None) -> tuple
 
 
 def together(*reductions: Reduction[Any]) -> Reduction[tuple[Any, ...]]:
-    """One reduction of several reductions of the same runs. Its state is a tuple of their states."""
+    """One reduction that combines several reductions of the same runs. Its state is the tuple of all states."""
     return Reduction(
         partial(_init_together, reductions),
         partial(_update_together, reductions),

@@ -11,7 +11,7 @@ from symmb.bound.polynomials import Expansion, HyperbolicCross, MultiIndices, ba
 from symmb.bound.polynomials.ranges import Piecewise
 
 _CROSS_EXPONENTS = 1.0, 0.75, 0.5
-"""Exponents of hyperbolic crosses. The first gives the total degree. The others favor terms of few parameters."""
+"""Exponents of hyperbolic crosses. 1 gives the total degree. Smaller exponents favor terms of few parameters."""
 
 
 def fitted(points: Array, Y: Array, parameters: tuple[str, ...]) -> Piecewise:

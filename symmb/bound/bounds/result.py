@@ -67,8 +67,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     attaining : the runs that attain the bounds; None if the bounds were read or pickled, or if there are no runs
     worst_cases : worst cases over all times, if the bounds were read from a file
     figures : names of the scalar outputs (one number per run); their bounds are the same at all times
-    range_of : source of the range of an adaptive method, in words: interpolants, runs at corners; empty for other
-        methods
+    range_of : source of the range of an adaptive method, such as runs at corners; empty for other methods
 
     Examples
     --------
@@ -90,20 +89,20 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     def check(self, limits: Limits) -> LimitCheck:
         """Check whether outputs satisfy limits for all parameters of the box, at all times.
 
-        The check widens the bounds by their estimated error at each time. A limit is satisfied if these bounds are
-        inside, and no warning concerns the output. A limit is violated if a run exceeds it by more than rounding and
-        noise. The nominal run is one of these runs if its parameters are in the box. If nothing else decides, the check
-        makes the nominal run.
+        The check widens the bounds by their estimated error at each time. A limit is satisfied if the widened bounds
+        are inside the limit, and no warning concerns the output. A limit is violated if a run exceeds it by more than
+        rounding and noise. The nominal run counts if its parameters are in the box. If a limit is still undecided, the
+        check makes the nominal run.
 
         If the bounds are closer to a limit than twice their estimated error, further runs search for a run beyond the
-        limit. For a scene, the search also starts if the bounds are closer than half of their width. It makes at most
-        600 runs, or as many as the study. With other simulators, it makes at most twice as many runs as the study. The
-        limit is then satisfied if the closest run is farther inside than the error of the search. Otherwise the limit
-        is undecided.
+        limit. For a scene, the search also starts if the bounds are closer than half of their width. The search makes
+        at most as many runs as the study, or 600 runs if this is more. With other simulators, the search makes at most
+        twice as many runs as the study. The limit is satisfied if the closest run is farther inside than the error of
+        the search, and undecided otherwise.
 
         For scenes, the check uses the lowest and highest values of runs over time, as from `mb.minimum` and
-        `mb.maximum`. It does this for the nominal run, for the corners if there are few, for the runs closest to the
-        limit, and for the search. For other simulators, the check uses values at output times only.
+        `mb.maximum`. These values are used for the nominal run, for the corners if there are few, for the runs closest
+        to the limit, and for the search. For other simulators, the check uses values at output times only.
 
         An enclosure proves that a limit is satisfied at the output times. Samples alone can only show that a limit is
         violated.
@@ -116,7 +115,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         Raises
         ------
         DeclarationError
-            If an output is unknown, or limits cross.
+            If an output is unknown, or a lower limit is above the upper limit.
         """
         pairs = limit_pairs("Bounds.check", limits, self.names, self.units)
         with shown_runs(None, "runs near limits"):
@@ -133,7 +132,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         """A remark if the box does not contain the nominal values."""
         values = {name: f"{self.nominal_parameters[name]:.6g}" for name in self._left_out}
         listed = ", ".join(with_units(values, self.nominal_parameters))
-        text = f"The nominal values ({listed}) are outside of the box. The nominal run is not one of its cases."
+        text = f"The nominal values ({listed}) are outside of the box. The check does not include the nominal run."
         return (text,) if values else ()
 
     def _closest_to(self, limits: Sequence[KeptLimit]) -> WorstCase | None:
@@ -157,7 +156,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
 
     @np.errstate(invalid="ignore")  # bounds and limits may be infinite
     def _side(self, limit: KeptLimit) -> str:
-        """The side of a limit that is closest."""
+        """The side of a limit that is closest to the bounds or to a further run."""
         i, k = limit.row, self._column(limit.output)
         nearest = "lower" if self.lower[i, k] - limit.low < limit.high - self.upper[i, k] else "upper"
         return limit.further.side if limit.further else nearest
@@ -211,9 +210,9 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     ) -> "Figure":
         """Draw the bounds of outputs over time; write the picture to ``path`` if given.
 
-        Without names, the first six outputs are drawn. The filled band is between lower and upper. Dashed lines are
-        ``outer``. Dotted lines are ``inner``, unless the bounds are sampled. The thin line is the nominal run. Scalar
-        outputs are bars.
+        If `outputs` is not given, the first six outputs are drawn. The filled band is between lower and upper. Dashed
+        lines are ``outer``. Dotted lines are ``inner``, unless the bounds are sampled. The thin line is the nominal
+        run. Scalar outputs are bars.
 
         Parameters
         ----------
@@ -240,8 +239,8 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     def report(self, path: str | Path, limits: Limits | None = None, **block: object) -> None:
         """Write a report: one .html file that can be opened offline and printed.
 
-        The report first states whether limits are satisfied. It then states which tolerance to tighten, and by how
-        much. Curves and the mechanism follow. An annex contains warnings, tables, worst cases, contributions by
+        The report first states whether limits are satisfied. The report then states which tolerance to tighten, and by
+        how much. Curves and the mechanism follow. An annex contains warnings, tables, worst cases, contributions by
         adaptive methods, the equations, the assumptions, the cost, and how to repeat the study.
 
         Parameters
@@ -287,7 +286,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         return [*lines, *(f"  remark       {remark}" for remark in self.remarks)]
 
     def _rows(self, names: Sequence[str]) -> list[list[str]]:
-        """Extremes of each output, nominal values at these times, largest width and estimated error. Rounding is 0."""
+        """Extremes of each output, nominal values at these times, largest width and error. Rounding errors are 0."""
         then = [] if self.nominal is None else ["nominal then"]
         rows = [["output", "lowest", "at [s]", *then, "highest", "at [s]", *then, "width", "at [s]", "estimated error"]]
         with np.errstate(over="ignore"):

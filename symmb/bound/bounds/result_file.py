@@ -80,13 +80,13 @@ def box_of(record: Record, name: str) -> Box:
 
 
 def box_entries(box: Box | None) -> dict[str, Any]:
-    """Entries of a box and of its units, if it has any."""
+    """Entries of a box, and of its units if the box has units."""
     units = {"box_units": dict(zip(box.names, box.units, strict=True))} if box and box.units else {}
     return {"box": box and dict(box), **units}
 
 
 def record_of_table(table: Record) -> Record:
-    """The record of a .csv table. It has no inner bounds, failed runs, seconds and expansion."""
+    """The record of a .csv table. A table has no inner bounds, failed runs, seconds and expansion."""
     headings, columns = table.texts("headings"), table.record("columns")
     own = headings[1:-3]
     parts = ("lower", "upper", "estimate")[: 3 if own and own[-1].endswith(" estimate") else 2]

@@ -26,9 +26,9 @@ _RANDOM = Random()
 class MonteCarlo(Method):
     """Extremes over random samples of the box.
 
-    The bounds are narrower than the range of the responses. With fewer samples or more parameters, they become
-    narrower. A few check runs look for values beyond the bounds. A value beyond by more than a tenth of the width
-    causes a warning.
+    The bounds are narrower than the range of the responses. With fewer samples or more parameters, the bounds become
+    narrower. A few check runs look for values beyond the bounds. A value that exceeds the bounds by more than a tenth
+    of the width causes a warning.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The data from which bounds were computed. They are stored with the bounds for further runs."""
+"""The data from which bounds were computed, which are stored with the bounds for further runs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,10 +20,10 @@ from symmb.run.integrate import Solver
 from symmb.run.simulation import DAESimulator, FigureSimulator, SceneSimulator, motion_of, simulator_with
 
 _FAILED = (
-    "{} of {} runs failed: {}. Take a box without failures; MonteCarlo(n, distributions=...) leaves failed runs out."
+    "{} of {} runs failed: {}. Use a box without failures, or MonteCarlo(n, distributions=...). It omits failed runs."
 )
 _MANY, _LEAST_PARTS = 1000, 4
-"""Two smallest numbers: of times at which a run is compared with a limit, and of parts between two output times."""
+"""Smallest number of times at which a run is compared with a limit, and of parts between two output times."""
 
 
 class Extremes:
@@ -115,7 +115,7 @@ class Study:
     def range(self, box: Box, label: str) -> tuple[Array, Array, Array, int]:
         """Bounds (n_t, n_y) over another box by PolynomialChaos(), their estimated error, and the number of runs.
 
-        Parameters outside of the box have their nominal values. The progress shows the label.
+        Parameters outside of the box have their nominal values. The progress bar shows `label`.
         """
         with shown_runs(None, f"{label}, {', '.join(box.names)}") as progress:
             bounds = PolynomialChaos().bounds(self.simulator, box, progress=progress)
@@ -123,7 +123,7 @@ class Study:
         return bounds.lower, bounds.upper, bounds.estimate, bounds.evaluations
 
     def sample(self, n: int) -> tuple[Array, Array]:
-        """Points (n, d) spread over the unit box, and the responses (n, n_t, n_y) there. All answers use these runs.
+        """Points (n, d) spread over the unit box, and the responses (n, n_t, n_y) of these runs, for all answers.
 
         Points with failed runs are left out. PropagationError is raised if most runs fail.
         """
@@ -145,7 +145,7 @@ class Study:
 
     @property
     def has_lanes(self) -> bool:
-        """Whether runs are computed side by side, so that many runs take little time."""
+        """Whether runs are computed together, so that many runs take little time."""
         return isinstance(self.simulator, SceneSimulator)
 
     def attempted(self, points: Array) -> tuple[Array, FailedRuns]:

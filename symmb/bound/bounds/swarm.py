@@ -29,7 +29,7 @@ class Swarm(Method):
 
     All 2 n_t n_y swarms make their steps together, with one call of the simulator for each step. A particle only
     optimises the output and time of its swarm, but the bounds are the extremes of all runs. The method takes 2 n_t n_y
-    ``particles`` ``steps`` runs, so few times are advisable. If a run fails, its particle continues, and the failed
+    ``particles`` ``steps`` runs, so use few output times. If a run fails, its particle continues, and the failed
     point is never the best point.
 
     Parameters

@@ -22,7 +22,7 @@ from symmb.connect import Kinked, Progress, Simulator
 from symmb.equations.model import Box
 
 _MOST_EVALUATIONS = 100_000
-"""Largest number of evaluations of all parts. If one takes 0.1 to 1 ms, all take up to two minutes."""
+"""Largest number of evaluations of all parts. If an evaluation takes 1 ms, all take two minutes."""
 _MOST_DIRECTIONS = 2000
 """Largest number of directions of derivatives. The solution of their equations takes ten seconds."""
 
@@ -42,12 +42,12 @@ class Taylor(Method):
     ----------
     order : highest total degree
     subintervals : number of equal parts of the interval of each parameter. Each of the ``subintervals**d`` parts has an
-        expansion. The bounds are the union of their bounds
+        expansion. The bounds are the union of the bounds of all parts
 
     Raises
     ------
     PropagationError
-        From ``bounds``: the simulator gives no derivatives, or they are not finite, or an `Impact` makes them invalid.
+        Raised by ``bounds`` if derivatives are missing or not finite, or if an `Impact` makes them invalid.
 
     Examples
     --------
@@ -134,7 +134,7 @@ def _caution(kinks: list[tuple[float, str]]) -> str:
     if not kinks:
         return ""
     time, which = min(kinks)
-    return f"not valid from t = {time + 0.0:g} s on: derivatives are not valid beyond the {which} there"
+    return f"not valid from t = {time + 0.0:g} s on: derivatives are not valid beyond the {which} at this time"
 
 
 def _polynomials(parts: Sequence[Sequence[Array]], centers: Array, radius: float, box: Box) -> Piecewise:

@@ -33,26 +33,26 @@ class TaylorModel(Method):
     Over each step, the motion x(xi, t) = u(xi, t) + B(xi, t) w has two parts. u is a polynomial of time and of the
     parameters in Chebyshev form. The remainder has the coordinates w in a frame B. The frame follows the variational
     equation, and is also a polynomial of the parameters. The polynomials need not be exact. The defect u' - f(u) is an
-    analytic function. The method interpolates it at Chebyshev nodes, with bounds of rounding. The largest value on
-    ellipses around the box bounds the interpolation error. If the equations are polynomials, enough nodes give no
-    error. With three or more parameters, the polynomials have a total degree. The defect is then a Taylor model in the
-    parameters at nodes of time. The last step proves that w cannot leave a box. Ranges of the outputs follow by
-    Bernstein coefficients and halving.
+    analytic function. The method interpolates the defect at Chebyshev nodes, and bounds rounding errors. The largest
+    value of the defect on ellipses around the box bounds the interpolation error. If the equations are polynomials,
+    enough nodes give no error. With three or more parameters, the polynomials have a total degree. The defect is then a
+    Taylor model in the parameters at nodes of time. The last step proves that w cannot leave a box. Ranges of the
+    outputs follow by Bernstein coefficients and halving.
 
     The method takes chains, trees and closed loops, first-order states, and scenes without bodies that have expressions
     as outputs. In loops, the states are all coordinates and the independent velocities. The independent velocities give
-    the dependent velocities. If other independent velocities suit the nominal run better, the method changes to them.
-    Frequencies and damping of a `ModalSimulator` are proved if no two frequencies can cross in the box. At a proved
-    value of `critical`, one eigenvalue is imaginary or 0. Checks at a few points, without a proof, show that no other
-    eigenvalue reaches the imaginary axis before. Both need an equilibrium, or a steady motion in coordinates that do
-    not rotate. Reactions and accelerations can be outputs. Multipliers of redundant constraints are those of smallest
-    norm. Steps end at the instants of sampled values. A proof continues through a kink or jump of a force if all
-    motions pass it once, transversally, and separately from other kinks. An example is drag by abs(w) w at w = 0. A
-    force law that is not smooth on one side of a kink, such as w abs(w)**0.5, ends the proof. Impacts, and constraints
-    that are redundant for some parameters only, raise an error. A proof also ends at a kink that only a part of the box
-    meets, or close to a singular position of a loop. From then on bounds are infinite, and ``caution`` states this
-    time. Outputs that are not smooth, or have operations without a remainder, have infinite bounds. The executor is not
-    used, and each box counts as a run.
+    the dependent velocities. If other independent velocities suit the nominal run better, the method changes to these
+    velocities. Frequencies and damping of a `ModalSimulator` are proved if no two frequencies can cross in the box. At
+    a proved value of `critical`, one eigenvalue is imaginary or 0. Checks at a few points, without a proof, show that
+    no other eigenvalue reaches the imaginary axis before. Proofs of frequencies and critical values need an
+    equilibrium, or a steady motion in coordinates that do not rotate. Reactions and accelerations can be outputs.
+    Multipliers of redundant constraints are those of smallest norm. Steps end at the instants of sampled values. A
+    proof continues through a kink or jump of a force if all motions pass it once, transversally, and separately from
+    other kinks. An example is drag by abs(w) w at w = 0. A force law that is not smooth on one side of a kink, such as
+    w abs(w)**0.5, ends the proof. Impacts, and constraints that are redundant for some parameters only, raise an error.
+    A proof also ends at a kink that only a part of the box meets, or close to a singular position of a loop. After the
+    end of the proof, bounds are infinite, and ``caution`` states this time. Outputs that are not smooth, or have
+    operations without a remainder, have infinite bounds. The executor is not used, and each box counts as a run.
 
     Parameters
     ----------
@@ -63,8 +63,8 @@ class TaylorModel(Method):
     Raises
     ------
     PropagationError
-        From ``bounds``: the method does not accept the equations, or there are too many uncertain parameters for the
-        order.
+        Raised by ``bounds`` if the method does not accept the equations, or there are too many uncertain parameters for
+        the order.
 
     Examples
     --------
@@ -101,7 +101,7 @@ class TaylorModel(Method):
         self._require_room(problem.d, *((20_000, 1) if problem.n else (1_000_000, EXTRA_NODES + 1)))
 
         if problem.meeting:
-            warnings.warn(f"{self!r}: {problem.meeting}. The proof ends there.", SymmbWarning, stacklevel=2)
+            warnings.warn(f"{self!r}: {problem.meeting}. The proof ends at this time.", SymmbWarning, stacklevel=2)
         outlook = _Outlook(self)
 
         def tell(share: float) -> None:
@@ -126,8 +126,8 @@ class TaylorModel(Method):
             most = int(terms ** (1.0 / d) + 1e-9) - more
             lower = f"order={most}, " if most > 0 else ""
             raise PropagationError(
-                f"{self!r}: polynomials of {d} parameters have {(self.order + more) ** d} terms, of which it takes at "
-                f"most {terms}. Use {lower}fewer uncertain parameters, or PolynomialChaos()."
+                f"{self!r}: polynomials of {d} parameters have {(self.order + more) ** d} terms, but at most "
+                f"{terms} are allowed. Use {lower}fewer uncertain parameters, or PolynomialChaos()."
             )
 
     def __repr__(self) -> str:
@@ -168,7 +168,7 @@ def _caution(found: Enclosure, remedy: str, times: Array, outputs: Sequence[str]
     """The warning about times or outputs for which nothing or little is proved."""
     begin = float(times[0])
     parts = [
-        f"infinite for {name}, since {unknown} has no remainder"
+        f"infinite for {name}, because {unknown} has no remainder"
         for name, unknown in zip(outputs, refused, strict=True)
         if unknown
     ]
@@ -183,7 +183,7 @@ def _caution(found: Enclosure, remedy: str, times: Array, outputs: Sequence[str]
     if is_infinite.any():
         names, when = _names(outputs, is_infinite), "" if is_infinite.all(axis=0).any() else " at some times"
         parts.append(
-            f"infinite for {names}{when}, which cannot be shown to be smooth over the box; try smaller intervals"
+            f"infinite for {names}{when}, because smoothness over the box is not proved; try smaller intervals"
         )
     elif not found.why and loose.any():
         begin = times[loose.any(axis=1).argmax()]

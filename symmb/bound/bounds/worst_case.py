@@ -158,7 +158,7 @@ class WorstCase:
         scene = getattr(self.simulator, "scene", None)
         if not isinstance(scene, Scene):
             raise DeclarationError(
-                "This worst case has no scene, because its bounds are from a file or of another simulator."
+                "This worst case has no scene, because the bounds are from a file, or from another simulator."
             )
         return scene.with_nominal(self.parameters)
 
@@ -180,7 +180,7 @@ class WorstCase:
         unit = f" {typeset(self.unit)}" if self.unit else ""
         text = f"{self._word} {self.output} {self.value + 0.0:.6g}{unit}{at_time(self._times, 0)}"
         text += f": {values}" if values else ""
-        return text + (f"; the run there attains {self.attained:.6g}{unit}" if self.is_short else "")
+        return text + (f"; the run itself attains {self.attained:.6g}{unit}" if self.is_short else "")
 
     def __repr__(self) -> str:
         return f"WorstCase({self})"

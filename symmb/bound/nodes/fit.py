@@ -32,9 +32,9 @@ class Fit:
     """The linear map from node values to coefficients.
 
     Let V be the values of the basis at the nodes, and W the weights. Projection divides V^T W y by the mean squares,
-    eqs. (30)-(34) of Wang and Yang (2021). Least squares solve (V^T W V) a = V^T W y. Both give the same result if the
-    quadrature is exact for products of basis polynomials. With as many nodes as polynomials, the fit interpolates. It
-    solves V a = y, because V^T W V loses twice as many digits.
+    eqs. (30)-(34) of Wang and Yang (2021). Least squares solve (V^T W V) a = V^T W y. Projection and least squares give
+    the same result if the quadrature is exact for products of basis polynomials. With as many nodes as polynomials, the
+    fit interpolates. The fit then solves V a = y, because V^T W V loses twice as many digits.
 
     On a tensor grid with a tensor basis, V is the Kronecker product of one matrix for each parameter. The map is then
     applied parameter by parameter, and no matrix of all nodes is formed.
@@ -92,7 +92,7 @@ class Fit:
 
     @cached_property
     def functionals(self) -> Array:
-        """(n_b, N) matrix from node values to coefficients. Its columns can be applied in any order."""
+        """(n_b, N) matrix from node values to coefficients. The columns of the matrix can be applied in any order."""
         if self.line is not None:
             return self.transform(np.eye(len(self.nodes)))
         if self.interpolates:

@@ -1,9 +1,9 @@
-"""Interpolation on nested nodes, on tensor grids and on sparse grids: a set of degrees, with one node for each.
+"""Interpolation on nested nodes, on tensor grids and on sparse grids. A grid is a set of degrees with a node for each.
 
 The nodes of one parameter have an order: the middle, the ends, then the nodes that halve the angles between them. The
-first 3, 5, 9, 17, ... are those of Clenshaw and Curtis. Among the nodes of a halving, the next node has the largest
-product of distances to earlier nodes (Leja). Degree k has the first k + 1 nodes. A set that contains all smaller
-multi-indices thus has one node for each of its polynomials, with the same number.
+first 3, 5, 9, 17, ... nodes are those of Clenshaw and Curtis. Among the nodes of a halving, the next node has the
+largest product of distances to earlier nodes (Leja). Degree k has the first k + 1 nodes. A set that contains all
+smaller multi-indices thus has one node for each polynomial, with the same multi-index.
 """
 
 import itertools
@@ -31,7 +31,7 @@ class Grid:
         self._signs: dict[Index, int] = {}  # signs of the tensor interpolants
 
     def missing(self, indices: Iterable[Index]) -> set[Index]:
-        """The given indices and all smaller indices that the set does not contain. All must be added together."""
+        """The given indices and all smaller indices that the set does not contain, which must be added together."""
         return with_lower(indices, self.row)
 
     def add(self, indices: set[Index]) -> None:

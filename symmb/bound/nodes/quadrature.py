@@ -50,7 +50,7 @@ class Rule(ABC):
 
     @abstractmethod
     def degree(self, level: int) -> int:
-        """Degree of a level of a sparse grid. Its rule is exact at least to degree 2 level + 1."""
+        """Degree of a level of a sparse grid. The rule of this degree is exact at least to degree 2 level + 1."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,8 @@ class Gauss(Rule):
 class ClenshawCurtis(Rule):
     """Tensor grid of the order + 1 extremes of the Chebyshev polynomial, with faces and corners.
 
-    Most responses have their extremes at faces and corners. An expansion from Gauss nodes extrapolates there.
+    Most responses have their extremes at faces and corners. An expansion from Gauss nodes extrapolates to faces and
+    corners.
 
     Examples
     --------
@@ -105,8 +106,8 @@ class ChebyshevGauss(Rule):
     """Tensor grid of the order + 1 roots of the Chebyshev polynomial T_(order + 1), with the weights of
     Fejér's first rule, all positive.
 
-    Interpolation at these nodes is nearly as accurate as the best approximation by polynomials. It extrapolates to the
-    ends of the intervals.
+    Interpolation at these nodes is nearly as accurate as the best approximation by polynomials. The interpolant
+    extrapolates to the ends of the intervals.
 
     Examples
     --------
@@ -125,7 +126,7 @@ class ChebyshevGauss(Rule):
         return _interpolatory(np.sin(0.5 * np.pi * np.arange(-degree, degree + 1, 2) / (degree + 1)))
 
     def degree(self, level: int) -> int:
-        """Two additional nodes for each level. With three times as many, levels would be nested but take more runs."""
+        """Two additional nodes for each level. Three times as many nodes would nest the levels, but take more runs."""
         return 2 * level
 
 
@@ -169,9 +170,9 @@ class SparseGrid:
     """Smolyak's sparse grid (section 3.3 and Fig. 3): tensor grids of low total level, combined with signs.
 
     The grid is exact for total degree 2 level + 1. Weights may be negative. Large weights amplify errors of runs. For 6
-    parameters at level 4, the sum of their magnitudes is 681 with Gauss nodes and 34 with Clenshaw-Curtis nodes. Leja
-    nodes need the fewest runs. For 2 parameters at level 4, they need 33 runs, Gauss nodes 53, and Clenshaw-Curtis
-    nodes 65.
+    parameters at level 4, the sum of the magnitudes of weights is 681 with Gauss nodes and 34 with Clenshaw-Curtis
+    nodes. Leja nodes need the fewest runs. For 2 parameters at level 4, Leja nodes need 33 runs, Gauss nodes 53, and
+    Clenshaw-Curtis nodes 65.
 
     Parameters
     ----------
@@ -206,7 +207,7 @@ class SparseGrid:
         level = self._level(order)
         if self.rule.degree(level) > MOST_ORDER:
             degree = self.rule.degree(level)
-            raise PropagationError(f"{self!r}: level {level} has degree {degree}. The highest degree is {MOST_ORDER}.")
+            raise PropagationError(f"{self!r}: level {level} needs degree {degree}. Use a degree up to {MOST_ORDER}.")
         lines = [self.rule.line(self.rule.degree(i)) for i in range(level + 1)]
         grids = []
         for total in range(max(0, level - d + 1), level + 1):
@@ -228,7 +229,7 @@ class SparseGrid:
     def _level(self, order: int) -> int:
         level = order if self.level is None else self.level
         if level > MOST_ORDER:  # a degree is never lower than its level
-            raise PropagationError(f"{self!r}: level {level} is above the highest degree, {MOST_ORDER}.")
+            raise PropagationError(f"{self!r}: level {level} is too high. Use a level below {MOST_ORDER}.")
         return level
 
     def __repr__(self) -> str:

@@ -18,7 +18,7 @@ class Sampler(Protocol):
 
 
 def grid(line: Array, d: int) -> Array:
-    """(len(line)**d, d) points. Their coordinates are all combinations of the numbers in ``line``."""
+    """(len(line)**d, d) points. The coordinates are all combinations of the numbers in ``line``."""
     return line[np.indices((len(line),) * d).reshape(d, -1).T]
 
 

@@ -32,7 +32,7 @@ class _Tensors(ctypes.Structure):
 def transform_axes(matrices: Sequence[Array], Y: Array) -> Array:
     """(A_1 x ... x A_d) Y, the Kronecker product of d matrices (n_k, n_k) applied to Y (n_1 ... n_d, m).
 
-    The cost is that of d products with small matrices, instead of one matrix with n_1 ... n_d rows and columns.
+    The cost is d products with small matrices, instead of one product with a matrix of n_1 ... n_d rows.
     """
     block, before = Y, 1
     for A in matrices:

@@ -62,7 +62,7 @@ class TensorDegree:
 
 @dataclass(frozen=True)
 class HyperbolicCross:
-    """Multi-indices with a quasi-norm (sum alpha_i^q)^(1/q) up to the order. They have the full order in single
+    """Multi-indices with a quasi-norm (sum alpha_i^q)^(1/q) up to the order. Such sets have the full order in single
     parameters, and few products of several parameters.
 
     Parameters

@@ -14,7 +14,7 @@ class LowerSet:
     """A set of multi-indices that contains all multi-indices below its members, in the order of increasing sums.
 
     If the range of a parameter is halved, or a parameter is fixed, the expansion has no products outside of the set.
-    This is valid for Legendre and Chebyshev polynomials.
+    This property is valid for Legendre and Chebyshev polynomials.
 
     Attributes
     ----------

@@ -45,7 +45,7 @@ class Expansion:
         names = require_names("Expansion", "parameter", self.parameters, self.parameters)
         alpha = require_numbers("Expansion", "alpha", self.alpha, None, len(names))
         if not (alpha >= 0).all() or (alpha % 1).any():
-            raise DeclarationError(f"Expansion: alpha must be degrees, got {shown(self.alpha)}.")
+            raise DeclarationError(f"Expansion: alpha must contain integers from 0 on, got {shown(self.alpha)}.")
         coefficients = require_numbers("Expansion", "coefficients", self.coefficients, len(alpha), None, None)
         values = {"alpha": alpha.astype(np.intp), "coefficients": coefficients, "parameters": tuple(names)}
         for name, value in values.items():

@@ -1,8 +1,8 @@
 """Legendre polynomials on [-1, 1]^d with the uniform density 2^-d: values, norms, ranges, multi-indices.
 
-phi_n is eqs. (15)-(17) of Wang and Yang (2021), normalised to phi_n(1) = 1. Its mean square is 1/(2n+1), eq. (18) with
-W = 1/2. Polynomials of several parameters are products, eq. (22). The rows of ``alpha`` (n_b, d) are the degrees of the
-products.
+phi_n is eqs. (15)-(17) of Wang and Yang (2021), normalised to phi_n(1) = 1. The mean square of phi_n is 1/(2n+1), eq.
+(18) with W = 1/2. Polynomials of several parameters are products, eq. (22). The rows of ``alpha`` (n_b, d) are the
+degrees of the products.
 """
 
 from collections.abc import Container, Iterable

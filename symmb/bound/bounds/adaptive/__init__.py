@@ -11,16 +11,16 @@ tensor_grids       refines grids, checks their ranges (`_check`) and ends when t
 piece              a part of the box with an interpolant of degrees up to HIGHEST_DEGREE; `secants` finds its kinks
 
 More parameters:
-many_parameters    one study for each output; a round of `requests` answers all of them
+many_parameters    one study for each output; each round makes the runs of all `requests`
 output_study       sparse grids, corners and rounds for one output
 monotone           bounds at corners
-check_rounds       rounds of runs near extremes; the error follows from their gains
-continuation, response_surface   surrogates beside the sparse grids
+check_rounds       rounds of runs near extremes; the gains of these runs give the error
+continuation, response_surface   surrogates in addition to sparse grids
 
-`error_estimate` sets the estimated error of an output at a time. Check runs raise it in `tensor_grids`, or with more
-parameters in `check_rounds`, `output_study`, `monotone` and `response_surface`. `adaptive_bounds` raises it again: to
-the distance of runs beyond the range, near failed runs, and to the noise. `bounds.method` then limits all bounds to the
-values that an output can have.
+`error_estimate` sets the estimated error of an output at a time. Check runs increase this error in `tensor_grids`, or,
+for more parameters, in `check_rounds`, `output_study`, `monotone` and `response_surface`. `adaptive_bounds` increases
+the error again: to the distance of runs beyond the range, to the noise, and near failed runs. `bounds.method` then
+limits all bounds to the values that an output can have.
 """
 
 from symmb.bound.bounds.adaptive.adaptive_bounds import adaptive_bounds

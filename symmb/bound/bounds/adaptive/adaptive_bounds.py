@@ -25,8 +25,8 @@ from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box
 
 MOST_RUNS, MOST_NUMBERS = 5000, 40_000_000
-"""The largest number of runs without a budget, and the largest number of stored values. The values take 0.3 GB, and so
-do their coefficients."""
+"""The largest number of runs without a budget, and the largest number of stored values. The values take 0.3 GB, and
+their coefficients the same."""
 NOISY_SHARE = 0.2
 """Bounds are uncertain if the measured noise is larger than this part of the width. The bounds of a few runs that show
 only noise are five times as wide as the noise."""
@@ -45,9 +45,10 @@ def adaptive_bounds(
 ) -> Bounds:
     """Bounds by interpolants that are refined until their estimated error is below ``tolerance`` of the width.
 
-    The error of an output is a root mean square over time, divided by that of the width. The largest error of all
-    outputs is compared with the tolerance. Errors are at least the distance of runs beyond the interpolant's range. If
-    the error exceeds the width of the extremes of runs, or if an output is only noise, these extremes are the bounds.
+    The error of an output is a root mean square over time, divided by the root mean square of the width. The largest
+    error of all outputs is compared with the tolerance. Errors are at least the distance of runs beyond the
+    interpolant's range. If the error exceeds the width of the extremes of runs, or if an output is only noise, these
+    extremes are the bounds.
     """
     d, numbers = len(box), max(len(simulator.times) * len(simulator.outputs), 1)
     first = probes + (max(5, 3**d) if d <= MOST_PARAMETERS else 2 * d + 1)
@@ -60,7 +61,7 @@ def adaptive_bounds(
         runs = runs.anew()
         if first > runs.left:
             raise PropagationError(
-                f"{text}: late runs give values 1e90 times those of earlier runs, and too few runs are left to start "
+                f"{text}: later runs give values 1e90 times as large, and too few runs are left to start "
                 "again. Use the logarithm of the output as the output, or a larger budget."
             )
     estimated, known = result
@@ -99,7 +100,7 @@ def adaptive_bounds(
 
 
 def _estimated(runs: Runs, tolerance: float, is_patient: bool) -> tuple[EstimatedRange, list[int]] | None:
-    """The range of a surrogate that is refined until it is accurate enough, and numbers of outputs with waveforms.
+    """The range of a surrogate that is refined until it is accurate enough, and the numbers of outputs with waveforms.
 
     The result is None if the study must begin again.
 
@@ -136,7 +137,7 @@ def _attained_or_estimated(
     """Bounds and their estimated errors, each (n_t, n_y).
 
     If the error exceeds the width of the extremes of runs, the bounds are these extremes. This does not apply to
-    outputs with waveforms, given by their numbers: all runs may be at the same phase.
+    outputs with waveforms (numbers `known`), because all runs may be at the same phase.
     """
     lowest, highest = runs.extremes
     estimate = np.maximum(estimated.estimate, runs.beyond(estimated.lower, estimated.upper))
@@ -188,7 +189,7 @@ def _listed(runs: Runs, which: Mask, most: int = 4) -> str:
 
 
 def _of_rounding(runs: Runs, is_noise: Mask) -> tuple[str, ...]:
-    """A remark about outputs with a variation that counts as rounding, although it is larger than rounding."""
+    """A remark about outputs whose small variation counts as rounding, although rounding errors are smaller."""
     lowest, highest = runs.extremes
     if runs.rounding < SAME:  # the simulator states its noise
         return ()
@@ -197,14 +198,14 @@ def _of_rounding(runs: Runs, is_noise: Mask) -> tuple[str, ...]:
     if not listed:
         return ()
     return (
-        f"{listed}: a width below 1e-9 of the values counts as rounding. FunctionSimulator(..., noise=...) states a "
-        "smaller error of runs.",
+        f"{listed}: the width is below 1e-9 of the values, and counts as rounding. If runs are more accurate, state "
+        "their error with FunctionSimulator(..., noise=...).",
     )
 
 
 _CUT = (
-    "The study ended before it reached the tolerance {tolerance:g}. Its work beside the runs took more than 1 s, "
-    "and more than three times as long as the runs. PolynomialChaos(seconds=...) allows more."
+    "The study ended before it reached the tolerance {tolerance:g}, because computations other than runs took more "
+    "than 1 s, and more than three times as long as the runs. Allow more time by PolynomialChaos(seconds=...)."
 )
 """The warning if a study had no time to refine the bounds, and its error is far above the tolerance."""
 _SHORT = "The tolerance {} of the method was not reached: the estimated error is {} times the width."

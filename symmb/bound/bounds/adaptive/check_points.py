@@ -12,14 +12,14 @@ SAFETY = 2.5
 """Safety factor on measured errors and on the standard deviation of noise, because errors elsewhere may be larger. A
 smaller factor misses more errors. A larger factor takes more runs."""
 FIELD_SAFETY = 1.6
-"""SAFETY of outputs with many functions of time, because check runs show their errors at many times. A smaller factor
-takes fewer runs and misses more."""
+"""SAFETY for outputs with many functions of time. It is smaller, because check runs show errors at many times. A
+smaller factor takes fewer runs and misses more errors."""
 CANDIDATES = 150
 """Number of extremes from which check points are chosen. It is limited because all pairs are compared. Searches on
-surfaces have the same number of starts. Larger numbers take more time and miss fewer extremes."""
+surfaces start from the same number of points. Larger numbers take more time and miss fewer extremes."""
 WORTHWHILE = 0.3
-"""Smallest ratio of a weight to the largest weight at which an output adds check points to those of other outputs.
-Smaller ratios take more runs."""
+"""An output adds check points to those of other outputs if its weight exceeds this fraction of the largest weight.
+Smaller fractions take more runs."""
 FEW_SHAPES, SHAPE_SHARE = 3, 1e-2
 """Number of independent functions of time above which an output is a field, and smallest ratio of a function's size to
 the largest size. Larger values take more check runs."""
@@ -27,13 +27,13 @@ SHAPE_RUNS = round(1 / WINDOW)
 """Largest number of runs from which independent functions of time are counted. Twice as many times are used, because a
 window has two times."""
 PROBES = 6
-"""Number of quasi-random check points. Symmetric responses may be equal at all nodes, which are at the centre, the ends
-and the halves. More points find narrower peaks."""
+"""Number of quasi-random check points. Symmetric responses may be equal at all nodes, because nodes are at the centre,
+the ends and the halves. More points find narrower peaks."""
 PATIENCE = 30
-"""Largest number of runs per parameter of a grid that does not converge, and of corners. Larger numbers take more runs
+"""Largest number of runs per parameter, on a grid that does not converge and at corners. Larger numbers take more runs
 and miss fewer extremes."""
 ALL_CORNERS = 10
-"""Largest number of parameters with runs at all corners, if runs are computed side by side. More take seconds."""
+"""Largest number of parameters with runs at all corners, if runs are computed together. More would take seconds."""
 MOST_CORNERS = 32
 """Largest number of corners if no other information shows where a response varies. Larger numbers take more runs and
 miss fewer extremes."""
@@ -42,9 +42,9 @@ miss fewer extremes."""
 def select_dispersed(places: Array, weights: Array, number: int, taken: Array | None = None) -> Array:
     """At most `number` of the places (2, n_t, n_y, d), with large weights and not close together, as an array (n, d).
 
-    Each choice maximises the weight in its neighbourhood, sum_j exp(-2 |x - x_j|^2 / d) w_j. The weights of its
-    neighbours are then reduced. If places (m, d) are `taken` already, weights near them are reduced first. Choices then
-    end if the weight is below the fraction WORTHWHILE of the largest initial weight.
+    Each choice maximises the weight in its neighbourhood, sum_j exp(-2 |x - x_j|^2 / d) w_j. The weights of neighbours
+    are then reduced. If places (m, d) are `taken` already, weights near these places are reduced first. The choice then
+    ends if the weight is below the fraction WORTHWHILE of the largest initial weight.
     """
     points, weights = places.reshape(-1, places.shape[-1]), weights.ravel()
     # All pairs are compared, so there are few candidates. Places with the largest weights are mostly at neighbouring
@@ -100,8 +100,8 @@ def evenly_spread_points(number: int, d: int) -> Array:
 def screening_corners(d: int) -> Array:
     """Corners (N, d) of the unit box: the rows of a Hadamard matrix by Paley's construction.
 
-    For up to eleven parameters there are 12 corners. They contain each combination of signs of any three parameters.
-    (Plackett and Burman 1946, The design of optimum multifactorial experiments)
+    For up to eleven parameters there are 12 corners. These corners contain each combination of signs of any three
+    parameters. (Plackett and Burman 1946, The design of optimum multifactorial experiments)
     """
     prime = next(q for q in count(11, 4) if q >= d and all(q % k for k in range(3, q, 2)))
     signs = np.full(prime, -1.0)
@@ -113,9 +113,9 @@ def screening_corners(d: int) -> Array:
 def corner_design(d: int) -> Array:
     """Corners (N, d) of the unit box: all, or with more than ALL_CORNERS parameters a subset of resolution V.
 
-    The subset contains all sign combinations of any four parameters. The first r parameters have all combinations. Each
-    other parameter takes a product of their signs. No sum of four or fewer vectors of factors may vanish modulo 2. (Box
-    and Hunter 1961, The 2^(k-p) fractional factorial designs)
+    The subset contains all sign combinations of any four parameters. The first r parameters have all combinations. The
+    sign of each other parameter is a product of signs of these r. No sum of four or fewer vectors of factors may vanish
+    modulo 2. (Box and Hunter 1961, The 2^(k-p) fractional factorial designs)
     """
     if d <= ALL_CORNERS:
         return corners(d)
@@ -136,7 +136,7 @@ def corner_design(d: int) -> Array:
 def screening_points(d: int) -> Array:
     """Points (N, d) for responses about which nothing else is known: corners, and PROBES points inside.
 
-    If there are few corners, all are used, because a kink may affect one corner only.
+    If there are few corners, all corners are used, because a kink may affect one corner only.
     """
     ends = corners(d) if 2**d <= MOST_CORNERS else screening_corners(d)
     return np.concatenate([ends, quasi_random_points(2 + PROBES, d)[2:]])
@@ -145,8 +145,8 @@ def screening_points(d: int) -> Array:
 def count_shapes(Y: Array) -> Indices:
     """Number of independent functions of time (...) in deviations Y (..., N, m) from the mean response.
 
-    Values at many times may follow a single function. They then contain no more information than one number. A function
-    is counted if its size is at least the fraction SHAPE_SHARE of the largest size.
+    Values at many times may follow a single function. Such values contain no more information than one number. A
+    function is counted if its size is at least the fraction SHAPE_SHARE of the largest size.
     """
     # The Gram matrix of N runs has the same nonzero eigenvalues as that of m times, and N is smaller.
     squares = np.linalg.eigvalsh(Y @ Y.swapaxes(-1, -2))
@@ -156,6 +156,6 @@ def count_shapes(Y: Array) -> Indices:
 def inflated_error(squares: Array, safety: float = SAFETY) -> Array:
     """Expected errors (n_t, n_y) at other points, from the largest squared errors at check runs and a factor.
 
-    Errors are averaged over a window. They are at least the errors of the check runs, because a pulse may be shorter.
+    Errors are averaged over a window, but are at least the errors of check runs, because pulses may be short.
     """
     return np.sqrt(np.maximum(safety**2 * average_over_window(squares), squares))

@@ -1,4 +1,4 @@
-"""Rounds of check runs near extremes. They measure errors of an interpolant's range and of extremes of runs."""
+"""Rounds of check runs near extremes, which measure errors of an interpolant's range and of extremes of runs."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -42,8 +42,8 @@ class Foreseen:
     Attributes
     ----------
     foreseen : sum of the predicted distances
-    unconfirmed : sum of the differences between runs and predictions, where a distance is predicted
-    attained : sum of the distances that runs attain there
+    unconfirmed : sum of the differences between runs and predictions, at points with a predicted distance
+    attained : sum of the distances that runs attain at these points
     """
 
     foreseen: float = 0.0
@@ -74,22 +74,23 @@ class Foreseen:
 class CheckRounds:
     """Two ranges of an output with their errors, from rounds of check runs. The range with the smaller error is used.
 
-    The first range is that of an expansion, which is corrected by the check runs of each round. The runs of the next
-    round show its error. Rounds end when this error is small enough or no longer decreases. The continuation expects an
-    error at x that is s(x) times the typical error. A new run at x with the error e suggests a typical error of
-    e / s(x). The first range may exceed all runs. In earlier rounds, runs have attained a part of the predicted excess.
-    The bounds contain this part of the present excess. The error of the excess is as large, or it is the part that runs
-    did not confirm if that is smaller.
+    The first range is the range of an expansion. The check runs of each round correct the expansion. The runs of the
+    next round show the error of the range. Rounds end when this error is small enough or no longer decreases. The
+    continuation expects an error at x that is s(x) times the typical error. A new run at x with the error e suggests a
+    typical error of e / s(x). The first range may exceed all runs. In earlier rounds, runs have attained a fraction of
+    the predicted excess. The bounds contain the same fraction of the present excess. The error of the excess is the
+    fraction that runs attained, or the fraction that runs did not confirm, if this fraction is smaller.
 
-    The second range is that of the extremes of all runs, if corners have been run. Its error is the largest of four:
+    The second range contains the extremes of all runs, if corners have been run. The error of this range is the largest
+    of four values:
 
     - the gain of the last rounds
     - the gain from twice as many runs inside the box
-    - the excess of the first range, times the part that runs have attained
-    - the change of the extreme run to the next time, times the part of this change that runs near it gained. The other
-      runs are rarely near an extreme of a single time.
+    - the excess of the first range, times the fraction that runs have attained
+    - the change of the extreme run to the next time, times the fraction of this change that runs near this run gained.
+      Other runs are rarely near an extreme of a single time.
 
-    If no run differs from the interpolant at a time, the error there is at most the excess of the first range.
+    If no run differs from the interpolant at a time, the error at this time is at most the excess of the first range.
 
     Attributes
     ----------
@@ -157,7 +158,7 @@ class CheckRounds:
         return self._better()
 
     def _search_beside(self) -> Iterator[Request]:
-        """Runs near those that attain extremes and change fast there. Earlier places are left out."""
+        """Runs near extreme runs that change fast over time. Earlier places are left out."""
         runs, (lowest, highest) = self.runs, self.runs.extremes
         at, swings = swings_at_extremes(runs)
         new = select_dispersed(at, np.where(is_among(at, self._searched), 0.0, swings), len(runs.box))

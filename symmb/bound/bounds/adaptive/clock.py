@@ -20,8 +20,8 @@ for example ten times as many processes as processors."""
 class Clock:
     """A clock that stops during runs.
 
-    The clock measures wall time, or the processor time of this program's threads if it is less. Work of other programs
-    is thus not included. For runs in other processes, it measures wall time.
+    The clock measures wall time, or the processor time of this program's threads if this is shorter. Work of other
+    programs is thus not included. For runs in other processes, the clock measures wall time.
 
     Attributes
     ----------

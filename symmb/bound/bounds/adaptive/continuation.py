@@ -1,4 +1,4 @@
-"""The most likely continuation of an interpolant on a grid through check runs, its range and its error."""
+"""The most likely further terms of an interpolant on a grid that has check runs, its range and its error."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -28,8 +28,9 @@ SPARSE_RANGE = 0.02
 class Continuation:
     """Expected coefficients beyond those of a grid, before and after further runs are known.
 
-    The coefficients beyond the grid are modelled as independent Gaussian variables with mean 0. Their sizes are
-    extrapolated from the grid. Given the interpolant's errors e at some points, their most likely values are
+    The coefficients beyond the grid are modelled as independent Gaussian variables with mean 0. The sizes of these
+    coefficients are extrapolated from the grid. Given the interpolant's errors e at some points, the most likely
+    coefficients are
 
         c = S F' (F F' + noise)^-1 e = S (F' F + noise)^-1 F' e,
 
@@ -97,7 +98,7 @@ def _extrapolated(index: Index, size: dict[Index, float]) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Corrected:
-    """An expansion that is continued through check runs. Its coefficients are computed for windows of responses.
+    """An expansion that is continued through check runs. Coefficients are computed for windows of responses.
 
     Attributes
     ----------

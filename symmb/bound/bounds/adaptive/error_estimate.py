@@ -16,7 +16,7 @@ SHELLS = 4
 """Number of degree shells, of two degrees each, from which the decay is measured. With fewer shells, a pair that is
 small by chance has a larger effect. More shells take more time."""
 DECAY_POWER, FAST_DECAY = 0.6, 0.8
-"""Power of the measured decay that is assumed to continue: 1 assumes the same decay, 0 assumes none and takes more
+"""Power of the measured decay that is assumed to continue: 1 assumes the same decay, 0 assumes no decay and takes more
 runs. On tensor grids the power is 1 - decay / FAST_DECAY if this is larger, because a fast decay usually continues."""
 NODE_SHARE = 0.4
 """Ratio of the expected error at nodes to the largest error, divided by the degree (at most 4). It is not 0, because
@@ -148,7 +148,7 @@ class _Groups(NamedTuple):
 
 @lru_cache(maxsize=32)
 def _groups(indices: tuple[tuple[int, ...], ...], least: int) -> list[_Groups]:
-    """The groups of each direction. Shells contain no degrees below the smallest one."""
+    """The groups of each direction. Shells contain no degrees below `least`."""
     alpha = np.array(indices)
     return [_Groups(*_degree_shells(alpha, i, least), _products(alpha, i)) for i in range(alpha.shape[1])]
 
@@ -205,8 +205,8 @@ def event_errors(nodes: Array, degrees: Indices, Y: Array, events: Indices) -> A
     Parameters
     ----------
     nodes : (N, d)              of a tensor grid with these degrees (d,)
-    Y : (N, n_t, n_y)           responses there
-    events : (N, n_t)           number of events up to each time; -1 where it is not known
+    Y : (N, n_t, n_y)           responses at the nodes
+    events : (N, n_t)           number of events up to each time; -1 if not known
     """
     # Grids list nodes by degree. Differences along an axis need the order of coordinates.
     order, axes = np.lexsort(nodes.T[::-1]), tuple(range(len(degrees)))

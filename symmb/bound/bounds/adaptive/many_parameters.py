@@ -18,7 +18,7 @@ def range_of_many(
 ) -> EstimatedRange:
     """The ranges of all outputs. The study of an output uses all runs, and requests runs until its error is small.
 
-    The ranges of some outputs may be known, and are given by the numbers of these outputs.
+    `known` contains the ranges of outputs that are known already, by the numbers of these outputs.
 
     A kink may change the response at a few corners only. If runs cost little, the corners next to all extremes are run
     at the end. Studies with larger errors at these corners continue with runs at all corners.
@@ -79,7 +79,7 @@ def _answer(runs: Runs, requests: list[Request], predict: Callable[[Array], Arra
 
 
 def _distinct(points: Sequence[Array]) -> Array:
-    """Points (N, d) without repetitions, in their order."""
+    """Points (N, d) without repetitions, in the given order."""
     every = np.concatenate(points)
     _, first = np.unique(every.round(12), axis=0, return_index=True)
     return every[np.sort(first)]

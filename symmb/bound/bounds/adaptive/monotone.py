@@ -14,15 +14,15 @@ from symmb.bound.nodes import corners
 from symmb.bound.polynomials.ranges import Piecewise
 
 MONOTONE_SHARE = 0.2
-"""Expected error of the extremes at corners, divided by the tolerance. The reason is that effects may change their
-signs between runs. Half of this error may come from the use of neighbouring corners. Smaller values take more runs."""
+"""Expected error of the extremes at corners, divided by the tolerance. The cause is that effects may change their signs
+between runs. Half of this error may come from the use of neighbouring corners. Smaller values take more runs."""
 
 
 def corner_range(
     runs: OutputRuns, tolerance: float, polynomials: Callable[[], Piecewise | None]
 ) -> Generator[Request, None, EstimatedRange | None]:
-    """The extremes of runs at the corners to which all parameters increase or decrease the responses; None if an effect
-    changes its sign.
+    """The extremes of runs at the corners where monotonic responses are lowest and highest; None if an effect changes
+    its sign.
 
     The effect of a parameter is the change of a response if only this parameter changes. Runs on both sides of the
     middle of the box, and along edges, show the effects. If each effect has one sign, the response is assumed to be
@@ -31,7 +31,7 @@ def corner_range(
     The estimated error has four parts: corners without a run, effects with the opposite sign, parabolas along the axes
     above their ends, and runs beyond the best corner. If this error is too large because signs change, and there are
     few corners, all corners are run. Responses with little curvature along each parameter, such as products, have their
-    extremes there.
+    extremes at corners.
 
     `polynomials` returns polynomials through all runs.
     """

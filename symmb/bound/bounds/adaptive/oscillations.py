@@ -1,8 +1,8 @@
 """Ranges of oscillations over many periods, from polynomials of their phase and of their waveform.
 
 If the period of a response depends on parameters, the response has many extremes in these parameters after many
-periods. Its phase and the form of its cycles remain simple functions. A few runs show both. Source: Mai and Sudret,
-SIAM/ASA Journal on Uncertainty Quantification 5 (2017).
+periods. The phase and the form of the cycles remain simple functions. A few runs show these functions. Source: Mai and
+Sudret, SIAM/ASA Journal on Uncertainty Quantification 5 (2017).
 """
 
 from collections.abc import Iterable
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
 LEAST_CYCLES = 8
-"""Smallest number of cycles of each run, and of output times in each cycle. Splines through fewer are less accurate."""
+"""Smallest number of cycles of a run, and of output times in a cycle. Splines through fewer times are less accurate."""
 LEAST_SPREAD = 1.0
-"""Smallest difference of the phases of two runs [cycles]. Below it, polynomials of the response itself are accurate."""
+"""Smallest difference of the phases of two runs [cycles]. Below this, polynomials of the response are accurate."""
 MOST_CHANGE = 0.1
-"""Largest relative change of the period between two cycles. Responses with several frequencies change more."""
+"""Largest relative change of the period between two cycles. With several frequencies, the period changes more."""
 AT_REST = 1e-4
 """Largest distance from the last value, divided by the width of a response, at which an oscillation has decayed."""
 MOST_DIMENSIONS, MOST_VALUES = 4, 5e7
@@ -59,7 +59,7 @@ class Cycles:
 
     @classmethod
     def of(cls, t: Array, features: Array) -> "Cycles":
-        """From phases and waveforms side by side, (N, n_t + SLOW_TIMES * SAMPLES)."""
+        """Cycles from phases and waveforms side by side, (N, n_t + SLOW_TIMES * SAMPLES)."""
         series = np.fft.rfft(features[:, len(t) :].reshape(-1, SLOW_TIMES, SAMPLES))
         return cls(t, features[:, : len(t)], np.fft.irfft(series, FINE_SAMPLES) * (FINE_SAMPLES / SAMPLES))
 
@@ -105,7 +105,8 @@ class Cycles:
 def oscillation_ranges(runs: Runs, tolerance: float) -> dict[int, EstimatedRange]:
     """The ranges of outputs that oscillate, by their numbers, if their phases differ by a cycle or more between runs.
 
-    The error is that of each run, if the other runs predict it. Outputs with errors above the tolerance are left out.
+    The error is estimated by leaving out one run at a time: each run is predicted from the other runs, and compared
+    with its own result. Outputs with errors above the tolerance are left out.
     """
     t, d, before = np.asarray(runs.simulator.times), len(runs.box), np.inf
     found, oscillates = dict[int, EstimatedRange](), list[int]()
@@ -174,8 +175,8 @@ class _Fit:
     alpha : (n_b, d) degrees
     coefficients : (n_b, n_t + SLOW_TIMES * SAMPLES) of phase and waveform
     spread : (n_t,) largest difference of the phases of runs
-    error : (n_t,) rms error of the response at each run, if the other runs predict it
-    least : (n_t,) the same without the error of the phase
+    error : (n_t,) rms difference of each run from its prediction by the other runs
+    least : (n_t,) this error without the error of the phase
     is_sure : (n_t,) whether the error of the phase is small
     """
 
@@ -206,7 +207,7 @@ class _Fit:
 
         If amplitude and phase are linear, a largest value at a given phase lies on an edge. Other lines pass through
         the middle and through the places of the largest amplitudes. If the largest amplitude on a grid is larger than
-        that on lines, the difference counts as an error. Half a cycle is the distance to the right phase at most.
+        on lines, the difference counts as an error. The right phase is at most half a cycle away.
         """
         t, d = self.t, self.alpha.shape[1]
         lower, upper, attained = np.full(len(t), np.inf), np.full(len(t), -np.inf), np.zeros((2, len(t)), dtype=bool)
@@ -250,9 +251,9 @@ def _lines(d: int, places: Iterable[Array] = ()) -> list[Array]:
 
 
 def _cycles(t: Array, Y: Array) -> Array | None:
-    """Phases and waveforms of responses Y (N, n_t) side by side, as for `Cycles.of`; None if one does not oscillate.
+    """Phases and waveforms of responses Y (N, n_t), joined as for `Cycles.of`; None if a response does not oscillate.
 
-    Cycles begin where a response rises through the mean of all responses. If they are irregular, they begin at minima.
+    Cycles begin where a response rises through the mean of all responses. If they are irregular, minima are the starts.
     """
     level, ends, middles = Y.mean(), [_end(t, y) for y in Y], (t[1:] + t[:-1]) / 2
     for order, (times, values) in enumerate(((t, Y - level), (middles, np.diff(Y) / np.diff(t)))):

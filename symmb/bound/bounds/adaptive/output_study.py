@@ -51,10 +51,10 @@ SEARCH_GAIN = 0.9
 class OutputStudy:
     """An interpolant on a grid that grows by the indices with the largest expected coefficients.
 
-    The error of the interpolant is estimated from its last coefficients. Runs at some of its extremes then check the
-    estimate and correct the expansion. Growth ends when the tolerance would take too many nodes, as with kinks. A
-    response surface is then used for outputs with few times. For other outputs, corners and rounds of check runs
-    follow. If runs of a simulator are not computed side by side, corners are tried before the grid grows.
+    The error of the interpolant is estimated from its last coefficients. Runs at some extremes of the interpolant then
+    check the estimate and correct the expansion. Growth ends when the tolerance would take too many nodes, for example
+    near kinks. A response surface is then used for outputs with few times. For other outputs, corners and rounds of
+    check runs follow. If runs of a simulator are not computed side by side, corners are tried before the grid grows.
     """
 
     def __init__(self, runs: OutputRuns, tolerance: float, is_patient: bool) -> None:
@@ -182,7 +182,7 @@ class OutputStudy:
     def _estimate_error(self) -> None:
         """Set the expected sizes of the next coefficients of the grid, and the estimated error (n_t, n_y).
 
-        If the error at the first check points is far above the estimate, all next indices may be its cause.
+        If the error at the first check points is far above the estimate, all next indices may be the cause.
         """
         runs, expansion, widths = self.runs, self.expansion, self.runs.rms_widths()
         sizes = extrapolated_sizes(self.grid, (rms(expansion.coefficients.swapaxes(0, 1)) / widths).max(axis=1))

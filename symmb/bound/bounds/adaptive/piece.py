@@ -59,7 +59,7 @@ class Piece:
     nodes : (N, d) in coordinates of the piece
     runs, rows : all runs, and the rows (N,) of the responses at the nodes
     widths : (n_y,) rms widths, the units of errors; infinite for outputs that are ignored
-    inherited : (n_t, n_y) expected error where the response jumps; None for the whole box
+    inherited : (n_t, n_y) expected error at jumps of the response; None for the whole box
     """
 
     centre: Array
@@ -125,7 +125,7 @@ class Piece:
 
     @cached_property
     def jumps(self) -> Mask | None:
-        """Mask (n_t, n_y) of jumps; None without jumps. Values at nodes give their range: interpolants overshoot."""
+        """Mask (n_t, n_y) of jumps, where interpolants overshoot and values at nodes give the range; else None."""
         has_event = None if self.event_errors is None else np.isfinite(self.event_errors[0])
         if has_event is not None or self.inherited is None or self.rough_direction is None:
             return has_event
@@ -169,7 +169,7 @@ class Piece:
 
     @property
     def largest_error(self) -> Array:
-        """Expected error (n_t, n_y) at any point. At jumps, it is the range of the values at nodes.
+        """Expected error (n_t, n_y) at any point. At jumps, this error is the range of the values at nodes.
 
         Extremes are mostly at nodes, where errors are smaller. At other points, terms of higher degrees are expected to
         decrease with the same ratio as the last terms. At kinks, all of the last degrees give the error.

@@ -1,6 +1,6 @@
 """Bounds of few responses over many parameters, from a Gaussian process that learns the directions of variation.
 
-tests/benchmarks/known_ranges.py has 370 functions (seeds 5-9, 60 s each). The process is used for 153 of them. The
+tests/benchmarks/known_ranges.py has 370 functions (seeds 5-9, 60 s each). The process is used for 153 functions. The
 median is 80 runs, 10 functions have needless warnings, and no error is without a warning. With sparse grids, the median
 is 328 runs, 80 functions have needless warnings, and three sums of kinks have errors without a warning.
 """
@@ -27,7 +27,7 @@ from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import Piecewise
 
 SHORTEST_RIDGE = 0.7
-"""Length of a ridge. Searches start from 1, 2, 4 and 8 times this length. Fewer may fail. More take time."""
+"""Length of a ridge. Searches start from 1, 2, 4 and 8 times this length. Fewer starts may fail, more take time."""
 REFIT_GROWTH, UNLIKELY = 1.4, 20.0
 """Growth of the number of runs after which the kernel is chosen again. Logarithm of the likelihood ratio at which a
 kernel is abandoned. Smaller growth and larger ratios take more time and fewer runs."""
@@ -50,10 +50,10 @@ def surface_range(runs: OutputRuns, points: Array, tolerance: float, is_patient:
     """The range of a Gaussian process through runs, with further runs at known and at possible extremes.
 
     Slopes in the middle give the direction of a first ridge. Each round makes runs at the extremes of the mean, and of
-    the mean with some standard deviations. Further runs are at points spread over the box, corners first. The estimated
-    error is the effect of these deviations on the extremes, or a fraction of the error at the latest runs. If the runs
-    do not suffice, it is at least the error of cross-validation. If the error remains large, the bounds are extremes of
-    runs.
+    the mean plus or minus some standard deviations. Further runs are at points spread over the box, corners first. The
+    estimated error is the effect of these deviations on the extremes, or a fraction of the error at the latest runs. If
+    the runs do not suffice, this error is at least the error of cross-validation. If the error remains large, the
+    bounds are extremes of runs.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def _is_plateau(data: _Responses, attained: Array) -> Mask:
 def _left_out(surface: GaussianProcess, noise: Array) -> Array:
     """Errors (m,) minus noise (m,) of a surface that does not converge, from leave-one-out cross-validation.
 
-    The latest runs may all be on one side of a jump, where the surface is accurate.
+    Errors at the latest runs may be too small: these runs may all be on one side of a jump.
     """
     errors = np.maximum(np.abs(surface.left_out_errors()) - noise, 0.0)
     return SAFETY * rms(errors)

@@ -21,7 +21,7 @@ from symmb.equations.model import Box
 from symmb.run.simulation import SceneSimulator
 
 TRUST = 0.6
-"""Smallest ratio of an interpolant's error after check runs to its estimate before. The error of a surface's extremes
+"""Smallest ratio of an interpolant's error after check runs to the earlier estimate. The error of a surface's extremes
 has the same ratio to the error at the latest runs. Smaller ratios miss more extremes. Larger ratios take more runs."""
 CHEAP_RUNS = 60
 """Number of runs up to which uncertain bounds are always refined. Above this number, a few runs measure the noise."""

@@ -14,14 +14,14 @@ if slopes increase towards the vertex, as at cusps."""
 def secant_extremes(points: Array, Y: Array, noise: Array) -> tuple[Array, Array]:
     """Places (2, n_t, n_y, 1) of possible minima and maxima, and their largest distance beyond responses (2, n_t, n_y).
 
-    One secant passes through the two runs on the left of an interval, the other through the two runs on its right. They
-    bound a response that is convex or concave between them. At an end of the box, or if the slope in the interval is
-    not between the slopes of the secants, each secant may continue to the other side.
+    One secant passes through the two runs on the left of an interval, the other through the two runs on its right. The
+    secants bound a response that is convex or concave between these runs. At an end of the box, or if the slope in the
+    interval is not between the slopes of the secants, each secant may continue to the other side.
 
     Parameters
     ----------
     points : (N, 1)         of the unit box, three or more
-    Y : (N, n_t, n_y)       responses there
+    Y : (N, n_t, n_y)       responses at the points
     noise : (n_y,)          of the responses; it is subtracted from slopes
     """
     _, order = np.unique(points[:, 0].round(9), return_index=True)  # over shorter distances, slopes are only rounding

@@ -13,9 +13,9 @@ from symmb.bound.polynomials.ranges import Piecewise
 class EstimatedRange(NamedTuple):
     """Range of a surrogate and its estimated error, each (n_t, n_y), and polynomials that approximate the surrogate.
 
-    A call of `polynomials` makes the polynomials. They need as much memory as the runs, which can then be deleted.
-    `places` (2, n_t, n_y, d) are the places of minima and maxima, if known. `is_enough` states whether the tolerance is
-    reached. `surrogate` is the name of the surrogate.
+    A call of `polynomials` makes the polynomials. The polynomials need as much memory as the runs, which can then be
+    deleted. `places` (2, n_t, n_y, d) are the places of minima and maxima, if known. `is_enough` states whether the
+    tolerance is reached. `surrogate` is the name of the surrogate.
     """
 
     lower: Array
@@ -38,7 +38,7 @@ class EstimatedRange(NamedTuple):
         return self._replace(lower=lower, upper=upper, estimate=estimate, surrogate=surrogate, is_enough=is_enough)
 
     def with_known(self, known: Mapping[int, "EstimatedRange"]) -> "EstimatedRange":
-        """The range, with known ranges (n_t, 1) of some outputs, given by their numbers."""
+        """The range, with known ranges (n_t, 1) of some outputs, by the numbers of these outputs."""
         if not known:
             return self
         lower, upper, estimate = (each.copy() for each in self[:3])

@@ -30,11 +30,11 @@ from symmb.run.simulation import SceneSimulator
 MANY_VALUES = 1000
 """Number of values of a run above which the output is a field. A mean over fewer values is less reliable."""
 FIELD_TRUST = 0.18
-"""TRUST of fields, because check runs show errors at many times. Smaller values take fewer runs and miss more."""
+"""TRUST of fields. It is smaller, because check runs show errors at many times. Smaller values miss more errors."""
 KINK_GAIN = 0.9
 """Fraction of the error that may remain after half of all rounds near kinks. Larger fractions take more runs."""
 NARROW, MOST_AT_KINKS = 0.01, 8
-"""Distance of kinks with a common run, relative to other check runs. Largest number of runs of a round at kinks."""
+"""Distance of runs at kinks, divided by that of other check runs. Largest number of runs at kinks in a round."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,13 +93,13 @@ class _Union:
 
 
 class TensorGrids:
-    """Interpolants on tensor grids. Their degrees increase in the directions with the largest errors.
+    """Interpolants on tensor grids. Degrees increase in the directions with the largest errors.
 
     If the response is not smooth, the box is halved. Each half is refined separately as long as it may contain an
     extreme of some output at some time. Errors are estimated from the last coefficients, at the places of the extremes.
     Runs at some of these places then check the estimate. For one parameter, secants predict extremes at kinks. Runs at
     these points attain a fraction of the predictions. The largest fraction (n_y,) is applied to all other predictions,
-    and gives their error.
+    and gives the error of these predictions.
     """
 
     def __init__(self, runs: Runs, tolerance: float) -> None:
@@ -262,7 +262,7 @@ class TensorGrids:
     def is_costly(self) -> bool:
         """Whether the next step takes too many runs, such as halves along three parameters and large grids.
 
-        For two parameters, pieces take some hundred runs. They resolve moving fronts better than searches.
+        For two parameters, pieces take some hundred runs. Pieces resolve moving fronts better than searches.
         """
         d = len(self._runs.box)
         return d > 2 and (len(self._parts) > 1 or self._cost() > PATIENCE * d)

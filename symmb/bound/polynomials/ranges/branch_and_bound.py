@@ -38,7 +38,7 @@ class _Search(ctypes.Structure):
 
 @dataclass(frozen=True, eq=False)
 class _Tables:
-    """A Basis, the arrays to which it points, and a matrix (n_b, padded) from Legendre coefficients if they are few."""
+    """A Basis, the arrays to which it points, and a matrix (n_b, padded) from Legendre coefficients, if few."""
 
     basis: _Basis
     arrays: tuple[np.ndarray, ...]

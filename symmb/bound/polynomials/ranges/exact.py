@@ -51,10 +51,10 @@ class Exact:
     Parameters
     ----------
     tolerance : largest distance of a bound from the true extreme, divided by the range of the polynomial. For a
-        constant, 1e-13 of the coefficients replaces it. The bounds are never narrower than the range, except for
-        rounding.
-    budget : largest number of boxes for each extreme of a polynomial. If it is used up, the tolerance is increased as
-        needed
+        constant, the largest distance is 1e-13 of the coefficients. The bounds are never narrower than the range,
+        except for rounding.
+    budget : largest number of boxes for each extreme of a polynomial. If the budget is used up, the tolerance is
+    increased as needed
 
     Raises
     ------
@@ -63,10 +63,10 @@ class Exact:
 
     Notes
     -----
-    Two parameters take about ten boxes, six parameters some hundred boxes. Ten or more may use up the budget.
-    Errors decrease with the cube of the box size. A tolerance of 1e-8 thus takes less than twice as long as 1e-3.
-    Without a C compiler, Bernstein or ChebyshevInclusion give wider bounds. The points then come from a search along
-    one parameter after the other.
+    Two parameters take about ten boxes, six parameters some hundred boxes. Ten or more parameters may use up the
+    budget. Errors decrease with the cube of the box size. A tolerance of 1e-8 thus takes less than twice as long as
+    1e-3. Without a C compiler, Bernstein or ChebyshevInclusion give wider bounds. The points then come from a search
+    along one parameter after the other.
 
     Examples
     --------

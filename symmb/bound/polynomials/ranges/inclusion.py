@@ -30,7 +30,7 @@ class Range(Protocol):
 class LegendreInclusion:
     """Natural interval arithmetic a_0 + sum a_i [min phi_i, max phi_i], eqs. (23)-(24), for any order.
 
-    The interval encloses the range of the expansion. It becomes wider than the range as the number of terms grows.
+    The interval encloses the range of the expansion. With more terms, the interval becomes wider than the range.
 
     Examples
     --------
@@ -54,7 +54,7 @@ class LegendreInclusion:
 class ChebyshevInclusion:
     """Interval arithmetic c_0 +- sum |c_i| with Chebyshev polynomials, because |T_i| <= 1, for any order.
 
-    The interval encloses the range of the expansion. It is equal to the range if there is a single term.
+    The interval encloses the range of the expansion. The interval is equal to the range if there is a single term.
 
     Examples
     --------
@@ -92,7 +92,7 @@ class Bernstein:
     Raises
     ------
     DeclarationError
-        If boxes is not a positive whole number. From ``bounds``: for too many parameters, boxes or orders.
+        If boxes is not a positive whole number. Also raised by ``bounds`` for too many parameters, boxes or orders.
 
     Notes
     -----

@@ -91,7 +91,7 @@ class Piecewise:
 
     def acting(self, floor: Array) -> Mask:
         """Mask (d,) of parameters that may change a response by more than its floor (n_y,). Parameters without terms
-        are included. So are all parameters if an error is infinite."""
+        are included. If an error is infinite, all parameters are included."""
         acts, has_terms = np.zeros((2, self.centres.shape[1]), dtype=bool)
         for own in self.expansions:
             for i, degrees in enumerate(own.alpha.T):
@@ -125,7 +125,7 @@ class Piecewise:
         return low.reshape(shape), high.reshape(shape), places
 
     def ranges(self, points: Array, free: Mask) -> tuple[Array, Array]:
-        """Minima and maxima (N, n_t, n_y) over the free parameters (d,). Others have values of points (N, d)."""
+        """Minima and maxima (N, n_t, n_y) over the free parameters (d,). Others keep their values at points (N, d)."""
         low, high = np.full((2, len(points), *self.error.shape), [[[[np.inf]]], [[[-np.inf]]]])
         for centre, half, own in zip(self.centres, self.halves, self.expansions, strict=True):
             x = (points[:, ~free] - centre[~free]) / half[~free]
