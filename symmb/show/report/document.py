@@ -62,7 +62,7 @@ def warnings(doubts: Sequence[str], remarks: Sequence[str] = ()) -> str:
 
 
 def note(text: str) -> str:
-    """A sentence about the part beside it."""
+    """A note about a part of the report."""
     return f'<p class="note">{_prose(text)}</p>'
 
 
