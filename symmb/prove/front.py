@@ -54,7 +54,7 @@ class Front:
 
 
 def slowest(x: Array) -> int:
-    """Number of the parameter with the slowest decay of the coefficients (n, N + 1, ...)."""
+    """Index of the parameter with the slowest decay of the coefficients (n, N + 1, ...)."""
     # the two highest orders measure the decay
     tails = [np.abs(x.take(np.arange(max(1, m - 2), m), axis=axis)).sum() for axis, m in enumerate(x.shape[1:], 1)]
     return int(np.argmax(tails))

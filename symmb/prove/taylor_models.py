@@ -27,8 +27,8 @@ from symmb.prove.discs import Disc
 from symmb.prove.rounding import COMPLEX_ERROR, FUNCTION_ERROR, U, above
 
 DEGREES_BEYOND_POLYNOMIALS = 3
-"""Number of degrees of Taylor models of defects, and of a start, above the degree of the polynomials with these
-errors."""
+"""Taylor models of defects, and of a start, have this many degrees more than the polynomials to which these errors
+belong."""
 _REAL_ERROR = 4 * U
 """Relative error of an operation on real numbers."""
 
