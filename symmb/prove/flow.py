@@ -134,7 +134,7 @@ def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Ar
 
 
 def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int = 11) -> tuple[Curve, Array]:
-    """The frame B with B' = A B from B0 (n, n, NB + 1, ...), row by row, and approximately B^-1: C (n, n, terms, ...).
+    """The frame B from B0 (n, n, NB + 1, ...) with B' = A B, row by row, and C (n, n, terms, ...), approximately B^-1.
 
     The frame has fewer terms in time than the motion, because its defect increases the remainder only by a small part.
     The motion has the coefficients x (n, K + 1, N + 1, ...).

@@ -22,7 +22,7 @@ from symmb.prove.step import Proof, is_regular, on_motion, prove, require_valid
 from symmb.prove.time_step import TimeStep
 
 _TIME_TERMS = 20
-"""Number of terms of the motion in time. With the step length of `_shortened`, the last terms are rounding."""
+"""Number of terms of the motion in time. With the step length of `_shortened`, the last terms are rounding errors."""
 _SHORTER_STEP = 0.3
 """Factor that shortens a step in which the motion changes too fast."""
 _UNITS_BEFORE_CHANGE = 8

@@ -43,7 +43,7 @@ If a pass and a return between two of the times are missed, the later proof of t
 _TIME_LEFT = 1 / 64
 """A step that ends closer to a pass leaves this fraction of the time to the pass. It must exceed a unit of times."""
 _UNDERFLOW, _ROUNDING_OF_TIME = 1e-280, 1e-14
-"""A summand larger than the one in `above`, to prove exact passes, and 90 rounding errors of a scaled time of 1."""
+"""A number larger than the summand in `above`, to prove exact passes; 90 rounding errors of a scaled time of 1."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -155,11 +155,11 @@ def _side(a: Point) -> float:
 def _entry(entry: Entry, group: Point, at: Point) -> Point:
     """An entry of a table. All points must be in the same piece of the table."""
     if not _is_constant(group):
-        raise ProofError("the argument of a table may lie in two pieces of the table")
+        raise ProofError("the range of a table's argument may extend over two pieces of the table")
     value, before, after = entry.between(group[2], at[2])
     for knot, side in ((before, 1.0), (after, -1.0)):
         if math.isfinite(knot) and _side(_subtract(at, point(knot))) != side:
-            raise ProofError("the argument of a table may lie in two pieces of the table")
+            raise ProofError("the range of a table's argument may extend over two pieces of the table")
     return point(value)
 
 

@@ -172,7 +172,7 @@ class Model:
 
     @cached_property
     def around(self) -> Disc:
-        """Discs that contain all values at each place. Products of squares are taken about 1/2."""
+        """Discs that contain all values at each place. The range of a product of squares has the centre 1/2."""
         half = self.basis.of_squares[: len(self.c), None]
         middle = self.c[0] + (half * self.c).sum(axis=0)
         moved = (np.abs(self.c[1:]) * (1.0 - half[1:])).sum(axis=0)

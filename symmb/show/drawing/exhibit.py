@@ -84,7 +84,7 @@ class Exhibit:
 
 
 def of_run(run: Trajectory, time: float | str | None, point: Point | None) -> Exhibit:
-    """A run alone."""
+    """Only one run, without bounds."""
     row = 0 if time is None else row_of("view", run.t, time)
     drawing = draw(run, also=[row, *_extremes(run.values, run.values)], point=point)
     return Exhibit(drawing, picture=_picture(drawing, run.t[row]))
