@@ -45,7 +45,8 @@ class BlackBox(ABC):
         Raises
         ------
         SimulationError
-            If the run fails. Messages show only the text of this error. For other exceptions, they also show the type
+            If the run fails. The message of the run is the text of this error. For other exceptions, the message also
+            contains the type
         """
 
     def _declare(
@@ -62,7 +63,7 @@ class BlackBox(ABC):
             raise DeclarationError(f"{owner}: times must be numbers, got {shown(times)}.")
         times = instants.copy()
         if times.ndim != 1 or not len(times) or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
-            raise DeclarationError(f"{owner}: times must be finite and increase, shape (n_t,), n_t >= 1.")
+            raise DeclarationError(f"{owner}: times must be finite and increase. Give one or more times.")
         if not isinstance(outputs, str | list | tuple):
             raise DeclarationError(f"{owner}: outputs must be a list of names, got {shown(outputs)}.")
         names = (outputs,) if isinstance(outputs, str) else tuple(outputs)
@@ -109,10 +110,10 @@ class BlackBox(ABC):
     def stream(
         self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
     ) -> S:
-        """Run samples P (N, d), reduce them in blocks, and merge the states of the blocks in their order.
+        """Run samples P (N, d), reduce them in blocks, and merge the states in the order of the blocks.
 
-        A task is one run if runs are slow, and several runs of a block if runs are fast. The number of runs follows
-        from the durations of earlier tasks. Blocks, and thus results, depend neither on the tasks nor on the executor.
+        A task contains one run if runs are slow, and several runs of a block if runs are fast. The durations of earlier
+        tasks determine this number. Blocks and results depend neither on the tasks nor on the executor.
         """
         P = checked_samples(self, P, progress)
         all_blocks, tasks = blocks(len(P), samples_of_block(len(P))), list[Array]()
@@ -180,12 +181,12 @@ class BlackBox(ABC):
 
 
 def samples_of_block(n: int) -> int:
-    """Number of samples in each of 64 blocks of n samples. The last digit of sums depends on this number."""
+    """Number of samples in a block, if n samples make at most 64 blocks. The last digits of sums depend on it."""
     return 1 + n // 64
 
 
 def _noise(owner: str, noise: Mapping[str, float], names: tuple[str, ...]) -> Array:
-    """Noise (n_y,) of all outputs, from a mapping of names of outputs to noise."""
+    """Noise (n_y,) of all outputs, from the noise of some outputs by name."""
     if not isinstance(noise, Mapping):
         raise DeclarationError(f"{owner}: noise must map names of outputs to numbers, got {shown(noise)}.")
     for name, value in noise.items():
@@ -212,7 +213,7 @@ def timed_runs(simulator: Simulator, P: Array) -> tuple[Ensemble, float]:
 
 
 def lost_runs(simulator: Simulator, P: Array, reason: str) -> Ensemble:
-    """Failed runs of samples P (n, d) after the death of their worker."""
+    """Failed runs of samples P (n, d) whose worker died."""
     Y = np.full((len(P), len(simulator.times), len(simulator.outputs)), np.nan)
     messages = tuple(f"{reason} ({_text(simulator, p)})" for p in P)
     return Ensemble(Y, np.zeros(len(P), dtype=bool), np.full(len(P), simulator.times[0]), messages)

@@ -65,7 +65,7 @@ class CommandSimulator(BlackBox):
     retries : int
         number of further attempts after a failed run
     interpolate : bool
-        accept other times than the declared times, and interpolate linearly
+        accept files with other times than the declared times, and interpolate linearly
     keep : str
         which folders are kept: "failed" (default), "all" or "none". The message of a failed run names its folder.
         The files stdout.txt and stderr.txt in this folder contain the output of the program
@@ -77,8 +77,8 @@ class CommandSimulator(BlackBox):
     Raises
     ------
     DeclarationError
-        If the program is not found, a template cannot be filled, neither a template nor an argument contains a
-        parameter, or an option is out of its range
+        If the program is not found, a template cannot be filled, a parameter is neither in a template nor in an
+        argument, or an option is out of its range
 
     Examples
     --------
@@ -145,7 +145,7 @@ class CommandSimulator(BlackBox):
         for word in self.command[1:]:  # words such as /home/model.sh or --input=/home/mesh.inp
             names = {word, word.partition("=")[2]}
             inputs += [Path(name) for name in names if os.path.isabs(name) and os.path.isfile(name)]
-        # A separate process starts the programs. If this process ends, it ends the programs and removes their folders.
+        # A separate process starts the programs. At the end of a study, it ends them and removes folders.
         calls = LimitedCalls(self._made, None, "the program", self.folder) if hasattr(os, "fork") else None
         vars(self).update(_inputs=DeclaredFiles(path for path in inputs if path.exists()), _calls=calls)
 
@@ -170,11 +170,11 @@ class CommandSimulator(BlackBox):
     def _option_faults(self) -> Iterator[str]:
         if not isinstance(self.read, str):
             if not callable(self.read):
-                yield f"read must be the name of a file or a function of the folder, got {shown(self.read)}."
+                yield f"read must be the name of a file, or a function that reads a folder, got {shown(self.read)}."
         elif not is_inside(self.read):
             yield f"read: {self.read!r} must be the name of a file in the folder of a run."
         elif Path(self.read).suffix not in READERS:
-            yield f"read: {self.read!r} must end in one of {', '.join(READERS)}, or be a function of the folder."
+            yield f"read: {self.read!r} must end in one of {', '.join(READERS)}. Or give a function that reads results."
         if not isinstance(self.interpolate, bool):
             yield f"interpolate must be True or False, got {shown(self.interpolate)}."
         if not isinstance(self.keep, str) or self.keep not in _KEEP:
@@ -281,7 +281,7 @@ def _kept(folder: Path, base: Path | None) -> Path:
 
 
 def _last_line(folder: Path, most: int = 200) -> str:
-    """The last line of the error output of the program, or else of its output, with at most `most` characters."""
+    """The last line that the program wrote to stderr, or to stdout if stderr is empty; at most `most` characters."""
     for name in (_ERRORS, _OUTPUT):
         lines = (folder / name).read_text(encoding="utf-8", errors="replace").split("\n")
         for line in reversed(lines):

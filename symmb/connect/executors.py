@@ -29,13 +29,13 @@ _TASKS_PER_WORKER = 2
 _POLL_SECONDS = 0.02
 """Time between checks of futures without callbacks, and between checks whether threads have ended [s]."""
 _CHECK_SECONDS = 1.0
-"""Time between checks of futures with callbacks, and of missing results of Dask [s]."""
+"""Time between checks of futures with callbacks, and for results that Dask has lost [s]."""
 _END_SECONDS = 0.5
 """Time for threads and processes to end when a study is interrupted [s]."""
 _KILLED = "KilledWorker"
-"""Exception of Dask for a task that failed on several workers."""
+"""Name of Dask's exception for a task whose workers died."""
 _CANCELLED = "CancelledError"
-"""Exception of futures, also of asyncio, if the executor was shut down or its cluster has ended."""
+"""Name of the exception of futures, also of asyncio, if the executor was shut down or its cluster has ended."""
 _LOCAL = "LocalCluster"
 """Dask's cluster on one machine. If a worker dies twice within 15 s, Dask ends the process that starts workers. The
 cluster may then have no workers until the number of workers is set again."""
@@ -80,7 +80,7 @@ def finished(f: Callable[[Any], Any], items: Iterable[Any], executor: Any) -> It
     Raises
     ------
     DeclarationError        if the executor is none of these, or f cannot be pickled
-    SimulationError         if an executor breaks and cannot be replaced, raises, or returns results of other tasks
+    SimulationError         if an executor breaks and cannot be replaced, raises an exception, or returns wrong results
     """
     if executor is None:
         yield from enumerate(map(f, items))
@@ -294,8 +294,8 @@ class _Pool:
         if not self.submits and (not maps or is_pool or not _maps_in_order(self.executor)):
             raise DeclarationError(
                 f"executor: {shown(self.executor)} is not supported. Give an object with submit(f, x), or with an "
-                "ordered map(f, *iterables), or a function that makes one. Examples are ThreadPoolExecutor(), "
-                "ProcessPoolExecutor() and a Dask client."
+                "ordered map(f, *iterables), or a function that makes such an object. Examples are "
+                "ThreadPoolExecutor(), ProcessPoolExecutor() and a Dask client."
             )
 
     def submit(self, f: Callable[[Any], Any], item: Any) -> Any:
@@ -334,7 +334,7 @@ class _Pool:
 
     @property
     def workers(self) -> int:
-        """Number of tasks that run at the same time; 512 if the executor, such as a cluster, does not report it."""
+        """Number of tasks that run at the same time; 512 if the executor does not report it, as for clusters."""
         number = getattr(self.executor, "_max_workers", None) or getattr(self.executor, "num_workers", None)
         return number if isinstance(number, int) and number > 0 else 512
 
@@ -348,7 +348,7 @@ class _Pool:
             self.has_begun = self.has_begun or any(not callable(runs) or runs() for runs in states)
         if not self.has_begun and time.monotonic() - self._since > _START_SECONDS:
             raise SimulationError(
-                f"executor: no task has started in {_START_SECONDS:.0f} s. Check that it has workers."
+                f"executor: no task has started in {_START_SECONDS:.0f} s. Check that the executor has workers."
             )
 
     def renew(self, error: BaseException) -> None:
@@ -400,7 +400,7 @@ def _maps_in_order(executor: Any) -> bool:
 
 @contextmanager
 def _as_simulation_error(*kept: type[BaseException]) -> Iterator[None]:
-    """A context for a call of the user's executor. Its exceptions, except `kept` types, become errors of symmb."""
+    """A context for a call of the user's executor. Exceptions, except those of `kept` types, become errors of symmb."""
     try:
         yield
     except (SymmbError, KeyboardInterrupt, *kept):

@@ -187,7 +187,7 @@ def _require_binary(path: Path, names: Sequence[str], version: int, identifier: 
     if platform in others:
         told = f"because its folder lacks {identifier}{module.sharedLibraryExtension}"
     sources = any(name.startswith("sources/") and name.endswith(".c") for name in names)
-    remedy = f" FMPy may compile its sources: python -m fmpy compile {path.name}" if sources else ""
+    remedy = f" Try to compile the sources of the FMU: python -m fmpy compile {path.name}" if sources else ""
     raise DeclarationError(f"{OWNER}: {path.name} has no binary for {platform}, {told}.{remedy}")
 
 
@@ -235,7 +235,7 @@ def _fixed_by(variable: Any) -> str:
     if variable.variability == "constant":
         return "it is a constant"
     if variable.causality == "structuralParameter":
-        return "it is a structural parameter, which gives the size of arrays"
+        return "it is a structural parameter, which sets the size of arrays"
     if variable.causality in ("parameter", "input") or variable.initial == "exact":
         return ""
     if variable.initial == "approx":
@@ -248,7 +248,7 @@ _LOCK = threading.Lock()
 
 
 def extracted(path: Path, code: str) -> Path:
-    """The folder with the files of an FMU. They are extracted once for this process and its forked processes.
+    """The folder with the files of an FMU. Files are extracted once for this process and its forked processes.
 
     SimulationError is raised if the FMU cannot be extracted, or the file has changed since its declaration.
     """

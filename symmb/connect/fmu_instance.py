@@ -1,4 +1,4 @@
-"""An instance of an FMU in a separate process: functions to make, start and read it, and its messages."""
+"""An instance of an FMU in a separate process: functions to make, start and read an instance, and its messages."""
 
 import ctypes
 import faulthandler
@@ -106,7 +106,7 @@ def is_fatal(error: BaseException) -> bool:
 
 
 def listen() -> None:
-    """Forget earlier messages, and keep the output of FMUs and FMPy in this process away from the user's output."""
+    """Forget earlier messages, and write the output of FMUs and FMPy in this process to a file, not to the screen."""
     _LOG.clear()
     output = _output()
     os.ftruncate(output, 0)

@@ -19,8 +19,8 @@ from symmb.connect.fmu_description import CO_SIMULATION, FMU, Variable, fmpy
 from symmb.connect.fmu_instance import ENDED, Instance, Status, has_error, is_fatal, last_line, listen, logged
 
 RTOL = 1e-9
-"""Relative tolerance. It is small, because bounds subtract runs that differ little. With it, the error of an oscillator
-is 1e-7 after ten periods (tests/connect/test_fmu.py)."""
+"""Relative tolerance of CVODE. It is small, because bounds follow from small differences of runs. The error of an
+oscillator is then 1e-7 after ten periods (tests/connect/test_fmu.py)."""
 
 
 @dataclass

@@ -192,7 +192,7 @@ def _step(fmu: FMU, times: Array, given: float | None) -> float:
     for length, reason in ((fmu.grid, "its solver has steps"), (step if fmu.is_uniform else None, "its steps are")):
         if length is not None and (np.abs(spans / length - np.round(spans / length)) > SLIGHT * spans / length).any():
             raise DeclarationError(
-                f"{OWNER}: {fmu.path.name} cannot stop at all of the times: {reason} of {length:g} s. Times "
-                "must be multiples of this step, counted from the first time."
+                f"{OWNER}: {fmu.path.name} cannot stop at all given times: {reason} of {length:g} s. "
+                "Times, counted from the first time, must be multiples of this step."
             )
     return step

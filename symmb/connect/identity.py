@@ -1,6 +1,6 @@
-"""A digest of what a simulator computes. Simulators with equal digests make equal runs, as far as symmb can see.
+"""A digest of what a simulator computes. Simulators with equal digests make equal runs, as far as symmb can detect.
 
-`DeclaredFiles` ends a study if a declared file changes meanwhile.
+`DeclaredFiles` ends a study if a declared file changes during the study.
 """
 
 import builtins
@@ -36,10 +36,10 @@ class UndigestedError(DeclarationError):
 def digest(*things: Any) -> str:
     """A digest of numbers, texts, arrays, expressions and functions, and of objects that contain these.
 
-    A Python function is identified by its code, its defaults, and the values of all outside names in the code.
-    Functions and classes that the code uses are identified in the same way. Those of Python or of an installed package
-    are identified by their names. Other objects are identified by their pickled form. UndigestedError is raised if an
-    object cannot be pickled.
+    A Python function is identified by its code, its defaults, and the values of all outside variables in the code.
+    Functions and classes that the code uses are identified in the same way. If a function or a class is part of Python
+    or of an installed package, its name identifies it. Other objects are identified by their pickled form.
+    UndigestedError is raised if an object cannot be pickled.
     """
     values = _Digests()
     try:
@@ -48,8 +48,8 @@ def digest(*things: Any) -> str:
         raise DeclarationError("StoredSimulator: the function depends on too deeply nested objects.") from None
     if values.lacking:
         raise UndigestedError(
-            f"StoredSimulator: the function depends on an object of the type {values.lacking[0]!r}. symmb cannot see "
-            "its changes. Pass version=, and change its value whenever the function changes.",
+            f"StoredSimulator: the function depends on an object of the type {values.lacking[0]!r}. symmb cannot "
+            "detect changes of this object. Pass version=, and give another version whenever the function changes.",
             key,
         )
     return key
@@ -178,7 +178,7 @@ def _code_parts(thing: types.ModuleType | types.FunctionType | type) -> Iterator
 
 
 def _global_names(code: types.CodeType) -> set[str]:
-    """Names of the variables of the module that the code reads."""
+    """Names of the global variables that the code reads."""
     names = {step.argval for step in dis.get_instructions(code) if step.opname in ("LOAD_GLOBAL", "LOAD_NAME")}
     return names.union(*(_global_names(part) for part in code.co_consts if isinstance(part, types.CodeType)))
 
@@ -229,7 +229,7 @@ class DeclaredFiles:
             except OSError:
                 is_same = False
             if not is_same:
-                raise ChangedFileError(f"{path} has changed since the simulator was declared. Declare it again.")
+                raise ChangedFileError(f"{path} has changed since the simulator was declared. Make a new simulator.")
 
 
 def _stamp(path: Path) -> tuple[tuple[str, int, int], ...]:

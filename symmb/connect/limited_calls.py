@@ -84,7 +84,7 @@ _OWN = threading.local()
 
 
 class LimitedCalls:
-    """A function with calls that run in a separate process. Each thread has its own process, and keeps it.
+    """A function whose calls run in a separate process. Each thread uses its own process for all its calls.
 
     The process is a copy of this process at the first call. Later changes of variables in one process have no effect in
     the other.
@@ -140,7 +140,7 @@ class LimitedCalls:
             worker.end()
 
     def begin(self) -> _Worker:
-        """The worker of this thread. When its process ends for any reason, its temporary folders are removed."""
+        """The worker of this thread. If the worker's process ends for any reason, its temporary folders are removed."""
         own: dict[str, _Worker] = vars(_OWN)
         worker = own.get(self.key)
         if worker is None or worker not in _WORKERS:

@@ -52,14 +52,12 @@ def is_filled(template: str, name: str) -> bool:
 
 
 def template_texts(owner: str, templates: Mapping[str, str | Path]) -> dict[str, str]:
-    """Path of a file in the folder of a run -> its text. If a Path is given, the text is read from it now.
+    """Path of a file in the folder of a run -> text of the file. If a template is a Path, its text is read now.
 
     DeclarationError is raised if a path leads out of the folder, or a file cannot be read.
     """
     if not isinstance(templates, Mapping):
-        raise DeclarationError(
-            f"{owner}: templates must be texts or paths by the name of the file, got {shown(templates)}."
-        )
+        raise DeclarationError(f"{owner}: templates must map names of files to texts or paths, got {shown(templates)}.")
     texts = {}
     for name, template in templates.items():
         if not isinstance(name, str) or not is_inside(name):
@@ -93,7 +91,7 @@ def _names(values: Mapping[str, float]) -> str:
 
 
 def read_table(path: Path, times: Array, outputs: tuple[str, ...], interpolate: bool) -> Array:
-    """Outputs (n_t, n_y) at `times` from a file with a column `time` and one for each output.
+    """Outputs (n_t, n_y) at `times` from a file with a column `time` and a column for each output.
 
     Other columns are ignored. If there is only one time, the column `time` may be left out. SimulationError is raised
     if the file cannot be read, lacks a column, or has other times.
@@ -118,7 +116,7 @@ def read_table(path: Path, times: Array, outputs: tuple[str, ...], interpolate: 
     except Exception as error:  # a file of another program may have any error
         raise SimulationError(f"{path.name} cannot be read: {' '.join(str(error).split())[:200]}") from None
     if len(at) != len(values):
-        raise SimulationError(f"{path.name}: {len(at)} times, but {len(values)} values of the outputs")
+        raise SimulationError(f"{path.name} has {len(at)} times, but {len(values)} values of each output")
     return _at_times(path.name, at, values, times, interpolate)
 
 
@@ -136,7 +134,7 @@ def _numbers(columns: Mapping[str, Any], name: str) -> Array:
 
 
 def _at_times(name: str, at: Array, values: Array, times: Array, interpolate: bool) -> Array:
-    """The values of an output at the declared times, from its values at the times `at` of a file."""
+    """The values of the outputs at the declared times, from their values at the times `at` of a file."""
     if not len(at):
         raise SimulationError(f"{name} has no rows")
     allowed = SLIGHT * float(np.abs(times).max())  # programs write about six digits
@@ -147,14 +145,14 @@ def _at_times(name: str, at: Array, values: Array, times: Array, interpolate: bo
     if not interpolate:
         raise SimulationError(f"{has}, but {declared}; declare the times of the file, or give interpolate=True")
     if not np.isfinite(at).all() or (np.diff(at) < 0).any():
-        raise SimulationError(f"{name}: its times do not increase, so that interpolation is not possible")
+        raise SimulationError(f"{name}: its times do not increase, so interpolation is not possible")
     if at[0] > times[0] + allowed or at[-1] < times[-1] - allowed:
-        raise SimulationError(f"{has}, but {declared}: the file has no values beyond its times")
+        raise SimulationError(f"{has}, but {declared}: interpolation is only possible between times of the file")
     return _interpolated(name, at, values, times, allowed)
 
 
 def _interpolated(name: str, at: Array, values: Array, times: Array, allowed: float) -> Array:
-    """Values interpolated between times of a file. If rows have the same time, the last one is valid after it."""
+    """Values interpolated between times of a file. If two rows have one time, the second is valid from this time on."""
     events = at[1:][np.diff(at) == 0]
     if len(events):  # declared times at an event have as many digits as times of the file
         nearest = events[np.abs(events[:, None] - times).argmin(axis=0)]

@@ -29,12 +29,12 @@ _HEADER = b"SQLite format 3\0"
 _WAIT_AFTER_RUN, _WAIT_AT_FIRST = 60.0, 10.0
 """Times to wait while another study writes to the file [s]: to store a finished run, and at the start."""
 _NETWORK = ("nfs", "nfs4", "cifs", "smb3", "smbfs", "lustre", "gpfs", "beegfs", "ceph", "fuse.sshfs", "afs", "9p")
-"""File systems of several machines, which share no memory. A write-ahead log needs shared memory."""
+"""File systems that several machines use. A write-ahead log needs shared memory, which these machines do not have."""
 _SAMPLES_PER_QUERY = 500
 """Maximum number of samples in a query. SQLite supports at least 999 variables."""
 _STUDY = "digest, simulator, parameters, outputs, times, begun"
 _RUN = "study, sample, state, t_failed, reason, response, events, seconds"
-"""Columns of a run to which the checksum belongs. The checksum is the last column of the table."""
+"""Columns of a run that the checksum protects. The checksum is the last column of the table."""
 _TABLES = f"""
 CREATE TABLE IF NOT EXISTS studies (
     id INTEGER PRIMARY KEY, digest TEXT UNIQUE NOT NULL, simulator TEXT NOT NULL, parameters TEXT NOT NULL,
@@ -145,7 +145,7 @@ class RunDatabase:
             Y = np.array([np.frombuffer(row[2]).reshape(shape) for row in rows]).reshape(-1, *shape)
             ok = np.array([STATES[row[4]] == STATES[DONE] for row in rows], dtype=bool)
             if not np.isfinite(Y[ok]).all():
-                raise ValueError("a run without failure is not finite")
+                raise ValueError("a run is stored as successful, but its values are not all finite")
             t_failed = np.array([np.nan if row[0] is None else row[0] for row in rows], dtype=float)
             events = None
             if rows and rows[0][3] is not None:
@@ -269,12 +269,12 @@ def _prepare(connection: sqlite3.Connection, path: Path) -> None:
 
 
 def _is_writable(path: Path) -> bool:
-    """Whether the disk, the folder and the file itself can be written. SQLite needs this for its log."""
+    """Whether the folder and the file can be written. SQLite also writes a log to the folder."""
     return os.access(path.parent, os.W_OK) and (os.access(path, os.W_OK) or not path.exists())
 
 
 def _choose_journal(connection: sqlite3.Connection, mode: str) -> None:
-    """Set the journal mode of a database. Wait for other processes that set it, because SQLite does not wait."""
+    """Set the journal mode of a database. If another process sets the mode, wait, because SQLite does not wait."""
     deadline = time.monotonic() + _WAIT_AT_FIRST
     while True:
         try:
@@ -289,7 +289,7 @@ def _choose_journal(connection: sqlite3.Connection, mode: str) -> None:
 def _require_unlocked(path: Path, error: Exception) -> None:
     """Raise SimulationError if an error says that another program has locked a database."""
     if getattr(error, "sqlite_errorcode", 0) == sqlite3.SQLITE_BUSY:
-        raise SimulationError(f"{path} is locked by another program. Try again when it has ended.") from None
+        raise SimulationError(f"{path} is locked by another program. Try again when that program has ended.") from None
 
 
 def _schema(connection: sqlite3.Connection) -> list[Any]:

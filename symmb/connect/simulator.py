@@ -27,7 +27,7 @@ Progress = Callable[[int, int], None]
 
 BLOCK = 128
 """Number of samples of a block. Compiled scenes use `block_size` in `run/formulations/ensembles.py`. Loops over 128
-samples are long enough for vectors, and 12 outputs at 1001 times take only 12 MB."""
+samples are long enough for vector instructions, and 12 outputs at 1001 times take only 12 MB."""
 
 
 class Samples(Protocol):
@@ -139,7 +139,7 @@ class Jets(Protocol):
 
 @runtime_checkable
 class Kinked(Protocol):
-    """A simulator that says if a run meets kinks or jumps of its equations. Expansions are not valid after them."""
+    """A simulator that finds kinks and jumps of its equations in a run. Taylor expansions are not valid after them."""
 
     def kink(self, p0: Array) -> tuple[float, str] | None:
         """Time at which the run at p0 (d,) first meets a kink or a jump [s], and their names; None if it meets none."""
@@ -270,7 +270,7 @@ def run_blocks(
 
 
 def joined(parts: list[Ensemble], n_t: int, n_y: int) -> Ensemble:
-    """One ensemble of all parts in their order. Afterwards the list of parts is empty."""
+    """Join all parts to one ensemble, in the order of the list. Afterwards the list is empty."""
     if len(parts) == 1:
         return parts.pop()
     ok = np.concatenate([np.empty(0, dtype=bool), *(part.ok for part in parts)])
@@ -317,7 +317,7 @@ class Attained:
         self.lower_at, self.upper_at = np.zeros((2, n_t, n_y), dtype=np.intp)
 
     def add(self, lower: Array, upper: Array, P: Array, Y: Array | None) -> None:
-        """Add values (n_t, n_y) of samples P (n, d). If outputs Y (n, n_t, n_y) are given, each sample is a block."""
+        """Add values (n_t, n_y) of samples P (n, d). With outputs Y (n, n_t, n_y), each sample counts as a block."""
         if self.nominal is None and self._nominal_parameters is not None and Y is not None:
             distance = np.abs(P - self._nominal_parameters)
             is_nominal = (distance <= ROUNDING * np.abs(self._nominal_parameters)).all(axis=1)
@@ -355,7 +355,7 @@ def attained_by_runs(n_t: int, n_y: int, nominal_parameters: Array | None = None
 
 
 def note_attained(lower: Array, upper: Array, P: Array, Y: Array | None = None) -> None:
-    """Add values of runs to those of the innermost context `attained_by_runs`, if there is one; see `Attained.add`."""
+    """Add values of runs, as by `Attained.add`, to the innermost context `attained_by_runs` if there is a context."""
     study = _STUDY.get()
     if study is not None:
         study.add(lower, upper, P, Y)

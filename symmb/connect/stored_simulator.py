@@ -41,7 +41,7 @@ class StoredSimulator(WithWarnings):
     A failed run is made again if its worker died, or if it timed out and the timeout is now longer.
     Runs are stored with a digest of the simulator's model, solver, templates or function, times and outputs.
     A Python function is identified by its code, and by the values and functions that the code uses. Python's modules
-    and installed packages are identified by name. Give another `version` if they change.
+    and installed packages are identified by name. Give another `version` if a module or a package changes.
 
     Each sample runs alone. This is slower: without a store, eight samples of a scene are computed as one vector.
 
@@ -86,15 +86,15 @@ class StoredSimulator(WithWarnings):
         if isinstance(simulator, type) or not isinstance(getattr(simulator, "parameters", None), Mapping):
             raise DeclarationError(f"StoredSimulator: expected a simulator, got {shown(simulator)}.")
         if figures := getattr(getattr(simulator, "scene", None), "figures", None):
-            raise DeclarationError(f"StoredSimulator: {', '.join(figures)} are scalar outputs, which cannot be stored.")
+            raise DeclarationError(f"StoredSimulator: scalar outputs cannot be stored: {', '.join(figures)}.")
         if isinstance(simulator, StoredSimulator):
             raise DeclarationError(
                 "StoredSimulator: the simulator is already a StoredSimulator. Give the simulator inside it."
             )
         if (identity := getattr(simulator, "identity", None)) is None:
             raise DeclarationError(
-                f"StoredSimulator: {simulator!r} has no method identity(). Add one that returns a text with all data "
-                "that affect its runs, except the parameters."
+                f"StoredSimulator: {simulator!r} has no method identity(). Add this method. It must return a text with "
+                "all data that affect the runs, except the parameters."
             )
         if not isinstance(path, str | Path) or not is_text(str(path)):
             raise DeclarationError(f"StoredSimulator: path must be the path of a file, got {shown(path)}.")
@@ -112,7 +112,7 @@ class StoredSimulator(WithWarnings):
         vars(self).update(units=getattr(simulator, "units", ()), box=getattr(simulator, "box", None))
 
     def second_look(self) -> None:
-        """Call `second_look` of the simulator, if it has this method. Its runs are not stored."""
+        """Call `second_look` of the simulator, if it has this method. The runs of this call are not stored."""
         if isinstance(self.simulator, SecondLook):
             self.simulator.second_look()
 

@@ -6,9 +6,9 @@ the frame of the remainder. The polynomial is computed without proof. Bounds of 
 - `boxes` encloses the motions of the whole box. `march` proves them over all times, step by step.
 - `front` and `start` contain the states at one time. `flow` computes the polynomials of a step.
 - `step` proves bounds of the errors of these polynomials from the `defects`. `time_step` contains the polynomials.
-- `passes` proves motions in the short time in which all parameters of the box pass a switch.
+- `passes` proves motions in the short time in which they pass a switch, for all parameters of the box.
 - `outputs` bounds the outputs over a step.
-- `scene_problem` makes the equations of a scene, and `modes` those of frequencies and limits of stability.
+- `scene_problem` makes the equations of a scene. `modes` makes equations for frequencies and limits of stability.
 - `interval`, `discs`, `points`, `taylor_models` and `chebyshev` are arithmetics with bounds of rounding errors.
 """
 

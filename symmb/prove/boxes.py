@@ -18,7 +18,7 @@ from symmb.prove.rounding import LARGEST_ZERO
 from symmb.prove.start import constant_step, nominal_front
 
 _EARLY_REMAINDER = 1e-7
-"""Parts are halved early if their remainder, relative to the width of the states in the whole box, is larger.
+"""Parts are halved early if their remainder, relative to the width of the states in the whole box, is larger than this.
 
 Early halving makes up to half of the allowed parts. The remainder of a large part does not become smaller later, and
 steps of large parts take many times longer. Example: the double pendulum (5 %, order 8), with all parts made early, was
@@ -42,10 +42,10 @@ class _Part:
         return max(_EARLY_REMAINDER / self.share, 0.0 if begin is None else 2.0 * begin.front.share())
 
     def halves(self, order: int) -> "list[_Part]":
-        """Both halves, in the variable with the slowest decay of coefficients at the end.
+        """Both halves. The box is halved in the variable whose coefficients decay most slowly at the end.
 
         The halves continue from a checkpoint after the start. Without such a checkpoint they start again, because the
-        start of a half has a smaller remainder. ProofError if the scene cannot start for some parameters.
+        start of a half has a smaller remainder. ProofError is raised if the scene cannot start for some parameters.
         """
         end, at = self.course.end, self.course.checkpoint
         variable = slowest(nominal_front(self.problem, order) if end is None else end.front.x)

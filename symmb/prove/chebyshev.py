@@ -62,7 +62,7 @@ def integral(n: int) -> Array:
 
 
 def along(matrices: Sequence[Array | None], c: Array) -> Array:
-    """The coefficients c after one matrix is applied along each of the last axes. An axis with None has no matrix."""
+    """Apply one matrix along each of the last axes of the coefficients c. None: the axis stays as it is."""
     first = c.ndim - len(matrices)
     for axis, matrix in enumerate(matrices, first):
         if matrix is None:
@@ -85,7 +85,7 @@ def at_nodes(c: Array, counts: Sequence[int]) -> Array:
 
 
 def graded(c: Array, d: int) -> Array:
-    """Coefficients (..., N + 1, ...) of d parameters. Without a tensor basis, those of total degrees above N are 0."""
+    """Coefficients (..., N + 1, ...) of d parameters. Without a tensor basis, total degrees above N are set to 0."""
     if d <= TENSOR_PARAMETERS:
         return c
     lengths = c.shape[c.ndim - d :]

@@ -21,7 +21,7 @@ from symmb.prove.time_step import TimeStep
 
 _ALIASED_SHARE = 0.2
 """Fraction of the bound of a defect that may be due to aliasing."""
-_TOO_ROUGH = "polynomials of this order are too inaccurate, for example for a short pulse that begins at rest"
+_TOO_ROUGH = "polynomials of this order are not accurate enough; a short pulse on a body at rest may be the cause"
 
 
 def exact_defects(step: TimeStep) -> tuple[Array, Array] | None:
@@ -74,7 +74,7 @@ def largest_defects(step: TimeStep, rho: list[float], rates: Array, slopes: Arra
 
 
 def _comparable(w: Array) -> Array:
-    """Remainders (n,), at least 1 % of the largest remainder. Each step mixes them, so smaller values have no use."""
+    """Remainders (n,), raised to 1 % of the largest one. Steps mix remainders, so smaller values are of no use."""
     return np.maximum(w, 1e-2 * w.max())
 
 
@@ -141,7 +141,7 @@ def defect_of_frame(step: TimeStep, rho: list[float], most: Array, w: Array) -> 
     """Bounds (n, n) of |C (A B - B')|, which is at most `most` (n, n) on the ellipses rho."""
     counts = node_counts(rho, _ratio_in_frame(step, most, w))
     if _is_large(counts, step):
-        raise ProofError("the growth of the deviations from the polynomials differs too much over the box")
+        raise ProofError("the growth of small deviations from the computed motion differs too much over the box")
     return above(_sampled_frame(step, counts) + ch.aliasing(rho, counts) * most)
 
 

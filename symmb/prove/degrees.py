@@ -10,8 +10,8 @@ from symmb.prove.tape import Tape
 from symmb.prove.time_step import TimeStep
 
 Degree = tuple[Array, float | None]
-"""Highest degrees of a number in time and in the parameters, and the value of a constant of the graph, otherwise None.
-The degrees are infinite if the number is not a polynomial."""
+"""Highest degrees of a number in time and in the parameters, and its value if it is a constant of the graph, otherwise
+None. The degrees are infinite if the number is not a polynomial."""
 
 
 def degrees_of_equations(step: TimeStep) -> tuple[Array, Array]:

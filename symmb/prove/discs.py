@@ -37,7 +37,7 @@ from symmb.prove.tape import operations_by_sides
 class Disc:
     """Numbers centre + slopes . eps + r with real eps_j, |eps_j| <= 1, and |r| <= radius, one for each patch.
 
-    eps is the place in the patch, the same for all numbers. The last axis of `slopes` is that of eps.
+    eps is the place in the patch, the same for all numbers. The last axis of `slopes` belongs to eps.
     """
 
     centre: Any

@@ -1,6 +1,6 @@
 """The choice of ellipses around the box for bounds of the equations, and of nodes for interpolations.
 
-On larger ellipses bounds are larger, but bounds of neglected coefficients are smaller. Any choice gives a proof.
+On larger ellipses bounds are larger, but bounds of neglected coefficients are smaller. Any choice gives a valid proof.
 """
 
 import math
@@ -18,7 +18,7 @@ from symmb.prove.time_step import TimeStep
 
 @dataclass(frozen=True)
 class Choice:
-    """Distances of states on the ellipses of time and of the parameters, relative to `TimeStep.room`, and patches."""
+    """Distances by which ellipses of time and of parameters move states, relative to `TimeStep.room`; and patches."""
 
     spread: tuple[float, float] = (0.5, 0.5)
     patches: tuple[int, int] = (8, 1)
@@ -109,7 +109,7 @@ def _largest_below(holds: Callable[[float], bool], top: float = 1000.0) -> float
 
 
 THINNEST = 1.02
-"""Smallest parameter of an ellipse. A thinner one needs a thousand nodes, because aliasing decreases as rho^-nodes."""
+"""Smallest parameter of an ellipse. Thinner ellipses need a thousand nodes, as aliasing decreases with rho^-nodes."""
 
 
 def reaches(found: list[discs.Disc]) -> Array:

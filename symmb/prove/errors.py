@@ -8,6 +8,6 @@ class ProofError(RuntimeError):
 def not_smooth(operation: str) -> ProofError:
     """The error if no step is short enough to bound the equations. `operation` is the first one without a bound."""
     return ProofError(
-        f"the equations cannot be shown to be smooth in any step, because '{operation}' has no bound over the box. Its "
+        f"the equations cannot be shown to be smooth in any step, because '{operation}' has no bound over the box; its "
         "argument may come close to a singular point, or a short pulse may begin"
     )

@@ -21,7 +21,7 @@ _STATES_IN_CACHE = 2**14
 
 
 def parameters_at(problem: Problem, counts: Sequence[int], leading: int = 1) -> list[Array | float]:
-    """Parameters at nodes of each variable. Arrays have `leading` axes before those of the variables."""
+    """Parameters at nodes of each variable. Arrays have `leading` axes before the axes of the variables."""
     d = len(counts)
     found: list[Array | float] = []
     for middle, radius, j in zip(problem.middle, problem.radius, problem.variables, strict=True):
@@ -107,7 +107,7 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
         # a state that grows more after the first iteration diverges: the step is too long
         x, most = new, 1e3 * moved if most is None else most
         if not np.isfinite(change):
-            raise ProofError("the motion is not a number, or changes too fast for the shortest step")
+            raise ProofError("the computed motion is not a number, or changes too fast, even in the shortest step")
         if (moved > most).any():
             raise ProofError("the motion changes too fast for the shortest step")
         if change <= 2.0 * LAST_DIGITS or (change > 0.5 * last and (difference < ROUNDING * moved).all()):
@@ -134,7 +134,7 @@ def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Ar
 
 
 def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int = 11) -> tuple[Curve, Array]:
-    """The frame B with B' = A B from B0 (n, n, NB + 1, ...), row by row, and approximately B^-1: C (n, n, terms, ...).
+    """The frame B from B0 (n, n, NB + 1, ...) with B' = A B, row by row, and C (n, n, terms, ...), approximately B^-1.
 
     The frame has fewer terms in time than the motion, because its defect increases the remainder only by a small part.
     The motion has the coefficients x (n, K + 1, N + 1, ...).
@@ -157,7 +157,7 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
         change = float(np.abs(new - B).max() / np.abs(new).max())
         B = new
         if not np.isfinite(change) or change > 1e3:
-            raise ProofError("the deviations from the polynomials change too fast for the shortest step")
+            raise ProofError("small deviations from the computed motion grow too fast, even in the shortest step")
         # a frame need not be as accurate as the motion
         if change < 1e-10 or (change < ROUNDING and change > 0.5 * last):
             break
@@ -166,14 +166,14 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
     try:
         inverse = np.moveaxis(np.asarray(np.linalg.inv(B), dtype=float), (-2, -1), (0, 1))
     except np.linalg.LinAlgError:
-        raise ProofError("some deviations from the polynomials grow much faster than others in a step") from None
+        raise ProofError("in one step, some deviations from the computed motion grow much faster than others") from None
     rate = _without_noise(rate.reshape(n * n, terms, *lengths), 1e-11)
     C = _without_noise(ch.graded(fit(inverse, (terms, *lengths)), problem.d).reshape(rate.shape), 1e-11)
     return integrated(B0.reshape(n * n, *lengths), rate, h), C.reshape(n, n, *rate.shape[1:])
 
 
 def _without_noise(c: Array, share: float) -> Array:
-    """Polynomials (m, n0, ...). Coefficients below `share` times the largest one are rounding, and become 0.
+    """Polynomials (m, n0, ...). Coefficients below `share` times the largest one are rounding errors, and become 0.
 
     These coefficients would grow on ellipses, and bounds there would be too large. Their removal needs no proof: the
     polynomials are approximate anyway, and their defects are bounded afterwards.

@@ -47,14 +47,14 @@ class Front:
     def share(self) -> float:
         """Largest ratio of the remainder of a state to its motion with the parameters.
 
-        Motions of states below a small part of the largest motion are replaced by this part.
+        If the motion of a state is less than a small part of the largest motion, this part is used instead.
         """
         moved = ch.sums(self.x, self.x.ndim - 1) - np.abs(self.middle)
         return float((self.reach / np.maximum(moved, SMALL * moved.max(initial=1e-300))).max(initial=0.0))
 
 
 def slowest(x: Array) -> int:
-    """Number of the parameter with the slowest decay of the coefficients (n, N + 1, ...)."""
+    """Index of the parameter with the slowest decay of the coefficients (n, N + 1, ...)."""
     # the two highest orders measure the decay
     tails = [np.abs(x.take(np.arange(max(1, m - 2), m), axis=axis)).sum() for axis, m in enumerate(x.shape[1:], 1)]
     return int(np.argmax(tails))

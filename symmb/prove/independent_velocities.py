@@ -35,11 +35,11 @@ _MOST_SETS_COMPARED = 500
 """Up to this number, all sets of dependent velocities are compared. If there are more, only sets that are best at some
 time are compared."""
 _LARGE_LOG_CHANGE = np.log(10.0)
-"""With a larger change of the logarithm of a determinant, another set may be better."""
+"""If the logarithm of a determinant changes by more than this, another set may be better."""
 
 
 class Partition(NamedTuple):
-    """Numbers of the dependent velocities, the Jacobian G where det(S' M S) is largest, and the last time of use."""
+    """Indices of the dependent velocities, the Jacobian G at the time of the largest det(S' M S), and the last time."""
 
     dependent: tuple[int, ...]
     G_there: Array
@@ -54,7 +54,7 @@ class Equations:
     ----------
     rates : (x, p, t) -> x'
     whole : (x, p, t) -> the state (q, v, s) of the formulation
-    kept : numbers of the entries of this state that x contains
+    kept : indices of the entries of this state that x contains
     solved : (x, p, t) -> multipliers of all rows of the system, and accelerations of the bodies, if the system is known
     regular : (x, p, t) -> (m,), all different from 0 if the rates are those of the formulation; None: everywhere
     until : time from which `following` is better [s]; infinite if there are no other equations
@@ -71,7 +71,7 @@ class Equations:
 
 
 def equations_of(form: Formulation, system: System | None, times: Array) -> Equations:
-    """The equations of a formulation over times (n_t,). Pickled copies have no system."""
+    """The equations of a formulation over times (n_t,). `system` is None for pickled copies of a simulator."""
     dae = form.dae
     n = dae.n_q + dae.n_v + dae.n_s
     if dae.G is None:
@@ -134,10 +134,10 @@ def _in_order(dependent: Sequence[int], values: ca.SX, free_values: ca.SX) -> ca
 
 
 def start_states(form: Formulation, u: ca.SX, p: ca.SX) -> ca.SX:
-    """The state (n_x,) at the start. Constraints determine the velocities with large error bounds from the others.
+    """The state (n_x,) at the start. Velocities with large error bounds are computed from the other velocities.
 
-    The expressions of the start are made for runs. Bounds of their rounding errors may be large. These bounds are small
-    for velocities with given start values.
+    The expressions of the start are made for runs. Bounds of their rounding errors may be large, but they are small
+    for velocities with given start values. Constraints determine the other velocities from these.
     """
     dae, start = form.dae, form.start
     x0 = start.state(u, p)

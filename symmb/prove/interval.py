@@ -2,8 +2,8 @@
 
 Ends are rounded outward: by one unit in the last place for sums, products and roots, and by eight units for other
 functions. This is more than the errors of the mathematical libraries. If an argument is partly outside the domain of a
-function, it is cut. If it is completely outside, an error is raised. A division by an interval around 0 has infinite
-bounds.
+function, only the part in the domain is used. If the argument is completely outside, an error is raised. A division by
+an interval around 0 has infinite bounds.
 """
 
 from collections.abc import Callable, Mapping

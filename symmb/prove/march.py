@@ -22,7 +22,7 @@ from symmb.prove.step import Proof, is_regular, on_motion, prove, require_valid
 from symmb.prove.time_step import TimeStep
 
 _TIME_TERMS = 20
-"""Number of terms of the motion in time. With the step length of `_shortened`, the last terms are rounding."""
+"""Number of terms of the motion in time. With the step length of `_shortened`, the last terms are rounding errors."""
 _SHORTER_STEP = 0.3
 """Factor that shortens a step in which the motion changes too fast."""
 _UNITS_BEFORE_CHANGE = 8
@@ -92,7 +92,7 @@ def march(
     Parameters
     ----------
     order : highest degree in each parameter
-    small : a place is a checkpoint if its remainder, relative to the width of the states, is smaller
+    small : a place is a checkpoint if its remainder, relative to the width of the states, is smaller than this
     largest : relative remainder above which the march stops
     progress : called with the reached time [s]
     """
@@ -122,7 +122,7 @@ def march(
             return
         # without this limit, many short steps would follow
         if share > 1e-2 and place.control.h < longest / 64:
-            course.why = _why(place, "the deviations from the polynomials grow too fast")
+            course.why = _why(place, "small deviations from the computed motion grow too fast")
             return
 
 
@@ -218,7 +218,7 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
     """The place after a pass that begins at a place. The course stores bounds of the outputs."""
     problem, front, control = place.problem, place.front, place.control
     if ahead.why or not ahead.first > 0:
-        raise ProofError(ahead.why or "it may be passed at this time itself")
+        raise ProofError(ahead.why or "its sign may already change at this time")
     begin, about = front.t, window(problem, ahead)
     end = begin + float(np.ceil((ahead.last + ahead.first) / grain)) * grain
     if problem.change is not None and problem.change.late is not None and problem.change.time <= end:
@@ -232,7 +232,7 @@ def _passed(course: Course, place: Place, ahead: Crossing, grain: float) -> Plac
     g = np.maximum(np.abs(there.bounds.lower), np.abs(there.bounds.upper))[-1]
     delay, lost = pass_errors(to, scaled, at_pass.front, about, ahead.first, g)
     if not above(delay) < ahead.first:
-        raise ProofError("it may be passed at this time itself")
+        raise ProofError("its sign may already change at this time")
     # The motion goes back from the passes to one time. From there on, all parameters have the same time again.
     back = scaled.problem(about.new, about.surface, is_back=True)
     new_begin = replace(at_pass.front, t=0.0, x_error=above(at_pass.front.x_error + lost))

@@ -152,7 +152,7 @@ def with_limits(linear: LinearStart, number: int, width: float, values: Array, p
         return rows, states
 
     blocks = [n_u + 1 + (2 * n + 1 if oscillates else n) for *_, oscillates in shapes]
-    return _start_equations(linear, equations, blocks, np.concatenate(nominal), p, "limits may meet other limits")
+    return _start_equations(linear, equations, blocks, np.concatenate(nominal), p, "two critical values may be equal")
 
 
 def _continued(residual: ca.Function, nominal: Array, p: Array, t: float, samples: Array) -> Array:

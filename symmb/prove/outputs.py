@@ -19,7 +19,7 @@ from symmb.prove.taylor_models import Model, basis_of, reach
 from symmb.prove.time_step import TimeStep, parameter_points
 
 EXTRA_NODES = 4
-"""The first grid has this number of nodes more than the motion has terms, for each parameter."""
+"""Nodes of the first grid minus terms of the motion, for each parameter."""
 _MOST_NODES_OF_ALL_TIMES = 3e6
 """Largest number of nodes in the grids for all times. The values at so many nodes take seconds."""
 
@@ -177,7 +177,7 @@ def interpolation(
         c = ch.along([ch.coefficients_from_nodes(m) for m in counts], moved)
         width = ch.sums(c, d).max(axis=1)
         if not np.isfinite(width).all():
-            raise ProofError("a value is too large")
+            raise ProofError("an output is too large")
         is_exact = np.broadcast_to(degrees < np.array(counts), (len(most), d)).all(axis=1)
         alias = np.where(is_exact, 0.0, above(ch.aliasing(rho, counts) * most))
         allowed = _PART * (rtol * width + other_errors) + errors

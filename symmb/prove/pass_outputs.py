@@ -1,4 +1,4 @@
-"""Bounds of the outputs during the time window in which the parameters of the box pass a switch."""
+"""Bounds of the outputs during the time window in which motions pass a switch, for all parameters of the box."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -39,7 +39,7 @@ class Part:
 
     @property
     def length(self) -> float:
-        """Time that all parameters of the part take to pass [s]."""
+        """Time between the first and the last pass of all parameters of the part [s]."""
         first, last = self.span
         return last - first
 
@@ -97,7 +97,7 @@ def _joined(part: Part, times: Array, control: Control) -> OutputBounds:
 
 
 def _outputs(steps: Steps, times: Array, wanted: Mask, control: Control) -> OutputBounds:
-    """Bounds at the wanted times. At other times they are those of the empty set."""
+    """Bounds at the wanted times. At other times the bounds are empty."""
     bounds = OutputBounds.nothing(len(times), steps[0][0].problem.outputs.numel_out(0))
     for k, (step, w) in enumerate(steps):
         here = wanted & (times <= step.t0 + step.h) & ((times > step.t0) | (k == 0))

@@ -41,9 +41,9 @@ _STEPS_TO_PASS, _TIMES_OF_STEP, _NEWTON_STEPS = 16, 33, 8
 """Steps in which all parameters must pass; times of a step at which signs are compared; Newton steps after the secant.
 If a pass and a return between two of the times are missed, the later proof of the conditions fails."""
 _TIME_LEFT = 1 / 64
-"""A step that ends closer to a pass leaves this fraction of the time, which must be longer than a unit of times."""
+"""A step that ends closer to a pass leaves this fraction of the time to the pass. It must exceed a unit of times."""
 _UNDERFLOW, _ROUNDING_OF_TIME = 1e-280, 1e-14
-"""A summand larger than the one in `above`, to prove exact passes, and 90 rounding errors of a scaled time of 1."""
+"""A number larger than the summand in `above`, to prove exact passes; 90 rounding errors of a scaled time of 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,11 +94,11 @@ def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: 
             break
         begin, x = begin + h, motion(problem, x.sum(axis=1), begin + h, h, terms).c
     else:
-        return _refused(found - t0, "a part of the box does not pass it within the next steps")
+        return _refused(found - t0, "for a part of the box, the sign does not change within the next steps")
     earliest = found.min(axis=0)
     which = np.flatnonzero((found - earliest <= same).all(axis=1))
     if not 0 < len(which) <= _MOST_SWITCHES_AT_ONCE:
-        return _refused(found - t0, "other switches may be passed at about the same time")
+        return _refused(found - t0, "signs of other switches may change at about the same time")
     tau = ch.graded(fit((found[which[0]] - t0).reshape(counts), lengths), problem.d)
     place = states[:, 0], np.array([a[0] for a in p]), float(earliest[0])
     middle, reach = float(tau.flat[0]), reach_of(problem, tau)
@@ -222,7 +222,7 @@ def window(problem: Problem, ahead: Crossing) -> Window:
     sides = ca.SX.sym("sides", len(changed))
     own = phase.switches(x, p, t, sides)[which]
     if ca.depends_on(own, sides[np.flatnonzero(changed).tolist()]):
-        raise ProofError("it depends on the side of another switch that is passed at the same time")
+        raise ProofError("this value depends on the side of another switch whose sign changes at the same time")
     (_, _, of_old), (new, _, of_new) = found[0], found[-1]
     after = problem.on_sides(new, *ahead.place)
     return Window(
@@ -249,7 +249,7 @@ def departure(
     begin = constant_step(problem, front.t, front.x, 0.0)
     which = np.flatnonzero(reaches(on_motion(begin, problem.valid_tape, front.reach, (1, 1))) <= LARGEST_ZERO).tolist()
     if not set(own) <= set(which) or len(which) > _MOST_SWITCHES_AT_ONCE:
-        raise ProofError("the motion may begin on it")
+        raise ProofError("its value may be 0 when the motion begins")
     place = front.middle, problem.middle, front.t
     later = _moved(problem.rates, place, SMALL * h)  # tables may have other pieces shortly later
     both, left = [], []
@@ -259,7 +259,7 @@ def departure(
         if (rates(*place)[1].full().ravel()[which] > 0).all():
             left.append((both[-1], rates))
     if len(left) != 1:
-        raise ProofError("the motion may begin on it")
+        raise ProofError("its value may be 0 when the motion begins")
     [(after, rates)] = left
     values, slopes = rates(x, p, t)
     conditions = [(slopes if k in which else values)[k] for k in range(len(phase.sides))]
@@ -318,8 +318,8 @@ def pass_errors(
     """Bounds of the time between passes and the polynomial [s], and of the resulting errors (n,) of the states.
 
     `front` is the front of the old equations at the times of the polynomial. The switches are at most g (m,) there. All
-    motions stay within a region around the front during this time. `problem` is the old problem in scaled time, and
-    `first` a lower bound of the polynomial [s]. ProofError if the pass is not transversal on all sides.
+    motions stay within a region around the front during this time. `problem` is the old problem in scaled time.
+    `first` is a lower bound of the polynomial [s]. ProofError if the pass is not transversal on all sides.
     """
     tapes = [tuple(Tape(scaled.of(f)) for f in pair) for pair in about.between]
     delay, shift = 0.0, np.zeros(problem.n)
@@ -337,7 +337,7 @@ def pass_errors(
         if new_delay < delay and (new_shift < shift).all():
             return delay, above((1.0 if len(g) == 1 else 2.0) * delay * differences)
         delay, shift = new_delay, new_shift
-    raise ProofError("the pass may be tangential")
+    raise ProofError("it may reach 0 tangentially")
 
 
 def _about_pass(

@@ -142,12 +142,12 @@ def _arctan2(y: Point, x: Point) -> Point:
     elif y[2] > y[1] or y[3] < -y[1]:
         least = _distance_from_zero(y)
     else:
-        raise ProofError("the argument of atan2 may cross the negative half axis")
+        raise ProofError("the point (x, y) of atan2(y, x) may be on the negative x axis")
     return _rounded(np.arctan2(y[0], x[0]), above(1.001 * (x[1] + y[1])) / least, FUNCTION_ERROR)
 
 
 def _side(a: Point) -> float:
-    """1 if all values are above 0, and -1 if all are below 0."""
+    """1 if all values are above 0, and -1 if all values are below 0."""
     _distance_from_zero(a)
     return 1.0 if a[2] > 0 else -1.0
 
@@ -155,11 +155,11 @@ def _side(a: Point) -> float:
 def _entry(entry: Entry, group: Point, at: Point) -> Point:
     """An entry of a table. All points must be in the same piece of the table."""
     if not _is_constant(group):
-        raise ProofError("the argument of a table may lie in two pieces of the table")
+        raise ProofError("the range of a table's argument may extend over two pieces of the table")
     value, before, after = entry.between(group[2], at[2])
     for knot, side in ((before, 1.0), (after, -1.0)):
         if math.isfinite(knot) and _side(_subtract(at, point(knot))) != side:
-            raise ProofError("the argument of a table may lie in two pieces of the table")
+            raise ProofError("the range of a table's argument may extend over two pieces of the table")
     return point(value)
 
 
@@ -207,7 +207,7 @@ OPERATIONS: dict[int, Callable[..., Point]] = (
     }
     | operations_by_sides(_subtract, _negative, _side, lambda a: _is_constant(a) and a[2] == 0.0, point)
 )
-"""CasADi's operations on numbers with error bounds. A comparison is 0 or 1. It needs the same result at all points."""
+"""CasADi's operations on numbers with error bounds. A comparison gives 0 or 1, and the same result at all points."""
 
 
 def plain(values: Array | float) -> Array | float:

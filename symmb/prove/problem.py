@@ -82,7 +82,7 @@ class Problem:
     def why_singular(self) -> str:
         """The message that rows of loops may not determine velocities. It names up to four joints that close loops."""
         names = ", ".join(map(repr, self.closing[:4])) + ", ..." * (len(self.closing) > 4)
-        return f"{SINGULAR} of {names}" if names else SINGULAR
+        return f"{SINGULAR} (joints that close loops: {names})" if names else SINGULAR
 
     @cached_property
     def rate_tape(self) -> Tape:
@@ -193,8 +193,8 @@ def with_jacobian(f: ca.Function) -> Tape:
 class Phase:
     """Equations on fixed sides of their switches. A switch depends on the state or on time.
 
-    The equations are also smooth beyond the switches. They are those of the scene as long as a proof shows that all
-    switches are on these sides.
+    The equations are also smooth beyond the switches. They equal the equations of the scene as long as a proof shows
+    that all switches are on these sides.
 
     Attributes
     ----------
@@ -232,7 +232,7 @@ class Phase:
         return common("conditions", arguments, [ca.densify(sides * switches(*arguments))])
 
     def settled(self, x: Array, p: Array, t: float, sides: Array, fixed: tuple[int, ...] = ()) -> Array:
-        """Sides (m,) at one place. Those of the switches `fixed` are given. Switches may depend on earlier sides."""
+        """Sides (m,) at one place. The switches `fixed` keep their sides. A switch may depend on earlier sides."""
         sides = sides.copy()
         others = np.setdiff1d(np.arange(len(sides)), fixed)
         for _ in range(len(sides)):
@@ -243,14 +243,14 @@ class Phase:
     def steep(self, which: int) -> str:
         """The message that derivatives may be infinite at a switch."""
         return (
-            f"'{self.labels[which]}' comes to 0. A law may have infinite derivatives there, such as w*abs(w)**0.5. "
+            f"'{self.labels[which]}' becomes 0. A law may have infinite derivatives at 0, such as w*abs(w)**0.5. "
             "Make the law smooth: use sqrt(w**2 + small**2) instead of abs(w)"
         )
 
     def sentence(self, which: int, time: float, reason: str) -> str:
         """A message that a proof ends before a switch, `time` after the first time [s]. The reason is a sentence."""
         at = self.begin + time + 0.0  # not -0
-        own = f"It cannot be proved that all parameters of the box pass '{self.labels[which]}' once: {reason}"
+        own = f"It cannot be proved that '{self.labels[which]}' changes its sign once for the whole box: {reason}"
         return f"the equations have {self.names} at t = {at:.6g} s. {own}"
 
 

@@ -2,7 +2,8 @@
 
 If all accelerations are known, G' lam = Q - M v' gives the multipliers lam. First, the multipliers of the rows of a
 formulation follow from equations of the velocities that these rows determine. Then the equations of carried bodies give
-the multipliers of the joints that carry them, from the last body of a tree on. No equation is divided by a mass.
+the multipliers of the joints that carry them, from the last body of a tree to the first. No equation is divided by a
+mass.
 
 Source: Featherstone (2008), Rigid Body Dynamics Algorithms, section 5.3, the recursive Newton-Euler algorithm.
 """
@@ -20,7 +21,7 @@ from symmb.equations.model import System
 from symmb.run.formulations import Formulation
 
 RANDOM_POINTS = 20
-"""Number of random points at which analytic functions are evaluated. A property at all of them holds everywhere."""
+"""Number of random points for analytic functions. If a property holds at all these points, it holds everywhere."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -180,8 +180,8 @@ def _require_first(method: object, simulator: CriticalSimulator, samples: Array,
         p = samples[is_other.argmax()]
         where = values_text(simulator.parameters, p, units_of_parameters(simulator.parameters))
         raise PropagationError(
-            f"{method!r}: at {where}, stability changes at values that do not continue the nominal critical values. "
-            "Use smaller intervals, or PolynomialChaos()."
+            f"{method!r}: at {where}, the limit of stability belongs to another eigenvalue than at the nominal "
+            "parameters. Bounds cannot be proved for this case. Use smaller intervals, or PolynomialChaos()."
         )
 
 
@@ -267,8 +267,8 @@ def _formulation(method: object, simulator: DAESimulator, box: Box) -> Formulati
     form = simulator.program.forms.least_constrained
     if rows := _rows_that_may_bind(simulator, form, box):
         raise PropagationError(
-            f"{method!r}: rows of constraints depend on others ({rows}). It cannot be proved that they always do. "
-            "Use PolynomialChaos()."
+            f"{method!r}: some constraints depend on other constraints ({rows}). It cannot be proved that this is "
+            "true at all positions. Use PolynomialChaos()."
         )
     if form.dae.impacts is not None:
         what = "joints that open or close" if form.dae.impacts.joints is not None else "impacts"
@@ -354,7 +354,7 @@ def _contradiction(form: Formulation, P: Array) -> str:
     k = int(broken.argmax())
     moved = {name: P[k, i] for i, name in enumerate(form.dae.p_names) if P[k, i] != form.dae.p_nominal[i]}
     where = values_text(moved, moved.values(), form.dae.p_units)
-    return f"the start contradicts the rows of constraints, or itself, at {where}"
+    return f"at {where}, the start values contradict the constraints or each other"
 
 
 def _phase(dae: DAE, rates: ca.Function, outputs: ca.Function, times: Array, kept: Indices) -> Phase | None:

@@ -162,7 +162,7 @@ def bounds_of(tape: Tape, step: TimeStep, e: Array) -> list[Array]:
 def _counts(d: int) -> Iterator[int]:
     """Numbers of patches that are tried for each of d variables.
 
-    There are more patches than for steps: pivots of starting equations nearly cancel, and there is only one start.
+    More patches are tried than for steps, because pivots of starting equations nearly cancel. There is only one start.
     """
     return (count for count in (1, 8, 32, 128) if count**d <= MOST_PATCHES)
 
@@ -288,5 +288,5 @@ def drifted(problem: Problem, front: Front, late: float) -> Front:
     around = constant_step(problem, front.t - 2 * late, front.x, 4 * late)
     moved = above(late * bounds_of(problem.rate_tape, around, above(front.reach + room))[0])
     if not (moved < room).all():
-        raise ProofError("the motion changes too fast at an instant")
+        raise ProofError("the motion changes too fast at a time at which sampled values change")
     return replace(front, x_error=above(front.x_error + moved))

@@ -45,7 +45,7 @@ class Proof:
 
 @np.errstate(all="ignore")
 def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
-    """Bounds of |w| over a step. At the start, |w| is at most w0 (n,). ProofError if F(W) < W for no W."""
+    """Bounds of |w| over a step. At the start, |w| is at most w0 (n,). ProofError if no W has F(W) < W."""
     defects, patches = exact_defects(step), control.choice.patches
     if defects is not None:
         defect, growth = defects
@@ -74,7 +74,7 @@ def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
                 raise ProofError(step.problem.why_singular)
             return Proof(W, end)
         W = above(np.maximum(W, 1.01 * end))
-    raise ProofError("the deviations from the polynomials grow too fast")
+    raise ProofError("small deviations from the computed motion grow too fast")
 
 
 def is_regular(step: TimeStep, e: Array, patches: tuple[int, int]) -> bool:
@@ -95,8 +95,8 @@ def require_valid(step: TimeStep, e: Array) -> None:
     if all(shown):
         return
     if phase is None:
-        raise ProofError("another switch may be passed at the same time, or the switch is not passed in one direction")
-    reason = "the motion may touch it, or only a part of the box may pass it"
+        raise ProofError("the sign of another switch may change at the same time, or the sign may change back")
+    reason = "it may only touch 0, or change its sign only for a part of the box"
     raise ProofError(phase.sentence(shown.index(False), step.t0, reason))
 
 

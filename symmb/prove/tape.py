@@ -45,7 +45,7 @@ class Tape:
         inputs: Sequence[Sequence[Any]],
         is_lost: Callable[[Any], bool],
     ) -> str:
-        """The name of the first operation whose result `is_lost`; empty if there is none."""
+        """The name of the first operation with a result for which `is_lost` is True; empty if there is none."""
         lost: list[int] = []
 
         def watched(code: int) -> Callable[..., Any]:

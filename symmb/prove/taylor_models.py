@@ -27,8 +27,8 @@ from symmb.prove.discs import Disc
 from symmb.prove.rounding import COMPLEX_ERROR, FUNCTION_ERROR, U, above
 
 DEGREES_BEYOND_POLYNOMIALS = 3
-"""Number of degrees of Taylor models of defects, and of a start, above the degree of the polynomials with these
-errors."""
+"""Taylor models of defects, and of a start, have this many degrees more than the polynomials to which these errors
+belong."""
 _REAL_ERROR = 4 * U
 """Relative error of an operation on real numbers."""
 
@@ -172,7 +172,7 @@ class Model:
 
     @cached_property
     def around(self) -> Disc:
-        """Discs that contain all values at each place. Products of squares are taken about 1/2."""
+        """Discs that contain all values at each place. The range of a product of squares has the centre 1/2."""
         half = self.basis.of_squares[: len(self.c), None]
         middle = self.c[0] + (half * self.c).sum(axis=0)
         moved = (np.abs(self.c[1:]) * (1.0 - half[1:])).sum(axis=0)

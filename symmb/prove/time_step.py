@@ -138,7 +138,7 @@ def solution_bound(C: Array, B: Array, B_error: Array) -> Callable[[Array], Arra
     E = ch.product_bound(C, B, B_error, np.eye(n))
     eta = above(float(E.sum(axis=1).max()))
     if not eta < 0.5:
-        raise ProofError("the growth of the deviations from the polynomials differs too much over the box")
+        raise ProofError("the growth of small deviations from the computed motion differs too much over the box")
     return lambda v: above(v + E @ np.full(n, v.max() / (1.0 - eta)))
 
 

@@ -108,7 +108,7 @@ def test_other_times_are_interpolated_only_if_asked():
     assert_allclose(script(write, interpolate=True).run(np.array([[6.0]])).Y[0, :, 0], [0, 4])
     early = "open('out.csv', 'w').write('time,x\\n0,0\\n0.25,1\\n0.5,{k}\\n')"
     (message,) = script(early, interpolate=True, keep="none").run(np.array([[6.0]])).messages
-    assert "has no values beyond" in message
+    assert "interpolation is only possible" in message
 
 
 def test_what_fails_is_made_again(tmp_path):
@@ -154,7 +154,7 @@ DECLARATIONS = [
     ({"templates": {"/in.txt": "{k}"}}, "must be inside the folder"),
     ({"templates": {"in.txt": Path("no_such_file")}}, "cannot be read"),
     ({"templates": {"in.txt": 3}}, "expected a text or a Path"),
-    ({"templates": ["{k}"]}, "templates must be texts or paths by"),
+    ({"templates": ["{k}"]}, "templates must map names of files"),
     ({"files": ["no_such_file"]}, "does not exist"),
     ({"read": "out.xls"}, "must end in one of .csv, .json, .npz"),
     ({"read": 3}, "read must be the name of a file"),
@@ -194,7 +194,7 @@ DECLARATIONS = [
     ({"keep": []}, "keep must be one of"),
     ({"keep": np.array(["all", "none"])}, "keep must be one of"),
     ({"environment": np.array(["A", "B"])}, "environment must map names"),
-    ({"templates": np.array(["A", "B"])}, "templates must be texts"),
+    ({"templates": np.array(["A", "B"])}, "templates must map"),
     ({"retries": True}, "retries must be an integer"),
 ]
 

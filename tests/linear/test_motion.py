@@ -69,7 +69,7 @@ def test_files(tmp_path, capsys):
     assert main(["view", str(scene), "--mode", "1", "-o", str(page)]) == 0
     assert "<title>clock, mode 1, 0.4753 Hz</title>" in page.read_text()  # sqrt(9.81 / 1.1) / 2 pi
     assert main(["view", str(scene), "--mode", "2", "-o", str(page)]) == 2
-    assert "clock has no mode 2. It has 1, numbered from 1." in capsys.readouterr().err
+    assert "clock has no mode 2. Number of modes: 1. The first mode has the number 1." in capsys.readouterr().err
 
 
 def test_refusals(tmp_path):

@@ -175,7 +175,7 @@ def test_rounded_quadratic_drag_beside_outputs_with_kinks():
 @pytest.mark.parametrize(
     ("law", "cause"),
     [
-        (lambda w: w * ca.fabs(w) ** 0.5, "'hinge.angle_rate' comes to 0. A law may have infinite derivatives there"),
+        (lambda w: w * ca.fabs(w) ** 0.5, "'hinge.angle_rate' becomes 0. A law may have infinite derivatives at 0"),
         (lambda w: w * ca.sqrt(w**2 + 1e-6), "has no bound over the box"),
     ],
 )

@@ -158,7 +158,7 @@ def test_contributions_are_at_the_least_margin(tmp_path):
     bounds = mb.propagate(simulator, mb.PolynomialChaos(), mb.Box(k=(0.9, 1.1), m=(0.9, 1.1)))
     text, *_ = reported(bounds, tmp_path, {"x": (None, 7)})
     assert "x at 1 s alone" in text and "x at 2 s alone" not in text and "y at 2 s alone" in text
-    assert "at the time of their smallest margin" in text
+    assert "at the time of the smallest margin" in text
     text, *_ = reported(bounds, tmp_path)
     assert "x at 2 s alone" in text and "smallest margin" not in text
 
@@ -335,7 +335,7 @@ def test_the_command_makes_runs_for_contributions_only_if_asked(tmp_path, monkey
     assert bounds._known_contributions() is None
     count, text = calls("--report", "r.html")
     assert count == made and text.endswith("Add --contributions to make these runs.\n")
-    assert "`symmb bound --contributions` makes the further runs that they need." in text_of(tmp_path / "r.html")
+    assert "`symmb bound --contributions` makes the further runs for contributions." in text_of(tmp_path / "r.html")
     count, text = calls("--contributions", "--report", "r.html")
     assert count > made and f"{count - made} further runs" in text
     assert f"{count - made} further runs" in text_of(tmp_path / "r.html")

@@ -68,7 +68,7 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     if check is None or check.kept:
         return bounds.doubts
     # Exit status if a limit is violated. A failed test has the same status.
-    return 1 if check.kept is False else (*bounds.doubts, "A limit is not decided.")
+    return 1 if check.kept is False else (*bounds.doubts, "It is not decided whether all limits are satisfied.")
 
 
 def _about_fixed(bounds: mb.Bounds, own: mb.Box | None) -> mb.Bounds:
@@ -100,7 +100,7 @@ def _box(options: argparse.Namespace, subject: mb.Scene | Simulator, own: mb.Box
     intervals: dict[str, Any] = {}
     for name, (low, high) in _ranges("--box", options.box).items():
         if low is None or high is None:
-            raise DeclarationError(f"--box: the interval of {name!r} needs both ends, as {name}=1:2.")
+            raise DeclarationError(f"--box: the interval of {name!r} needs both ends, such as {name}=1:2.")
         intervals[name] = low, high
     if options.tolerances is not None:
         nominal = subject.system.parameters if isinstance(subject, mb.Scene) else subject.parameters

@@ -22,7 +22,7 @@ from symmb.show.cli.urdf_scene import parameter_name
 from symmb.show.report import write_comparison
 
 _OVER_TIME = "lower", "upper", "estimate", "inner_lower", "inner_upper"
-"""Entries of a method over time. They are large, and not in the file with the table."""
+"""Entries of a method over time. They are large, so the file with the table does not contain them."""
 
 
 def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, solvers: str) -> None:
@@ -41,7 +41,7 @@ def add_compare(command: Callable[..., argparse.ArgumentParser], methods: str, s
         nargs="+",
         action="extend",
         default=[],
-        help="parameters for --spread, instead of those in the box of the file; of a URDF file e.g. forearm.mass",
+        help="parameters for --spread, instead of those in the box of the file; for URDF files such as forearm.mass",
     )
     compare.add_argument(
         "--methods", metavar="M", nargs="+", action="extend", help="methods to compare; default: a dozen settings"
@@ -115,7 +115,7 @@ def _box(options: argparse.Namespace, subject: mb.Scene | Simulator, own: mb.Box
     if options.spread is None:
         if own is None:
             raise DeclarationError(
-                f"{options.scene} has no box with uncertain parameters. Name them and the half width: "
+                f"{options.scene} has no box with uncertain parameters. Give names and a half width: "
                 "--uncertain NAME --spread 5%."
             )
         return own
@@ -142,5 +142,5 @@ def _share(text: str) -> float:
         raise DeclarationError(f"--spread must be a positive number such as 5% or 0.05, got {shown(text)}.")
     if share >= 1.0:
         hint = "Declare wider intervals by their ends in the Box." if text.endswith("%") else f"Did you mean {text}%?"
-        raise DeclarationError(f"--spread {text} is {100.0 * share:g} %, and the intervals would reach 0. {hint}")
+        raise DeclarationError(f"--spread {text} is {100.0 * share:g} %, so the intervals would contain 0. {hint}")
     return share

@@ -121,7 +121,7 @@ def _view(options: argparse.Namespace) -> tuple[str, ...]:
         else:
             result = mb.linearize(scene, parameters=parameters)
             if not 1 <= options.mode <= len(result.modes):
-                count = f"It has {len(result.modes)}, numbered from 1."
+                count = f"Number of modes: {len(result.modes)}. The first mode has the number 1."
                 raise DeclarationError(f"{scene.name} has no mode {options.mode}. {count}")
             run, doubts = result.motion(options.mode - 1), result.doubts
         mb.view(run, path)
@@ -206,7 +206,7 @@ def _add_scene_commands(command: Callable[..., argparse.ArgumentParser], methods
     stability.add_argument("--plot", metavar="F.png", help="draw error against run time, and drift over time")
 
     stability.add_argument(
-        "--seconds", metavar="S", type=float, default=70.0, help="no run starts after this time; default: 70"
+        "--seconds", metavar="S", type=float, default=70.0, help="no run starts after S seconds; default: 70"
     )
 
     equations = command("equations", "print a summary and the equations of the scene", _equations)

@@ -28,7 +28,7 @@ def result_paths(options: argparse.Namespace) -> dict[str, Path]:
 
 
 def write_results(paths: Mapping[str, Path], result: Any, more: Mapping[str, Any] = {}, drawn: Any = None) -> None:
-    """Write the requested files of a result. JSON also has the entries `more`. If given, `drawn` is drawn instead."""
+    """Write the requested files of a result. JSON also has the entries `more`. A given `drawn` is drawn instead."""
     if "json" in paths:
         save_json(paths["json"], result.to_json() | more)
     for name in {"csv", "save"} & {*paths}:

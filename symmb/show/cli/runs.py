@@ -14,7 +14,7 @@ from symmb.connect import STATES, RunDatabase, open_run_database
 from symmb.results.files import replacement, require_suffix
 
 _PRUNED = {"failed": (1, 2, 3), "timed-out": (2,), "all": (0, 1, 2, 3)}
-"""States of the runs that each word of --prune removes."""
+"""Word after --prune -> numbers of the states whose runs are removed."""
 
 
 def add_runs(commands: "argparse._SubParsersAction[Any]") -> None:
@@ -22,7 +22,7 @@ def add_runs(commands: "argparse._SubParsersAction[Any]") -> None:
     text = "list the studies in a file of stored runs"
     runs = commands.add_parser("runs", help=text, description=f"{text}, remove runs, or write them for xarray.")
     runs.add_argument("file", metavar="FILE", help="a file that StoredSimulator has made")
-    runs.add_argument("--study", metavar="N", type=int, help="number of the study; default: all, or the only one")
+    runs.add_argument("--study", metavar="N", type=int, help="number of the study; needed by --export of several")
     runs.add_argument("--prune", choices=list(_PRUNED), help="remove runs, so that they are made again")
     runs.add_argument("--export", metavar="F.nc", help="write the runs of a study as NetCDF; needs symmb[data]")
     runs.set_defaults(run=_runs)
@@ -32,7 +32,7 @@ def _runs(options: argparse.Namespace) -> tuple[str, ...]:
     with open_run_database(Path(options.file), create=False) as database:
         numbers = [number for number, *_ in database.studies()]
         if options.study is not None and options.study not in numbers:
-            raise DeclarationError(f"no study {options.study} in {options.file}, only {numbers}.")
+            raise DeclarationError(f"{options.file} has no study {options.study}, only {numbers}.")
         if options.prune:
             count = database.prune(_PRUNED[options.prune], options.study)
             print(f"{count} runs removed")

@@ -64,7 +64,7 @@ def scene_and_parameters(options: argparse.Namespace) -> tuple[Scene, dict[str, 
 
 
 def load_subject(given: str, numbers: Iterable[str] = ()) -> tuple[Scene | Simulator, Box | None]:
-    """The scene or simulator in a file, and its box. A file defines `scene()`, or `simulator()` that returns both.
+    """The scene or simulator in a file, and its box. A file defines `scene()`, or `simulator()` with a box.
 
     DeclarationError is raised in the same cases as by `load_scene`.
     """
@@ -131,7 +131,7 @@ def _find(given: str) -> Path:
 
 @contextmanager
 def _foreign(path: Path) -> Iterator[None]:
-    """A context for the code of the file. The code can import from its folder. An exception becomes one sentence."""
+    """A context for the code of a file. The code can import from its folder. An exception becomes one sentence."""
     before, folder = sys.path, str(path.parent.resolve())
     sys.path = [folder, *before]
     try:

@@ -17,9 +17,9 @@ _TIMES = np.linspace(0.0, 2.0, 201)
 def urdf_scene(path: Path, numbers: Iterable[str]) -> mb.Scene:
     """The machine on its base under gravity for two seconds. It starts at rest in its zero pose, without motors.
 
-    Outputs are the coordinates of its joints, and the positions of bodies that move freely or in a plane. `numbers` are
-    names of numbers of the file that become parameters, with names from `parameter_name`. DeclarationError is
-    raised if the file has faults, a number does not exist, or no joint moves.
+    Outputs are the coordinates of its joints, and the positions of bodies that move freely or in a plane. `numbers`
+    lists the numbers of the file that become parameters, by their names in the file. `parameter_name` gives the names
+    of the parameters. DeclarationError is raised if the file has faults, a number does not exist, or no joint moves.
     """
     names = {name: parameter_name(name) for name in numbers}
     if len(set(names.values())) < len(names):
@@ -32,7 +32,7 @@ def urdf_scene(path: Path, numbers: Iterable[str]) -> mb.Scene:
     p = mb.Parameters(**{own: nominal.get(name, 0.0) for name, own in names.items()})
     robot = mb.load_urdf(path, replace={name: getattr(p, own) for name, own in names.items()})
     if not robot.elements:
-        raise DeclarationError(f"{path}: no joint of this file moves, so that there is nothing to simulate.")
+        raise DeclarationError(f"{path}: no joint of this file moves, so a simulation is not possible.")
     gravity = mb.Gravity(0.0, 0.0, -9.81)  # z points up in URDF files
     system = mb.System(*robot.elements, gravity, parameters=p)
     return mb.Scene(system, robot.start, _TIMES, name=path.stem)

@@ -30,9 +30,9 @@ from symmb.show.drawing.shapes import Shape
 from symmb.show.drawing.survey import Asked, Survey
 
 SOLID = "solid of the same inertia"
-"""Kind of the solid of a body whose size is also visible from its points."""
+"""Kind of the solid of a body, if points also show the size of the body."""
 _ROUND = 0.03
-"""A solid is drawn as round if the relative difference of its second moments of mass is smaller."""
+"""A solid is drawn as round if the relative difference of its second moments of mass is smaller than this."""
 
 
 class BodySketch:

@@ -33,7 +33,7 @@ _Z = np.array([[0.0, 0.0, 1.0]])
 
 @sketch.register
 def _(rope: Rope, survey: Survey) -> Sketch:
-    """The straight parts of a rope, dashed while it is slack, and its pulleys."""
+    """The straight parts of a rope, dashed while the rope is slack, and its pulleys."""
     points = [wrap if isinstance(wrap, Point) else wrap[0] for wrap in rope.points]
     radii = [0.0 if isinstance(wrap, Point) else wrap[1] for wrap in rope.points]
     places = [survey.place(point) for point in points]
@@ -78,7 +78,7 @@ def _(element: CurveContact | PointOnCurve, survey: Survey) -> Sketch:
 
 
 def _lines_of(curve: Curve) -> list[ca.SX]:
-    """Places (2,) on a curve [m]. The drawing joins them by straight lines."""
+    """Points (2,) on a curve [m]. The drawing joins these points by straight lines."""
     return [ca.substitute(curve.place, curve.s, s) for s in np.linspace(*curve.ends, _LINES + 1).tolist()]
 
 
@@ -140,7 +140,7 @@ def _turned(a: Array, axis: Array, angle: float) -> Array:
 
 
 def _fixed(survey: Survey, frame: int, world: Array) -> int:
-    """The place on a frame at a world position (3,) at the start."""
+    """Index of the place that is fixed in a frame, from its world position (3,) at the start [m]."""
     pose = survey.pose(frame)[0]
     return survey.fixed(frame, pose[:, :3].T @ (world - pose[:, 3]))
 
@@ -164,7 +164,7 @@ def _(contact: SlotContact, survey: Survey) -> Sketch:
 
 
 def _outline(origin: Point, places: list[ca.SX], survey: Survey) -> Callable[[], tuple[int, ...]]:
-    """A function that returns the numbers of the places along an outline (2,) around an origin [m]."""
+    """A function that returns the indices of the places along an outline (2,) around an origin [m]."""
     frame: int = survey.frame(origin.body)
     asked = survey.ask(ca.vertcat(*[origin.s + ca.vertcat(place, 0) for place in places]))
     return lambda: tuple(survey.fixed(frame, corner) for corner in asked.first.reshape(-1, 3))

@@ -24,7 +24,7 @@ _TURNED, _RAISED = np.radians(-28.0), np.radians(20.0)
 
 # `most` is the approximate number of pictures. Of longer runs, only every n-th output time is shown.
 def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = None, most: int = 1001) -> Drawing:
-    """A run with the path of a point. Of long runs, every n-th output time and those numbered in `also` are shown."""
+    """A run with the path of a point. For long runs, every n-th output time and the indices `also` are shown."""
     scene = run.scene
     if scene is None:
         raise DeclarationError("This run has no scene: it was read from a file. Use Trajectory.load(path, scene).")
@@ -76,12 +76,12 @@ def _without_place(sketches: Sequence[tuple[Element, Sketch | None]]) -> list[st
 
 
 def _is_unseen(part: Body | Element) -> bool:
-    """Whether the element is a flywheel, or belongs to one."""
+    """Whether the element is a flywheel, or belongs to a flywheel."""
     return any(isinstance(body, Flywheel) for body in ([part] if isinstance(part, Body) else part.bodies()))
 
 
 def _pictures(count: int, also: Sequence[int], most: int) -> Indices:
-    """Numbers of the output times that are shown, including the first and the last."""
+    """Indices of the output times that are shown, including the first and the last."""
     rows = np.linspace(0, count - 1, min(count, most)).astype(int)
     return np.union1d(rows, [row for row in also if row < count]).astype(int)
 

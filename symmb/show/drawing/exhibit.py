@@ -24,7 +24,7 @@ from symmb.show.drawing.shapes import Drawing
 LOWER, UPPER = "#b3541e", "#5b3fa0"
 """Colours of the runs that attain the lower and the upper bound."""
 _SAMPLES_PER_PARAMETER = 6
-"""Number of samples along each of one or two parameters, for the region of a point."""
+"""Number of samples of each parameter for the region of a point, if there are one or two parameters."""
 _MOST_RUNS = 500
 """Largest number of runs of a page with sliders."""
 
@@ -41,7 +41,7 @@ class Ghost:
 @dataclass(frozen=True, eq=False)
 class Region:
     """The positions of a point for all parameters of the box: n samples (n_f, n, 3), and corners (3 m, 2) of triangles.
-    The triangles cover the region in the xy plane. Where samples are far apart, they cover the paths of the samples."""
+    The triangles cover the region in the xy plane, or only the paths of the samples if samples are far apart."""
 
     name: str
     points: Array
@@ -84,7 +84,7 @@ class Exhibit:
 
 
 def of_run(run: Trajectory, time: float | str | None, point: Point | None) -> Exhibit:
-    """A run alone."""
+    """Only one run, without bounds."""
     row = 0 if time is None else row_of("view", run.t, time)
     drawing = draw(run, also=[row, *_extremes(run.values, run.values)], point=point)
     return Exhibit(drawing, picture=_picture(drawing, run.t[row]))
@@ -94,12 +94,12 @@ def of_sweep(sweep: Sweep, time: float | str | None, point: Point | None) -> Exh
     """The runs over a grid, and a slider for each parameter of the grid."""
     if sweep.simulator is None or not sweep.grid:
         raise DeclarationError(
-            "view draws sweeps over a grid of a scene's parameters: sweep(scene, {name: values}). This one "
+            "view draws sweeps over a grid of a scene's parameters: sweep(scene, {name: values}). This sweep "
             + ("has no grid." if sweep.simulator else "has no scene: it has another simulator, or is from a file.")
         )
     if not sweep.ok.all() or len(sweep) > _MOST_RUNS:
         why = f"has {len(sweep)} runs." if sweep.ok.all() else f"has failed runs. {sweep.doubts[0]}"
-        raise DeclarationError(f"view draws sweeps of up to {_MOST_RUNS} runs that did not fail. This one {why}")
+        raise DeclarationError(f"view draws sweeps of up to {_MOST_RUNS} runs that did not fail. This sweep {why}")
     nominal, units = sweep.simulator.parameters, units_of_parameters(sweep.parameters)
     sliders = tuple(
         Slider(label(name, units.get(name, "")), values, int(np.abs(values - nominal[name]).argmin()))
@@ -134,7 +134,7 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | str | None, poin
     value_of = name if name in bounds.figures else f"{name}({t:g} s)"
     if bounds.attaining is None:
         raise DeclarationError(
-            f"{bounds.method} stores no runs that attain its bounds, so that view cannot draw them. "
+            f"{bounds.method} stores no runs that attain its bounds, so view cannot draw such runs. "
             "Use PolynomialChaos() or Vertex()."
         )
     samples = bounds.attaining.samples([(side, row, column) for side in SIDES])
@@ -215,7 +215,7 @@ def _many(d: int, n: int = 64) -> Array:
 
 
 def _cells(unit: Array) -> list[Indices]:
-    """Numbers of the samples at the corners of each cell of the grid."""
+    """Indices of the samples at the corners of each cell of the grid."""
     step = 2 / (_SAMPLES_PER_PARAMETER - 1) * (1 + SAME)
     lower = [k for k in range(len(unit)) if (unit[k] < 1 - SAME).all()]
     return [np.flatnonzero(((unit >= unit[k] - SAME) & (unit <= unit[k] + step)).all(axis=1)) for k in lower]
@@ -245,7 +245,7 @@ def _swept(points: Array, cells: Sequence[Indices], close: float, side: float, s
 
 
 def _squares(ways: Array, side: float) -> Array:
-    """Corners (3 m, 2) of triangles that cover straight paths (n, 2, 2) by squares, merged in columns."""
+    """Corners (3 m, 2) of triangles that cover straight paths (n, 2, 2). Squares cover a path, and are then merged."""
     begin, along = ways[:, 0], ways[:, 1] - ways[:, 0]
     count = int(np.ceil(np.abs(along).max() / side)) + 1
     cells = np.zeros((0, 2), dtype=int)

@@ -106,7 +106,7 @@ def not_drawn(bodies: Sequence[BodyShapes]) -> Iterator[str]:
 
 
 def outward(corners: Array) -> tuple[Array, bool]:
-    """Corners (3 m, 3) of triangles, and whether the surface is closed. If so, they are anticlockwise from outside."""
+    """Corners (3 m, 3) of triangles, and whether the surface is closed. Then they are anticlockwise from outside."""
     _, number = np.unique(corners, axis=0, return_inverse=True)
     triangles = number.reshape(-1, 3)
     edges = np.vstack([triangles[:, [i, k]] for i, k in ((0, 1), (1, 2), (2, 0))]) @ [1, len(corners)]

@@ -152,7 +152,7 @@ def _solid(p: Painter, shape: Shape, at: list[Array], R: Array) -> Iterator[Outl
 
 @cache
 def _surface(solid: int) -> Indices:
-    """Numbers of the corners (3 m,) of the triangles of a box, a cylinder or a ball, anticlockwise from outside."""
+    """Indices of the corners (3 m,) of the triangles of a box, a cylinder or a ball, anticlockwise from outside."""
     from scipy.spatial import ConvexHull
 
     points = _SOLIDS[solid]

@@ -20,7 +20,7 @@ class MovingFrame:
 
 @dataclass(frozen=True, eq=False)
 class FramePoint:
-    """A point in a frame, in its axes [m]: `base` and, if it moves in the frame, `shift`, (1, 3) or (n_f, 3).
+    """A point in the axes of a frame [m]: `base`, plus `shift` (1, 3) or (n_f, 3) if the point moves in the frame.
 
     In a flexible body (`elastic`), the shift is the deformation at the point. Viewers may enlarge deformations.
     """

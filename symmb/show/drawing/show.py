@@ -61,10 +61,10 @@ def view(
         .html: an interactive page that needs no network; .png, .svg: a still; .gif, .mp4: a film (.mp4 needs the
         program ffmpeg); default: a page that a notebook shows below its cell
     output : str
-        for Bounds: the output with the lowest and highest values that the runs attain; default: the widest output
+        for Bounds: the runs attain the bounds of this output; default: the output with the widest bounds
     time : float or str
         time of a still [s], or a text with a unit; default: the start. For Bounds, the runs attain the bounds at this
-        time; default: where the output's bounds are widest, or the middle of the motion for a scalar output
+        time; default: the time of the output's widest bounds, or the middle of the motion for a scalar output
     point : Point
         a point; its path is drawn, and for Bounds also the region that it reaches over the box
 

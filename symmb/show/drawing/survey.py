@@ -55,7 +55,7 @@ class Survey:
         self._poses = [self.ask(ca.horzcat(body.frame.R, body.frame.r)) for body in self.bodies]
 
     def ask(self, expression: Expr) -> Asked:
-        """The values of an expression along the run. The run must contain the values of its symbols."""
+        """The values of an expression along the run. The run must contain the values of all symbols."""
         bound = ca.vec(self.scene.expression(expression))
         known = {state.sx.element_hash() for state in self.scene.system.collected.states}
         if any(state.sx.element_hash() not in known for state in self.bind.states(bound)):
@@ -74,7 +74,7 @@ class Survey:
         return None if gate is None else gate()
 
     def frame(self, body: AbstractBody) -> int:
-        """Number of the frame that carries a point or a node. Its body must be in the scene."""
+        """Index of the frame that carries a point or a node. The body of the frame must be in the scene."""
         owner = body.owner
         number = 0 if isinstance(owner, Ground) else next((i for i, b in enumerate(self.bodies) if b is owner), None)
         if number is None:
@@ -82,7 +82,7 @@ class Survey:
         return number
 
     def place(self, point: Point) -> int:
-        """Number of the place of a point."""
+        """Index of the place of a point."""
         key = id(point.body), id(point.s)
         if key not in self._known:
             self._keep.append(point)  # no other object can then have the same id
@@ -97,19 +97,19 @@ class Survey:
         return self._known[key]
 
     def fixed(self, frame: int, local: Array) -> int:
-        """Number of the fixed place (3,) in a frame [m]."""
+        """Add a place that is fixed in a frame, at (3,) [m] in its axes, and return the index of the place."""
         return self._add(frame, Asked(np.asarray(local, dtype=float)[None]), None)
 
     def moving(self, frame: int, base: Array, now: Array) -> int:
-        """Number of the place of an elastic point, (3,) undeformed and (n_f, 3) along the run [m]."""
+        """Add the place of an elastic point, (3,) undeformed and (n_f, 3) along the run [m], and return its index."""
         return self._add(frame, Asked(base[None]), Asked(now))
 
     def tracked(self, world: Asked) -> int:
-        """Number of the place that moves along world positions, (1, 3) or (n_f, 3) [m]."""
+        """Add a place given by world positions, (1, 3) if constant, otherwise (n_f, 3) [m], and return its index."""
         return self._add(0, world, None)
 
     def shifted(self, place: int, by: Array) -> int:
-        """Number of a place that moves with another place, at a distance (3,) or (n_f, 3) [m]."""
+        """Add a place at a distance (3,) or (n_f, 3) [m] from another place of the same frame, and return its index."""
         frame, base, now = self._places[place]
         return self._add(frame, Asked(base() + by), None if now is None else Asked(now() + by))
 
@@ -149,7 +149,7 @@ class Survey:
         return len(self._places)
 
     def base(self, place: int) -> Array:
-        """The undeformed place at the start in the axes of its frame, (3,) [m]."""
+        """Position of an undeformed place at the start, in the axes of its frame, (3,) [m]."""
         return self._places[place][1]()[0]
 
     def pose(self, frame: int) -> Array:
@@ -171,7 +171,7 @@ class Survey:
         return tuple(MovingFrame(body.name, self.pose(i)) for i, body in enumerate(self.bodies))
 
     def places(self) -> tuple[FramePoint, ...]:
-        """All requested places, in the order of their numbers."""
+        """All requested places, in the order of their indices."""
         return tuple(_place(frame, base(), None if now is None else now()) for frame, base, now in self._places)
 
 

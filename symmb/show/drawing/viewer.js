@@ -210,7 +210,7 @@ function arrange(k) {  // all parts of picture k
 const trial = document.createElement("canvas").getContext("webgl2"), info = trial?.getExtension("WEBGL_debug_renderer_info");
 const drawnBySoftware = info && /swiftshader|llvmpipe|software/i.test(trial.getParameter(info.UNMASKED_RENDERER_WEBGL));
 const canvas = $("view"), gl = canvas.getContext("webgl2", { alpha: false, antialias: !drawnBySoftware });
-if (!gl) $("message").textContent = "This browser shows no WebGL. Open the page in another one.";
+if (!gl) $("message").textContent = "This browser does not support WebGL. Open the page in another browser.";
 
 const VERTEX = `#version 300 es
 in vec3 corner; in vec3 normal; uniform mat4 model, camera; uniform mat3 turn; out vec3 n;

@@ -20,16 +20,16 @@ _SYSTEMS = {"linux": ("linux", "linux", ".so"), "darwin": ("darwin", "darwin", "
 
 
 def save_fmu(scene: Scene | DAESimulator, path: str | Path, version: int = 3) -> None:
-    """Write a scene as an FMU for co-simulation. Without constraints and impacts, the FMU has model exchange too.
+    """Write a scene as an FMU for co-simulation. Without constraints and impacts, it also supports model exchange.
 
     Programs can set its parameters, and read its outputs. Co-simulation runs the scene as in studies, with its events,
     in compiled C. The start is computed from the parameters. The tolerance determines the steps, independently of
-    communication steps. The FMU contains the sources. They need a C compiler, but neither symmb nor Python.
+    communication steps. The FMU contains its C sources. Their compilation needs neither symmb nor Python.
 
     Parameters
     ----------
     scene : Scene
-        pilot runs select its solver; or a prepared scene with one of the solvers DormandPrince, EventDriven and
+        a scene; pilot runs select its solver. Or a prepared scene with the solver DormandPrince, EventDriven or
         Rosenbrock
     path : path
         `.fmu`

@@ -22,9 +22,11 @@ from symmb.show.report import document
 from symmb.show.report.document import assumed, called, section, seed, settings_table
 from symmb.show.report.verdict import by_urgency, next_steps, verdict
 
-_NO_CONTRIBUTIONS = "The polynomials of the study do not give contributions. {} makes the further runs that they need."
+_NO_CONTRIBUTIONS = (
+    "The polynomials of the study do not give contributions. {} makes the further runs for contributions."
+)
 _ASKED, _ASKED_BY_COMMAND = "`bounds.contributions()`", "`symmb bound --contributions`"
-_AT_MARGIN = "Outputs with limits: at the time of their smallest margin. Other outputs: where their bounds are widest."
+_AT_MARGIN = "Outputs with limits: at the time of the smallest margin. Other outputs: at the time of the widest bounds."
 
 
 def write_bounds(

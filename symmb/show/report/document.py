@@ -62,7 +62,7 @@ def warnings(doubts: Sequence[str], remarks: Sequence[str] = ()) -> str:
 
 
 def note(text: str) -> str:
-    """A sentence about the part beside it."""
+    """A note about a part of the report."""
     return f'<p class="note">{_prose(text)}</p>'
 
 
@@ -101,8 +101,8 @@ def assumed(box: Box, nominal: Mapping[str, float]) -> str:
 def settings_table(settings: Sequence[tuple[str, str]], is_own: bool = False) -> str:
     """Settings by name. Empty settings are left out.
 
-    Versions are those of this report. If `is_own`, the result has the same versions, because it was not read from a
-    file.
+    The table shows the versions of packages at the time of the report. If `is_own`, the result was not read from a
+    file, and has the same versions.
     """
     versions = "versions" if is_own else "versions (of this report)"
     packages = [f"{name} {version(name)}" for name in _PACKAGES]

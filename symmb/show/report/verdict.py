@@ -34,7 +34,7 @@ _WARNED = "A warning prevents a decision: see the annex. Remove its cause, or us
 _SEARCH = "`mb.tolerances(...)` makes further runs, and finds tolerances that satisfy the limits."
 _AGAIN = (
     "These tolerances and factors are estimates from the runs of this study. They are reduced by the estimated error, "
-    "so that larger ones may also satisfy the limits. `mb.tolerances(...)` makes further runs, and finds the largest "
+    "so larger tolerances may also satisfy the limits. `mb.tolerances(...)` makes further runs, and finds the largest "
     "common factor of all tolerances."
 )
 
@@ -92,7 +92,7 @@ def next_steps(bounds: Bounds, check: LimitCheck | None, shares: Contributions |
     if at_limit:
         names = _listed([_named(limit) for limit in at_limit])
         texts.append(
-            f"The nominal values reach the limit of {names}. Change these values or the limit. Tolerances do not help."
+            f"The nominal values reach the limit of {names}. Change these values or the limit, not the tolerances."
         )
     if lost:
         texts.append(_lost(bounds, lost))
@@ -163,8 +163,8 @@ def _nominal_excess(bounds: Bounds, limit: KeptLimit) -> float:
 
 
 def _least_excess(bounds: Bounds, limit: KeptLimit) -> tuple[float, int]:
-    """All cases exceed the limit by a smallest excess at each time. Return its largest value over time, and the number
-    of this time; -inf if it is not known."""
+    """The smallest excess of all cases over the limit, at the time at which this excess is largest, and the index of
+    the time. The excess is -inf if it is not known."""
     if bounds.failed or (bounds.estimate is None and bounds.kind != "enclosure"):
         return -np.inf, 0
     lower, upper = (end[:, _column(bounds, limit)] for end in bounds.outer)
@@ -220,8 +220,8 @@ def _when(bounds: Bounds, limit: KeptLimit) -> str:
 
 
 def _acting(bounds: Bounds, k: int, i: int, place: Array) -> list[str]:
-    """Parameters, sorted by their effects on output number k at time number i. The effect of a parameter is the change
-    of the output if only this parameter moves from `place` (d,) in the unit box to the middle of its interval.
+    """Parameters, sorted by their effects on the output k at the time i (indices). The effect of a parameter is the
+    change of the output if only this parameter moves from `place` (d,) in the unit box to the middle of its interval.
 
     Effects follow from accurate polynomials, or from one run for each parameter. These runs are not made if they are
     expensive and the study made fewer runs.
@@ -282,7 +282,7 @@ def _tighten(bounds: Bounds, limits: Sequence[KeptLimit]) -> list[str]:
 class _Reduced:
     """Tolerances multiplied by a factor about the nominal values, which are `middle` (d,) in the unit box.
 
-    `parts` are the limits that the whole box violates, with polynomials of their outputs at these times.
+    `parts` are the limits that the whole box violates, with polynomials of the outputs at the times of violations.
     """
 
     box: Box
