@@ -1,7 +1,7 @@
 """A bicycle is pushed to the side. Does it return to the upright position if its speed is uncertain?
 
 The Whipple bicycle has four bodies: rear frame with a stiff rider, front frame, two thin wheels that roll without slip.
-The upright motion is stable between 4.3 and 6.0 m/s. At lower speeds it weaves, at higher speeds it falls slowly.
+The upright motion is stable from 4.3 to 6.0 m/s. The bicycle weaves at lower speeds, and falls slowly at higher speeds.
 `python examples/bicycle.py FOLDER` writes pictures into FOLDER.
 
 Source: Meijaard, Papadopoulos, Ruina, Schwab (2007), Linearized dynamics equations for the balance and steer of a

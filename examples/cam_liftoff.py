@@ -1,7 +1,7 @@
 """A spring holds a roller on a cam. At which speed does the roller lift off? How high does it jump above this speed?
 
 At the top of the cam, the spring must accelerate the follower downwards. The joint `CamFollower` always keeps the
-follower on the cam. Its multiplier gives the contact force, which follows a formula if the lift is harmonic.
+follower on the cam. Its multiplier is the contact force. If the lift is harmonic, a formula also gives this force.
 `CurveContact` lets the roller lift off. An equation of motion in one coordinate, solved by SciPy, gives the same jump.
 `python examples/cam_liftoff.py FOLDER` draws cam and follower into FOLDER.
 
@@ -84,7 +84,7 @@ def least_force(mass: float, spring: float, preload: float, rpm: float) -> float
 
 
 def jump(mass: float, spring: float, preload: float, rpm: float) -> float:
-    """Jump of the roller [mm], by complex numbers. There is contact if its centre is inside of the lift curve."""
+    """Jump of the roller [mm], by complex numbers. Contact: the roller's centre is inside of the lift curve."""
     omega = rpm * TURN
 
     def push(t: float, y: float, v: float) -> float:

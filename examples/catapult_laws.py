@@ -2,7 +2,7 @@
 
 The spring gives its energy to the ball, which leaves at 45 degrees. Without drag, the range is k s^2 / (m g). The
 stiffness k has a normal distribution, and the mass m a uniform distribution. For the stretch s, only an interval is
-known. So the probability has a lowest and a highest value. Both follow from an integral.
+known. So there is a lowest and a highest probability. Integrals give both values.
 `python examples/catapult_laws.py FOLDER` draws the bounds into FOLDER.
 
 Source: own.
@@ -41,7 +41,7 @@ beyond = bounds.probability("x", above=FENCE, distributions=distributions)
 
 
 def exact(stretch: float) -> float:
-    """Probability that stiffness stretch^2 / (mass G) is above the fence."""
+    """Probability that the range, stiffness stretch^2 / (mass G), is larger than the distance of the fence."""
     cut = distributions["stiffness"].cdf(460) - distributions["stiffness"].cdf(340)
     value, _ = quad(lambda m: distributions["stiffness"].sf(FENCE * m * G / stretch**2) / 0.01, 0.095, 0.105)
     return value / cut

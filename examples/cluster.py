@@ -4,10 +4,10 @@
     python examples/cluster.py FOLDER --slurm PARTITION        methods as jobs of SLURM
     python examples/cluster.py FOLDER --dask tcp://head:8786   runs on the workers of a cluster of Dask
 
-Methods as jobs: each job bounds the outputs by one method on one machine. The reference is also a job. All machines
-must have access to the folder. Each job writes its runs into one file in this folder, and reads the runs of other jobs
-from it. The final comparison finds all its runs in the file. If a job fails, or if its time expires, the script ends
-with an error. Start it again with the same folder. The new jobs use all finished runs.
+Methods as jobs: each job computes bounds by one method on one machine. The reference is also a job. All machines must
+have access to the folder. Each job writes its runs into one file in this folder, and reads the runs of other jobs. The
+final comparison finds all its runs in the file. If a job fails, or if its time expires, the script ends with an error.
+Start the script again with the same folder: the new jobs use all finished runs.
 
 `pip install submitit 'symmb[dask]'` installs the necessary packages.
 """
@@ -29,7 +29,7 @@ REFERENCE = mb.Scanning(17)
 
 
 def swing(mass: float, stiffness: float) -> np.ndarray:
-    """x(t) of a mass on a spring. It stands for a program that takes minutes."""
+    """x(t) of a mass on a spring, in the place of a program that takes minutes."""
     return np.cos(np.sqrt(stiffness / mass) * TIMES)
 
 
@@ -40,7 +40,7 @@ def stored(folder: Path) -> mb.StoredSimulator:
 
 
 def bounds_by(number: int, folder: Path) -> mb.Bounds:
-    """One job: the bounds by the method with this number. The last number is the reference."""
+    """One job: the bounds by the method with this number. The last number is for the reference."""
     return mb.propagate(stored(folder), [*METHODS, REFERENCE][number], BOX)
 
 

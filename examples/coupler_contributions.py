@@ -1,7 +1,7 @@
 """Which length of a four-bar causes the tolerance of its coupler point?
 
 Each of the four lengths is known to 0.5 %. The width of the bounds is nearly the sum of the contributions of single
-lengths. The contributions to the variance are different, because they are proportional to the squares of these widths.
+lengths. The contributions to the variance have other ratios, because they are proportional to the squares of widths.
 `python examples/coupler_contributions.py FOLDER` draws the contributions into FOLDER.
 
 Source: textbook mechanism; own values.

@@ -2,8 +2,8 @@
 
 The rope goes from the winch over a pulley at the tip of the boom to the load. A second rope, the pendant, holds the
 boom. With more slack, the winch is faster when the rope becomes taut. The peak of the pull, divided by the weight of
-the load, is the hoisting factor. Such cranes are designed by this factor. As a check, SciPy integrates equations of
-motion in three coordinates.
+the load, is the hoisting factor. Cranes are designed with this factor. As a check, SciPy integrates equations of motion
+in three coordinates.
 `python examples/crane_slack_rope.py FOLDER` draws the crane into FOLDER.
 
 Source: hoisting factor e.g. EN 13001-2; own values.

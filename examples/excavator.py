@@ -1,7 +1,7 @@
 """An excavator lifts its bucket with an uncertain load. Which forces must its three cylinders give?
 
-Cylinders with given lengths move boom, stick and bucket. At the end, all parts are at rest. Then the moment of the boom
-cylinder about the boom's foot is equal to the moment of all weights.
+Cylinders with given lengths move boom, stick and bucket. At the end, all parts are at rest, and the moment of
+the boom cylinder about the boom's foot is equal to the moment of all weights.
 `python examples/excavator.py FOLDER` draws the machine and the runs that attain the bounds into FOLDER.
 
 Source: textbook machine of the size of 20 t; own values.

@@ -2,7 +2,7 @@
 
 Without play and elasticity, a formula gives the motion of the wheel. The peak of its acceleration is 5.41 times the
 square of the crank's speed. A real pin has play in its slot. When the wheel slows down, the pin moves from one flank to
-the other and rebounds. Before and after the pin is in the slot, the disc of the crank locks the wheel at its arcs. As a
+the other and rebounds. While the pin is outside of the slot, the disc of the crank locks the wheel at its arcs. As a
 check, SciPy integrates one equation of motion for the angle of the wheel, with the same contact laws.
 `python examples/geneva_drive.py FOLDER` draws the drive into FOLDER.
 
@@ -66,7 +66,7 @@ bounds = mb.propagate(scene, mb.PolynomialChaos())
 
 
 def largest_force(rpm: float, inertia: float, play: float) -> float:
-    """Largest force of the pin [N], by an equation for the wheel's angle. Complex numbers are positions in its axes."""
+    """Largest force of the pin [N], by an equation for the wheel's angle. Complex numbers: positions in wheel axes."""
     omega = 2 * np.pi / 60 * rpm
 
     def law(depth: float, rate: float) -> float:

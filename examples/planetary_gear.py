@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 import symmb as mb
 
 SUN, PLANET = 0.02, 0.04  # radii of the pitch circles [m]; the ring's radius is SUN + 2 PLANET
-ARM, RATIO = SUN + PLANET, 2 * (SUN + PLANET) / SUN  # RATIO: speed of the sun, divided by that of the carrier
+ARM, RATIO = SUN + PLANET, 2 * (SUN + PLANET) / SUN  # RATIO: speed of the sun, divided by the speed of the carrier
 SYNCHRONOUS, SLIP = 157.0, 0.2  # speed [rad/s], slip of the largest torque
 INERTIA = {"sun": 2e-4, "planet": 8e-4, "carrier": 0.02}
 MASS = {"sun": 1.0, "planet": 1.0, "carrier": 2.0}

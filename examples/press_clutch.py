@@ -1,8 +1,8 @@
 """A clutch starts a press from its flywheel, and a brake stops it. How far does the flywheel slow down, and why?
 
-A plate clutch couples the flywheel to the crank. It slips until both have the same speed, and then sticks. The ram
-forms a part near its lowest point. Then the clutch opens, and the brake stops the crank near the top. The friction of
-the clutch, its air pressure, and the force of the part are known to some percent.
+A plate clutch couples the flywheel to the crank. The clutch slips until both have the same speed, and then sticks. The
+ram forms a part near its lowest point. Then the clutch opens, and the brake stops the crank near the top. The friction
+of the clutch, its air pressure, and the force of the part are known to some percent.
 `python examples/press_clutch.py FOLDER` draws the press, its speeds, and the contributions of tolerances into FOLDER.
 
 Source: textbook machine, e.g. Budynas and Nisbett, Shigley's Mechanical Engineering Design, chapter 16; own values.

@@ -1,7 +1,7 @@
 """A wheel on a trailing arm rolls over a bump. Does it leave the road if spring and damper are uncertain?
 
 A quarter of a car stands on an arm, which swings about a pin in front of the wheel. The tyre is a spring that cannot
-pull. The force between wheel and road must stay above zero. Otherwise the car can neither brake nor steer.
+pull. The force between wheel and road must stay above zero. Without this force the car can neither brake nor steer.
 `python examples/suspension.py FOLDER` draws the suspension into FOLDER.
 
 Source: textbook model, e.g. Genta and Morello, The Automotive Chassis, volume 2, chapter 26; own values.

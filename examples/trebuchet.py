@@ -1,4 +1,4 @@
-"""A trebuchet throws a stone of 90 kg. How far does it fly, and which tolerances change the range most?
+"""A trebuchet throws a stone of 90 kg. How far does the stone fly, and which tolerances change the range most?
 
 A weight hangs on the short arm of a beam and falls. A sling on the long arm pulls the stone along a trough until the
 stone lifts off: the joint of the trough opens when its force changes its sign. The sling slips off its hook when it is

@@ -16,16 +16,16 @@ Welds join base plate and trails to the bottom carriage. The traversing gear, a 
 hinge. The elevating gear, a tooth between two flanks, locks the trunnion. The equilibrator carries a part of the
 muzzle's overweight; the remainder presses the tooth on one flank. The barrel lies in two bushes with clearance, and
 recoils through them against an absorber and a recuperator. The gas of the recuperator holds the barrel on its stop
-before the shot, and brings the barrel back after it.
-The breech pressure is a given curve. While the gases leave, the pull of the muzzle brake is proportional to the
-pressure. A rigid mass on the breech models the recoiling parts. Its eccentricities across the bore are uncertain.
+before the shot, and brings the barrel back after it. The breech pressure is a given curve. While the gases leave, the
+pull of the muzzle brake is proportional to the pressure. A rigid mass on the breech models the recoiling parts. The
+eccentricities of this mass across the bore are uncertain.
 
-The barrel has Craig-Bampton modes with interfaces at the bushes, the top carriage with interfaces at its joints. The
-cradle has free modes.
-Geometric stiffening is neglected: its effect on the muzzle's angle at 14 ms is about 0.002 deg.
+The barrel and the top carriage have Craig-Bampton modes. Their interfaces are at the bushes of the barrel, and at the
+joints of the top carriage. The cradle has free modes. Geometric stiffening is neglected: its effect on the muzzle's
+angle at 14 ms is about 0.002 deg.
 
 Source: Wang and Yang, Nonlinear Dynamics (2021), section 5, for the parts and the targets. The values are our own.
-They describe a generic gun of 52 calibres, not the gun of the paper. Values tuned by hand:
+These values describe a generic gun of 52 calibres, not the gun of the paper. Values tuned by hand:
 
     parameter                            target                                           reached
     scale of PRESSURE                    largest breech pressure 366.56 MPa               366.56 MPa
@@ -75,7 +75,7 @@ RECUPERATOR = mb.GasSpring(5e6, volume=0.0215, area=-8e-3, length=CYLINDER - BRE
 
 
 def tilted(x: float, y: float, elevation: float = ELEVATION) -> np.ndarray:
-    """World position (3,) of a place given in the axes of the bore [m]."""
+    """World position (3,) of a point that is given in the axes of the bore [m]."""
     c, s = np.cos(elevation), np.sin(elevation)
     return TRUNNION + np.array([c * x - s * y, s * x + c * y, 0.0])
 

@@ -20,7 +20,7 @@ import symmb as mb
 
 
 def scene() -> mb.Scene:
-    """The benchmark over three seconds. Outputs are its ten unknowns."""
+    """The benchmark over three seconds. Outputs are the ten unknowns of the benchmark."""
     p = mb.Parameters(L=1.0, L0=0.5, eps=0.01, M=10.0, r=0.1, omega=10.0)
     y_b = p.r * ca.sin(p.omega * mb.t)
     x_b = ca.sqrt(p.L**2 - y_b**2)

@@ -9,7 +9,7 @@ r"""An excavator with three hydraulic cylinders moves an unknown load.
          /   ``--o boom       \|_
      ===o===    cylinder       \_/ bucket with load
 
-Each cylinder is a barrel and a rod that slides in it, with a pin at both ends: three closed loops. Its pressure is a
+Each cylinder is a barrel and a rod that slides in it, with a pin at both ends: three closed loops. The pressure is a
 first-order state: oil flows in from a valve, the piston displaces oil, some oil leaks, the remainder is compressed,
 
     p' = E / V (flow - A x' - leak p),      force = A p.

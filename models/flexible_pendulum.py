@@ -1,4 +1,4 @@
-"""Elastic rod with a bob at its end. It swings under gravity in the plane.
+"""Elastic rod with a bob at its end. The rod swings under gravity in the plane.
 
       ////
        (o)

@@ -21,13 +21,13 @@ import symmb as mb
 
 
 def scene(*, theta: float = 0.6, phi_dot: float = -2.0, omega3: float = 100.0) -> mb.Scene:
-    """A top with phi = psi = 0 and theta' = 0 at the start. By default its path has loops.
+    """A top with phi = psi = 0 and theta' = 0 at the start. By default the path of the axis has loops.
 
     Parameters
     ----------
-    theta : float        angle of its axis from the vertical at the start [rad]
+    theta : float        angle of the axis from the vertical at the start [rad]
     phi_dot : float      precession at the start [rad/s]
-    omega3 : float       angular velocity along its axis [rad/s]
+    omega3 : float       angular velocity along the axis [rad/s]
     """
     p = mb.Parameters(A=0.5, C=0.1, m=1.0, l=0.5, omega3=omega3)
     across = p.A - p.m * p.l**2

@@ -10,9 +10,9 @@ r"""Laval (Jeffcott) rotor: a disc on an elastic shaft with internal damping, at
 
 The shaft is massless, of circular section, and simply supported at its ends. If the disc is not in the middle, it tilts
 when the shaft bends. Gyroscopic moments then split the whirl into a forward and a backward whirl. Air damps the disc
-(external damping). The internal damping of the shaft acts in axes that turn with the shaft. Above a certain speed, it
-makes the forward whirl unstable. Two massless slides and two massless hinges carry the disc, so that the shaft bends in
-fixed axes.
+(external damping). The internal damping of the shaft acts in axes that turn with the shaft. Above a certain speed, this
+damping makes the forward whirl unstable. Two massless slides and two massless hinges carry the disc, so that the shaft
+bends in fixed axes.
 
 Source: Genta, Dynamics of Rotating Systems (2005), sec. 3.2 to 3.5; own values. Reference for a disc in the middle:
 whirl grows above the speed omega (1 + external damping / internal damping). Here omega is the bending frequency.

@@ -1,4 +1,4 @@
-"""Slider-crank with an elastic connecting rod. Its crank is driven at 150 rad/s.
+"""Slider-crank with an elastic connecting rod. The crank is driven at 150 rad/s.
 
             o  ~ ~
      l1   /    `  ~  l2, elastic
