@@ -163,7 +163,7 @@ class WithWarnings:
 
 
 def _shortened(text: str) -> str:
-    """The text. The middle of a text that is too long is left out."""
+    """The text, without its middle if it is too long."""
     half = LONGEST_TEXT // 2
     return text if len(text) <= LONGEST_TEXT else f"{text[:half]} ... {text[-half:]}"
 

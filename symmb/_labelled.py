@@ -161,7 +161,7 @@ class Result:
 
 
 class ByOutput:
-    """A result with values for the outputs in `names`. Iteration gives these names, as for a dictionary."""
+    """A result with values for the outputs in `names`. Loops over the result give these names."""
 
     if TYPE_CHECKING:
         names: Any
