@@ -105,7 +105,7 @@ def test_the_first_samples_that_fail_near_a_singular_position_name_its_joints(ma
     start = rf"t = {time} s, length = 1.*: {why}"
     assert len(ensemble.messages) == NAMED_SAMPLES + 2
     for message in ensemble.messages[:NAMED_SAMPLES]:
-        assert re.match(rf"{start}.*; near t = {time} s rows of '{joint}', .* nearly depend on each other", message)
+        assert re.match(rf"{start}.*; near t = {time} s, constraints '{joint}', .* nearly depend on each", message)
     assert re.match(start, ensemble.messages[NAMED_SAMPLES]) and "near t" not in ensemble.messages[NAMED_SAMPLES]
 
 

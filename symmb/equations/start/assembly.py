@@ -28,8 +28,8 @@ def assemble(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
     """Coordinates (n_q,) and states (n_s,) with Phi = 0 at the nominal parameters, near the guess.
 
     Forward kinematics along the joints is followed by damped Gauss-Newton steps. If the constraints are still violated,
-    full steps are tried, and then other whole turns of angles. If all attempts fail, an AssemblyError names the worst
-    joint and a remedy.
+    full steps are tried, and then angles with other numbers of whole turns. If all attempts fail, an AssemblyError
+    names the worst joint and a remedy.
     """
     try:
         return _assembled(scene, dae, t0)
@@ -50,14 +50,14 @@ def assemble(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
 
 
 def listed_coordinates(scene: Scene, dae: DAE) -> ca.Function:
-    """The Function (p, q) -> q that sets the listed coordinates."""
+    """The Function (p, q) -> q that gives the listed coordinates their listed values."""
     prescribed, q = scene.prescribed, ca.SX.sym("q_nominal", dae.n_q)
     listed_q = ca.vertcat(*[prescribed.q.get(i, q[i]) for i in range(dae.n_q)]) if dae.n_q else q
     return ca.Function("reference", [scene.system.p, q], [listed_q])
 
 
 def free_displacements(scene: Scene, dae: DAE) -> Indices:
-    """Indices of the displacements that are not listed. Modes without a listed or guessed value stay undeformed."""
+    """Indices of the displacements that are not listed. Modes without listed or guessed values are left out."""
     free = [i for i in range(dae.n_v) if i not in scene.prescribed.displacements]
     if scene.equilibrium and not scene.guess:
         free = [i for i in free if not dae.v_names[i].endswith("_dot")]
@@ -107,7 +107,7 @@ def drive_rows(scene: Scene, dae: DAE) -> Indices:
 
 
 def _position_rows(scene: Scene, dae: DAE, q: Array, t0: float) -> PositionRows:
-    """The position rows, measured in coarse scales."""
+    """The position rows, divided by coarse scales."""
     return PositionRows(with_coarse_scales(dae, q, t0), angles(scene), t0)
 
 

@@ -9,17 +9,17 @@ GROUND = -1
 
 @dataclass(frozen=True)
 class Group:
-    """Bodies (indices) with velocities that are determined together, relative to the carrying body `base`."""
+    """Bodies (indices) in common loops. Their velocities are computed together, relative to their carrier `base`."""
 
     base: int
     bodies: tuple[int, ...]
 
 
 class JointTree:
-    """The bodies in an order with carriers first, and the groups of bodies in common loops.
+    """The bodies, each after its carrier, and the groups of bodies in common loops.
 
-    `connected` has the bodies of each constraint row. `roots` are all bodies in order of preference: the first body
-    without connection to the ground carries the bodies connected with it. `carriers` has the carrier of each body.
+    `connected` has the bodies of each constraint row. `roots` are all bodies in order of preference: if bodies have no
+    connection to the ground, the first of these bodies carries the others. `carriers` has the carrier of each body.
     """
 
     def __init__(self, connected: Iterable[frozenset[int]], roots: Sequence[int]) -> None:

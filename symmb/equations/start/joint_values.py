@@ -23,7 +23,7 @@ def of_rates(listed: Prescribed) -> tuple[JointValue, ...]:
 
 
 def with_position_rows(system: System, dae: DAE, values: Sequence[JointValue]) -> DAE:
-    """The DAE with additional rows of Phi. They are 0 if listed angles and displacements have their values."""
+    """The DAE with additional rows of Phi, which are 0 if angles and displacements have their listed values."""
     if not values:
         return dae
     rows = ca.vertcat(*[value.row for value in values])
@@ -31,7 +31,7 @@ def with_position_rows(system: System, dae: DAE, values: Sequence[JointValue]) -
 
 
 def with_rate_rows(system: System, dae: DAE, values: Sequence[JointValue]) -> DAE:
-    """The DAE with additional velocity-only rows. They are 0 if listed rates have their values."""
+    """The DAE with additional velocity-only rows, which are 0 if rates have their listed values."""
     if not values:
         return dae
     return _with_rows(system, dae, values, ca.SX(0, 1), ca.vertcat(*[value.row for value in values]), dae.n_r)
@@ -93,7 +93,7 @@ def listed_states(scene: Scene) -> Array:
 
 
 def with_turns(scene: Scene, q: Array, s: Array, counted: Indices) -> Array:
-    """States s (n_s,) with the turns of angles that are sums and differences of known angles at coordinates q.
+    """States s (n_s,) with new turns: those of angles that are sums or differences of known angles at coordinates q.
 
     Gears, springs and outputs count their own turns. Known angles are the states in `counted`, or the listed and
     guessed angles if `counted` is empty.

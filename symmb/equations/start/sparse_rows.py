@@ -17,9 +17,9 @@ LARGE = 150
 def pivot_columns(A: Array, smallest_pivot: float = 1e-5, pivot_threshold: float = 0.3) -> Indices | None:
     """Indices of the m pivot columns of the unit rows of A (m, n), in ascending order.
 
-    Gaussian elimination takes the row with the fewest entries next. Its pivot has at least the fraction
-    `pivot_threshold` of the largest entry of the row: larger values are more stable and fill in more. Returns None if a
-    pivot is below `smallest_pivot` or above its reciprocal. With 1e-5, pivots have about six correct digits.
+    Each step of Gaussian elimination takes the row with the fewest entries. Its pivot has at least the fraction
+    `pivot_threshold` of the largest entry of the row: larger fractions are more stable, but cause more fill-in. Returns
+    None if a pivot is below `smallest_pivot` or above its reciprocal. With 1e-5, pivots have about six correct digits.
     """
     rows = {i: {int(k): float(row[k]) for k in np.flatnonzero(row)} for i, row in enumerate(A)}
     holders: dict[int, set[int]] = defaultdict(set)
