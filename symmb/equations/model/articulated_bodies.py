@@ -137,7 +137,7 @@ def _product(carrier: ca.SX, motion: JointMotion) -> ca.SX:
 
 
 class ArticulatedBodies:
-    """The mass matrix, forces and accelerations of bodies on a tree of joints. Each link follows its carrier."""
+    """The mass matrix, forces and accelerations of bodies on a tree of joints. The links are sorted: carriers first."""
 
     def __init__(self, bodies: Sequence[Body], links: Sequence[Link]) -> None:
         self.links = links
@@ -237,7 +237,7 @@ class Loads:
         return self._along_joints({body: inertia @ A[body] for body, inertia in self._inertia.items()})
 
     def _along_joints(self, forces: dict[int, ca.SX]) -> ca.SX:
-        """Generalised forces (n_v,) along the joints' velocities of the forces (6,) on the bodies."""
+        """Generalised forces (n_v,) along the joints' velocities, from forces (6,) on the bodies."""
         F, along = dict(forces), ca.SX(self._tree.n_v, 1)
         for link, here, carrier in reversed(self._walk()):
             if here.H.shape[1]:

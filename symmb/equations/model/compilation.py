@@ -1,4 +1,5 @@
-"""Compilation of the DAE bundle of a system. Functions that may not be needed are compiled at their first use."""
+"""Compilation of the equations of a system. Functions that may not be needed are compiled at their first
+use."""
 
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType

@@ -162,7 +162,7 @@ class ContactEquations:
 
     @property
     def power(self) -> ca.SX:
-        """Power of the forces in closed contacts [W]. They do work if a law of time moves a body."""
+        """Power of the forces in closed contacts [W]. These forces do work if a law of time moves a body."""
         return -ca.dot(self.force, self.at_rest)
 
     def _function(self, name: str, **outputs: ca.SX) -> ca.Function:

@@ -22,7 +22,7 @@ class Sampling:
     begin: float = 0.0  # the first instant [s]
 
     def held(self, q: ca.SX, v: ca.SX, s: ca.SX, p: ca.SX, time: ca.SX) -> ca.SX:
-        """States s (n_s,) with new values for instants that are reached at a time. Each instant acts once."""
+        """States s (n_s,), with new values if an instant is reached at this time. Each instant acts once."""
         s = ca.SX(s)
         for period, (value, count), law in zip(self.periods, self.states, self.laws, strict=True):
             # Rounding moves the ends of steps, so an instant is reached a little early.

@@ -51,8 +51,8 @@ class JointValue:
 class Prescribed:
     """Listed start values: coordinates and velocities by index, and the displacements that they prescribe.
 
-    By name, `drift` has coordinates on which no element acts, `joints` has joint values, and `states` has first-order
-    states.
+    The others are by name: `drift` has coordinates on which no element acts, `joints` joint values, and `states`
+    first-order states.
     """
 
     q: dict[int, ca.SX] = field(default_factory=dict)

@@ -119,7 +119,7 @@ class System(FilledByBlock, ReadEquations):
         return _restored((*self.elements, *more), parameters, ca.SX(self.lam), self.vdot, self._added)
 
     def keeping(self, rows: Sequence[int], nullity: int = 0) -> "System":
-        """A copy with only these rows and new multipliers. `nullity` is the number of their vanishing combinations."""
+        """A copy with only these rows, and new multipliers. `nullity` combinations of these rows vanish."""
         return self._with(collected=self.collected.keeping(rows), nullity=nullity)
 
     def _with(self, **changes: Any) -> "System":
@@ -225,12 +225,12 @@ class System(FilledByBlock, ReadEquations):
     def ddt(self, expression: Expr) -> ca.SX:
         """Rate of an expression of coordinates, velocities, first-order states and `t`, for outputs: d/dt f(q, v, t).
 
-        Unlike `symmb.ddt`, it accepts velocities: `system.ddt(ram.vx)` is an acceleration.
+        Unlike `symmb.ddt`, this method accepts velocities: `system.ddt(ram.vx)` is an acceleration.
 
         Raises
         ------
         DeclarationError
-            If a symbol is unknown or is a multiplier
+            If the expression contains an unknown symbol or a multiplier
 
         Examples
         --------
@@ -353,7 +353,7 @@ class System(FilledByBlock, ReadEquations):
         return of_forces + ca.dot(ca.SX(self.lam), at_rest)
 
     def reaction(self, name: str) -> Reaction:
-        """Reaction of the joint with this name on its second body at the joint's point, in world axes [N], [N m].
+        """Force [N] and torque [N m] of a joint on its second body, at the joint's point, in world axes.
 
         Raises
         ------
@@ -365,7 +365,7 @@ class System(FilledByBlock, ReadEquations):
     def force(self, name: str) -> ca.SX:
         """Force of the element with this name [N, N m], such as the tension of a spring or the torque of a motor.
 
-        The force of a contact is its normal force. For several contact points, it is the sum of the normal forces.
+        The force of a contact is its normal force. For several contact points, the normal forces are added.
 
         Raises
         ------
