@@ -121,8 +121,8 @@ def interval_of(owner: str, name: str, nominal: float, tolerance: object, unit: 
     ends = numbers_of(tolerance)
     if ends is None or ends.shape != (2,) or not ends[0] <= ends[1] or not all(map(is_finite_number, ends)):
         raise DeclarationError(
-            f"{owner}: the tolerance of {name!r} cannot be {shown(tolerance)}. Give a number, a pair of deviations such "
-            "as (-1e-5, 3e-5), a percentage such as '1%', or a size with its tolerance such as '40 ±0.1' or '40 H7'."
+            f"{owner}: the tolerance of {name!r} cannot be {shown(tolerance)}. Give a number, a pair of deviations "
+            "(-1e-5, 3e-5), a percentage such as '1%', or a size with its tolerance such as '40 ±0.1' or '40 H7'."
         )
     lower, upper = ends.tolist()
     return nominal + lower, nominal + upper
