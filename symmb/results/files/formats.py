@@ -25,7 +25,7 @@ _IN_JSON = {"t": "times", "names": "outputs"}
 _IN_ARCHIVES = {name: own for own, name in _IN_JSON.items()}
 
 _VERSION = 1
-"""Version of both formats. Files without a version also have this version."""
+"""Version of both formats. A file without a version number also has this version."""
 
 Table = Mapping[str, Any]
 """Columns by their headings. All columns have the same length."""
@@ -80,7 +80,7 @@ def load(
     """A result read from a file: built from the record, or from the ``headings`` and ``columns`` of the table.
 
     DeclarationError is raised if the suffix is not known, or if the file is damaged or contains something else.
-    FileError is raised if it cannot be read.
+    FileError is raised if the file cannot be read.
     """
     form = _format_of(path, ("record", "entries", *(["table"] if from_table else [])))
     with told(path, "read"):
@@ -91,7 +91,7 @@ def load(
             return from_table(record)
         version = record.whole("version", _VERSION)
         if version != _VERSION:
-            raise DeclarationError(f"its format is version {version}, and this symmb reads version {_VERSION}.")
+            raise DeclarationError(f"it has version {version} of the format, but this symmb reads version {_VERSION}.")
         if "result" in record and (content := f"a result of {record.text('result')}.save") != what:
             raise DeclarationError(f"it holds {content}.")
         return build(Record({k: value for k, value in record.plain.items() if k not in ("version", "result")}))
@@ -110,7 +110,7 @@ def _first_line(error: Exception) -> str:
 
 
 def _without_arrays(value: Any, place: str, arrays: dict[str, Any]) -> Any:
-    """The value in the types of JSON. Its arrays are moved to ``arrays``, with their place as the key."""
+    """The value in the types of JSON. Its arrays are moved to ``arrays``; their keys are paths."""
     if isinstance(value, Mapping):
         parts = {name: _without_arrays(part, f"{place}/{name}", arrays) for name, part in value.items()}
         return {name: part for name, part in parts.items() if not isinstance(value[name], np.ndarray)}
@@ -149,7 +149,7 @@ def require_usual_size(archive: zipfile.ZipFile | None) -> None:
     # The data may be at most 200 times as large as the archive. Results with random last digits expand by a factor of
     # a few, and constant results by a factor of a thousand.
     if size > 2**26 and size > 200 * packed:  # up to 64 MB can be unpacked quickly
-        raise DeclarationError(f"its {packed:.3g} bytes would become {size:.3g} bytes when unpacked.")
+        raise DeclarationError(f"its {packed:.3g} bytes unpack to {size:.3g} bytes, which is too much.")
 
 
 def _write_json(file: BinaryIO, entries: Mapping[str, Any]) -> None:
@@ -197,7 +197,7 @@ class Format(NamedTuple):
     ----------
     source : str        the stored form of the result: its "record", its "entries" of JSON or its "table"
     write : callable    takes an open file and the stored form
-    read : callable     takes the bytes of a file; it is the inverse of `write`
+    read : callable     takes the bytes of a file, and returns what `write` has stored
     """
 
     source: str

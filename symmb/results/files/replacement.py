@@ -1,4 +1,4 @@
-"""A file that replaces the previous file after it is complete, and errors and suffixes of files."""
+"""Files that replace previous files when they are complete, errors about files, and suffixes of names."""
 
 import os
 import stat
@@ -15,11 +15,11 @@ from symmb._options import shown
 
 @contextmanager
 def told(path: str | os.PathLike[str], what: str) -> Iterator[None]:
-    """Convert errors of the system about a file to FileError with its name. `what` is "read" or "written"."""
+    """Convert errors of the operating system to a FileError that names the file. `what` is "read" or "written"."""
     try:
         if what == "read" and stat.S_IFMT(mode := os.stat(path).st_mode) not in (stat.S_IFREG, stat.S_IFDIR):
             kind = "pipe" if stat.S_ISFIFO(mode) else "device"
-            raise FileError(f"{str(path)!r} cannot be read: it is a {kind}, which may never end.")
+            raise FileError(f"{str(path)!r} cannot be read: it is a {kind}, so reading might never end.")
         yield
     except (FileError, BrokenPipeError):  # e.g. the reader `head` has closed the pipe
         raise
