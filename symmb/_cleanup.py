@@ -56,7 +56,7 @@ def temporary_folder(base: Path | None = None) -> Iterator[Path]:
 
 
 def lasting_folder() -> Path:
-    """A new folder that is removed when this process ends. Workers of a pool (without `atexit`) remove it too.
+    """A new folder that is removed when this process ends. Workers of a pool also remove their folders.
 
     OSError is raised if the folder cannot be created.
     """
@@ -118,9 +118,9 @@ def temporary_file(path: Path) -> Iterator[None]:
 def run_program(command: Sequence[str], seconds: float, folder: Path | None = None) -> tuple[int, str]:
     """Run a program, and return its exit status and its output.
 
-    The program and the programs that it starts form a process group. The group is ended after the given time, or when
-    this call is interrupted. If a folder is given, the program writes temporary files there. OSError is raised if the
-    program cannot be started. TimeoutExpired is raised if the program needs more time.
+    The program and the programs that it starts form a process group. The group ends after `seconds`, or when this call
+    is interrupted. If a folder is given, the program writes temporary files there. OSError is raised if the program
+    cannot be started. TimeoutExpired is raised if the program needs more time.
     """
     environment = None if folder is None else {**os.environ, "TMPDIR": str(folder)}
     output = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, "errors": "replace"}
@@ -131,7 +131,7 @@ def run_program(command: Sequence[str], seconds: float, folder: Path | None = No
 
 @contextmanager
 def process_group(command: Sequence[str], **options: Any) -> Iterator["subprocess.Popen[Any]"]:
-    """A context with a program in a new process group. At its end, all processes of the group are ended.
+    """A context with a program in a new process group. At the end of the block, all processes of the group are ended.
 
     OSError is raised if the program cannot be started.
     """
@@ -163,7 +163,7 @@ def lead_group() -> None:
 
 
 def note_group(leader: int, base: Path | None = None) -> None:
-    """Remember a forked process that leads a group, and the folder in which it makes folders (default: temporary)."""
+    """Remember a forked process that leads a group, and the folder for its folders (default: the temporary folder)."""
     _GROUPS[leader] = base
 
 

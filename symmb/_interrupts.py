@@ -94,7 +94,7 @@ class _Repeated:
 def kept_interrupts() -> Iterator[None]:
     """A context or decorator for work with CasADi, which otherwise loses one of ten interrupts.
 
-    All functions that start such work use this context. Everywhere else, the calling program's handlers are active.
+    All functions that start such work use this context. Elsewhere, the signal handlers of the caller are active.
     """
     if isinstance(signal.getsignal(signal.SIGINT), _Repeated):
         yield
@@ -143,7 +143,7 @@ class Interrupts(ExitStack):
 
 @contextmanager
 def deferred_interrupts() -> Iterator[None]:
-    """A context for short work without interrupts. An interrupt that arrives is handled at the end of the context."""
+    """A context for short work without interrupts. An interrupt during this work is handled at the end."""
     arrived: list[tuple[int, FrameType | None]] = []
     previous: dict[int, Handler] = {}
     try:

@@ -73,7 +73,7 @@ def normal_keys(owner: str, named: T) -> T:
 
 
 class ByName(dict[str, T]):
-    """Values by names in normal form, and the units of the values that have a unit. Look-ups accept other forms too."""
+    """Values by names in normal form, and the units of the values that have a unit. Look-ups accept all forms."""
 
     _units: Mapping[str, str] = {}
 

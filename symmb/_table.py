@@ -8,7 +8,7 @@ from symmb._magnitudes import SAME
 
 
 def is_timeless(t: Sequence[float] | np.ndarray) -> bool:
-    """Whether the only time is 0. Results without times have this time. It is neither printed nor drawn."""
+    """Whether the only time is 0, as in results without times. This time is neither printed nor drawn."""
     return len(t) == 1 and t[0] == 0
 
 

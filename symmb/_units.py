@@ -112,7 +112,7 @@ def _named(owner: str, text: str, name: str) -> Unit:
 
 
 def scaled(value: Any, ratio: Unit, inverse: bool = False) -> Any:
-    """A number or an expression times a ratio of units, or divided by it. A factor of 1/1000 is a division by 1000."""
+    """A number or an expression times a ratio of units, or divided by it. For the ratio 1/1000, divide by 1000."""
     divides = ratio.number.numerator == 1 and not ratio.pi
     by = ratio.number.denominator if divides else ratio.factor
     return value if by == 1 else value / by if divides != inverse else value * by
@@ -157,7 +157,7 @@ def quantity(owner: str, given: object) -> tuple[float, str]:
 
 
 def number_in(owner: str, what: str, given: object, own: str) -> float:
-    """A quantity as a number in `own`. Numbers without a unit are in `own`. DeclarationError if dimensions differ."""
+    """A quantity as a number in `own`. Plain numbers are in `own`. DeclarationError if units do not fit."""
     number, unit = quantity(f"{owner}:", given)
     return scaled(number, ratio_of(owner, what, unit, own)) if unit else number
 
@@ -244,7 +244,7 @@ def headings(names: Sequence[str], units: Sequence[str], parameters: object = No
 def read_headings(first: str, others: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of outputs from headings, and units if t has a unit. DeclarationError if the first heading is not t."""
     if first not in TIME_HEADINGS:
-        raise DeclarationError("its first column must be t.")
+        raise DeclarationError("the first column must be t.")
     names, units = zip(*map(_parted, others), strict=True) if others else ((), ())
     return (names, units) if first == TIME_HEADINGS[1] else (tuple(others), ())
 

@@ -1,4 +1,4 @@
-"""From a declaration to equations: System, Scene, and the DAE bundle for solvers.
+"""From a declaration to equations: System, Scene, and DAE, the compiled equations for solvers.
 
 `validation` and `assembly` check declarations, and report all faults at once. `tolerance_list` and `iso_grades` read
 tolerances for `Box`.

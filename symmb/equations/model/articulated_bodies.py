@@ -1,6 +1,6 @@
 """Motion and forces along a tree of joints: recursions from body to body.
 
-Every body has working axes W and an origin. For a spatial body on a joint, these are axes and origin of the joint
+Every body has working axes W and an origin. For a spatial body on a joint, W and the origin are those of the joint
 frame. The axes W of a planar body are parallel to the world axes. Accelerations (a, alpha) are accelerations of the
 origin in working axes, and forces (f, n) act at the origin.
 """
@@ -62,7 +62,7 @@ GROUND = Placed(
 
 
 def free(body: Body) -> Placed:
-    """A body without a carrying joint. Its own coordinates determine its acceleration."""
+    """A body without a carrying joint. The coordinates of the body determine its acceleration."""
     frame = body.frame
     n = frame.v.numel()
     axes = _I if isinstance(body.pose, Planar) or not isinstance(body.pose, Spatial) else frame.R
@@ -137,7 +137,7 @@ def _product(carrier: ca.SX, motion: JointMotion) -> ca.SX:
 
 
 class ArticulatedBodies:
-    """The mass matrix, forces and accelerations of bodies on a tree of joints. The links are sorted: carriers first."""
+    """The mass matrix, forces and accelerations of bodies on a tree of joints. Carriers come first."""
 
     def __init__(self, bodies: Sequence[Body], links: Sequence[Link]) -> None:
         self.links = links

@@ -225,7 +225,7 @@ class _Equations:
 
     @property
     def forces(self) -> dict[str, ca.SX | None]:
-        """The law of each force element, by name. For an element with several forces, the law is the sum."""
+        """The law of each force element, by name; for an element with several forces, the sum of their laws."""
         own = {f.name: [a.force for a in actions if a.force is not None] for f, actions in self.actions.items()}
         return {name: sum(forces[1:], forces[0]) if forces else None for name, forces in own.items()}
 

@@ -147,9 +147,9 @@ class Box:
         **tolerances : by name, a number (for both sides), a pair (lower, upper) of signed deviations, or a percentage
             such as "1%". A size in mm may also have deviations, such as "40 ±0.1", "40 +/- 0.1", "40 ±1%" or
             "40 +0.1/-0.2", or a grade by ISO 286 or ISO 2768, such as "40 H7" or "120 ISO 2768-m". The nominal value
-            must then be equal to the size, in m or mm. For an angle such as "30° ±0.5°", the nominal value is in rad or
-            degrees. For a parameter with a unit, sizes and deviations may have other units of the same kind, as in
-            "±0.1 mm" and "23.5 cm +1/-2 mm". Sizes and deviations without a unit are in the unit of the parameter.
+            must be equal to the size in the text, in m or mm. For an angle such as "30° ±0.5°", the nominal value is in
+            rad or degrees. For a parameter with a unit, sizes and deviations may have other units of the same kind, as
+            in "±0.1 mm" and "23.5 cm +1/-2 mm". Sizes and deviations without a unit are in the unit of the parameter.
             Sizes with a grade are in mm
 
         Raises
@@ -177,9 +177,9 @@ class Box:
 
         A CSV file has the columns `name`, `nominal`, `plus` and `minus`. `plus` and `minus` are the distances of the
         ends from the nominal value. Without `minus`, `plus` is used for both sides. Instead of `plus` and `minus`, a
-        column `tolerance` may contain texts for `plus_minus`, such as 1%, 40 ±0.1 or 40 H7. In a TOML file each
-        parameter is a table with these keys. Numbers are in the unit of the parameter, or have a unit of the same kind,
-        such as 0.5 mm.
+        column `tolerance` may contain texts for `plus_minus`, such as 1%, 40 ±0.1 or 40 H7. In a TOML file, each
+        parameter is a table with the names of the columns as keys. Numbers are in the unit of the parameter, or have a
+        unit of the same kind, such as 0.5 mm.
 
         Parameters
         ----------

@@ -98,7 +98,7 @@ class DAE:
 
     @cached_property
     def memory(self) -> dict[Any, Any]:
-        """Results derived from the equations. They are valid for all nominal parameters."""
+        """Results derived from the equations. The results are valid for all nominal parameters."""
         return {}
 
     def remembered(self, derive: Callable[["DAE", Array], T], times: Array = NO_TIMES, *more: float) -> T:
@@ -214,8 +214,9 @@ class DAE:
         """Write the Functions as C with a header and a small main program. The files need only a C compiler.
 
         The main program integrates from "q" (n_q,), "v" (n_v,), "s" (n_s,) and "p" (n_p,) in `start` over "times"
-        (n_t,). The default is one second from neutral coordinates at rest. For scenes with impacts or sampled values,
-        only the Functions are written, without a main program. The method returns the paths of the files.
+        (n_t,). The default run takes one second, from neutral coordinates at rest. For scenes with impacts or
+        sampled values, only the Functions are written, without a main program. The method returns the paths of the
+        files.
         """
         exported = ("rhs", "M", "Q", "Phi", "Phi_q", "Phi_t", "gamma", "forward", "energy")
         functions = {name: f for name in exported if (f := getattr(self, name)) is not None}

@@ -46,8 +46,8 @@ class Scene:
     start : mapping
         name -> number or expression of parameters. Names belong to bodies ("rod.theta", "rod.vx", "top.rotation",
         "top.omega"), to joints ("elbow.angle", "elbow.angle_rate", "slide.displacement", "slide.displacement_rate") and
-        to `State`s. The start has exactly these values. Other values follow from the constraints. If the constraints do
-        not determine the relative rate of a joint, the rate is 0
+        to `State`s. The start has exactly the listed values. Other values follow from the constraints. If the
+        constraints do not determine the relative rate of a joint, the rate is 0
     times : (n_t,) array
         or a list; increasing times of the outputs [s], or a pair with a unit, such as ([0, 5], "ms"). The run starts at
         the first time. Default: 0 only
@@ -385,8 +385,8 @@ class Scene:
         """A copy that continues a run. The parameters of the run become the nominal parameters.
 
         Positions, velocities, states, turns of angles, held values and closed contacts are taken from the end of the
-        run. The times are shifted to start at this end, so functions of `t` continue. If a parameter has another value,
-        coordinates and velocities change by the smallest amount that satisfies the constraints.
+        run. The times are shifted to start at the end of the run, so functions of `t` continue. If a new run has other
+        parameter values, coordinates and velocities change by the smallest amount that satisfies the constraints.
 
         Parameters
         ----------

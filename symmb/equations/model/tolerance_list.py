@@ -106,7 +106,7 @@ def interval_with_unit(name: str, given: Any) -> tuple[Any, str]:
 
 
 def interval_of(owner: str, name: str, nominal: float, tolerance: object, unit: str = "") -> Interval:
-    """The interval around a nominal value with this unit. The tolerance is an argument of `Box.plus_minus`."""
+    """The interval around a nominal value in the unit `unit`. The tolerance is an argument of `Box.plus_minus`."""
     if isinstance(tolerance, str):
         return _of_text(owner, name, nominal, tolerance, unit)
     if isinstance(tolerance, tuple | list) and any(isinstance(part, str | tuple) for part in tolerance):

@@ -110,7 +110,8 @@ def _bodies_of(element: Element) -> list[Body]:
 
 
 def left_out(elements: Sequence[Body | Element]) -> Iterator[str]:
-    """Warnings about elements of no System that act on bodies of this System. The user may have forgotten them.
+    """Warnings about elements that act on bodies of this System, but belong to no System. The user may have forgotten
+    these elements.
 
     An element with the same name as an element in the System is a variant, and causes no warning.
     """

@@ -122,11 +122,11 @@ def _reached(
         # Among equal violations the first row is named, so that the message does not depend on rounding.
         name = constraint_of_row(dae, int(np.isclose(violation, violation.max()).argmax()))
         worst = float((violation * dae.row_scales[: dae.n_c]).max())
-        where = f"in joint {name!r}" if "." not in name else f"of the listed {name}"
+        where = f"in joint {name!r}" if "." not in name else f"for the listed {name}"
         drives = [e.name for e in scene.system.elements if isinstance(e, Motion) and e.name in dae.rows]
         drives = [e for e in drives if e != name and violation[dae.rows[e]].max() > SLIGHT * violation.max()]
         also = f", against the drive of {', '.join(map(repr, drives))}" if drives else ""
-        raise FailedAssembly(f"The start does not satisfy Phi = 0: a residual of {worst:.2g} {where}{also}.", name)
+        raise FailedAssembly(f"The start violates Phi = 0: the residual is {worst:.2g} {where}{also}.", name)
     flipped = _flipped_joint(scene, dae, q)
     if flipped is not None:
         raise FailedAssembly(

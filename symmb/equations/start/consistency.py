@@ -37,7 +37,7 @@ def check_velocities(start: Start, p0: Array) -> None:
         asked = f" from the value of {', '.join(map(repr, others))}" if others else ""
         what = f"{start.joint_values[k]} differs by {off.max():.2g}{asked}"
     else:
-        what = f"rate {r.max():.2g} in joint {constraint_of_row(dae, int(r.argmax()))!r}"
+        what = f"the residual rate is {r.max():.2g} in joint {constraint_of_row(dae, int(r.argmax()))!r}"
     raise AssemblyError(f"The start velocities contradict the constraints: {what}. {remedy}")
 
 

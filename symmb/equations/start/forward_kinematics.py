@@ -129,7 +129,7 @@ class _Kinematics:
         return values
 
     def turned_to_joint(self, q: Array, joint: AxisJoint, body: int) -> Array:
-        """Coordinates after a body is turned until the axes are parallel, and then about the axis."""
+        """Coordinates after a body is turned until the joint's axes are parallel, and then turned about the axis."""
         sign = 1 if self._ends[joint][1] == body else -1
         _, A, B, *_ = self._measured(joint, q)
         if isinstance(joint, Universal):  # its two axes are perpendicular

@@ -9,7 +9,7 @@ GROUND = -1
 
 @dataclass(frozen=True)
 class Group:
-    """Bodies (indices) in common loops. Their velocities are computed together, relative to their carrier `base`."""
+    """Bodies (indices) in common loops, whose velocities are computed together, relative to their carrier `base`."""
 
     base: int
     bodies: tuple[int, ...]
@@ -46,7 +46,7 @@ class JointTree:
             self._join([body for other in others for body in self._path(first, other)])
 
     def groups(self) -> list[Group]:
-        """The groups. Each group follows the group of its base."""
+        """The groups. Each group comes after the group of its base."""
         bases = {bodies: self.carriers[min(bodies, key=self._order.__getitem__)] for bodies in self._group.values()}
         return [Group(base, bodies) for bodies, base in sorted(bases.items(), key=lambda item: self._order[item[1]])]
 

@@ -93,7 +93,7 @@ def listed_states(scene: Scene) -> Array:
 
 
 def with_turns(scene: Scene, q: Array, s: Array, counted: Indices) -> Array:
-    """States s (n_s,) with new turns: those of angles that are sums or differences of known angles at coordinates q.
+    """States s (n_s,) with correct turns of angles that are sums or differences of known angles at coordinates q.
 
     Gears, springs and outputs count their own turns. Known angles are the states in `counted`, or the listed and
     guessed angles if `counted` is empty.
@@ -119,7 +119,7 @@ def with_turns(scene: Scene, q: Array, s: Array, counted: Indices) -> Array:
 
 
 def with_states(scene: Scene, dae: DAE, s: Array) -> DAE:
-    """The DAE with listed start values of states. Angles count their turns from states s (n_s,)."""
+    """The DAE with listed start values of states. Turns of angles are counted from states s (n_s,)."""
     listed, all_states = _listed_states(scene), scene.system.collected.states
     if scene.restart is not None:
         listed = {k: ca.SX(s[k]) for k, state in enumerate(all_states) if not _is_angle(state)} | listed

@@ -96,12 +96,12 @@ def independent_rows(dae: DAE, q: Array, t0: float, sizes: Array) -> Indices:
 
 
 def lasting_rows(dae: DAE, q: Array, t0: float, rows: Indices, general: Array) -> tuple[Indices, tuple[int, int]]:
-    """Rows to keep, and the numbers of vanishing combinations of these rows and of the position rows among them.
+    """Rows to keep, and two numbers of vanishing combinations: of these rows, and of their position rows.
 
     The given independent rows are kept if they stay as independent as all rows along the possible motion from q (n_q,).
-    Otherwise only rows that are superfluous at all positions are removed, because each vanishing combination is
-    expensive. `general` (n_r, n_v) are sizes of the entries of the Jacobian. The size of a row is the same at all
-    positions, because the row may vanish at some position.
+    If they do not, only rows that are superfluous at all positions are removed, so that few combinations vanish.
+    `general` (n_r, n_v) are sizes of the entries of the Jacobian. The size of a row is the same at all positions,
+    because the row may vanish at some position.
     """
     scales, rank = own_scales(dae, q, t0), len(rows)
     if not rank:

@@ -87,7 +87,7 @@ def sizes_of_parts(dae: DAE, at: Arguments, G: Array, span: float, size: float) 
 
     Lengths above 1 m are replaced by coarse scales, which are 1 for usual lengths. Most scenes have slow and fast
     motions, so only rates below 1/1024 or above 1024 per second change sizes of velocities. `size` is the size of the
-    whole scene. It replaces the size of a part if this part is so small that its motion may be a rounding error.
+    whole scene, and replaces the size of a part that is so small that its motion may be a rounding error.
     """
     labels = _parts(dae)
     sizes, rates = np.full(len(labels), size), [coarse(min(1.0, _USUAL_RATE / span)) if span else 1.0]

@@ -3,8 +3,8 @@
 Velocities are computed along the tree of joints for groups of bodies. A group is a single body, or the bodies of loops
 with common joints. A group moves rigidly with the body that carries it, unless listed velocities or drives forbid this.
 In that case the group deviates from this motion by the velocities d that have the smallest kinetic energy d' M d / 2
-with G (v + d) + Phi_t = 0. If no such d exists, the group and the group of its carrier deviate together. All choices
-are made once, at the nominal parameters. Flywheels come last, because the mechanism turns them.
+with G (v + d) + Phi_t = 0. If no such velocities d exist, the group and the group of its carrier deviate together. All
+choices are made once, at the nominal parameters. Flywheels come last, because the mechanism turns them.
 """
 
 from collections.abc import Mapping

@@ -1,8 +1,8 @@
 """Records in NumPy archives and in JSON, and tables.
 
-A record is a mapping of names to texts, numbers, arrays, records and lists of records. Both formats store the same
+A record is a mapping of names to texts, numbers, arrays, records and lists of records. Archives and JSON store the same
 entries. In JSON, ``t`` has the name ``times``, ``names`` has the name ``outputs``, and None stands for numbers that are
-not finite. An archive has one array for each array of the record. Its array ``about`` contains the rest as JSON.
+not finite. An archive has one array for each array of the record, and an array ``about`` with the rest as JSON.
 """
 
 import csv
@@ -91,13 +91,13 @@ def load(
             return from_table(record)
         version = record.whole("version", _VERSION)
         if version != _VERSION:
-            raise DeclarationError(f"it has version {version} of the format, but this symmb reads version {_VERSION}.")
+            raise DeclarationError(f"the file has format version {version}, but this symmb reads version {_VERSION}.")
         if "result" in record and (content := f"a result of {record.text('result')}.save") != what:
-            raise DeclarationError(f"it holds {content}.")
+            raise DeclarationError(f"the file holds {content}.")
         return build(Record({k: value for k, value in record.plain.items() if k not in ("version", "result")}))
     except Exception as error:  # damaged files can raise nearly every exception in zlib, zipfile, json and NumPy
         is_known = isinstance(error, DeclarationError)
-        why = str(error) if is_known else f"its contents cannot be read ({_first_line(error)})."
+        why = str(error) if is_known else f"the contents cannot be read ({_first_line(error)})."
         raise DeclarationError(f"{path} does not hold {what}: {why}") from error
 
 
@@ -149,7 +149,7 @@ def require_usual_size(archive: zipfile.ZipFile | None) -> None:
     # The data may be at most 200 times as large as the archive. Results with random last digits expand by a factor of
     # a few, and constant results by a factor of a thousand.
     if size > 2**26 and size > 200 * packed:  # up to 64 MB can be unpacked quickly
-        raise DeclarationError(f"its {packed:.3g} bytes unpack to {size:.3g} bytes, which is too much.")
+        raise DeclarationError(f"the file has {packed:.3g} bytes, but {size:.3g} bytes after unpacking.")
 
 
 def _write_json(file: BinaryIO, entries: Mapping[str, Any]) -> None:
@@ -172,13 +172,13 @@ def _write_table(file: BinaryIO, columns: Table) -> None:
 def _of_table(data: bytes) -> Record:
     text = data.decode("utf-8")
     if not text.endswith(("\r", "\n")):
-        raise DeclarationError("its last line is incomplete: a part of the file is missing.")
+        raise DeclarationError("the last line is incomplete: a part of the file is missing.")
     headings, *rows = csv.reader(io.StringIO(text, newline=""), strict=True)
     for number, cells in enumerate(rows, 2):
         if len(cells) != len(headings):
             raise DeclarationError(f"line {number} has {len(cells)} of {len(headings)} columns.")
     if not headings or not rows:
-        raise DeclarationError("it has no headings, or no line below the headings.")
+        raise DeclarationError("the file has no headings, or no line below the headings.")
     columns = [_column(column) for column in zip(*rows, strict=True)]
     return Record({"headings": headings, "columns": {str(k): column for k, column in enumerate(columns)}})
 

@@ -1,4 +1,4 @@
-"""The contents of a file. They are checked when they are read."""
+"""The contents of a file, which are checked when they are read."""
 
 import math
 from collections.abc import Mapping

@@ -47,7 +47,7 @@ def plot_comparison(
     title: str = "",
     style: Style = OWN,
 ) -> Figure:
-    """Draw bounds over time above, and the rms error against run time below.
+    """Draw bounds over time in the upper panels, and the rms error against run time in the lower panel.
 
     Parameters
     ----------

@@ -65,7 +65,7 @@ def plot_family(
     title: str = "",
     style: Style = OWN,
 ) -> Figure:
-    """Draw curves (N, n_t, n_y) over times t (n_t,) [s], one panel for each output; see `plot_comparison` for the rest.
+    """Draw curves (N, n_t, n_y) over times t (n_t,) [s], one panel for each output; see `plot_comparison` for more.
 
     Each of up to eight curves has a colour and a name. More curves have a sequence of colours, and the legend names the
     first, the middle and the last curve. Outputs in `timeless`, with one value for all times, are drawn along `over`.

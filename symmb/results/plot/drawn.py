@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Panels:
-    """A result that prints as a head above a table. Its picture has one panel for each output."""
+    """A result that prints as a heading above a table. The picture has one panel for each output."""
 
     if TYPE_CHECKING:
         names: Any
@@ -78,7 +78,7 @@ class OverTime(Panels):
         title: str | None = None,
         **look: Any,
     ) -> "Figure":
-        """Draw outputs over time. The class describes the picture. If `path` is given, write the picture to this file.
+        """Draw outputs over time, as in the help of the class. If `path` is given, write the picture to this file.
 
         Parameters
         ----------
@@ -117,7 +117,7 @@ class OverTimeBesideGiven(Panels):
         ax: "Axes | Sequence[Axes] | None" = None,
         **look: Any,
     ) -> "Figure":
-        """Draw outputs over time, as the class describes. `Trajectory.plot` has the same options and errors."""
+        """Draw outputs over time, as in the help of the class. `Trajectory.plot` has the same options and errors."""
         return self._drawn(path, outputs, ax, figsize, title, **look)
 
 
@@ -139,7 +139,7 @@ class ThreeDiagrams:
         title: str | None = None,
         **look: Any,
     ) -> "Figure":
-        """Draw the diagrams of the class. Write the picture to `path` if it is given.
+        """Draw the diagrams in the help of the class. If `path` is given, write the picture to this file.
 
         Parameters
         ----------

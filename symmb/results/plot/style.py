@@ -13,8 +13,8 @@ from symmb._types import GivenAxes
 class Style:
     """Options of the method `owner`. If an option is None, the picture uses its own default.
 
-    `label` is a text, and `color` a colour of matplotlib. Both may be lists, with an entry for each curve. `legend` is
-    a bool.
+    `label` is a text, and `color` a colour of matplotlib. `label` and `color` may be lists, with an entry for each
+    curve. `legend` is a bool.
     """
 
     owner: str = "plot"
