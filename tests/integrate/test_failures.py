@@ -111,7 +111,7 @@ def test_the_first_samples_that_fail_near_a_singular_position_name_its_joints(ma
 
 def test_a_run_that_fails_between_outputs_names_the_joints_of_a_singular_position():
     scene, solver, _, _ = beyond_reach()
-    with pytest.raises(mb.SimulationError, match=r"may be singular: near t = 0\.(5|49)\d* s rows of 'hinge', 'pull'"):
+    with pytest.raises(mb.SimulationError, match=r"singular: near t = 0\.(5|49)\d* s, constraints 'hinge', 'pull'"):
         mb.simulate(scene.with_times([0.0, 0.4, 1.0]), solver)
 
 

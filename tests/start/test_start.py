@@ -197,7 +197,7 @@ CONTRADICTIONS = {
         {"rod.theta": 0.3, "rod.x": 0.0, "rod.y": 0.0},
         r"residual .* in joint 'hinge'\. Remove rod\.theta and rod\.y from start",
     ),
-    "out of reach": ({"rod.x": 0.7}, r"residual of 0\.1 in joint 'hinge'"),
+    "out of reach": ({"rod.x": 0.7}, r"residual is 0\.1 in joint 'hinge'"),
     "velocity": (
         {"rod.theta": 0.3, "rod.omega": 1.0, "rod.vx": 0.0},
         r"start velocities contradict the constraints: .* rate .* in joint 'hinge'\. Remove one of rod\.omega, rod\.vx",
