@@ -1,4 +1,4 @@
-"""How to cite symmb: the data of `CITATION.cff`, and the address of the project if the project has an address."""
+"""How to cite symmb: the data of `CITATION.cff`, and the web address of the project, if there is one."""
 
 import re
 from importlib.metadata import metadata
@@ -7,7 +7,7 @@ from pathlib import Path
 _PACKAGE = Path(__file__).parent
 _FILE = "CITATION.cff"
 ADDRESSES = "Repository", "Homepage"
-"""Names in `[project.urls]` of `pyproject.toml`. A citation contains the address of the first name that exists."""
+"""Names in `[project.urls]` of `pyproject.toml`. A citation contains the first address that exists."""
 
 
 def citation() -> str:

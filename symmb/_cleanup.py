@@ -1,4 +1,4 @@
-"""Removal of temporary folders and incomplete files, and the end of started programs, when this process ends."""
+"""Removes temporary folders and incomplete files, and ends started programs, when this process ends."""
 
 import os
 import shutil
@@ -23,16 +23,16 @@ PREFIX = "symmb-"
 
 _MARK, _FOLDER = ".symmb", "run"
 """Contents of a temporary folder: the mark, and the folder of the temporary files. The mark is a file that names the
-process that made the folder. The name of a folder is not enough, because other programs may use the same name."""
+process that made the folder. The mark is necessary, because other programs may also use such names of folders."""
 _TITLE = "temporary folder of symmb"
 _FOLDERS: set[str] = set()
 _FILES: set[str] = set()
 _GROUPS: dict[int, Path | None] = {}
-"""Number of a forked leader of a process group -> the folder for its folders; None: the system's temporary folder."""
+"""Number of a forked group leader -> the folder for its folders; None: the system's temporary folder."""
 _PROGRAMS: set[int] = set()
 """Numbers of the programs that this process has started. Each program leads a process group."""
 _STARTS = threading.Lock()
-"""This lock is held while a program is started. A process that is about to end never releases the lock."""
+"""This lock is held while a program is started. A process that is about to end keeps it."""
 _SEARCHED: set[Path] = set()
 _LEADS = False
 _WATCHES = 0
@@ -56,7 +56,7 @@ def temporary_folder(base: Path | None = None) -> Iterator[Path]:
 
 
 def lasting_folder() -> Path:
-    """A new folder that is removed when this process ends. Workers of a pool, which skip `atexit`, remove it too.
+    """A new folder that is removed when this process ends. Workers of a pool also remove their folders.
 
     OSError is raised if the folder cannot be created.
     """
@@ -118,9 +118,9 @@ def temporary_file(path: Path) -> Iterator[None]:
 def run_program(command: Sequence[str], seconds: float, folder: Path | None = None) -> tuple[int, str]:
     """Run a program, and return its exit status and its output.
 
-    The program and the programs that it starts form a process group. The group is ended after the given time, or when
-    this call is interrupted. If a folder is given, the program writes temporary files there. OSError is raised if the
-    program cannot be started. TimeoutExpired is raised if the program needs more time.
+    The program and the programs that it starts form a process group. The group ends after `seconds`, or when this call
+    is interrupted. If a folder is given, the program writes temporary files there. OSError is raised if the program
+    cannot be started. TimeoutExpired is raised if the program needs more time.
     """
     environment = None if folder is None else {**os.environ, "TMPDIR": str(folder)}
     output = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, "errors": "replace"}
@@ -131,7 +131,7 @@ def run_program(command: Sequence[str], seconds: float, folder: Path | None = No
 
 @contextmanager
 def process_group(command: Sequence[str], **options: Any) -> Iterator["subprocess.Popen[Any]"]:
-    """A context with a program in a new process group. At its end, all processes of the group are ended.
+    """A context with a program in a new process group. At the end of the block, all processes of the group are ended.
 
     OSError is raised if the program cannot be started.
     """
@@ -163,7 +163,7 @@ def lead_group() -> None:
 
 
 def note_group(leader: int, base: Path | None = None) -> None:
-    """Remember a forked process that leads a group, and the folder in which it makes folders (default: temporary)."""
+    """Remember a forked process that leads a group, and the folder for its folders (default: the temporary folder)."""
     _GROUPS[leader] = base
 
 
@@ -186,7 +186,7 @@ def end_groups(*leaders: int) -> None:
 
 
 def _has_ended(child: int) -> bool:
-    """Whether a child has ended. The child can still be waited for."""
+    """Whether a child process has ended. A later call of `wait` for this process still works."""
     if hasattr(os, "waitid"):
         return os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
     return os.waitpid(child, os.WNOHANG)[0] != 0
@@ -206,7 +206,7 @@ def clean_up() -> None:
 
 
 def outlive(parent: int) -> None:
-    """Clean up when the parent ends for any reason, and end the process group of this process."""
+    """Clean up because the parent ends, for any reason. Then end the process group of this process."""
     clean_up()
     deadline = time.monotonic() + _GRACE
     while os.getppid() == parent and time.monotonic() < deadline:
@@ -277,7 +277,7 @@ def _maker(folder: Path) -> tuple[int, str] | None:
 
 
 def _machine() -> str:
-    """A text for this machine, its last start and this container. Other machines may share the temporary folder."""
+    """A text that identifies this machine, its last boot and this container. Machines may share a temporary folder."""
     try:
         boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
         return f"{os.uname().nodename} {boot} {os.readlink('/proc/self/ns/pid')}"

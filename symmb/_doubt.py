@@ -4,11 +4,11 @@ from collections.abc import Iterable
 
 
 class Doubt(str):
-    """A sentence that says what is uncertain in some outputs. A plain text concerns all outputs.
+    """A sentence that says what is uncertain in some outputs. A warning that is a plain text concerns all outputs.
 
     Attributes
     ----------
-    outputs : names            outputs with an uncertainty that may exceed their estimated error
+    outputs : names            outputs whose errors may be larger than the estimated errors
 
     Examples
     --------

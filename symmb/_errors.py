@@ -27,7 +27,7 @@ class SymmbError(Exception):
 
 
 class DeclarationError(SymmbError, ValueError):
-    """A scene, a system or an option is declared wrongly. The text states the fault and the remedy.
+    """A scene, a system or an option is declared wrongly. The text of the error states the fault and the remedy.
 
     Examples
     --------
@@ -40,7 +40,7 @@ class DeclarationError(SymmbError, ValueError):
 
 
 class Faults(list[str]):
-    """Faults of a declaration as sentences. One DeclarationError reports all of them."""
+    """Faults of a declaration as sentences. One DeclarationError reports all faults."""
 
     @contextmanager
     def noted(self) -> Iterator[None]:
@@ -66,17 +66,17 @@ def faults_of(owner: str, end: str = "") -> Iterator[None]:
 
 
 class NoParameterError(DeclarationError, KeyError):
-    """A parameter with this name does not exist. It is also a KeyError, because mappings raise a KeyError."""
+    """A parameter with this name does not exist. This error is also a KeyError, because mappings raise a KeyError."""
 
     __str__ = Exception.__str__
 
 
 class NoHandleError(DeclarationError, AttributeError):
-    """A coordinate or rate with this name does not exist. It is also an AttributeError, which `hasattr` expects."""
+    """A coordinate or rate with this name does not exist. This error is also an AttributeError, for `hasattr`."""
 
 
 class FileError(SymmbError, OSError):
-    """A file or a folder cannot be read, made or written. The text names the file or the folder."""
+    """A file or a folder cannot be read, made or written. The text of the error names the file or the folder."""
 
 
 class MissingFileError(FileError, FileNotFoundError):
@@ -100,7 +100,7 @@ class AssemblyError(SymmbError, ValueError):
 
 
 class SimulationError(SymmbError, RuntimeError):
-    """A run failed. The text names the time and the parameter values.
+    """A run failed. The text of the error names the time and the parameter values.
 
     Examples
     --------
@@ -163,7 +163,7 @@ class WithWarnings:
 
 
 def _shortened(text: str) -> str:
-    """The text. The middle of a text that is too long is left out."""
+    """The text, without its middle if it is too long."""
     half = LONGEST_TEXT // 2
     return text if len(text) <= LONGEST_TEXT else f"{text[:half]} ... {text[-half:]}"
 

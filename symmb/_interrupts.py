@@ -20,7 +20,7 @@ shapes, and Python calls them to remove objects."""
 
 
 def carry(interrupt: KeyboardInterrupt, partial: Any) -> None:
-    """Attach the result so far to an interrupt. This result replaces the result of an inner part of the work."""
+    """Attach the result so far to an interrupt, instead of the result of an inner part of the work."""
     interrupt.partial = partial  # pyright: ignore[reportAttributeAccessIssue]
 
 
@@ -92,9 +92,9 @@ class _Repeated:
 
 @contextmanager
 def kept_interrupts() -> Iterator[None]:
-    """A context or decorator for work with CasADi's expressions. Without it, CasADi loses one of ten interrupts.
+    """A context or decorator for work with CasADi, which otherwise loses one of ten interrupts.
 
-    All functions that start such work use this context. Outside them, the handlers of the calling program are active.
+    All functions that start such work use this context. Elsewhere, the signal handlers of the caller are active.
     """
     if isinstance(signal.getsignal(signal.SIGINT), _Repeated):
         yield
@@ -114,7 +114,7 @@ def kept_interrupts() -> Iterator[None]:
 
 
 class Interrupts(ExitStack):
-    """A context for calls that ignore interrupts, as CasADi's integrators do. `noticed` is True after an interrupt."""
+    """A context for calls that ignore interrupts (CasADi's integrators). `noticed` is True after an interrupt."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -143,7 +143,7 @@ class Interrupts(ExitStack):
 
 @contextmanager
 def deferred_interrupts() -> Iterator[None]:
-    """A context for short work without interrupts. An interrupt that arrives is handled at the end of the context."""
+    """A context for short work without interrupts. An interrupt during this work is handled at the end."""
     arrived: list[tuple[int, FrameType | None]] = []
     previous: dict[int, Handler] = {}
     try:

@@ -1,4 +1,4 @@
-"""Arrays with named dimensions for xarray and pandas. Both packages are optional, and are loaded on demand."""
+"""Arrays with named dimensions for xarray and pandas. These packages are optional, and are loaded on demand."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -137,7 +137,7 @@ class Result:
     def to_xarray(self) -> "Dataset":
         """The result as an xarray.Dataset. `to_netcdf` writes the Dataset to a file.
 
-        The dimensions are time and output. Bounds also have bound (lower, upper), and comparisons also have method.
+        The dimensions are time and output, in bounds also bound (lower, upper), and in comparisons also method.
         Select a method by `sel({"method": "Vertex()"})`, because `sel(method=...)` has another meaning in xarray.
         Parameters are coordinates. One run has a coordinate for each parameter, and bounds have the coordinate `box`.
         Parameters of failed runs have the dimension sample. Units, method and warnings (`doubts`) are attributes.
@@ -161,7 +161,7 @@ class Result:
 
 
 class ByOutput:
-    """A result with values for the outputs in `names`. Iteration gives these names, as for a dictionary."""
+    """A result with values for the outputs in `names`. A loop over the result gives the names of the outputs."""
 
     if TYPE_CHECKING:
         names: Any

@@ -1,4 +1,4 @@
-"""Checks of the memory and the number of runs that a request needs, and windows that divide large work."""
+"""Checks of the memory and the number of runs that a request needs, and slices that divide large work."""
 
 import os
 import resource
@@ -9,15 +9,15 @@ from pathlib import Path
 from symmb._errors import PropagationError
 
 MOST_RUNS = 10**8
-"""Maximum number of runs of a request. At 10 microseconds for each run, they take a quarter of an hour."""
+"""Maximum number of runs of a request. If each run takes 10 microseconds, they take a quarter of an hour."""
 MOST_STEPS = 10**8
-"""Maximum number of fixed steps in a run. At one microsecond for each step, they take two minutes."""
+"""Maximum number of fixed steps in a run. If each step takes a microsecond, the run takes two minutes."""
 MOST_STEPS_KEPT = 10**6
-"""Maximum number of fixed steps in one call of CasADi. Each step needs a kilobyte, and no signal ends the call."""
+"""Maximum number of fixed steps in one call of CasADi. Each step needs a kilobyte, and a signal cannot end the call."""
 
 
 def windows(n: int, each: int = 1) -> Iterator[slice]:
-    """Slices that divide n rows of `each` numbers. Work on one slice at a time needs little memory for itself."""
+    """Slices that divide n rows of `each` numbers. Work on one slice at a time needs little memory."""
     size = max(2**20 // each, 1)  # a few arrays of 8 MB
     return (slice(start, min(start + size, n)) for start in range(0, n, size))
 
@@ -32,7 +32,7 @@ def require_memory(owner: object, what: str, numbers: int) -> None:
     if not fits(numbers):
         raise PropagationError(
             f"{owner!r}: {what} take {8e-9 * numbers:.3g} GB, more than half of the {1e-9 * memory():.3g} GB of "
-            "memory. Reduce their number."
+            "memory. Reduce the number of values."
         )
 
 
@@ -47,7 +47,7 @@ def require_steps(owner: object, steps: float, most: float = MOST_STEPS) -> None
     """Raise PropagationError if a run takes too many fixed steps. The text names the owner and the number."""
     if steps > most:
         number = f"{steps:.1e}" if steps < 10**300 else "more than 1e300"
-        raise PropagationError(f"{owner!r} takes {number} steps a run. Use at most {most:.0e} steps.")
+        raise PropagationError(f"{owner!r} takes {number} steps in each run. Use at most {most:.0e} steps.")
 
 
 @cache

@@ -62,7 +62,7 @@ def normal(name: T) -> T:
 
 
 def normal_keys(owner: str, named: T) -> T:
-    """A mapping with names in normal form, or another value unchanged. DeclarationError if two names become equal."""
+    """A mapping with names in normal form. Other values are unchanged. DeclarationError if two names become equal."""
     if not isinstance(named, Mapping) or all(not isinstance(name, str) or name.isascii() for name in named):
         return named
     result = {normal(name): value for name, value in named.items()}
@@ -73,7 +73,7 @@ def normal_keys(owner: str, named: T) -> T:
 
 
 class ByName(dict[str, T]):
-    """Values by names in normal form, and the units of the values that have a unit. Look-ups accept other forms too."""
+    """Values by names in normal form, and the units of the values that have a unit. Look-ups accept all forms."""
 
     _units: Mapping[str, str] = {}
 

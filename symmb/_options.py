@@ -19,7 +19,7 @@ from symmb._types import Array
 def constructor_text(instance: Any, *leading: str) -> str:
     """Text of the call that makes an options object. Fields with default values are left out.
 
-    ``leading`` holds texts for the first fields. They are shown without names, and "" is not shown.
+    ``leading`` has the texts of the first fields. These texts are shown without names of fields; "" is not shown.
     """
     options = [
         f"{option.name}={getattr(instance, option.name)!r}"
@@ -30,7 +30,7 @@ def constructor_text(instance: Any, *leading: str) -> str:
 
 
 def number_text(value: float) -> str:
-    """The shortest text of a number, for messages. Integers may exceed the range of doubles."""
+    """The shortest text of a number, for messages. The value may be an integer beyond the range of doubles."""
     try:
         return f"{value:g}"
     except OverflowError:
@@ -38,7 +38,7 @@ def number_text(value: float) -> str:
 
 
 def is_real(value: object) -> TypeGuard[float]:
-    """Whether a value is a real number, or nan. Texts, truth values and durations are not numbers."""
+    """Whether a value is a real number, or nan. The result is False for texts, truth values and durations."""
     kinds = int | float | np.integer | np.floating
     return isinstance(value, kinds) and not isinstance(value, bool | np.timedelta64)
 
@@ -100,7 +100,7 @@ def require_numbers(owner: str, name: str, value: object, *shape: int | None, le
 
 
 def require_name(owner: str, what: str, name: object, known: Collection[str]) -> str:
-    """A known name as `normal` returns it. DeclarationError is raised if the name is not known."""
+    """A known name in normal form. DeclarationError is raised if the name is not known."""
     if not isinstance(name, str) or (form := normal(name)) not in known:
         raise DeclarationError(f"{owner}: no {what} {shown(name)}.{did_you_mean(name, known)}")
     return form
@@ -122,7 +122,7 @@ def require_names(owner: str, what: str, names: object, known: Iterable[str]) ->
 
 
 def is_finite_number(value: object) -> TypeGuard[float]:
-    """Whether a value is a finite real number. Texts and truth values are not numbers."""
+    """Whether a value is a finite real number. The result is False for texts and truth values."""
     try:
         return is_real(value) and math.isfinite(value)
     except OverflowError:  # an integer beyond the range of doubles
@@ -167,18 +167,18 @@ def require_callable(owner: str, value: object, *arguments: str) -> None:
 
 
 def require_kind(owner: str, name: str, value: object, has: str, example: str) -> None:
-    """Raise DeclarationError unless an object has the method `has`. `example` is an object that has it."""
+    """Raise DeclarationError unless an object has the method `has`. The message contains `example`."""
     if isinstance(value, type | ModuleType) or not callable(getattr(value, has, None)):  # NumPy has `indices`
         raise DeclarationError(f"{owner}: {name} must be an object such as {example}, got {shown(value)}.")
 
 
 def is_whole(value: object) -> TypeGuard[int]:
-    """Whether a value is an integer. Truth values and durations are not integers."""
+    """Whether a value is an integer. The result is False for truth values and durations (bool, timedelta64)."""
     return is_real(value) and isinstance(value, int | np.integer)
 
 
 def whole(owner: str, name: str, value: object, least: int, most: float = math.inf) -> int:
-    """An integer as Python's own type. DeclarationError is raised unless it is from ``least`` to ``most``."""
+    """An integer as Python's own type. DeclarationError is raised unless the value is from ``least`` to ``most``."""
     if not is_whole(value) or not least <= value <= most:
         end = "" if most == math.inf else f" and at most {most}"
         raise DeclarationError(f"{owner}: {name} must be an integer of at least {least}{end}, got {shown(value)}.")
@@ -192,15 +192,15 @@ def dimensions(owner: object, d: object, *, n: object = 0, order: object = 0) ->
 
 
 def require_whole(options: object, name: str, least: int, most: float = math.inf) -> None:
-    """Convert a field of a frozen object to an integer. DeclarationError is raised if it is out of the range."""
+    """Convert a field of a frozen object to an integer. DeclarationError if the value is out of the range."""
     value = whole(type(options).__name__, name, getattr(options, name), least, most)
     object.__setattr__(options, name, value)
 
 
 def require_between(options: object, name: str, text: str, low: float, high: float = math.inf) -> None:
-    """Convert a field of a frozen object to a float. DeclarationError is raised unless it is finite and in the range.
+    """Convert a field of a frozen object to a float. DeclarationError unless the value is finite and in the range.
 
-    `text` says which of `low` and `high` belong to the range. "[)" means that only the lower end belongs to it.
+    `text` says which of `low` and `high` belong to the range. "[)" means that only `low` belongs to the range.
     """
     value = getattr(options, name)
     number = python_number(value) if is_finite_number(value) else math.nan

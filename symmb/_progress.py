@@ -21,7 +21,7 @@ _REACHED = ", estimated error "
 class Progress:
     """A context that shows how much of the work is done, the speed, and the remaining time.
 
-    A call passes the label of the work, the number of finished runs and the number of all runs. The clock also runs
+    Each call passes the label of the work, the number of finished runs and the number of all runs. The clock also runs
     between two calls, for example while equations are derived and compiled. Nested work has no bar of its own.
     """
 
@@ -122,7 +122,7 @@ def _new_bar(stream: Any, done: int, unit: str) -> Any:
 class _CellLine:
     """A file with a last line that is shown below a cell of a notebook. All bars of the cell share the file.
 
-    Exported notebooks show all lines of the standard error, one below the other. This line is empty at the end.
+    Exported notebooks show all lines of the standard error, one below the other. So this line is empty at the end.
     """
 
     _last: ClassVar["tuple[int, _CellLine] | None"] = None

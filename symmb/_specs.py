@@ -10,7 +10,7 @@ from symmb._names import did_you_mean
 from symmb._options import shown
 
 _WHOLE = {"ORDER", "BOXES", "SAMPLES", "POINTS", "RUNS", "PARTS", "PARTICLES", "STEPS"}
-"""Names of the numbers in forms that must be integers. All other numbers are real."""
+"""Names of numbers that must be integers. All other numbers in forms are real."""
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,12 @@ from symmb._magnitudes import SAME
 
 
 def is_timeless(t: Sequence[float] | np.ndarray) -> bool:
-    """Whether the only time is 0. Results without times have this time, which is neither printed nor drawn."""
+    """Whether the only time is 0, as in results without times. This time is neither printed nor drawn."""
     return len(t) == 1 and t[0] == 0
 
 
 def over_times(rows: Sequence[Sequence[str]], t: Sequence[float] | np.ndarray = ()) -> list[list[str]]:
-    """Rows of a table, head first. The columns "at [s]" are left out if there are no times, or all cells are empty.
+    """Rows of a table, head first. The columns "at [s]" are left out if they are empty, or if there are no times.
 
     Examples
     --------

@@ -16,7 +16,7 @@ _FUNCTIONS = (
     ),
     ("MKL_Get_Max_Threads", "MKL_Set_Num_Threads"),
 )
-"""Functions of OpenBLAS, its copies and MKL: each pair of names gets and sets the number of threads."""
+"""Names of functions of OpenBLAS, its copies and MKL. Each pair gets and sets the number of threads."""
 _LOCK = threading.Lock()
 _users = 0
 _before: dict[str, int] = {}
@@ -64,7 +64,7 @@ def _leave() -> None:
 
 @cache
 def _libraries(with_scipy: bool) -> dict[str, tuple[Callable[[], int], Callable[[int], None]]]:
-    """Path of each loaded library -> its two functions. SciPy may load another library than NumPy."""
+    """Path of each loaded library -> its two functions. SciPy and NumPy may load different libraries."""
     found = {}
     for path in _paths(with_scipy):
         try:

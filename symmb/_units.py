@@ -57,7 +57,7 @@ _TABLE = {
     if not prefix or prefix in prefixes or ("u" in prefixes and power == _PREFIXES["u"])
 }
 _COMMON_FIRST = ["mm", "m", "kg", "s", "N", "kN", "MPa", "J", "W", "deg", "rad", "rpm", *_TABLE]
-"""Names of units for error messages, which list the first ones."""
+"""Names of units for error messages. A message lists the first names."""
 _OFFSET = re.compile(r"(?:\N{DEGREE SIGN}|deg)[CF]")
 _RAISED = re.compile("[\N{SUPERSCRIPT MINUS}\N{SUPERSCRIPT ONE}\N{SUPERSCRIPT TWO}\N{SUPERSCRIPT THREE}]+")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -70,11 +70,11 @@ _QUANTITY = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*", re.DOTALL)
 
 
 def unit_of(owner: str, text: str) -> Unit:
-    """The unit of a text such as "N/mm", "kg m^2" or "N s/(m rad)". The texts "" and "1" have no unit.
+    """The unit of a text such as "N/mm", "kg m^2" or "N s/(m rad)". The texts "" and "1" mean that there is no unit.
 
     Raises
     ------
-    DeclarationError    if the text is not a unit or is ambiguous, or if the zero of the unit differs from the SI unit
+    DeclarationError    if the text is not a unit or is ambiguous, or if the unit has another zero than the SI unit (°C)
     """
     if text.strip() in ("", "1"):
         return NO_UNIT
@@ -96,7 +96,7 @@ def unit_of(owner: str, text: str) -> Unit:
             unit = unit.times(_named(owner, text, match[1]), int(match[2] or 1) * (-1 if k else 1))
     largest = 10**100
     if not Fraction(1, largest) < unit.number < largest:
-        raise DeclarationError(f"{owner}: {shown(text)} is beyond the range of numbers.")
+        raise DeclarationError(f"{owner}: {shown(text)} is a unit that is too large or too small.")
     return unit
 
 
@@ -112,7 +112,7 @@ def _named(owner: str, text: str, name: str) -> Unit:
 
 
 def scaled(value: Any, ratio: Unit, inverse: bool = False) -> Any:
-    """A number or an expression times a ratio of units, or divided by it. The ratio 1/1000 is a division by 1000."""
+    """A number or an expression times a ratio of units, or divided by it. For the ratio 1/1000, divide by 1000."""
     divides = ratio.number.numerator == 1 and not ratio.pi
     by = ratio.number.denominator if divides else ratio.factor
     return value if by == 1 else value / by if divides != inverse else value * by
@@ -128,7 +128,7 @@ def ratio_of(owner: str, what: str, unit: str, own: str) -> Unit:
 
 
 def dimensions(owner: str, text: str) -> tuple[int, ...]:
-    """Powers of a unit. The power of the angle is 0 if the unit has a length: N m/rad equals N m."""
+    """Powers of the base units in a unit. The power of the angle is 0 if the unit has a length: N m/rad equals N m."""
     powers = unit_of(owner, text).powers
     return (*powers[:3], 0, *powers[4:]) if powers[0] else powers
 
@@ -157,7 +157,7 @@ def quantity(owner: str, given: object) -> tuple[float, str]:
 
 
 def number_in(owner: str, what: str, given: object, own: str) -> float:
-    """A quantity as a number in `own`, the unit of numbers without a unit. DeclarationError if dimensions differ."""
+    """A quantity as a number in `own`. Plain numbers are in `own`. DeclarationError if units do not fit."""
     number, unit = quantity(f"{owner}:", given)
     return scaled(number, ratio_of(owner, what, unit, own)) if unit else number
 
@@ -244,7 +244,7 @@ def headings(names: Sequence[str], units: Sequence[str], parameters: object = No
 def read_headings(first: str, others: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of outputs from headings, and units if t has a unit. DeclarationError if the first heading is not t."""
     if first not in TIME_HEADINGS:
-        raise DeclarationError("its first column must be t.")
+        raise DeclarationError("the first column must be t.")
     names, units = zip(*map(_parted, others), strict=True) if others else ((), ())
     return (names, units) if first == TIME_HEADINGS[1] else (tuple(others), ())
 

@@ -175,22 +175,22 @@ def sampled(period):
 
 COSTS = {
     "swarm": (lambda: mb.propagate(malformed().DECAY, mb.Swarm(10**5, 10**5), malformed().BOX), "1.0e\\+11 runs"),
-    "steps": (lambda: mb.simulate(malformed().SCENE, mb.RungeKutta(10**20)), "1.0e\\+20 steps a run"),
-    "collocation": (lambda: mb.simulate(malformed().SCENE, mb.Collocation(steps=10**30)), "1.0e\\+30 steps a run"),
+    "steps": (lambda: mb.simulate(malformed().SCENE, mb.RungeKutta(10**20)), "1.0e\\+20 steps in each"),
+    "collocation": (lambda: mb.simulate(malformed().SCENE, mb.Collocation(steps=10**30)), "1.0e\\+30 steps in each"),
     "beyond doubles": (lambda: mb.simulate(malformed().SCENE, mb.RungeKutta(10**400)), "more than 1e300 steps"),
-    "memory": (lambda: mb.simulate(malformed().SCENE, mb.RungeKutta(2**31)), "2.1e\\+09 steps a run"),
-    "step": (lambda: mb.simulate(malformed().SCENE, mb.HHT(1e-300)), "steps a run"),
-    "longest step": (lambda: mb.simulate(malformed().SCENE, mb.NSTIFFSI2(1e-300, rtol=1e-3)), "steps a run"),
+    "memory": (lambda: mb.simulate(malformed().SCENE, mb.RungeKutta(2**31)), "2.1e\\+09 steps in each"),
+    "step": (lambda: mb.simulate(malformed().SCENE, mb.HHT(1e-300)), "steps in each"),
+    "longest step": (lambda: mb.simulate(malformed().SCENE, mb.NSTIFFSI2(1e-300, rtol=1e-3)), "steps in each"),
     "ensemble": (
         lambda: mb.propagate(malformed().SCENE, mb.Vertex(), solver=mb.RungeKutta(10**9)),
-        "1.0e\\+09 steps a run",
+        "1.0e\\+09 steps in each",
     ),
     "probes": (
         lambda: mb.propagate(malformed().DECAY, mb.PolynomialChaos(probes=10**12), malformed().BOX),
         "1.0e\\+12 runs",
     ),
-    "instants": (lambda: sampled(1e-12), "steps a run"),
-    "instants without end": (lambda: sampled(1e-300), "steps a run"),
+    "instants": (lambda: sampled(1e-12), "steps in each"),
+    "instants without end": (lambda: sampled(1e-300), "steps in each"),
     "table": (lambda: mb.Table(range(10**12), range(10**12)), "1000000000000 points are too many"),
     "locus": (lambda: mb.root_locus(malformed().SCENE, "k", (4.0, 5.0), count=10**9), "at most"),
     "mesh": (

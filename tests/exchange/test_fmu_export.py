@@ -225,7 +225,7 @@ def test_faults_of_inputs(make, text):
 
 def test_inputs_stand_in_laws_alone():
     body, u = mb.Body("body", 1.0, 0.1), mb.Input("u")
-    with pytest.raises(mb.DeclarationError, match="Input 'u': a point, a mass or a shape depends on it"):
+    with pytest.raises(mb.DeclarationError, match="Input 'u': a point, mass or shape depends on this input"):
         mb.System(body, u, mb.Revolute("pin", mb.Ground().point(u.value, 0), body.point(0, 0)))
 
 

@@ -195,7 +195,7 @@ def test_a_spring_of_length_0_and_its_damper_are_finite_where_the_points_meet():
 @pytest.mark.parametrize("force", ["spring", "bushing", "damper"])
 def test_a_force_out_of_the_plane_of_a_planar_body_is_refused(force):
     a, b = free_body("Planar", "a"), free_body("Spatial", "b")
-    told = r"'s': force along z leaves the plane of planar body 'a'\. Leave it out"
+    told = r"'s': force along z acts out of the plane of planar body 'a'\. Leave it out"
     refused(told, mb.System, a, b, INTERNAL[force](a, b))
 
 

@@ -25,7 +25,7 @@ def spatial(**more):
 NAN = "Torque 'drive': torque: .*(contains nan|contains NaN)"
 FAULTS = [
     (lambda: [P], r"neither a body, a constraint nor a force\. Pass parameters=p"),
-    (lambda: [mb.Torque("rod1", ROD1, 1.0)], "Torque 'rod1': the name is used twice. Choose another."),
+    (lambda: [mb.Torque("rod1", ROD1, 1.0)], "Torque 'rod1': the name is used twice. Choose another name."),
     (lambda: [mb.Gravity(0, 1), mb.Gravity(1, 0)], "Gravity 'gravity': the name is used twice"),
     (lambda: [mb.Body("rod.1", 1.0, 0.1)], r"Body 'rod\.1': a name must not contain \. \[ \] or spaces"),
     (lambda: [mb.Body("", 1.0, 0.1)], "Body '': a name must have 1 to 100 printable characters"),
@@ -128,8 +128,8 @@ OF_ELEMENTS = [
     (mb.Torque, (ROD1, sp.Symbol("rod1.teta")), r"torque: Unknown symbol 'rod1\.teta' .*Did you mean 'rod1\.theta'\?"),
     (mb.SpringDamper, (ORIGIN, CENTRE, 1.0, np.inf), "damping is infinite. Give a finite number"),
     (mb.Revolute, (ORIGIN, ROD1.point(np.nan, 0)), "a point of body 'rod1' contains NaN or infinity"),
-    (mb.Force, (CENTRE, (0, 0, 2)), r"force along z \(2\.?\) leaves the plane of planar body 'rod1'\. Leave it out"),
-    (mb.Torque, (ROD1, (1, 0, 0)), r"torque about x \(.*\) leaves the plane of planar body 'rod1'"),
+    (mb.Force, (CENTRE, (0, 0, 2)), r"force along z \(2\.?\) acts out of the plane of planar body 'rod1'\. Leave it"),
+    (mb.Torque, (ROD1, (1, 0, 0)), r"torque about x \(.*\) acts out of the plane of planar body 'rod1'"),
     (mb.Torque, (BALL, 1.0), r"body 'ball' has Particle\(\), which cannot be used", BALL),
     (mb.Bushing, (ORIGIN, TOP.point(0, 0), (1, 2)), "stiffness has 2 components. Pass one number or three", TOP),
     (mb.Bushing, (ORIGIN, TOP.point(0, 0), np.zeros(3, [("a", float)])), "stiffness: array.* is not a number", TOP),

@@ -174,7 +174,7 @@ def test_tolerances_without_a_size(seed):
     [
         ("1°", "'°' does not fit parameter 'arm'"), ("-1 mm", "'arm': '-1 mm' is not a tolerance"),
         ("1,5 mm", "'arm'"), ("1,5%", "Use a point"), ("±1,5%", "Use a point"),
-        ((1, "kg"), "'kg' does not fit"), (("1 mm", 2), "either both ends or neither must have a unit"), ((1, 2, "mmm"),
+        ((1, "kg"), "'kg' does not fit"), (("1 mm", 2), "give both ends a unit, or neither end"), ((1, 2, "mmm"),
             "'mmm' is not a"),
         ((-1, "mm"), "at least 0"), ("-1%", "at least 0 % and"), (".1", "or a tolerance. Write '±.1'"),
     ],
@@ -186,7 +186,7 @@ def test_tolerances_without_a_size_that_are_refused(tolerance, why):
 
 @pytest.mark.parametrize(("text", "unit"), [("1°", "°"), ("2 mm", "mm"), ("±1 N/mm", "N/mm"), ("1 N m/deg", "N m/deg")])
 def test_tolerances_with_a_unit_ask_for_that_of_the_parameter(text, unit):
-    with told_in_a_line(re.escape(f"'rest' has no unit, but {text!r} has one. Declare rest=(..., {unit!r}).")):
+    with told_in_a_line(re.escape(f"'rest' has no unit, but {text!r} has. Declare rest=(..., {unit!r}).")):
         mb.Box.plus_minus(mb.Parameters(rest=1.0), rest=text)
 
 

@@ -216,7 +216,7 @@ def test_wrong_sizes_and_titles_are_refused(pictured, wrong):
 
 @RESULTS
 def test_a_size_does_not_go_with_given_axes(result):
-    refused("figsize sets a new figure", result.plot, outputs="x", ax=Figure().subplots(), figsize=(4, 3))
+    refused("figsize is for new figures", result.plot, outputs="x", ax=Figure().subplots(), figsize=(4, 3))
 
 
 def test_the_nominal_run_is_drawn_beside_its_bounds():

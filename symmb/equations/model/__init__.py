@@ -1,7 +1,7 @@
-"""From a declaration to equations: System, Scene, and the DAE bundle for solvers.
+"""From a declaration to equations: System, Scene, and DAE, the compiled equations for solvers.
 
-Declarations are checked here, and all faults are reported at once: `validation` and `assembly`. `tolerance_list` reads
-the texts of tolerances for `Box`, and `iso_grades` their grades.
+`validation` and `assembly` check declarations, and report all faults at once. `tolerance_list` and `iso_grades` read
+tolerances for `Box`.
 """
 
 from symmb.equations.model.box import Box

@@ -1,6 +1,6 @@
 """Motion and forces along a tree of joints: recursions from body to body.
 
-Every body has working axes W and an origin. For a spatial body on a joint, these are axes and origin of the joint
+Every body has working axes W and an origin. For a spatial body on a joint, W and the origin are those of the joint
 frame. The axes W of a planar body are parallel to the world axes. Accelerations (a, alpha) are accelerations of the
 origin in working axes, and forces (f, n) act at the origin.
 """
@@ -62,7 +62,7 @@ GROUND = Placed(
 
 
 def free(body: Body) -> Placed:
-    """A body without a carrying joint. Its own coordinates determine its acceleration."""
+    """A body without a carrying joint. The coordinates of the body determine its acceleration."""
     frame = body.frame
     n = frame.v.numel()
     axes = _I if isinstance(body.pose, Planar) or not isinstance(body.pose, Spatial) else frame.R
@@ -137,7 +137,7 @@ def _product(carrier: ca.SX, motion: JointMotion) -> ca.SX:
 
 
 class ArticulatedBodies:
-    """The mass matrix, forces and accelerations of bodies on a tree of joints. Each link follows its carrier."""
+    """The mass matrix, forces and accelerations of bodies on a tree of joints. Carriers come first."""
 
     def __init__(self, bodies: Sequence[Body], links: Sequence[Link]) -> None:
         self.links = links
@@ -237,7 +237,7 @@ class Loads:
         return self._along_joints({body: inertia @ A[body] for body, inertia in self._inertia.items()})
 
     def _along_joints(self, forces: dict[int, ca.SX]) -> ca.SX:
-        """Generalised forces (n_v,) along the joints' velocities of the forces (6,) on the bodies."""
+        """Generalised forces (n_v,) along the joints' velocities, from forces (6,) on the bodies."""
         F, along = dict(forces), ca.SX(self._tree.n_v, 1)
         for link, here, carrier in reversed(self._walk()):
             if here.H.shape[1]:

@@ -112,7 +112,7 @@ class Collected:
     n_declared_rows: int  # number of rows of all joints, including zero rows
 
     def keeping(self, numbers: Sequence[int]) -> "Collected":
-        """A copy with some of the rows only. `numbers` are the indices of these rows in ascending order."""
+        """A copy with only the rows whose indices are in `numbers`, in ascending order."""
         n_c = self.Phi.numel()
         owners = [next(name for name, where in self.rows.items() if where.start <= i < where.stop) for i in numbers]
         return replace(
@@ -203,7 +203,7 @@ def _with_all_coordinates(elements: Sequence[Body | Element], given: Parameters 
     faults.raise_any()
     collected = _assemble(inertial, bind, equations)
     for name in bind.inputs_in([ca.vec(collected.M), collected.Q, collected.Phi, collected.Psi]):
-        faults.append(f"Input {name!r}: a point, a mass or a shape depends on it. Only laws may depend on inputs.")
+        faults.append(f"Input {name!r}: a point, mass or shape depends on this input. Only laws may depend on inputs.")
     faults.raise_any()
     return collected
 
@@ -225,7 +225,7 @@ class _Equations:
 
     @property
     def forces(self) -> dict[str, ca.SX | None]:
-        """The law of each force element, by name. For an element with several forces, it is their sum."""
+        """The law of each force element, by name; for an element with several forces, the sum of their laws."""
         own = {f.name: [a.force for a in actions if a.force is not None] for f, actions in self.actions.items()}
         return {name: sum(forces[1:], forces[0]) if forces else None for name, forces in own.items()}
 
@@ -273,7 +273,7 @@ def _write_equations(
 
 
 def _gate_rows(equations: _Equations, bind: Binding) -> None:
-    """Rewrite the rows of joints that open or close. Rows of open joints are 0. A Latch keeps its pose at closing."""
+    """Rewrite the rows of joints that open or close. Rows of open joints are 0. A Latch keeps its pose."""
     for name in row_gates(event for event, _ in equations.joint_events):
         parts, own = [], equations.positions[name]
         for event, _ in equations.joint_events:
@@ -375,7 +375,7 @@ def _forces(
 
 
 def _owners(rows: dict[str, list[ca.SX]]) -> Iterator[str]:
-    """The name of the constraint for each of its rows."""
+    """The name of the constraint of each row."""
     return chain.from_iterable([name] * len(own) for name, own in rows.items())
 
 

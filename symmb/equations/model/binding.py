@@ -114,13 +114,13 @@ class Binding:
             return ""
         if symbol.name() in self.by_name:
             return (
-                f"symbol {symbol.name()!r} belongs to another body or Parameters object than the part of the System "
-                "with this name. Use the same object for both."
+                f"symbol {symbol.name()!r} belongs to an object outside the System, which has another object "
+                "with the same name. Use one object for both."
             )
         if re.search(r"\.lam\[\d+\]$", symbol.name()):
             return (
                 f"{symbol.name()!r} is a reaction and follows from the equations, so laws cannot depend on it. Only "
-                "outputs and conditions of Release can depend on reactions of their own System."
+                "outputs and conditions of Release can depend on reactions of the same System."
             )
         if declared_with(symbol) is not None:
             return (

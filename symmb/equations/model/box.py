@@ -71,7 +71,7 @@ class Box:
         object.__setattr__(self, "units", units if any(units) else ())
 
     def with_units(self, units: Mapping[str, str]) -> "Box":
-        """The box in these units, given by name of the parameter. Ends without a unit are already in this unit.
+        """A copy in the given units, by name of the parameter. Numbers of a box without units are not changed.
 
         Raises
         ------
@@ -147,10 +147,10 @@ class Box:
         **tolerances : by name, a number (for both sides), a pair (lower, upper) of signed deviations, or a percentage
             such as "1%". A size in mm may also have deviations, such as "40 ±0.1", "40 +/- 0.1", "40 ±1%" or
             "40 +0.1/-0.2", or a grade by ISO 286 or ISO 2768, such as "40 H7" or "120 ISO 2768-m". The nominal value
-            must then be equal to the size, in m or mm. For an angle such as "30° ±0.5°", it is in rad or degrees. For a
-            parameter with a unit, sizes and deviations may have other units of the same kind, as in "±0.1 mm" and
-            "23.5 cm +1/-2 mm". Sizes and deviations without a unit are in the unit of the parameter. Sizes with a grade
-            are in mm
+            must be equal to the size in the text, in m or mm. For an angle such as "30° ±0.5°", the nominal value is in
+            rad or degrees. For a parameter with a unit, sizes and deviations may have other units of the same kind, as
+            in "±0.1 mm" and "23.5 cm +1/-2 mm". Sizes and deviations without a unit are in the unit of the parameter.
+            Sizes with a grade are in mm
 
         Raises
         ------
@@ -177,9 +177,9 @@ class Box:
 
         A CSV file has the columns `name`, `nominal`, `plus` and `minus`. `plus` and `minus` are the distances of the
         ends from the nominal value. Without `minus`, `plus` is used for both sides. Instead of `plus` and `minus`, a
-        column `tolerance` may contain texts for `plus_minus`, such as 1%, 40 ±0.1 or 40 H7. In a TOML file each
-        parameter is a table with these keys. Numbers are in the unit of the parameter, or have a unit of the same kind,
-        such as 0.5 mm.
+        column `tolerance` may contain texts for `plus_minus`, such as 1%, 40 ±0.1 or 40 H7. In a TOML file, each
+        parameter is a table with the names of the columns as keys. Numbers are in the unit of the parameter, or have a
+        unit of the same kind, such as 0.5 mm.
 
         Parameters
         ----------
@@ -189,7 +189,7 @@ class Box:
         Raises
         ------
         DeclarationError
-            If the file is not a table of tolerances, or if a nominal value differs from that in `parameters`.
+            If the file is not a table of tolerances, or if its nominal values differ from `parameters`.
         FileError
             If the file cannot be read.
         """
@@ -261,7 +261,7 @@ class Box:
         return points
 
     def without(self, name: str) -> "Box | None":
-        """The box of the other parameters; None if there are no others."""
+        """The box without this parameter; None if no parameter remains."""
         require_instance(repr(self), name, str, "the name of a parameter")
         left = {other: ends for other, ends in self.intervals.items() if other != normal(name)}
         return Box(**left) if left else None
@@ -273,7 +273,7 @@ class Box:
         return iter(self.names)
 
     def keys(self) -> tuple[str, ...]:
-        """The names of the parameters. They make `dict(box)` a dictionary of the intervals."""
+        """The names of the parameters. `dict(box)` uses these names as keys of the intervals."""
         return self.names
 
     def __getitem__(self, name: str) -> tuple[float, float]:

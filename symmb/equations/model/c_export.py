@@ -135,7 +135,7 @@ def _layout(name: str, pattern: ca.Sparsity) -> str:
 
 
 def _numbers(labelled: Iterable[tuple[str, float]]) -> str:
-    """The numbers of a C array, one per line with a label. An empty array gets a zero: C has no empty arrays."""
+    """The numbers of a C array, one per line with a label. An empty array gets a zero, which C requires."""
     labelled = [(label.replace("*/", "* /"), value) for label, value in labelled]
     return "\n".join(f"    {float(value)!r}, /* {label} */" for label, value in labelled) or "    0.0"
 
@@ -150,7 +150,7 @@ _HEADER = """\
  *
  *     int flag = f(arg, res, iw, w, mem);                flag is 0 if all went well
  *
- * arg[i] points to the numbers of input i. res[i] points to the memory for output i, or is 0 if it is not needed.
+ * arg[i] points to the numbers of input i. res[i] points to the memory for output i, or is 0 if output i is not needed.
  * Matrices are stored column by column. If entries of a matrix are listed below, only these are stored, in this
  * order. (row, column) are counted from 0. f_sparsity_out(i) returns the same pattern in compressed columns:
  * {rows, columns, start of each column..., total, row of each nonzero...}, or {rows, columns, 1} if all

@@ -1,4 +1,5 @@
-"""Compilation of the DAE bundle of a system. Functions that may not be needed are compiled at their first use."""
+"""Compilation of the equations of a system. Functions that may not be needed are compiled at their first
+use."""
 
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
@@ -33,8 +34,8 @@ def compile_dae(system: System, rows: Sequence[int] | None = None, nullities: tu
     rows : sequence of int, optional
         indices of the constraint rows to keep if the other rows are redundant
     nullities : (int, int)
-        numbers of vanishing linear combinations of these rows, and of the position rows among them. The combinations
-        vanish at all positions that satisfy the constraints
+        numbers of linear combinations that vanish at all positions that satisfy the constraints: combinations of all
+        kept rows, and of the kept position rows
 
     Returns
     -------

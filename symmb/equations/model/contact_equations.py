@@ -4,7 +4,7 @@ With gaps g, their rates g' = W v + g_t, and the effects B, L of unit forces alo
 
     M B + G' L = W',    G B = 0,    D = W B,
 
-the forces f >= 0 in closed contacts follow from g'' = W (v'_free + B f) + zeta = 0, and velocities jump by B P.
+the forces f >= 0 in closed contacts follow from g'' = W (v'_free + B f) + zeta = 0, and impulses P change v by B P.
 States c are 1 for closed contacts and 0 for open contacts. With (c D c + 1 - c) f = -c (W v'_free + zeta), the forces
 of open contacts are 0. So the same equations are valid for all combinations of open and closed contacts.
 """
@@ -162,7 +162,7 @@ class ContactEquations:
 
     @property
     def power(self) -> ca.SX:
-        """Power of the forces in closed contacts [W]. They do work if a law of time moves a body."""
+        """Power of the forces in closed contacts [W]. Contact forces do work if a law of time moves a body."""
         return -ca.dot(self.force, self.at_rest)
 
     def _function(self, name: str, **outputs: ca.SX) -> ca.Function:

@@ -1,4 +1,4 @@
-"""The DAE bundle for solvers: compiled functions, which can be pickled, unlike SX expressions."""
+"""The equations of motion for solvers, as compiled Functions. Unlike SX expressions, Functions can be pickled."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -40,8 +40,8 @@ class DAE:
     """Compiled equations of motion of a system; see `system` for the notation.
 
     Every Function takes (q, v, p, t), or (q, v, s, p, t) if there are first-order states, unless said otherwise. A part
-    that the scene does not have is None. The Functions in `equations` and the scales are made at their first use.
-    Otherwise most of the time would be spent on Functions that the formulation of the scene does not use.
+    that the scene does not have is None. The Functions in `equations` and the scales are made at their first use,
+    because a formulation of the scene uses only some of these Functions.
     """
 
     q_names: tuple[str, ...]
@@ -98,7 +98,7 @@ class DAE:
 
     @cached_property
     def memory(self) -> dict[Any, Any]:
-        """Results derived from the equations. They are valid for all nominal parameters."""
+        """Results derived from the equations. The results are valid for all nominal parameters."""
         return {}
 
     def remembered(self, derive: Callable[["DAE", Array], T], times: Array = NO_TIMES, *more: float) -> T:
@@ -131,7 +131,7 @@ class DAE:
 
     @cached_property
     def M(self) -> ca.Function:
-        """Mass matrix (n_v, n_v), formed at its first use, because it is full for a long chain in joint coordinates."""
+        """Mass matrix (n_v, n_v), formed at its first use, because a long chain of joints has a full matrix."""
         names = self.inertia.name_in()
         *x, a = [ca.SX.sym(name, self.inertia.size1_in(i)) for i, name in enumerate(names)]
         return ca.Function("M", x, [ca.jacobian(self.inertia(*x, a), a)], names[:-1], ["M"])
@@ -214,8 +214,9 @@ class DAE:
         """Write the Functions as C with a header and a small main program. The files need only a C compiler.
 
         The main program integrates from "q" (n_q,), "v" (n_v,), "s" (n_s,) and "p" (n_p,) in `start` over "times"
-        (n_t,). The default is one second from neutral coordinates at rest. With impacts or sampled values, there is no
-        main program, but the Functions of their equations are written. The method returns the paths of the files.
+        (n_t,). The default run takes one second, from neutral coordinates at rest. For scenes with impacts or
+        sampled values, only the Functions are written, without a main program. The method returns the paths of the
+        files.
         """
         exported = ("rhs", "M", "Q", "Phi", "Phi_q", "Phi_t", "gamma", "forward", "energy")
         functions = {name: f for name in exported if (f := getattr(self, name)) is not None}

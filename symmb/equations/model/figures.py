@@ -1,4 +1,4 @@
-"""Scalar outputs with expressions that are bound to a scene."""
+"""Scalar outputs of a scene, as expressions in the symbols of the scene."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

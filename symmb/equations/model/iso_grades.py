@@ -15,7 +15,7 @@ def _row(text: str) -> tuple[float, ...]:
 
 
 _SIZES = _row("3 6 10 18 30 50 80 120 180 250 315 400 500")
-"""Upper ends of the ranges of sizes [mm]: a size at the end of a range belongs to it."""
+"""Upper ends of the ranges of sizes [mm]: a size at the upper end belongs to the range."""
 _FINE_SIZES = _row("3 6 10 14 18 24 30 40 50 65 80 100 120 140 160 180 200 225 250 280 315 355 400 450 500")
 _GRADES = {
     1: _row("0.8 1 1 1.2 1.5 1.5 2 2.5 3.5 4.5 6 7 8"),
@@ -44,7 +44,7 @@ _ABOVE = {
     "g": _row("2 4 5 6 7 9 10 12 14 15 17 18 20"),
     "h": 13 * (0.0,),
 }
-"""Distance of the upper end of a shaft's zone below the size, and of the lower end of a hole's zone above the size."""
+"""Distance from the nominal size down to the upper end of a shaft's zone, or up to the lower end of a hole's zone."""
 _BELOW = {
     "k": _row("0 1 1 1 2 2 2 3 3 4 4 4 5"),
     "m": _row("2 4 6 7 8 9 11 13 15 17 20 21 23"),
@@ -62,7 +62,7 @@ _GENERAL: dict[str, tuple[float | None, ...]] = {
     "c": (200, 300, 500, 800, 1200, 2000, 3000, 4000),
     "v": (None, 500, 1000, 1500, 2500, 4000, 6000, 8000),
 }
-"""Deviations to both sides of sizes without an individual tolerance."""
+"""Deviations above and below the size, for sizes without an individual tolerance."""
 _FIT = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(js|JS|[A-Za-z])(\d+)\s*")
 _GENERAL_CLASS = re.compile(r"\s*(\d+(?:\.\d+)?)\s+(?:(?i:ISO)\s*)?2768\s*-?\s*([a-z])[A-Z]?\s*")
 
@@ -85,7 +85,7 @@ def sizes_of_grade(text: str) -> tuple[float, float, float]:
 
 
 def _general_deviation(text: str, size: float, letter: str) -> float:
-    """Deviation to both sides [um] by ISO 2768."""
+    """Deviation above and below the size [um] by ISO 2768."""
     if letter not in _GENERAL:
         raise DeclarationError(f"{text!r}: ISO 2768 has the classes f, m, c and v.")
     widths, k = _GENERAL[letter], bisect_left(_GENERAL_SIZES, size)

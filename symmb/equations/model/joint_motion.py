@@ -123,7 +123,7 @@ def _quaternion_of_frame(F: ca.SX, bind: Binding) -> ca.SX:
 def _angle_in_plane(a: ca.SX, b: ca.SX, bind: Binding) -> ca.SX:
     """The angle about z that turns the axis b onto the axis a [rad].
 
-    With parameters, the angle is counted from its nominal value, so it has no jump at half a turn.
+    If the angle depends on parameters, it is counted from the nominal angle, so it has no jump at half a turn.
     """
     if a.is_constant() and b.is_constant():
         return ca.atan2(a[1], a[0]) - ca.atan2(b[1], b[0])

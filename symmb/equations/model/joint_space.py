@@ -264,7 +264,7 @@ class JointSpace:
 
 
 def _by_trees(links: Sequence[Link]) -> tuple[Link, ...]:
-    """Links ordered by tree. In each tree, a link follows its carrier."""
+    """Links sorted by tree. In each tree, every link comes after its carrier."""
     root: dict[int | None, int | None] = {None: None}
     for link in links:
         carrier = None if link.carrying is None else link.carrying.carrier
@@ -274,7 +274,7 @@ def _by_trees(links: Sequence[Link]) -> tuple[Link, ...]:
 
 
 def _handles(joint: Joint, motion: JointMotion) -> dict[int, ca.SX]:
-    """Joint coordinates and velocities by hashes of the joint's handles. They replace the handles in expressions."""
+    """Joint coordinates and velocities by hashes of the joint's handles, which they replace in expressions."""
     nodes: dict[int, ca.SX] = {}
     names, values = (*motion.q_names, *motion.u_names), ca.vertsplit(ca.vertcat(motion.q, motion.u))
     for name, value in zip(names, values, strict=True):

@@ -22,7 +22,7 @@ class Sampling:
     begin: float = 0.0  # the first instant [s]
 
     def held(self, q: ca.SX, v: ca.SX, s: ca.SX, p: ca.SX, time: ca.SX) -> ca.SX:
-        """States s (n_s,) with new values for instants that are reached at a time. Each instant acts once."""
+        """States s (n_s,), with new values if an instant is reached at this time. Each instant acts once."""
         s = ca.SX(s)
         for period, (value, count), law in zip(self.periods, self.states, self.laws, strict=True):
             # Rounding moves the ends of steps, so an instant is reached a little early.
@@ -42,7 +42,7 @@ class Sampling:
         return replace(self, laws=tuple(laws))
 
     def instants(self, times: Array) -> Array:
-        """The instants (k,) after the first and up to the last of the times (n_t,) [s]."""
+        """The instants (k,) [s] after the first of the times (n_t,), up to and including the last time."""
         counts = [(T, *np.floor((times[[0, -1]] - self.begin) / T + SLIGHT)) for T in self.periods]
         require_steps("Sampled", sum(last - first for _, first, last in counts), MOST_STEPS_KEPT)
         instants = np.concatenate([self.begin + T * np.arange(first + 1, last + 1) for T, first, last in counts])

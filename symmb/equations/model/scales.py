@@ -7,7 +7,7 @@ from symmb._types import Array
 
 @dataclass(frozen=True)
 class Scales:
-    """Typical magnitudes of lengths, energies and constraint rows. They make solvers independent of units."""
+    """Typical magnitudes of lengths, energies and constraint rows, so that solvers do not depend on units."""
 
     length: float = 1.0  # [m]
     energy: float = 1.0  # at unit velocity: largest inertia times squared displacement [kg m^2]

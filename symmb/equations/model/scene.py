@@ -32,8 +32,8 @@ Output = Expr | Figure | tuple[Expr | Figure, str]
 
 
 class _Fitting(str):
-    """A unit that fits its output. It is not checked again, because fewer units are known after pickling: expressions
-    in a pickle share no nodes."""
+    """A unit that fits its output. This unit is not checked again, because fewer units are known after pickling:
+    expressions in a pickle share no nodes."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -46,8 +46,8 @@ class Scene:
     start : mapping
         name -> number or expression of parameters. Names belong to bodies ("rod.theta", "rod.vx", "top.rotation",
         "top.omega"), to joints ("elbow.angle", "elbow.angle_rate", "slide.displacement", "slide.displacement_rate") and
-        to `State`s. The start has exactly these values. Other values follow from Phi = 0 and its rate. Relative rates
-        of joints are 0 if the constraints do not determine them
+        to `State`s. The start has exactly the listed values. Other values follow from the constraints. If the
+        constraints do not determine the relative rate of a joint, the rate is 0
     times : (n_t,) array
         or a list; increasing times of the outputs [s], or a pair with a unit, such as ([0, 5], "ms"). The run starts at
         the first time. Default: 0 only
@@ -135,10 +135,10 @@ class Scene:
             faults.append(f'coordinates: {shown(coordinates)} is neither "joint" nor "body".')
         if self.restart is not None and not untimely and float(np.asarray(self.times)[0]) != self.restart.time:
             faults.append(
-                f"times: the scene continues a run that ended at {self.restart.time!r} s. Start at this time."
+                f"times: the first time must be {self.restart.time!r} s, the end of the run that the scene continues."
             )
         if self.restart is not None and self.equilibrium:
-            faults.append("equilibrium: the scene continues a run. Omit equilibrium.")
+            faults.append("equilibrium: a scene that continues a run already has a start state. Omit equilibrium.")
         faults += [f"name {shown(self.name)}: {fault}" for fault in [name_fault(self.name)] if fault]
         # Coordinates that move uniformly need the start time.
         for attribute in ("_own_box", "prescribed", "guesses", *(() if untimely else ("_bound_outputs", "figures"))):
@@ -320,7 +320,7 @@ class Scene:
         return ca.vertcat(*self._bound_outputs.values()) if self._bound_outputs else ca.SX(0, 1)
 
     def expression(self, expression: Expr, what: str = "expression") -> ca.SX:
-        """Any expression of the scene as SX of q, v, v', s, lam, p and t. Decoupled coordinates move uniformly."""
+        """Any expression of the scene as SX of q, v, v', s, lam, p and t. Unforced coordinates move uniformly."""
         require_instance("expression: what", what, str, "a text")
         bound = self._bound(expression, what)
         elapsed = t - float(np.asarray(self.times, dtype=float)[0])
@@ -385,8 +385,8 @@ class Scene:
         """A copy that continues a run. The parameters of the run become the nominal parameters.
 
         Positions, velocities, states, turns of angles, held values and closed contacts are taken from the end of the
-        run. The times are shifted to start at this end, so functions of `t` continue. For other values of
-        parameters, coordinates and velocities change by the smallest amount that satisfies the constraints.
+        run. The times are shifted to start at the end of the run, so functions of `t` continue. If a new run has other
+        parameter values, coordinates and velocities change by the smallest amount that satisfies the constraints.
 
         Parameters
         ----------
@@ -440,11 +440,11 @@ def _time_faults(times: Sequence[float] | Array) -> list[str]:
     with np.errstate(over="ignore"):
         horizon, rounding = float(end - begin), float(np.spacing(np.abs(array).max()))
     if array.size > 1 and not shortest <= horizon <= longest:
-        return [f"times: from {begin:g} to {end:g} s; expected {shortest:g} to {longest:g} s. Use other units."]
+        return [f"times: from {begin:g} to {end:g} s, but a run must last {shortest:g} to {longest:g} s."]
     # Solvers take small steps between two times.
     if array.size > 1 and rounding > SLIGHT * horizon:
         return [
-            f"times: floating-point numbers near {end:g} are {rounding:.1g} apart, which is too coarse for "
+            f"times: floating-point numbers near {end:g} are {rounding:.1g} apart, which is too coarse for a run of "
             f"{horizon:g} s. Start the times at 0."
         ]
     return []

@@ -42,7 +42,7 @@ class JointValue:
 
     @property
     def row(self) -> ca.SX:
-        """Residual that is 0 if the handle has the listed value. Angles count their turns from this value."""
+        """Residual that is 0 if the handle has the listed value. The turns of angles are counted from this value."""
         expression, state = getattr(self.joint, self.handle), self.state
         return (expression if state is None else ca.substitute(expression, state.sx, self.value)) - self.value
 
@@ -51,8 +51,8 @@ class JointValue:
 class Prescribed:
     """Listed start values: coordinates and velocities by index, and the displacements that they prescribe.
 
-    By name, `drift` has coordinates on which no element acts, `joints` has joint values, and `states` has first-order
-    states.
+    Three fields are by name: `drift` for coordinates on which no element acts, `joints` for joint values, and `states`
+    for first-order states.
     """
 
     q: dict[int, ca.SX] = field(default_factory=dict)

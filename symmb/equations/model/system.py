@@ -119,7 +119,7 @@ class System(FilledByBlock, ReadEquations):
         return _restored((*self.elements, *more), parameters, ca.SX(self.lam), self.vdot, self._added)
 
     def keeping(self, rows: Sequence[int], nullity: int = 0) -> "System":
-        """A copy with only these rows and new multipliers. `nullity` is the number of their vanishing combinations."""
+        """A copy with only these rows, and new multipliers. `nullity` linear combinations of the rows vanish."""
         return self._with(collected=self.collected.keeping(rows), nullity=nullity)
 
     def _with(self, **changes: Any) -> "System":
@@ -219,18 +219,18 @@ class System(FilledByBlock, ReadEquations):
 
     @cached_property
     def solved_hashes(self) -> frozenset[int]:
-        """Hashes of multipliers and accelerations. They identify the outputs that need a solution of the equations."""
+        """Hashes of multipliers and accelerations, which identify outputs that need a solution of the equations."""
         return frozenset(s.element_hash() for s in ca.vertsplit(ca.vertcat(ca.SX(self.lam), self.vdot)))
 
     def ddt(self, expression: Expr) -> ca.SX:
         """Rate of an expression of coordinates, velocities, first-order states and `t`, for outputs: d/dt f(q, v, t).
 
-        Unlike `symmb.ddt`, it accepts velocities: `system.ddt(ram.vx)` is an acceleration.
+        Unlike `symmb.ddt`, this method accepts velocities: `system.ddt(ram.vx)` is an acceleration.
 
         Raises
         ------
         DeclarationError
-            If a symbol is unknown or is a multiplier
+            If the expression contains an unknown symbol or a multiplier
 
         Examples
         --------
@@ -287,7 +287,7 @@ class System(FilledByBlock, ReadEquations):
 
     @cached_property
     def Phi_t(self) -> ca.SX:
-        """Partial time derivative of the position constraints, (n_c,). It is nonzero only for rows of drives."""
+        """Partial time derivative of the position constraints, (n_c,), nonzero only in rows of drives."""
         return ca.sparsify(ca.jacobian(self.Phi, t))
 
     @cached_property
@@ -303,7 +303,7 @@ class System(FilledByBlock, ReadEquations):
 
     @cached_property
     def gamma(self) -> ca.SX:
-        """Right side of G v' = gamma, (n_c + n_psi,). It is minus the time derivative of `Phi_dot` for v' = 0."""
+        """Right side of G v' = gamma, (n_c + n_psi,). gamma is minus the time derivative of `Phi_dot` for v' = 0."""
         x, rates = ca.vertcat(self.q, self.s), ca.vertcat(self.qdot, self.s_rate)
         return ca.densify(-(ca.jtimes(self.Phi_dot, x, rates) + ca.jacobian(self.Phi_dot, t)))
 
@@ -346,14 +346,14 @@ class System(FilledByBlock, ReadEquations):
     def power(self) -> ca.SX:
         """Power of forces without potential, of drives and of added or removed mass [W].
 
-        The power depends on q, v, s, lam, p and t. Added and removed mass has the velocity of the body, so M v' = Q.
+        The power depends on q, v, s, lam, p and t. Mass joins and leaves at the velocity of the body, so M v' = Q.
         """
         at_rest = ca.substitute(self.Phi_dot, self.v, ca.SX.zeros(self.v.shape))
         of_forces = self.collected.power if self._joints is None else self._joints.power
         return of_forces + ca.dot(ca.SX(self.lam), at_rest)
 
     def reaction(self, name: str) -> Reaction:
-        """Reaction of the joint with this name on its second body at the joint's point, in world axes [N], [N m].
+        """Force [N] and torque [N m] of a joint on its second body, at the joint's point, in world axes.
 
         Raises
         ------
@@ -365,7 +365,7 @@ class System(FilledByBlock, ReadEquations):
     def force(self, name: str) -> ca.SX:
         """Force of the element with this name [N, N m], such as the tension of a spring or the torque of a motor.
 
-        The force of a contact is its normal force. For several contact points, it is the sum of the normal forces.
+        The force of a contact is its normal force. For several contact points, the normal forces are added.
 
         Raises
         ------

@@ -101,12 +101,12 @@ def interval_with_unit(name: str, given: Any) -> tuple[Any, str]:
     ends = [quantity(f"{owner}:", end) for end in given]
     unit = ends[0][1]
     if len({bool(other) for _, other in ends}) > 1:
-        raise DeclarationError(f"{owner}: either both ends or neither must have a unit, got {shown(given)}.")
+        raise DeclarationError(f"{owner}: give both ends a unit, or neither end, got {shown(given)}.")
     return [number_in(owner, "the other end", end, unit) for end in ends], unit
 
 
 def interval_of(owner: str, name: str, nominal: float, tolerance: object, unit: str = "") -> Interval:
-    """The interval around a nominal value with this unit. The tolerance is an argument of `Box.plus_minus`."""
+    """The interval around a nominal value in the unit `unit`. The tolerance is an argument of `Box.plus_minus`."""
     if isinstance(tolerance, str):
         return _of_text(owner, name, nominal, tolerance, unit)
     if isinstance(tolerance, tuple | list) and any(isinstance(part, str | tuple) for part in tolerance):
@@ -121,9 +121,8 @@ def interval_of(owner: str, name: str, nominal: float, tolerance: object, unit: 
     ends = numbers_of(tolerance)
     if ends is None or ends.shape != (2,) or not ends[0] <= ends[1] or not all(map(is_finite_number, ends)):
         raise DeclarationError(
-            f"{owner}: the tolerance of {name!r} must be a number, a pair (lower, upper) of deviations such as "
-            f"(-1e-5, 3e-5), a percentage such as '1%', or a size with its deviations or grade such as '40 ±0.1' or "
-            f"'40 H7', got {shown(tolerance)}."
+            f"{owner}: the tolerance of {name!r} cannot be {shown(tolerance)}. Give a number, a pair of deviations "
+            "(-1e-5, 3e-5), a percentage such as '1%', or a size with its tolerance such as '40 ±0.1' or '40 H7'."
         )
     lower, upper = ends.tolist()
     return nominal + lower, nominal + upper
@@ -145,7 +144,7 @@ def _of_text(owner: str, name: str, nominal: float, text: str, own: str) -> Inte
         return _in_unit(owner, name, nominal, text, told, own)
     if told.size is None or told.unit not in ("", _DEGREE):
         own = told.unit or "mm"
-        raise DeclarationError(f"{owner}: {name!r} has no unit, but {text!r} has one. Declare {name}=(..., {own!r}).")
+        raise DeclarationError(f"{owner}: {name!r} has no unit, but {text!r} has. Declare {name}=(..., {own!r}).")
     unit = _unit(owner, name, nominal, text, told.size)
     if told.percent is not None:
         return _share(owner, name, nominal, text, told.percent)
@@ -153,7 +152,7 @@ def _of_text(owner: str, name: str, nominal: float, text: str, own: str) -> Inte
 
 
 def _require_kind(owner: str, name: str, text: str, told: _Told | None, own: str) -> None:
-    """Raise a DeclarationError if a text has only numbers, so it is unclear which unit they have or what they mean."""
+    """Raise a DeclarationError if a text has only numbers, and their unit or their meaning is unclear."""
     bare = _BARE.fullmatch(text.translate(_SIGNS))
     if bare and own:
         raise DeclarationError(
@@ -312,7 +311,7 @@ def _of_row(
             )
     if "tolerance" in row:
         if "plus" in row or "minus" in row:
-            raise DeclarationError(f"{owner}: {name!r} has tolerance and also plus or minus. Remove one of them.")
+            raise DeclarationError(f"{owner}: {name!r} has a tolerance, and plus or minus. Remove one of the two.")
         return interval_of(owner, name, nominal, _number_or_text(row["tolerance"]), unit)
     if "plus" not in row:
         raise DeclarationError(f"{owner}: {name!r} needs plus and minus, or a tolerance.")

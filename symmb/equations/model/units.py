@@ -42,9 +42,9 @@ def units_of(system: System, y: ca.SX) -> tuple[str, ...]:
     """Units of expressions (n_y,) of a system, '' for unknown units.
 
     Coordinates, velocities, accelerations, handles of joints, multipliers and the time have units. Parameters may have
-    units. The units of sums, differences, products, powers and roots follow. Numbers and parameters without a unit may
-    have any unit, so the unit of a product with such a factor is unknown. All terms of a sum have the unit of the terms
-    with a known unit. Lengths have precedence over angles: x + l sin(theta) has the unit of x.
+    units. The units of sums, differences, products, powers and roots are computed. Numbers and parameters without a
+    unit may have any unit, so the unit of a product with such a factor is unknown. All terms of a sum have the unit of
+    the terms with a known unit. Lengths have precedence over angles: x + l sin(theta) has the unit of x.
 
     Examples
     --------
@@ -87,7 +87,7 @@ def _handles(system: System) -> list[tuple[ca.SX, Unit]]:
 
 
 def _forces(system: System, y: ca.SX) -> list[tuple[ca.SX, Unit]]:
-    """Forces of elements among expressions (n_y,), with their units. Their laws may have stiffnesses without a unit."""
+    """Forces of elements among expressions (n_y,), with their units. Stiffnesses in the laws may have no unit."""
     forces, whole = system.collected.forces, {entry.element_hash() for entry in ca.vertsplit(ca.SX(y))}
     torques = {e.name for e in system.elements if isinstance(e, ForceElement) and e.turns}
     return [

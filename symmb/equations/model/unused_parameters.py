@@ -14,7 +14,7 @@ def unused_parameters(scene: Scene, names: Iterable[str]) -> tuple[str, ...]:
 
 
 def with_some_outputs(scene: Scene, names: Sequence[str]) -> Scene:
-    """A copy with some of the given outputs. Parameters that affect only other outputs still count as used."""
+    """A copy with some of the given outputs. Parameters that affect only the removed outputs still count as used."""
     outputs = scene.outputs or {}
     some = scene.with_outputs({name: outputs[name] for name in names})
     some.remembered(unused_parameters, lambda: scene.remembered(unused_parameters, lambda: _used(scene)))

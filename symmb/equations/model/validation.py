@@ -71,7 +71,7 @@ def name_faults(elements: Sequence[object], parameters: Parameters) -> list[str]
     for u in (e for e in elements if isinstance(e, Input)):
         is_parameter = u.name in parameters and getattr(parameters, u.name).element_hash() == u.value.element_hash()
         own += [u.title] if u.name in (*parameters, "t") and not is_parameter else []
-    faults += [f"{title}: a parameter or the time has this name. Choose another." for title in own]
+    faults += [f"{title}: a parameter or the time has this name. Choose another name." for title in own]
     for e in elements:
         if not isinstance(e, Body | Element):
             remedy = " Pass parameters=p." if isinstance(e, Parameters) else ""
@@ -83,7 +83,7 @@ def name_faults(elements: Sequence[object], parameters: Parameters) -> list[str]
         elif e.name in names and isinstance(e, JointEvent):
             faults.append(f"{e.title}: there are two events of this kind. Combine their conditions by casadi.logic_or.")
         elif e.name in names:
-            faults.append(f"{_kind(e)} {shown(e.name)}: the name is used twice. Choose another.")
+            faults.append(f"{_kind(e)} {shown(e.name)}: the name is used twice. Choose another name.")
         else:
             names.add(e.name)
     return faults
@@ -110,9 +110,10 @@ def _bodies_of(element: Element) -> list[Body]:
 
 
 def left_out(elements: Sequence[Body | Element]) -> Iterator[str]:
-    """Warnings about elements of no System that act on bodies of this System. The user may have forgotten them.
+    """Warnings about elements that act on bodies of this System, but belong to no System. The user may have forgotten
+    these elements.
 
-    An element with the name of an element in the System is a variant of that element.
+    An element with the same name as an element in the System is a variant, and causes no warning.
     """
     bodies, names = [e for e in elements if isinstance(e, Body)], [e.name for e in elements]
     known, symbols = set(map(id, bodies)), {s.sx.element_hash() for body in bodies for s in body.frame.records}
@@ -154,7 +155,7 @@ def _inertia_faults(body: Body, what: str, value: ca.SX, bind: Binding) -> Itera
     elif nominal is not None and any(n == 0 and not is_zero(value[i]) for i, n in enumerate(nominal)):
         yield (
             f"Body {body.name!r}: {what} is an expression and has the value 0 at the nominal parameters. "
-            "Declare the number 0 for a massless body. Its equations are then solved without a division by this value."
+            "Declare the number 0 for a massless body. The equations are then solved without a division by this value."
         )
 
 
@@ -225,7 +226,7 @@ def impact_law(impact: Impact, bind: Binding) -> tuple[ca.SX, ca.SX]:
     faults = Faults()
     for what, value in (("gap", gap), ("restitution", e)):
         if value.numel() != 1:
-            faults.append(f"{impact.title}: {what} has {value.numel()} components. Give each its own Impact.")
+            faults.append(f"{impact.title}: {what} has {value.numel()} components. Write an Impact for each.")
     if bind.symbols(Kind.VELOCITY, gap):
         faults.append(f"{impact.title}: the gap must not contain velocities. Write a distance, such as ball.y - r.")
     elif not bind.symbols(Kind.COORDINATE, gap):
@@ -262,7 +263,7 @@ def plane_faults(title: str, action: Action) -> list[str]:
     particle = next((load.body.name for load in action.loads if _is_particle(load.body)), None)
     remedy = "Leave it out or use pose=Spatial()."
     if particle is not None:
-        remedy = f"Particle {particle!r} can leave the plane. Use Planar() for it, or Spatial() for both."
+        remedy = f"Particle {particle!r} can leave the plane. Use Planar() for the particle, or Spatial() for both."
     for load in action.loads:
         wrench = ca.vertcat(load.force, load.torque)
         S = load.body.frame.S
@@ -274,7 +275,7 @@ def plane_faults(title: str, action: Action) -> list[str]:
             text = str(wrench[i])
             value = f" ({text})" if len(text) <= 40 else ""  # a longer text does not help
             what = f"{'force along' if i < 3 else 'torque about'} {'xyzxyz'[i]}{value}"
-            faults.append(f"{title}: {what} leaves the plane of planar body {load.body.name!r}. {remedy}")
+            faults.append(f"{title}: {what} acts out of the plane of planar body {load.body.name!r}. {remedy}")
     return faults
 
 
@@ -296,7 +297,7 @@ def require_inertia(M: ca.Sparsity, G: ca.SX, v_names: Sequence[str]) -> None:
 def sign_faults(names: Sequence[str], positive: ca.Function, parameters: Parameters, box: Box) -> list[str]:
     """Messages for values that are not positive at a corner of the box. `positive` maps parameters to the values."""
     order, parts = list(parameters), {}
-    # A box with more than 1024 corners is not checked. Its invalid samples then fail one by one.
+    # A box with more than 1024 corners is not checked. Invalid samples of such a box fail one by one.
     for corner in product(*box.bounds) if len(box) <= 10 else ():
         p = parameters.nominal
         p[[order.index(name) for name in box.names]] = corner

@@ -18,7 +18,7 @@ Assembles = Callable[[Scene], bool]
 
 
 def advice(scene: Scene, dae: DAE, joint: str, free: Indices, size: float, assembles: Assembles) -> str:
-    """The listed coordinates to remove, or a coordinate to guess, as text. Bodies of the joint are tried first.
+    """A text that names listed coordinates to remove, or a coordinate to guess. Bodies of the joint are tried first.
 
     `free` are the indices of displacements that are not listed, and `size` [m] is the size of the scene.
     """
@@ -53,7 +53,7 @@ def reminder(scene: Scene, joint: str) -> str:
 
 
 def _to_free(scene: Scene, near: list[str], others: list[str], tries: int, assembles: Assembles) -> Iterator[str]:
-    """Texts that name listed coordinates to remove. The scene assembles without one of them, or without a pair."""
+    """Texts that name listed coordinates to remove. The scene assembles without the named coordinates."""
 
     def helps(*keys: str) -> bool:
         return assembles(replace(scene, start={k: v for k, v in scene.start.items() if k not in keys}))

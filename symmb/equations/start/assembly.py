@@ -28,8 +28,8 @@ def assemble(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
     """Coordinates (n_q,) and states (n_s,) with Phi = 0 at the nominal parameters, near the guess.
 
     Forward kinematics along the joints is followed by damped Gauss-Newton steps. If the constraints are still violated,
-    full steps are tried, and then other whole turns of angles. If all attempts fail, an AssemblyError names the worst
-    joint and a remedy.
+    full steps are tried, and then angles with other numbers of whole turns. If all attempts fail, an AssemblyError
+    names the worst joint and a remedy.
     """
     try:
         return _assembled(scene, dae, t0)
@@ -50,14 +50,14 @@ def assemble(scene: Scene, dae: DAE, t0: float) -> tuple[Array, Array]:
 
 
 def listed_coordinates(scene: Scene, dae: DAE) -> ca.Function:
-    """The Function (p, q) -> q that sets the listed coordinates."""
+    """The Function (p, q) -> q that gives the listed coordinates their listed values."""
     prescribed, q = scene.prescribed, ca.SX.sym("q_nominal", dae.n_q)
     listed_q = ca.vertcat(*[prescribed.q.get(i, q[i]) for i in range(dae.n_q)]) if dae.n_q else q
     return ca.Function("reference", [scene.system.p, q], [listed_q])
 
 
 def free_displacements(scene: Scene, dae: DAE) -> Indices:
-    """Indices of the displacements that are not listed. Modes without a listed or guessed value stay undeformed."""
+    """Indices of the displacements that are not listed. Modes without listed or guessed values are left out."""
     free = [i for i in range(dae.n_v) if i not in scene.prescribed.displacements]
     if scene.equilibrium and not scene.guess:
         free = [i for i in free if not dae.v_names[i].endswith("_dot")]
@@ -107,7 +107,7 @@ def drive_rows(scene: Scene, dae: DAE) -> Indices:
 
 
 def _position_rows(scene: Scene, dae: DAE, q: Array, t0: float) -> PositionRows:
-    """The position rows, measured in coarse scales."""
+    """The position rows, divided by coarse scales."""
     return PositionRows(with_coarse_scales(dae, q, t0), angles(scene), t0)
 
 
@@ -122,11 +122,11 @@ def _reached(
         # Among equal violations the first row is named, so that the message does not depend on rounding.
         name = constraint_of_row(dae, int(np.isclose(violation, violation.max()).argmax()))
         worst = float((violation * dae.row_scales[: dae.n_c]).max())
-        where = f"in joint {name!r}" if "." not in name else f"of the listed {name}"
+        where = f"in joint {name!r}" if "." not in name else f"for the listed {name}"
         drives = [e.name for e in scene.system.elements if isinstance(e, Motion) and e.name in dae.rows]
         drives = [e for e in drives if e != name and violation[dae.rows[e]].max() > SLIGHT * violation.max()]
         also = f", against the drive of {', '.join(map(repr, drives))}" if drives else ""
-        raise FailedAssembly(f"The start does not satisfy Phi = 0: a residual of {worst:.2g} {where}{also}.", name)
+        raise FailedAssembly(f"The start violates Phi = 0: the residual is {worst:.2g} {where}{also}.", name)
     flipped = _flipped_joint(scene, dae, q)
     if flipped is not None:
         raise FailedAssembly(

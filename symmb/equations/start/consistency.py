@@ -1,4 +1,4 @@
-"""Checks of a start: velocities and accelerations must not contradict each other."""
+"""Checks of a start: the constraints must not require contradictory velocities or accelerations."""
 
 import casadi as ca
 import numpy as np
@@ -37,12 +37,12 @@ def check_velocities(start: Start, p0: Array) -> None:
         asked = f" from the value of {', '.join(map(repr, others))}" if others else ""
         what = f"{start.joint_values[k]} differs by {off.max():.2g}{asked}"
     else:
-        what = f"rate {r.max():.2g} in joint {constraint_of_row(dae, int(r.argmax()))!r}"
+        what = f"the residual rate is {r.max():.2g} in joint {constraint_of_row(dae, int(r.argmax()))!r}"
     raise AssemblyError(f"The start velocities contradict the constraints: {what}. {remedy}")
 
 
 def _determining(start: Start, k: int, q: Array, v: Array, p: Array, s: tuple[Array, ...]) -> list[str]:
-    """Names of the constraints with rates that determine the listed joint value number `k`."""
+    """Names of the constraints whose rates determine the listed joint value number `k`."""
     dae, f = start.dae, start.joint_residuals
     if dae.G is None or f is None:
         return []
@@ -54,7 +54,7 @@ def _determining(start: Start, k: int, q: Array, v: Array, p: Array, s: tuple[Ar
 
 
 def check_accelerations(start: Start, G: Array, sizes: Array) -> None:
-    """Raise AssemblyError if redundant rows agree on positions and velocities, but not on accelerations."""
+    """Raise AssemblyError if redundant rows have common positions and velocities, but no common accelerations."""
     dae = start.dae
     if not start.redundant or dae.gamma is None:  # gamma is derived at its first use
         return
@@ -64,4 +64,4 @@ def check_accelerations(start: Start, G: Array, sizes: Array) -> None:
     contradiction = np.abs(vanishing_combinations(G / sizes[:, None], start.ranks[0]).T @ gamma)
     if contradiction.max(initial=0.0) > VIOLATION * max(np.abs(gamma).max(initial=0.0), 1.0):
         names = ", ".join(map(repr, start.redundant))
-        raise AssemblyError(f"The accelerations that {names} require at the start contradict each other.")
+        raise AssemblyError(f"At the start, {names} require accelerations that contradict each other.")

@@ -1,4 +1,4 @@
-"""Warnings about a start: elements left out, mechanisms that cannot move, unstable equilibria, open reactions."""
+"""Warnings about a start: unused elements, locked mechanisms, unstable equilibria, reactions that are not unique."""
 
 from collections.abc import Iterator
 
@@ -74,7 +74,7 @@ def _open_outputs(scene: Scene, dae: DAE, at: tuple[Array | float, ...], G: Arra
 
 
 def _is_unstable(dae: DAE, at: tuple[Array | float, ...], G: Array, rows: Indices) -> bool:
-    """Whether forces are balanced at rest, but an admissible displacement causes forces that increase it."""
+    """Whether forces are balanced at rest, but some admissible displacement causes forces that make it larger."""
     scales = dae.displacement_scales
     forces = dae.Q(*at).full().ravel() * scales
     lam = _multipliers(G[rows], forces)
@@ -97,7 +97,7 @@ def _is_unstable(dae: DAE, at: tuple[Array | float, ...], G: Array, rows: Indice
 
 
 def _multipliers(G: Array, forces: Array) -> Array:
-    """Multipliers (n_r,) of the rows G (n_r, n_v). Their forces G' lam are the closest to the given forces (n_v,)."""
+    """Multipliers lam (n_r,) of the rows G (n_r, n_v), for which G' lam is closest to the given forces (n_v,)."""
     if (solve := normal_solver(G)) is None:
         return np.asarray(np.linalg.lstsq(G.T, forces, rcond=None)[0], dtype=np.float64) if len(G) else np.zeros(0)
     return solve(G @ forces)

@@ -12,7 +12,7 @@ from symmb.equations.start.residual_limits import SOLVED
 from symmb.equations.start.scales import evaluate_at_rest, resting
 
 _TOLERANCE = 1e-11
-"""Accepted residual forces, divided by the forces of a displacement of the scene's size.
+"""Largest accepted residual forces, relative to forces that a displacement of the scene's size causes.
 tests/start/test_equilibrium.py"""
 
 
@@ -33,9 +33,9 @@ def imbalance(dae: DAE, q: ca.SX, lam: ca.SX, p: ca.SX, t0: float, free: Indices
 def find_equilibrium(dae: DAE, q: Array, t0: float, free: Indices, rows: Indices) -> tuple[Array, Array, float]:
     """Coordinates (n_q,), multipliers of the rows and the largest stiffness in equilibrium at the nominal parameters.
 
-    The first attempt is Newton's method. If it fails or ends in an unstable equilibrium, a second attempt adds a drag
-    proportional to the masses. The drag decreases with the forces. The system then moves into a stable equilibrium.
-    Raises AssemblyError if there is no equilibrium near q, or if no force opposes some displacement.
+    The first attempt is Newton's method. If this method fails or ends in an unstable equilibrium, a second attempt adds
+    a drag proportional to the masses, so that the system moves into a stable equilibrium. The drag decreases with the
+    forces. Raises AssemblyError if there is no equilibrium near q, or if no force opposes some displacement.
     """
     n, m = len(free), len(rows)
     at, delta, lam = ca.SX.sym("q", dae.n_q), ca.SX.sym("delta", n), ca.SX.sym("lam", m)
@@ -52,7 +52,7 @@ def find_equilibrium(dae: DAE, q: Array, t0: float, free: Indices, rows: Indices
             unopposed = _unopposed(J[:n, :n], J[n:, :n])
             if unopposed is not None:
                 raise AssemblyError(
-                    f"The equilibrium is not unique: no force opposes {names[unopposed]}. List it in start."
+                    f"The equilibrium is not unique: no force opposes {names[unopposed]}. Give its value in start."
                 )
             if damped or is_stable(J[:n, :n], J[n:, :n]):
                 return q_new, multipliers, float(np.abs(J[:n, :n]).max(initial=0.0)) or 1.0
@@ -106,7 +106,7 @@ def _size(dae: DAE, q: Array) -> float:
 
 
 def is_stable(K: Array, G: Array) -> bool:
-    """Whether the equilibrium is stable: no displacement with G d = 0 causes forces -K d that increase it.
+    """Whether the equilibrium is stable: no displacement d with G d = 0 causes forces -K d that increase d.
 
     Forces that are rounding errors of the largest forces count as zero.
     """
@@ -116,7 +116,7 @@ def is_stable(K: Array, G: Array) -> bool:
 
 
 def _unopposed(K: Array, G: Array) -> int | None:
-    """Index of a displacement without restoring force and without constraint; None if there is no such displacement."""
+    """Index of a displacement that no force and no constraint opposes; None if there is no such displacement."""
     A = np.vstack([K / (np.abs(K).max(initial=0.0) or 1.0), G])
     _, sigma, V = np.linalg.svd(A)
     if not len(V) or (len(sigma) == len(V) and sigma[-1] > FACTORS * sigma[0]):

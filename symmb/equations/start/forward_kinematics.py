@@ -1,8 +1,8 @@
 """Forward kinematics: bodies are first turned and then moved, along a spanning tree of joints.
 
-Joints get their listed or guessed values, or zero if their zero is declared. Other joints move a body as little as
-possible: a hinge turns the body until the axes are parallel, and moves its point to the joint. Listed and guessed
-rotations and positions of bodies are kept. Loops stay open.
+Joints get their listed or guessed values, or 0 if they are declared with `zero=`. Other joints move a body as little as
+possible: a hinge turns the body until the axes are parallel, and then moves the body's point to the joint. Listed and
+guessed rotations and positions of bodies are kept. Loops stay open.
 """
 
 from collections import defaultdict
@@ -29,7 +29,7 @@ _VELOCITY_OF = {"theta": "omega", "e0": "omega_x", "x": "vx", "y": "vy", "z": "v
 
 
 def placed_along_joints(scene: Scene, dae: DAE, q: Array, s: Array, free: Indices, t0: float) -> Array:
-    """Coordinates (n_q,) after bodies are placed along the joints, from coordinates q and states s (n_s,).
+    """Coordinates (n_q,) after the bodies at coordinates q and states s (n_s,) were moved to fit the joints.
 
     `free` are the indices of the displacements that are not listed.
     """
@@ -56,11 +56,11 @@ class _Kinematics:
     _functions: dict[Joint, tuple[ca.Function, list[int]]] = field(default_factory=dict, init=False)
 
     def along(self, joints: list[J], handle: str, parts: tuple[str, ...]) -> Iterator[tuple[J, int]]:
-        """Pairs of a joint and the body that the joint places. Joints that determine more come first.
+        """Pairs of a joint and the body that the joint places. Joints that determine more coordinates come first.
 
-        The ground, bodies with listed `parts`, and guessed bodies without a joint value are already placed. Each other
-        body is placed relative to a neighbour that is already placed. If no placed body is connected with a body, the
-        body keeps its position, and the connected bodies are placed relative to it.
+        The ground, bodies with listed `parts`, and guessed bodies without a joint value are placed first. Each other
+        body is placed relative to a placed neighbour. If a body has no such neighbour, it keeps its position, and its
+        neighbours are placed relative to it.
         """
         bodies, names = range(len(self.scene.system.bodies)), [body.name for body in self.scene.system.bodies]
         beside = self._beside(joints, handle)
@@ -89,7 +89,7 @@ class _Kinematics:
                         yield joint, body
 
     def _beside(self, joints: list[J], handle: str) -> dict[int, list[tuple[bool, bool, int, int]]]:
-        """Sort keys of each body's joints: makes a smallest move, has a value, minus the number of rows, index."""
+        """Sort keys of each body's joints: is the move smallest, is there a value, minus the number of rows, index."""
         beside: dict[int, list[tuple[bool, bool, int, int]]] = defaultdict(list)
         for number, joint in enumerate(joints):
             has_value = handle in self._values.get(joint, {})
@@ -116,7 +116,7 @@ class _Kinematics:
 
     @cached_property
     def _values(self) -> dict[Joint, dict[str, float]]:
-        """The values of each joint: listed, guessed, or declared to be zero."""
+        """The values of each joint: listed, guessed, or 0 by `zero=`."""
         values: dict[Joint, dict[str, float]] = {
             joint: {"angle": 0.0, "displacement": 0.0}
             for joint in self.joints
@@ -129,7 +129,7 @@ class _Kinematics:
         return values
 
     def turned_to_joint(self, q: Array, joint: AxisJoint, body: int) -> Array:
-        """Coordinates after a body is turned until the axes are parallel, and then about the axis."""
+        """Coordinates after a body is turned until the joint's axes are parallel, and then turned about the axis."""
         sign = 1 if self._ends[joint][1] == body else -1
         _, A, B, *_ = self._measured(joint, q)
         if isinstance(joint, Universal):  # its two axes are perpendicular

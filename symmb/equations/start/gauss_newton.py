@@ -20,7 +20,7 @@ from symmb.equations.start.sparse_rows import least_step
 def with_fewest_turns(
     x: Array, angles: Iterable[int], violation: Callable[[Array], Array], least: float = 0.0
 ) -> Array:
-    """Values x (n,) in which whole turns are added to the angles (indices) to minimise a violation.
+    """Values x (n,) after whole turns are added to the angles (their indices) to minimise a violation.
 
     Changes of the violation up to `least` count as rounding errors.
     """
@@ -67,7 +67,7 @@ class PositionRows:
         return cast(ca.Function, f)(q, np.zeros(self.dae.n_v), *states, self.dae.p_nominal, self.t0)
 
     def _counted(self, q: Array, s: Array) -> Array:
-        """States s, updated to the turns of the angles at coordinates q. Turns are counted from the given states."""
+        """States s after angles follow coordinates q, with the numbers of turns closest to the given states."""
         if self.dae.s_start is None or not self.angles.size:
             return s
         angle, counted = self.dae.s_start(q, self.dae.p_nominal).full().ravel()[self.angles], s.copy()
@@ -75,16 +75,16 @@ class PositionRows:
         return counted
 
     def turned(self, q: Array) -> Array:
-        """States at coordinates q, with the turns of each angle that minimise the violation."""
+        """States at coordinates q, with the number of turns of each angle that minimises the violation."""
         every = np.arange(len(self.violation(q, rest_states(self.dae))))
         return self.with_turns_of(every, q, self._counted(q, rest_states(self.dae)))
 
     def with_turns_of(self, rows: Indices, q: Array, s: Array) -> Array:
-        """States s with the turns of each angle that minimise the violation of some rows."""
+        """States s with the number of turns of each angle that minimises the violation of some rows."""
         return with_fewest_turns(s, self.angles, lambda s: self.violation(q, s)[rows])
 
     def size(self, q: Array) -> float:
-        """The size of the scene at coordinates q, the scale of violations."""
+        """The size of the scene at coordinates q. Violations are measured relative to this size."""
         coordinates = float(np.abs(q / self.dae.coordinate_scales).max(initial=0.0))
         r = self.violation(q, rest_states(self.dae))
         return max(coordinates, float(np.abs(r).max(initial=0.0)), NOTHING)
@@ -94,8 +94,8 @@ class PositionRows:
     ) -> tuple[Array, Array, Array]:
         """Coordinates, states and violations after the smallest free displacements that satisfy the rows.
 
-        Angles count turns from states s. Damped steps always reduce the violation. Full steps may leave a local minimum
-        of the violation. Raises FailedAssembly if rows are not finite.
+        The turns of angles are counted from states s. Damped steps always reduce the violation. Full steps may leave a
+        local minimum of the violation. Raises FailedAssembly if rows are not finite.
         """
         units, rounding = self.dae.displacement_scales[free], LAST_DIGITS * self.size(q)
         s = self._counted(q, s)
@@ -108,8 +108,8 @@ class PositionRows:
             if irregular.any():
                 joint = constraint_of_row(self.dae, int(irregular.argmax()))
                 raise FailedAssembly(
-                    f"Joint {joint!r} is singular at the guess: its rows are not finite. An example is a "
-                    "Distance with coincident points.",
+                    f"Joint {joint!r} is singular at the guess: its rows are not finite. For example, the "
+                    "points of a Distance must not coincide.",
                     joint,
                 )
             delta = np.zeros(self.dae.n_v)

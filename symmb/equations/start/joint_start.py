@@ -71,7 +71,7 @@ def _with_listed_turns(scene: Scene, joints: System, q: Array, p: Array) -> Arra
 
 
 def _with_driven_turns(dae: DAE, rows: Indices, q: Array, t0: float) -> Array:
-    """Coordinates q (n_q,) with the turns of each angle that minimise the violation of the rows of drives."""
+    """Coordinates q (n_q,) with the number of turns of each angle that minimises the violation of rows of drives."""
     if dae.Phi is None or not rows.size:
         return q
     Phi, angles = dae.Phi, [k for k, name in enumerate(dae.q_names) if name.endswith(".angle")]
@@ -107,8 +107,8 @@ def _with_independent_rows(start: Start, joints: System, q: Array) -> DAE | None
 def _solved(start: Start, scene: Scene, joints: System, dae: DAE, measured: ca.Function, q0: Array) -> Start | None:
     """A start that is computed in joint coordinates.
 
-    Listed and constant displacements of bodies are held. Together with the loop rows they determine the joint
-    coordinates. Returns None if the rows do not suffice, for example close to singular positions.
+    Listed and constant displacements of bodies are held. These displacements and the loop rows determine the joint
+    coordinates. Returns None if they do not suffice, for example close to singular positions.
     """
     bodies, space, p = scene.system, joints.joints, scene.system.p
     p_nominal = start.dae.p_nominal

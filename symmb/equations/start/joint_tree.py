@@ -9,17 +9,17 @@ GROUND = -1
 
 @dataclass(frozen=True)
 class Group:
-    """Bodies (indices) with velocities that are determined together, relative to the carrying body `base`."""
+    """Bodies (indices) in common loops, whose velocities are computed together, relative to their carrier `base`."""
 
     base: int
     bodies: tuple[int, ...]
 
 
 class JointTree:
-    """The bodies in an order with carriers first, and the groups of bodies in common loops.
+    """The bodies, each after its carrier, and the groups of bodies in common loops.
 
-    `connected` has the bodies of each constraint row. `roots` are all bodies in order of preference: the first body
-    without connection to the ground carries the bodies connected with it. `carriers` has the carrier of each body.
+    `connected` has the bodies of each constraint row. `roots` are all bodies in order of preference: if bodies have no
+    connection to the ground, the first of these bodies carries the others. `carriers` has the carrier of each body.
     """
 
     def __init__(self, connected: Iterable[frozenset[int]], roots: Sequence[int]) -> None:
@@ -46,7 +46,7 @@ class JointTree:
             self._join([body for other in others for body in self._path(first, other)])
 
     def groups(self) -> list[Group]:
-        """The groups. Each group follows the group of its base."""
+        """The groups. Each group comes after the group of its base."""
         bases = {bodies: self.carriers[min(bodies, key=self._order.__getitem__)] for bodies in self._group.values()}
         return [Group(base, bodies) for bodies, base in sorted(bases.items(), key=lambda item: self._order[item[1]])]
 

@@ -23,7 +23,7 @@ def of_rates(listed: Prescribed) -> tuple[JointValue, ...]:
 
 
 def with_position_rows(system: System, dae: DAE, values: Sequence[JointValue]) -> DAE:
-    """The DAE with additional rows of Phi. They are 0 if listed angles and displacements have their values."""
+    """The DAE with additional rows of Phi, which are 0 if angles and displacements have their listed values."""
     if not values:
         return dae
     rows = ca.vertcat(*[value.row for value in values])
@@ -31,7 +31,7 @@ def with_position_rows(system: System, dae: DAE, values: Sequence[JointValue]) -
 
 
 def with_rate_rows(system: System, dae: DAE, values: Sequence[JointValue]) -> DAE:
-    """The DAE with additional velocity-only rows. They are 0 if listed rates have their values."""
+    """The DAE with additional velocity-only rows, which are 0 if rates have their listed values."""
     if not values:
         return dae
     return _with_rows(system, dae, values, ca.SX(0, 1), ca.vertcat(*[value.row for value in values]), dae.n_r)
@@ -93,7 +93,7 @@ def listed_states(scene: Scene) -> Array:
 
 
 def with_turns(scene: Scene, q: Array, s: Array, counted: Indices) -> Array:
-    """States s (n_s,) with the turns of angles that are sums and differences of known angles at coordinates q.
+    """States s (n_s,) with correct turns of angles that are sums or differences of known angles at coordinates q.
 
     Gears, springs and outputs count their own turns. Known angles are the states in `counted`, or the listed and
     guessed angles if `counted` is empty.
@@ -119,7 +119,7 @@ def with_turns(scene: Scene, q: Array, s: Array, counted: Indices) -> Array:
 
 
 def with_states(scene: Scene, dae: DAE, s: Array) -> DAE:
-    """The DAE with listed start values of states. Angles count their turns from states s (n_s,)."""
+    """The DAE with listed start values of states. Turns of angles are counted from states s (n_s,)."""
     listed, all_states = _listed_states(scene), scene.system.collected.states
     if scene.restart is not None:
         listed = {k: ca.SX(s[k]) for k, state in enumerate(all_states) if not _is_angle(state)} | listed

@@ -139,7 +139,7 @@ class _Rows:
 
 
 def _unstretched(scene: Scene) -> Iterator[str]:
-    """Warnings about flexible bodies with two jointed nodes at a distance that no mode changes."""
+    """Warnings about flexible bodies in which no mode changes the distance between two nodes with joints."""
     joints = [element for element in scene.system.elements if isinstance(element, Constraint)]
     for body in scene.system.bodies:
         if not isinstance(body, FlexibleBody) or not len(body.modes.stiffness):

@@ -15,7 +15,7 @@ from symmb.equations.start.scales import above_zero, evaluate_at_rest, jacobian_
 from symmb.equations.start.sparse_rows import LARGE, least_step, pivot_columns
 
 _AS_INDEPENDENT = 0.3
-"""Chosen rows are sufficient if their smallest singular value, relative to the value of all rows, is above this ratio.
+"""Chosen rows suffice if their smallest singular value, divided by the smallest one of all rows, is above this ratio.
 The ratio stays above 0.5 in planar loops of spatial bodies, and decreases to 0 in Bricard's mechanism.
 test_redundancy.py"""
 
@@ -25,7 +25,7 @@ def independent_rows_and_columns(
 ) -> tuple[Indices, Indices]:
     """Indices of independent rows and of as many pivot columns, from pivoted QR of the scaled matrix.
 
-    `sizes` (m,) are the sizes of the rows, by default their norms. If `rank` is None, the rank is counted.
+    `sizes` (m,) are the sizes of the rows, by default their norms. If `rank` is None, the rank is computed.
     """
     if not A.size:
         return np.arange(0, dtype=np.intp), np.arange(0, dtype=np.intp)
@@ -96,10 +96,10 @@ def independent_rows(dae: DAE, q: Array, t0: float, sizes: Array) -> Indices:
 
 
 def lasting_rows(dae: DAE, q: Array, t0: float, rows: Indices, general: Array) -> tuple[Indices, tuple[int, int]]:
-    """Rows to keep, and the numbers of vanishing combinations of these rows and of the position rows among them.
+    """Rows to keep, and two numbers of vanishing combinations: of these rows, and of their position rows.
 
     The given independent rows are kept if they stay as independent as all rows along the possible motion from q (n_q,).
-    Otherwise only rows that are superfluous everywhere are removed, because each vanishing combination is expensive.
+    If they do not, only rows that are superfluous at all positions are removed, so that few combinations vanish.
     `general` (n_r, n_v) are sizes of the entries of the Jacobian. The size of a row is the same at all positions,
     because the row may vanish at some position.
     """

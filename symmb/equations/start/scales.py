@@ -16,10 +16,10 @@ from symmb.equations.start.residual_limits import SOLVED
 Arguments = tuple[Any, ...]
 """The arguments (q, v[, s], p, t) of the DAE's Functions."""
 _STEP_BITS = 10
-"""Binary digits between coarse scales: usual lengths from 1/32 to 32 m get the scale 1."""
+"""Coarse scales are powers of 2**10: usual lengths from 1/32 to 32 m get the scale 1."""
 _USUAL_RATE = 2.0**_STEP_BITS
-"""Rate [1/s] of mechanisms with stiff springs and fast rotors. The reciprocal is the rate of slow machines. Absolute
-tolerances of velocities correspond to rates between these two rates."""
+"""Largest usual rate [1/s], of mechanisms with stiff springs and fast rotors. The reciprocal is the smallest usual
+rate, of slow machines. Absolute tolerances of velocities are the same for all usual rates."""
 
 
 def evaluate_at_rest(f: ca.Function, dae: DAE, q: Array, t0: float) -> Array:
@@ -85,9 +85,9 @@ def distances(dae: DAE, at: Arguments, span: float) -> Array:
 def sizes_of_parts(dae: DAE, at: Arguments, G: Array, span: float, size: float) -> tuple[Array, float]:
     """Sizes of the states (n_x,), computed for each independent part of the scene, and the largest rate [1/s].
 
-    Lengths above 1 m are replaced by coarse scales, which are 1 for usual lengths. Sizes of velocities depend on
-    rates only if the rates are unusual, because slow motions occur together with fast motions. `size` is the size of
-    the whole scene. It replaces the size of a part if this part is so small that its motion may be a rounding error.
+    Lengths above 1 m are replaced by coarse scales, which are 1 for usual lengths. Most scenes have slow and fast
+    motions, so only rates below 1/1024 or above 1024 per second change sizes of velocities. `size` is the size of the
+    whole scene, and replaces the size of a part that is so small that its motion may be a rounding error.
     """
     labels = _parts(dae)
     sizes, rates = np.full(len(labels), size), [coarse(min(1.0, _USUAL_RATE / span)) if span else 1.0]
@@ -190,8 +190,8 @@ def general_entries(dae: DAE, q: Array, t0: float) -> Array:
 def row_sizes(A: Array, general: Array) -> Array:
     """Sizes (m,) of the rows of A (m, n): their norms, or their general sizes if the norms are small.
 
-    For A (k, m, n) at several positions, the largest norms are used. A row that is much smaller than the norm of its
-    entries in `general` (m, n) is a vanishing row or its rounding.
+    For A (k, m, n) at several positions, the largest norms are used. If a row is much smaller than the norm of its
+    entries in `general` (m, n), it is 0 except for rounding.
     """
     own, usual = np.atleast_2d(np.linalg.norm(A, axis=-1)).max(axis=0), np.linalg.norm(general, axis=1)
     # A row of rounding errors (1e-16) must not be scaled up to norm 1. test_redundancy.py

@@ -12,8 +12,9 @@ from symmb.declare.symbolic import evaluated, nonzeros, pattern, rotation_matrix
 from symmb.equations.model import DAE
 
 _NEARLY_SINGULAR = 1e-2
-"""A position is nearly singular if the ratio of smallest to largest singular value of unit rows is lower. Smaller
-limits miss singular positions between output times. Larger limits find regular positions. tests/test_problems.py"""
+"""A position is nearly singular if the ratio of smallest to largest singular value of unit rows is below this limit.
+Lower limits miss singular positions between output times. Higher limits find regular positions.
+tests/test_problems.py"""
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class Singularity:
 
     def __str__(self) -> str:
         joints = ", ".join(repr(name) for name in self.names)
-        return f"near t = {self.time:g} s rows of {joints} nearly depend on each other ({self.ratio:.0e})"
+        return f"near t = {self.time:g} s, constraints {joints} nearly depend on each other (ratio {self.ratio:.0e})"
 
 
 def singularity(dae: DAE, X: Array, p: Array, times: Array) -> Singularity | None:

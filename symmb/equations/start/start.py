@@ -2,8 +2,8 @@
 
 At the nominal parameters, unlisted coordinates start from their guess, and the smallest change with Phi = 0 is
 computed. The coordinates that the constraints determine are chosen once; all other coordinates stay at their values.
-Every sample then solves for the same coordinates from the nominal solution. Velocities follow from positions by linear
-equations.
+For every sample, the same coordinates are computed, starting from the nominal solution. Velocities follow from
+positions by linear equations.
 """
 
 import math

@@ -2,9 +2,9 @@
 
 Velocities are computed along the tree of joints for groups of bodies. A group is a single body, or the bodies of loops
 with common joints. A group moves rigidly with the body that carries it, unless listed velocities or drives forbid this.
-Then the group deviates from this motion by the velocities d that have the smallest kinetic energy d' M d / 2 with
-G (v + d) + Phi_t = 0. If no such d exists, the group and the group of its carrier deviate together. All choices are
-made once, at the nominal parameters. Flywheels come last, because the mechanism turns them.
+In that case the group deviates from this motion by the velocities d that have the smallest kinetic energy d' M d / 2
+with G (v + d) + Phi_t = 0. If no such velocities d exist, the group and the group of its carrier deviate together. All
+choices are made once, at the nominal parameters. Flywheels come last, because the mechanism turns them.
 """
 
 from collections.abc import Mapping
@@ -153,14 +153,14 @@ class _Rates:
         return rows
 
     def kept(self, v: Array) -> ca.SX:
-        """Velocities (n_v,) after the change of smallest kinetic energy that satisfies listed values and rows."""
+        """Velocities (n_v,) that satisfy listed values and rows. The change from v has the smallest kinetic energy."""
         all_columns = list(range(self.dae.n_v))
         begin = ca.vertcat(*[self.listed.get(i, ca.SX(v[i])) for i in all_columns]) if all_columns else ca.SX(0, 1)
         free = [i for i in all_columns if i not in self.listed]
         return self._deviated(begin, list(range(self.dae.n_r)), all_columns, free, 0.0)
 
     def moved(self, v: ca.SX, group: Group) -> ca.SX | None:
-        """Velocities v (n_v,) with the velocities of a group; None if the constraints require another motion of the
+        """Velocities v (n_v,) with new velocities of a group; None if the constraints require another motion of the
         base."""
         members = frozenset(group.bodies)
         columns = np.flatnonzero(np.isin(self.body_of, group.bodies)).tolist()
@@ -220,7 +220,7 @@ class _Rates:
         return expression
 
     def _deviated(self, v: ca.SX, rows: list[int], columns: list[int], free: list[int], weak: float) -> ca.SX:
-        """Velocities v after the change of `free` velocities of smallest kinetic energy that satisfies the rows."""
+        """Velocities v that satisfy the rows. The change of the `free` velocities has the smallest kinetic energy."""
         independent = [rows[i] for i in strong_rows(self._unit_rows(rows, columns, free), weak)]
         if not independent:
             return v
@@ -237,7 +237,7 @@ class _Rates:
         return np.unique(self.body_of[columns], return_counts=True)[1].tolist()
 
     def _unit_rows(self, rows: list[int], columns: list[int], free: list[int]) -> Array:
-        """Rows for the free velocities in the metric of kinetic energy. They have norm 1 over all velocities of the
+        """Rows for the free velocities in the metric of kinetic energy, with norm 1 over all velocities of the
         group."""
         root = [self._root(part) for part in (columns, free)]
         whole, own = (self.G_nominal[np.ix_(rows, part)] @ r for part, r in zip((columns, free), root, strict=True))

@@ -1,8 +1,8 @@
 """Records in NumPy archives and in JSON, and tables.
 
-A record is a mapping of names to texts, numbers, arrays, records and lists of records. Both formats store the same
+A record is a mapping of names to texts, numbers, arrays, records and lists of records. Archives and JSON store the same
 entries. In JSON, ``t`` has the name ``times``, ``names`` has the name ``outputs``, and None stands for numbers that are
-not finite. An archive has one array for each array of the record. Its array ``about`` contains the rest as JSON.
+not finite. An archive has one array for each array of the record, and an array ``about`` with the rest as JSON.
 """
 
 import csv
@@ -25,7 +25,7 @@ _IN_JSON = {"t": "times", "names": "outputs"}
 _IN_ARCHIVES = {name: own for own, name in _IN_JSON.items()}
 
 _VERSION = 1
-"""Version of both formats. Files without a version also have this version."""
+"""Version of both formats. A file without a version number also has this version."""
 
 Table = Mapping[str, Any]
 """Columns by their headings. All columns have the same length."""
@@ -80,7 +80,7 @@ def load(
     """A result read from a file: built from the record, or from the ``headings`` and ``columns`` of the table.
 
     DeclarationError is raised if the suffix is not known, or if the file is damaged or contains something else.
-    FileError is raised if it cannot be read.
+    FileError is raised if the file cannot be read.
     """
     form = _format_of(path, ("record", "entries", *(["table"] if from_table else [])))
     with told(path, "read"):
@@ -91,13 +91,13 @@ def load(
             return from_table(record)
         version = record.whole("version", _VERSION)
         if version != _VERSION:
-            raise DeclarationError(f"its format is version {version}, and this symmb reads version {_VERSION}.")
+            raise DeclarationError(f"the file has format version {version}, but this symmb reads version {_VERSION}.")
         if "result" in record and (content := f"a result of {record.text('result')}.save") != what:
-            raise DeclarationError(f"it holds {content}.")
+            raise DeclarationError(f"the file holds {content}.")
         return build(Record({k: value for k, value in record.plain.items() if k not in ("version", "result")}))
     except Exception as error:  # damaged files can raise nearly every exception in zlib, zipfile, json and NumPy
         is_known = isinstance(error, DeclarationError)
-        why = str(error) if is_known else f"its contents cannot be read ({_first_line(error)})."
+        why = str(error) if is_known else f"the contents cannot be read ({_first_line(error)})."
         raise DeclarationError(f"{path} does not hold {what}: {why}") from error
 
 
@@ -110,7 +110,7 @@ def _first_line(error: Exception) -> str:
 
 
 def _without_arrays(value: Any, place: str, arrays: dict[str, Any]) -> Any:
-    """The value in the types of JSON. Its arrays are moved to ``arrays``, with their place as the key."""
+    """The value in the types of JSON. Its arrays are moved to ``arrays``; their keys are paths."""
     if isinstance(value, Mapping):
         parts = {name: _without_arrays(part, f"{place}/{name}", arrays) for name, part in value.items()}
         return {name: part for name, part in parts.items() if not isinstance(value[name], np.ndarray)}
@@ -149,7 +149,7 @@ def require_usual_size(archive: zipfile.ZipFile | None) -> None:
     # The data may be at most 200 times as large as the archive. Results with random last digits expand by a factor of
     # a few, and constant results by a factor of a thousand.
     if size > 2**26 and size > 200 * packed:  # up to 64 MB can be unpacked quickly
-        raise DeclarationError(f"its {packed:.3g} bytes would become {size:.3g} bytes when unpacked.")
+        raise DeclarationError(f"the file has {packed:.3g} bytes, but {size:.3g} bytes after unpacking.")
 
 
 def _write_json(file: BinaryIO, entries: Mapping[str, Any]) -> None:
@@ -172,13 +172,13 @@ def _write_table(file: BinaryIO, columns: Table) -> None:
 def _of_table(data: bytes) -> Record:
     text = data.decode("utf-8")
     if not text.endswith(("\r", "\n")):
-        raise DeclarationError("its last line is incomplete: a part of the file is missing.")
+        raise DeclarationError("the last line is incomplete: a part of the file is missing.")
     headings, *rows = csv.reader(io.StringIO(text, newline=""), strict=True)
     for number, cells in enumerate(rows, 2):
         if len(cells) != len(headings):
             raise DeclarationError(f"line {number} has {len(cells)} of {len(headings)} columns.")
     if not headings or not rows:
-        raise DeclarationError("it has no headings, or no line below the headings.")
+        raise DeclarationError("the file has no headings, or no line below the headings.")
     columns = [_column(column) for column in zip(*rows, strict=True)]
     return Record({"headings": headings, "columns": {str(k): column for k, column in enumerate(columns)}})
 
@@ -197,7 +197,7 @@ class Format(NamedTuple):
     ----------
     source : str        the stored form of the result: its "record", its "entries" of JSON or its "table"
     write : callable    takes an open file and the stored form
-    read : callable     takes the bytes of a file; it is the inverse of `write`
+    read : callable     takes the bytes of a file, and returns what `write` has stored
     """
 
     source: str

@@ -1,4 +1,4 @@
-"""The contents of a file. They are checked when they are read."""
+"""The contents of a file, which are checked when they are read."""
 
 import math
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ class Record:
 
     @classmethod
     def of(cls, value: Any, where: str, holder: "Record | None" = None) -> "Record":
-        """The record of a mapping from names to values. `holder` is the record around it, if any."""
+        """The record of a mapping from names to values. `holder` is the record that contains this record, if any."""
         if not isinstance(value, Mapping):
             raise DeclarationError(f"{where or 'the file'} holds {_kind(value)}, not names with values.")
         return cls(value, where, holder)
@@ -35,7 +35,7 @@ class Record:
         return value is not None and getattr(value, "shape", None) != (0, 0)
 
     def text(self, name: str, *allowed: str) -> str:
-        """A text. If allowed texts are given, it is one of these."""
+        """A text. If `allowed` texts are given, the text must be one of these."""
         value = self._value(name)
         if not isinstance(value, str):
             raise self._wrong(name, "a text", _kind(value))
@@ -44,7 +44,7 @@ class Record:
         return value
 
     def number(self, name: str) -> float:
-        """A real number; nan if it is not finite in JSON."""
+        """A real number; nan if JSON has None, because the number was not finite."""
         value = self._entries.get(name)
         if value is None and name in self._entries:
             return math.nan
@@ -75,7 +75,7 @@ class Record:
         return value
 
     def with_nan(self, name: str, *shape: int | None) -> Array:
-        """An array of real numbers; nan stands for unknown ones. In `shape`, None stands for any length of an axis."""
+        """An array of real numbers; nan means unknown. In `shape`, None stands for any length of an axis."""
         entry = self._value(name)
         try:
             value = np.array(entry, dtype=float)

@@ -1,4 +1,4 @@
-"""A file that replaces the previous file after it is complete, and errors and suffixes of files."""
+"""Files that replace previous files when they are complete, errors about files, and suffixes of names."""
 
 import os
 import stat
@@ -15,11 +15,11 @@ from symmb._options import shown
 
 @contextmanager
 def told(path: str | os.PathLike[str], what: str) -> Iterator[None]:
-    """Convert errors of the system about a file to FileError with its name. `what` is "read" or "written"."""
+    """Convert errors of the operating system to a FileError that names the file. `what` is "read" or "written"."""
     try:
         if what == "read" and stat.S_IFMT(mode := os.stat(path).st_mode) not in (stat.S_IFREG, stat.S_IFDIR):
             kind = "pipe" if stat.S_ISFIFO(mode) else "device"
-            raise FileError(f"{str(path)!r} cannot be read: it is a {kind}, which may never end.")
+            raise FileError(f"{str(path)!r} cannot be read: it is a {kind}, so reading might never end.")
         yield
     except (FileError, BrokenPipeError):  # e.g. the reader `head` has closed the pipe
         raise
@@ -32,10 +32,10 @@ def told(path: str | os.PathLike[str], what: str) -> Iterator[None]:
 
 @contextmanager
 def replacement(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
-    """A binary file to write to. It replaces the file at ``path`` if the block ends without an exception.
+    """A binary file to write to, which replaces the file at ``path`` if the block ends without an exception.
 
-    Until then the data are in a temporary file in the same folder. If the process is killed or the disk is full, the
-    previous file is kept. Links are followed, and permissions are kept. Devices and pipes are written directly.
+    During the block, the data are in a temporary file in the same folder. If the process is killed or the disk is full,
+    the previous file is kept. Links are followed, and permissions are kept. Devices and pipes are written directly.
     FileError is raised if the disk is full, or if the folder is not writable.
     """
     with told(path, "written"), _replacement(path) as file:
@@ -70,7 +70,7 @@ def _mode(place: Path) -> int | None:
 
 
 def require_suffix(path: str | os.PathLike[str], *allowed: str) -> str:
-    """The suffix of a file's name, in lower case. DeclarationError if it is not one of the allowed suffixes."""
+    """The suffix of a file's name, in lower case. DeclarationError if the suffix is not in `allowed`."""
     if not isinstance(path, str | Path | os.PathLike) or "\0" in str(path):
         raise DeclarationError(f"The name of a file must be a text or a Path, got {shown(path)}.")
     suffix = Path(path).suffix.lower()

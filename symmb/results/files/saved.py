@@ -27,8 +27,8 @@ def entry(check: Callable[..., Any] | None = None, *axes: str | None, name: str 
     Parameters
     ----------
     check          method of Record that reads the entry; default: the method for the type of the field
-    axes           for each axis of an array, the entry (of this record or the record around it) with the same length;
-                   None for any length
+    axes           for each axis of an array, the name of an entry with the same length, in this record or in the record
+                   that contains it; None for any length
     name           name of the entry, if it differs from the name of the field
     """
     return {"check": check, "axes": axes, "name": name}
@@ -99,12 +99,12 @@ class Saved:
         return {"result": type(self).__name__} | self._record()
 
     def save(self, path: str | Path) -> None:
-        """Write the complete result as .npz or .json, or (only runs and bounds) a .csv table over time.
+        """Write the complete result as .npz or .json. Runs and bounds can also be written as a .csv table over time.
 
         Raises
         ------
         DeclarationError
-            If the suffix is not one of these
+            If the name has another suffix
         FileError
             If the file cannot be written. A previous file is kept
         """
@@ -113,7 +113,7 @@ class Saved:
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read a file that `save` has written. A table contains only times and outputs.
+        """Read a file that `save` has written. A .csv table contains only times and outputs.
 
         Raises
         ------

@@ -30,7 +30,7 @@ _LIMIT = "#d1495b"
 
 @dataclass(frozen=True)
 class Band:
-    """A filled band, such as the reference of a comparison: lower, upper (n_t, n_y)."""
+    """A filled band from `lower` to `upper`, (n_t, n_y), such as the band of the reference method in a comparison."""
 
     label: str
     lower: Array
@@ -83,7 +83,7 @@ def plot_bounds(
 
     Parameters
     ----------
-    family                             the method, which selects the colour
+    family                             name of the method; it selects the colour
     chosen : columns to draw           default: the first six outputs, or one for each given axes
     outer, inner : lower and upper (n_t, n_y) each, or None    bounds widened by their estimated error, and values
                                                                that runs attained
@@ -152,7 +152,7 @@ def draw_bounds(
 
 
 def _bars(axes: Axes, t: Array, n: int) -> list[Array]:
-    """Places of n bars side by side, for values that do not depend on time. Only the other panels show times."""
+    """Abscissas of n bars side by side, for values that do not depend on time. The panel shows no times."""
     for panel in axes.get_shared_x_axes().get_siblings(axes):
         panel.tick_params(labelbottom=True)
     axes.xaxis.set_visible(False)
@@ -163,7 +163,7 @@ def _bars(axes: Axes, t: Array, n: int) -> list[Array]:
 def _draw_pairs(
     axes: Axes, x: Array, pairs: Sequence[tuple[Array, str | None, dict[str, Any]]], colour: object
 ) -> None:
-    """Draw pairs of curves (2, n) over places x. Parts of labelled curves that touch the first pair are left out."""
+    """Draw pairs of curves (2, n) over x. Where labelled curves touch the first pair, they are left out."""
     first = pairs[0][0]
     for own, name, look in pairs:
         if name is not None:
@@ -174,13 +174,13 @@ def _draw_pairs(
 
 
 def _draw_pair(axes: Axes, x: Array, lower: Array, upper: Array, *, label: str | None, **style: Any) -> None:
-    """Draw two curves of one style over places x, with one label."""
+    """Draw two curves of one style over x, with one label."""
     for y, text in ((lower, label), (upper, None)):
         axes.plot(x, np.broadcast_to(y, x.shape), label=text, **style)
 
 
 def _window(reference: Band, curves: Sequence[PlottedBounds], i: int) -> tuple[float, float]:
-    """Axis limits that show the reference, and half of its range above and below. Larger bounds are cut off."""
+    """Axis limits: the range of the reference, and half of it above and below. Larger bounds are cut off."""
     low, high = np.nanmin(reference.lower[:, i]), np.nanmax(reference.upper[:, i])
     room = 0.5 * (high - low) if high > low else max(abs(high), 1.0) * 1e-3
     lows = np.concatenate([[low], *(curve.lower[:, i] for curve in curves)])

@@ -40,7 +40,7 @@ RUN_COLOUR = "#1f2937"
 
 
 def colour_of(family: str) -> str:
-    """The colour of a method or a solver. It depends only on the name, not on other curves of the picture.
+    """The colour of a method or a solver. The colour depends only on the name, not on other curves of the picture.
 
     Examples
     --------

@@ -47,17 +47,17 @@ def plot_comparison(
     title: str = "",
     style: Style = OWN,
 ) -> Figure:
-    """Draw bounds over time above, and the rms error against run time below.
+    """Draw bounds over time in the upper panels, and the rms error against run time in the lower panel.
 
     Parameters
     ----------
     t : (n_t,)              times [s]
     names : n_y names       names of the outputs
-    curves                  settings to draw. A family is one curve of the error diagram; its most accurate setting is
-                            drawn above
+    curves                  settings to draw. Each family is one curve of the error diagram. The bounds over time are
+                            those of the most accurate setting of the family
     measured : (n_y,)       True for outputs in the mean of the rms errors
-    uncertainty : (n_y,)    uncertainty of the reference, in the norm of the error. Errors below its mean are drawn at
-                            this mean, with hollow markers
+    uncertainty : (n_y,)    uncertainty of the reference, in the norm of the error. Errors below the mean uncertainty
+                            are drawn at this mean, with hollow markers
     units : n_y units       '' if not known
     chosen : columns        columns of the outputs to draw; default: the outputs with the largest errors
     style : options         axes of the caller, one for each output, for bounds over time; or a single axes for the
@@ -160,7 +160,7 @@ def write_numbers(axes: Axes, numbers: Sequence[tuple[float, float, str, str]], 
 
 
 def largest_error(curve: PlottedBounds, measured: Mask) -> float:
-    """Mean of the rms errors of the measured outputs; infinite if it is nan."""
+    """Mean of the rms errors of the measured outputs; infinite if the mean is nan."""
     error = np.nan_to_num(curve.error[measured], nan=np.inf, posinf=np.inf)
     return float(error.mean()) if error.size else 0.0
 

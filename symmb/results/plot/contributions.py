@@ -35,8 +35,8 @@ def plot_contributions(
     row: int | None = None,
     style: Style = OWN,
 ) -> Figure:
-    """Draw the widths of single parameters (n_t, n_y, n_p) as lines beside the total width (n_t, n_y), with one panel
-    for each output. If the number `row` of a time is given, or there is one time, draw bars of `alone` and `saved`.
+    """Draw the widths of bounds due to each parameter alone (n_t, n_y, n_p), together with the total width (n_t, n_y),
+    as lines. Each output has a panel. For one time (number `row`, or the only time), draw bars of `alone` and `saved`.
     """
     columns, names, units = outputs_of(names, units, chosen, MOST_PANELS if style.ax is None else None)
     row = 0 if len(t) == 1 else row

@@ -25,7 +25,7 @@ def plot_trajectory(
     """Draw values (n_t, n_y) over times t (n_t,) [s], one panel for each output; see `plot_comparison` for names,
     units, chosen and style.
 
-    If the caller gives a single axes, all outputs are drawn in it, in different colours.
+    If the caller gives a single axes, all outputs are drawn in these axes, in different colours.
     """
     columns, own_names, own_units = outputs_of(names, units, chosen)
     least = rounding(values, units)[columns]
@@ -43,8 +43,8 @@ def plot_trajectory(
 
 @dataclass(frozen=True)
 class RunLines:
-    """Places x (N,) of runs on the axis `label`. The runs of each pair (name, numbers of runs) are joined by a line, or
-    shown as points."""
+    """Positions x (N,) of runs on an axis with this `label`. The runs of each pair (name, numbers of runs) are joined
+    by a line, or shown as points."""
 
     label: str
     x: Array
@@ -65,11 +65,11 @@ def plot_family(
     title: str = "",
     style: Style = OWN,
 ) -> Figure:
-    """Draw curves (N, n_t, n_y) over times t (n_t,) [s], one panel for each output; see `plot_comparison` for the rest.
+    """Draw curves (N, n_t, n_y) over times t (n_t,) [s], one panel for each output; see `plot_comparison` for more.
 
-    Each of up to eight curves has a colour and a name. The colours of more curves are a sequence, and the legend names
-    the first, the middle and the last curve. Outputs in `timeless`, with one value for all times, are drawn along
-    `over`. If the picture also has curves over time, several such lines are dashed, and have other colours.
+    Each of up to eight curves has a colour and a name. More curves have a sequence of colours, and the legend names the
+    first, the middle and the last curve. Outputs in `timeless`, with one value for all times, are drawn along `over`.
+    If the picture also has curves over time, several lines along `over` are dashed, and have other colours.
     """
     columns, own_names, own_units = outputs_of(names, units, chosen)
     others = {k: (np.unique(over.x), over.label) for k, name in enumerate(own_names) if over and name in timeless}
@@ -102,7 +102,7 @@ def _draw_family(
     beside: int = 0,
     **look: Any,
 ) -> None:
-    """Draw curves: their names, places (n,) and outputs (n, n_y), of which each panel shows one.
+    """Draw curves, given by name, abscissas (n,) and outputs (n, n_y). Each panel shows one output.
 
     The colours differ from those of `beside` curves that the picture already has.
     """

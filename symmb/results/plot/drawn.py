@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Panels:
-    """A result that prints as a head above a table. Its picture has one panel for each output."""
+    """A result that prints as a heading above a table. The picture has one panel for each output."""
 
     if TYPE_CHECKING:
         names: Any
@@ -78,14 +78,14 @@ class OverTime(Panels):
         title: str | None = None,
         **look: Any,
     ) -> "Figure":
-        """Draw outputs over time, as the class describes. Write the picture to `path` if it is given.
+        """Draw outputs over time, as in the help of the class. If `path` is given, write the picture to this file.
 
         Parameters
         ----------
         outputs : str or list
             the outputs to draw; default: all
         ax : matplotlib Axes
-            axes to draw in, instead of a new figure: one for each output. A trajectory can also have one for all
+            axes to draw in, instead of a new figure: one for each output, or (only a trajectory) one for all outputs
         figsize : (width, height)
             size of a new figure [inch]
         title : str
@@ -106,7 +106,7 @@ class OverTime(Panels):
 
 
 class OverTimeBesideGiven(Panels):
-    """Outputs over time beside given limits or data."""
+    """Outputs over time, together with given limits or data."""
 
     def plot(
         self,
@@ -117,7 +117,7 @@ class OverTimeBesideGiven(Panels):
         ax: "Axes | Sequence[Axes] | None" = None,
         **look: Any,
     ) -> "Figure":
-        """Draw outputs over time, as the class describes. Options and errors are those of `Trajectory.plot`."""
+        """Draw outputs over time, as in the help of the class. `Trajectory.plot` has the same options and errors."""
         return self._drawn(path, outputs, ax, figsize, title, **look)
 
 
@@ -128,7 +128,7 @@ class ThreeDiagrams:
         return str(self)
 
     def _figure(self, style: Style) -> "Figure":
-        """The picture, in up to three axes of the caller if these are given."""
+        """The picture, in a new figure or in up to three axes of the caller."""
         raise NotImplementedError
 
     def plot(
@@ -139,7 +139,7 @@ class ThreeDiagrams:
         title: str | None = None,
         **look: Any,
     ) -> "Figure":
-        """Draw the diagrams of the class. Write the picture to `path` if it is given.
+        """Draw the diagrams in the help of the class. If `path` is given, write the picture to this file.
 
         Parameters
         ----------

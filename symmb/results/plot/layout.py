@@ -43,7 +43,7 @@ DASHES = ((0, ()), (0, (5, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)), (0, (3, 1.
 LEAST_ERROR = 1e-16
 """Smallest drawn error, relative to the width. Smaller errors are rounding, and 0 has no logarithm."""
 _RANDOM_TURNS, _ABOUT_ZERO = 0.2, 0.05
-"""Values are random if their slope changes its sign at a larger fraction of times. Half of the height of axes for
+"""Values are random if their slope changes sign at more than this fraction of times; and half of the height of axes for
 values that are rounding of 0."""
 Others = Mapping[int, tuple[Array, str]]
 """Values and label of the horizontal axis of panels that are not over time, by the number of the panel."""
@@ -83,7 +83,7 @@ def narrow_png(figure: Figure) -> bytes:
 
 
 def _fitted(figure: Figure, legend: "Legend") -> float:
-    """Reduce the columns and the line length of the legend until it fits into the figure. Return its height [inch]."""
+    """Reduce the columns and the line length until the legend fits into the figure. Return its height [inch]."""
     canvas: Any = figure.canvas
     handles = legend.legend_handles
     texts = ["\n".join(wrap(text.get_text(), _NARROW_LINE)) for text in legend.get_texts()]
@@ -102,7 +102,7 @@ def _shown(figure: Figure) -> tuple[bytes, dict[str, int]]:
 
 
 def save(figure: Figure, path: str | Path | None) -> Figure:
-    """Write the figure to a path, if it is given. The suffix selects the format."""
+    """Write the figure to a path, if a path is given. The suffix selects the format."""
     if path is not None:
         suffix = require_suffix(path, *PICTURES)
         from matplotlib import rc_context
@@ -127,7 +127,7 @@ def finish(
     """
     for name, given in (("figsize", figsize), ("title", title)):
         if given is not None and ax is not None:
-            raise DeclarationError(f"{owner}: {name} sets a new figure. Leave it out, or leave out ax.")
+            raise DeclarationError(f"{owner}: {name} is for new figures. Leave it out, or leave out ax.")
     if title is not None and not isinstance(title, str):
         raise DeclarationError(f"{owner}: title must be a text, got {shown(title)}.")
     if figsize is not None:
@@ -144,10 +144,10 @@ def finish(
 
 
 def rounding(values: Array, units: Sequence[str] = ()) -> Array:
-    """Largest spreads (n_y,) of outputs (..., n_y) that are rounding.
+    """Largest spreads (n_y,) that count as rounding, of outputs (..., n_y).
 
     Spreads are relative to the largest value of the output, and to the largest value of all outputs of its unit. Values
-    that change at random over time, and are tiny compared with other outputs or with 1, are rounding of 0.
+    are rounding of 0 if they change at random over time, and are tiny compared with other outputs or with 1.
     """
     size = np.nan_to_num(np.abs(values), posinf=0.0).max(axis=tuple(range(np.ndim(values) - 1)), initial=0.0)
     change = np.sign(np.diff(np.nan_to_num(values, posinf=0.0, neginf=0.0), axis=-2))
@@ -159,7 +159,7 @@ def rounding(values: Array, units: Sequence[str] = ()) -> Array:
 
 
 def flatten(panels: Sequence[Axes], least: Array) -> None:
-    """Widen the axes of outputs if their spread is within rounding `least` (n,), so that the curves look flat."""
+    """Widen the axes of outputs whose spread is rounding, at most `least` (n,), so that the curves look flat."""
     for axes, spread in zip(panels, least.tolist(), strict=True):
         low, high = axes.dataLim.intervaly
         if 0 < high - low <= spread:
@@ -317,7 +317,7 @@ def _time_label(t: Array) -> str:
 
 
 def plain(text: str) -> str:
-    """The text with dollar signs that do not start mathematics."""
+    """The text with dollar signs that do not start a formula."""
     return text.replace("$", r"\$")
 
 
@@ -327,7 +327,7 @@ def abscissa(t: Array) -> Array:
 
 
 def along(t: Array, values: Array) -> Array:
-    """Values (n_t,) at the abscissa of the times t (n_t,)."""
+    """Values (n_t,) for the abscissas of the times t (n_t,)."""
     return np.broadcast_to(values, abscissa(t).shape)
 
 

@@ -12,7 +12,7 @@ from symmb.results.plot.layout import cyclic, finish_diagrams, plain, three_diag
 from symmb.results.plot.style import OWN, Style
 
 _OPACITY = 0.22
-"""Opacity of bands. Bands below another band stay visible."""
+"""Opacity of bands, so that a band below another band stays visible."""
 
 
 def plot_root_locus(

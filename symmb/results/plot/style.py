@@ -11,10 +11,10 @@ from symmb._types import GivenAxes
 
 @dataclass(frozen=True)
 class Style:
-    """Options of the method `owner`. Options that are None are set by the picture.
+    """Options of the method `owner`. If an option is None, the picture uses its own default.
 
-    `label` is a text, and `color` a colour of matplotlib. Both may be lists, with an entry for each curve. `legend` is
-    a bool.
+    `label` is a text, and `color` a colour of matplotlib. `label` and `color` may be lists, with an entry for each
+    curve. `legend` is a bool.
     """
 
     owner: str = "plot"
@@ -28,8 +28,8 @@ class Style:
             raise DeclarationError(f"{self.owner}: legend must be True or False, got {shown(self.legend)}.")
 
     def labels(self, own: Sequence[str], apart: bool = False) -> list[str | None]:
-        """Labels of curves, by default their names. A single text labels all curves in separate panels, or otherwise
-        the first curve."""
+        """Labels of curves, by default their names. If there is a single text, it labels the first curve, or each curve
+        if the curves are `apart` in panels."""
         if isinstance(self.label, str):
             return [self.label if k == 0 or apart else None for k in range(len(own))]
         return self._each("label", own, lambda text: isinstance(text, str))
