@@ -5,7 +5,7 @@ periods. The phase and the form of the cycles remain simple functions. A few run
 Sudret, SIAM/ASA Journal on Uncertainty Quantification 5 (2017).
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING
@@ -116,7 +116,7 @@ def oscillation_ranges(runs: Runs, tolerance: float) -> dict[int, EstimatedRange
         grid = Grid(d)
         runs.at(grid.grown(grid.missing(along_axes(d, 2))).nodes)
     if runs.ok.all():
-        oscillates = [k for k, Y in enumerate(_outputs(runs)) if _spread(t, Y) > LEAST_SPREAD]
+        oscillates = _oscillating(t, np.concatenate([runs.nodes, runs.checks]))
     if len(oscillates) * len(t) * sum(map(len, _lines(d))) > MOST_VALUES:
         return found
     for degree in range(2, MOST_DEGREE + 1):
@@ -155,14 +155,21 @@ def _outputs(runs: Runs) -> list[Array]:
     return [*np.moveaxis(np.concatenate([runs.nodes, runs.checks]), 2, 0)]
 
 
-def _spread(t: Array, Y: Array) -> float:
-    """Difference of the last phases [cycles] of the responses (n_t,) of Y (N, n_t) with the fewest and the most minima;
-    0 if they do not oscillate."""
-    falls = np.diff(Y) < 0
+def _oscillating(t: Array, Y: Array) -> list[int]:
+    """Numbers of the outputs of runs Y (N, n_t, n_y) that oscillate, and have sufficiently different phases."""
+    falls = np.diff(Y, axis=1) < 0
     minima = (falls[:, :-1] & ~falls[:, 1:]).sum(axis=1)
-    if np.ptp(minima) < int(LEAST_SPREAD):  # a cycle more has a minimum more
+    pairs = np.moveaxis([minima.argmin(axis=0), minima.argmax(axis=0)], 0, 1)
+    some = np.flatnonzero(minima.min(axis=0) >= LEAST_CYCLES).tolist()
+    return [k for k in some if _spread(t, Y[pairs[k], :, k]) > LEAST_SPREAD]
+
+
+def _spread(t: Array, pair: Array) -> float:
+    """Difference of the last phases [cycles] of two responses (2, n_t); 0 if they do not oscillate."""
+    lengths = [[_length(t, each) for each in starts] for _, starts in _starts_on_lines(t, pair)]
+    if all(np.ptp(each) < 0.9 * LEAST_SPREAD for each in lengths):  # splines take ten times as long
         return 0.0
-    found = _cycles(t, Y[[minima.argmin(), minima.argmax()]])
+    found = _cycles(t, pair)
     return 0.0 if found is None else float(np.ptp(found[:, len(t) - 1]))
 
 
@@ -255,12 +262,9 @@ def _cycles(t: Array, Y: Array) -> Array | None:
 
     Cycles begin where a response rises through the mean of all responses. If they are irregular, minima are the starts.
     """
-    level, ends, middles = Y.mean(), [_end(t, y) for y in Y], (t[1:] + t[:-1]) / 2
-    for order, (times, values) in enumerate(((t, Y - level), (middles, np.diff(Y) / np.diff(t)))):
-        starts = [_passages(times[times <= end], y[times <= end])[1] for y, end in zip(values, ends, strict=True)]
-        if not all(_changes_slowly(each, 2 * MOST_CHANGE) for each in starts):
-            continue  # splines take most of the time, and are not needed for responses that do not oscillate
-        responses = [_spline(t, y - level) for y in Y]
+    level = Y.mean()
+    for order, _ in _starts_on_lines(t, Y):
+        responses, ends = [_spline(t, y - level) for y in Y], [_end(t, y) for y in Y]
         starts = [_starts(t[t <= end], each.derivative(order)) for each, end in zip(responses, ends, strict=True)]
         if all(_is_regular(t, each, end) for each, end in zip(starts, ends, strict=True)):
             rows = [_of_cycles(t, response, own) for response, own in zip(responses, starts, strict=True)]
@@ -268,6 +272,24 @@ def _cycles(t: Array, Y: Array) -> Array | None:
             found[:, : len(t)] -= np.round(found[:, :1] - found[0, 0])  # the first start may lie before the first time
             return found
     return None
+
+
+def _starts_on_lines(t: Array, Y: Array) -> Iterator[tuple[int, list[Array]]]:
+    """Starts of the cycles of responses Y (N, n_t) on straight lines between the times, if the period changes slowly.
+
+    The starts are passages of the mean value (order 0), and minima (order 1).
+    """
+    ends, middles = [_end(t, y) for y in Y], (t[1:] + t[:-1]) / 2
+    for order, (times, values) in enumerate(((t, Y - Y.mean()), (middles, np.diff(Y) / np.diff(t)))):
+        starts = [_passages(times[times <= end], y[times <= end])[1] for y, end in zip(values, ends, strict=True)]
+        if all(_changes_slowly(each, 2 * MOST_CHANGE) for each in starts):
+            yield order, starts
+
+
+def _length(t: Array, starts: Array) -> float:
+    """Number of cycles between the first and the last time, from the starts of cycles."""
+    first, last = np.diff(starts)[[0, -1]]
+    return len(starts) - 1 + float((starts[0] - t[0]) / first + (t[-1] - starts[-1]) / last)
 
 
 def _spline(x: Array, y: Array) -> "CubicSpline":
