@@ -159,7 +159,7 @@ def _oscillating(t: Array, Y: Array) -> list[int]:
     """Numbers of the outputs of runs Y (N, n_t, n_y) that oscillate, and have sufficiently different phases."""
     falls = np.diff(Y, axis=1) < 0
     minima = (falls[:, :-1] & ~falls[:, 1:]).sum(axis=1)
-    pairs = np.moveaxis([minima.argmin(axis=0), minima.argmax(axis=0)], 0, 1)
+    pairs = np.stack([minima.argmin(axis=0), minima.argmax(axis=0)], axis=1)
     some = np.flatnonzero(minima.min(axis=0) >= LEAST_CYCLES).tolist()
     return [k for k in some if _spread(t, Y[pairs[k], :, k]) > LEAST_SPREAD]
 
