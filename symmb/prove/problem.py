@@ -122,7 +122,7 @@ class Problem:
         return None if self.regular is None else Tape(self.regular)
 
     def tape_of_outputs(self, which: tuple[int, ...]) -> Tape:
-        """(x, p, t) -> the outputs with the numbers `which`."""
+        """(x, p, t) -> the outputs with the indices `which`."""
         if which not in self._tapes:
             arguments = self.outputs.sx_in()
             y = ca.densify(self.outputs(*arguments))[list(which)]

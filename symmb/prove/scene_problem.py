@@ -248,7 +248,7 @@ def _later(f: ca.Function, begin: float) -> ca.Function:
 
 
 def _intervals(simulator: Simulator, box: Box) -> tuple[Array, Array, tuple[int, ...]]:
-    """Middles and radii of all parameters, and the numbers of their variables."""
+    """Middles and radii of all parameters, and the indices of their variables."""
     names = list(simulator.parameters)
     middle = np.array([float(value) for value in simulator.parameters.values()])
     radius, variables = np.zeros(len(names)), [-1] * len(names)

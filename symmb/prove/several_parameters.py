@@ -127,7 +127,10 @@ def run(tape: Tape, inputs: list[list[Model]]) -> list[list[Model]]:
 
 
 def on_step(step: TimeStep, tape: Tape, radius: Array | float = 0.0, rho: float = 1.0) -> list[list[Model]]:
-    """The outputs of a tape on an ellipse of time, for all parameters and for states within a radius (n,)."""
+    """Bounds of the outputs of a tape for complex times in an ellipse, and for all parameters.
+
+    The states change by `radius` (n,) at most.
+    """
     return run(tape, inputs_on_step(step, radius, rho))
 
 

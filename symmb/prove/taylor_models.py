@@ -93,7 +93,7 @@ class Basis:
 
 
 class Pairs:
-    """Pairs of monomials with the numbers i and j (m,), grouped by their products. Groups begin at `starts` (T,).
+    """Pairs of monomials with the indices i and j (m,), grouped by their products. Groups begin at `starts` (T,).
 
     Attributes
     ----------

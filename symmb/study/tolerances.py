@@ -276,10 +276,12 @@ def _total_cost(costs: Costs, shape: Box) -> Callable[[Array], float]:
         try:
             value = own(half)
         except Exception as error:  # an exception of the user's function
-            raise DeclarationError(f"{OWNER}: the cost of {shape.names[k]!r} fails at {half:g}: {error}.") from error
+            raise DeclarationError(
+                f"{OWNER}: the cost function of {shape.names[k]!r} fails for {half:g}: {error}."
+            ) from error
         if not is_finite_number(value):
             raise DeclarationError(
-                f"{OWNER}: the cost of {shape.names[k]!r} at {half:g} is not a number: {shown(value)}."
+                f"{OWNER}: the cost of {shape.names[k]!r} for {half:g} is not a number: {shown(value)}."
             )
         return float(value)
 

@@ -107,7 +107,7 @@ class Answers(Envelope):
         return f"{what} no worst cases. Save the bounds as .npz or .json."
 
     def _extreme_rows(self, k: int) -> list[int]:
-        """Indices of the times at which output number k is smallest and largest."""
+        """Indices of the times at which output k is smallest and largest."""
         return [int(self.lower[:, k].argmin()), int(self.upper[:, k].argmax())]
 
     def _all_worst(self) -> Sequence[WorstCase]:
@@ -128,7 +128,7 @@ class Answers(Envelope):
         """
         if self.expansion is None:
             raise PropagationError(
-                f"Bounds by {self.method} contain no single expansion, so they have no moments. Use "
+                f"Bounds by {self.method} have no polynomial for the whole box, so they have no moments. Use "
                 "PolynomialChaos(order=4). If the response has kinks or jumps, compute moments from Bounds.samples."
             )
         return moments(self.expansion, self.t, self.names)
@@ -165,7 +165,7 @@ class Answers(Envelope):
         return contributions_of(self._responses("Bounds.contributions"), may_run=False)
 
     def _acting(self, box: Box, columns: Sequence[int]) -> tuple[str, ...]:
-        """Names of the parameters that act on some outputs, given by their numbers.
+        """Names of the parameters that act on some outputs, given by their indices.
 
         Fixed parameters are left out. If there are polynomials, parameters with effects below noise and rounding are
         also left out.

@@ -57,7 +57,7 @@ def with_peaks(bounds: Envelope, limits: Sequence[KeptLimit]) -> tuple[list[Kept
 
 
 def _examined(bounds: Envelope, limit: KeptLimit, k: int, excess: Excess, points: Array) -> KeptLimit:
-    """The limit of output number k. If a run at points (n, d) is the closest so far, a search starts."""
+    """The limit of output k. If a run at points (n, d) is the closest so far, a search starts."""
     is_lower, rounding = excess.side == "lower", rounding_of(bounds, k)
     inside = bounds.lower[:, k] - limit.low if is_lower else limit.high - bounds.upper[:, k]
     if not np.isfinite(inside).all():

@@ -157,7 +157,7 @@ class Contributions(Result, Saved):
         return html.page(self.some_as_html(range(len(self.names)), {}), picture)
 
     def some_as_html(self, columns: Sequence[int], rows: Mapping[int, int]) -> str:
-        """Tables of some outputs, given by their numbers, at given rows of times or at the largest width."""
+        """Tables of the outputs `columns`, at the times `rows` (output -> time), or where the bounds are widest."""
         tables = (
             html.page(html.table(self._rows(k, rows.get(k))), html.text(self._may_be_zero(k, rows.get(k))))
             for k in columns

@@ -88,7 +88,7 @@ def _without_effect(simulator: Simulator, box: Box, bounds: Bounds) -> list[str]
 def idle_parameters(
     simulator: Simulator, box: Box, bounds: Bounds, columns: Sequence[int], executor: Executor | None = None
 ) -> tuple[list[str], int]:
-    """Names of parameters that do not change some outputs, given by their numbers, and the number of further runs.
+    """Names of parameters that do not change some outputs, given by their indices, and the number of further runs.
 
     Polynomials show parameters that seem to have no effect. Pairs of runs that differ in one parameter then confirm
     that there is no effect.

@@ -220,5 +220,5 @@ def _is_on_hill(bounds: Envelope, k: int, run: FurtherRun, floor: float) -> bool
 
 
 def _width(bounds: Envelope, k: int) -> float:
-    """Largest width of the bounds of output number k."""
+    """Largest width of the bounds of output k."""
     return float((bounds.upper - bounds.lower)[:, k].max())

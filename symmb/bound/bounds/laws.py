@@ -30,7 +30,7 @@ class Laws:
     Attributes
     ----------
     names : n_l names
-    columns : (n_l,)           numbers of the parameters in the box
+    columns : (n_l,)           indices of the parameters in the box
     distributions : n_l        objects with `cdf` and `ppf`, such as frozen distributions of SciPy
     masses : (n_l, 2)          distribution functions at the ends of the intervals
     factor : (n_l, n_l)        Cholesky factor of the correlations of the copula; None for independent parameters

@@ -57,7 +57,7 @@ class KeptLimit:
     Attributes
     ----------
     output, unit : str
-    low, high : float          limits, infinite if there is none; infinite numbers are nan in files
+    low, high : float          limits, infinite if there is no limit; files contain nan instead
     kept : True, False, None   whether all responses are inside; None if the bounds do not decide this
     why : str                  a sentence: the reason, or how to decide the limit
     margin : (n_t,)            distance of the bounds from the closer limit, negative beyond the limit; or the distance
@@ -293,12 +293,12 @@ def _by_nominal_run(bounds: Envelope, k: int, low: float, high: float, found: _D
 
 
 def unit_suffix(bounds: Envelope, k: int) -> str:
-    """The unit of output number k, for use after numbers; empty for a number without unit."""
+    """The unit of output k, for use after numbers; empty for a number without unit."""
     return _suffix(bounds.units[k]) if bounds.units else ""
 
 
 def rounding_of(bounds: Envelope, k: int) -> float:
-    """Error of output number k in a run, caused by rounding or noise."""
+    """Error of output k in a run, caused by rounding or noise."""
     rounding = float(SAME * np.abs([bounds.lower[:, k], bounds.upper[:, k]]).max(initial=0.0))
     return rounding if bounds.noise is None else max(rounding, float(bounds.noise[k]))
 
@@ -311,7 +311,7 @@ def _doubt(bounds: Envelope, output: str) -> str:
 
 
 def _decision(bounds: Envelope, k: int, low: float, high: float) -> _Decision:
-    """The decision on a limit of output number k."""
+    """The decision on a limit of output k."""
     lower, upper = bounds.lower[:, k], bounds.upper[:, k]
     margin, rounding = np.fmin(lower - low, high - upper), rounding_of(bounds, k)  # nan if bound and limit are infinite
     unit = unit_suffix(bounds, k)

@@ -57,7 +57,7 @@ def quadratics(X: Array, J: Sequence[Array], some: Indices, lowest: Indices) -> 
     """Quadratics of m functions about their lowest points, from values and slopes J at points X (N, d).
 
     J contains an array (n, 1 + d) for each point. Function i is output i, and function n + i is its negative. `some`
-    (m,) are the numbers of the functions, and `lowest` (m,) the numbers of their lowest points.
+    (m,) are the indices of the functions, and `lowest` (m,) the indices of their lowest points.
     """
     N, d = X.shape
     i, j = np.triu_indices(d)

@@ -83,7 +83,7 @@ class Responses:
         return self.names.index(require_name(owner, "output", output, self.names))
 
     def own(self, k: int) -> Piecewise | None:
-        """The accurate polynomials of output number k only."""
+        """The accurate polynomials of output k only."""
         return self.surrogate.part(slice(None), [k]) if self.surrogate is not None and self.is_good[k] else None
 
     def are_good(self, error: Array, columns: Sequence[int]) -> Mask:

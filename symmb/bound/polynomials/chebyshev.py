@@ -19,7 +19,7 @@ class LowerSet:
     Attributes
     ----------
     alpha : (n, d) multi-indices, the constant first
-    given : (n_b,) rows of the multi-indices from which the set was made
+    given : (n_b,) indices of the multi-indices that were given; the others complete the set
     """
 
     alpha: MultiIndices

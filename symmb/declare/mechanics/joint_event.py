@@ -210,7 +210,7 @@ def row_gates(events: Iterable[JointEvent]) -> dict[str, ca.SX]:
 def closed_at_start(events: Iterable[JointEvent]) -> dict[str, bool]:
     """For each joint that opens or closes, by its name: whether the joint is closed at the start.
 
-    Clutches, and joints with a Latch only, are open at the start.
+    Clutches are open at the start. Joints that have a Latch, and no event that opens them, are open as well.
     """
     events = list(events)
     released = {event.joint.name for event in events if float(event.flag.value)}

@@ -107,7 +107,7 @@ class Rope(ForceElement):
     def _straights(
         self, bind: Bind, points: Sequence[Point], radii: Sequence[ca.SX]
     ) -> "dict[tuple[int, int], Straight]":
-        """All straight parts that the rope may have, by the numbers (i, j) of their two points.
+        """All straight parts that the rope may have, by the indices (i, j) of their two points.
 
         The rope may leave the pulleys between points i and j.
         """
@@ -224,7 +224,7 @@ class Course:
     length: ca.SX  # [m]
     radii: Sequence[ca.SX]  # signed radii, 0 for points [m]
     places: Sequence[ca.SX]  # positions (3,) of points and of centres of pulleys [m]
-    straights: dict[tuple[int, int], Straight]  # possible straight parts, by the numbers of two points
+    straights: dict[tuple[int, int], Straight]  # possible straight parts, by the indices of two points
     shares: dict[tuple[int, int], ca.SX]  # 1 for the straight parts of the path, 0 for the others
 
     @classmethod

@@ -175,9 +175,9 @@ class Modes:
     def error(self) -> float:
         """Relative error of squared frequencies, and of deflections under loads at interfaces, caused by parameters.
 
-        The error is twice the largest difference from modes that are computed at points of the box. A frequency below
-        the frequency of these modes is not an error, because the frequency of the full structure is even lower. The
-        error is 0 if no parameter changes the shapes.
+        The modes are compared with modes that are computed at points of the box. The error is twice the largest
+        difference. A frequency below the frequency of these modes is not an error, because the frequency of the full
+        structure is even lower. The error is 0 if no parameter changes the shapes.
         """
         return 0.0 if self.family is None else self.family.error
 

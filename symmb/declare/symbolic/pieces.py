@@ -46,7 +46,7 @@ class Pieces:
         return self.data[1, 1:]
 
     def find(self, group: Array | float, at: Array | float) -> Indices:
-        """Indices of the rows for arguments `at` in groups, or of the nearest rows of the groups."""
+        """Indices of the rows of the groups that contain the arguments `at`, or of the nearest rows of these groups."""
         first, last = (np.searchsorted(self.data[0], group, side) for side in ("left", "right"))
         row = np.searchsorted(self.data[1], at, "right") - 1
         return np.clip(np.clip(row, first, last - 1), 0, self.data.shape[1] - 1)

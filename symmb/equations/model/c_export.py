@@ -109,8 +109,8 @@ def _require_start(rhs: ca.Function, start: Mapping[str, Sized], coordinates: Se
     n_q, n_s = len(start["q"]), len(start["s"])
     if sizes != expected or len(coordinates) != n_q or (n_s and not has_states):
         raise DeclarationError(
-            f"The start does not fit rhs: expected the lengths {expected}, "
-            f"got {sizes}, s: {n_s}, coordinates: {len(coordinates)}."
+            f"The start does not fit rhs, which needs values of these lengths: {expected}. "
+            f"The start has the lengths {sizes}, {n_s} states s, and names of {len(coordinates)} coordinates."
         )
 
 

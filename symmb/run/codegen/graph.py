@@ -23,7 +23,7 @@ class Node:
     constant: float = 0.0
     source: int = 0
     index: int = 0
-    depends: frozenset[int] = frozenset()  # the inputs it depends on, by number
+    depends: frozenset[int] = frozenset()  # the inputs it depends on, by index
     pieces: Pieces | None = None
 
 

@@ -110,7 +110,7 @@ class InBodies:
     joints : (x, p)           states of the joints, within half a turn, for states x of the bodies
     loads : (x, p, t)         forces Q (n_v,) on the bodies, and the Jacobian G (n_r, n_v) of all rows of the system;
                               None in a copy from a pickle
-    carried : pairs           name of a joint, and number of the body that it carries; carriers come first
+    carried : pairs           name of a joint, and index of the body that it carries; carriers come first
     """
 
     dae: DAE

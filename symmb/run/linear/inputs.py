@@ -12,7 +12,7 @@ from symmb.equations.model import Scene
 
 
 def with_inputs(scene: Scene, inputs: Sequence[str]) -> tuple[Scene, tuple[int, ...]]:
-    """The scene with parameters for forces of actuators and for inputs, and the numbers of all input parameters.
+    """The scene with parameters instead of forces of actuators and inputs, and the indices of these parameters.
 
     DeclarationError is raised if a name is not an actuator, an input or a parameter, or is listed twice.
     """
@@ -44,7 +44,7 @@ def with_inputs(scene: Scene, inputs: Sequence[str]) -> tuple[Scene, tuple[int, 
 
 
 def with_uniform(scene: Scene) -> tuple[Scene, tuple[int, ...], tuple[str, ...]]:
-    """The scene with parameters for start values of uniform motions, and the numbers and names of these parameters.
+    """The scene with parameters for start values of uniform motions, and the indices and names of these parameters.
 
     A coordinate moves uniformly if no force depends on it. Such a coordinate is not a state of the equations of motion,
     but outputs may contain it. Such a coordinate has two parameters: position and velocity at the start.

@@ -54,7 +54,7 @@ class LinearEquations:
     Parameters
     ----------
     formulation : Formulation
-    inputs : numbers of the parameters that are inputs
+    inputs : indices of the parameters that are inputs
     often : bool           whether blocks are computed for dozens of samples. Then whole matrices are derived. This
                            takes the time of some dozen samples, and makes each sample about ten times faster
     """
@@ -106,7 +106,7 @@ class LinearEquations:
 
     @cached_property
     def _slopes(self) -> tuple[ca.Function, list[int]]:
-        """A function (x, p, t, dz) -> all blocks times dz, and the numbers of the rows at which blocks end."""
+        """A function (x, p, t, dz) -> all blocks times dz, and the indices of the rows at which blocks end."""
         dae = self.dae
         x, p, t = ca.SX.sym("x", dae.n_q + dae.n_v + dae.n_s), ca.SX.sym("p", len(dae.p_names)), ca.SX.sym("t")
         z, dz = ca.SX.sym("z", self.n_z + len(self.inputs)), ca.SX.sym("dz", self.n_z + len(self.inputs))

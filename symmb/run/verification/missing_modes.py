@@ -270,7 +270,7 @@ class _Moved:
 
 
 def _users(own: Array, places: Array) -> list[tuple[int, ...]]:
-    """For each output, the nodes of a body on which it depends. The number of the frame is -1.
+    """For each output, the nodes of a body on which it depends. The index of the frame is -1.
 
     `own` (n_y, n_v) are slopes of the outputs along the velocities of the body.
     """

@@ -78,7 +78,7 @@ class TwoWays:
     def of(cls, first: Program, second: Program, names: tuple[str, ...], p: Array, values: Array) -> "TwoWays":
         """A run with parameters p (n_p,) in two ways. `values` (n_t, n_y) are the outputs in the first way.
 
-        Outputs are compared at the times of the second way, which are times of the first way, too.
+        Outputs are compared at the times of the second way. The first way has these times, too.
         """
         begin, some = time.perf_counter(), np.searchsorted(first.times, second.times)
         run = second.runs(p[None])

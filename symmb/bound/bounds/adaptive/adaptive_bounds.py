@@ -100,7 +100,7 @@ def adaptive_bounds(
 
 
 def _estimated(runs: Runs, tolerance: float, is_patient: bool) -> tuple[EstimatedRange, list[int]] | None:
-    """The range of a surrogate that is refined until it is accurate enough, and the numbers of outputs with waveforms.
+    """The range of a surrogate that is refined until it is accurate enough, and the indices of outputs with waveforms.
 
     The result is None if the study must begin again.
 

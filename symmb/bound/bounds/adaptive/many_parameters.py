@@ -18,7 +18,7 @@ def range_of_many(
 ) -> EstimatedRange:
     """The ranges of all outputs. The study of an output uses all runs, and requests runs until its error is small.
 
-    `known` contains the ranges of outputs that are known already, by the numbers of these outputs.
+    `known` contains the ranges of outputs that are known already, by the indices of these outputs.
 
     A kink may change the response at a few corners only. If runs cost little, the corners next to all extremes are run
     at the end. Studies with larger errors at these corners continue with runs at all corners.

@@ -103,7 +103,7 @@ class Cycles:
 
 
 def oscillation_ranges(runs: Runs, tolerance: float) -> dict[int, EstimatedRange]:
-    """The ranges of outputs that oscillate, by their numbers, if their phases differ by a cycle or more between runs.
+    """The ranges of outputs that oscillate, by their indices, if their phases differ by a cycle or more between runs.
 
     The error is estimated by leaving out one run at a time: each run is predicted from the other runs, and compared
     with its own result. Outputs with errors above the tolerance are left out.

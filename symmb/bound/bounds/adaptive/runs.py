@@ -194,7 +194,7 @@ class Runs:
         return np.maximum(self.noise, self.rounding * self._scale)
 
     def is_near_lost(self, places: Array) -> Mask:
-        """Mask (...) of the places (..., d) at which the nearest run failed, or most runs nearby failed."""
+        """Mask (...) of the points (..., d) whose nearest run, or most of whose nearby runs, failed."""
         if self.ok.all():
             return np.zeros(places.shape[:-1], dtype=bool)
         near, which = np.unique(places.reshape(-1, places.shape[-1]).round(2), axis=0, return_inverse=True)

@@ -38,7 +38,7 @@ class EstimatedRange(NamedTuple):
         return self._replace(lower=lower, upper=upper, estimate=estimate, surrogate=surrogate, is_enough=is_enough)
 
     def with_known(self, known: Mapping[int, "EstimatedRange"]) -> "EstimatedRange":
-        """The range, with known ranges (n_t, 1) of some outputs, by the numbers of these outputs."""
+        """The range, with known ranges (n_t, 1) of some outputs, by the indices of these outputs."""
         if not known:
             return self
         lower, upper, estimate = (each.copy() for each in self[:3])

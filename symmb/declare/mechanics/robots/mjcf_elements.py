@@ -77,7 +77,7 @@ def equality_fault(source: MjcfModel, equality: int) -> str:
 
 
 def _bodies(source: MjcfModel, equality: int) -> list[int]:
-    """The two bodies that an equality constraint connects, by number."""
+    """The two bodies that an equality constraint connects, by index."""
     m = source.model
     ends = int(m.eq_obj1id[equality]), int(m.eq_obj2id[equality])
     return [int(m.site_bodyid[end]) for end in ends] if _at_sites(source, equality) else [*ends]
