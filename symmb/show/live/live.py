@@ -2,6 +2,7 @@
 
 import base64
 import zlib
+from collections.abc import Mapping
 from importlib.resources import files as resources
 from pathlib import Path
 from typing import Any
@@ -75,13 +76,14 @@ def live(scene: Scene | DAESimulator, path: str | Path | None = None, limits: Li
         )
     if own.box is None:
         raise DeclarationError("live: the scene has no box of tolerances. Give it one by scene.with_box(Box(...)).")
+    pairs = limit_pairs("live", limits, own.curve_names, own.units) if limits else {}
     simulator = scene if isinstance(scene, DAESimulator) else simulator_with(own)
     drawing, driven, rows = surveyed(simulate(simulator))
     columns = ca.vertsplit(ca.vertcat(ca.SX(0, 1), *(one.expression for one in driven)))
     outputs = dict(zip(own.curve_names, ca.vertsplit(own.y), strict=True))
     outputs |= {f"drawing {k} of {own.name}": column for k, column in enumerate(columns)}
     model = exported(simulator_with(own.with_outputs(outputs), simulator.solver))
-    data = _data(own, own.box, model, limits, rows)
+    data = _data(own, own.box, model, pairs, rows)
     folder = resources("symmb.show.live")
     files = ("live.css", "panel.html", "live.js", "worker.js")
     style, panel, script, worker = ((folder / name).read_text(encoding="utf-8") for name in files)
@@ -100,15 +102,16 @@ def live(scene: Scene | DAESimulator, path: str | Path | None = None, limits: Li
     return None
 
 
-def _data(scene: Scene, box: Box, model: Exported, limits: Limits | None, pictures: Indices) -> dict[str, Any]:
+def _data(
+    scene: Scene, box: Box, model: Exported, limits: Mapping[str, tuple[float, float]], pictures: Indices
+) -> dict[str, Any]:
     """The data of the page, other than those of the viewer. Values are in the units of parameters and outputs."""
     names, outputs = list(scene.system.parameters), list(scene.curve_names)
     units, nominal = units_of_parameters(scene.system.parameters), model.source.nominal.tolist()
     box = box.with_units(units)
     values = dict(zip(names, nominal, strict=False)) | dict(zip(box.names, box.center.tolist(), strict=True))
     tolerances = dict(zip(box.names, box.radius.tolist(), strict=True))
-    pairs = limit_pairs("live", limits, outputs, scene.units) if limits else {}
-    ends = [[end if np.isfinite(end) else None for end in pair] for pair in pairs.values()]
+    ends = [[end if np.isfinite(end) else None for end in pair] for pair in limits.values()]
     grids = levels(len(names))
     return {
         "name": scene.name,
@@ -119,7 +122,7 @@ def _data(scene: Scene, box: Box, model: Exported, limits: Limits | None, pictur
         "outputs": [{"name": name, "unit": typeset(unit)} for name, unit in zip(outputs, scene.units, strict=True)],
         "limits": [
             {"output": outputs.index(name), "low": low, "high": high}
-            for name, (low, high) in zip(pairs, ends, strict=True)
+            for name, (low, high) in zip(limits, ends, strict=True)
         ],
         "n_t": len(model.source.times),
         "n_y": len(outputs),
