@@ -173,6 +173,8 @@ def test_the_last_change_wins_and_failed_runs_end_a_study(browser, tmp_path):
     *_, failed = live.studies((live.values, live.values * 0.9))
     assert failed["failed"] == 1 and failed["lower"] is None and "start" in failed["fault"]
     assert not browser.errors
+    memory = [live.studies((live.values * (1 + 1e-4 * k), live.tolerances))[-1]["memory"] for k in range(30)]
+    assert len({*memory}) == 1
 
 
 @COMPILED
