@@ -98,7 +98,7 @@ def test_faults(tmp_path):
     refused("name='my model' is not a C identifier", save_c, {"rhs": PLAIN}, tmp_path, name="my model")
     refused("Pass at least one Function", save_c, {}, tmp_path)
     given = dict(q=Q0, v=V0, parameters=PARAMETERS, coordinates=["a", "b"], t0=0, t1=1, steps=10)
-    refused(r"expected the lengths .*'q': 2", example_c, PLAIN, **given | {"q": [1.0]})
+    refused(r"values of these lengths: .*'q': 2", example_c, PLAIN, **given | {"q": [1.0]})
     refused("s: 1", example_c, PLAIN, **given | {"s": [1.0]})
     refused("s: 0", example_c, FILTERED, **given)
     refused("finite", example_c, PLAIN, **given | {"t1": np.inf})
