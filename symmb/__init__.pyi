@@ -81,6 +81,7 @@ from .declare.mechanics.figure import first_time as first_time, value_at as valu
 from .run.simulation.single_run import simulate as simulate
 from .run.simulation.subject import prepare as prepare
 from .show.drawing.show import view as view
+from .show.live.live import live as live
 from .run.simulation.sweep import sweep as sweep, Sweep as Sweep
 from .run.simulation.sensitivities import sensitivities as sensitivities, Sensitivities as Sensitivities
 from .run.simulation.derivatives import jax_function as jax_function, torch_function as torch_function

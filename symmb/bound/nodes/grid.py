@@ -7,14 +7,15 @@ smaller multi-indices thus has one node for each polynomial, with the same multi
 """
 
 import itertools
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cache, cached_property
 
 import numpy as np
 
 from symmb._types import Array, Indices
-from symmb.bound.nodes.tensor_fit import Tensor, interpolants
+from symmb.bound.nodes.tensor_fit import Tensor, interpolants, packed
 from symmb.bound.polynomials import Index, MultiIndices, below, with_lower
+from symmb.run.codegen import Tables
 
 
 class Grid:
@@ -76,6 +77,15 @@ class Grid:
         `rows` (N,) are the rows of the nodes in all blocks together; by default all rows.
         """
         return interpolants(self._tensors, blocks, np.arange(len(self.row)) if rows is None else rows)
+
+    def tables(self, change: Callable[[int], Array] | None = None) -> Tables:
+        """The Tensors of c/tensor_fit.h, to Legendre coefficients, or with a matrix of each degree to another basis."""
+        tensors = self._tensors
+        if change is not None:
+            changed = {id(A): change(len(A) - 1) @ A for _, axes, _ in tensors for A in axes}
+            tensors = [(rows, [changed[id(A)] for A in axes], sign) for rows, axes, sign in tensors]
+        basis = packed(tensors, len(self.row))
+        return basis, basis.arrays
 
     @cached_property
     def _tensors(self) -> list[Tensor]:

@@ -59,7 +59,7 @@ def group_squares(coefficients: Array, groups: Sequence[Indices]) -> Array:
 
 
 def _compiled_interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows: Indices) -> Array:
-    basis = _packed(tensors, len(rows))
+    basis = packed(tensors, len(rows))
     # Addresses of rows are used, because blocks from rounds of runs are too large to copy.
     blocks = [np.ascontiguousarray(Y, dtype=float) for Y in blocks]
     at = np.concatenate([Y.ctypes.data + Y.strides[0] * np.arange(len(Y)) for Y in blocks])[rows]
@@ -76,8 +76,8 @@ def _compiled_interpolants(tensors: list[Tensor], blocks: Sequence[Array], rows:
     return C
 
 
-def _packed(tensors: list[Tensor], n: int) -> _Tensors:
-    """The tensors of n nodes in the layout of C. A matrix of several grids is stored once."""
+def packed(tensors: list[Tensor], n: int) -> _Tensors:
+    """The Tensors of c/tensor_fit.h for n nodes. A matrix of several grids is stored once."""
     rows, fits, factors = zip(*tensors, strict=True)
     axes = [[A for A in each if len(A) > 1] for each in fits]
     used = list(itertools.chain(*axes))
@@ -92,9 +92,9 @@ def _packed(tensors: list[Tensor], n: int) -> _Tensors:
         np.array([starts[id(A)] for A in used], dtype=int),
         np.concatenate([np.empty(0), *(A.ravel() for A in matrices.values())]),
     )
-    packed = _Tensors(len(tensors), n, max(len(each) for each in rows), *(a.ctypes.data for a in arrays))
-    packed.arrays = arrays
-    return packed
+    basis = _Tensors(len(tensors), n, max(len(each) for each in rows), *(a.ctypes.data for a in arrays))
+    basis.arrays = arrays
+    return basis
 
 
 def _compiled_squares(coefficients: Array, groups: Sequence[Indices]) -> Array:

@@ -4,6 +4,7 @@ The ranges of expansions over the box are in `polynomials.ranges`.
 """
 
 from symmb.bound.polynomials.basis import Basis, HyperbolicCross, TensorDegree, TotalDegree
+from symmb.bound.polynomials.chebyshev import legendre_to_chebyshev
 from symmb.bound.polynomials.expansion import Expansion, Moments, moments
 from symmb.bound.polynomials.legendre import (
     Index,

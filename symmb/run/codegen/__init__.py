@@ -22,9 +22,10 @@ from symmb.run.codegen.build import (
     load,
     portable_library,
     require_compiler,
+    web_module,
     with_compiler,
 )
-from symmb.run.codegen.c_source import C_FOLDER, c_fields, c_number, c_source
+from symmb.run.codegen.c_source import C_FOLDER, Tables, c_fields, c_number, c_source, c_tables
 from symmb.run.codegen.contacts import BLAMED, CLOSES, IMPACT, OPENS, Contacts
 from symmb.run.codegen.engine import MOST_PASSES, Engine, FailedSamples, FixedStep, Lanes, StepEnds, StepTolerances
 from symmb.run.codegen.failures import REASONS, FailureCode

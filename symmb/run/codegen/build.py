@@ -30,6 +30,10 @@ R = TypeVar("R")
 
 # -ffast-math is not used: it lets compilers assume that nothing is NaN, but tests for NaN find lanes that fail.
 _FLAGS = ("-O2", "-shared", "-fPIC", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-w")
+_WEB_FLAGS = (
+    *("-target", "wasm32-wasi", "-mexec-model=reactor", "-O2", "-msimd128", "-fno-math-errno", "-fno-trapping-math"),
+    *("-ffp-contract=off", "-w", "-Wl,--strip-all", "-Wl,-z,stack-size=1048576"),
+)
 _MORE_FLAGS = "SYMMB_CFLAGS"
 """The environment variable for further flags, such as "-O1". With this flag tests compile faster and run slower."""
 _NATIVE = "-march=native", "-mcpu=native"  # some compilers for ARM know the second only
@@ -140,6 +144,44 @@ def portable_library(files: Mapping[str, str], sources: Sequence[str]) -> bytes:
             return library_path.read_bytes()
 
     return _with_next_compiler(built)
+
+
+def web_module(files: Mapping[str, str], sources: Sequence[str], user: str) -> bytes:
+    """A WebAssembly module of C files, from the cache or built now by ziglang. It exports what its C files export.
+
+    Parameters
+    ----------
+    files                  name -> text
+    sources                names of the files that are compiled
+    user                   the part that needs the module, for messages
+
+    Raises
+    ------
+    NoCompilerError        if the package ziglang is not installed, or cannot build the module
+    """
+    command = next(_ziglang(), None)
+    if command is None:
+        raise NoCompilerError(f"{user} needs the package ziglang. Run `pip install 'symmb[compiler]'`.")
+    try:
+        key = _key(*itertools.chain(*files.items()), *_WEB_FLAGS, _version(command))
+        if (path := cache.find(key, ".wasm")) is not None:
+            return path.read_bytes()
+        with temporary_folder() as folder:
+            for name, text in files.items():
+                (folder / name).write_text(text, encoding="utf-8")
+            built = folder / "module.wasm"
+            status, said = _ran(
+                [*command, *(str(folder / name) for name in sources), "-o", str(built), *_WEB_FLAGS],
+                _build_seconds(sum(map(len, files.values()))),
+                folder,
+            )
+            if status:
+                raise _BuildError(f"the compiler cannot build the module: {_first_error(said)}.")
+            content = built.read_bytes()
+    except (OSError, _BuildError) as error:
+        raise NoCompilerError(f"{user}: {shlex.join(command)}: {error}") from error
+    cache.keep(key, content, ".wasm")
+    return content
 
 
 def _with_next_compiler(build: Callable[["_Compiler"], R]) -> R:
@@ -309,6 +351,11 @@ def _candidates() -> Iterator[tuple[str, ...]]:
     for command in ([given], given.split(), ["cc"], ["gcc"], ["clang"]):
         if command and (path := shutil.which(command[0])):
             yield path, *command[1:]
+    yield from _ziglang()
+
+
+def _ziglang() -> Iterator[tuple[str, ...]]:
+    """The command of the compiler in the package ziglang, if it is installed."""
     ziglang = importlib.util.find_spec("ziglang")
     for folder in ziglang.submodule_search_locations or () if ziglang else ():
         if path := shutil.which(os.path.join(folder, "zig")):

@@ -1,7 +1,11 @@
 """The text of the C files in the folder c."""
 
+import ctypes
 import re
+from collections.abc import Sequence
 from pathlib import Path
+
+import numpy as np
 
 C_FOLDER = Path(__file__).parent / "c"
 
@@ -25,3 +29,26 @@ def c_number(name: str, constant: str) -> float:
 def c_fields(*groups: tuple[type, str]) -> list[tuple[str, type]]:
     """The fields of a ctypes.Structure from their types and names, in the order of the struct in C."""
     return [(name, kind) for kind, names in groups for name in names.split()]
+
+
+Tables = tuple[ctypes.Structure, Sequence[np.ndarray]]
+"""A structure of C with its numbers, and the arrays to which it points."""
+_TYPES = {"d": "double", "f": "float", "i": "int", "l": "long"}
+
+
+def c_tables(kind: str, name: str, tables: Tables) -> str:
+    """C definitions of a constant structure `name` of the type `kind`, and of the arrays to which it points."""
+    structure, arrays = tables
+    names, lines = dict[int, str](), list[str]()
+    for k, array in enumerate(arrays):
+        names[array.ctypes.data] = f"{name}_{k}"
+        values = ",".join(map(repr, array.ravel().tolist() or [0]))
+        lines.append(f"static const {_TYPES[array.dtype.char]} {name}_{k}[] = {{{values}}};")
+
+    def text(value: object) -> str:
+        if isinstance(value, ctypes.Array):
+            return f"{{{', '.join(map(text, value))}}}"
+        return names.get(value, repr(value)) if isinstance(value, int) else repr(value)
+
+    fields = ", ".join(f".{field[0]} = {text(getattr(structure, field[0]))}" for field in structure._fields_)
+    return "\n".join([*lines, f"static const {kind} {name} = {{{fields}}};"])

@@ -1,8 +1,8 @@
 """Drawings of mechanisms. A run is converted to a `Drawing`, and a `Drawing` to a page, a still picture or a film."""
 
 from symmb.show.drawing import curves, forces, joints
-from symmb.show.drawing.draw import draw
-from symmb.show.drawing.exhibit import attaining_runs, of_bounds, of_run
-from symmb.show.drawing.page import page
-from symmb.show.drawing.show import FORMATS, start_picture, view
+from symmb.show.drawing.draw import draw, surveyed
+from symmb.show.drawing.exhibit import UPPER, Exhibit, Ghost, attaining_runs, of_bounds, of_run
+from symmb.show.drawing.page import Live, bare, page
+from symmb.show.drawing.show import FORMATS, Page, start_picture, view
 from symmb.show.drawing.still import still

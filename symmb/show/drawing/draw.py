@@ -16,7 +16,7 @@ from symmb.show.drawing.bodies import BodySketch
 from symmb.show.drawing.elements import GUIDE, Sketch, begun, shapes_of, sketch
 from symmb.show.drawing.geometry import not_drawn, shapes_of_bodies
 from symmb.show.drawing.shapes import Drawing, Shape
-from symmb.show.drawing.survey import Survey
+from symmb.show.drawing.survey import Driven, Survey
 
 _TURNED, _RAISED = np.radians(-28.0), np.radians(20.0)
 """Initial angles of view for a spatial mechanism: about the vertical, and above the horizontal."""
@@ -25,6 +25,13 @@ _TURNED, _RAISED = np.radians(-28.0), np.radians(20.0)
 # `most` is the approximate number of pictures. Of longer runs, only every n-th output time is shown.
 def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = None, most: int = 1001) -> Drawing:
     """A run with the path of a point. For long runs, every n-th output time and the indices `also` are shown."""
+    return surveyed(run, also=also, point=point, most=most)[0]
+
+
+def surveyed(
+    run: Trajectory, *, also: Sequence[int] = (), point: Point | None = None, most: int = 1001
+) -> tuple[Drawing, tuple[Driven, ...], Indices]:
+    """The drawing of a run, its numbers that depend on the motion or on parameters, and indices of its output times."""
     scene = run.scene
     if scene is None:
         raise DeclarationError("This run has no scene: it was read from a file. Use Trajectory.load(path, scene).")
@@ -52,7 +59,7 @@ def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = Non
     shapes += chain.from_iterable(own.shapes() for own in given)
     if traced is not None:
         shapes.append(Shape("path", "path of the point", "path", "trace", (traced,), (0.35 * unit,)))
-    return Drawing(
+    drawing = Drawing(
         name=run.name,
         t=run.t,
         frames=survey.frames(),
@@ -68,6 +75,7 @@ def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = Non
         values=np.where(np.abs(run.values).max(axis=0) <= rounding(run.values, run.units), 0.0, run.values),
         notes=(*_without_place(sketches), *not_drawn(given)),
     )
+    return drawing, tuple(survey.driven(shapes)), rows
 
 
 def _without_place(sketches: Sequence[tuple[Element, Sketch | None]]) -> list[str]:

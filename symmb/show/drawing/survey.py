@@ -1,5 +1,6 @@
 """The numbers of a run that a drawing needs. They are requested one by one, and evaluated together."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -12,14 +13,18 @@ from symmb.declare.mechanics import AbstractBody, Element, FlexibleBody, Ground,
 from symmb.declare.symbolic import vector
 from symmb.equations.model import Scene
 from symmb.run.simulation import Trajectory
-from symmb.show.drawing.shapes import FramePoint, MovingFrame
+from symmb.show.drawing.shapes import FramePoint, MovingFrame, Shape
 
 
 @dataclass(eq=False)
 class Asked:
-    """Values of an expression along the run, available after `evaluate`: (1, n) if constant, otherwise (n_f, n)."""
+    """Values of an expression along the run, available after `evaluate`: (1, n) if constant, otherwise (n_f, n).
+
+    Values that are given as numbers have no expression.
+    """
 
     values: Array | None = None
+    expression: ca.SX | None = None
 
     def __call__(self) -> Array:
         if self.values is None:
@@ -30,6 +35,22 @@ class Asked:
     def first(self) -> Array:
         """The values at the first time, (n,)."""
         return self()[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """Numbers of a drawing that a live page computes for other parameters.
+
+    Attributes
+    ----------
+    part : ("frames", i, "pose"), ("places", i, "base"), ("places", i, "shift"), ("shapes", i, "direction") ...
+    expression : the numbers of a picture
+    moves : whether each picture has numbers of its own
+    """
+
+    part: tuple[str, int, str]
+    expression: ca.SX
+    moves: bool
 
 
 class Survey:
@@ -43,7 +64,8 @@ class Survey:
         self.run, self.scene = run, scene
         self.bind = self.scene.system.bind
         self.bodies: list[AbstractBody] = [Ground(), *self.scene.system.bodies]
-        self._asked: list[tuple[ca.SX, Asked]] = []
+        self._asked: list[Asked] = []
+        self._seen: list[Asked] = []
         self._places: list[tuple[int, Asked, Asked | None]] = []
         self._known: dict[tuple[int, int], int] = {}
         self._keep: list[Point] = []
@@ -60,8 +82,8 @@ class Survey:
         known = {state.sx.element_hash() for state in self.scene.system.collected.states}
         if any(state.sx.element_hash() not in known for state in self.bind.states(bound)):
             raise DeclarationError("a state is missing")
-        asked = Asked()
-        self._asked.append((ca.densify(bound), asked))
+        asked = Asked(expression=ca.densify(bound))
+        self._asked.append(asked)
         return asked
 
     def acting(self, element: Element) -> Element:
@@ -111,7 +133,8 @@ class Survey:
     def shifted(self, place: int, by: Array) -> int:
         """Add a place at a distance (3,) or (n_f, 3) [m] from another place of the same frame, and return its index."""
         frame, base, now = self._places[place]
-        return self._add(frame, Asked(base() + by), None if now is None else Asked(now() + by))
+        own = None if base.expression is None or len(by.reshape(-1, 3)) > 1 else base.expression + by.ravel()
+        return self._add(frame, Asked(base() + by, own), None if now is None else Asked(now() + by))
 
     def _add(self, frame: int, base: Asked, now: Asked | None) -> int:
         self._places.append((frame, base, now))
@@ -127,15 +150,17 @@ class Survey:
         """Compute all requested numbers."""
         if not self._asked:
             return
-        values = np.atleast_2d(self.run(ca.vertcat(*[expression for expression, _ in self._asked])))
+        values = np.atleast_2d(self.run(ca.vertcat(*[asked.expression for asked in self._asked])))
         values = values.reshape(len(self.run.t), -1)
         end = 0
-        for expression, asked in self._asked:
-            begin, end = end, end + expression.numel()
+        for asked in self._asked:
+            assert asked.expression is not None
+            begin, end = end, end + asked.expression.numel()
             part = values[:, begin:end]
             at_rest = np.ptp(part, axis=0).max(initial=0.0) <= ROUNDING * np.abs(part).max(initial=0.0)
             asked.values = part[:1] if at_rest else part
-        self._asked.clear()
+        self._seen += self._asked
+        self._asked = []
 
     def track(self, place: int) -> Array:
         """World positions of a place along the run, (n_f, 3) or (1, 3) [m]."""
@@ -173,6 +198,49 @@ class Survey:
     def places(self) -> tuple[FramePoint, ...]:
         """All requested places, in the order of their indices."""
         return tuple(_place(frame, base(), None if now is None else now()) for frame, base, now in self._places)
+
+    def driven(self, shapes: Sequence[Shape]) -> Iterator[Driven]:
+        """The numbers of the drawing that depend on the state, on the time or on parameters."""
+        for i, pose in enumerate(self._poses):
+            assert pose.expression is not None
+            rows = ca.vec(ca.reshape(pose.expression, 3, 4).T)
+            if ca.symvar(rows):
+                yield Driven(("frames", i, "pose"), rows, True)
+        for i, (_, base, now) in enumerate(self._places):
+            own, shifted = base.expression, None if now is None else now.expression
+            if own is not None and ca.symvar(own):
+                moves = now is None and self._moves(own)
+                yield Driven(("places", i, "shift"), own - base.first, True) if moves else Driven(("places", i, "base"), own, False)
+            if own is not None and shifted is not None:
+                yield Driven(("places", i, "shift"), shifted - own, True)
+        for i, shape in enumerate(shapes):
+            for name, values in (("direction", shape.direction), ("present", shape.present)):
+                source = None if values is None or len(values) == 1 or shape.form == "mesh" else self._source(values)
+                if source is not None:
+                    yield Driven(("shapes", i, name), source, True)
+
+    def _moves(self, expression: ca.SX) -> bool:
+        """Whether an expression depends on the state or on the time, and not only on parameters."""
+        fixed = {symbol.element_hash() for symbol in ca.vertsplit(self.scene.system.p)} if self.scene.system.p.numel() else set()
+        return any(symbol.element_hash() not in fixed for symbol in ca.symvar(expression))
+
+    def _source(self, values: Array) -> ca.SX | None:
+        """The expression of values along the run, which may be scaled, normalised, or taken from 1; None if unknown."""
+        for asked in self._seen:
+            own, y = asked.expression, asked()
+            if own is None or y.shape != values.shape:
+                continue
+            most = np.unravel_index(np.abs(y).argmax(), y.shape)
+            scale = float(values[most] / y[most]) if y[most] else 0.0
+            size = np.linalg.norm(y, axis=1, keepdims=True)
+            for expression, now in (
+                (scale * own, scale * y),
+                (own / ca.norm_2(own), y / np.where(size, size, 1.0)),
+                (1 - own, 1 - y),
+            ):
+                if np.allclose(now, values, rtol=SAME, atol=SAME):
+                    return expression
+        return None
 
 
 def _place(frame: int, base: Array, now: Array | None) -> FramePoint:

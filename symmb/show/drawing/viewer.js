@@ -5,8 +5,10 @@
 // Matrices are arrays of 16 numbers, column by column, as WebGL takes them. Vectors are arrays of 3 numbers.
 
 const page = JSON.parse(document.getElementById("drawing").textContent);
-const numbers = new Float64Array(Uint8Array.from(atob(page.numbers), c => c.charCodeAt(0)).buffer);
-let runs = page.runs, first = runs[0];  // the runs shown: with sliders, one run at a time
+const stored = new Float64Array(Uint8Array.from(atob(page.numbers), c => c.charCodeAt(0)).buffer);
+const numbers = new Float64Array(page.spare + stored.length);  // first those that a live page computes
+numbers.set(stored, page.spare);
+let runs = page.live ? page.runs.slice(0, 1) : page.runs, first = runs[0];  // the runs shown: with sliders, one run at a time
 const rgb = text => [1, 3, 5].map(i => parseInt(text.slice(i, i + 2), 16) / 255);
 const COLOURS = Object.fromEntries(Object.entries(page.colours).map(([name, text]) => [name, rgb(text)]));
 const INERTIA = "solid of the same inertia";
@@ -420,7 +422,7 @@ function drawCurves() {
       pen.beginPath(); path(values);
       pen.strokeStyle = tint; pen.lineWidth = 1.4 * devicePixelRatio; pen.stroke();
     }
-    if (bounds && page.mark.output === i) {
+    if (bounds && page.mark?.output === i) {
       pen.fillStyle = "#b91c1c"; pen.fillRect(x(nearest(first, page.mark.time)) - 1, 0, 2, h);
     }
     pen.fillStyle = "#4b5563";

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Indices
 from symmb.bound.polynomials.chebyshev import LowerSet, halving
 from symmb.bound.polynomials.legendre import MultiIndices
 from symmb.run.codegen import c_fields, c_number, c_source, load, on_threads
@@ -75,6 +75,13 @@ def compiled_ranges(
 
     on_threads(work, m, 2.5e-5 * legendre.size)  # [s] with many parameters and a budget of thousands of boxes
     return *ranges, *points, *gaps
+
+
+def range_tables(alpha: MultiIndices) -> tuple[tuple[_Basis, tuple[np.ndarray, ...]], Indices]:
+    """The Basis of c/polynomial_ranges.h, its arrays, and the numbers of the given products in its order."""
+    products = LowerSet.of(alpha)
+    tables = _tables(products)
+    return (tables.basis, tables.arrays), products.given
 
 
 @lru_cache(maxsize=64)

@@ -1,0 +1,116 @@
+/* The module of a live page: runs of a scene, and bounds of its outputs from runs at nodes. It is one of the three C files of
+   the module. The others are the scene of symmb codegen, and polynomial_ranges.h, which has vectors of another width. */
+#include <stdlib.h>
+#include "scene.h"
+
+#define EXPORT(name) __attribute__((export_name(#name))) name
+
+int find_ranges(const void *basis, const int *given, long n, long m, const double *C, double *found, double *points);
+
+/* The nodes and the polynomials of a number of parameters and a level of refinement. */
+typedef struct {
+  long d, n;           /* parameters and nodes */
+  const int *degrees;  /* (n, d) of the polynomials. They are also the numbers of the nodes of each parameter */
+  const Tensors *fit;
+  const Grid *grid;    /* for few parameters, with Legendre polynomials. NULL: branch and bound with Chebyshev polynomials */
+  const void *const *basis;
+  const int *given;
+} Level;
+
+#include "levels.h"
+
+static Scene *scene;
+static double *arena;
+static long arena_size;
+
+/* Memory for n numbers. It replaces the memory of the call before. NULL if there is not enough. */
+double *EXPORT(room)(long n) {
+  if (n <= arena_size) return arena;
+  free(arena);
+  arena = aligned_alloc(64, (n * sizeof *arena + 63) / 64 * 64);
+  arena_size = arena ? n : 0;
+  return arena;
+}
+
+/* The first n outputs at each time (n_t, n) of a run with parameters p. Returns the number of times that the run reaches. */
+long EXPORT(run)(const double *p, long n, double *out) {
+  if (!scene && !(scene = scene_new())) return 0;
+  memcpy(scene_parameters(scene), p, SCENE_N_P * sizeof *p);
+  if (!scene_start(scene, scene_times[SCENE_N_T - 1], 0.0)) return 0;
+  for (long k = 0; k < SCENE_N_T; ++k) {
+    if (k && !scene_step(scene, scene_times[k])) return k;
+    memcpy(out + k * n, scene_outputs(scene), n * sizeof *out);
+  }
+  return SCENE_N_T;
+}
+
+/* Why the last run has ended. */
+const char *EXPORT(fault)(void) { return scene ? scene_fault(scene) : "there is not enough memory"; }
+
+/* Coordinate k of node i of a level. */
+double EXPORT(node)(long level, long i, long k) {
+  const Level *l = levels + level;
+  return line[l->degrees[i * l->d + k]];
+}
+
+/* Coefficients C (n, m) from values Y at the nodes, which are `stride` numbers apart. */
+static int coefficients(const Level *l, long stride, long m, const double *Y, double *C) {
+  long next = 0;
+  const double **rows = malloc(l->n * sizeof *rows);
+  for (long k = 0; rows && k < l->n; ++k) rows[k] = Y + k * stride;
+  const int done = rows && fit(l->fit, &next, m, rows, C);
+  free(rows);
+  return done;
+}
+
+/* Minima and maxima found (2, m) of m responses from values Y at the nodes, which are `stride` numbers apart, and the points
+   (2, d) of the last response. Returns 0 if there is not enough memory. */
+int EXPORT(bounds)(long level, long stride, long m, const double *Y, double *found, double *points) {
+  enum { SOME = 1024, MOST = 64 }; /* responses at a time, so that their coefficients take little memory */
+  static double own[2 * SOME], places[2 * SOME * MOST];
+  const Level *l = levels + level;
+  double *C = malloc(l->n * SOME * sizeof *C);
+  int done = C != NULL;
+  for (long i = 0; done && i < m; i += SOME) {
+    const long count = m - i < SOME ? m - i : SOME;
+    long next = 0;
+    done = coefficients(l, stride, count, Y + i, C);
+    if (done && l->grid) done = dense(l->grid, &next, count, C, own, places);
+    else if (done) done = find_ranges(*l->basis, l->given, l->n, count, C, own, places);
+    for (int side = 0; side < 2; ++side) {
+      memcpy(found + side * m + i, own + side * count, count * sizeof *found);
+      for (long k = 0; k < l->d; ++k)
+        points[side * l->d + k] = l->grid ? places[((side + 1) * DIRECTIONS - l->d + k) * count + count - 1]
+                                          : places[(side * count + count - 1) * l->d + k];
+    }
+  }
+  free(C);
+  return done;
+}
+
+/* Values (n, m) of the polynomials of m responses at the nodes times a factor. */
+int EXPORT(scaled)(long level, long stride, long m, const double *Y, double factor, double *values) {
+  enum { HIGHEST = 64 };
+  const Level *l = levels + level;
+  double *C = malloc(l->n * m * sizeof *C), *f = malloc(l->d * (HIGHEST + 1) * sizeof *f);
+  const int done = C && f && coefficients(l, stride, m, Y, C);
+  for (long i = 0; done && i < l->n; ++i) {
+    for (long k = 0; k < l->d; ++k) {
+      double *P = f + k * (HIGHEST + 1);
+      const double x = factor * node(level, i, k);
+      P[0] = 1.0, P[1] = x;
+      for (long j = 1; j < HIGHEST; ++j)
+        P[j + 1] = l->grid ? ((2 * j + 1) * x * P[j] - j * P[j - 1]) / (j + 1) : 2.0 * x * P[j] - P[j - 1];
+    }
+    double *to = values + i * m;
+    memset(to, 0, m * sizeof *to);
+    for (long b = 0; b < l->n; ++b) {
+      double product = 1.0;
+      for (long k = 0; k < l->d; ++k) product *= f[k * (HIGHEST + 1) + l->degrees[b * l->d + k]];
+      for (long r = 0; r < m; ++r) to[r] += product * C[b * m + r];
+    }
+  }
+  free(C);
+  free(f);
+  return done;
+}

@@ -1,0 +1,143 @@
+"""`live`: a page in which a reader changes parameters and tolerances."""
+
+import base64
+import zlib
+from collections.abc import Sequence
+from importlib.resources import files as resources
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from symmb._errors import DeclarationError
+from symmb._units import typeset, units_of_parameters
+from symmb.bound.bounds import Limits, limit_pairs
+from symmb.equations.model import Scene
+from symmb.results.files import replacement, require_suffix
+from symmb.run.simulation import DAESimulator, scene_of, simulate, simulator_with
+from symmb.show.drawing import UPPER, Exhibit, Ghost, Live, Page, bare, page, surveyed
+from symmb.show.exchange import Exported, exported
+from symmb.show.live.wasm import levels, module
+
+_POLICY = "default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval'; style-src 'unsafe-inline'; " + (
+    "worker-src blob:; img-src data: blob:"
+)
+"""What the page may load: nothing from a network."""
+
+
+def live(
+    scene: Scene | DAESimulator, path: str | Path | None = None, limits: Limits | None = None
+) -> Page | None:
+    """Write a page with a slider for each parameter and its tolerance. The page computes runs, bounds and limits.
+
+    The page is one HTML file. It needs neither a network nor Python: it contains the C code of the scene, compiled to
+    WebAssembly by the package ziglang. After each change, the page runs the scene, and then computes bounds of its
+    outputs from runs at more and more nodes, as ``PolynomialChaos(order=...)``. Up to eight parameters may have
+    tolerances at the same time.
+
+    Parameters
+    ----------
+    scene : Scene
+        a scene with a box, or a prepared scene. The middle of the box is the first value of its parameters
+    path : str or Path
+        .html; default: a page that a notebook shows below its cell
+    limits : dict
+        limits (low, high) of outputs, as for ``Bounds.check``; one end may be None. The page shows their margins
+
+    Returns
+    -------
+    Page or None
+        the page if no path is given. Its `text` is HTML
+
+    Raises
+    ------
+    DeclarationError
+        If the scene has no box or has scalar outputs, if a part of the scene needs Python, or if a limit is not valid
+    NoCompilerError
+        If the package ziglang is not installed
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(g=9.81)
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> fall = mb.Scene(mb.System(ball, mb.Gravity(0, -p.g), parameters=p), times=[0.0, 0.5, 1.0], box=mb.Box(g=(9, 10)))
+    >>> mb.live(fall, "fall.html")  # doctest: +SKIP
+    """
+    if path is not None:
+        require_suffix(path, ".html")
+    own = scene_of(scene)
+    if own.figures:
+        raise DeclarationError(
+            f"live: output {next(iter(own.figures))!r} is a scalar output. Live pages need outputs over time. Leave "
+            "this output out by scene.with_outputs(...)."
+        )
+    if own.box is None:
+        raise DeclarationError("live: the scene has no box of tolerances. Give it one by scene.with_box(Box(...)).")
+    pairs = limit_pairs("live", limits, own.curve_names, own.units) if limits else {}
+    simulator = scene if isinstance(scene, DAESimulator) else simulator_with(own)
+    drawing, driven, rows = surveyed(simulate(simulator))
+    columns = ca.vertsplit(ca.vertcat(ca.SX(0, 1), *(one.expression for one in driven)))
+    outputs = dict(zip(own.curve_names, ca.vertsplit(own.y), strict=True))
+    outputs |= {f"drawing {k} of {own.name}": column for k, column in enumerate(columns)}
+    model = exported(simulator_with(own.with_outputs(outputs), simulator.solver))
+    data = _data(own, model, pairs, rows.tolist())
+    folder = resources("symmb.show.live")
+    texts = {name: (folder / name).read_text(encoding="utf-8") for name in ("live.css", "panel.html", "live.js", "worker.js")}
+    added = {
+        "head": f'\n<meta http-equiv="Content-Security-Policy" content="{_POLICY}">',
+        "style": f"\n{texts['live.css']}",
+        "panel": f"\n{texts['panel.html']}",
+        "more": f'\n<script type="text/plain" id="worker">\n{texts["worker.js"]}</script>\n'
+        f"<script>\n{texts['live.js']}</script>",
+    }
+    still = bare(drawing, driven)
+    text = page(Exhibit(still, (Ghost("worst case", UPPER, still),)), Live(driven, len(own.curve_names), data, added))
+    if path is None:
+        return Page(own.name, text)
+    with replacement(path) as file:
+        file.write(text.encode())
+    return None
+
+
+def _data(scene: Scene, model: Exported, limits: dict[str, tuple[float, float]], pictures: Sequence[int]) -> dict[str, Any]:
+    """The data of the page, other than those of the viewer."""
+    box, names, units = scene.box, list(scene.system.parameters), units_of_parameters(scene.system.parameters)
+    assert box is not None
+    box = box.with_units(units)
+    tolerances = dict(zip(box.names, box.radius.tolist(), strict=True))
+    nominal = model.source.nominal.tolist()
+    values = dict(zip(names, nominal, strict=False)) | dict(zip(box.names, box.center.tolist(), strict=True))
+    outputs = zip(scene.curve_names, scene.units, strict=True)
+    grids = levels(len(names))
+    return {
+        "name": scene.name,
+        "parameters": [_parameter(name, typeset(units.get(name, "")), values[name], tolerances.get(name, 0.0)) for name in names],
+        "inputs": nominal[len(names) :],
+        "outputs": [{"name": name, "unit": typeset(unit)} for name, unit in outputs],
+        "limits": [
+            {"output": scene.curve_names.index(name), **{key: end if np.isfinite(end) else None for key, end in zip(("low", "high"), ends, strict=True)}}
+            for name, ends in limits.items()
+        ],
+        "n_t": len(model.source.times),
+        "n_y": len(scene.curve_names),
+        "n_out": len(model.outputs),
+        "times": model.source.times.tolist(),
+        "pictures": list(pictures),
+        "most_levels": max(map(len, grids), default=0),
+        "most_varied": len(grids),
+        "levels": [[len(grid.row) for grid in own] for own in grids],
+        "axes": [[[[grid.row[(0,) * k + (j,) + (0,) * (grid.d - 1 - k)] for j in range(grid.alpha[:, k].max() + 1)] for k in range(grid.d)] for grid in own] for own in grids],
+        "wasm": base64.b64encode(zlib.compress(module(model.source, len(names)), 9)).decode(),
+    }
+
+
+def _parameter(name: str, unit: str, value: float, tolerance: float) -> dict[str, Any]:
+    """A parameter with the ends of its sliders. A value keeps its sign."""
+    reach = max(4 * tolerance, abs(value) / 2) or 1.0
+    low, high = value - reach, value + reach
+    if value:
+        low, high = (max(low, value / 10), high) if value > 0 else (low, min(high, value / 10))
+    most = max(4 * tolerance, abs(value) / 5) or 1.0
+    return {"name": name, "unit": unit, "value": value, "tolerance": tolerance, "low": low, "high": high, "most": most}

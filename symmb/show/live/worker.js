@@ -1,0 +1,189 @@
+"use strict";
+// Runs and bounds of a live page. A study has a nominal run, bounds from runs at the nodes of one level after another, and the
+// effects of single parameters. A new study ends an older one, because each run gives way to messages.
+
+let live, wasm, started, latest = 0;
+const give = (message, ...moved) => postMessage(message, moved.map(each => each.buffer));
+const channel = new MessageChannel(), waiting = [];
+channel.port1.onmessage = () => waiting.shift()();
+let free = 0;  // when messages could arrive for the last time
+const others = () => performance.now() - free < 4 ? null : new Promise(go => {
+  waiting.push(() => { free = performance.now(); go(); });
+  channel.port2.postMessage(0);
+});
+
+onmessage = async ({ data }) => {
+  try {
+    if (data.kind === "start") await (started = start(data.live));
+    else if (data.id > latest) {
+      latest = data.id;
+      await started;
+      if (data.id === latest) await study(data);
+    }
+  } catch (error) {
+    if (!(error instanceof Ended)) give({ kind: "fault", fault: String(error.message ?? error) });
+  }
+};
+
+class Ended extends Error {}  // by a newer study
+
+async function start(given) {
+  live = given;
+  const packed = Uint8Array.from(atob(live.wasm), c => c.charCodeAt(0));
+  const bytes = await new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"))).arrayBuffer();
+  const module = await WebAssembly.compile(bytes), imports = {};
+  for (const { module: from, name } of WebAssembly.Module.imports(module)) (imports[from] ??= {})[name] = () => 52;  // no system
+  wasm = (await WebAssembly.instantiate(module, imports)).exports;
+  wasm._initialize?.();
+  give({ kind: "ready" });
+}
+
+// Memory: parts of one room, given by numbers of doubles
+function rooms(...sizes) {
+  const begin = wasm.room(sizes.reduce((sum, size) => sum + size, 0));
+  if (!begin) throw Error("There is not enough memory.");
+  let at = begin;
+  return sizes.map(size => { const own = at; at += 8 * size; return own; });
+}
+const view = (at, count) => new Float64Array(wasm.memory.buffer, at, count);
+
+function text(at) {
+  const bytes = new Uint8Array(wasm.memory.buffer, at);
+  return new TextDecoder().decode(bytes.slice(0, bytes.indexOf(0)));
+}
+
+function run(parameters, columns, at, p) {  // rows of the first columns, to a place in memory
+  view(p, parameters.length).set(parameters);
+  const finished = wasm.run(p, columns, at);
+  if (finished < live.n_t) view(at + 8 * finished * columns, (live.n_t - finished) * columns).fill(NaN);
+  return { finished, fault: finished < live.n_t ? text(wasm.fault()) : null };
+}
+
+async function study({ id, values, tolerances, limits, levels: most = live.most_levels }) {
+  const began = performance.now(), { n_t, n_y, n_out } = live, m = n_t * n_y, nominal = [...values, ...live.inputs];
+  const varied = tolerances.flatMap((tolerance, i) => tolerance > 0 ? [i] : []), d = varied.length;
+  let sizes = (live.levels[d - 1] ?? []).slice(0, most);
+  while (sizes.length > 1 && sizes.at(-1) * m > 12e6) sizes.pop();  // memory of 100 MB
+  const n = sizes.at(-1) ?? 1, few = Math.min(n_t, 100);
+  const [p, rows, found, points, some, scaled, Y] = rooms(nominal.length, n_t * n_out, 2 * m, 2 * d, n * few, n * few, n * m);
+  const full = parameters => {
+    const { finished, fault } = run(parameters, n_out, rows, p);
+    return { rows: view(rows, n_t * n_out).slice(), finished, fault };
+  };
+  const first = full(nominal);
+  give({ kind: "run", id, ...first, rows: first.rows.slice(), ms: performance.now() - began });
+  if (first.fault) return;
+  if (d > live.most_varied) throw Error(`At most ${live.most_varied} parameters may have tolerances at the same time.`);
+  const at = point => { const all = [...nominal]; varied.forEach((i, k) => { all[i] += tolerances[i] * point[k]; }); return all; };
+  const first_level = live.levels.slice(0, d - 1).reduce((sum, own) => sum + own.length, 0);
+  const closest = (lower, upper, error, level) => limits.map(limit => {
+    let best = { margin: Infinity, side: limit.low === null ? "high" : "low", time: 0 };
+    for (let k = 0; k < n_t; k++)
+      for (const side of ["low", "high"]) {
+        if (limit[side] === null) continue;
+        const i = k * n_y + limit.output, margin = side === "low" ? lower[i] - limit.low : limit.high - upper[i];
+        if (margin < best.margin) best = { margin, side, time: k, value: side === "low" ? lower[i] : upper[i], error: error[i] };
+      }
+    let parameters = nominal;
+    if (d) {
+      wasm.bounds(level, m, 1, Y + 8 * (best.time * n_y + limit.output), found, points);
+      parameters = at([...view(points + (best.side === "low" ? 0 : 8 * d), d)]);
+    }
+    return { ...limit, ...best, parameters: parameters.slice(0, values.length), all: parameters };
+  });
+  const finish = (limit, ended) => {  // with the run of the worst case
+    const { all, ...told } = limit;
+    return { ...told, rows: ended ? full(all).rows : null };
+  };
+
+  if (!d) {
+    const y = new Float64Array(m);
+    for (let k = 0; k < n_t; k++) y.set(first.rows.subarray(k * n_out, k * n_out + n_y), k * n_y);
+    const error = new Float64Array(m), told = closest(y, y, error, 0).map(limit => finish(limit, true));
+    give({ kind: "bounds", id, level: 0, levels: 1, runs: 1, failed: 0, lower: y, upper: y.slice(), error, done: true,
+           ms: performance.now() - began, limits: told });
+    give({ kind: "effects", id, widths: new Float64Array(n_y * values.length),
+           limits: limits.map(() => ({ widths: values.map(() => 0), factor: null })) });
+    return;
+  }
+  let before = null, told = [], level = first_level;
+  for (let l = 0, runs = 0; l < sizes.length; l++) {
+    level = first_level + l;
+    for (; runs < sizes[l]; runs++) {
+      await others();
+      if (id !== latest) throw new Ended();
+      const { fault } = run(at(varied.map((_, k) => wasm.node(level, runs, k))), n_y, Y + 8 * runs * m, p);
+      if (fault) {
+        give({ kind: "bounds", id, level: l, levels: sizes.length, runs: runs + 1, failed: 1, lower: null, upper: null,
+               error: null, done: true, ms: performance.now() - began, limits: [], fault });
+        return;
+      }
+    }
+    if (!wasm.bounds(level, m, m, Y, found, points)) throw Error("There is not enough memory.");
+    const lower = view(found, m).slice(), upper = view(found + 8 * m, m).slice(), error = new Float64Array(m).fill(Infinity);
+    if (before) error.forEach((_, i) => { error[i] = Math.max(Math.abs(lower[i] - before.lower[i]), Math.abs(upper[i] - before.upper[i])); });
+    before = { lower: lower.slice(), upper: upper.slice() };
+    const done = l === sizes.length - 1;
+    told = closest(lower, upper, error, level);
+    give({ kind: "bounds", id, level: l, levels: sizes.length, runs, failed: 0, lower, upper, error, done,
+           ms: performance.now() - began, limits: told.map(limit => finish(limit, true)) }, lower, upper, error);
+  }
+  await others();
+  if (id !== latest) throw new Ended();
+  give({ kind: "effects", id, ...await effects() });
+
+  async function effects() {  // the polynomials along one parameter interpolate the nodes on its axis
+    const l = sizes.length - 1, widths = new Float64Array(n_y * values.length), of_limits = limits.map(() => values.map(() => 0));
+    const line = live.levels[0].findIndex(count => count === live.axes[d - 1][l][0].length);
+    for (let k = 0; k < d; k++) {
+      const along = live.axes[d - 1][l][k], columns = new Float64Array(along.length * m);
+      along.forEach((row, j) => columns.set(view(Y + 8 * row * m, m), j * m));
+      const width = await widthsOf(columns, along.length, line);
+      for (let i = 0; i < m; i++) widths[(i % n_y) * values.length + varied[k]] = Math.max(widths[(i % n_y) * values.length + varied[k]], width[i]);
+      told.forEach((limit, j) => { of_limits[j][varied[k]] = width[limit.time * n_y + limit.output]; });
+    }
+    const factors = [];
+    for (const limit of told) factors.push(await factorOf(limit));
+    return { widths, limits: of_limits.map((own, j) => ({ widths: own, factor: factors[j] })) };
+  }
+
+  async function widthsOf(columns, count, line) {  // a few responses at a time: `some` has room for them
+    const width = new Float64Array(m), part = Math.floor(n * few / count);
+    for (let i = 0; i < m; i += part) {
+      const size = Math.min(part, m - i);
+      for (let j = 0; j < count; j++) view(some + 8 * j * size, size).set(columns.subarray(j * m + i, j * m + i + size));
+      if (!wasm.bounds(line, size, size, some, found, points)) throw Error("There is not enough memory.");
+      for (let r = 0; r < size; r++) width[i + r] = view(found, 2 * size)[size + r] - view(found, 2 * size)[r];
+      await others();
+      if (id !== latest) throw new Ended();
+    }
+    return width;
+  }
+
+  async function factorOf(limit) {  // bisection over the times at which the limit would be reached first
+    const middle = k => view(Y, m)[k * n_y + limit.output], ends = before;
+    const nearest = k => Math.max(
+      limit.low === null ? 0 : (middle(k) - ends.lower[k * n_y + limit.output]) / (middle(k) - limit.low),
+      limit.high === null ? 0 : (ends.upper[k * n_y + limit.output] - middle(k)) / (limit.high - middle(k)));
+    const times = Array.from({ length: n_t }, (_, k) => k);
+    if (times.some(k => limit.low !== null && middle(k) < limit.low || limit.high !== null && middle(k) > limit.high)) return null;
+    const chosen = times.sort((a, b) => nearest(b) - nearest(a)).slice(0, few), count = chosen.length;
+    const columns = new Float64Array(n * count);
+    for (let j = 0; j < n; j++) chosen.forEach((k, r) => { columns[j * count + r] = view(Y, n * m)[j * m + k * n_y + limit.output]; });
+    const kept = async factor => {
+      await others();
+      if (id !== latest) throw new Ended();
+      view(some, n * count).set(columns);
+      return wasm.scaled(level, count, count, some, factor, scaled) && wasm.bounds(level, count, count, scaled, found, points)
+        && chosen.every((_, r) => (limit.low === null || view(found, count)[r] >= limit.low)
+          && (limit.high === null || view(found + 8 * count, count)[r] <= limit.high));
+    };
+    if (await kept(3)) return null;
+    let low = 0, high = 3;
+    while (high - low > 2e-3 * high && high > 1e-3) {
+      const middle = (low + high) / 2;
+      if (await kept(middle)) low = middle; else high = middle;
+    }
+    return low;
+  }
+}
