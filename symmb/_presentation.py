@@ -5,6 +5,7 @@ from importlib import import_module
 from typing import Any
 
 UPWARD = {
+    "live": "symmb.show.live",
     "start_picture": "symmb.show.drawing",
     "write_bounds": "symmb.show.report",
     "write_comparison": "symmb.show.report",

@@ -27,7 +27,7 @@ WINGS = {
     "prove": "",
     "bound": "polynomials nodes bounds",
     "study": "",
-    "show": "drawing exchange report",
+    "show": "drawing exchange live report",
 }
 """The rooms of each wing, from the ground up. The first are files of the ground floor. A wing without rooms is one."""
 ROOMS = [f"{wing}.{room}".strip(".") for wing, rooms in WINGS.items() for room in rooms.split() or [""]]

@@ -270,6 +270,16 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         """
         presentation("write_bounds")(self, path, limits, block)
 
+    def live(self, path: str | Path | None = None, limits: Limits | None = None) -> Any:
+        """Write the live page of the scene with the box of these bounds, as ``mb.live``.
+
+        DeclarationError is raised if the bounds have no scene: they were read from a file, or have another simulator.
+        """
+        scene = getattr(self.study, "scene", None)
+        if scene is None or self.box is None:
+            raise DeclarationError("Bounds.live: these bounds have no scene. Use bounds of propagate(scene).")
+        return presentation("live")(scene.with_box(self.box), path, limits)
+
     def _about(self) -> list[str]:
         failed = f"{len(self.failed)} failed:" if self.failed else "none failed"
         times = f"{len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) > 1 else "one time"

@@ -7,14 +7,14 @@ smaller multi-indices thus has one node for each polynomial, with the same multi
 """
 
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import cache, cached_property
 
 import numpy as np
 
 from symmb._types import Array, Indices
 from symmb.bound.nodes.tensor_fit import Tensor, interpolants, packed
-from symmb.bound.polynomials import Index, MultiIndices, below, with_lower
+from symmb.bound.polynomials import Index, MultiIndices, below, legendre_to_chebyshev, with_lower
 from symmb.run.codegen import Tables
 
 
@@ -78,13 +78,10 @@ class Grid:
         """
         return interpolants(self._tensors, blocks, np.arange(len(self.row)) if rows is None else rows)
 
-    def tables(self, change: Callable[[int], Array] | None = None) -> Tables:
-        """The Tensors of c/tensor_fit.h, to Legendre coefficients, or with a matrix of each degree to another basis."""
-        tensors = self._tensors
-        if change is not None:
-            changed = {id(A): change(len(A) - 1) @ A for _, axes, _ in tensors for A in axes}
-            tensors = [(rows, [changed[id(A)] for A in axes], sign) for rows, axes, sign in tensors]
-        basis = packed(tensors, len(self.row))
+    def tables(self) -> Tables:
+        """The Tensors of c/tensor_fit.h, from values at the nodes to Chebyshev coefficients."""
+        fits = {id(A): legendre_to_chebyshev(len(A) - 1) @ A for _, axes, _ in self._tensors for A in axes}
+        basis = packed([(rows, [fits[id(A)] for A in axes], sign) for rows, axes, sign in self._tensors], len(self.row))
         return basis, basis.arrays
 
     @cached_property

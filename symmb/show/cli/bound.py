@@ -45,7 +45,7 @@ def _bound(options: argparse.Namespace) -> tuple[str, ...] | int:
     method = specs.method(options.method)
     solver = specs.solver(options.solver)
     paths = result_paths(options)
-    limits = _limits(options)
+    limits = limits_of(options)
     block = dict(word.partition("=")[::2] for word in options.title_block)
     require_names("--title-block", "part", [*block], BLOCK)
     subject, own = load_subject(options.scene)
@@ -86,7 +86,7 @@ def _tell_contributions(bounds: mb.Bounds, is_asked: bool) -> mb.Contributions |
     return contributions
 
 
-def _limits(options: argparse.Namespace) -> dict[str, tuple[End, End]]:
+def limits_of(options: argparse.Namespace) -> dict[str, tuple[End, End]]:
     """The limits of outputs, from the options."""
     limits = _ranges("--limit", options.limit)
     for name, ends in limits.items():

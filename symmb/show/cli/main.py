@@ -21,6 +21,7 @@ from symmb.show.cli.compare import add_compare
 from symmb.show.cli.completion import add_completion
 from symmb.show.cli.export import add_export
 from symmb.show.cli.linearize import add_linearize
+from symmb.show.cli.live import add_live
 from symmb.show.cli.result_path import result_path, result_paths, write_results
 from symmb.show.cli.runs import add_runs
 from symmb.show.cli.scene_file import add_set, load_scene, scene_and_parameters, shipped_names
@@ -218,4 +219,5 @@ def _add_scene_commands(command: Callable[..., argparse.ArgumentParser], methods
     view.add_argument("--mode", metavar="K", type=int, help="draw mode number K, counted from 1, instead of a run")
     add_set(view)
 
+    add_live(command)
     add_export(command, solvers)

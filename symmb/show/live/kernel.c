@@ -1,5 +1,5 @@
-/* The module of a live page: runs of a scene, and bounds of its outputs from runs at nodes. It is one of the three C files of
-   the module. The others are the scene of symmb codegen, and polynomial_ranges.h, which has vectors of another width. */
+/* The module of a live page: runs of a scene, and bounds of its outputs from runs at nodes. ranges.c has the bounds of
+   polynomials in a file of its own, because their vectors have another width. */
 #include <stdlib.h>
 #include "scene.h"
 
@@ -11,10 +11,9 @@ int find_ranges(const void *basis, const int *given, long n, long m, const doubl
 typedef struct {
   long d, n;           /* parameters and nodes */
   const int *degrees;  /* (n, d) of the polynomials. They are also the numbers of the nodes of each parameter */
-  const Tensors *fit;
-  const Grid *grid;    /* for few parameters, with Legendre polynomials. NULL: branch and bound with Chebyshev polynomials */
+  const Tensors *fit;  /* to Chebyshev coefficients */
   const void *const *basis;
-  const int *given;
+  const int *given;    /* (n) numbers of the coefficients in the basis */
 } Level;
 
 #include "levels.h"
@@ -63,44 +62,28 @@ static int coefficients(const Level *l, long stride, long m, const double *Y, do
   return done;
 }
 
-/* Minima and maxima found (2, m) of m responses from values Y at the nodes, which are `stride` numbers apart, and the points
-   (2, d) of the last response. Returns 0 if there is not enough memory. */
+/* Bounds (2, m) of m responses from values Y at the nodes, which are `stride` numbers apart, and their points (2, m, d). Returns
+   0 if there is not enough memory. */
 int EXPORT(bounds)(long level, long stride, long m, const double *Y, double *found, double *points) {
-  enum { SOME = 1024, MOST = 64 }; /* responses at a time, so that their coefficients take little memory */
-  static double own[2 * SOME], places[2 * SOME * MOST];
   const Level *l = levels + level;
-  double *C = malloc(l->n * SOME * sizeof *C);
-  int done = C != NULL;
-  for (long i = 0; done && i < m; i += SOME) {
-    const long count = m - i < SOME ? m - i : SOME;
-    long next = 0;
-    done = coefficients(l, stride, count, Y + i, C);
-    if (done && l->grid) done = dense(l->grid, &next, count, C, own, places);
-    else if (done) done = find_ranges(*l->basis, l->given, l->n, count, C, own, places);
-    for (int side = 0; side < 2; ++side) {
-      memcpy(found + side * m + i, own + side * count, count * sizeof *found);
-      for (long k = 0; k < l->d; ++k)
-        points[side * l->d + k] = l->grid ? places[((side + 1) * DIRECTIONS - l->d + k) * count + count - 1]
-                                          : places[(side * count + count - 1) * l->d + k];
-    }
-  }
+  double *C = malloc(l->n * m * sizeof *C);
+  const int done = C && coefficients(l, stride, m, Y, C) && find_ranges(*l->basis, l->given, l->n, m, C, found, points);
   free(C);
   return done;
 }
 
 /* Values (n, m) of the polynomials of m responses at the nodes times a factor. */
 int EXPORT(scaled)(long level, long stride, long m, const double *Y, double factor, double *values) {
-  enum { HIGHEST = 64 };
+  enum { HIGHEST = 16 };
   const Level *l = levels + level;
   double *C = malloc(l->n * m * sizeof *C), *f = malloc(l->d * (HIGHEST + 1) * sizeof *f);
   const int done = C && f && coefficients(l, stride, m, Y, C);
   for (long i = 0; done && i < l->n; ++i) {
     for (long k = 0; k < l->d; ++k) {
-      double *P = f + k * (HIGHEST + 1);
+      double *T = f + k * (HIGHEST + 1);
       const double x = factor * node(level, i, k);
-      P[0] = 1.0, P[1] = x;
-      for (long j = 1; j < HIGHEST; ++j)
-        P[j + 1] = l->grid ? ((2 * j + 1) * x * P[j] - j * P[j - 1]) / (j + 1) : 2.0 * x * P[j] - P[j - 1];
+      T[0] = 1.0, T[1] = x;
+      for (long j = 1; j < HIGHEST; ++j) T[j + 1] = 2.0 * x * T[j] - T[j - 1];
     }
     double *to = values + i * m;
     memset(to, 0, m * sizeof *to);

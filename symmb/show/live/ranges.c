@@ -14,16 +14,13 @@ int find_ranges(const void *basis, const int *given, long n, long m, const doubl
   for (int k = 0; k < PARTS; ++k) size += sizes[k];
   if (!(memory = next_part = calloc(size, sizeof *memory))) return 0;
   for (int k = 0; k < PARTS; ++k) part[k] = next_part, next_part += sizes[k];
-  const long boxes = MOST_WORK / n + 1;
-  const Search search = {.basis = b, .tolerance = RANGE_ERROR, .budget = boxes < MOST_BOXES ? boxes : MOST_BOXES,
-                         .depth = depth, .proves = 0, .stack = part[0], .values = part[1], .powers = part[2], .x = part[3],
+  const Search search = {.basis = b, .tolerance = TOLERANCE, .budget = BUDGET, .depth = depth, .proves = 1, .stack = part[0], .values = part[1], .powers = part[2], .x = part[3],
                          .z = part[4], .slope = part[5], .local = part[6], .terms = part[7], .changed = part[8],
                          .next = &next};
   double *own = part[9], *gaps = part[10];
   for (long k = 0; k < n; ++k)
     for (long i = 0; i < m; ++i) own[i * b->padded + given[k]] = C[k * m + i];
   ranges(&search, m, own, NULL, n, found, points, gaps);
-  for (long i = 0; i < m; ++i) found[i] += gaps[i], found[m + i] -= gaps[m + i];
   free(memory);
   return 1;
 }

@@ -9,15 +9,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.bound.nodes import Grid, line
-from symmb.bound.polynomials import legendre_to_chebyshev
-from symmb.bound.polynomials.ranges import (
-    MOST_PARAMETERS,
-    RANGE_ERROR,
-    RANGE_WORK,
-    SEARCH_BOXES,
-    dense_tables,
-    range_tables,
-)
+from symmb.bound.polynomials.ranges import Exact, range_tables
 from symmb.run.codegen import SceneSource, c_source, c_tables, scene_source, web_module
 
 MOST_VARIED = 8
@@ -26,8 +18,8 @@ _MOST_NODES = 400
 """Largest number of nodes of a sparse grid."""
 _DEGREES = 0, 2, 4, 8
 """Degrees of one parameter in the levels. The nodes of each level contain the nodes of the level before."""
-_ENOUGH = 1e-13
-"""Gain of a step, divided by the range, at which a search ends. Searches in Python then differ by their own error."""
+_TENSORS = 3
+"""Up to this number of parameters, levels are tensor grids. Sparse grids have fewer nodes for more parameters."""
 
 
 def module(source: SceneSource, n: int) -> bytes:
@@ -35,11 +27,9 @@ def module(source: SceneSource, n: int) -> bytes:
     files = scene_source(source)
     grids = list(itertools.chain(*levels(n)))
     headers, ranges = _tables(grids)
-    fit = c_source("lanes", "tensor_fit", "dense_search").replace("#define ENOUGH 1e-7", f"#define ENOUGH {_ENOUGH}")
     own = {name: (resources("symmb.show.live") / name).read_text(encoding="utf-8") for name in ("kernel.c", "ranges.c")}
-    limits = {"RANGE_ERROR": RANGE_ERROR, "MOST_WORK": RANGE_WORK, "MOST_BOXES": SEARCH_BOXES}
-    search = "\n".join(f"#define {name} {value!r}" for name, value in limits.items())
-    files |= {"levels.h": headers, "kernel.c": f"{fit}\n{own['kernel.c']}"}
+    search = "\n".join(f"#define {name.upper()} {value!r}" for name, value in vars(Exact()).items())
+    files |= {"levels.h": headers, "kernel.c": "\n".join([c_source("lanes", "tensor_fit"), own["kernel.c"]])}
     files["ranges.c"] = "\n".join([c_source("polynomial_ranges"), search, own["ranges.c"], ranges])
     return web_module(files, ("scene.c", "kernel.c", "ranges.c"), "A live page")
 
@@ -54,13 +44,13 @@ def _levels(d: int) -> list[Grid]:
     """Levels of d parameters: tensor grids for a few parameters, otherwise sparse grids (Smolyak 1963)."""
     found, grid = list[Grid](), Grid(d)
     for level in range(1, len(_DEGREES)):
-        if d <= MOST_PARAMETERS:
+        if d <= _TENSORS:
             largest = [(_DEGREES[level],) * d]
         else:
             several = itertools.combinations_with_replacement(range(d), level)
             largest = [tuple(_DEGREES[axes.count(k)] for k in range(d)) for axes in several]
         new = grid.missing(largest)
-        if d > MOST_PARAMETERS and len(grid.row) + len(new) > _MOST_NODES:
+        if d > _TENSORS and len(grid.row) + len(new) > _MOST_NODES:
             break
         grid = grid.grown(new)
         found.append(grid)
@@ -71,20 +61,14 @@ def _tables(grids: Sequence[Grid]) -> tuple[str, str]:
     """The tables of all levels in C: those of kernel.c, and those of ranges.c."""
     lines, others, rows = list[str](), list[str](), list[str]()
     for i, grid in enumerate(grids):
-        few = grid.d <= MOST_PARAMETERS
-        lines.append(f"static const int degrees_{i}[] = {{{','.join(map(str, grid.alpha.ravel().tolist()))}}};")
-        lines.append(c_tables("Tensors", f"fit_{i}", grid.tables(None if few else legendre_to_chebyshev)))
-        if few:
-            tables, _ = dense_tables(grid.alpha)
-            lines.append(c_tables("Grid", f"grid_{i}", tables))
-            rows.append(f"{{{grid.d}, {len(grid.row)}, degrees_{i}, &fit_{i}, &grid_{i}, 0, 0}}")
-        else:
-            tables, given = range_tables(grid.alpha)
-            others.append(c_tables("Basis", f"own_{i}", tables))
-            others.append(f"const void *const basis_{i} = &own_{i};")
-            lines.append(f"extern const void *const basis_{i};")
-            lines.append(f"static const int given_{i}[] = {{{','.join(map(str, given.tolist()))}}};")
-            rows.append(f"{{{grid.d}, {len(grid.row)}, degrees_{i}, &fit_{i}, 0, &basis_{i}, given_{i}}}")
+        tables, given = range_tables(grid.alpha)
+        others.append(c_tables("Basis", f"own_{i}", tables))
+        others.append(f"const void *const basis_{i} = &own_{i};")
+        for name, numbers in (("degrees", grid.alpha), ("given", given)):
+            lines.append(f"static const int {name}_{i}[] = {{{','.join(map(str, numbers.ravel().tolist()))}}};")
+        lines.append(c_tables("Tensors", f"fit_{i}", grid.tables()))
+        lines.append(f"extern const void *const basis_{i};")
+        rows.append(f"{{{grid.d}, {len(grid.row)}, degrees_{i}, &fit_{i}, &basis_{i}, given_{i}}}")
     nodes = ",".join(map(repr, line(_DEGREES[-1] + 1).tolist()))
     lines.append(f"static const double line[] = {{{nodes}}};")
     lines.append(f"static const Level levels[] = {{{', '.join(rows)}}};")

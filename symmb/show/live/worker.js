@@ -64,8 +64,8 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
   const varied = tolerances.flatMap((tolerance, i) => tolerance > 0 ? [i] : []), d = varied.length;
   let sizes = (live.levels[d - 1] ?? []).slice(0, most);
   while (sizes.length > 1 && sizes.at(-1) * m > 12e6) sizes.pop();  // memory of 100 MB
-  const n = sizes.at(-1) ?? 1, few = Math.min(n_t, 100);
-  const [p, rows, found, points, some, scaled, Y] = rooms(nominal.length, n_t * n_out, 2 * m, 2 * d, n * few, n * few, n * m);
+  const n = sizes.at(-1) ?? 1, few = 100;  // few responses at a time, because messages wait for their bounds
+  const [p, rows, found, points, some, scaled, Y] = rooms(nominal.length, n_t * n_out, 2 * few, 2 * few * d, n * few, n * few, n * m);
   const full = parameters => {
     const { finished, fault } = run(parameters, n_out, rows, p);
     return { rows: view(rows, n_t * n_out).slice(), finished, fault };
@@ -119,8 +119,7 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
         return;
       }
     }
-    if (!wasm.bounds(level, m, m, Y, found, points)) throw Error("There is not enough memory.");
-    const lower = view(found, m).slice(), upper = view(found + 8 * m, m).slice(), error = new Float64Array(m).fill(Infinity);
+    const [lower, upper] = await boundsOf(level, m, m, Y), error = new Float64Array(m).fill(Infinity);
     if (before) error.forEach((_, i) => { error[i] = Math.max(Math.abs(lower[i] - before.lower[i]), Math.abs(upper[i] - before.upper[i])); });
     before = { lower: lower.slice(), upper: upper.slice() };
     const done = l === sizes.length - 1;
@@ -132,32 +131,36 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
   if (id !== latest) throw new Ended();
   give({ kind: "effects", id, ...await effects() });
 
+  async function boundsOf(level, stride, m, from) {
+    const lower = new Float64Array(m), upper = new Float64Array(m);
+    for (let i = 0; i < m; i += few) {
+      const count = Math.min(few, m - i);
+      if (!wasm.bounds(level, stride, count, from + 8 * i, found, points)) throw Error("There is not enough memory.");
+      lower.set(view(found, count), i);
+      upper.set(view(found + 8 * count, count), i);
+      await others();
+      if (id !== latest) throw new Ended();
+    }
+    return [lower, upper];
+  }
+
   async function effects() {  // the polynomials along one parameter interpolate the nodes on its axis
     const l = sizes.length - 1, widths = new Float64Array(n_y * values.length), of_limits = limits.map(() => values.map(() => 0));
     const line = live.levels[0].findIndex(count => count === live.axes[d - 1][l][0].length);
     for (let k = 0; k < d; k++) {
-      const along = live.axes[d - 1][l][k], columns = new Float64Array(along.length * m);
-      along.forEach((row, j) => columns.set(view(Y + 8 * row * m, m), j * m));
-      const width = await widthsOf(columns, along.length, line);
+      const along = live.axes[d - 1][l][k], width = new Float64Array(m);
+      for (let i = 0; i < m; i += few) {
+        const count = Math.min(few, m - i);
+        along.forEach((row, j) => view(some + 8 * j * count, count).set(view(Y + 8 * (row * m + i), count)));
+        const [lower, upper] = await boundsOf(line, count, count, some);
+        lower.forEach((y, r) => { width[i + r] = upper[r] - y; });
+      }
       for (let i = 0; i < m; i++) widths[(i % n_y) * values.length + varied[k]] = Math.max(widths[(i % n_y) * values.length + varied[k]], width[i]);
       told.forEach((limit, j) => { of_limits[j][varied[k]] = width[limit.time * n_y + limit.output]; });
     }
     const factors = [];
     for (const limit of told) factors.push(await factorOf(limit));
     return { widths, limits: of_limits.map((own, j) => ({ widths: own, factor: factors[j] })) };
-  }
-
-  async function widthsOf(columns, count, line) {  // a few responses at a time: `some` has room for them
-    const width = new Float64Array(m), part = Math.floor(n * few / count);
-    for (let i = 0; i < m; i += part) {
-      const size = Math.min(part, m - i);
-      for (let j = 0; j < count; j++) view(some + 8 * j * size, size).set(columns.subarray(j * m + i, j * m + i + size));
-      if (!wasm.bounds(line, size, size, some, found, points)) throw Error("There is not enough memory.");
-      for (let r = 0; r < size; r++) width[i + r] = view(found, 2 * size)[size + r] - view(found, 2 * size)[r];
-      await others();
-      if (id !== latest) throw new Ended();
-    }
-    return width;
   }
 
   async function factorOf(limit) {  // bisection over the times at which the limit would be reached first
@@ -171,12 +174,10 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
     const columns = new Float64Array(n * count);
     for (let j = 0; j < n; j++) chosen.forEach((k, r) => { columns[j * count + r] = view(Y, n * m)[j * m + k * n_y + limit.output]; });
     const kept = async factor => {
-      await others();
-      if (id !== latest) throw new Ended();
       view(some, n * count).set(columns);
-      return wasm.scaled(level, count, count, some, factor, scaled) && wasm.bounds(level, count, count, scaled, found, points)
-        && chosen.every((_, r) => (limit.low === null || view(found, count)[r] >= limit.low)
-          && (limit.high === null || view(found + 8 * count, count)[r] <= limit.high));
+      if (!wasm.scaled(level, count, count, some, factor, scaled)) throw Error("There is not enough memory.");
+      const [lower, upper] = await boundsOf(level, count, count, scaled);
+      return (limit.low === null || lower.every(y => y >= limit.low)) && (limit.high === null || upper.every(y => y <= limit.high));
     };
     if (await kept(3)) return null;
     let low = 0, high = 3;

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from symmb._limits import windows
-from symmb._types import Array, Indices
+from symmb._types import Array
 from symmb.bound.polynomials.legendre import MultiIndices
 from symmb.run.codegen import c_fields, c_number, c_source, load, on_threads
 
@@ -41,17 +41,7 @@ def dense_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Arr
     Legendre polynomials.
     """
     d, m = alpha.shape[1], coefficients.shape[1]
-    (grid, _), order = dense_tables(alpha)
-    extremes, places = np.empty((2, m)), np.empty((2, m, d))
-    for window in windows(m, 8):  # 8 numbers for each polynomial in addition to its coefficients
-        extremes[:, window], points = _searched(grid, coefficients[:, window])
-        places[:, window, order] = points[:, MOST_PARAMETERS - d :].swapaxes(1, 2)
-    return extremes[0], extremes[1], places[0], places[1]
-
-
-def dense_tables(alpha: MultiIndices) -> tuple[tuple["_Grid", list[np.ndarray]], Indices]:
-    """The Grid of c/dense_search.h for a full tensor of degrees, its arrays, and the order of the parameters in C."""
-    d, degrees = alpha.shape[1], alpha.max(axis=0)
+    degrees = alpha.max(axis=0)
     # The parameter with the highest degree is last, because the innermost loop in C is along the last parameter.
     order = np.argsort(degrees, kind="stable")
     rows = np.ascontiguousarray(np.lexsort(alpha[:, order[::-1]].T), dtype=np.int32)
@@ -64,7 +54,11 @@ def dense_tables(alpha: MultiIndices) -> tuple[tuple["_Grid", list[np.ndarray]],
         grid.n[k], grid.K[k] = values.shape[1], len(x)
         grid.x[k], grid.values[k], grid.single[k] = x.ctypes.data, values.ctypes.data, single.ctypes.data
     grid.factors, grid.rows = _FACTORS.ctypes.data, rows.ctypes.data
-    return (grid, [array for table in {id(t): t for t in tables}.values() for array in table] + [_FACTORS, rows]), order
+    extremes, places = np.empty((2, m)), np.empty((2, m, d))
+    for window in windows(m, 8):  # 8 numbers for each polynomial in addition to its coefficients
+        extremes[:, window], points = _searched(grid, coefficients[:, window])
+        places[:, window, order] = points[:, MOST_PARAMETERS - d :].swapaxes(1, 2)
+    return extremes[0], extremes[1], places[0], places[1]
 
 
 def _searched(grid: _Grid, coefficients: Array) -> tuple[Array, Array]:

@@ -13,9 +13,6 @@ from symmb.bound.polynomials.ranges.dense import HIGHEST_DEGREE, MOST_PARAMETERS
 from symmb.bound.polynomials.ranges.exact import RANGE_ERROR, RANGE_WORK, Exact
 from symmb.run.codegen import with_compiler
 
-SEARCH_BOXES = 300
-"""Largest number of boxes of a search for attained extremes."""
-
 
 def attained_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, Array, Array, Array]:
     """Minima and maxima (m,), and their points (m, d), of polynomials with Legendre coefficients (n_b, m)."""
@@ -27,7 +24,7 @@ def attained_extremes(alpha: MultiIndices, coefficients: Array) -> tuple[Array, 
         return coefficients[0], coefficients[0], point, point
 
     def searched() -> tuple[Array, Array, Array, Array]:
-        found = Exact(RANGE_ERROR, min(SEARCH_BOXES, RANGE_WORK // len(alpha) + 1)).attained(alpha, coefficients)
+        found = Exact(RANGE_ERROR, min(300, RANGE_WORK // len(alpha) + 1)).attained(alpha, coefficients)
         return found.lower, found.upper, found.at_lower, found.at_upper
 
     if d > MOST_PARAMETERS or degrees.max() > HIGHEST_DEGREE or len(alpha) < np.prod(degrees + 1):
