@@ -102,7 +102,7 @@ window.live = (() => {
   function paint() {
     cancelAnimationFrame(planned);
     planned = 0;
-    if (run) paintDrawing();
+    if (run || fault) paintDrawing();  // the drawing stays for the few milliseconds until the new run arrives
     $("state").textContent = stateText();
     $("state").className = fault ? "fault" : "";
     limits.forEach((limit, i) => {
@@ -117,29 +117,34 @@ window.live = (() => {
     const most = Math.max(...widths) || 1;
     controls.forEach(({ bar, width }, i) => {
       bar.style.width = `${100 * widths[i] / most}%`;
-      width.textContent = !effects ? "…" : varied(i) ? `${quantity(widths[i], unit)} of width` : state[i].locked ? "locked" : "no tolerance";
+      width.textContent = !effects ? fault ? "" : "…" : varied(i) ? `${quantity(widths[i], unit)} of width` : state[i].locked ? "locked" : "no tolerance";
     });
     $("factor").textContent = factorText();
   }
 
   function paintDrawing() {
     const found = bounds?.limits[limitAt()];
-    write(0, run.rows);
-    write(1, found?.rows ?? run.rows);
+    const rows = run?.rows ?? new Float64Array(n_t * n_out).fill(NaN);
+    write(0, rows);
+    write(1, found?.rows ?? rows);
     writeBounds();
     runs = found?.rows ? page.runs : page.runs.slice(0, 1);
     page.mark = found && { output: found.output, time: live.times[found.time] };
     if (fitted < 1 || fitted < 2 && found?.rows) { fit(); fitted = found?.rows ? 2 : 1; }
-    for (const curve of curves) curve.range = rangeWith(curve);
-    drawCurves();
+    const seen = $("curves").getBoundingClientRect();
+    drawCurves(curves.filter(curve => {
+      const { top, bottom } = curve.c.getBoundingClientRect();
+      if (bottom < seen.top || top > seen.bottom) return false;
+      curve.range = rangeWith(curve);
+      return true;
+    }));
     show();
   }
 
-  function rangeWith({ i, range }) {  // scales stay as they are until a curve leaves them or is small in them
-    const ends = limits.flatMap(({ output, low, high }) => output === i ? [low, high] : []).filter(end => end !== null);
+  function rangeWith({ i, range, levels }) {  // scales stay as they are until a curve leaves them or is small in them
     const all = [...runs.map(run => run.values), page.bounds.lower, page.bounds.upper].map(at => column(at, i, n_y));
     let [low, high] = rangeOf(all);
-    const size = high - low, near = ends.filter(end => end > low - size && end < high + size);
+    const size = high - low, near = levels.filter(end => end > low - size && end < high + size);
     [low, high] = [Math.min(low, ...near), Math.max(high, ...near)];
     return range && low >= range[0] && high <= range[1] && high - low > (range[1] - range[0]) / 3 ? range : [low, high];
   }
@@ -185,7 +190,7 @@ window.live = (() => {
   }
 
   function study() {
-    [run, bounds, effects, fault] = [run && { ...run }, null, null, null];
+    [run, bounds, effects, fault] = [null, null, null, null];
     worker.postMessage({ kind: "study", id: ++id, values: state.map(p => p.value),
                          tolerances: state.map(({ tolerance }, i) => varied(i) ? tolerance : 0), limits });
     clearTimeout(saving);
@@ -206,8 +211,7 @@ window.live = (() => {
     } catch { }  // a page in a notebook has no address of its own
   }
 
-  function loadState() {
-    const address = new URLSearchParams(location.hash.slice(1));
+  function loadState(address = new URLSearchParams(location.hash.slice(1))) {
     parameters.forEach((p, i) => {
       const given = (address.get(`p${i}`) ?? "").split(",");
       const number = (text, otherwise) => text && Number.isFinite(Number(text)) ? Number(text) : otherwise;
@@ -220,19 +224,19 @@ window.live = (() => {
   }
 
   // Controls
-  const rounded = (x, low, high) => {  // a slider moves in steps of a power of ten
-    const step = 10 ** Math.floor(Math.log10((high - low) / 200));
-    return +(Math.round(x / step) * step).toPrecision(12);
-  };
-
   function control(p, i) {
     const row = (kind, title, low, high) => {
+      const step = +`1e${Math.floor(Math.log10((high - low) / 200))}`;
       const slider = element("input", { type: "range", min: low, max: high, step: "any" });
-      const number = element("input", { type: "number", step: "any", ...(kind === "tolerance" ? { min: 0 } : {}) });
+      const number = element("input", { type: "number", step });
       slider.setAttribute("aria-label", `${title} of ${p.name}`);
       number.setAttribute("aria-label", `${title} of ${p.name}${p.unit && ` [${p.unit}]`}`);
-      slider.oninput = () => move(i, { [kind]: Math.min(Math.max(rounded(Number(slider.value), low, high), low), high) });
-      number.onchange = () => number.value !== "" && number.checkValidity() ? move(i, { [kind]: Number(number.value) }) : fill(i);
+      slider.oninput = () => move(i, { [kind]: +(Math.round(slider.value / step) * step).toPrecision(12) });
+      number.onchange = () => {
+        const own = number.valueAsNumber;
+        if (Number.isFinite(own) && (kind === "value" || own >= 0)) move(i, { [kind]: own });
+        else fill(i);
+      };
       return { slider, number, box: element("label", { className: `row ${kind}` }, element("span", {}, title), slider, number) };
     };
     const value = row("value", "value", p.low, p.high), tolerance = row("tolerance", "tolerance ±", 0, p.most);
@@ -250,7 +254,7 @@ window.live = (() => {
   function fill(i) {  // the controls of a parameter, from its state
     const { value, tolerance, lock, box } = controls[i];
     for (const [{ slider, number }, own] of [[value, state[i].value], [tolerance, state[i].tolerance]])
-      [slider.value, number.value] = [own, own];
+      slider.value = number.value = +own.toPrecision(12);
     lock.checked = state[i].locked;
     box.classList.toggle("locked", state[i].locked);
   }
@@ -288,6 +292,7 @@ window.live = (() => {
   }
 
   function save() {
+    if (!run) return;
     const address = URL.createObjectURL(new Blob([csv()], { type: "text/csv" }));
     element("a", { href: address, download: "curves.csv" }).click();
     setTimeout(() => URL.revokeObjectURL(address), 1000);
@@ -320,16 +325,20 @@ window.live = (() => {
   [...limits.map(limitText), ...outputs.map(({ name }) => brief(name))].forEach((text, k) =>
     $("focus").append(element("option", { value: k }, text)));
   $("focus").onchange = () => look(Number($("focus").value));
-  $("reset").onclick = () => { history.replaceState(null, "", "#"); loadState(); study(); };
+  $("reset").onclick = () => { loadState(new URLSearchParams()); study(); };
   $("copy").onclick = () => {
     $("copied").textContent = python();
     $("copied").hidden = false;
     navigator.clipboard?.writeText(python()).catch(() => {});  // where this is not allowed, the text can be selected
   };
   $("save").onclick = save;
+  $("curves").onscroll = plan;
+  for (const curve of curves)
+    curve.levels = limits.flatMap(({ output, low, high }) => output === curve.i ? [low, high].filter(end => end !== null) : []);
   const controls = parameters.map(control);
   for (const part of [$("panel"), $("several")]) part.addEventListener("keydown", e => e.stopPropagation());  // keys of the viewer
-  [$("several").hidden, $("several").lastChild.data] = [!limits.length, "worst case"];
+  $("several").lastChild.data = "worst case";
+  $("several").hidden = document.querySelector("header div").hidden = !limits.length;
   addEventListener("hashchange", () => { loadState(); study(); });
   loadState();
   worker.postMessage({ kind: "start", live });
