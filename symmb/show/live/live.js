@@ -16,9 +16,14 @@ window.live = (() => {
     made.append(...children);
     return made;
   };
-  const quantity = (value, unit) => `${short(value)}${unit && ` ${unit}`}`;
+  const tell = (node, text) => {  // a text keeps the height of the text before, so that no slider moves under a pointer
+    if (node.textContent === text) return;
+    node.style.minHeight = `${node.offsetHeight}px`;
+    node.textContent = text;
+  };
+  const quantity = (value, unit) => `${short(value)}${unit && `\u00a0${unit}`}`;
   const brief = text => text.length > 60 ? `${text.slice(0, 59)}…` : text;
-  const at = k => `${short(live.times[k])} s`;
+  const at = k => `${short(live.times[k])}\u00a0s`;
   const limitText = ({ output, low, high }) => {
     const { name, unit } = outputs[output], ends = [low, high].map(end => end === null ? null : quantity(end, unit));
     return `${ends[0] === null ? "" : `${ends[0]} ≤ `}${brief(name)}${ends[1] === null ? "" : ` ≤ ${ends[1]}`}`;
@@ -60,8 +65,8 @@ window.live = (() => {
     if (!found) return ["", fault ? "undecided: there are no bounds" : "…"];
     const margin = `margin ${quantity(Math.max(found.margin, 0), unit)} at ${at(found.time)}`;
     if (found.margin > found.error) return ["satisfied", `satisfied: smallest ${margin}`];
-    const reason = !Number.isFinite(found.error) ? "error not yet known"
-      : found.margin < 0 ? `bounds beyond it by ${quantity(-found.margin, unit)}` : `error up to ${quantity(found.error, unit)}`;
+    if (!bounds.done) return ["", `${margin}, refining …`];
+    const reason = found.margin < 0 ? `bounds beyond it by ${quantity(-found.margin, unit)}` : `error up to ${quantity(found.error, unit)}`;
     return ["undecided", `undecided: ${found.margin < 0 ? "" : `${margin}, `}${reason}`];
   }
 
@@ -103,23 +108,24 @@ window.live = (() => {
     cancelAnimationFrame(planned);
     planned = 0;
     if (run || fault) paintDrawing();  // the drawing stays for the few milliseconds until the new run arrives
-    $("state").textContent = stateText();
+    tell($("state"), stateText());
     $("state").className = fault ? "fault" : "";
     limits.forEach((limit, i) => {
       const found = bounds?.limits[i], [word, text] = verdict(limit, found), button = $("limits").children[i];
       button.className = word;
       button.setAttribute("aria-pressed", i === focus);
-      button.children[1].textContent = text;
-      button.children[2].textContent = found && i === focus ? worstText(found) : "";
+      tell(button.children[1], text);
+      tell(button.children[2], found && i === focus ? worstText(found) : "");
+      button.children[2].hidden = i !== focus;
     });
     const limit = effects?.limits[limitAt()], own = outputAt(), { unit } = outputs[own];
     const widths = parameters.map((_, i) => !effects ? 0 : limit ? limit.widths[i] : effects.widths[own * parameters.length + i]);
     const most = Math.max(...widths) || 1;
     controls.forEach(({ bar, width }, i) => {
       bar.style.width = `${100 * widths[i] / most}%`;
-      width.textContent = !effects ? fault ? "" : "…" : varied(i) ? `${quantity(widths[i], unit)} of width` : state[i].locked ? "locked" : "no tolerance";
+      width.textContent = !effects ? fault ? "" : "…" : varied(i) ? `width ${quantity(widths[i], unit)}` : state[i].locked ? "locked" : "no tolerance";
     });
-    $("factor").textContent = factorText();
+    tell($("factor"), factorText());
   }
 
   function paintDrawing() {
@@ -340,6 +346,10 @@ window.live = (() => {
   $("several").lastChild.data = "worst case";
   $("several").hidden = document.querySelector("header div").hidden = !limits.length;
   addEventListener("hashchange", () => { loadState(); study(); });
+  addEventListener("resize", () => {
+    for (const node of $("panel").querySelectorAll("[style]")) node.style.minHeight = "";
+    plan();
+  });
   loadState();
   worker.postMessage({ kind: "start", live });
   return { ready: study(), set, result, engine: () => ({ ...times_of }) };
