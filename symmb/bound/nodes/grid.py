@@ -78,6 +78,11 @@ class Grid:
         """
         return interpolants(self._tensors, blocks, np.arange(len(self.row)) if rows is None else rows)
 
+    def axis(self, k: int) -> list[int]:
+        """Rows of the nodes at which only parameter k is not in the middle, in the order of its nodes."""
+        own = (tuple(j if i == k else 0 for i in range(self.d)) for j in itertools.count())
+        return [self.row[index] for index in itertools.takewhile(self.row.__contains__, own)]
+
     def tables(self) -> Tables:
         """The Tensors of c/tensor_fit.h, from values at the nodes to Chebyshev coefficients."""
         fits = {id(A): legendre_to_chebyshev(len(A) - 1) @ A for _, axes, _ in self._tensors for A in axes}

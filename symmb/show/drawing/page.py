@@ -49,7 +49,14 @@ class _Numbers:
 
 @dataclass(frozen=True, eq=False)
 class Live:
-    """What a live page adds to a page: numbers that it computes, further data, and texts by the names in viewer.html."""
+    """What a live page adds to a page.
+
+    Attributes
+    ----------
+    driven : the numbers of the drawing that the page computes, besides n_y outputs
+    data : further data
+    texts : texts by the names of `LIVE_TEXTS` in viewer.html
+    """
 
     driven: Sequence[Driven]
     n_y: int
@@ -103,7 +110,7 @@ def page(exhibit: Exhibit, live: Live | None = None) -> str:
         speeds="".join(f'<option value="{s:g}">{s:g} &times;</option>' for s in _SPEEDS),
         drawing=json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"),
         viewer=(folder / "viewer.js").read_text(encoding="utf-8"),
-        **(dict.fromkeys(LIVE_TEXTS, "") if live is None else live.texts),
+        **{name: "" if live is None else live.texts[name] for name in LIVE_TEXTS},
     )
 
 

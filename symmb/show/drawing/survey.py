@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._magnitudes import ROUNDING
+from symmb._magnitudes import ROUNDING, SAME
 from symmb._types import Array, Expr
 from symmb.declare.mechanics import AbstractBody, Element, FlexibleBody, Ground, JointEvent, Latch, Point, row_gates
 from symmb.declare.symbolic import vector
@@ -210,7 +210,11 @@ class Survey:
             own, shifted = base.expression, None if now is None else now.expression
             if own is not None and ca.symvar(own):
                 moves = now is None and self._moves(own)
-                yield Driven(("places", i, "shift"), own - base.first, True) if moves else Driven(("places", i, "base"), own, False)
+                yield (
+                    Driven(("places", i, "shift"), own - base.first, True)
+                    if moves
+                    else Driven(("places", i, "base"), own, False)
+                )
             if own is not None and shifted is not None:
                 yield Driven(("places", i, "shift"), shifted - own, True)
         for i, shape in enumerate(shapes):
@@ -221,7 +225,11 @@ class Survey:
 
     def _moves(self, expression: ca.SX) -> bool:
         """Whether an expression depends on the state or on the time, and not only on parameters."""
-        fixed = {symbol.element_hash() for symbol in ca.vertsplit(self.scene.system.p)} if self.scene.system.p.numel() else set()
+        fixed = (
+            {symbol.element_hash() for symbol in ca.vertsplit(self.scene.system.p)}
+            if self.scene.system.p.numel()
+            else set()
+        )
         return any(symbol.element_hash() not in fixed for symbol in ca.symvar(expression))
 
     def _source(self, values: Array) -> ca.SX | None:

@@ -2,7 +2,7 @@
 
 import base64
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping
 from importlib.resources import files as resources
 from pathlib import Path
 from typing import Any
@@ -11,24 +11,24 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._types import Indices
 from symmb._units import typeset, units_of_parameters
 from symmb.bound.bounds import Limits, limit_pairs
-from symmb.equations.model import Scene
+from symmb.equations.model import Box, Scene
 from symmb.results.files import replacement, require_suffix
 from symmb.run.simulation import DAESimulator, scene_of, simulate, simulator_with
 from symmb.show.drawing import UPPER, Exhibit, Ghost, Live, Page, bare, page, surveyed
 from symmb.show.exchange import Exported, exported
 from symmb.show.live.wasm import levels, module
 
-_POLICY = "default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval'; style-src 'unsafe-inline'; " + (
-    "worker-src blob:; img-src data: blob:"
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval'; style-src 'unsafe-inline'; worker-src blob:; "
+    "img-src data:"
 )
 """What the page may load: nothing from a network."""
 
 
-def live(
-    scene: Scene | DAESimulator, path: str | Path | None = None, limits: Limits | None = None
-) -> Page | None:
+def live(scene: Scene | DAESimulator, path: str | Path | None = None, limits: Limits | None = None) -> Page | None:
     """Write a page with a slider for each parameter and its tolerance. The page computes runs, bounds and limits.
 
     The page is one HTML file. It needs neither a network nor Python: it contains the C code of the scene, compiled to
@@ -62,8 +62,9 @@ def live(
     >>> import symmb as mb
     >>> p = mb.Parameters(g=9.81)
     >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
-    >>> fall = mb.Scene(mb.System(ball, mb.Gravity(0, -p.g), parameters=p), times=[0.0, 0.5, 1.0], box=mb.Box(g=(9, 10)))
-    >>> mb.live(fall, "fall.html")  # doctest: +SKIP
+    >>> system = mb.System(ball, mb.Gravity(0, -p.g), parameters=p)
+    >>> fall = mb.Scene(system, times=[0.0, 0.5, 1.0], box=mb.Box(g=(9.0, 10.0)))
+    >>> mb.live(fall, "fall.html", {"ball.y": (-6.0, None)})  # doctest: +SKIP
     """
     if path is not None:
         require_suffix(path, ".html")
@@ -82,15 +83,15 @@ def live(
     outputs = dict(zip(own.curve_names, ca.vertsplit(own.y), strict=True))
     outputs |= {f"drawing {k} of {own.name}": column for k, column in enumerate(columns)}
     model = exported(simulator_with(own.with_outputs(outputs), simulator.solver))
-    data = _data(own, model, pairs, rows.tolist())
+    data = _data(own, own.box, model, pairs, rows)
     folder = resources("symmb.show.live")
-    texts = {name: (folder / name).read_text(encoding="utf-8") for name in ("live.css", "panel.html", "live.js", "worker.js")}
+    files = ("live.css", "panel.html", "live.js", "worker.js")
+    style, panel, script, worker = ((folder / name).read_text(encoding="utf-8") for name in files)
     added = {
         "head": f'\n<meta http-equiv="Content-Security-Policy" content="{_POLICY}">',
-        "style": f"\n{texts['live.css']}",
-        "panel": f"\n{texts['panel.html']}",
-        "more": f'\n<script type="text/plain" id="worker">\n{texts["worker.js"]}</script>\n'
-        f"<script>\n{texts['live.js']}</script>",
+        "style": f"\n{style}",
+        "panel": f"\n{panel}",
+        "more": f'\n<script type="text/plain" id="worker">\n{worker}</script>\n<script>\n{script}</script>',
     }
     still = bare(drawing, driven)
     text = page(Exhibit(still, (Ghost("worst case", UPPER, still),)), Live(driven, len(own.curve_names), data, added))
@@ -101,34 +102,37 @@ def live(
     return None
 
 
-def _data(scene: Scene, model: Exported, limits: dict[str, tuple[float, float]], pictures: Sequence[int]) -> dict[str, Any]:
-    """The data of the page, other than those of the viewer."""
-    box, names, units = scene.box, list(scene.system.parameters), units_of_parameters(scene.system.parameters)
-    assert box is not None
+def _data(
+    scene: Scene, box: Box, model: Exported, limits: Mapping[str, tuple[float, float]], pictures: Indices
+) -> dict[str, Any]:
+    """The data of the page, other than those of the viewer. Values are in the units of parameters and outputs."""
+    names, outputs = list(scene.system.parameters), list(scene.curve_names)
+    units, nominal = units_of_parameters(scene.system.parameters), model.source.nominal.tolist()
     box = box.with_units(units)
-    tolerances = dict(zip(box.names, box.radius.tolist(), strict=True))
-    nominal = model.source.nominal.tolist()
     values = dict(zip(names, nominal, strict=False)) | dict(zip(box.names, box.center.tolist(), strict=True))
-    outputs = zip(scene.curve_names, scene.units, strict=True)
+    tolerances = dict(zip(box.names, box.radius.tolist(), strict=True))
+    ends = [[end if np.isfinite(end) else None for end in pair] for pair in limits.values()]
     grids = levels(len(names))
     return {
         "name": scene.name,
-        "parameters": [_parameter(name, typeset(units.get(name, "")), values[name], tolerances.get(name, 0.0)) for name in names],
+        "parameters": [
+            _parameter(name, typeset(units.get(name, "")), values[name], tolerances.get(name, 0.0)) for name in names
+        ],
         "inputs": nominal[len(names) :],
-        "outputs": [{"name": name, "unit": typeset(unit)} for name, unit in outputs],
+        "outputs": [{"name": name, "unit": typeset(unit)} for name, unit in zip(outputs, scene.units, strict=True)],
         "limits": [
-            {"output": scene.curve_names.index(name), **{key: end if np.isfinite(end) else None for key, end in zip(("low", "high"), ends, strict=True)}}
-            for name, ends in limits.items()
+            {"output": outputs.index(name), "low": low, "high": high}
+            for name, (low, high) in zip(limits, ends, strict=True)
         ],
         "n_t": len(model.source.times),
-        "n_y": len(scene.curve_names),
+        "n_y": len(outputs),
         "n_out": len(model.outputs),
         "times": model.source.times.tolist(),
-        "pictures": list(pictures),
+        "pictures": pictures.tolist(),
         "most_levels": max(map(len, grids), default=0),
         "most_varied": len(grids),
         "levels": [[len(grid.row) for grid in own] for own in grids],
-        "axes": [[[[grid.row[(0,) * k + (j,) + (0,) * (grid.d - 1 - k)] for j in range(grid.alpha[:, k].max() + 1)] for k in range(grid.d)] for grid in own] for own in grids],
+        "axes": [[[grid.axis(k) for k in range(grid.d)] for grid in own] for own in grids],
         "wasm": base64.b64encode(zlib.compress(module(model.source, len(names)), 9)).decode(),
     }
 

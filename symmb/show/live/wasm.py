@@ -5,9 +5,6 @@ from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files as resources
 
-import numpy as np
-
-from symmb._types import Array
 from symmb.bound.nodes import Grid, line
 from symmb.bound.polynomials.ranges import Exact, range_tables
 from symmb.run.codegen import SceneSource, c_source, c_tables, scene_source, web_module

@@ -1,0 +1,207 @@
+"""The worker of live pages: its runs, bounds and drawings are those of Python, and the last change wins."""
+
+import importlib.util
+import json
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from browser import NEEDED, Browser
+
+import symmb as mb
+from symmb._errors import DeclarationError
+from symmb.run.codegen import NoCompilerError
+from symmb.show.cli.main import main
+from symmb.show.drawing import surveyed
+from symmb.show.live.wasm import levels
+
+COMPILED = pytest.mark.skipif(importlib.util.find_spec("ziglang") is None, reason="needs ziglang")
+pytestmark = pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+WIDTH = 1e-9
+"""Largest difference of bounds, as a fraction of their width."""
+SEEN = 1e-4
+"""Largest difference of places [m]. The foot of a contact on its plane is the one of the nominal run."""
+DRIVER = """
+window.worker = new Worker(URL.createObjectURL(new Blob([document.getElementById("worker").textContent])));
+worker.postMessage({ kind: "start", live: page.live });
+window.studies = (studies, until) => new Promise((go, stop) => {
+  const messages = [], last = studies.at(-1).id;
+  worker.onmessage = ({ data }) => {
+    messages.push(data);
+    if (data.kind === "fault") stop(Error(data.fault));
+    if (data.id === last && (data.kind === until || data.fault)) go(JSON.stringify(messages, (_, value) =>
+      value instanceof Float64Array ? [...value].map(String) : value));
+  };
+  for (const study of studies) worker.postMessage({ kind: "study", ...study });
+});
+"""
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with Browser() as browser:
+        yield browser
+
+
+class Live:
+    """A live page that is open in a browser, without its panel."""
+
+    def __init__(self, browser: Browser, scene: mb.Scene, path: Path, limits: Any = None) -> None:
+        mb.live(scene, path, limits)
+        self.browser, self.count = browser, 1000  # the page's own worker has other studies
+        browser.open(path)
+        browser.run(f"{DRIVER}; 0")
+        self.data = json.loads(browser.run("JSON.stringify({ ...page.live, wasm: null })"))
+        self.values, self.tolerances = (
+            np.array([p[key] for p in self.data["parameters"]], dtype=float) for key in ("value", "tolerance")
+        )
+
+    def studies(self, *changes: tuple[Any, Any], limits: Any = (), until: str = "effects") -> list[dict[str, Any]]:
+        """All messages until the last of some studies with these values and tolerances ends."""
+        asked = []
+        for values, tolerances in changes:
+            self.count += 1
+            own = {"values": np.asarray(values).tolist(), "tolerances": np.asarray(tolerances).tolist()}
+            asked.append({"id": self.count, "limits": list(limits), **own})
+        messages = json.loads(self.browser.run(f"studies({json.dumps(asked)}, '{until}')"))
+        for message in messages:
+            sizes = {"rows": self.data["n_out"], "widths": len(self.values)}
+            for key in {"rows", "lower", "upper", "error", "widths"} & message.keys():
+                if message[key] is not None:
+                    message[key] = np.array(message[key], dtype=float).reshape(-1, sizes.get(key, self.data["n_y"]))
+        return messages
+
+
+def shipped(name: str) -> mb.Scene:
+    return import_module(f"models.{name}").scene()
+
+
+@NEEDED
+@COMPILED
+@pytest.mark.parametrize("name", ["double_pendulum", "four_bar", "bouncing_ball"])
+def test_runs_and_bounds_are_those_of_python(browser, tmp_path, name):
+    scene = shipped(name)
+    live, simulator = Live(browser, scene, tmp_path / "page.html"), mb.prepare(scene)
+    run, *bounds, effects = live.studies((live.values, live.tolerances))[-5:]
+    nominal = simulator.run(live.values[None]).Y[0]
+    assert np.abs(run["rows"][:, : nominal.shape[1]] - nominal).max() < WIDTH * np.ptp(nominal, axis=0).max()
+    varied = np.flatnonzero(live.tolerances)
+    grids = levels(len(live.values))[len(varied) - 1]
+    for grid, message in zip(grids, bounds, strict=True):
+        P = np.tile(live.values, (len(grid.row), 1))
+        P[:, varied] += live.tolerances[varied] * grid.nodes
+        Y = np.stack([simulator.run(p[None]).Y[0] for p in P])  # samples that share steps differ by the solver's error
+        lower, upper = mb.Exact().bounds(grid.alpha, grid.coefficients(Y.reshape(len(P), -1)))
+        width = np.reshape(upper - lower, nominal.shape).max(axis=0)
+        for side, own in (("lower", lower), ("upper", upper)):
+            assert (np.abs(message[side] - own.reshape(nominal.shape)).max(axis=0) <= WIDTH * width).all()
+        assert message["runs"] == len(P)
+        along = [Y[grid.axis(k)] for k in range(len(varied))]
+    line = levels(1)[0][len(bounds) - 1]
+    for k, values in enumerate(along):
+        lower, upper = mb.Exact().bounds(line.alpha, line.coefficients(values.reshape(len(values), -1)))
+        widths = (upper - lower).reshape(nominal.shape).max(axis=0)
+        assert np.abs(effects["widths"][:, varied[k]] - widths).max() < WIDTH * width.max()
+    change = np.maximum(*(np.abs(bounds[-1][side] - bounds[-2][side]) for side in ("lower", "upper")))
+    assert np.array_equal(bounds[-1]["error"], change) and np.isinf(bounds[0]["error"]).all()
+
+
+@NEEDED
+@COMPILED
+@pytest.mark.parametrize("name", ["half_car", "slider_crank_spatial", "slider_crank"])
+def test_the_drawing_follows_the_parameters(browser, tmp_path, name):
+    scene = shipped(name)
+    live = Live(browser, scene, tmp_path / "page.html")
+    values = live.values * 1.02
+    (run,) = [m for m in live.studies((values, 0 * values), until="run") if m["kind"] == "run"]
+    parameters = dict(zip(scene.system.parameters, values, strict=True))
+    (drawing, driven, rows), (nominal, *_) = (
+        surveyed(mb.simulate(scene, parameters=parameters)),
+        surveyed(mb.simulate(scene)),
+    )
+    assert len(driven) == len(live.data["columns"]) - 1
+    for own, column in zip(driven, live.data["columns"][1:], strict=True):
+        kind, i, part = own.part
+        drawn = getattr(getattr(drawing, kind)[i], part)
+        if kind == "shapes":  # arrows are scaled by the largest of their own run
+            continue
+        begin, n = column["column"], column["width"]
+        seen = run["rows"][rows][: column["rows"], begin : begin + n]
+        if part == "shift":  # from the base of the nominal run
+            place = drawing.places[i]
+            drawn = drawn + (0 if place.elastic else place.base - nominal.places[i].base)
+        assert np.abs(seen - np.reshape(drawn, (-1, n))).max() < SEEN
+
+
+@NEEDED
+@COMPILED
+def test_limits_have_worst_cases_and_factors(browser, tmp_path):
+    p = mb.Parameters(a=1.0, b=1.0)
+    ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    system = mb.System(ball, mb.Gravity(0, -2), parameters=p)
+    times, start = [0.0, 1.0, 2.0], {"ball.vx": p.a, "ball.vy": p.a * p.b}
+    outputs = {"x": ball.x, "y": ball.y + mb.t**2}
+    scene = mb.Scene(system, start=start, times=times, outputs=outputs, box=mb.Box(a=(0.9, 1.1), b=(0.8, 1.2)))
+    live = Live(browser, scene, tmp_path / "page.html", {"y": (None, 3.0), "x": (-1.0, 2.1)})
+    assert live.data["limits"] == [{"output": 1, "low": None, "high": 3.0}, {"output": 0, "low": -1.0, "high": 2.1}]
+    *_, bounds, effects = live.studies((live.values, live.tolerances), limits=live.data["limits"])
+    y, x = bounds["limits"]
+    assert (y["side"], y["time"], y["parameters"]) == ("high", 2, [1.1, 1.2])
+    assert np.isclose([y["margin"], x["margin"], y["value"]], [3 - 2.64, -0.1, 2.64]).all()
+    worst = np.array(y["rows"], dtype=float).reshape(3, -1)
+    assert np.isclose(worst[2, :2], [2.2, 2.64]).all()
+    of_y, of_x = effects["limits"]
+    factor = (-0.3 + np.sqrt(0.09 + 0.08 * 0.5)) / 0.04  # of the equation 2 (1 + 0.1 f) (1 + 0.2 f) = 3
+    assert np.isclose(of_y["factor"], factor, rtol=3e-3)
+    assert np.isclose(of_x["factor"], 0.5, rtol=3e-3)
+    assert np.isclose(of_y["widths"], [0.4, 0.8]).all() and np.isclose(of_x["widths"], [0.4, 0.0]).all()
+
+
+@NEEDED
+@COMPILED
+def test_the_last_change_wins_and_failed_runs_end_a_study(browser, tmp_path):
+    scene = shipped("four_bar")
+    live = Live(browser, scene, tmp_path / "page.html")
+    changes = [(live.values * (1 + 1e-3 * k), live.tolerances) for k in range(20)]
+    messages = live.studies(*changes)
+    last = [m for m in messages if m["kind"] == "bounds" and m["done"]][-1]
+    (alone,) = [m for m in live.studies(changes[-1]) if m["kind"] == "bounds" and m["done"]]
+    assert np.array_equal(last["lower"], alone["lower"]) and last["id"] == live.count - 1
+    assert sum(m["kind"] == "bounds" and m["done"] for m in messages) == 1
+    *_, failed = live.studies((live.values, live.values * 0.9))
+    assert failed["failed"] == 1 and failed["lower"] is None and "start" in failed["fault"]
+    assert not browser.errors
+
+
+@COMPILED
+def test_bounds_and_the_command_write_live_pages(tmp_path, capsys):
+    scene = shipped("bouncing_ball")
+    mb.propagate(scene, mb.PolynomialChaos(order=2)).live(tmp_path / "a.html")
+    assert main(["live", "bouncing_ball", "-o", str(tmp_path / "b.html"), "--limit", "y=:2"]) == 0
+    assert '"limits":[{"output":0,"low":null,"high":2.0}]' in (tmp_path / "b.html").read_text()
+    for name in "ab":
+        assert (tmp_path / f"{name}.html").stat().st_size < 400e3
+    assert mb.live(scene).text == (tmp_path / "a.html").read_text()
+
+
+def test_refusals(monkeypatch):
+    scene = shipped("bouncing_ball")
+    y = scene.outputs["y"]
+    for subject, limits, message in (
+        (scene.with_box(None), None, "no box"),
+        (scene.with_outputs({"most": mb.maximum(y)}), None, "'most' is a scalar output"),
+        (scene, {"z": (0, 1)}, "'z'"),
+    ):
+        with pytest.raises(DeclarationError, match=message):
+            mb.live(subject, limits=limits)
+    with pytest.raises(DeclarationError, match="html"):
+        mb.live(scene, "page.png")
+    with pytest.raises(DeclarationError, match="no scene"):
+        t = np.linspace(0.0, 1.0, 3)
+        decay = mb.FunctionSimulator(lambda k: np.exp(-k * t), {"k": 1.0}, t, ["x"])
+        mb.propagate(decay, mb.PolynomialChaos(order=2), mb.Box(k=(0.5, 2.0))).live()
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(NoCompilerError, match=r"A live page needs the package ziglang. Run `pip install"):
+        mb.live(scene)
