@@ -352,5 +352,5 @@ window.live = (() => {
   });
   loadState();
   worker.postMessage({ kind: "start", live });
-  return { ready: study(), set, result, engine: () => ({ ...times_of }) };
+  return { ready: study(), set, result, csv, engine: () => ({ ...times_of }) };
 })();
