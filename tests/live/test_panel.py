@@ -26,19 +26,27 @@ onmessage = ({ data: { kind, id, values, tolerances, limits, live: given } }) =>
     return all;
   };
   setTimeout(() => {
-    if (values[1] < 0) { postMessage({ kind: "run", id, rows: rows(NaN), finished: 1, fault: "The mass is negative." }); return; }
-    postMessage({ kind: "run", id, rows: rows(g), finished: n_t, fault: null, ms: 1 });
+    const fault = values[1] < 0 ? "The mass is negative." : null;
+    postMessage({ kind: "run", id, rows: rows(fault ? NaN : g), finished: fault ? 1 : n_t, fault, ms: 1 });
+    if (fault) return;
     const lower = new Float64Array(n_t * n_y), upper = lower.slice(), error = upper.slice().fill(1e-3);
     of(g - r).forEach((y, k) => lower.fill(y, k * n_y, k * n_y + n_y));
     of(g + r).forEach((y, k) => upper.fill(y, k * n_y, k * n_y + n_y));
-    const told = limits.map(limit => ({ ...limit, side: "high", margin: limit.high - (g + r) / 10, time: n_t - 1, error: 1e-3,
-      value: (g + r) / 10, parameters: [g + r, values[1]], rows: rows(g + r) }));
-    postMessage({ kind: "bounds", id, level: 2, levels: 3, runs: 9, failed: 0, lower, upper, error, done: true, ms: 2, limits: told });
+    const told = limits.map(limit => ({ ...limit, side: "high", margin: limit.high - (g + r) / 10, time: n_t - 1,
+      error: 1e-3, value: (g + r) / 10, parameters: [g + r, values[1]], rows: rows(g + r) }));
+    postMessage({ kind: "bounds", id, level: 2, levels: 3, runs: 9, failed: 0, lower, upper, error, done: true, ms: 2,
+      limits: told });
     postMessage({ kind: "effects", id, widths: new Float64Array(2 * n_y).fill(r / 5),
       limits: limits.map(({ high }) => ({ widths: [r / 5, 0], factor: r && (10 * high - g) / r })) });
   }, id % 2 ? 40 : 5);
 };
 """
+
+
+FIELD = "document.querySelector('#parameters input[type=number]')"
+SLIDER = "document.querySelector('#parameters input[type=range]')"
+LOCK = "document.querySelector('#parameters input[type=checkbox]')"
+"""Controls of the first parameter, g."""
 
 
 @pytest.fixture(scope="module")
@@ -100,13 +108,13 @@ def test_a_move_gives_a_new_run_bounds_and_words(page):
 
 
 def test_sliders_fields_locks_and_resets(page):
-    page.run("{ const s = document.querySelector('input[type=range]:not(#scrub)'); s.value = 5.0012; s.oninput(); }; live.set({})")
+    page.run(f"{SLIDER}.value = 5.0012; {SLIDER}.oninput(); live.set({{}})")
     assert page.run("live.result('y').nominal[10]") == pytest.approx(0.5)  # in steps
-    assert page.run("document.querySelector('#parameters input[type=number]').value") == "5"
+    assert page.run(f"{FIELD}.value") == "5"
     for text, value in {"7.25": 0.725, "": 0.725}.items():
-        page.run(f"{{ const s = document.querySelector('#parameters input[type=number]'); s.value = '{text}'; s.onchange(); }}; live.set({{}})")
+        page.run(f"{FIELD}.value = '{text}'; {FIELD}.onchange(); live.set({{}})")
         assert page.run("live.result('y').nominal[10]") == pytest.approx(value)
-    page.run("document.querySelector('#parameters input[type=checkbox]').click(); live.set({})")
+    page.run(f"{LOCK}.click(); live.set({{}})")
     assert page.run("live.result('y').upper[10]") == pytest.approx(0.725)  # a locked parameter is not varied
     page.run("$('reset').click(); live.set({})")
     assert page.run("live.result('y').upper[10]") == pytest.approx(0.95)
@@ -131,7 +139,8 @@ def test_the_address_keeps_the_state(page):
     page.open(path, "p0=9.25,0.5&p1=3,0.5,locked")
     page.run("live.ready")
     assert page.run("live.result('y').upper[10]") == pytest.approx(0.975)
-    assert page.run("[...document.querySelectorAll('#parameters input[type=checkbox]')].map(box => box.checked)") == [False, True]
+    locks = page.run("[...document.querySelectorAll('#parameters input[type=checkbox]')].map(box => box.checked)")
+    assert locks == [False, True]
     page.open(path, "p0=nonsense,-1&p1=&p9=3&focus=99")  # of another page
     page.run("live.ready")
     assert page.run("live.result('y').nominal[10]") == pytest.approx(0.9) and page.errors == []
@@ -144,7 +153,7 @@ def test_a_failed_run_is_stated_and_not_hidden_behind_an_older_one(page):
     shown = "[page.runs[0].values[0], page.bounds.upper[0]].map(from => String(numbers[from + 20]))"
     assert page.run(shown) == ["NaN", "NaN"] and page.run("runs.length") == 1
     for change in ("{x: {value: 1}}", "{g: {value: NaN}}", "{g: {tolerance: -1}}"):
-        with pytest.raises(RuntimeError, match="There is no parameter x|Parameter g needs"):
+        with pytest.raises(RuntimeError, match=r"There is no parameter x|Parameter g needs"):
             page.run(f"live.set({change})")
 
 
@@ -153,7 +162,8 @@ def test_names_are_only_texts(browser, tmp_path, monkeypatch, width):
     page = _faked(browser, tmp_path, monkeypatch, "y <b>'\"", "v", hostile=HOSTILE)
     page.resize(width, 800)
     time.sleep(0.1)
-    assert page.run("[document.title, document.images.length - curves.length, document.scripts.length]") == ["fall", 0, 4]
+    seen = page.run("[document.title, document.images.length - curves.length, document.scripts.length]")
+    assert seen == ["fall", 0, 4]
     assert page.run("document.querySelector('legend').firstChild.data.length") == len(HOSTILE)
     assert page.run("document.documentElement.scrollWidth") <= width
     boxes = page.run(
@@ -170,8 +180,7 @@ def test_names_are_only_texts(browser, tmp_path, monkeypatch, width):
 def test_keys_of_the_panel_do_not_move_the_time(page):
     page.run("symmb.play(false); symmb.seek(3)")
     page.run("$('focus').dispatchEvent(new KeyboardEvent('keydown', { key: 'ArrowRight', bubbles: true }))")
-    box = "document.querySelector('#parameters input[type=checkbox]')"
-    page.run(f"{box}.dispatchEvent(new KeyboardEvent('keydown', {{ key: ' ', bubbles: true, cancelable: true }}))")
+    page.run(f"{LOCK}.dispatchEvent(new KeyboardEvent('keydown', {{ key: ' ', bubbles: true, cancelable: true }}))")
     assert page.run("[picture, playing]") == [3, False]
 
 
