@@ -198,8 +198,10 @@ def _spread(own: Sequence[str], values: np.ndarray, dims: list[str], sizes: Sequ
 def over_outputs(
     t: np.ndarray, names: Sequence[str], units: Sequence[str], *alike: str
 ) -> tuple[dict[str, Named], dict[str, str]]:
-    """Coordinates of values over times and outputs, and their units. If all outputs have the same unit, the variables
-    `alike` have this unit too."""
+    """Coordinates of values over times and outputs, and their units.
+
+    If all outputs have the same unit, the variables named in `alike` have this unit.
+    """
     coordinates: dict[str, Named] = {"time": (("time",), t), "output": (("output",), texts(names))}
     if any(units):
         coordinates["unit"] = (("output",), texts(units))

@@ -76,7 +76,7 @@ class Progress:
 def shown(
     progress: Callable[[str, int, int], None] | None, label: str, unit: str = "runs"
 ) -> Iterator[Callable[[str, int, int], None] | None]:
-    """The function that receives the progress: the function of the caller, or a bar in a terminal or a notebook."""
+    """The function that receives the progress: the caller's own function, or a bar in a terminal or notebook."""
     if progress is not None:
         yield progress
         return

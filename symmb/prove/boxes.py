@@ -84,7 +84,7 @@ class Enclosure:
 
     @property
     def is_loose(self) -> Mask:
-        """Whether bounds (n_t, n_y) are mostly remainder: more than half of the width.
+        """Whether the remainder is more than half of the width of the bounds (n_t, n_y).
 
         Remainders that are small relative to the output are ignored. Remainders below a tenth of the largest effect of
         the parameters are ignored too, because parameters have no effect at the start. If terms of the output cancel,

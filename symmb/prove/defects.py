@@ -194,7 +194,7 @@ def _adapted(step: TimeStep, control: Control) -> Tried:
 def defects_of_models(step: TimeStep, w: Array, control: Control) -> tuple[Array, Array, list[float]]:
     """Bounds of |C d| (n,) and of |C (A B - B')| (n, n), and the ellipses on which the equations are bounded.
 
-    This function is for several parameters. The aliasing is limited to a small fraction of the remainder w (n,).
+    This function needs at least two parameters. The aliasing is limited to a small fraction of the remainder w (n,).
     ProofError if the equations may not be analytic.
     """
     chosen = _adapted(step, control)

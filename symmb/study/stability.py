@@ -55,7 +55,7 @@ class Stability(plot.ThreeDiagrams, WithWarnings, Saved):
     uncertainty : float
         uncertainty of the reference of the scene, measured like `errors`; nan if there is no reference
     corners : dict
-        relative half width of the box -> (number of corners that fail, number of corners)
+        relative half width of the box -> (number of failed runs at corners, number of corners)
     advice : str
 
     Examples

@@ -182,7 +182,7 @@ def test_an_output_that_is_limited_to_a_value_satisfies_a_limit_of_this_value(ca
         check = bounds.check({"y": (None, most), "z": (-most, most)})
         assert check.kept and not any(" y may come closer" in remark for remark in check.remarks)
     why = bounds.check({"y": (None, cap)})["y"].why
-    assert "further runs attain the limit exactly. None is beyond the limit." in why
+    assert "further runs attain the limit exactly. No run is beyond the limit." in why
     assert bounds.check({"y": (None, cap * (1 - 1e-6))}).kept is False
     nearly = bounds.check({"y": (None, cap * (1 + 1e-12))})["y"]
     assert nearly.kept is None and nearly.why.endswith("For a decision, move the limit by more than this number.")

@@ -131,7 +131,7 @@ def test_drives_that_turn_sharply_are_no_breaks(law):
 
 
 def test_drives_that_contradict_each_other_are_told():
-    with pytest.raises(mb.AssemblyError, match=r"accelerations that 'drive0', 'drive1' require .* contradict"):
+    with pytest.raises(mb.AssemblyError, match=r"'drive0', 'drive1' require accelerations that contradict"):
         mb.simulate(led_by(mb.t + mb.t**2, mb.t + 3 * mb.t**2))
     agree = mb.simulate(led_by(mb.t + mb.t**2, mb.t + mb.t**2))
     assert agree.position_drift < 1e-9 and "warning" not in str(agree)

@@ -145,7 +145,7 @@ MALFORMED = [
         robot(BASE, ARM, HAND, joint("elbow", "hand", "arm"), joint("wrist", "arm", "hand")),
         5,
         "<joint name='elbow'>",
-        "carry this joint form a closed loop",
+        "this joint form a closed loop",
     ),
 ]
 PASSED_OVER = [

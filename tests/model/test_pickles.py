@@ -58,6 +58,6 @@ def test_symbols_stay_themselves():
     assert np.array_equal(run.values, again.values)
     assert np.array_equal(run(mass.x * p.k), again(copy.system.bodies[0].x * copy.system.parameters.k))
     assert mb.simulate(pickle.loads(pickle.dumps(copy)))["law"][-1] == np.cos(2.0)
-    with pytest.raises(mb.DeclarationError, match="belongs to another body"):
+    with pytest.raises(mb.DeclarationError, match="belongs to an object outside the System"):
         again(mass.x)
     assert copy.box == scene.box and copy.name == scene.name

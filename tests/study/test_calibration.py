@@ -83,7 +83,7 @@ def test_outputs_have_times_and_noise_of_their_own_and_gaps():
 
 def test_what_the_data_do_not_determine_is_told():
     scene = oscillator()
-    found = warned("'m', 'k', 'c' together", mb.calibrate, scene, {"x": swing(T, 6.3, 0.21)}, ["m", "k", "c"])
+    found = warned("'m', 'k', 'c' separately", mb.calibrate, scene, {"x": swing(T, 6.3, 0.21)}, ["m", "k", "c"])
     assert found.parameters["k"] / found.parameters["m"] == pytest.approx(6.3, rel=1e-4)
     refused("do not determine", found.box)
     with pytest.warns(mb.SymmbWarning, match="'unused': the outputs do not depend on it"):

@@ -47,8 +47,8 @@ class Contributions(Result, Saved):
     """Contributions of each parameter to the outputs over time.
 
     `print` shows the contributions at the times of the largest widths, sorted by `alone`. `plot` draws them. A
-    contribution may be zero if its estimated error is larger than the contribution. A sentence below the table then
-    says that contributions may be zero.
+    contribution may be zero if its estimated error is larger than the contribution. In this case, a sentence below the
+    table says that contributions may be zero.
 
     Attributes
     ----------

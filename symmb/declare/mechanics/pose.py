@@ -1,8 +1,9 @@
 """The poses of bodies: coordinates, velocities, and the frame that depends on them.
 
 All poses have the same kinematics: position r (3,), rotation R (3, 3) body to world, and twist (r', omega) = S v, (6,).
-r' is in world axes, and omega is in body axes. The matrix S selects velocities. A planar pose is a spatial pose with
-structural zeros. A flexible body has the coordinates of its floating frame, followed by modal coordinates.
+r' is in world axes, and omega is in body axes. The matrix S selects velocities. A planar pose is a spatial pose whose
+entries out of the plane are always zero. A flexible body has the coordinates of its floating frame, followed by modal
+coordinates.
 """
 
 from abc import ABC, abstractmethod

@@ -47,7 +47,7 @@ class Invariants:
 
 @dataclass(frozen=True, eq=False)
 class Shapes:
-    """Shapes X (d, n) and rigid motions (d, 6) in a frame at an origin, and foreshortening D (s, 3, n, n) of samples.
+    """Mode shapes X (d, n), rigid motions (d, 6) about an origin, and second-order displacements D (s, 3, n, n).
 
     Values that are very small compared with the inertia and length of the whole body are set to 0.
     """

@@ -110,7 +110,7 @@ def _require_start(rhs: ca.Function, start: Mapping[str, Sized], coordinates: Se
     if sizes != expected or len(coordinates) != n_q or (n_s and not has_states):
         raise DeclarationError(
             f"The start does not fit rhs, which needs values of these lengths: {expected}. "
-            f"The start has the lengths {sizes}, {n_s} states s, and names of {len(coordinates)} coordinates."
+            f"The start has the lengths {sizes}, values of {n_s} states s, and names of {len(coordinates)} coordinates."
         )
 
 

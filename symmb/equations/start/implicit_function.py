@@ -104,7 +104,7 @@ class _BlockSolver:
             )
 
     def solve(self, A: Array, r: Array) -> Array:
-        """Solutions x (N, n) for the entries A (N, n_entries) of matrices, and right sides r (N, n)."""
+        """Solutions x (N, n) of N linear systems: matrices with entries A (N, n_entries), and right sides r (N, n)."""
         x = np.zeros_like(r)
         for block in self._blocks:
             right = r[:, block.rows]

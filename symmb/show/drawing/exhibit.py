@@ -13,7 +13,7 @@ from symmb._names import ByName
 from symmb._options import require_name
 from symmb._types import Array, Indices
 from symmb._units import label, units_of_parameters, with_units
-from symmb.bound.bounds import SIDES, Bounds, Sample, Study, parameter_samples, row_of
+from symmb.bound.bounds import SIDES, Bounds, Sample, Study, parameter_samples, row_of, unit_suffix
 from symmb.bound.nodes import grid
 from symmb.declare.mechanics import Point
 from symmb.equations.model import Box
@@ -145,10 +145,10 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | str | None, poin
     also = [at, *_extremes(bounds.lower, bounds.upper)]
     drawing = draw(nominal, also=also)
 
-    acting = bounds._acting(study.box, [column])
+    acting, unit = bounds._acting(study.box, [column]), unit_suffix(bounds, column)
     ghosts = [
         Ghost(
-            f"{side} {value_of} = {run.values[row, column]:.6g} (bound {bound:.6g}){_place(run, acting)}",
+            f"{side} {value_of} = {run.values[row, column]:.6g}{unit} (bound {bound:.6g}{unit}){_place(run, acting)}",
             tint,
             draw(run, also=also),
         )

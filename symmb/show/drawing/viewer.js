@@ -397,9 +397,9 @@ function rangeOf(columns) {
   return high - low > 1e-12 * Math.max(Math.abs(low), Math.abs(high)) ? [low, high] : [low - 1, high + 1];
 }
 
-function drawCurves() {
-  const n = first.outputs.length, t = column(first.t, 0, 1), sheet = document.createElement("canvas"), pen = sheet.getContext("2d"), by = roundBelow(span() / 4);
-  for (const curve of curves) {  // images: the browser would copy a canvas into the page for each picture
+function drawCurves(chosen = curves) {
+  const n = first.outputs.length, t = column(first.t, 0, 1), sheet = document.createElement("canvas"), pen = sheet.getContext("2d", { willReadFrequently: true }), by = roundBelow(span() / 4);
+  for (const curve of chosen) {  // images: the browser would copy a canvas into the page for each picture
     const { i, c } = curve, w = sheet.width = c.clientWidth * devicePixelRatio, foot = 14 * devicePixelRatio, h = (sheet.height = c.clientHeight * devicePixelRatio) - foot;
     const lines = runs.map(run => ({ values: column(run.values, i, n), tint: run.tint || page.palette[0] }));
     const bounds = page.bounds && [page.bounds.lower, page.bounds.upper].map(at => column(at, i, n));
@@ -418,6 +418,7 @@ function drawCurves() {
       pen.fillStyle = "#4b5563"; pen.fillText(text, Math.min(Math.max(at - wide / 2, 0), w - wide), h + foot - 3 * devicePixelRatio);
     }
     if (low < 0 && high > 0) { pen.fillStyle = "#c3cad2"; pen.fillRect(0, y(0), w, 1); }
+    for (const level of curve.levels ?? []) { pen.fillStyle = "#b91c1c"; pen.fillRect(0, y(level), w, 1); }  // limits of a live page
     for (const { values, tint } of lines) {
       pen.beginPath(); path(values);
       pen.strokeStyle = tint; pen.lineWidth = 1.4 * devicePixelRatio; pen.stroke();

@@ -1,0 +1,356 @@
+"use strict";
+// Panel of a live page: parameters, tolerances and limits. The worker computes; this script states what it has found.
+//
+// A move starts a study with a number of its own. Answers to older studies are dropped, so the last move wins.
+// Texts of a scene enter the page as text only, never as HTML.
+
+window.live = (() => {
+  const { live } = page, { parameters, outputs, limits, n_t, n_y, n_out } = live;
+  const state = parameters.map(p => ({ value: p.value, tolerance: p.tolerance, locked: false }));
+  const waiting = [];  // promises of studies that are not finished
+  let id = 0, focus = 0, chosen = false, run = null, bounds = null, effects = null, fault = null;
+  let fitted = 0, planned = 0, saving = 0, times_of = { run: null, bounds: null };
+
+  const element = (tag, properties, ...children) => {
+    const made = Object.assign(document.createElement(tag), properties);
+    made.append(...children);
+    return made;
+  };
+  const tell = (node, text) => {  // a text keeps the height of the text before, so that no slider moves under a pointer
+    if (node.textContent === text) return;
+    node.style.minHeight = `${node.offsetHeight}px`;
+    node.textContent = text;
+  };
+  const quantity = (value, unit) => `${short(value)}${unit && `\u00a0${unit}`}`;
+  const brief = text => text.length > 60 ? `${text.slice(0, 59)}…` : text;
+  const at = k => `${short(live.times[k])}\u00a0s`;
+  const limitText = ({ output, low, high }) => {
+    const { name, unit } = outputs[output], ends = [low, high].map(end => end === null ? null : quantity(end, unit));
+    return `${ends[0] === null ? "" : `${ends[0]} ≤ `}${brief(name)}${ends[1] === null ? "" : ` ≤ ${ends[1]}`}`;
+  };
+  const limitAt = () => focus < limits.length ? focus : null;  // first the limits, then the outputs, can be in focus
+  const outputAt = () => limits[focus]?.output ?? focus - limits.length;
+
+  // Numbers of the drawing: those of run 0 (nominal) or 1 (worst case), from the rows of a run
+  function write(which, rows) {
+    for (const { at, rows: count, column, width } of live.columns)
+      for (let k = 0; k < count; k++)
+        for (let j = 0; j < width; j++) numbers[at[which] + k * width + j] = rows[live.pictures[k] * n_out + column + j];
+  }
+
+  function writeBounds() {
+    for (const side of ["lower", "upper"])
+      live.pictures.forEach((time, k) => {
+        const from = time * n_y, to = page.bounds[side][0] + k * n_y;
+        if (bounds?.[side]) numbers.set(bounds[side].subarray(from, from + n_y), to);
+        else numbers.fill(NaN, to, to + n_y);
+      });
+  }
+
+  // Verdicts: a run beyond a limit violates it; bounds inside the limit by more than their error satisfy it
+  function excess(limit, rows) {  // the largest distance beyond a limit, and its time
+    let most = { by: 0, time: null };
+    for (let k = 0; rows && k < n_t; k++) {
+      const y = rows[k * n_out + limit.output];
+      const by = Math.max(limit.low === null ? 0 : limit.low - y, limit.high === null ? 0 : y - limit.high);
+      if (by > most.by) most = { by, time: k };
+    }
+    return most;
+  }
+
+  function verdict(limit, found) {
+    const { unit } = outputs[limit.output], [a, b] = [excess(limit, run?.rows), excess(limit, found?.rows)];
+    const most = a.by > b.by ? a : b;
+    if (most.by > 0) return ["violated", `violated: exceeded by ${quantity(most.by, unit)} at ${at(most.time)}`];
+    if (!found) return ["", fault ? "undecided: there are no bounds" : "…"];
+    const margin = `margin ${quantity(Math.max(found.margin, 0), unit)} at ${at(found.time)}`;
+    if (found.margin > found.error) return ["satisfied", `satisfied: smallest ${margin}`];
+    if (!bounds.done) return ["", `${margin}, refining …`];
+    const reason = found.margin < 0 ? `bounds beyond it by ${quantity(-found.margin, unit)}` : `error up to ${quantity(found.error, unit)}`;
+    return ["undecided", `undecided: ${found.margin < 0 ? "" : `${margin}, `}${reason}`];
+  }
+
+  function worstText(found) {
+    const own = parameters.flatMap(({ name, unit }, i) =>
+      varied(i) ? [`${brief(name)} = ${quantity(found.parameters[i], unit)}`] : []);
+    return own.length ? `worst case: ${own.slice(0, 8).join(", ")}` : "";
+  }
+
+  const varied = i => state[i].tolerance > 0 && !state[i].locked;
+
+  function stateText() {
+    if (fault) return fault;
+    if (!run) return "computing the run …";
+    if (!bounds) return state.some((_, i) => varied(i)) ? "run is new; computing bounds …" : "computing …";
+    let error = 0;
+    for (let i = outputAt(); i < bounds.error.length; i += n_y) error = Math.max(error, bounds.error[i]);
+    const { name, unit } = outputs[outputAt()];
+    const told = Number.isFinite(error) ? `, error of ${brief(name)} ≤ ${quantity(error, unit)} (estimate)` : "";
+    return `${bounds.runs} ${bounds.runs === 1 ? "run" : "runs"}${told}${bounds.done ? "" : ", refining …"}`;
+  }
+
+  function factorText() {
+    const limit = limits[limitAt()], own = effects?.limits[limitAt()];
+    if (!limit || !own || !state.some((_, i) => varied(i))) return "";
+    if (own.factor !== null) return own.factor >= 1
+      ? `All tolerances may be ${short(+own.factor.toPrecision(3))} times as large until the limit is reached.`
+      : `The limit is reached at ${short(+own.factor.toPrecision(3))} times the tolerances.`;
+    return excess(limit, run.rows).by > 0 ? "The nominal run is already beyond the limit."
+      : "Even 3 times the tolerances do not reach the limit.";
+  }
+
+  // Painting: once a picture at most, whatever has arrived
+  function plan() {
+    planned ||= requestAnimationFrame(paint);
+  }
+
+  function paint() {
+    cancelAnimationFrame(planned);
+    planned = 0;
+    if (run || fault) paintDrawing();  // the drawing stays for the few milliseconds until the new run arrives
+    tell($("state"), stateText());
+    $("state").className = fault ? "fault" : "";
+    limits.forEach((limit, i) => {
+      const found = bounds?.limits[i], [word, text] = verdict(limit, found), button = $("limits").children[i];
+      button.className = word;
+      button.setAttribute("aria-pressed", i === focus);
+      tell(button.children[1], text);
+      tell(button.children[2], found && i === focus ? worstText(found) : "");
+      button.children[2].hidden = i !== focus;
+    });
+    const limit = effects?.limits[limitAt()], own = outputAt(), { unit } = outputs[own];
+    const widths = parameters.map((_, i) => !effects ? 0 : limit ? limit.widths[i] : effects.widths[own * parameters.length + i]);
+    const most = Math.max(...widths) || 1;
+    controls.forEach(({ bar, width }, i) => {
+      bar.style.width = `${100 * widths[i] / most}%`;
+      width.textContent = !effects ? fault ? "" : "…" : varied(i) ? `width ${quantity(widths[i], unit)}` : state[i].locked ? "locked" : "no tolerance";
+    });
+    tell($("factor"), factorText());
+  }
+
+  function paintDrawing() {
+    const found = bounds?.limits[limitAt()];
+    const rows = run?.rows ?? new Float64Array(n_t * n_out).fill(NaN);
+    write(0, rows);
+    write(1, found?.rows ?? rows);
+    writeBounds();
+    runs = found?.rows ? page.runs : page.runs.slice(0, 1);
+    page.mark = found && { output: found.output, time: live.times[found.time] };
+    if (fitted < 1 || fitted < 2 && found?.rows) { fit(); fitted = found?.rows ? 2 : 1; }
+    const seen = $("curves").getBoundingClientRect();
+    drawCurves(curves.filter(curve => {
+      const { top, bottom } = curve.c.getBoundingClientRect();
+      if (bottom < seen.top || top > seen.bottom) return false;
+      curve.range = rangeWith(curve);
+      return true;
+    }));
+    show();
+  }
+
+  function rangeWith({ i, range, levels }) {  // scales stay as they are until a curve leaves them or is small in them
+    const all = [...runs.map(run => run.values), page.bounds.lower, page.bounds.upper].map(at => column(at, i, n_y));
+    let [low, high] = rangeOf(all);
+    const size = high - low, near = levels.filter(end => end > low - size && end < high + size);
+    [low, high] = [Math.min(low, ...near), Math.max(high, ...near)];
+    return range && low >= range[0] && high <= range[1] && high - low > (range[1] - range[0]) / 3 ? range : [low, high];
+  }
+
+  // Studies
+  const worker = new Worker(URL.createObjectURL(new Blob([$("worker").textContent])));
+  worker.onmessage = ({ data }) => {
+    if (data.kind === "fault") return fail(data.fault);
+    if (data.id !== id) return;
+    if (data.kind === "run") [run, times_of.run] = [data, data.ms];
+    if (data.kind === "bounds") [bounds, times_of.bounds] = [data, data.ms];
+    if (data.kind === "effects") effects = data;
+    if (data.kind === "bounds" && bounds.done && !data.fault && !chosen) focus = nearestLimit();
+    if (data.fault) {
+      if (data.kind === "bounds") bounds = null;
+      return fail(data.kind === "run" ? `The run ended at ${at(Math.max(data.finished - 1, 0))}: ${data.fault}`
+        : `There are no bounds, because a run in the box failed: ${data.fault}`);
+    }
+    if (data.kind === "bounds" && data.done) settle();
+    else plan();
+  };
+  worker.onerror = ({ message }) => fail(`The computation stopped: ${message}`);
+
+  function nearestLimit() {  // a violated limit, or the limit with the smallest margin relative to the bounds' widths
+    const near = bounds.limits.map(({ margin, output }) => {
+      let width = 1e-300;
+      for (let i = output; i < bounds.lower.length; i += n_y) width = Math.max(width, bounds.upper[i] - bounds.lower[i]);
+      return margin / width;
+    });
+    const best = Math.max(0, near.indexOf(Math.min(...near)));
+    $("focus").value = limits.length ? best : focus;
+    return limits.length ? best : focus;
+  }
+
+  function fail(text) {
+    fault = text;
+    settle(Error(text));
+  }
+
+  function settle(error) {
+    paint();
+    for (const { go, stop } of waiting.splice(0)) if (error) stop(error); else go();
+  }
+
+  function study() {
+    [run, bounds, effects, fault] = [null, null, null, null];
+    worker.postMessage({ kind: "study", id: ++id, values: state.map(p => p.value),
+                         tolerances: state.map(({ tolerance }, i) => varied(i) ? tolerance : 0), limits });
+    clearTimeout(saving);
+    saving = setTimeout(saveState, 300);
+    const done = new Promise((go, stop) => waiting.push({ go, stop }));
+    done.catch(() => {});  // the panel states the fault too
+    return done;
+  }
+
+  // State in the address: #p0=1.2,0.05,locked&p3=9.81,0.1&focus=2, for the parameters that differ from the scene
+  function saveState() {
+    const own = state.flatMap(({ value, tolerance, locked }, i) =>
+      value === parameters[i].value && tolerance === parameters[i].tolerance && !locked ? []
+        : [`p${i}=${value},${tolerance}${locked ? ",locked" : ""}`]);
+    if (chosen) own.push(`focus=${focus}`);
+    try {
+      history.replaceState(null, "", `#${own.join("&")}`);
+    } catch { }  // a page in a notebook has no address of its own
+  }
+
+  function loadState(address = new URLSearchParams(location.hash.slice(1))) {
+    parameters.forEach((p, i) => {
+      const given = (address.get(`p${i}`) ?? "").split(",");
+      const number = (text, otherwise) => text && Number.isFinite(Number(text)) ? Number(text) : otherwise;
+      state[i] = { value: number(given[0], p.value), tolerance: Math.abs(number(given[1], p.tolerance)), locked: given[2] === "locked" };
+      fill(i);
+    });
+    chosen = address.has("focus") && Boolean($("focus").options[address.get("focus")]);
+    focus = chosen ? Number(address.get("focus")) : 0;
+    $("focus").value = focus;
+  }
+
+  // Controls
+  function control(p, i) {
+    const row = (kind, title, low, high) => {
+      const step = +`1e${Math.floor(Math.log10((high - low) / 200))}`;
+      const slider = element("input", { type: "range", min: low, max: high, step: "any" });
+      const number = element("input", { type: "number", step });
+      slider.setAttribute("aria-label", `${title} of ${p.name}`);
+      number.setAttribute("aria-label", `${title} of ${p.name}${p.unit && ` [${p.unit}]`}`);
+      slider.oninput = () => move(i, { [kind]: +(Math.round(slider.value / step) * step).toPrecision(12) });
+      number.onchange = () => {
+        const own = number.valueAsNumber;
+        if (Number.isFinite(own) && (kind === "value" || own >= 0)) move(i, { [kind]: own });
+        else fill(i);
+      };
+      return { slider, number, box: element("label", { className: `row ${kind}` }, element("span", {}, title), slider, number) };
+    };
+    const value = row("value", "value", p.low, p.high), tolerance = row("tolerance", "tolerance ±", 0, p.most);
+    const lock = element("input", { type: "checkbox", onchange: () => move(i, { locked: lock.checked }) });
+    const reset = element("button", { textContent: "reset", title: `reset ${p.name}`, onclick: () =>
+      move(i, { value: p.value, tolerance: p.tolerance, locked: false }) });
+    const bar = element("i", {}), width = element("small", {}, "…");
+    const box = element("fieldset", {}, element("legend", { title: p.name }, p.name, element("small", {}, p.unit && ` [${p.unit}]`)),
+      element("label", { title: "A locked parameter stays at its value." }, lock, "lock"), reset, value.box, tolerance.box,
+      element("div", { className: "bar" }, bar, width));
+    $("parameters").append(box);
+    return { value, tolerance, lock, bar, width, box };
+  }
+
+  function fill(i) {  // the controls of a parameter, from its state
+    const { value, tolerance, lock, box } = controls[i];
+    for (const [{ slider, number }, own] of [[value, state[i].value], [tolerance, state[i].tolerance]])
+      slider.value = number.value = +own.toPrecision(12);
+    lock.checked = state[i].locked;
+    box.classList.toggle("locked", state[i].locked);
+  }
+
+  function move(i, change) {
+    Object.assign(state[i], change);
+    fill(i);
+    return study();
+  }
+
+  function look(k) {  // at a limit or an output
+    [focus, chosen] = [k, true];
+    $("focus").value = k;
+    clearTimeout(saving);
+    saving = setTimeout(saveState, 300);
+    paint();
+  }
+
+  function python() {
+    const text = own => own.map(([name, value]) => `${name}=${value}`).join(", ");
+    const digits = x => String(+x.toPrecision(12));
+    const values = parameters.map(({ name, unit }, i) => [name, unit ? `(${state[i].value}, ${JSON.stringify(unit)})` : state[i].value]);
+    const box = parameters.flatMap(({ name }, i) => varied(i)
+      ? [[name, `(${digits(state[i].value - state[i].tolerance)}, ${digits(state[i].value + state[i].tolerance)})`]] : []);
+    return `mb.Parameters(${text(values)})\nmb.Box(${text(box)})\n`;
+  }
+
+  function csv() {
+    const quoted = text => `"${text.replaceAll('"', '""')}"`;
+    const named = ({ name, unit }) => unit ? `${name} [${unit}]` : name;
+    const head = ["time [s]", ...outputs.flatMap(own => ["", " lower", " upper", " estimate of error"].map(of => named(own) + of))];
+    const lines = live.times.map((t, k) => [t, ...outputs.flatMap((_, i) => [run.rows[k * n_out + i],
+      ...["lower", "upper", "error"].map(of => bounds?.[of]?.[k * n_y + i] ?? "")])]);
+    return [head.map(quoted), ...lines].map(line => line.join(",")).join("\r\n") + "\r\n";
+  }
+
+  function save() {
+    if (!run) return;
+    const address = URL.createObjectURL(new Blob([csv()], { type: "text/csv" }));
+    element("a", { href: address, download: "curves.csv" }).click();
+    setTimeout(() => URL.revokeObjectURL(address), 1000);
+  }
+
+  // Scripts
+  function set(changes) {
+    for (const [name, { value, tolerance, locked }] of Object.entries(changes)) {
+      const i = parameters.findIndex(p => p.name === name), old = state[i];
+      if (!old) throw Error(`There is no parameter ${name}.`);
+      const next = { value: value ?? old.value, tolerance: tolerance ?? old.tolerance, locked: locked ?? old.locked };
+      if (!Number.isFinite(next.value) || !(next.tolerance >= 0 && next.tolerance < Infinity))
+        throw Error(`Parameter ${name} needs a finite value, and a finite tolerance that is not negative.`);
+      state[i] = next;
+      fill(i);
+    }
+    return study();
+  }
+
+  function result(name) {
+    const i = outputs.findIndex(own => own.name === name);
+    if (i < 0) throw Error(`There is no output ${name}.`);
+    const of = (values, width) => values ? Array.from({ length: n_t }, (_, k) => values[k * width + i]) : null;
+    return { times: [...live.times], nominal: of(run?.rows, n_out), lower: of(bounds?.lower, n_y),
+             upper: of(bounds?.upper, n_y), estimate: of(bounds?.error, n_y) };
+  }
+
+  limits.forEach((limit, k) => $("limits").append(element("button", { onclick: () => look(k) },
+    element("b", {}, limitText(limit)), element("span", {}), element("small", {}))));
+  [...limits.map(limitText), ...outputs.map(({ name }) => brief(name))].forEach((text, k) =>
+    $("focus").append(element("option", { value: k }, text)));
+  $("focus").onchange = () => look(Number($("focus").value));
+  $("reset").onclick = () => { loadState(new URLSearchParams()); study(); };
+  $("copy").onclick = () => {
+    $("copied").textContent = python();
+    $("copied").hidden = false;
+    navigator.clipboard?.writeText(python()).catch(() => {});  // where this is not allowed, the text can be selected
+  };
+  $("save").onclick = save;
+  $("curves").onscroll = plan;
+  for (const curve of curves)
+    curve.levels = limits.flatMap(({ output, low, high }) => output === curve.i ? [low, high].filter(end => end !== null) : []);
+  const controls = parameters.map(control);
+  for (const part of [$("panel"), $("several")]) part.addEventListener("keydown", e => e.stopPropagation());  // keys of the viewer
+  $("several").lastChild.data = "worst case";
+  $("several").hidden = document.querySelector("header div").hidden = !limits.length;
+  addEventListener("hashchange", () => { loadState(); study(); });
+  addEventListener("resize", () => {
+    for (const node of $("panel").querySelectorAll("[style]")) node.style.minHeight = "";
+    plan();
+  });
+  loadState();
+  worker.postMessage({ kind: "start", live });
+  return { ready: study(), set, result, csv, engine: () => ({ ...times_of }) };
+})();

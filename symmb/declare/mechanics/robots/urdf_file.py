@@ -344,7 +344,7 @@ def _tree(top: Tag, links: Mapping[str, LinkData], joints: Mapping[str, JointDat
     if len(order) < len(joints):
         lost = next(joint for joint in joints.values() if joint.name not in order)
         raise lost.tag.fault(
-            "the joints that carry this joint form a closed loop. Remove a joint "
-            "of the loop from the file, and add it in Python."
+            "joints between the base and this joint form a closed loop. Remove one of these joints from the file, "
+            "and declare it in Python."
         )
     return roots[0], order

@@ -1,0 +1,200 @@
+"""The panel of live pages, with a worker of known answers, and a page with all its parts after many moves."""
+
+import importlib
+import importlib.util
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import NEEDED, Browser
+
+import symmb as mb
+
+pytestmark = [NEEDED, pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")]
+HOSTILE = "\"'</script><img src=x onerror=document.title='HIT'>&lt;" + 10_000 * "W"
+FAKE = """
+// y = g t / 10 with bounds +- tolerance t / 10. Odd studies answer later than the even studies after them.
+let live;
+onmessage = ({ data: { kind, id, values, tolerances, limits, live: given } }) => {
+  if (kind === "start") { live = given; return; }
+  const { n_t, n_y, n_out } = live, of = slope => live.times.map(t => slope * t / 10), [g] = values, [r] = tolerances;
+  const rows = slope => {
+    const all = new Float64Array(n_t * n_out);
+    of(slope).forEach((y, k) => { all[k * n_out] = all[k * n_out + 1] = y; });
+    return all;
+  };
+  setTimeout(() => {
+    const fault = values[1] < 0 ? "The mass is negative." : null;
+    postMessage({ kind: "run", id, rows: rows(fault ? NaN : g), finished: fault ? 1 : n_t, fault, ms: 1 });
+    if (fault) return;
+    const lower = new Float64Array(n_t * n_y), upper = lower.slice(), error = upper.slice().fill(1e-3);
+    of(g - r).forEach((y, k) => lower.fill(y, k * n_y, k * n_y + n_y));
+    of(g + r).forEach((y, k) => upper.fill(y, k * n_y, k * n_y + n_y));
+    const told = limits.map(limit => ({ ...limit, side: "high", margin: limit.high - (g + r) / 10, time: n_t - 1,
+      error: 1e-3, value: (g + r) / 10, parameters: [g + r, values[1]], rows: rows(g + r) }));
+    postMessage({ kind: "bounds", id, level: 2, levels: 3, runs: 9, failed: 0, lower, upper, error, done: true, ms: 2,
+      limits: told });
+    postMessage({ kind: "effects", id, widths: new Float64Array(2 * n_y).fill(r / 5),
+      limits: limits.map(({ high }) => ({ widths: [r / 5, 0], factor: r && (10 * high - g) / r })) });
+  }, id % 2 ? 40 : 5);
+};
+"""
+
+
+FIELD = "document.querySelector('#parameters input[type=number]')"
+SLIDER = "document.querySelector('#parameters input[type=range]')"
+LOCK = "document.querySelector('#parameters input[type=checkbox]')"
+"""Controls of the first parameter, g."""
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with Browser() as browser:
+        yield browser
+
+
+def falling(*names: str) -> mb.Scene:
+    p = mb.Parameters(g=9.0, m=2.0)
+    ball = mb.Body("ball", mass=p.m, pose=mb.Particle())
+    system = mb.System(ball, mb.Gravity(0, -p.g), parameters=p)
+    outputs = dict(zip(names, (ball.y, ball.vy), strict=True))
+    return mb.Scene(system, times=np.linspace(0.0, 1.0, 11), outputs=outputs, box=mb.Box(g=(8.5, 9.5)), name="fall")
+
+
+@pytest.fixture
+def page(browser, tmp_path, monkeypatch):
+    """A page with limit y <= 1 and a worker of known answers."""
+    return _faked(browser, tmp_path, monkeypatch, "y", "v")
+
+
+def _faked(browser: Browser, folder: Path, monkeypatch: pytest.MonkeyPatch, *names: str, hostile: str = "") -> Browser:
+    monkeypatch.setattr(importlib.import_module("symmb.show.live.live"), "module", lambda *_: b"")
+    path = folder / "page.html"
+    mb.live(falling(*names), path, {names[0]: (None, 1.0)})
+    text = path.read_text(encoding="utf-8")
+    before, _, after = text.partition('<script type="text/plain" id="worker">\n')
+    text = f'{before}<script type="text/plain" id="worker">\n{FAKE}</script>{after.partition("</script>")[2]}'
+    if hostile:
+        text = text.replace('{"name":"g",', f'{{"name":{json.dumps(hostile)},'.replace("<", "\\u003c"))
+    path.write_text(text, encoding="utf-8")
+    browser.resize(1200, 800)
+    browser.open(path)
+    browser.run("live.ready")
+    return browser
+
+
+def _limit(browser: Browser) -> str:
+    return browser.run("$('limits').children[0].children[1].textContent").replace("\N{NO-BREAK SPACE}", " ")
+
+
+def test_a_move_gives_a_new_run_bounds_and_words(page):
+    assert _limit(page) == "satisfied: smallest margin 0.05 m at 1 s"
+    page.run("live.set({g: {value: 9.2, tolerance: 0.1}})")
+    found = page.run("live.result('y')")
+    times = np.linspace(0.0, 1.0, 11)
+    for name, slope in {"nominal": 9.2, "lower": 9.1, "upper": 9.3}.items():
+        assert np.allclose(found[name], slope * times / 10, rtol=1e-12)
+    assert np.allclose(found["times"], times) and found["estimate"] == [1e-3] * 11
+    assert _limit(page) == "satisfied: smallest margin 0.07 m at 1 s"
+    assert page.run("numbers[page.bounds.upper[0] + 10 * 2]") == pytest.approx(0.93)  # of the viewer
+    assert [page.run(f"numbers[page.runs[{k}].values[0] + 10 * 2]") for k in range(2)] == pytest.approx([0.92, 0.93])
+    page.run("live.set({g: {tolerance: 0.9}})")
+    assert _limit(page) == "violated: exceeded by 0.01 m at 1 s"
+    page.run("new Promise(go => { const look = () => $('factor').textContent ? go() : setTimeout(look, 20); look(); })")
+    assert page.run("$('factor').textContent") == "The limit is reached at 0.889 times the tolerances."
+    assert page.run("runs.length") == 2 and page.errors == []
+
+
+def test_sliders_fields_locks_and_resets(page):
+    page.run(f"{SLIDER}.value = 5.0012; {SLIDER}.oninput(); live.set({{}})")
+    assert page.run("live.result('y').nominal[10]") == pytest.approx(0.5)  # in steps
+    assert page.run(f"{FIELD}.value") == "5"
+    for text, value in {"7.25": 0.725, "": 0.725}.items():
+        page.run(f"{FIELD}.value = '{text}'; {FIELD}.onchange(); live.set({{}})")
+        assert page.run("live.result('y').nominal[10]") == pytest.approx(value)
+    page.run(f"{LOCK}.click(); live.set({{}})")
+    assert page.run("live.result('y').upper[10]") == pytest.approx(0.725)  # a locked parameter is not varied
+    page.run("$('reset').click(); live.set({})")
+    assert page.run("live.result('y').upper[10]") == pytest.approx(0.95)
+    page.run("$('copy').click()")
+    assert page.run("$('copied').textContent").split("\n")[1] == "mb.Box(g=(8.5, 9.5))"
+    lines = page.run("live.csv()").splitlines()
+    assert len(lines) == 12 and lines[0].startswith('"time [s]","y [m]","y [m] lower"') and page.errors == []
+
+
+def test_the_last_move_wins(page):
+    moves = ";".join(f"live.set({{g: {{value: {value}}}}})" for value in (5, 6, 7, 8))  # the last one answers first
+    page.run(f"{moves}; new Promise(go => setTimeout(go, 100))")
+    assert page.run("live.result('y').nominal[10]") == pytest.approx(0.8)
+    assert page.run("numbers[page.runs[0].values[0] + 20]") == pytest.approx(0.8)
+
+
+def test_the_address_keeps_the_state(page):
+    page.run("live.set({g: {value: 9.25}, m: {value: 3, tolerance: 0.5, locked: true}})")
+    page.run("new Promise(go => setTimeout(go, 400))")
+    assert page.run("location.hash") == "#p0=9.25,0.5&p1=3,0.5,locked"
+    path = Path(page.run("decodeURI(location.pathname)"))
+    page.open(path, "p0=9.25,0.5&p1=3,0.5,locked")
+    page.run("live.ready")
+    assert page.run("live.result('y').upper[10]") == pytest.approx(0.975)
+    locks = page.run("[...document.querySelectorAll('#parameters input[type=checkbox]')].map(box => box.checked)")
+    assert locks == [False, True]
+    page.open(path, "p0=nonsense,-1&p1=&p9=3&focus=99")  # of another page
+    page.run("live.ready")
+    assert page.run("live.result('y').nominal[10]") == pytest.approx(0.9) and page.errors == []
+
+
+def test_a_failed_run_is_stated_and_not_hidden_behind_an_older_one(page):
+    said = page.run("live.set({m: {value: -1}}).catch(error => error.message)")
+    assert said == page.run("$('state').textContent")
+    assert said.replace("\N{NO-BREAK SPACE}", " ") == "The run ended at 0 s: The mass is negative."
+    shown = "[page.runs[0].values[0], page.bounds.upper[0]].map(from => String(numbers[from + 20]))"
+    assert page.run(shown) == ["NaN", "NaN"] and page.run("runs.length") == 1
+    for change in ("{x: {value: 1}}", "{g: {value: NaN}}", "{g: {tolerance: -1}}"):
+        with pytest.raises(RuntimeError, match=r"There is no parameter x|Parameter g needs"):
+            page.run(f"live.set({change})")
+
+
+@pytest.mark.parametrize("width", [1200, 390])
+def test_names_are_only_texts(browser, tmp_path, monkeypatch, width):
+    page = _faked(browser, tmp_path, monkeypatch, "y <b>'\"", "v", hostile=HOSTILE)
+    page.resize(width, 800)
+    time.sleep(0.1)
+    seen = page.run("[document.title, document.images.length - curves.length, document.scripts.length]")
+    assert seen == ["fall", 0, 4]
+    assert page.run("document.querySelector('legend').firstChild.data.length") == len(HOSTILE)
+    assert page.run("document.documentElement.scrollWidth") <= width
+    boxes = page.run(
+        "['main', '#panel', '#curves', 'footer'].map(s => document.querySelector(s).getBoundingClientRect())"
+        ".map(({ left, top, right, bottom }) => [left, top, right, bottom])"
+    )
+    for i, (left, top, right, bottom) in enumerate(boxes):
+        assert right - left > 150 and bottom - top > 30 and bottom <= 801
+        assert all(left >= b[2] - 1 or right <= b[0] + 1 or top >= b[3] - 1 or bottom <= b[1] + 1 for b in boxes[:i])
+    assert page.run("document.querySelector('#panel').scrollWidth <= document.querySelector('#panel').clientWidth + 1")
+    assert page.errors == []
+
+
+def test_keys_of_the_panel_do_not_move_the_time(page):
+    page.run("symmb.play(false); symmb.seek(3)")
+    page.run("$('focus').dispatchEvent(new KeyboardEvent('keydown', { key: 'ArrowRight', bubbles: true }))")
+    page.run(f"{LOCK}.dispatchEvent(new KeyboardEvent('keydown', {{ key: ' ', bubbles: true, cancelable: true }}))")
+    assert page.run("[picture, playing]") == [3, False]
+
+
+@pytest.mark.skipif(importlib.util.find_spec("ziglang") is None, reason="needs ziglang")
+def test_memory_does_not_grow_with_moves(browser, tmp_path):
+    path = tmp_path / "page.html"
+    mb.live(importlib.import_module("models.slider_crank").scene(), path, {"theta": (None, 1.2)})
+    browser.open(path)
+    moves = (
+        "(async () => {{ symmb.play(false); for (let k = 0; k < {}; k++) {{"
+        " const done = live.set({{l1: {{value: 0.9 + 0.2 * Math.random()}}}}); if (k % 10 === 9) await done;"
+        " else await new Promise(go => setTimeout(go, 5)); }} return performance.memory.usedJSHeapSize; }})()"
+    )
+    browser.run("live.ready")
+    first = browser.run(moves.format(50))
+    last = browser.run(moves.format(150))
+    assert last < first + 30e6 and browser.errors == []
