@@ -99,7 +99,7 @@ GROUPS = {
     "Forces": "declaring",
     "Contact, friction, impacts": "contact",
     "Scalar outputs": "scalar_outputs",
-    "Runs": "sweeps drawing",
+    "Runs": "sweeps drawing live",
     "Solvers": "solvers",
     "Bounds and their methods": "methods",
     "Nodes and polynomials": "methods",

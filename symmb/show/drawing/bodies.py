@@ -6,6 +6,7 @@ A body with at most one point is drawn as a homogeneous rod, disc or solid with 
 from collections.abc import Iterator
 from itertools import pairwise
 
+import casadi as ca
 import numpy as np
 
 from symmb._magnitudes import NOTHING, SLIGHT, SMALL
@@ -201,11 +202,17 @@ class BodySketch:
     def _net(self, u: float) -> Iterator[Shape]:
         """The mesh of a flexible body. Its nodes move."""
         assert isinstance(self.body, FlexibleBody)
-        modes, eta = self.body.modes, self.eta()
+        modes, eta, symbols = self.body.modes, self.eta(), self.eta.expression
+        assert symbols is not None
         moved = np.einsum("kin,tn->tki", modes.shapes, eta) + modes.positions
         if modes.shapes2.any():
             moved = moved + np.einsum("kinm,tn,tm->tki", modes.shapes2, eta, eta)
-        nodes = [self.survey.moving(self.frame, modes.positions[k], moved[:, k]) for k in range(len(modes.positions))]
+        nodes = []
+        for k, position in enumerate(modes.positions):
+            of_motion = position + ca.DM(modes.shapes[k]) @ symbols
+            if modes.shapes2.any():
+                of_motion += ca.vertcat(*(symbols.T @ ca.DM(square) @ symbols for square in modes.shapes2[k]))
+            nodes.append(self.survey.moving(self.frame, position, Asked(moved[:, k], of_motion)))
         for i, k in mesh_edges(modes.positions):
             yield self._shape("bar", (nodes[i], nodes[k]), (u,))
 

@@ -122,9 +122,9 @@ class Survey:
         """Add a place that is fixed in a frame, at (3,) [m] in its axes, and return the index of the place."""
         return self._add(frame, Asked(np.asarray(local, dtype=float)[None]), None)
 
-    def moving(self, frame: int, base: Array, now: Array) -> int:
+    def moving(self, frame: int, base: Array, now: Asked) -> int:
         """Add the place of an elastic point, (3,) undeformed and (n_f, 3) along the run [m], and return its index."""
-        return self._add(frame, Asked(base[None]), Asked(now))
+        return self._add(frame, Asked(base[None]), now)
 
     def tracked(self, world: Asked) -> int:
         """Add a place given by world positions, (1, 3) if constant, otherwise (n_f, 3) [m], and return its index."""
@@ -150,7 +150,9 @@ class Survey:
         """Compute all requested numbers."""
         if not self._asked:
             return
-        values = np.atleast_2d(self.run(ca.vertcat(*[asked.expression for asked in self._asked])))
+        values = np.atleast_2d(
+            self.run(ca.vertcat(*[asked.expression for asked in self._asked if asked.expression is not None]))
+        )
         values = values.reshape(len(self.run.t), -1)
         end = 0
         for asked in self._asked:
@@ -215,8 +217,8 @@ class Survey:
                     if moves
                     else Driven(("places", i, "base"), own, False)
                 )
-            if own is not None and shifted is not None:
-                yield Driven(("places", i, "shift"), shifted - own, True)
+            if shifted is not None:
+                yield Driven(("places", i, "shift"), shifted - (base.first if own is None else own), True)
         for i, shape in enumerate(shapes):
             for name, values in (("direction", shape.direction), ("present", shape.present)):
                 source = None if values is None or len(values) == 1 or shape.form == "mesh" else self._source(values)

@@ -129,7 +129,7 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
   }
   await others();
   if (id !== latest) throw new Ended();
-  give({ kind: "effects", id, ...await effects() });
+  give({ kind: "effects", id, ...await effects(), memory: wasm.memory.buffer.byteLength });
 
   async function boundsOf(level, stride, m, from) {
     const lower = new Float64Array(m), upper = new Float64Array(m);
