@@ -85,6 +85,14 @@ class Browser:
         """Write a picture of the page."""
         path.write_bytes(base64.b64decode(self._call("Page.captureScreenshot")["data"]))
 
+    def memory(self) -> float:
+        """Memory of the page's scripts after garbage collection [MB], with the arrays of its numbers."""
+        for _ in range(3):  # some memory is given back by a later collection only
+            self._call("HeapProfiler.collectGarbage")
+            time.sleep(0.1)
+        used = self._call("Runtime.getHeapUsage")
+        return (used["usedSize"] + used.get("backingStorageSize", 0) + used.get("embedderHeapUsedSize", 0)) / 1e6
+
     def _call(self, method: str, **parameters: Any) -> dict[str, Any]:
         self._count += 1
         message = {"id": self._count, "method": method, "params": parameters}

@@ -9,7 +9,7 @@ window.live = (() => {
   const state = parameters.map(p => ({ value: p.value, tolerance: p.tolerance, locked: false }));
   const waiting = [];  // promises of studies that are not finished
   let id = 0, focus = 0, chosen = false, run = null, bounds = null, effects = null, fault = null;
-  let fitted = 0, planned = 0, saving = 0, times_of = { run: null, bounds: null };
+  let fitted = 0, planned = 0, saving = 0, took = { run: null, bounds: null };
 
   const element = (tag, properties, ...children) => {
     const made = Object.assign(document.createElement(tag), properties);
@@ -62,7 +62,7 @@ window.live = (() => {
     const { unit } = outputs[limit.output], [a, b] = [excess(limit, run?.rows), excess(limit, found?.rows)];
     const most = a.by > b.by ? a : b;
     if (most.by > 0) return ["violated", `violated: exceeded by ${quantity(most.by, unit)} at ${at(most.time)}`];
-    if (!found) return ["", fault ? "undecided: there are no bounds" : "…"];
+    if (!found) return fault ? ["undecided", "undecided: there are no bounds"] : ["", "…"];
     const margin = `margin ${quantity(Math.max(found.margin, 0), unit)} at ${at(found.time)}`;
     if (found.margin > found.error) return ["satisfied", `satisfied: smallest ${margin}`];
     if (!bounds.done) return ["", `${margin}, refining …`];
@@ -81,12 +81,13 @@ window.live = (() => {
   function stateText() {
     if (fault) return fault;
     if (!run) return "computing the run …";
-    if (!bounds) return state.some((_, i) => varied(i)) ? "run is new; computing bounds …" : "computing …";
+    if (!bounds) return "computing bounds …";
+    if (bounds.levels === 1 && bounds.runs === 1) return "1 run; no parameter has a tolerance.";
     let error = 0;
     for (let i = outputAt(); i < bounds.error.length; i += n_y) error = Math.max(error, bounds.error[i]);
     const { name, unit } = outputs[outputAt()];
     const told = Number.isFinite(error) ? `, error of ${brief(name)} ≤ ${quantity(error, unit)} (estimate)` : "";
-    return `${bounds.runs} ${bounds.runs === 1 ? "run" : "runs"}${told}${bounds.done ? "" : ", refining …"}`;
+    return `${bounds.runs} runs${told}${bounds.done ? "" : ", refining …"}`;
   }
 
   function factorText() {
@@ -150,6 +151,7 @@ window.live = (() => {
   function rangeWith({ i, range, levels }) {  // scales stay as they are until a curve leaves them or is small in them
     const all = [...runs.map(run => run.values), page.bounds.lower, page.bounds.upper].map(at => column(at, i, n_y));
     let [low, high] = rangeOf(all);
+    if (low > high) return range ?? [-1, 1];  // there are no numbers
     const size = high - low, near = levels.filter(end => end > low - size && end < high + size);
     [low, high] = [Math.min(low, ...near), Math.max(high, ...near)];
     return range && low >= range[0] && high <= range[1] && high - low > (range[1] - range[0]) / 3 ? range : [low, high];
@@ -160,8 +162,8 @@ window.live = (() => {
   worker.onmessage = ({ data }) => {
     if (data.kind === "fault") return fail(data.fault);
     if (data.id !== id) return;
-    if (data.kind === "run") [run, times_of.run] = [data, data.ms];
-    if (data.kind === "bounds") [bounds, times_of.bounds] = [data, data.ms];
+    if (data.kind === "run") [run, took.run] = [data, data.ms];
+    if (data.kind === "bounds") [bounds, took.bounds] = [data, data.ms];
     if (data.kind === "effects") effects = data;
     if (data.kind === "bounds" && bounds.done && !data.fault && !chosen) focus = nearestLimit();
     if (data.fault) {
@@ -352,5 +354,5 @@ window.live = (() => {
   });
   loadState();
   worker.postMessage({ kind: "start", live });
-  return { ready: study(), set, result, csv, engine: () => ({ ...times_of }) };
+  return { ready: study(), set, result, csv, engine: () => ({ ...took }) };
 })();
