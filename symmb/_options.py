@@ -1,4 +1,4 @@
-"""Options of frozen objects such as methods, rules and solvers: their printed form, and checks of their values."""
+"""Checks of arguments from users, such as numbers and names, and the printed form of objects with options."""
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence, Set

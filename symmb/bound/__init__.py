@@ -12,6 +12,7 @@ A method declares what it needs of a simulator: runs, derivatives, or equations.
 
 `propagate` in `bounds.propagation` makes the simulator, computes bounds by the method (`bounds.method`), and adds
 warnings (`bounds.doubts`; `bounds.check_runs` checks methods without an estimated error). The Bounds then answer:
-`bounds.limits` decides limits, `bounds.answers` has means, standard deviations and quantiles, `bounds.contributions`
+`bounds.limits` decides limits (`bounds.further_runs` searches closer runs, and `bounds.between_times` examines curves
+between output times), `bounds.answers` has means, standard deviations and quantiles, `bounds.contributions`
 attributes widths and variances to parameters, and `bounds.probabilities` computes probabilities.
 """

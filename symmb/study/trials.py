@@ -1,4 +1,4 @@
-"""Runs that may fail or take too long. Each family of solvers has a separate process."""
+"""Runs of `stability` that may fail or take too long. Each family of solvers has a separate process."""
 
 import multiprocessing
 import re

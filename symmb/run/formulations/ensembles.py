@@ -1,4 +1,4 @@
-"""Trajectories of many samples of a DAE, messages of failed samples, and the number of samples in a block."""
+"""Ensembles: the outputs of many runs of a DAE, and the messages of failed runs."""
 
 import math
 from collections.abc import Callable, Sequence

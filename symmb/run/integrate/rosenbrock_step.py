@@ -1,4 +1,4 @@
-"""One step of the Rosenbrock method RODAS in symbols of CasADi."""
+"""One step of RODAS, a Rosenbrock method of order 4 for stiff equations, in symbols of CasADi."""
 
 import casadi as ca
 

@@ -1,4 +1,7 @@
-"""Check runs where the expected error of an interpolant is largest, and the expected error at other points."""
+"""Points of check runs, such as the point with the largest expected error, and the safety factors of measured errors.
+
+`inflated_error` multiplies a measured error by these factors.
+"""
 
 from itertools import count
 
