@@ -97,9 +97,7 @@ window.live = (() => {
   }
 
   // Painting: once a picture at most, whatever has arrived
-  function plan() {
-    planned ||= requestAnimationFrame(paint);
-  }
+  function plan() { planned ||= requestAnimationFrame(paint); }
 
   function paint() {
     cancelAnimationFrame(planned);
@@ -180,10 +178,7 @@ window.live = (() => {
     $("focus").value = focus = Math.max(0, near.indexOf(Math.min(...near)));
   }
 
-  function fail(text) {
-    fault = text;
-    settle(Error(text));
-  }
+  function fail(text) { fault = text; settle(Error(text)); }
 
   function settle(error) {
     paint();
