@@ -118,10 +118,11 @@ def test_the_drawing_follows_the_parameters(browser, tmp_path, name):
     values = live.values * 1.02
     (run,) = [m for m in live.studies((values, 0 * values), until="run") if m["kind"] == "run"]
     parameters = dict(zip(scene.system.parameters, values, strict=True))
-    (drawing, driven, rows), (nominal, *_) = (
+    (drawing, survey, rows), (nominal, *_) = (
         surveyed(mb.simulate(scene, parameters=parameters)),
         surveyed(mb.simulate(scene)),
     )
+    driven = tuple(survey.driven(drawing.shapes))
     assert len(driven) == len(live.data["columns"]) - 1
     for own, column in zip(driven, live.data["columns"][1:], strict=True):
         kind, i, part = own.part

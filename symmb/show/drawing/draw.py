@@ -16,7 +16,7 @@ from symmb.show.drawing.bodies import BodySketch
 from symmb.show.drawing.elements import GUIDE, Sketch, begun, shapes_of, sketch
 from symmb.show.drawing.geometry import not_drawn, shapes_of_bodies
 from symmb.show.drawing.shapes import Drawing, Shape
-from symmb.show.drawing.survey import Driven, Survey
+from symmb.show.drawing.survey import Survey
 
 _TURNED, _RAISED = np.radians(-28.0), np.radians(20.0)
 """Initial angles of view for a spatial mechanism: about the vertical, and above the horizontal."""
@@ -30,8 +30,8 @@ def draw(run: Trajectory, *, also: Sequence[int] = (), point: Point | None = Non
 
 def surveyed(
     run: Trajectory, *, also: Sequence[int] = (), point: Point | None = None, most: int = 1001
-) -> tuple[Drawing, tuple[Driven, ...], Indices]:
-    """The drawing of a run, its numbers that depend on the motion or on parameters, and indices of its output times."""
+) -> tuple[Drawing, Survey, Indices]:
+    """The drawing of a run, the survey of its numbers, and the indices of its output times."""
     scene = run.scene
     if scene is None:
         raise DeclarationError("This run has no scene: it was read from a file. Use Trajectory.load(path, scene).")
@@ -75,7 +75,7 @@ def surveyed(
         values=np.where(np.abs(run.values).max(axis=0) <= rounding(run.values, run.units), 0.0, run.values),
         notes=(*_without_place(sketches), *not_drawn(given)),
     )
-    return drawing, tuple(survey.driven(shapes)), rows
+    return drawing, survey, rows
 
 
 def _without_place(sketches: Sequence[tuple[Element, Sketch | None]]) -> list[str]:

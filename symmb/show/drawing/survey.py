@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._magnitudes import ROUNDING, SAME
+from symmb._magnitudes import NOTHING, ROUNDING, SAME
 from symmb._types import Array, Expr
 from symmb.declare.mechanics import AbstractBody, Element, FlexibleBody, Ground, JointEvent, Latch, Point, row_gates
 from symmb.declare.symbolic import vector
@@ -208,15 +208,15 @@ class Survey:
             rows = ca.vec(ca.reshape(pose.expression, 3, 4).T)
             if ca.symvar(rows):
                 yield Driven(("frames", i, "pose"), rows, True)
-        for i, (_, base, now) in enumerate(self._places):
+        for i, (frame, base, now) in enumerate(self._places):
             own, shifted = base.expression, None if now is None else now.expression
             if own is not None and ca.symvar(own):
-                moves = now is None and self._moves(own)
-                yield (
-                    Driven(("places", i, "shift"), own - base.first, True)
-                    if moves
-                    else Driven(("places", i, "base"), own, False)
-                )
+                if now is None and self._moves(own):
+                    yield Driven(("places", i, "shift"), own - base.first, True)
+                else:
+                    yield Driven(("places", i, "base"), own, False)
+            elif own is None and now is None and (alike := self._alike(frame, base.first)) is not None:
+                yield Driven(("places", i, "base"), alike, False)
             if shifted is not None:
                 yield Driven(("places", i, "shift"), shifted - (base.first if own is None else own), True)
         for i, shape in enumerate(shapes):
@@ -225,13 +225,19 @@ class Survey:
                 if source is not None:
                     yield Driven(("shapes", i, name), source, True)
 
+    def _alike(self, frame: int, at: Array) -> ca.SX | None:
+        """The position of an attached point that is equal to a fixed position, or mirrored: the end of a body's bar."""
+        for other, base, now in self._places:
+            own = base.expression
+            if other == frame and now is None and own is not None and ca.symvar(own) and not self._moves(own):
+                for sign in (1.0, -1.0):
+                    if np.allclose(sign * base.first, at, rtol=SAME, atol=SAME * self.span):
+                        return sign * own
+        return None
+
     def _moves(self, expression: ca.SX) -> bool:
         """Whether an expression depends on the state or on the time, and not only on parameters."""
-        fixed = (
-            {symbol.element_hash() for symbol in ca.vertsplit(self.scene.system.p)}
-            if self.scene.system.p.numel()
-            else set()
-        )
+        fixed = {symbol.element_hash() for symbol in ca.symvar(self.scene.system.p)}
         return any(symbol.element_hash() not in fixed for symbol in ca.symvar(expression))
 
     def _source(self, values: Array) -> ca.SX | None:
@@ -242,10 +248,10 @@ class Survey:
                 continue
             most = np.unravel_index(np.abs(y).argmax(), y.shape)
             scale = float(values[most] / y[most]) if y[most] else 0.0
-            size = np.linalg.norm(y, axis=1, keepdims=True)
+            size = np.maximum(np.linalg.norm(y, axis=1, keepdims=True), NOTHING)
             for expression, now in (
                 (scale * own, scale * y),
-                (own / ca.norm_2(own), y / np.where(size, size, 1.0)),
+                (own / ca.fmax(ca.norm_2(own), NOTHING), y / size),
                 (1 - own, 1 - y),
             ):
                 if np.allclose(now, values, rtol=SAME, atol=SAME):

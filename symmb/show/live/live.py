@@ -78,7 +78,8 @@ def live(scene: Scene | DAESimulator, path: str | Path | None = None, limits: Li
         raise DeclarationError("live: the scene has no box of tolerances. Give it one by scene.with_box(Box(...)).")
     pairs = limit_pairs("live", limits, own.curve_names, own.units) if limits else {}
     simulator = scene if isinstance(scene, DAESimulator) else simulator_with(own)
-    drawing, driven, rows = surveyed(simulate(simulator))
+    drawing, survey, rows = surveyed(simulate(simulator))
+    driven = tuple(survey.driven(drawing.shapes))
     columns = ca.vertsplit(ca.vertcat(ca.SX(0, 1), *(one.expression for one in driven)))
     outputs = dict(zip(own.curve_names, ca.vertsplit(own.y), strict=True))
     outputs |= {f"drawing {k} of {own.name}": column for k, column in enumerate(columns)}

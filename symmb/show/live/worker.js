@@ -73,9 +73,9 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
   const first = full(nominal);
   give({ kind: "run", id, ...first, rows: first.rows.slice(), ms: performance.now() - began });
   if (first.fault) return;
-  if (d > live.most_varied) throw Error(`At most ${live.most_varied} parameters may have tolerances at the same time.`);
+  if (d > live.most_varied) throw Error(`At most ${live.most_varied} parameters may have tolerances at the same time. Lock some of them.`);
   const at = point => { const all = [...nominal]; varied.forEach((i, k) => { all[i] += tolerances[i] * point[k]; }); return all; };
-  const first_level = live.levels.slice(0, d - 1).reduce((sum, own) => sum + own.length, 0);
+  const firstLevel = live.levels.slice(0, d - 1).reduce((sum, own) => sum + own.length, 0);
   const closest = (lower, upper, error, level) => limits.map(limit => {
     let best = { margin: Infinity, side: limit.low === null ? "high" : "low", time: 0 };
     for (let k = 0; k < n_t; k++)
@@ -91,24 +91,21 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
     }
     return { ...limit, ...best, parameters: parameters.slice(0, values.length), all: parameters };
   });
-  const finish = (limit, ended) => {  // with the run of the worst case
-    const { all, ...told } = limit;
-    return { ...told, rows: ended ? full(all).rows : null };
-  };
+  const finish = ({ all, ...told }) => ({ ...told, rows: full(all).rows });  // with the run of the worst case
 
   if (!d) {
     const y = new Float64Array(m);
     for (let k = 0; k < n_t; k++) y.set(first.rows.subarray(k * n_out, k * n_out + n_y), k * n_y);
-    const error = new Float64Array(m), told = closest(y, y, error, 0).map(limit => finish(limit, true));
+    const error = new Float64Array(m), told = closest(y, y, error, 0).map(finish);
     give({ kind: "bounds", id, level: 0, levels: 1, runs: 1, failed: 0, lower: y, upper: y.slice(), error, done: true,
            ms: performance.now() - began, limits: told });
     give({ kind: "effects", id, widths: new Float64Array(n_y * values.length),
            limits: limits.map(() => ({ widths: values.map(() => 0), factor: null })) });
     return;
   }
-  let before = null, told = [], level = first_level;
+  let before = null, told = [], level = firstLevel;
   for (let l = 0, runs = 0; l < sizes.length; l++) {
-    level = first_level + l;
+    level = firstLevel + l;
     for (; runs < sizes[l]; runs++) {
       await others();
       if (id !== latest) throw new Ended();
@@ -120,12 +117,13 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
       }
     }
     const [lower, upper] = await boundsOf(level, m, m, Y), error = new Float64Array(m).fill(Infinity);
-    if (before) error.forEach((_, i) => { error[i] = Math.max(Math.abs(lower[i] - before.lower[i]), Math.abs(upper[i] - before.upper[i])); });
+    for (let i = 0; before && i < m; i++)
+      error[i] = Math.max(Math.abs(lower[i] - before.lower[i]), Math.abs(upper[i] - before.upper[i]));
     before = { lower: lower.slice(), upper: upper.slice() };
     const done = l === sizes.length - 1;
     told = closest(lower, upper, error, level);
     give({ kind: "bounds", id, level: l, levels: sizes.length, runs, failed: 0, lower, upper, error, done,
-           ms: performance.now() - began, limits: told.map(limit => finish(limit, true)) }, lower, upper, error);
+           ms: performance.now() - began, limits: told.map(finish) }, lower, upper, error);
   }
   await others();
   if (id !== latest) throw new Ended();
@@ -145,7 +143,7 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
   }
 
   async function effects() {  // the polynomials along one parameter interpolate the nodes on its axis
-    const l = sizes.length - 1, widths = new Float64Array(n_y * values.length), of_limits = limits.map(() => values.map(() => 0));
+    const l = sizes.length - 1, widths = new Float64Array(n_y * values.length), ofLimits = limits.map(() => values.map(() => 0));
     const line = live.levels[0].findIndex(count => count === live.axes[d - 1][l][0].length);
     for (let k = 0; k < d; k++) {
       const along = live.axes[d - 1][l][k], width = new Float64Array(m);
@@ -155,12 +153,15 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
         const [lower, upper] = await boundsOf(line, count, count, some);
         lower.forEach((y, r) => { width[i + r] = upper[r] - y; });
       }
-      for (let i = 0; i < m; i++) widths[(i % n_y) * values.length + varied[k]] = Math.max(widths[(i % n_y) * values.length + varied[k]], width[i]);
-      told.forEach((limit, j) => { of_limits[j][varied[k]] = width[limit.time * n_y + limit.output]; });
+      for (let i = 0; i < m; i++) {
+        const of = (i % n_y) * values.length + varied[k];
+        widths[of] = Math.max(widths[of], width[i]);
+      }
+      told.forEach((limit, j) => { ofLimits[j][varied[k]] = width[limit.time * n_y + limit.output]; });
     }
     const factors = [];
     for (const limit of told) factors.push(await factorOf(limit));
-    return { widths, limits: of_limits.map((own, j) => ({ widths: own, factor: factors[j] })) };
+    return { widths, limits: ofLimits.map((own, j) => ({ widths: own, factor: factors[j] })) };
   }
 
   async function factorOf(limit) {  // bisection over the times at which the limit would be reached first
@@ -170,7 +171,7 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
       limit.high === null ? 0 : (ends.upper[k * n_y + limit.output] - middle(k)) / (limit.high - middle(k)));
     const times = Array.from({ length: n_t }, (_, k) => k);
     if (times.some(k => limit.low !== null && middle(k) < limit.low || limit.high !== null && middle(k) > limit.high)) return null;
-    const chosen = times.sort((a, b) => nearest(b) - nearest(a)).slice(0, few), count = chosen.length;
+    const chosen = times.sort((a, b) => nearest(b) - nearest(a)).slice(0, 25), count = chosen.length;
     const columns = new Float64Array(n * count);
     for (let j = 0; j < n; j++) chosen.forEach((k, r) => { columns[j * count + r] = view(Y, n * m)[j * m + k * n_y + limit.output]; });
     const kept = async factor => {
