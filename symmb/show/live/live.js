@@ -187,6 +187,7 @@ window.live = (() => {
 
   function study() {
     [run, bounds, effects, fault] = [null, null, null, null];
+    $("copied").hidden = true;
     worker.postMessage({ kind: "study", id: ++id, values: state.map(p => p.value),
                          tolerances: state.map(({ tolerance }, i) => varied(i) ? tolerance : 0), limits });
     remember();
@@ -204,7 +205,7 @@ window.live = (() => {
   function saveState() {
     const own = state.flatMap(({ value, tolerance, locked }, i) =>
       value === parameters[i].value && tolerance === parameters[i].tolerance && !locked ? []
-        : [`p${i}=${value},${tolerance}${locked ? ",locked" : ""}`]);
+        : [`p${i}=${digits(value)},${digits(tolerance)}${locked ? ",locked" : ""}`]);
     if (chosen) own.push(`focus=${focus}`);
     try {
       history.replaceState(null, "", `#${own.join("&")}`);
