@@ -100,6 +100,8 @@ def test_a_move_gives_a_new_run_bounds_and_words(page):
     assert _limit(page) == "satisfied: smallest margin 0.07 m at 1 s"
     assert page.run("numbers[page.bounds.upper[0] + 10 * 2]") == pytest.approx(0.93)  # of the viewer
     assert [page.run(f"numbers[page.runs[{k}].values[0] + 10 * 2]") for k in range(2)] == pytest.approx([0.92, 0.93])
+    page.run("live.set({g: {tolerance: 0.7995}})")
+    assert _limit(page) == "undecided: margin 5.00e-5 m at 1 s, error up to 0.001 m"
     page.run("live.set({g: {tolerance: 0.9}})")
     assert _limit(page) == "violated: exceeded by 0.01 m at 1 s"
     page.run("new Promise(go => { const look = () => $('factor').textContent ? go() : setTimeout(look, 20); look(); })")
@@ -152,9 +154,19 @@ def test_a_failed_run_is_stated_and_not_hidden_behind_an_older_one(page):
     assert said.replace("\N{NO-BREAK SPACE}", " ") == "The run ended at 0 s: The mass is negative."
     shown = "[page.runs[0].values[0], page.bounds.upper[0]].map(from => String(numbers[from + 20]))"
     assert page.run(shown) == ["NaN", "NaN"] and page.run("runs.length") == 1
-    for change in ("{x: {value: 1}}", "{g: {value: NaN}}", "{g: {tolerance: -1}}"):
+
+
+def test_changes_by_scripts_are_checked_before_they_are_made(page):
+    for change in ("{g: {value: 5}, x: {value: 1}}", "{g: {value: NaN}}", "{g: {tolerance: -1}}"):
         with pytest.raises(RuntimeError, match=r"There is no parameter x|Parameter g needs"):
             page.run(f"live.set({change})")
+    page.run("live.set({})")
+    assert page.run("live.result('y').upper[10]") == pytest.approx(0.95)
+
+
+def test_a_fault_of_an_older_study_is_not_told(page):
+    page.run("live.set({m: {value: -1}}); live.set({m: {value: 2}})")
+    assert page.run("$('state').textContent").startswith("9 runs, error of y")
 
 
 @pytest.mark.parametrize("width", [1200, 390])

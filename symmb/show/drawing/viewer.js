@@ -418,7 +418,8 @@ function drawCurves(chosen = curves) {
       pen.fillStyle = "#4b5563"; pen.fillText(text, Math.min(Math.max(at - wide / 2, 0), w - wide), h + foot - 3 * devicePixelRatio);
     }
     if (low < 0 && high > 0) { pen.fillStyle = "#c3cad2"; pen.fillRect(0, y(0), w, 1); }
-    for (const level of curve.levels ?? []) { pen.fillStyle = "#b91c1c"; pen.fillRect(0, y(level), w, 1); }  // limits of a live page
+    for (const level of curve.levels ?? [])  // limits of a live page
+      if (level >= low && level <= high) { pen.fillStyle = "#b91c1c"; pen.fillRect(0, y(level), w, 1); }
     for (const { values, tint } of lines) {
       pen.beginPath(); path(values);
       pen.strokeStyle = tint; pen.lineWidth = 1.4 * devicePixelRatio; pen.stroke();

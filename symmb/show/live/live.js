@@ -25,11 +25,11 @@ window.live = (() => {
   const brief = text => text.length > 60 ? `${text.slice(0, 59)}…` : text;
   const at = k => `${short(live.times[k])}\u00a0s`;
   const limitText = ({ output, low, high }) => {
-    const { name, unit } = outputs[output], ends = [low, high].map(end => end === null ? null : quantity(end, unit));
-    return `${ends[0] === null ? "" : `${ends[0]} ≤ `}${brief(name)}${ends[1] === null ? "" : ` ≤ ${ends[1]}`}`;
+    const { name, unit } = outputs[output], end = value => value === null ? [] : [quantity(value, unit)];
+    return [...end(low), brief(name), ...end(high)].join(" ≤ ");
   };
-  const limitAt = () => focus < limits.length ? focus : null;  // first the limits, then the outputs, can be in focus
-  const outputAt = () => limits[focus]?.output ?? focus - limits.length;
+  const digits = x => +x.toPrecision(12);
+  const outputAt = () => limits[focus]?.output ?? focus - limits.length;  // the focus is on a limit, or after them an output
 
   // Numbers of the drawing: those of run 0 (nominal) or 1 (worst case), from the rows of a run
   function write(which, rows) {
@@ -63,20 +63,16 @@ window.live = (() => {
     const most = a.by > b.by ? a : b;
     if (most.by > 0) return ["violated", `violated: exceeded by ${quantity(most.by, unit)} at ${at(most.time)}`];
     if (!found) return fault ? ["undecided", "undecided: there are no bounds"] : ["", "…"];
-    const margin = `margin ${quantity(Math.max(found.margin, 0), unit)} at ${at(found.time)}`;
-    if (found.margin > found.error) return ["satisfied", `satisfied: smallest ${margin}`];
+    const margin = `margin ${quantity(found.margin, unit)} at ${at(found.time)}`;
+    if (found.margin >= found.error) return ["satisfied", `satisfied: smallest ${margin}`];
     if (!bounds.done) return ["", `${margin}, refining …`];
-    const reason = found.margin < 0 ? `bounds beyond it by ${quantity(-found.margin, unit)}` : `error up to ${quantity(found.error, unit)}`;
-    return ["undecided", `undecided: ${found.margin < 0 ? "" : `${margin}, `}${reason}`];
-  }
-
-  function worstText(found) {
-    const own = parameters.flatMap(({ name, unit }, i) =>
-      varied(i) ? [`${brief(name)} = ${quantity(found.parameters[i], unit)}`] : []);
-    return own.length ? `worst case: ${own.slice(0, 8).join(", ")}` : "";
+    return ["undecided", found.margin < 0 ? `undecided: bounds exceed it by ${quantity(-found.margin, unit)} at ${at(found.time)}`
+      : `undecided: ${margin}, error up to ${quantity(found.error, unit)}`];
   }
 
   const varied = i => state[i].tolerance > 0 && !state[i].locked;
+  const worstText = found => parameters.flatMap(({ name, unit }, i) =>
+    varied(i) ? [`${brief(name)} = ${quantity(found.parameters[i], unit)}`] : []).join(", ");
 
   function stateText() {
     if (fault) return fault;
@@ -91,19 +87,17 @@ window.live = (() => {
   }
 
   function factorText() {
-    const limit = limits[limitAt()], own = effects?.limits[limitAt()];
-    if (!limit || !own || !state.some((_, i) => varied(i))) return "";
-    if (own.factor !== null) return own.factor >= 1
-      ? `All tolerances may be ${short(+own.factor.toPrecision(3))} times as large until the limit is reached.`
-      : `The limit is reached at ${short(+own.factor.toPrecision(3))} times the tolerances.`;
+    const limit = limits[focus], own = effects?.limits[focus];
+    if (!own || !state.some((_, i) => varied(i))) return "";
+    const factor = own.factor?.toPrecision(3);
+    if (factor >= 1) return `All tolerances may be ${+factor} times as large until the limit is reached.`;
+    if (factor) return `The limit is reached at ${+factor} times the tolerances.`;
     return excess(limit, run.rows).by > 0 ? "The nominal run is already beyond the limit."
       : "Even 3 times the tolerances do not reach the limit.";
   }
 
   // Painting: once a picture at most, whatever has arrived
-  function plan() {
-    planned ||= requestAnimationFrame(paint);
-  }
+  function plan() { planned ||= requestAnimationFrame(paint); }
 
   function paint() {
     cancelAnimationFrame(planned);
@@ -116,10 +110,10 @@ window.live = (() => {
       button.className = word;
       button.setAttribute("aria-pressed", i === focus);
       tell(button.children[1], text);
-      tell(button.children[2], found && i === focus ? worstText(found) : "");
+      tell(button.children[2], found ? `worst case: ${worstText(found) || "nominal run"}` : "");
       button.children[2].hidden = i !== focus;
     });
-    const limit = effects?.limits[limitAt()], own = outputAt(), { unit } = outputs[own];
+    const limit = effects?.limits[focus], own = outputAt(), { unit } = outputs[own];
     const widths = parameters.map((_, i) => !effects ? 0 : limit ? limit.widths[i] : effects.widths[own * parameters.length + i]);
     const most = Math.max(...widths) || 1;
     controls.forEach(({ bar, width }, i) => {
@@ -130,8 +124,7 @@ window.live = (() => {
   }
 
   function paintDrawing() {
-    const found = bounds?.limits[limitAt()];
-    const rows = run?.rows ?? new Float64Array(n_t * n_out).fill(NaN);
+    const found = bounds?.limits[focus], rows = run?.rows ?? new Float64Array(n_t * n_out).fill(NaN);
     write(0, rows);
     write(1, found?.rows ?? rows);
     writeBounds();
@@ -160,12 +153,12 @@ window.live = (() => {
   // Studies
   const worker = new Worker(URL.createObjectURL(new Blob([$("worker").textContent])));
   worker.onmessage = ({ data }) => {
+    if ((data.id ?? id) !== id) return;  // a fault at the start has no number
     if (data.kind === "fault") return fail(data.fault);
-    if (data.id !== id) return;
     if (data.kind === "run") [run, took.run] = [data, data.ms];
     if (data.kind === "bounds") [bounds, took.bounds] = [data, data.ms];
     if (data.kind === "effects") effects = data;
-    if (data.kind === "bounds" && bounds.done && !data.fault && !chosen) focus = nearestLimit();
+    if (data.kind === "bounds" && data.done && !data.fault && !chosen) nearestLimit();
     if (data.fault) {
       if (data.kind === "bounds") bounds = null;
       return fail(data.kind === "run" ? `The run ended at ${at(Math.max(data.finished - 1, 0))}: ${data.fault}`
@@ -176,21 +169,16 @@ window.live = (() => {
   };
   worker.onerror = ({ message }) => fail(`The computation stopped: ${message}`);
 
-  function nearestLimit() {  // a violated limit, or the limit with the smallest margin relative to the bounds' widths
+  function nearestLimit() {  // the limit with the smallest margin, relative to the largest width of its bounds
     const near = bounds.limits.map(({ margin, output }) => {
       let width = 1e-300;
       for (let i = output; i < bounds.lower.length; i += n_y) width = Math.max(width, bounds.upper[i] - bounds.lower[i]);
       return margin / width;
     });
-    const best = Math.max(0, near.indexOf(Math.min(...near)));
-    $("focus").value = limits.length ? best : focus;
-    return limits.length ? best : focus;
+    $("focus").value = focus = Math.max(0, near.indexOf(Math.min(...near)));
   }
 
-  function fail(text) {
-    fault = text;
-    settle(Error(text));
-  }
+  function fail(text) { fault = text; settle(Error(text)); }
 
   function settle(error) {
     paint();
@@ -199,20 +187,25 @@ window.live = (() => {
 
   function study() {
     [run, bounds, effects, fault] = [null, null, null, null];
+    $("copied").hidden = true;
     worker.postMessage({ kind: "study", id: ++id, values: state.map(p => p.value),
                          tolerances: state.map(({ tolerance }, i) => varied(i) ? tolerance : 0), limits });
-    clearTimeout(saving);
-    saving = setTimeout(saveState, 300);
+    remember();
     const done = new Promise((go, stop) => waiting.push({ go, stop }));
     done.catch(() => {});  // the panel states the fault too
     return done;
   }
 
   // State in the address: #p0=1.2,0.05,locked&p3=9.81,0.1&focus=2, for the parameters that differ from the scene
+  function remember() {  // after the last of several moves
+    clearTimeout(saving);
+    saving = setTimeout(saveState, 300);
+  }
+
   function saveState() {
     const own = state.flatMap(({ value, tolerance, locked }, i) =>
       value === parameters[i].value && tolerance === parameters[i].tolerance && !locked ? []
-        : [`p${i}=${value},${tolerance}${locked ? ",locked" : ""}`]);
+        : [`p${i}=${digits(value)},${digits(tolerance)}${locked ? ",locked" : ""}`]);
     if (chosen) own.push(`focus=${focus}`);
     try {
       history.replaceState(null, "", `#${own.join("&")}`);
@@ -232,14 +225,14 @@ window.live = (() => {
   }
 
   // Controls
-  function control(p, i) {
+  function controlsOf(p, i) {
     const row = (kind, title, low, high) => {
       const step = +`1e${Math.floor(Math.log10((high - low) / 200))}`;
       const slider = element("input", { type: "range", min: low, max: high, step: "any" });
       const number = element("input", { type: "number", step });
       slider.setAttribute("aria-label", `${title} of ${p.name}`);
       number.setAttribute("aria-label", `${title} of ${p.name}${p.unit && ` [${p.unit}]`}`);
-      slider.oninput = () => move(i, { [kind]: +(Math.round(slider.value / step) * step).toPrecision(12) });
+      slider.oninput = () => move(i, { [kind]: digits(Math.round(slider.value / step) * step) });
       number.onchange = () => {
         const own = number.valueAsNumber;
         if (Number.isFinite(own) && (kind === "value" || own >= 0)) move(i, { [kind]: own });
@@ -262,7 +255,7 @@ window.live = (() => {
   function fill(i) {  // the controls of a parameter, from its state
     const { value, tolerance, lock, box } = controls[i];
     for (const [{ slider, number }, own] of [[value, state[i].value], [tolerance, state[i].tolerance]])
-      slider.value = number.value = +own.toPrecision(12);
+      slider.value = number.value = digits(own);
     lock.checked = state[i].locked;
     box.classList.toggle("locked", state[i].locked);
   }
@@ -276,18 +269,18 @@ window.live = (() => {
   function look(k) {  // at a limit or an output
     [focus, chosen] = [k, true];
     $("focus").value = k;
-    clearTimeout(saving);
-    saving = setTimeout(saveState, 300);
+    remember();
     paint();
   }
 
   function python() {
-    const text = own => own.map(([name, value]) => `${name}=${value}`).join(", ");
-    const digits = x => String(+x.toPrecision(12));
-    const values = parameters.map(({ name, unit }, i) => [name, unit ? `(${state[i].value}, ${JSON.stringify(unit)})` : state[i].value]);
-    const box = parameters.flatMap(({ name }, i) => varied(i)
-      ? [[name, `(${digits(state[i].value - state[i].tolerance)}, ${digits(state[i].value + state[i].tolerance)})`]] : []);
-    return `mb.Parameters(${text(values)})\nmb.Box(${text(box)})\n`;
+    const values = parameters.map(({ name, unit }, i) =>
+      `${name}=${unit ? `(${digits(state[i].value)}, ${JSON.stringify(unit)})` : digits(state[i].value)}`);
+    const box = parameters.flatMap(({ name }, i) => {
+      const ends = [-1, 1].map(side => digits(state[i].value + side * state[i].tolerance));
+      return varied(i) ? [`${name}=(${ends.join(", ")})`] : [];
+    });
+    return `mb.Parameters(${values.join(", ")})\nmb.Box(${box.join(", ")})\n`;
   }
 
   function csv() {
@@ -308,15 +301,14 @@ window.live = (() => {
 
   // Scripts
   function set(changes) {
-    for (const [name, { value, tolerance, locked }] of Object.entries(changes)) {
-      const i = parameters.findIndex(p => p.name === name), old = state[i];
-      if (!old) throw Error(`There is no parameter ${name}.`);
-      const next = { value: value ?? old.value, tolerance: tolerance ?? old.tolerance, locked: locked ?? old.locked };
-      if (!Number.isFinite(next.value) || !(next.tolerance >= 0 && next.tolerance < Infinity))
+    const all = Object.entries(changes).map(([name, change]) => {
+      const i = parameters.findIndex(p => p.name === name), next = { ...state[i], ...change };
+      if (i < 0) throw Error(`There is no parameter ${name}.`);
+      if (!Number.isFinite(next.value) || !Number.isFinite(next.tolerance) || next.tolerance < 0)
         throw Error(`Parameter ${name} needs a finite value, and a finite tolerance that is not negative.`);
-      state[i] = next;
-      fill(i);
-    }
+      return [i, next];
+    });
+    for (const [i, next] of all) { state[i] = next; fill(i); }
     return study();
   }
 
@@ -343,7 +335,7 @@ window.live = (() => {
   $("curves").onscroll = plan;
   for (const curve of curves)
     curve.levels = limits.flatMap(({ output, low, high }) => output === curve.i ? [low, high].filter(end => end !== null) : []);
-  const controls = parameters.map(control);
+  const controls = parameters.map(controlsOf);
   for (const part of [$("panel"), $("several")]) part.addEventListener("keydown", e => e.stopPropagation());  // keys of the viewer
   $("several").lastChild.data = "worst case";
   $("several").hidden = document.querySelector("header div").hidden = !limits.length;

@@ -21,7 +21,7 @@ onmessage = async ({ data }) => {
       if (data.id === latest) await study(data);
     }
   } catch (error) {
-    if (!(error instanceof Ended)) give({ kind: "fault", fault: String(error.message ?? error) });
+    if (!(error instanceof Ended)) give({ kind: "fault", id: data.id, fault: String(error.message ?? error) });
   }
 };
 
