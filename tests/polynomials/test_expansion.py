@@ -89,7 +89,9 @@ def test_no_variance_no_indices():
 
 @pytest.mark.parametrize("method", [mb.MonteCarlo(20), mb.Vertex()], ids=repr)
 def test_bounds_without_an_expansion_have_no_moments(method):
-    with pytest.raises(mb.PropagationError, match=r"have no polynomial for the whole box.* Use PolynomialChaos\(order=4\)"):
+    with pytest.raises(
+        mb.PropagationError, match=r"have no polynomial for the whole box.* Use PolynomialChaos\(order=4\)"
+    ):
         mb.propagate(Wave(), method, BOX).moments()
 
 
