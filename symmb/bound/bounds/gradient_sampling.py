@@ -30,7 +30,7 @@ def gradient_sampling(f: Callable[[Array], Array], x: Array, fx: float, sufficie
     Parameters
     ----------
     f : values (N,) at points (N, d), minus infinity if there is no value
-    sufficient : largest gain after which the next step is shorter
+    sufficient : if a step gains at most this value, the next of the RADII is used
     enough : value above which the search ends
     """
     d, rng, gain, radii = len(x), np.random.default_rng(0), np.inf, list(RADII)

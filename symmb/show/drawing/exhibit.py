@@ -1,4 +1,4 @@
-"""Contents of one picture: a run, the runs that attain bounds, and the region of a point over the box."""
+"""Contents of one picture: a run, the runs that attain bounds, and the region that a point reaches."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

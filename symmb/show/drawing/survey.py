@@ -1,4 +1,4 @@
-"""The numbers of a run that a drawing needs. They are requested one by one, and evaluated together."""
+"""The numbers of a run that a drawing needs. Requests are collected, and all numbers are computed together."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -26,7 +26,7 @@ SPARSE_RANGE = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Continuation:
-    """Expected coefficients beyond those of a grid, before and after further runs are known.
+    """Estimates of the polynomial coefficients that a grid does not determine. Further runs correct these estimates.
 
     The coefficients beyond the grid are modelled as independent Gaussian variables with mean 0. The sizes of these
     coefficients are extrapolated from the grid. Given the interpolant's errors e at some points, the most likely
