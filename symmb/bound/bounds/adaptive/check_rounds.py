@@ -96,7 +96,7 @@ class CheckRounds:
     ----------
     runs : OutputRuns
     base, grid : the interpolant, and its grid
-    sizes : expected sizes of coefficients next to the grid
+    sizes : expected absolute values of the coefficients just outside of the grid
     estimate : (n_t, 1) estimated error of the interpolant
     tolerance : largest accepted ratio of the error to the width
     has_corners : whether corners have been run
