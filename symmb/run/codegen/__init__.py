@@ -4,7 +4,7 @@ The generator writes the model of a scene before the text of fixed files in the 
 
 block, begin, ensemble       samples that share their steps, the start of these samples, and all blocks of an ensemble
 embedded_pair                steps of DormandPrince and EventDriven. `accept_step` rejects a step with a large error,
-                             `take_step` rejects a step with a large error of the dense output, or one that passes a switch
+                             `take_step` rejects a step with a large error of the dense output, or with a passed switch
 fixed_step, implicit_step    RungeKutta, and implicit schemes; implicit_step can also reject a step
 switches, impacts            ends of steps at kinks and jumps, and at contacts that close and open
 projection                   projection onto constraints
