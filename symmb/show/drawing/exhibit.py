@@ -146,12 +146,13 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | str | None, poin
     drawing = draw(nominal, also=also)
 
     acting, unit = bounds._acting(study.box, [column]), unit_suffix(bounds, column)
+
+    def value(run: Trajectory, bound: float) -> str:
+        attained, of_bound = f"{run.values[row, column]:.6g}{unit}", f"{bound:.6g}{unit}"
+        return attained if attained == of_bound else f"{attained} (bound {of_bound})"
+
     ghosts = [
-        Ghost(
-            f"{side} {value_of} = {run.values[row, column]:.6g}{unit} (bound {bound:.6g}{unit}){_place(run, acting)}",
-            tint,
-            draw(run, also=also),
-        )
+        Ghost(f"{side} {value_of} = {value(run, bound)}{_place(run, acting)}", tint, draw(run, also=also))
         for side, tint, run, bound in (
             ("lowest", LOWER, lowest, bounds.lower[row, column]),
             ("highest", UPPER, highest, bounds.upper[row, column]),
