@@ -111,6 +111,16 @@ def test_runs_and_bounds_are_those_of_python(browser, tmp_path, name):
 
 @NEEDED
 @COMPILED
+def test_bounds_are_possible_values(browser, tmp_path):
+    """The lift of a wheel is never negative, but its polynomials are."""
+    live = Live(browser, shipped("half_car"), tmp_path / "page.html")
+    *_, bounds, _ = live.studies((live.values, live.tolerances))
+    lifts = [k for k, own in enumerate(live.data["outputs"]) if own["name"].endswith("lift")]
+    assert lifts and (bounds["lower"][:, lifts] == 0).any() and (bounds["lower"][:, lifts] >= 0).all()
+
+
+@NEEDED
+@COMPILED
 @pytest.mark.parametrize("name", ["half_car", "slider_crank_spatial", "slider_crank_flexible"])
 def test_the_drawing_follows_the_parameters(browser, tmp_path, name):
     scene = shipped(name)

@@ -158,9 +158,11 @@ def unit_jets(method: Method, simulator: Simulator, box: Box, point: Array, dire
     return jets
 
 
-def possible_values(simulator: Simulator, box: Box) -> tuple[Array, Array]:
-    """Smallest and largest possible values (n_t, n_y) of the outputs over a box, for all states; infinite if
-    unknown."""
+def possible_values(simulator: Simulator, box: Box | None) -> tuple[Array, Array]:
+    """Smallest and largest possible values (n_t, n_y) of the outputs, for all states; infinite if unknown.
+
+    Parameters are in the box. Without a box, they may have any value.
+    """
     shape = len(simulator.times), len(simulator.outputs)
     lower, upper = np.full(shape, -np.inf), np.full(shape, np.inf)
     # Largest number of operations in the outputs. Their interval extension takes a tenth of a second.
@@ -174,8 +176,8 @@ def possible_values(simulator: Simulator, box: Box) -> tuple[Array, Array]:
         except PropagationError:  # the operation has no extension, or some states have no value
             return anything
 
-    parameters, times = parameter_intervals(simulator.parameters, box), [Interval.exactly(simulator.times)]
-    inputs = [[anything] * y.nnz_in(0), parameters, times * y.nnz_in(2)]
+    parameters = [anything] * y.nnz_in(1) if box is None else parameter_intervals(simulator.parameters, box)
+    inputs = [[anything] * y.nnz_in(0), parameters, [Interval.exactly(simulator.times)] * y.nnz_in(2)]
     values = interpret(y, inputs, operation, Interval.exactly)[0]
     for row, value in zip(y.sparsity_out(0).row(), values, strict=True):
         lower[:, row], upper[:, row] = value

@@ -13,7 +13,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._types import Indices
 from symmb._units import typeset, units_of_parameters
-from symmb.bound.bounds import Limits, limit_pairs
+from symmb.bound.bounds import Limits, limit_pairs, possible_values
 from symmb.equations.model import Box, Scene
 from symmb.results.files import replacement, require_suffix
 from symmb.run.simulation import DAESimulator, scene_of, simulate, simulator_with
@@ -84,7 +84,7 @@ def live(scene: Scene | DAESimulator, path: str | Path | None = None, limits: Li
     outputs = dict(zip(own.curve_names, ca.vertsplit(own.y), strict=True))
     outputs |= {f"drawing {k} of {own.name}": column for k, column in enumerate(columns)}
     model = exported(simulator_with(own.with_outputs(outputs), simulator.solver))
-    data = _data(own, own.box, model, pairs, rows)
+    data = _data(own, own.box, model, pairs, rows) | {"possible": _possible(simulator)}
     folder = resources("symmb.show.live")
     files = ("live.css", "panel.html", "live.js", "worker.js")
     style, panel, script, worker = ((folder / name).read_text(encoding="utf-8") for name in files)
@@ -136,6 +136,13 @@ def _data(
         "axes": [[[grid.axis(k) for k in range(grid.d)] for grid in own] for own in grids],
         "wasm": base64.b64encode(zlib.compress(module(model.source, len(names)), 9)).decode(),
     }
+
+
+def _possible(simulator: DAESimulator) -> list[list[float | None]]:
+    """Smallest and largest possible value of each output for all parameters, such as 0 for a gap; None if unknown."""
+    low, high = possible_values(simulator, None)
+    ends = zip(low.min(axis=0).tolist(), high.max(axis=0).tolist(), strict=True)
+    return [[end if np.isfinite(end) else None for end in pair] for pair in ends]
 
 
 def _parameter(name: str, unit: str, value: float, tolerance: float) -> dict[str, Any]:

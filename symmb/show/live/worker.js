@@ -117,6 +117,10 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
       }
     }
     const [lower, upper] = await boundsOf(level, m, m, Y), error = new Float64Array(m).fill(Infinity);
+    for (let i = 0; i < m; i++) {  // polynomials may leave the range of possible values
+      const [low, high] = live.possible[i % n_y];
+      for (const ends of [lower, upper]) ends[i] = Math.min(Math.max(ends[i], low ?? -Infinity), high ?? Infinity);
+    }
     for (let i = 0; before && i < m; i++)
       error[i] = Math.max(Math.abs(lower[i] - before.lower[i]), Math.abs(upper[i] - before.upper[i]));
     before = { lower: lower.slice(), upper: upper.slice() };
