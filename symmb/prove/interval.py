@@ -227,9 +227,9 @@ def _entry(entry: Entry, group: Interval, at: Interval) -> Interval:
     pieces, column = entry
     first, last = np.broadcast_arrays(pieces.find(group.lower, at.lower), pieces.find(group.upper, at.upper))
     values = pieces.data[2 + column]
-    parts = [values[i : j + 1] for i, j in zip(first.ravel().tolist(), last.ravel().tolist(), strict=True)]
-    lower, upper = (np.reshape([end(part) for part in parts], first.shape) for end in (np.min, np.max))
-    return Interval(lower, upper)
+    ends = np.stack([first, last + 1], axis=-1).ravel()  # reduceat needs an entry at each end
+    lower, upper = (end.reduceat(np.append(values, values[-1]), ends)[::2] for end in (np.minimum, np.maximum))
+    return Interval(lower.reshape(first.shape), upper.reshape(first.shape))
 
 
 def _if_else_zero(condition: Interval, a: Interval) -> Interval:

@@ -55,6 +55,18 @@ def test_bounds_are_honest_across_impacts(case, names):
     assert bounds.evaluations < 500
 
 
+@pytest.mark.parametrize("case", CASES)
+def test_jumps_at_impacts_are_resolved_without_doubts(case):
+    box, law = CASES[case]
+    lower, upper = true(*law)
+    bounds = mb.propagate(bouncing_ball.scene().with_times(TIMES), mb.PolynomialChaos(), box)
+    low, high = bounds.outer
+    width = rms(upper - lower)
+    assert (rms(np.maximum(np.abs(bounds.lower - lower), np.abs(bounds.upper - upper))) <= 5e-3 * width).all()
+    assert (np.maximum(low - lower, upper - high) <= 2e-3 * width).all()
+    assert (rms(bounds.estimate) <= 1e-2 * width).all() and not bounds.doubts and bounds.evaluations < 500
+
+
 KINKS = {
     "V": (lambda x: np.abs(x - 0.137) + 0.2 * x, 30),
     "hockey stick": (lambda x: 2 * np.maximum(0.467 * x + 0.097, 0) - 0.12 * x, 30),

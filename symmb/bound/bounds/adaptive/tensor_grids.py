@@ -8,6 +8,7 @@ import numpy as np
 
 from symmb._magnitudes import SAME
 from symmb._types import Array, Indices, Mask
+from symmb.bound.bounds.adaptive.bisection import bisected_range
 from symmb.bound.bounds.adaptive.check_points import (
     FEW_SHAPES,
     FIELD_SAFETY,
@@ -173,8 +174,11 @@ class TensorGrids:
         decreases.
         """
         runs, tolerance, widths, sizes = self._runs, self._tolerance, self._widths, list[float]()
-        has_events = any(piece.event_errors is not None for piece in union.pieces)
-        if len(runs.box) > 1 or has_events or len(runs.places) <= JUDGED_DEGREE // 2:
+        if len(runs.box) > 1:
+            return None
+        if any(piece.event_errors is not None for piece in union.pieces):
+            return bisected_range(runs, widths, tolerance)
+        if len(runs.places) <= JUDGED_DEGREE // 2:
             return None
         runs.check(self._probes(PROBES))
         while runs.left > 1 and not runs.clock.is_late:
