@@ -311,6 +311,13 @@ def test_a_sampled_value_names_a_later_one():
     assert_allclose(run.values[1:], [[1, 2], [3, 6], [7, 14], [15, 30]], atol=1e-12)
 
 
+def test_the_rate_of_a_state_that_names_later_elements_is_known_with_the_system():
+    x = mb.State("x", rate=lambda z: -3 * y.value)
+    refused("'x' is a first-order state. Its rate names elements that are declared later", lambda: mb.ddt(x.value))
+    y = mb.State("y", rate=0.0)
+    assert str(mb.System(x, y).ddt(x.value)) == str(mb.ddt(x.value)) == "(-3*y)"
+
+
 def test_an_older_element_of_the_same_name_is_reported():
     older = mb.State("x", rate=1.0)
     refused(
