@@ -8,7 +8,7 @@ from .declare.mechanics.parameter import Parameters as Parameters
 from .equations.model.box import Box as Box
 from .equations.model.system import System as System
 from .equations.model.scene import Scene as Scene
-from .declare.mechanics.state import State as State
+from .declare.mechanics.state import State as State, States as States
 from .declare.mechanics.state import Input as Input
 from .declare.symbolic.symbols import t as t, ddt as ddt, initial as initial
 from .declare.mechanics.robots.urdf_file import load_urdf as load_urdf

@@ -117,12 +117,12 @@ OPTIONS_ALONE = {"Solvers"}
 _OF_ELEMENTS = (
     "actions alignment assembly_cosines axes bodies d doubtful faults flag frames handle holding impacts kind lam "
     "loads measured nearest number offset opens own_frames parts place place_faults position_rows positive pressure "
-    "round rows sizes states title turn_states turns velocity_rows"
+    "round rows settle sizes states title turn_states turns velocity_rows"
 )
 FOR_CONTRIBUTORS = {
     "Models": (
         "asked bind block_sizes curve_names curve_units doubtful faults guessed guesses inertial keeping kind memory "
-        "number parts place_faults positive prescribed remembered sign_faults solved_hashes title"
+        "number parts place_faults positive prescribed remembered settle sign_faults solved_hashes title"
     ),
     "Bodies": (
         "carried faults inertial is_stiffening laws lively nearly_singular number_of of_structure owner "

@@ -148,6 +148,7 @@ CALLS: list[tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]] = [
     (in_a_scene(mb.Stop, HINGE), ("stop", HINGE, -1.0, 2.0, mb.KelvinVoigt(1e5, 10.0)), {"coordinate": "angle"}),
     (in_a_scene(mb.Stop, HINGE), ("stop", HINGE, -1.0, 2.0), {"restitution": 0.5}),
     (in_a_scene(mb.State), ("state",), {"rate": lambda z: -z + ROD.theta}),
+    (in_a_scene(mb.States), (["first", "second"], lambda x, y: (y, -x)), {}),
     (in_a_scene(mb.Sampled), ("held", 0.1), {"law": ROD.theta}),
     (lambda **start: mb.DAESimulator(mb.Scene(SCENE.system, start={f"hinge.{k}": v for k, v in start.items()}, times=T)), (), {"angle": 0.1, "angle_rate": 2.0}),
     (mb.HuntCrossley, (1e5, 0.5, 0.1), {"exponent": 1.5}),

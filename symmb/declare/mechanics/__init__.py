@@ -64,4 +64,4 @@ from symmb.declare.mechanics.pose import Frame, Particle, Planar, Spatial
 from symmb.declare.mechanics.rope import Rope
 from symmb.declare.mechanics.rotation import Rotation, rotation
 from symmb.declare.mechanics.shape_contact import BoxContact, CircleContact, SlotContact, SphereContact
-from symmb.declare.mechanics.state import Input, OwnState, Sampled, State
+from symmb.declare.mechanics.state import Input, OwnState, Sampled, State, States

@@ -213,9 +213,11 @@ def rate(expression: ca.SX, accelerations: Mapping[int, ca.SX]) -> ca.SX:
             continue
         known = accelerations.get(symbol.element_hash(), record.rate)
         if known.is_empty():
+            late = record.kind is Kind.STATE
+            why = "names elements that are declared later" if late else "follows from the equations of motion"
             raise DeclarationError(
                 f"ddt: expected an expression of positions, but {record.name!r} is a {record.kind.value}. Its rate "
-                "follows from the equations of motion. For outputs, use system.ddt(...)."
+                f"{why}. For outputs, use system.ddt(...)."
             )
         moving.append(record.sx)
         rates.append(known)

@@ -241,8 +241,10 @@ def _write_equations(
     for stop in _of_kind(Stop, elements):
         impacts += attempt((), stop.impacts, bind)
     for state in states:
+        attempt(None, state.settle)
         attempt(None, bind.check, state.symbols[0].rate, f"{state.title}: rate")
-    sampled = [(e, attempt(ca.SX(0), bind, e.law, f"{e.title}: law")) for e in _of_kind(Sampled, states)]
+    settled = [e for e in _of_kind(Sampled, states) if not callable(e.law)]
+    sampled = [(e, attempt(ca.SX(0), bind, e.law, f"{e.title}: law")) for e in settled]
     actions = {f: attempt((), lambda f: tuple(f.actions(bind, masses)), f, what=f.title) for f in forces}
     declared = faults.each(nothing, lambda c: c.position_rows(bind), constraints)
     of_clutches = chain.from_iterable(attempt((), clutch.events, bind) for clutch in _of_kind(Clutch, elements))

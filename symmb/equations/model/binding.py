@@ -108,11 +108,12 @@ class Binding:
         if symbol.element_hash() in self._known or symbol.element_hash() in also:
             return ""
         self.missing = self.missing or declared_with(symbol)
-        if record is not None and record.owner:
+        is_other = symbol.name() in self.by_name
+        if record is not None and record.owner and not is_other:
             return f"{record.owner} is not part of the System. Add it to System(...)."
-        if record is not None and record.kind is Kind.STATE:
+        if record is not None and record.kind is Kind.STATE and not record.owner:
             return ""
-        if symbol.name() in self.by_name:
+        if is_other:
             return (
                 f"symbol {symbol.name()!r} belongs to an object outside the System, which has another object "
                 "with the same name. Use one object for both."

@@ -13,6 +13,7 @@ omega in body axes. M is block-diagonal with a block for each body. Parts that a
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import casadi as ca
@@ -22,7 +23,7 @@ from symmb._interrupts import kept_interrupts
 from symmb._names import normal
 from symmb._options import require_instance, require_name
 from symmb._types import Expr
-from symmb.declare.mechanics import Body, Element, FilledByBlock, Ground, Input, Joint, Parameters, mark_as_used
+from symmb.declare.mechanics import Body, Element, FilledByBlock, Ground, Input, Joint, Parameters, States, mark_as_used
 from symmb.declare.symbolic import Symbol, rate, reduction, saddle_solver, t
 from symmb.equations.model.assembly import Collected, collect
 from symmb.equations.model.binding import Binding
@@ -45,7 +46,7 @@ class System(FilledByBlock, ReadEquations):
 
     Parameters
     ----------
-    *elements : Body, Constraint, ForceElement or Impact; their order is the order of coordinates and rows
+    *elements : Body, Constraint, ForceElement, Impact or States; their order is the order of coordinates and rows
     parameters : Parameters
         default: the parameters with symbols in the elements
 
@@ -66,10 +67,11 @@ class System(FilledByBlock, ReadEquations):
     """
 
     @kept_interrupts()
-    def __init__(self, *elements: Body | Ground | Element, parameters: Parameters | None = None) -> None:
+    def __init__(self, *elements: Body | Ground | Element | States, parameters: Parameters | None = None) -> None:
         if parameters is not None:
             require_instance("System: parameters", parameters, Parameters, "Parameters(l1=1.0, ...)")
-        self.elements = tuple(e for e in elements if not isinstance(e, Ground))
+        single = chain.from_iterable(e if isinstance(e, States) else (e,) for e in elements)
+        self.elements = tuple(e for e in single if not isinstance(e, Ground))
         for element in self.elements:
             if isinstance(name := getattr(element, "name", ""), str) and name != normal(name):
                 object.__setattr__(element, "name", normal(name))
