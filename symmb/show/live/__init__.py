@@ -3,7 +3,8 @@
 In:   a scene with a box, and limits.
 Out:  one HTML file with the viewer, the C code of the scene as WebAssembly, and the levels of nodes.
 
-wasm, kernel.c, ranges.c   the module: runs, and bounds from runs at nodes, with the C code of studies
+wasm, runs.c, kernel.c, ranges.c   the module: runs with scalar outputs, and bounds from runs at nodes, with the C code
+                           of studies
 worker.js                  runs and bounds beside the page, level after level
 live.js, panel.html, live.css   the panel of the page
 """

@@ -24,6 +24,7 @@ window.live = (() => {
   const quantity = (value, unit) => `${short(value)}${unit && `\u00a0${unit}`}`;
   const brief = text => text.length > 60 ? `${text.slice(0, 59)}…` : text;
   const at = k => `${short(live.times[k])}\u00a0s`;
+  const when = ({ output }, k) => outputs[output].scalar ? "" : ` at ${at(k)}`;  // a scalar output is the same at all times
   const limitText = ({ output, low, high }) => {
     const { name, unit } = outputs[output], end = value => value === null ? [] : [quantity(value, unit)];
     return [...end(low), brief(name), ...end(high)].join(" ≤ ");
@@ -61,12 +62,12 @@ window.live = (() => {
   function verdict(limit, found) {
     const { unit } = outputs[limit.output], [a, b] = [excess(limit, run?.rows), excess(limit, found?.rows)];
     const most = a.by > b.by ? a : b;
-    if (most.by > 0) return ["violated", `violated: exceeded by ${quantity(most.by, unit)} at ${at(most.time)}`];
+    if (most.by > 0) return ["violated", `violated: exceeded by ${quantity(most.by, unit)}${when(limit, most.time)}`];
     if (!found) return fault ? ["undecided", "undecided: there are no bounds"] : ["", "…"];
-    const margin = `margin ${quantity(found.margin, unit)} at ${at(found.time)}`;
+    const margin = `margin ${quantity(found.margin, unit)}${when(limit, found.time)}`;
     if (found.margin >= found.error) return ["satisfied", `satisfied: smallest ${margin}`];
     if (!bounds.done) return ["", `${margin}, refining …`];
-    return ["undecided", found.margin < 0 ? `undecided: bounds exceed it by ${quantity(-found.margin, unit)} at ${at(found.time)}`
+    return ["undecided", found.margin < 0 ? `undecided: bounds exceed it by ${quantity(-found.margin, unit)}${when(limit, found.time)}`
       : `undecided: ${margin}, error up to ${quantity(found.error, unit)}`];
   }
 
@@ -129,7 +130,7 @@ window.live = (() => {
     write(1, found?.rows ?? rows);
     writeBounds();
     runs = found?.rows ? page.runs : page.runs.slice(0, 1);
-    page.mark = found && { output: found.output, time: live.times[found.time] };
+    page.mark = found && !outputs[found.output].scalar && { output: found.output, time: live.times[found.time] };
     if (fitted < 1 || fitted < 2 && found?.rows) { fit(); fitted = found?.rows ? 2 : 1; }
     const seen = $("curves").getBoundingClientRect();
     drawCurves(curves.filter(curve => {
