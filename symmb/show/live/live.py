@@ -1,10 +1,6 @@
 """`live`: a page in which a reader changes parameters and tolerances."""
 
-import base64
-import zlib
-from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from importlib.resources import files as resources
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +8,9 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._types import Array
 from symmb._units import typeset, units_of_parameters
 from symmb.bound.bounds import Limits, limit_pairs, possible_values
 from symmb.equations.model import Scene
-from symmb.results.files import replacement, require_suffix
 from symmb.results.plot import labels
 from symmb.run.simulation import (
     DAESimulator,
@@ -27,15 +21,10 @@ from symmb.run.simulation import (
     simulator_for,
     simulator_with,
 )
-from symmb.show.drawing import UPPER, Exhibit, Ghost, Live, Page, bare, page, surveyed
+from symmb.show.drawing import Page, surveyed
 from symmb.show.exchange import exported
-from symmb.show.live.wasm import levels, module
-
-_POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval'; style-src 'unsafe-inline'; worker-src blob:; "
-    "img-src data:"
-)
-"""What the page may load: nothing from a network."""
+from symmb.show.live.live_page import json_number, page_data, require_page, written
+from symmb.show.live.wasm import module
 
 
 def live(scene: Scene | DAESimulator, path: str | Path | None = None, limits: Limits | None = None) -> Page | None:
@@ -76,8 +65,7 @@ def live(scene: Scene | DAESimulator, path: str | Path | None = None, limits: Li
     >>> fall = mb.Scene(system, times=[0.0, 0.5, 1.0], box=mb.Box(g=(9.0, 10.0)))
     >>> mb.live(fall, "fall.html", {"ball.y": (-6.0, None)})  # doctest: +SKIP
     """
-    if path is not None:
-        require_suffix(path, ".html")
+    require_page(path)
     own = scene_of(scene)
     if own.box is None:
         raise DeclarationError("live: the scene has no box of tolerances. Give it one by scene.with_box(Box(...)).")
@@ -101,73 +89,21 @@ def live(scene: Scene | DAESimulator, path: str | Path | None = None, limits: Li
     parameters = [
         _parameter(name, typeset(units.get(name, "")), values[name], tolerances.get(name, 0.0)) for name in names
     ]
-    wasm = module(model.source, len(names), figures)
-    data = _data(own.output_names, own.units, own.figures, pairs, parameters, motion.times, wasm) | {
+    wasm = module(len(names), model.source, figures)
+    data = page_data(own.output_names, own.units, own.figures, pairs, parameters, motion.times, wasm) | {
         "inputs": nominal[len(names) :],
         "n_out": len(own.output_names) + len(columns),
         "pictures": rows.tolist(),
         "possible": [known.get(name, [None, None]) for name in own.output_names],
     }
-    folder = resources("symmb.show.live")
-    files = ("live.css", "panel.html", "live.js", "worker.js")
-    style, panel, script, worker = ((folder / name).read_text(encoding="utf-8") for name in files)
-    added = {
-        "head": f'\n<meta http-equiv="Content-Security-Policy" content="{_POLICY}">',
-        "style": f"\n{style}",
-        "panel": f"\n{panel}",
-        "more": f'\n<script type="text/plain" id="worker">\n{worker}</script>\n<script>\n{script}</script>',
-    }
-    still = bare(drawing, driven)
-    text = page(Exhibit(still, (Ghost("worst case", UPPER, still),)), Live(driven, len(own.output_names), data, added))
-    if path is None:
-        return Page(own.name, text)
-    with replacement(path) as file:
-        file.write(text.encode())
-    return None
-
-
-def _data(
-    outputs: Sequence[str],
-    units: Sequence[str],
-    figures: Collection[str],
-    limits: Mapping[str, tuple[float, float]],
-    parameters: Sequence[Mapping[str, Any]],
-    times: Array,
-    wasm: bytes,
-) -> dict[str, Any]:
-    """The data of the page, other than those of the viewer. Values are in the units of parameters and outputs."""
-    grids = levels(len(parameters))
-    return {
-        "parameters": parameters,
-        "outputs": [
-            {"name": name, "unit": typeset(unit), "scalar": name in figures}
-            for name, unit in zip(outputs, units, strict=True)
-        ],
-        "limits": [
-            {"output": outputs.index(name), "low": _number(low), "high": _number(high)}
-            for name, (low, high) in limits.items()
-        ],
-        "n_t": len(times),
-        "n_y": len(outputs),
-        "times": times.tolist(),
-        "most_levels": max(map(len, grids), default=0),
-        "most_varied": len(grids),
-        "levels": [[len(grid.row) for grid in own] for own in grids],
-        "axes": [[[grid.axis(k) for k in range(grid.d)] for grid in own] for own in grids],
-        "wasm": base64.b64encode(zlib.compress(wasm, 9)).decode(),
-    }
-
-
-def _number(value: float) -> float | None:
-    """A number for JSON, which has no infinite numbers."""
-    return float(value) if np.isfinite(value) else None
+    return written(drawing, driven, data, path)
 
 
 def _possible(simulator: DAESimulator) -> dict[str, list[float | None]]:
     """Smallest and largest possible value of each output for all parameters, such as 0 for a gap; None if unknown."""
     low, high = possible_values(simulator, None)
     ends = zip(low.min(axis=0), high.max(axis=0), strict=True)
-    return {name: [_number(end) for end in pair] for name, pair in zip(simulator.outputs, ends, strict=True)}
+    return {name: [json_number(end) for end in pair] for name, pair in zip(simulator.outputs, ends, strict=True)}
 
 
 def _parameter(name: str, unit: str, value: float, tolerance: float) -> dict[str, Any]:

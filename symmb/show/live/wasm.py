@@ -20,25 +20,26 @@ _TENSORS = 3
 """Up to this number of parameters, levels are tensor grids. Sparse grids have fewer nodes for more parameters."""
 
 
-def module(source: SceneSource, n: int, figures: FigureSimulator | None = None) -> bytes:
-    """The module of a scene with n parameters, and with scalar outputs if `figures` is given.
+def module(n: int, source: SceneSource | None = None, figures: FigureSimulator | None = None) -> bytes:
+    """The module for n parameters: bounds, the runs of a scene if `source` is given, and scalar outputs.
 
-    The last outputs of the scene are then the curves of the scalar outputs.
+    With `figures`, the last outputs of the scene are the curves of the scalar outputs.
 
     Raises
     ------
     NoCompilerError        if the package ziglang is not installed
     """
-    files = scene_source(source)
     grids = list(itertools.chain(*levels(n)))
     headers, ranges = _tables(grids)
-    names = "kernel.c", "ranges.c", "runs.c"
+    names = ["kernel.c", "ranges.c", "runs.c"]
     own = {name: (resources("symmb.show.live") / name).read_text(encoding="utf-8") for name in names}
     search = "\n".join(f"#define {name.upper()} {value!r}" for name, value in vars(Exact()).items())
-    files |= {"levels.h": headers, "kernel.c": "\n".join([c_source("lanes", "tensor_fit"), own["kernel.c"]])}
+    files = {"levels.h": headers, "kernel.c": "\n".join([c_source("lanes", "tensor_fit"), own["kernel.c"]])}
     files["ranges.c"] = "\n".join([c_source("polynomial_ranges"), search, own["ranges.c"], ranges])
-    files |= {"runs.c": own["runs.c"], "rules.h": _rules(figures, source.lanes.f.numel_out("outputs"))}
-    return web_module(files, names, "A live page")
+    if source is None:
+        return web_module(files, names[:2], "A live page")
+    files |= scene_source(source) | {"rules.h": _rules(figures, source.lanes.f.numel_out("outputs"))}
+    return web_module(files | {"runs.c": own["runs.c"]}, names, "A live page")
 
 
 @cache
