@@ -292,6 +292,13 @@ def test_a_page_of_polynomials_stays_in_its_box(browser, tmp_path):
     browser.run("live.ready")
     words = "$('limits').children[0].children[1].textContent.replaceAll('\u00a0', ' ')"
     assert browser.run(words).startswith("violated: exceeded by 0.42")
+    factor = (
+        "new Promise(go => { const look = () => $('factor').textContent ? go($('factor').textContent)"
+        " : setTimeout(look, 20); look(); })"
+    )
+    assert browser.run(factor) == "The limit is reached at 0.8 times the tolerances."
+    browser.run("live.set({k: {value: 1.45, tolerance: 0.05}})")
+    assert browser.run(factor) == "The nominal run is already beyond the limit."
     browser.run("live.set({k: {value: 1.2, tolerance: 0.4}})")
     found = browser.run("live.result('x [m]')")
     assert np.isclose(found["lower"][0] - 1e6 - 0.5, np.exp(0.9), atol=1e-6)
@@ -300,6 +307,7 @@ def test_a_page_of_polynomials_stays_in_its_box(browser, tmp_path):
     assert np.isclose(browser.run("live.result('x [m]')")["upper"][0] - 1e6 - 0.5, np.exp(1.5), atol=1e-6)
     assert browser.run("live.set({k: {value: 1, tolerance: 0.2}})") is None and not browser.errors
     assert browser.run(words).startswith("satisfied: smallest margin 0.73")
+    assert browser.run(factor) == "All tolerances may be 2 times as large until the limit is reached."
 
 
 @NEEDED
@@ -354,7 +362,9 @@ def test_outputs_without_polynomials_are_left_out():
     page = replace(bounds, surrogate=replace(bounds.surrogate, error=error)).live()
     assert page is not None
     data = json.loads(page.text.partition('id="drawing">')[2].partition("</script>")[0])["live"]
-    assert [own["name"] for own in data["outputs"]] == ["x"] and [own["name"] for own in data["parameters"]] == ["k"]
+    assert [own["name"] for own in data["outputs"]] == ["x [m]"] and [own["name"] for own in data["parameters"]] == [
+        "k"
+    ]
     assert data["note"].endswith("There are no polynomials for y.")
 
 

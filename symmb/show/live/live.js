@@ -92,11 +92,11 @@ window.live = (() => {
   function factorText() {
     const limit = limits[focus], own = effects?.limits[focus];
     if (!own || !state.some((_, i) => varied(i))) return "";
+    if (own.factor === 0) return "The nominal run is already beyond the limit.";
     const factor = own.factor?.toPrecision(3);
     if (factor >= 1) return `All tolerances may be ${+factor} times as large until the limit is reached.`;
     if (factor) return `The limit is reached at ${+factor} times the tolerances.`;
-    return excess(limit, run.rows).by > 0 ? "The nominal run is already beyond the limit."
-      : live.surrogate ? "In the box of the study, up to 3 times the tolerances do not reach the limit."
+    return live.surrogate ? "In the box of the study, up to 3 times the tolerances do not reach the limit."
       : "Even 3 times the tolerances do not reach the limit.";
   }
 

@@ -156,7 +156,7 @@ static int run_panels(long n, double *out) {
     }
     for (int k = 0; k < N_RULES; ++k) add_panel(k, a, b, is_shortest);
     a = b;
-    if (misfit < 0.03) length = fmin(2.0 * length, (end - begin) / PANELS);
+    if (misfit < 0.03 || count >= MOST_PANELS) length = fmin(2.0 * length, (end - begin) / PANELS);
   }
   for (int k = 0; k < N_RULES; ++k) {
     if (rules[k].kind >= FIRST_TIME && !found[k].has_held) return why = missing[k], 0;

@@ -202,7 +202,7 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
       limit.low === null ? 0 : (middle(k) - ends.lower[k * n_y + limit.output]) / (middle(k) - limit.low),
       limit.high === null ? 0 : (ends.upper[k * n_y + limit.output] - middle(k)) / (limit.high - middle(k)));
     const times = Array.from({ length: n_t }, (_, k) => k);
-    if (times.some(k => limit.low !== null && middle(k) < limit.low || limit.high !== null && middle(k) > limit.high)) return null;
+    if (times.some(k => limit.low !== null && middle(k) < limit.low || limit.high !== null && middle(k) > limit.high)) return 0;
     const chosen = times.sort((a, b) => nearest(b) - nearest(a)).slice(0, 25), count = chosen.length;
     const columns = new Float64Array(n * count);
     for (let j = 0; j < n; j++) chosen.forEach((k, r) => { columns[j * count + r] = view(Y, n * m)[j * m + k * n_y + limit.output]; });
@@ -219,6 +219,6 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
       const middle = (low + high) / 2;
       if (await kept(middle)) low = middle; else high = middle;
     }
-    return low;
+    return low || high;
   }
 }
