@@ -6,6 +6,7 @@ from typing import Any
 
 UPWARD = {
     "live": "symmb.show.live",
+    "live_surrogate": "symmb.show.live",
     "start_picture": "symmb.show.drawing",
     "write_bounds": "symmb.show.report",
     "write_comparison": "symmb.show.report",

@@ -22,6 +22,8 @@ COMPILED = pytest.mark.skipif(importlib.util.find_spec("ziglang") is None, reaso
 pytestmark = pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 WIDTH = 1e-9
 """Largest difference of bounds, as a fraction of their width."""
+SINGLE = 1e-6
+"""Largest error of polynomials with coefficients in single precision, as a fraction of the width of their range."""
 SEEN = 1e-4
 """Largest difference of places [m]. The foot of a contact on its plane is the one of the nominal run."""
 DRIVER = """
@@ -49,8 +51,11 @@ def browser():
 class Live:
     """A live page that is open in a browser, without its panel."""
 
-    def __init__(self, browser: Browser, scene: mb.Scene, path: Path, limits: Any = None) -> None:
-        mb.live(scene, path, limits)
+    def __init__(self, browser: Browser, subject: mb.Scene | mb.Bounds, path: Path, limits: Any = None) -> None:
+        if isinstance(subject, mb.Bounds):
+            subject.live(path, limits)
+        else:
+            mb.live(subject, path, limits)
         self.browser, self.count = browser, 1000  # the page's own worker has other studies
         browser.open(path)
         browser.run(f"{DRIVER}; 0")
@@ -171,6 +176,154 @@ def test_limits_have_worst_cases_and_factors(browser, tmp_path):
     assert np.isclose(of_y["widths"], [0.4, 0.8]).all() and np.isclose(of_x["widths"], [0.4, 0.0]).all()
 
 
+def thrown() -> mb.Scene:
+    """A ball that is thrown from 1.5 m at 12 m/s and bounces, with scalar outputs of all kinds."""
+    p = mb.Parameters(rise=8.0, e=0.7)
+    ball = mb.Body("ball", mass=0.2, pose=mb.Particle())
+    wall = mb.Impact("floor", ball.y, restitution=p.e)
+    system = mb.System(ball, wall, mb.Gravity(0, -9.81), parameters=p)
+    outputs = {
+        "height": mb.maximum(ball.y),
+        "y": ball.y,
+        "second height": mb.maximum(ball.y, window=(2.0, None)),
+        "fastest": mb.maximum(ball.vy, window=(1.0, None)),
+        "mean": mb.mean(ball.y, window=(0.0, 1.0)),
+        "end": (mb.final(ball.x), "mm"),
+        "landing": (mb.first_time(ball.y <= 0), "ms"),
+        "below start": mb.first_time(ball.y < 1.5),
+        "range": mb.value_at(ball.x, ball.y <= 0),
+        "speed": mb.value_at(ball.vy, ball.y <= 0),
+    }
+    box = mb.Box(rise=(7.5, 8.5), e=(0.65, 0.75))
+    start = {"ball.y": 1.5, "ball.vx": 9.0, "ball.vy": p.rise}
+    return mb.Scene(system, start=start, times=np.linspace(0.0, 3.0, 31), outputs=outputs, box=box)
+
+
+@NEEDED
+@COMPILED
+def test_scalar_outputs(browser, tmp_path):
+    scene, g = thrown(), 9.81
+    live = Live(browser, scene, tmp_path / "page.html", {"range": (14.0, None), "second height": (None, 2.5)})
+    *_, bounds, _ = live.studies((live.values, live.tolerances), limits=live.data["limits"])
+    run = live.studies((live.values, live.tolerances))[0]["rows"]
+    exact = {}
+    for rise, e in ((8.0, 0.7), (7.5, 0.65), (8.5, 0.75)):
+        landing = (rise + np.sqrt(rise**2 + 3 * g)) / g
+        speed = np.sqrt(rise**2 + 3 * g)
+        exact[rise] = {
+            "height": 1.5 + rise**2 / (2 * g),
+            "second height": (e * speed) ** 2 / (2 * g),
+            "fastest": e * speed,
+            "mean": 1.5 + rise / 2 - g / 6,
+            "end": 27e3,
+            "landing": 1e3 * landing,
+            "below start": 2 * rise / g,
+            "range": 9 * landing,
+            "speed": -speed,
+        }
+    nominal = mb.simulate(scene)
+    for k, own in enumerate(live.data["outputs"]):
+        name = own["name"]
+        assert own["scalar"] == (name != "y")
+        assert np.abs(run[:, k] - nominal[name]).max() < 1e-7 * max(np.abs(run[:, k]).max(), 1)
+        if name in exact[8.0]:  # scalar outputs are monotonic in the parameters, and the same at all times
+            assert np.allclose(run[:, k], exact[8.0][name], rtol=1e-7)
+            ends = np.sort([exact[7.5][name], exact[8.5][name]])
+            assert np.allclose(bounds["lower"][:, k], ends[0], rtol=1e-6)
+            assert np.allclose(bounds["upper"][:, k], ends[1], rtol=1e-6)
+    reach, second = bounds["limits"]
+    assert np.isclose(reach["margin"], exact[7.5]["range"] - 14, atol=1e-5) and reach["parameters"][0] == 7.5
+    assert np.isclose(second["margin"], 2.5 - exact[8.5]["second height"], atol=1e-5)
+    y = scene.system.bodies[0].y
+    far = scene.with_outputs({"y": y, "high": mb.first_time(y > 20)})
+    *_, failed = Live(browser, far, tmp_path / "far.html").studies((live.values, live.tolerances), until="run")
+    assert failed["fault"] == "the condition of output 'high' never holds until the end of the run"
+    assert np.isclose(failed["rows"][10, 0], nominal["y"][10])
+
+
+def growth(n: int = 41) -> mb.FunctionSimulator:
+    """Two outputs at n times. The second has a kink at k = 1."""
+    times = np.linspace(0.0, 2.0, n) if n > 1 else np.array([1.0])
+
+    def run(k: float, offset: float) -> np.ndarray:
+        return np.stack([1e6 + offset + np.exp(k * times), np.maximum(k - 1, 0) * offset + times], axis=1)
+
+    return mb.FunctionSimulator(run, {"k": 1.0, "offset": 0.5}, times, ["x [m]", "y"])
+
+
+@NEEDED
+@COMPILED
+@pytest.mark.parametrize(("method", "parts"), [(mb.PolynomialChaos(order=6), 1), (mb.PolynomialChaos(), 2)])
+def test_bounds_without_a_scene_have_a_page_of_their_polynomials(browser, tmp_path, method, parts):
+    bounds = mb.propagate(growth(), method, mb.Box(k=(0.5, 1.5), offset=(0.0, 1.0)))
+    assert bounds.surrogate is not None and (len(bounds.surrogate.expansions) > 1) == (parts > 1)
+    bounds.save(tmp_path / "bounds.npz")
+    loaded = mb.Bounds.load(tmp_path / "bounds.npz")
+    live = Live(browser, loaded, tmp_path / "page.html", {"x [m]": (None, 1e6 + 1 + np.exp(3) - 0.1)})
+    assert (tmp_path / "page.html").stat().st_size < 400e3
+    assert live.data["note"].startswith(f"This page shows a surrogate of {bounds.evaluations} runs, and not the model")
+    error, width = bounds.surrogate.error, (bounds.upper - bounds.lower).max(axis=0)
+    for value, tolerance in (
+        (np.array([1.0, 0.5]), np.array([0.5, 0.5])),
+        (np.array([0.7, 0.4]), np.array([0.1, 0.2])),
+    ):
+        messages = live.studies((value, tolerance), limits=live.data["limits"])
+        (run,), (*_, found, effects) = [m for m in messages if m["kind"] == "run"], messages
+        unit = (value - [1.0, 0.5]) / 0.5
+        exact = bounds.surrogate.values(unit[None])[0]
+        assert np.abs(run["rows"] - exact).max() < SINGLE * width.max()
+        lower, upper, _ = bounds.surrogate.range(unit - 2 * tolerance, unit + 2 * tolerance)
+        for side, ends in (("lower", lower), ("upper", upper)):
+            slack = SINGLE * width if parts == 1 else 2 * found["error"]  # one polynomial through two parts has a kink
+            assert (np.abs(found[side] - ends) <= slack).all()
+        assert (found["error"] >= 0.999 * error).all()
+    (factor,) = [limit["factor"] for limit in effects["limits"]]
+    assert factor is None  # larger tolerances would leave the box
+    (limit,) = found["limits"]
+    assert np.isclose(limit["margin"], 0.3 + np.exp(3) - np.exp(1.6), atol=2 * error[-1, 0] + 1e-6)
+
+
+@NEEDED
+@COMPILED
+def test_a_page_of_polynomials_stays_in_its_box(browser, tmp_path):
+    bounds = mb.propagate(growth(1), mb.PolynomialChaos(order=8), mb.Box(k=(0.5, 1.5)))
+    bounds.live(tmp_path / "page.html", {"x [m]": (None, 1e6 + 0.5 + np.exp(1.4))})
+    browser.open(tmp_path / "page.html")
+    browser.run("live.ready")
+    words = "$('limits').children[0].children[1].textContent.replaceAll('\u00a0', ' ')"
+    assert browser.run(words).startswith("violated: exceeded by 0.42")
+    factor = (
+        "new Promise(go => { const look = () => $('factor').textContent ? go($('factor').textContent)"
+        " : setTimeout(look, 20); look(); })"
+    )
+    assert browser.run(factor) == "The limit is reached at 0.8 times the tolerances."
+    browser.run("live.set({k: {value: 1.45, tolerance: 0.05}})")
+    assert browser.run(factor) == "The nominal run is already beyond the limit."
+    browser.run("live.set({k: {value: 1.2, tolerance: 0.4}})")
+    found = browser.run("live.result('x [m]')")
+    assert np.isclose(found["lower"][0] - 1e6 - 0.5, np.exp(0.9), atol=1e-6)
+    assert np.isclose(found["upper"][0] - 1e6 - 0.5, np.exp(1.5), atol=1e-6)
+    browser.run("live.set({k: {value: 3, tolerance: 0.1}})")
+    assert np.isclose(browser.run("live.result('x [m]')")["upper"][0] - 1e6 - 0.5, np.exp(1.5), atol=1e-6)
+    assert browser.run("live.set({k: {value: 1, tolerance: 0.2}})") is None and not browser.errors
+    assert browser.run(words).startswith("satisfied: smallest margin 0.73")
+    assert browser.run(factor) == "All tolerances may be 2 times as large until the limit is reached."
+
+
+@NEEDED
+@COMPILED
+def test_long_curves_have_fewer_times(browser, tmp_path):
+    bounds = mb.propagate(growth(5001), mb.PolynomialChaos(order=8), mb.Box(k=(0.5, 1.5), offset=(0.0, 1.0)))
+    live = Live(browser, bounds, tmp_path / "page.html")
+    n = live.data["n_t"]
+    assert (tmp_path / "page.html").stat().st_size < 400e3 and f"It has {n} of 5001 times, and decides" in live.data[
+        "note"
+    ]
+    *_, found, _ = live.studies((live.values, live.tolerances))
+    rows = np.searchsorted(bounds.t, live.data["times"])
+    assert np.abs(found["upper"][:, 0] - bounds.upper[rows, 0]).max() < SINGLE * np.exp(3)
+
+
 @NEEDED
 @COMPILED
 def test_the_last_change_wins_and_failed_runs_end_a_study(browser, tmp_path):
@@ -201,23 +354,29 @@ def test_bounds_and_the_command_write_live_pages(tmp_path, capsys):
     assert page is not None and page.text == (tmp_path / "a.html").read_text()
 
 
+@COMPILED
+def test_outputs_without_polynomials_are_left_out():
+    bounds = mb.propagate(growth(), mb.PolynomialChaos(order=2), mb.Box(k=(0.5, 0.9), offset=(0.5, 0.5)))
+    assert bounds.surrogate is not None
+    error = bounds.surrogate.error + [0.0, np.inf]
+    page = replace(bounds, surrogate=replace(bounds.surrogate, error=error)).live()
+    assert page is not None
+    data = json.loads(page.text.partition('id="drawing">')[2].partition("</script>")[0])["live"]
+    assert [own["name"] for own in data["outputs"]] == ["x [m]"] and [own["name"] for own in data["parameters"]] == [
+        "k"
+    ]
+    assert data["note"].endswith("There are no polynomials for y.")
+
+
 def test_refusals(monkeypatch):
     scene = shipped("bouncing_ball")
-    assert scene.outputs is not None
-    y = scene.outputs["y"]
-    for subject, limits, message in (
-        (replace(scene, box=None), None, "no box"),
-        (scene.with_outputs({"most": mb.maximum(y)}), None, "'most' is a scalar output"),
-        (scene, {"z": (0, 1)}, "'z'"),
-    ):
+    for subject, limits, message in ((replace(scene, box=None), None, "no box"), (scene, {"z": (0, 1)}, "'z'")):
         with pytest.raises(DeclarationError, match=message):
             mb.live(subject, limits=limits)
     with pytest.raises(DeclarationError, match="html"):
         mb.live(scene, "page.png")
-    with pytest.raises(DeclarationError, match="no scene"):
-        t = np.linspace(0.0, 1.0, 3)
-        decay = mb.FunctionSimulator(lambda k: np.exp(-k * t), {"k": 1.0}, t, ["x"])
-        mb.propagate(decay, mb.PolynomialChaos(order=2), mb.Box(k=(0.5, 2.0))).live()
+    with pytest.raises(DeclarationError, match="no scene and no polynomials"):
+        mb.propagate(growth(), mb.Vertex(), mb.Box(k=(0.5, 2.0))).live()
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(NoCompilerError, match=r"A live page needs the package ziglang. Run `pip install"):
         mb.live(scene)

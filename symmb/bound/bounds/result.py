@@ -273,11 +273,12 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     def live(self, path: str | Path | None = None, limits: Limits | None = None) -> Any:
         """Write the live page of the scene with the box of these bounds, as ``mb.live``.
 
-        DeclarationError is raised if the bounds have no scene: they were read from a file, or have another simulator.
+        Bounds without a scene, of other simulators or from a file, have a page of their polynomials instead. Its values
+        stay in the box. DeclarationError is raised if there are no polynomials, or if they are in several parts.
         """
-        scene = getattr(self.study, "scene", None)
+        scene = getattr(getattr(self.study, "simulator", None), "scene", None)
         if scene is None or self.box is None:
-            raise DeclarationError("Bounds.live: these bounds have no scene. Use bounds of propagate(scene).")
+            return presentation("live_surrogate")(self, path, limits)
         return presentation("live")(scene.with_box(self.box), path, limits)
 
     def _about(self) -> list[str]:

@@ -30,5 +30,5 @@ from symmb.run.codegen.contacts import BLAMED, CLOSES, IMPACT, OPENS, Contacts
 from symmb.run.codegen.engine import MOST_PASSES, Engine, FailedSamples, FixedStep, Lanes, StepEnds, StepTolerances
 from symmb.run.codegen.failures import REASONS, FailureCode
 from symmb.run.codegen.model_source import Scheme, model_function, scheme_function
-from symmb.run.codegen.scene_source import SceneSource, scene_source
+from symmb.run.codegen.scene_source import SceneSource, quoted, scene_source
 from symmb.run.codegen.threads import cores, on_threads, side_by_side

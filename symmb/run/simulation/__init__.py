@@ -7,6 +7,13 @@ from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_simulator import FigureSimulator, SceneSimulator, motion_of
 from symmb.run.simulation.sensitivities import Sensitivities, sensitivities
 from symmb.run.simulation.single_run import parameter_values, simulate
-from symmb.run.simulation.subject import chosen_parameters, prepare, scene_of, simulator_of, simulator_with
+from symmb.run.simulation.subject import (
+    chosen_parameters,
+    prepare,
+    scene_of,
+    simulator_for,
+    simulator_of,
+    simulator_with,
+)
 from symmb.run.simulation.sweep import Sweep, sweep
 from symmb.run.simulation.trajectory import Trajectory

@@ -68,7 +68,7 @@ class FigureSimulator(WithWarnings):
             curves, rates = simulator, _with_rates(simulator)
         else:
             curves, rates = simulator.curves, simulator._with_rates
-            known = {rule.name: rule for rule in simulator._rules}
+            known = {rule.name: rule for rule in simulator.rules}
         window = float(curves.times[0]), float(curves.times[-1])
         rules = [
             known[name]._replace(name=f"{name}, {kind}")
@@ -87,7 +87,7 @@ class FigureSimulator(WithWarnings):
         self.parameters = ByName(curves.parameters)
         self.times = curves.times if self._columns else np.zeros(1)
         self.solver, self.reason, self.threads = curves.solver, curves.reason, curves.threads
-        self._span, self._rules, self._with_rates = float(np.ptp(curves.times)), rules, with_rates
+        self._span, self.rules, self._with_rates = float(np.ptp(curves.times)), rules, with_rates
         self.doubts: tuple[str, ...] = curves.start.doubts
         self.noise: Array | None = None
         self.nominal: Array | None = None
@@ -102,7 +102,7 @@ class FigureSimulator(WithWarnings):
     @property
     def figures(self) -> tuple[str, ...]:
         """Names of the scalar outputs. Each run has one number for each scalar output."""
-        return tuple(rule.name for rule in self._rules)
+        return tuple(rule.name for rule in self.rules)
 
     @property
     def setup_seconds(self) -> float:
@@ -137,7 +137,7 @@ class FigureSimulator(WithWarnings):
         if self._columns:
             noise[self._columns] = cast(Array, self.curves.noise)[: len(self._columns)]
         sizes = np.abs(cast(Array, self.curves.nominal)).max(axis=0)
-        for rule in self._rules:
+        for rule in self.rules:
             size = self._span * rule.per_second if rule.expression < 0 else sizes[rule.expression]
             # Error of a scalar output, divided by the largest value of its expression; error of a time, divided by the
             # horizon.
@@ -149,7 +149,7 @@ class FigureSimulator(WithWarnings):
         with LOCK:
             traces, Y = self._values(P)
         ok, t_failed, texts = traces.ok.copy(), traces.t_failed.copy(), dict(traces.texts)
-        for rule in self._rules:
+        for rule in self.rules:
             for i in np.flatnonzero(np.isnan(Y[:, 0, self.outputs.index(rule.name)]) & ok).tolist():
                 values = values_text(self.parameters, P[i], units_of_parameters(self.parameters))
                 ok[i], t_failed[i] = False, rule.window[1]
@@ -168,7 +168,7 @@ class FigureSimulator(WithWarnings):
 
     def identity(self) -> str:
         """A digest of equations, start, outputs, times and solver, for `StoredSimulator`."""
-        return digest(self._with_rates.identity(), self.outputs, tuple(self._rules))
+        return digest(self._with_rates.identity(), self.outputs, tuple(self.rules))
 
     def values(self, p: Array) -> tuple[Array, tuple[str, ...]]:
         """Outputs (n_t, n_y) of the run with parameters p (d,), and names of scalar outputs that are nan.
@@ -198,7 +198,7 @@ class FigureSimulator(WithWarnings):
         sizes = self._sizes(traces)
         panels = self._refined(panels, sizes, P, traces.stops)
         curves = Curves(panels, panels.is_exact(sizes), sizes, 4 * _BESIDE * self._span)
-        for rule in self._rules:
+        for rule in self.rules:
             Y[:, :, self.outputs.index(rule.name)] = curves.figure(rule)[:, None]
         return traces, Y
 
@@ -214,7 +214,7 @@ class FigureSimulator(WithWarnings):
             zeros = np.zeros(len(grid) - 1, dtype=np.intp)
             panels = _panels(traces, zeros, grid[:-1], grid[1:])
             sizes = self._sizes(traces)
-            off = self._divided(panels, ~panels.is_exact(sizes), sizes, np.full((len(self._rules), 1), -np.inf))
+            off = self._divided(panels, ~panels.is_exact(sizes), sizes, np.full((len(self.rules), 1), -np.inf))
             off &= ~_with_stop(panels, traces.stops)
             # Fraction of panels of the nominal run that may be inexact. If more are inexact, all panels are halved.
             if off.mean() <= 0.1 or count >= _MOST:
@@ -223,10 +223,10 @@ class FigureSimulator(WithWarnings):
 
     def _sizes(self, traces: "_Traces") -> Array:
         """Largest absolute values (N, n_c) of the curves of samples; at least the rounding errors of the curves."""
-        return np.maximum(np.abs(traces.Y[0]).max(axis=2).T, self._rounding)
+        return np.maximum(np.abs(traces.Y[0]).max(axis=2).T, self.rounding)
 
     @cached_property
-    def _rounding(self) -> Array:
+    def rounding(self) -> Array:
         """Absolute values (n_c,) below which curves are rounding errors."""
         form = self.curves.formulation
         x, p, t = ca.SX.sym("x", form.y.numel_in(0)), ca.SX.sym("p", form.y.numel_in(1)), ca.SX.sym("t")
@@ -246,7 +246,7 @@ class FigureSimulator(WithWarnings):
 
     def _times_of(self, count: int) -> tuple[Array, Array]:
         ends = self.curves.times[[0, -1]]
-        windows = [end for rule in self._rules for end in rule.window]
+        windows = [end for rule in self.rules for end in rule.window]
         # Fraction of a panel by which all panels are shifted. Curves bend at round times, which should not be in the
         # middle of a panel.
         inner = ends[0] + self._span / count * (np.arange(1, count) + 0.137)
@@ -269,7 +269,7 @@ class FigureSimulator(WithWarnings):
     def _refined(self, panels: Panels, sizes: Array, P: Array, stops: Sequence[Array]) -> Panels:
         """The panels, divided by means of further runs until the panels are exact or very short."""
         done, has_stops = list[Panels](), any(own.size for own in stops)
-        best = np.full((len(self._rules), len(P)), -np.inf)
+        best = np.full((len(self.rules), len(P)), -np.inf)
         for level in range(_LEVELS):
             off = ~panels.is_exact(sizes) & (panels.width > _SHORTEST * self._span)
             divided = self._divided(panels, off, sizes, best)
@@ -327,7 +327,7 @@ class FigureSimulator(WithWarnings):
         may be the largest. The polynomial through the nodes does not show this.
         """
         dips = np.zeros(len(panels.sample), dtype=bool)
-        for g in {rule.margin for rule in self._rules if rule.margin >= 0}:
+        for g in {rule.margin for rule in self.rules if rule.margin >= 0}:
             tolerance = TOUCHED * sizes[panels.sample, g]
             above = np.flatnonzero(panels.nodes[g, 0].min(axis=0) > tolerance)
             dips[above] |= (panels.of(above).bernstein(g) @ ON_GRID).min(axis=1) <= tolerance[above]
@@ -340,7 +340,7 @@ class FigureSimulator(WithWarnings):
         condition, it is minus the time at which the condition is known to hold. The method updates `best`.
         """
         divided, slack = np.zeros(off.shape[1], dtype=bool), 4 * panels.misfit
-        for number, rule in enumerate(self._rules):
+        for number, rule in enumerate(self.rules):
             e, g, inside = rule.expression, rule.margin, rule.inside(panels)
             if rule.kind == "mean":
                 divided |= inside & off[e]

@@ -404,15 +404,16 @@ function drawCurves(chosen = curves) {
     const lines = runs.map(run => ({ values: column(run.values, i, n), tint: run.tint || page.palette[0] }));
     const bounds = page.bounds && [page.bounds.lower, page.bounds.upper].map(at => column(at, i, n));
     const [low, high] = curve.range ??= rangeOf([...page.runs.map(run => column(run.values, i, n)), ...(bounds || [])]);
-    const room = 14 * devicePixelRatio, x = k => (t[k] - t[0]) / span() * w, y = v => h - room - (v - low) / (high - low) * (h - 2 * room);
-    const path = values => values.forEach((v, k) => pen.lineTo(x(k), y(v)));
+    const room = 14 * devicePixelRatio, x = k => t.length > 1 ? (t[k] - t[0]) / span() * w : k * w, y = v => h - room - (v - low) / (high - low) * (h - 2 * room);
+    const whole = values => t.length > 1 ? values : [values[0], values[0]];  // a single time has a level line
+    const path = values => whole(values).forEach((v, k) => pen.lineTo(x(k), y(v)));
     if (bounds) {
       pen.beginPath(); path(bounds[0]);
-      for (let k = t.length - 1; k >= 0; k--) pen.lineTo(x(k), y(bounds[1][k]));
+      for (let k = Math.max(t.length - 1, 1); k >= 0; k--) pen.lineTo(x(k), y(whole(bounds[1])[k]));
       pen.fillStyle = "#d8e3ee"; pen.fill();
     }
     pen.font = `${10 * devicePixelRatio}px system-ui, sans-serif`;
-    for (let tick = Math.ceil(t[0] / by - 1e-9) * by; tick <= t[0] + span() + 1e-9 * by; tick += by) {
+    for (let tick = Math.ceil(t[0] / by - 1e-9) * by; t.length > 1 && tick <= t[0] + span() + 1e-9 * by; tick += by) {
       const at = (tick - t[0]) / span() * w, text = `${+(Math.round(tick / by) * by).toPrecision(6)}${tick + by > t[0] + span() + 1e-9 * by ? " s" : ""}`, wide = pen.measureText(text).width;
       pen.fillStyle = "#e3e7eb"; pen.fillRect(Math.min(at, w - 1), 0, 1, h);
       pen.fillStyle = "#4b5563"; pen.fillText(text, Math.min(Math.max(at - wide / 2, 0), w - wide), h + foot - 3 * devicePixelRatio);

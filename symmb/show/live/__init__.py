@@ -1,11 +1,15 @@
 """Live pages: a reader moves parameters and tolerances, and the page computes runs and bounds.
 
-In:   a scene with a box, and limits.
-Out:  one HTML file with the viewer, the C code of the scene as WebAssembly, and the levels of nodes.
+In:   a scene with a box, or bounds with polynomials, and limits.
+Out:  one HTML file with the viewer, the C code of the scene as WebAssembly or the polynomials, and the levels of nodes.
 
-wasm, kernel.c, ranges.c   the module: runs, and bounds from runs at nodes, with the C code of studies
+live, surrogate            the pages of scenes, and of bounds without a scene
+live_page                  the parts that both have
+wasm, runs.c, kernel.c, ranges.c   the module: runs with scalar outputs, and bounds from runs at nodes, with the C code
+                           of studies
 worker.js                  runs and bounds beside the page, level after level
 live.js, panel.html, live.css   the panel of the page
 """
 
 from symmb.show.live.live import live
+from symmb.show.live.surrogate import live_surrogate

@@ -1,7 +1,7 @@
-/* The module of a live page: runs of a scene, and bounds of its outputs from runs at nodes. ranges.c has the bounds of
-   polynomials in a file of its own, because their vectors have another width. */
+/* Bounds of outputs from runs at nodes. ranges.c has the bounds of polynomials in a file of its own, because their vectors have
+   another width. */
 #include <stdlib.h>
-#include "scene.h"
+#include <string.h>
 
 #define EXPORT(name) __attribute__((export_name(#name))) name
 
@@ -18,7 +18,6 @@ typedef struct {
 
 #include "levels.h"
 
-static Scene *scene;
 static double *arena;
 static long arena_size;
 
@@ -30,21 +29,6 @@ double *EXPORT(room)(long n) {
   arena_size = arena ? n : 0;
   return arena;
 }
-
-/* The first n outputs at each time (n_t, n) of a run with parameters p. Returns the number of times that the run reaches. */
-long EXPORT(run)(const double *p, long n, double *out) {
-  if (!scene && !(scene = scene_new())) return 0;
-  memcpy(scene_parameters(scene), p, SCENE_N_P * sizeof *p);
-  if (!scene_start(scene, scene_times[SCENE_N_T - 1], 0.0)) return 0;
-  for (long k = 0; k < SCENE_N_T; ++k) {
-    if (k && !scene_step(scene, scene_times[k])) return k;
-    memcpy(out + k * n, scene_outputs(scene), n * sizeof *out);
-  }
-  return SCENE_N_T;
-}
-
-/* Why the last run has ended. */
-const char *EXPORT(fault)(void) { return scene ? scene_fault(scene) : "there is not enough memory"; }
 
 /* Coordinate k of node i of a level. */
 double EXPORT(node)(long level, long i, long k) {

@@ -24,6 +24,7 @@ window.live = (() => {
   const quantity = (value, unit) => `${short(value)}${unit && `\u00a0${unit}`}`;
   const brief = text => text.length > 60 ? `${text.slice(0, 59)}…` : text;
   const at = k => `${short(live.times[k])}\u00a0s`;
+  const when = ({ output }, k) => outputs[output].scalar ? "" : ` at ${at(k)}`;  // a scalar output is the same at all times
   const limitText = ({ output, low, high }) => {
     const { name, unit } = outputs[output], end = value => value === null ? [] : [quantity(value, unit)];
     return [...end(low), brief(name), ...end(high)].join(" ≤ ");
@@ -52,7 +53,8 @@ window.live = (() => {
     let most = { by: 0, time: null };
     for (let k = 0; rows && k < n_t; k++) {
       const y = rows[k * n_out + limit.output];
-      const by = Math.max(limit.low === null ? 0 : limit.low - y, limit.high === null ? 0 : y - limit.high);
+      const unsure = live.surrogate ? bounds?.error?.[k * n_y + limit.output] ?? Infinity : 0;  // a surrogate has errors
+      const by = Math.max(limit.low === null ? 0 : limit.low - y, limit.high === null ? 0 : y - limit.high) - unsure;
       if (by > most.by) most = { by, time: k };
     }
     return most;
@@ -61,12 +63,12 @@ window.live = (() => {
   function verdict(limit, found) {
     const { unit } = outputs[limit.output], [a, b] = [excess(limit, run?.rows), excess(limit, found?.rows)];
     const most = a.by > b.by ? a : b;
-    if (most.by > 0) return ["violated", `violated: exceeded by ${quantity(most.by, unit)} at ${at(most.time)}`];
+    if (most.by > 0) return ["violated", `violated: exceeded by ${quantity(most.by, unit)}${when(limit, most.time)}`];
     if (!found) return fault ? ["undecided", "undecided: there are no bounds"] : ["", "…"];
-    const margin = `margin ${quantity(found.margin, unit)} at ${at(found.time)}`;
+    const margin = `margin ${quantity(found.margin, unit)}${when(limit, found.time)}`;
     if (found.margin >= found.error) return ["satisfied", `satisfied: smallest ${margin}`];
     if (!bounds.done) return ["", `${margin}, refining …`];
-    return ["undecided", found.margin < 0 ? `undecided: bounds exceed it by ${quantity(-found.margin, unit)} at ${at(found.time)}`
+    return ["undecided", found.margin < 0 ? `undecided: bounds exceed it by ${quantity(-found.margin, unit)}${when(limit, found.time)}`
       : `undecided: ${margin}, error up to ${quantity(found.error, unit)}`];
   }
 
@@ -78,21 +80,23 @@ window.live = (() => {
     if (fault) return fault;
     if (!run) return "computing the run …";
     if (!bounds) return "computing bounds …";
-    if (bounds.levels === 1 && bounds.runs === 1) return "1 run; no parameter has a tolerance.";
+    const runs = live.surrogate ? "evaluations" : "runs";
+    if (bounds.levels === 1 && bounds.runs === 1) return `1 ${runs.slice(0, -1)}; no parameter has a tolerance.`;
     let error = 0;
     for (let i = outputAt(); i < bounds.error.length; i += n_y) error = Math.max(error, bounds.error[i]);
     const { name, unit } = outputs[outputAt()];
     const told = Number.isFinite(error) ? `, error of ${brief(name)} ≤ ${quantity(error, unit)} (estimate)` : "";
-    return `${bounds.runs} runs${told}${bounds.done ? "" : ", refining …"}`;
+    return `${bounds.runs} ${runs}${told}${bounds.done ? "" : ", refining …"}`;
   }
 
   function factorText() {
     const limit = limits[focus], own = effects?.limits[focus];
     if (!own || !state.some((_, i) => varied(i))) return "";
+    if (own.factor === 0) return "The nominal run is already beyond the limit.";
     const factor = own.factor?.toPrecision(3);
     if (factor >= 1) return `All tolerances may be ${+factor} times as large until the limit is reached.`;
     if (factor) return `The limit is reached at ${+factor} times the tolerances.`;
-    return excess(limit, run.rows).by > 0 ? "The nominal run is already beyond the limit."
+    return live.surrogate ? "In the box of the study, up to 3 times the tolerances do not reach the limit."
       : "Even 3 times the tolerances do not reach the limit.";
   }
 
@@ -129,7 +133,7 @@ window.live = (() => {
     write(1, found?.rows ?? rows);
     writeBounds();
     runs = found?.rows ? page.runs : page.runs.slice(0, 1);
-    page.mark = found && { output: found.output, time: live.times[found.time] };
+    page.mark = found && !outputs[found.output].scalar && { output: found.output, time: live.times[found.time] };
     if (fitted < 1 || fitted < 2 && found?.rows) { fit(); fitted = found?.rows ? 2 : 1; }
     const seen = $("curves").getBoundingClientRect();
     drawCurves(curves.filter(curve => {
@@ -216,7 +220,7 @@ window.live = (() => {
     parameters.forEach((p, i) => {
       const given = (address.get(`p${i}`) ?? "").split(",");
       const number = (text, otherwise) => text && Number.isFinite(Number(text)) ? Number(text) : otherwise;
-      state[i] = { value: number(given[0], p.value), tolerance: Math.abs(number(given[1], p.tolerance)), locked: given[2] === "locked" };
+      state[i] = inBox(i, { value: number(given[0], p.value), tolerance: Math.abs(number(given[1], p.tolerance)), locked: given[2] === "locked" });
       fill(i);
     });
     chosen = address.has("focus") && Boolean($("focus").options[address.get("focus")]);
@@ -252,6 +256,12 @@ window.live = (() => {
     return { value, tolerance, lock, bar, width, box };
   }
 
+  const inBox = (i, own) => {  // a surrogate is only known in its box
+    if (!live.surrogate) return own;
+    const { low, high } = parameters[i], value = Math.min(Math.max(own.value, low), high);
+    return { ...own, value, tolerance: Math.min(own.tolerance, value - low, high - value) };
+  };
+
   function fill(i) {  // the controls of a parameter, from its state
     const { value, tolerance, lock, box } = controls[i];
     for (const [{ slider, number }, own] of [[value, state[i].value], [tolerance, state[i].tolerance]])
@@ -261,7 +271,7 @@ window.live = (() => {
   }
 
   function move(i, change) {
-    Object.assign(state[i], change);
+    state[i] = inBox(i, { ...state[i], ...change });
     fill(i);
     return study();
   }
@@ -308,7 +318,7 @@ window.live = (() => {
         throw Error(`Parameter ${name} needs a finite value, and a finite tolerance that is not negative.`);
       return [i, next];
     });
-    for (const [i, next] of all) { state[i] = next; fill(i); }
+    for (const [i, next] of all) { state[i] = inBox(i, next); fill(i); }
     return study();
   }
 
@@ -344,6 +354,7 @@ window.live = (() => {
     for (const node of $("panel").querySelectorAll("[style]")) node.style.minHeight = "";
     plan();
   });
+  [$("note").textContent, $("note").hidden] = [live.note ?? "", !live.note];
   loadState();
   worker.postMessage({ kind: "start", live });
   return { ready: study(), set, result, csv, engine: () => ({ ...took }) };

@@ -1,9 +1,6 @@
 """`live`: a page in which a reader changes parameters and tolerances."""
 
-import base64
-import zlib
-from collections.abc import Mapping
-from importlib.resources import files as resources
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,21 +8,23 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._types import Indices
 from symmb._units import typeset, units_of_parameters
 from symmb.bound.bounds import Limits, limit_pairs, possible_values
-from symmb.equations.model import Box, Scene
-from symmb.results.files import replacement, require_suffix
-from symmb.run.simulation import DAESimulator, scene_of, simulate, simulator_with
-from symmb.show.drawing import UPPER, Exhibit, Ghost, Live, Page, bare, page, surveyed
-from symmb.show.exchange import Exported, exported
-from symmb.show.live.wasm import levels, module
-
-_POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval'; style-src 'unsafe-inline'; worker-src blob:; "
-    "img-src data:"
+from symmb.equations.model import Scene
+from symmb.results.plot import labels
+from symmb.run.simulation import (
+    DAESimulator,
+    FigureSimulator,
+    motion_of,
+    scene_of,
+    simulate,
+    simulator_for,
+    simulator_with,
 )
-"""What the page may load: nothing from a network."""
+from symmb.show.drawing import Page, surveyed
+from symmb.show.exchange import exported
+from symmb.show.live.live_page import json_number, page_data, require_page, written
+from symmb.show.live.wasm import module
 
 
 def live(scene: Scene | DAESimulator, path: str | Path | None = None, limits: Limits | None = None) -> Page | None:
@@ -53,7 +52,7 @@ def live(scene: Scene | DAESimulator, path: str | Path | None = None, limits: Li
     Raises
     ------
     DeclarationError
-        If the scene has no box or has scalar outputs, if a part of the scene needs Python, or if a limit is not valid
+        If the scene has no box, if a part of the scene needs Python, or if a limit is not valid
     NoCompilerError
         If the package ziglang is not installed
 
@@ -66,83 +65,45 @@ def live(scene: Scene | DAESimulator, path: str | Path | None = None, limits: Li
     >>> fall = mb.Scene(system, times=[0.0, 0.5, 1.0], box=mb.Box(g=(9.0, 10.0)))
     >>> mb.live(fall, "fall.html", {"ball.y": (-6.0, None)})  # doctest: +SKIP
     """
-    if path is not None:
-        require_suffix(path, ".html")
+    require_page(path)
     own = scene_of(scene)
-    if own.figures:
-        raise DeclarationError(
-            f"live: output {next(iter(own.figures))!r} is a scalar output. Live pages need outputs over time. Leave "
-            "this output out by scene.with_outputs(...)."
-        )
     if own.box is None:
         raise DeclarationError("live: the scene has no box of tolerances. Give it one by scene.with_box(Box(...)).")
-    pairs = limit_pairs("live", limits, own.curve_names, own.units) if limits else {}
-    simulator = scene if isinstance(scene, DAESimulator) else simulator_with(own)
-    drawing, survey, rows = surveyed(simulate(simulator))
+    pairs = limit_pairs("live", limits, own.output_names, own.units) if limits else {}
+    simulator = simulator_for("live", scene, None)
+    figures, motion = simulator if isinstance(simulator, FigureSimulator) else None, motion_of(simulator)
+    assert motion is not None
+    drawing, survey, rows = surveyed(simulate(motion))
     driven = tuple(survey.driven(drawing.shapes))
     columns = ca.vertsplit(ca.vertcat(ca.SX(0, 1), *(one.expression for one in driven)))
-    outputs = dict(zip(own.curve_names, ca.vertsplit(own.y), strict=True))
-    outputs |= {f"drawing {k} of {own.name}": column for k, column in enumerate(columns)}
-    model = exported(simulator_with(own.with_outputs(outputs), simulator.solver))
-    data = _data(own, own.box, model, pairs, rows) | {"possible": _possible(simulator)}
-    folder = resources("symmb.show.live")
-    files = ("live.css", "panel.html", "live.js", "worker.js")
-    style, panel, script, worker = ((folder / name).read_text(encoding="utf-8") for name in files)
-    added = {
-        "head": f'\n<meta http-equiv="Content-Security-Policy" content="{_POLICY}">',
-        "style": f"\n{style}",
-        "panel": f"\n{panel}",
-        "more": f'\n<script type="text/plain" id="worker">\n{worker}</script>\n<script>\n{script}</script>',
-    }
-    still = bare(drawing, driven)
-    text = page(Exhibit(still, (Ghost("worst case", UPPER, still),)), Live(driven, len(own.curve_names), data, added))
-    if path is None:
-        return Page(own.name, text)
-    with replacement(path) as file:
-        file.write(text.encode())
-    return None
-
-
-def _data(
-    scene: Scene, box: Box, model: Exported, limits: Mapping[str, tuple[float, float]], pictures: Indices
-) -> dict[str, Any]:
-    """The data of the page, other than those of the viewer. Values are in the units of parameters and outputs."""
-    names, outputs = list(scene.system.parameters), list(scene.curve_names)
-    units, nominal = units_of_parameters(scene.system.parameters), model.source.nominal.tolist()
-    box = box.with_units(units)
+    curves = dict(zip(motion.outputs, ca.vertsplit(own.curves.y), strict=True))
+    outputs = {name: curves.pop(name, ca.SX(0)) for name in own.output_names}  # the page computes scalar outputs
+    outputs |= {f"drawing {k} of {own.name}": column for k, column in enumerate(columns)} | curves
+    model = exported(simulator_with(motion.scene.with_outputs(outputs), motion.solver))
+    drawing = replace(drawing, outputs=labels(own.output_names, own.units), values=np.zeros((1, len(own.output_names))))
+    names, nominal = list(own.system.parameters), model.source.nominal.tolist()
+    units, known = units_of_parameters(own.system.parameters), _possible(motion)
+    box = own.box.with_units(units)
     values = dict(zip(names, nominal, strict=False)) | dict(zip(box.names, box.center.tolist(), strict=True))
     tolerances = dict(zip(box.names, box.radius.tolist(), strict=True))
-    ends = [[end if np.isfinite(end) else None for end in pair] for pair in limits.values()]
-    grids = levels(len(names))
-    return {
-        "name": scene.name,
-        "parameters": [
-            _parameter(name, typeset(units.get(name, "")), values[name], tolerances.get(name, 0.0)) for name in names
-        ],
+    parameters = [
+        _parameter(name, typeset(units.get(name, "")), values[name], tolerances.get(name, 0.0)) for name in names
+    ]
+    wasm = module(len(names), model.source, figures)
+    data = page_data(own.output_names, own.units, own.figures, pairs, parameters, motion.times, wasm) | {
         "inputs": nominal[len(names) :],
-        "outputs": [{"name": name, "unit": typeset(unit)} for name, unit in zip(outputs, scene.units, strict=True)],
-        "limits": [
-            {"output": outputs.index(name), "low": low, "high": high}
-            for name, (low, high) in zip(limits, ends, strict=True)
-        ],
-        "n_t": len(model.source.times),
-        "n_y": len(outputs),
-        "n_out": len(model.outputs),
-        "times": model.source.times.tolist(),
-        "pictures": pictures.tolist(),
-        "most_levels": max(map(len, grids), default=0),
-        "most_varied": len(grids),
-        "levels": [[len(grid.row) for grid in own] for own in grids],
-        "axes": [[[grid.axis(k) for k in range(grid.d)] for grid in own] for own in grids],
-        "wasm": base64.b64encode(zlib.compress(module(model.source, len(names)), 9)).decode(),
+        "n_out": len(own.output_names) + len(columns),
+        "pictures": rows.tolist(),
+        "possible": [known.get(name, [None, None]) for name in own.output_names],
     }
+    return written(drawing, driven, data, path)
 
 
-def _possible(simulator: DAESimulator) -> list[list[float | None]]:
+def _possible(simulator: DAESimulator) -> dict[str, list[float | None]]:
     """Smallest and largest possible value of each output for all parameters, such as 0 for a gap; None if unknown."""
     low, high = possible_values(simulator, None)
-    ends = zip(low.min(axis=0).tolist(), high.max(axis=0).tolist(), strict=True)
-    return [[end if np.isfinite(end) else None for end in pair] for pair in ends]
+    ends = zip(low.min(axis=0), high.max(axis=0), strict=True)
+    return {name: [json_number(end) for end in pair] for name, pair in zip(simulator.outputs, ends, strict=True)}
 
 
 def _parameter(name: str, unit: str, value: float, tolerance: float) -> dict[str, Any]:

@@ -7,7 +7,8 @@ from importlib.resources import files as resources
 
 from symmb.bound.nodes import Grid, line
 from symmb.bound.polynomials.ranges import Exact, range_tables
-from symmb.run.codegen import SceneSource, c_source, c_tables, scene_source, web_module
+from symmb.run.codegen import SceneSource, c_source, c_tables, quoted, scene_source, web_module
+from symmb.run.simulation import FigureSimulator
 
 MOST_VARIED = 8
 """Largest number of parameters with tolerances at the same time. More parameters take too many runs for a page."""
@@ -19,16 +20,26 @@ _TENSORS = 3
 """Up to this number of parameters, levels are tensor grids. Sparse grids have fewer nodes for more parameters."""
 
 
-def module(source: SceneSource, n: int) -> bytes:
-    """The module of a scene with n parameters. NoCompilerError is raised if the package ziglang is not installed."""
-    files = scene_source(source)
+def module(n: int, source: SceneSource | None = None, figures: FigureSimulator | None = None) -> bytes:
+    """The module for n parameters: bounds, the runs of a scene if `source` is given, and scalar outputs.
+
+    With `figures`, the last outputs of the scene are the curves of the scalar outputs.
+
+    Raises
+    ------
+    NoCompilerError        if the package ziglang is not installed
+    """
     grids = list(itertools.chain(*levels(n)))
     headers, ranges = _tables(grids)
-    own = {name: (resources("symmb.show.live") / name).read_text(encoding="utf-8") for name in ("kernel.c", "ranges.c")}
+    names = ["kernel.c", "ranges.c", "runs.c"]
+    own = {name: (resources("symmb.show.live") / name).read_text(encoding="utf-8") for name in names}
     search = "\n".join(f"#define {name.upper()} {value!r}" for name, value in vars(Exact()).items())
-    files |= {"levels.h": headers, "kernel.c": "\n".join([c_source("lanes", "tensor_fit"), own["kernel.c"]])}
+    files = {"levels.h": headers, "kernel.c": "\n".join([c_source("lanes", "tensor_fit"), own["kernel.c"]])}
     files["ranges.c"] = "\n".join([c_source("polynomial_ranges"), search, own["ranges.c"], ranges])
-    return web_module(files, ("scene.c", "kernel.c", "ranges.c"), "A live page")
+    if source is None:
+        return web_module(files, names[:2], "A live page")
+    files |= scene_source(source) | {"rules.h": _rules(figures, source.lanes.f.numel_out("outputs"))}
+    return web_module(files | {"runs.c": own["runs.c"]}, names, "A live page")
 
 
 @cache
@@ -52,6 +63,30 @@ def _levels(d: int) -> list[Grid]:
         grid = grid.grown(new)
         found.append(grid)
     return found
+
+
+def _rules(figures: FigureSimulator | None, n: int) -> str:
+    """The rules of scalar outputs in C. The last of all n outputs are the curves of the rules."""
+    if figures is None:
+        return "#define N_RULES 0"
+    rules = figures.rules
+    parts = len({k for rule in rules for k in (rule.expression, rule.margin) if k >= 0})
+    own = len(figures.curves.outputs) - parts
+    rows = [
+        f"{{{r.kind.upper()}, {max(r.expression - own, 0)}, {max(r.margin - own, 0)}, {int(r.is_strict)}, "
+        f"{figures.outputs.index(r.name)}, {r.window[0]!r}, {r.window[1]!r}, {r.per_second!r}}}"
+        for r in rules
+    ]
+    faults = [quoted(f"the condition of output {r.name!r} never holds until the end of the run") for r in rules]
+    return "\n".join(
+        [
+            f"#define N_RULES {len(rules)}",
+            f"enum {{ N_CURVES = {parts}, FIRST_CURVE = {n - parts} }};",
+            f"static const Rule rules[] = {{{', '.join(rows)}}};",
+            f"static const double least_sizes[] = {{{', '.join(map(repr, figures.rounding[own:].tolist()))}}};",
+            f"static const char *const missing[] = {{{', '.join(faults)}}};",
+        ]
+    )
 
 
 def _tables(grids: Sequence[Grid]) -> tuple[str, str]:

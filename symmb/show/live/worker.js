@@ -2,7 +2,7 @@
 // Runs and bounds of a live page. A study has a nominal run, bounds from runs at the nodes of one level after another, and the
 // effects of single parameters. A new study ends an older one, because each run gives way to messages.
 
-let live, wasm, started, latest = 0;
+let live, wasm, surrogate, started, latest = 0;
 const give = (message, ...moved) => postMessage(message, moved.map(each => each.buffer));
 const channel = new MessageChannel(), waiting = [];
 channel.port1.onmessage = () => waiting.shift()();
@@ -29,13 +29,23 @@ class Ended extends Error {}  // by a newer study
 
 async function start(given) {
   live = given;
-  const packed = Uint8Array.from(atob(live.wasm), c => c.charCodeAt(0));
-  const bytes = await new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"))).arrayBuffer();
-  const module = await WebAssembly.compile(bytes), imports = {};
+  const module = await WebAssembly.compile(await unpacked(live.wasm)), imports = {};
   for (const { module: from, name } of WebAssembly.Module.imports(module)) (imports[from] ??= {})[name] = () => 52;  // no system
   wasm = (await WebAssembly.instantiate(module, imports)).exports;
   wasm._initialize?.();
+  if (live.surrogate) {
+    const numbers = await unpacked(live.surrogate.numbers), { parts } = live.surrogate, m = live.n_t * live.n_y;
+    let at = 8 * m * parts.length;
+    const next = count => { const own = new Float32Array(numbers, at, count); at += own.byteLength; return own; };
+    surrogate = { error: next(m), parts: parts.map((part, k) => ({ ...part, constants: new Float64Array(numbers, 8 * m * k, m),
+                                                                  terms: next((part.degrees.length - 1) * m) })) };
+  }
   give({ kind: "ready" });
+}
+
+async function unpacked(text) {
+  const packed = new Blob([Uint8Array.from(atob(text), c => c.charCodeAt(0))]);
+  return new Response(packed.stream().pipeThrough(new DecompressionStream("deflate"))).arrayBuffer();
 }
 
 // Memory: parts of one room, given by numbers of doubles
@@ -52,7 +62,25 @@ function text(at) {
   return new TextDecoder().decode(bytes.slice(0, bytes.indexOf(0)));
 }
 
+function evaluate(parameters, at) {  // the polynomials of the part of the box that contains the parameters
+  const distance = ({ centre, half }) => Math.max(...parameters.map((value, k) => Math.abs(value - centre[k]) / half[k]));
+  const nearest = surrogate.parts.reduce((best, part) => distance(part) < distance(best) ? part : best);
+  const { centre, half, degrees, constants, terms } = nearest, m = constants.length, rows = view(at, m);
+  const legendre = parameters.map((value, k) => {
+    const x = (value - centre[k]) / half[k], P = [1, x], most = Math.max(...degrees.map(own => own[k]));
+    for (let j = 1; j < most; j++) P.push(((2 * j + 1) * x * P[j] - j * P[j - 1]) / (j + 1));
+    return P;
+  });
+  rows.set(constants);
+  degrees.slice(1).forEach((own, b) => {
+    const factor = own.reduce((product, degree, k) => product * legendre[k][degree], 1);
+    for (let i = 0; i < m; i++) rows[i] += factor * terms[b * m + i];
+  });
+  return { finished: live.n_t, fault: null };
+}
+
 function run(parameters, columns, at, p) {  // rows of the first columns, to a place in memory
+  if (surrogate) return evaluate(parameters, at);
   view(p, parameters.length).set(parameters);
   const finished = wasm.run(p, columns, at);
   if (finished < live.n_t) view(at + 8 * finished * columns, (live.n_t - finished) * columns).fill(NaN);
@@ -96,7 +124,7 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
   if (!d) {
     const y = new Float64Array(m);
     for (let k = 0; k < n_t; k++) y.set(first.rows.subarray(k * n_out, k * n_out + n_y), k * n_y);
-    const error = new Float64Array(m), told = closest(y, y, error, 0).map(finish);
+    const error = surrogate ? Float64Array.from(surrogate.error) : new Float64Array(m), told = closest(y, y, error, 0).map(finish);
     give({ kind: "bounds", id, level: 0, levels: 1, runs: 1, failed: 0, lower: y, upper: y.slice(), error, done: true,
            ms: performance.now() - began, limits: told });
     give({ kind: "effects", id, widths: new Float64Array(n_y * values.length),
@@ -122,7 +150,7 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
       for (const ends of [lower, upper]) ends[i] = Math.min(Math.max(ends[i], low ?? -Infinity), high ?? Infinity);
     }
     for (let i = 0; before && i < m; i++)
-      error[i] = Math.max(Math.abs(lower[i] - before.lower[i]), Math.abs(upper[i] - before.upper[i]));
+      error[i] = Math.max(Math.abs(lower[i] - before.lower[i]), Math.abs(upper[i] - before.upper[i])) + (surrogate?.error[i] ?? 0);
     before = { lower: lower.slice(), upper: upper.slice() };
     const done = l === sizes.length - 1;
     told = closest(lower, upper, error, level);
@@ -174,7 +202,7 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
       limit.low === null ? 0 : (middle(k) - ends.lower[k * n_y + limit.output]) / (middle(k) - limit.low),
       limit.high === null ? 0 : (ends.upper[k * n_y + limit.output] - middle(k)) / (limit.high - middle(k)));
     const times = Array.from({ length: n_t }, (_, k) => k);
-    if (times.some(k => limit.low !== null && middle(k) < limit.low || limit.high !== null && middle(k) > limit.high)) return null;
+    if (times.some(k => limit.low !== null && middle(k) < limit.low || limit.high !== null && middle(k) > limit.high)) return 0;
     const chosen = times.sort((a, b) => nearest(b) - nearest(a)).slice(0, 25), count = chosen.length;
     const columns = new Float64Array(n * count);
     for (let j = 0; j < n; j++) chosen.forEach((k, r) => { columns[j * count + r] = view(Y, n * m)[j * m + k * n_y + limit.output]; });
@@ -184,12 +212,13 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
       const [lower, upper] = await boundsOf(level, count, count, scaled);
       return (limit.low === null || lower.every(y => y >= limit.low)) && (limit.high === null || upper.every(y => y <= limit.high));
     };
-    if (await kept(3)) return null;
-    let low = 0, high = 3;
+    const room = i => Math.min(values[i] - live.parameters[i].low, live.parameters[i].high - values[i]);
+    let low = 0, high = surrogate ? Math.min(3, ...varied.map(i => room(i) / tolerances[i])) : 3;
+    if (await kept(high)) return null;
     while (high - low > 2e-3 * high && high > 1e-3) {
       const middle = (low + high) / 2;
       if (await kept(middle)) low = middle; else high = middle;
     }
-    return low;
+    return low || high;
   }
 }
