@@ -111,7 +111,8 @@ def _estimated(runs: Runs, tolerance: float, is_patient: bool) -> tuple[Estimate
     try:
         with one_thread():
             surrogate = TensorGrids(runs, tolerance) if len(runs.box) <= MOST_PARAMETERS else None
-            known = oscillation_ranges(runs, tolerance)
+            is_resolved = surrogate is not None and surrogate.is_resolved
+            known = dict[int, EstimatedRange]() if is_resolved else oscillation_ranges(runs, tolerance)
             if surrogate is None or len(known) == runs.shape[1]:
                 return range_of_many(runs, tolerance, is_patient, known), [*known]
             if known:

@@ -114,6 +114,11 @@ class TensorGrids:
         self._chosen, self._parts, self._has_fields = self._pieces[0], list[Part](), False
         self._share_of_secants = np.zeros(runs.shape[1])
 
+    @property
+    def is_resolved(self) -> bool:
+        """Whether the error of the first interpolant is expected to be within the tolerance."""
+        return relative_rms(self._pieces[0].truncation.least, self._widths) <= self._tolerance
+
     def bounded(self) -> EstimatedRange | None:
         """The range, if its error is small enough or cannot be reduced.
 
