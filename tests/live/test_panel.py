@@ -101,7 +101,10 @@ def test_a_move_gives_a_new_run_bounds_and_words(page):
     assert page.run("numbers[page.bounds.upper[0] + 10 * 2]") == pytest.approx(0.93)  # of the viewer
     assert [page.run(f"numbers[page.runs[{k}].values[0] + 10 * 2]") for k in range(2)] == pytest.approx([0.92, 0.93])
     page.run("live.set({g: {tolerance: 0.7995}})")
-    assert _limit(page) == "undecided: margin 5.00e-5 m at 1 s, error up to 0.001 m"
+    assert _limit(page) == (
+        "undecided: margin 5.00e-5 m at 1 s, error up to 0.001 m. The polynomials are too "
+        "inaccurate here, as near jumps. bounds.check in Python can decide."
+    )
     page.run("live.set({g: {tolerance: 0.9}})")
     assert _limit(page) == "violated: exceeded by 0.01 m at 1 s"
     page.run("new Promise(go => { const look = () => $('factor').textContent ? go() : setTimeout(look, 20); look(); })")
@@ -166,7 +169,7 @@ def test_changes_by_scripts_are_checked_before_they_are_made(page):
 
 def test_a_fault_of_an_older_study_is_not_told(page):
     page.run("live.set({m: {value: -1}}); live.set({m: {value: 2}})")
-    assert page.run("$('state').textContent").startswith("9 runs, error of y")
+    assert page.run("$('state').textContent").startswith("9 runs, error of \u2068y")
 
 
 @pytest.mark.parametrize("width", [1200, 390])
