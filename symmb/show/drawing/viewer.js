@@ -382,9 +382,9 @@ const lengthText = a => a >= 1 ? `${+a.toPrecision(3)} m` : a >= 1e-3 ? `${+(1e3
 const curves = [];
 function makeCurves() {
   first.outputs.forEach((name, i) => {
-    const box = document.createElement("div"), c = document.createElement("img"), cursor = document.createElement("i");
+    const box = document.createElement("div"), c = document.createElement("canvas"), cursor = document.createElement("i");
     const head = document.createElement("p"), value = document.createElement("b");
-    head.append(name, value); box.append(head, c, cursor); c.draggable = false; c.alt = `${name} over time`;
+    head.append(name, value); box.append(head, c, cursor); c.role = "img"; c.ariaLabel = `${name} over time`;
     const share = e => (e.clientX - c.getBoundingClientRect().left) / c.clientWidth;
     box.onpointerdown = box.onpointermove = e => { if (e.buttons) seek(nearest(first, times0() + share(e) * span())); };
     $("curves").append(box);
@@ -399,8 +399,8 @@ function rangeOf(columns) {
 }
 
 function drawCurves(chosen = curves) {
-  const n = first.outputs.length, t = column(first.t, 0, 1), sheet = document.createElement("canvas"), pen = sheet.getContext("2d", { willReadFrequently: true }), by = roundBelow(span() / 4);
-  for (const curve of chosen) {  // images: the browser would copy a canvas into the page for each picture
+  const n = first.outputs.length, t = column(first.t, 0, 1), sheet = new OffscreenCanvas(1, 1), pen = sheet.getContext("2d"), by = roundBelow(span() / 4);
+  for (const curve of chosen) {
     const { i, c } = curve, w = sheet.width = c.clientWidth * devicePixelRatio, foot = 14 * devicePixelRatio, h = (sheet.height = c.clientHeight * devicePixelRatio) - foot;
     const lines = runs.map(run => ({ values: column(run.values, i, n), tint: run.tint || page.palette[0] }));
     const bounds = page.bounds && [page.bounds.lower, page.bounds.upper].map(at => column(at, i, n));
@@ -430,7 +430,7 @@ function drawCurves(chosen = curves) {
     }
     pen.fillStyle = "#4b5563";
     for (const [v, at] of [[high, 10 * devicePixelRatio], [low, h - 3 * devicePixelRatio]]) pen.fillText(short(v), 3, at);
-    c.src = sheet.toDataURL();
+    c.getContext("bitmaprenderer").transferFromImageBitmap(sheet.transferToImageBitmap());
   }
 }
 const short = v => Number.isNaN(v) ? "\u2013" : !v || Math.abs(v) >= 1e-3 && Math.abs(v) < 1e5 ? String(+v.toPrecision(4)) : v.toExponential(2);
