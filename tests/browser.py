@@ -85,6 +85,21 @@ class Browser:
         """Write a picture of the page."""
         path.write_bytes(base64.b64decode(self._call("Page.captureScreenshot")["data"]))
 
+    def press(self, key: str, shift: bool = False) -> None:
+        """Press and release a key, such as "Tab" or "+"."""
+        text = {"text": key} if len(key) == 1 else {}
+        codes = {"Tab": 9, " ": 32, "ArrowLeft": 37, "ArrowUp": 38, "ArrowRight": 39, "ArrowDown": 40}
+        code = {"windowsVirtualKeyCode": codes.get(key, 0), "modifiers": 8 * shift}
+        self._call("Input.dispatchKeyEvent", type="keyDown", key=key, **code, **text)
+        self._call("Input.dispatchKeyEvent", type="keyUp", key=key, **code)
+
+    def touch(self, *moves: list[tuple[float, float]]) -> None:
+        """Touch the page with fingers, move them from places to places [pixels], and lift them."""
+        for kind, places in zip(("touchStart", *["touchMove"] * len(moves)), [*moves], strict=False):
+            points = [{"x": x, "y": y, "id": finger} for finger, (x, y) in enumerate(places)]
+            self._call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+        self._call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+
     def memory(self) -> float:
         """Memory of the page's scripts after garbage collection [MB], with the arrays of its numbers."""
         for _ in range(3):  # some memory is given back by a later collection only

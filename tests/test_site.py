@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -177,7 +178,12 @@ def test_site(tmp_path):
     scripts = {path.stem for path in (ROOT / "examples").glob("*.py")}
     late = {name for name in scripts if "did not wait for its end" in gallery[name]}
     assert "artillery" in late and len(late) < len(scripts) / 2  # a busy machine has others
-    assert {name for name in scripts - late if not drawn[name]} == {"cubic"} - late  # it draws nothing
+    assert {name for name in scripts - late if not drawn[name]} == {
+        "cubic",
+        "live_mechanisms",
+    } - late  # links, or nothing
+    pages = re.findall(r'href="(\.\./drawn/live_mechanisms/\w+\.html)"><img', gallery["live_mechanisms"])
+    assert len(pages) == 6 * (find_spec("ziglang") is not None) or "live_mechanisms" in late
     assert sum("iframe" in drawn[name] for name in scripts) >= 14 - len(late - {"artillery"})
 
     assert cards_without_pictures(gallery["index"]) == {"black_box", "cluster", "cubic", "model_cubic"}

@@ -162,6 +162,10 @@ def heading(title: str, mark: str = "=") -> str:
     return f"{title}\n{mark * len(title)}\n"
 
 
+def titled(name: str) -> str:
+    return name.replace("_", " ").capitalize()
+
+
 def directive(name: str, argument: str, *lines: str) -> str:
     return "\n   ".join([f".. {name}:: {argument}", *lines]) + "\n"
 
@@ -247,21 +251,22 @@ def shown(script: Path, title: str, drawn: bool) -> list[str]:
         if file.suffix == ".png"
     ]
     frame = '<iframe src="../drawn/{}/{}" title="{}" loading="lazy"></iframe>'
-    pages = [
-        directive("raw", "html", "", frame.format(name, file.name, title)) for file in files if file.suffix == ".html"
-    ]
+    found = [file for file in files if file.suffix == ".html"]
+    pages = [directive("raw", "html", "", frame.format(name, file.name, title)) for file in found]
+    if len(found) > 1:
+        pages = [cards([card(f"../drawn/{name}/{file.stem}", titled(file.stem), "") for file in found])]
     text = (folder / "printed.txt").read_text(encoding="utf-8")
     printed = ["It prints\n", directive("code-block", "text", ":class: whole", "", *text.splitlines())]
     return [*said, *pages, *pictures, *(printed if text.strip() else [])]
 
 
-CARDS = {"paper_section_4_2": "double_pendulum", "weave_speed": "bicycle"}
+CARDS = {"live_mechanisms": "four_bar", "paper_section_4_2": "double_pendulum", "weave_speed": "bicycle"}
 """Examples whose card shows the mechanism of a shipped scene."""
 
 
 def card(page: str, title: str, text: str) -> str:
     """A part of the gallery that links to a page: a picture of the mechanism, if there is one, title and a sentence."""
-    name = page.removeprefix("model_")
+    name = page.rpartition("/")[2].removeprefix("model_")
     picture = f"{CARDS.get(name, name)}.png"
     there = (EXAMPLES / "figures" / "mechanisms" / picture).exists()
     image = f'<img src="../_static/{picture}" alt="">' if there else ""
@@ -284,7 +289,7 @@ def write_models() -> tuple[set[str], list[str]]:
     written, entries = set(), []
     for name in shipped_names():
         code = (ROOT / "models" / f"{name}.py").read_text(encoding="utf-8")
-        tree, title = ast.parse(code), f"{name.replace('_', ' ').capitalize()}, a model"
+        tree, title = ast.parse(code), f"{titled(name)}, a model"
         text = ast.get_docstring(tree) or ""
         picture = f"figures/mechanisms/{name}.png"
         drawn = [directive("image", f"/../{picture}", f":alt: {title}")] if (EXAMPLES / picture).exists() else []
@@ -304,8 +309,7 @@ def write_gallery() -> set[str]:
         drawn_now = list(pool.map(lambda script: script.stem not in LONG and run_example(script), scripts))
     for script, now in zip(scripts, drawn_now, strict=True):
         tree = ast.parse(script.read_text(encoding="utf-8"))
-        text, title = ast.get_docstring(tree) or "", re.sub(r"(\d)_(\d)", r"\1.\2", script.stem)
-        title = title.replace("_", " ").capitalize()
+        text, title = ast.get_docstring(tree) or "", titled(re.sub(r"(\d)_(\d)", r"\1.\2", script.stem))
         code = included(script.name, tree)
         said = text.replace("\n\n    ", "\n\n::\n\n    ")  # commands
         page = [heading(title), f"`examples/{script.name}`\n", said, "", *shown(script, title, now), code]
@@ -335,6 +339,7 @@ def home() -> str:
     """README as the first page of the site."""
     readme = (ROOT / "README.md").read_text(encoding="utf-8").replace("(examples/guide/index.md)", "(#guide)")
     readme = re.sub("</?p>", "", readme.replace("](examples/guide/", "](")).replace('src="examples/', 'src="../')
+    readme = re.sub(r"\(examples/(\w+)\.py\)", r"(gallery/\1.rst)", readme)
     readme = readme.replace("`models/` with twenty-five mechanisms", "[twenty-five mechanisms](gallery/index.rst)")
     if not (HERE / "gallery" / "site" / MOVING).exists():
         return readme

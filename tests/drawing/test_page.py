@@ -152,6 +152,33 @@ def test_an_address_plays_or_stands(browser, pendulum, address, sign):
     assert not browser.errors
 
 
+def test_fingers_and_keys_move_the_view(browser, pendulum):
+    """The drawing moves with a finger, and stretches with two fingers."""
+    browser.open(pendulum[1])
+    browser.run("symmb.play(false)")
+    box = "(({ x, y, width, height }) => [x + width / 2, y + 0.8 * height])(canvas.getBoundingClientRect())"
+    x, y = browser.run(box)
+    places = "[[0, 0, 0], [0.1, 0.1, 0]].map(symmb.project)"
+
+    def moved(*moves: list[tuple[float, float]]) -> tuple[Array, Array]:
+        before = np.array(browser.run(places))
+        browser.touch(*moves)
+        return before, np.array(browser.run(places))
+
+    before, after = moved([(x, y)], [(x + 30, y)], [(x + 30, y - 20)])
+    assert np.allclose(after - before, [30, -20])
+    before, after = moved([(x - 20, y), (x + 20, y)], [(x - 40, y), (x + 40, y)])
+    assert np.allclose(np.diff(after, axis=0), 2 * np.diff(before, axis=0))
+    before, k = after, browser.run("picture")
+    browser.press("ArrowRight", shift=True)
+    after = np.array(browser.run(places))
+    assert np.allclose(after - before, [20, 0])
+    browser.press("+")
+    assert np.allclose(np.diff(browser.run(places), axis=0), 1.1 * np.diff(after, axis=0))
+    browser.press("ArrowRight")
+    assert browser.run("picture") == k + 1 and not browser.errors
+
+
 def test_pixels_show_what_is_there(browser, pendulum):
     run, path = pendulum
     browser.open(path)
@@ -222,10 +249,10 @@ def test_joints_open_and_meshes_stay_with_their_bodies(browser, tmp_path):
 def test_curves_have_a_time_axis(browser, pendulum):
     browser.open(pendulum[1])
     ticks = """(() => {
-        const texts = [], fill = CanvasRenderingContext2D.prototype.fillText;
-        CanvasRenderingContext2D.prototype.fillText = function (text, ...at) { texts.push(text); fill.call(this, text, ...at); };
+        const texts = [], fill = OffscreenCanvasRenderingContext2D.prototype.fillText;
+        OffscreenCanvasRenderingContext2D.prototype.fillText = function (text, ...at) { texts.push(text); fill.call(this, text, ...at); };
         dispatchEvent(new Event("resize"));
-        CanvasRenderingContext2D.prototype.fillText = fill;
+        OffscreenCanvasRenderingContext2D.prototype.fillText = fill;
         return texts;
     })()"""  # noqa: E501
     assert browser.run(ticks)[:6] == ["0", "2", "4", "6", "8", "10 s"]

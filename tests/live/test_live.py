@@ -86,10 +86,13 @@ def shipped(name: str) -> mb.Scene:
 
 @NEEDED
 @COMPILED
-@pytest.mark.parametrize("name", ["double_pendulum", "four_bar", "bouncing_ball"])
-def test_runs_and_bounds_are_those_of_python(browser, tmp_path, name):
+@pytest.mark.parametrize(
+    ("name", "most"), [("double_pendulum", 2), ("four_bar", 3), ("four_bar", 4), ("bouncing_ball", 1)]
+)
+def test_runs_and_bounds_are_those_of_python(browser, tmp_path, name, most):
     scene = shipped(name)
     live, simulator = Live(browser, scene, tmp_path / "page.html"), mb.prepare(scene)
+    live.tolerances[most:] = 0
     run, *bounds, effects = live.studies((live.values, live.tolerances))[-5:]
     nominal = simulator.run(live.values[None]).Y[0]
     assert np.abs(run["rows"][:, : nominal.shape[1]] - nominal).max() < WIDTH * np.ptp(nominal, axis=0).max()

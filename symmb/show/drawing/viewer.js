@@ -265,7 +265,8 @@ function fit() {
         for (const place of shape.places) {
           const tip = shape.form === "arrow" ? row(shape.direction, k, 3) : [0, 0, 0], p = add(position(run, place, k), tip);
           include(p, shape.form === "solid" ? Math.hypot(...row(shape.direction, 0, 9)) / 1.2
-            : ["ball", "ring", "mesh"].includes(shape.form) ? shape.size[0] : 4 * first.unit);
+            : shape.form === "twist" ? length(row(shape.direction, k, 3))
+              : ["ball", "ring", "mesh"].includes(shape.form) ? shape.size[0] : 4 * first.unit);
         }
   }
   for (let i = 0, r = page.region; i < r?.points[1] * r?.count; i++) include(rowAt(r.points[0] + 3 * i, 3), 0.6 * first.unit);
@@ -381,9 +382,9 @@ const lengthText = a => a >= 1 ? `${+a.toPrecision(3)} m` : a >= 1e-3 ? `${+(1e3
 const curves = [];
 function makeCurves() {
   first.outputs.forEach((name, i) => {
-    const box = document.createElement("div"), c = document.createElement("img"), cursor = document.createElement("i");
+    const box = document.createElement("div"), c = document.createElement("canvas"), cursor = document.createElement("i");
     const head = document.createElement("p"), value = document.createElement("b");
-    head.append(name, value); box.append(head, c, cursor); c.draggable = false; c.alt = `${name} over time`;
+    head.append(name, value); box.append(head, c, cursor); c.role = "img"; c.ariaLabel = `${name} over time`;
     const share = e => (e.clientX - c.getBoundingClientRect().left) / c.clientWidth;
     box.onpointerdown = box.onpointermove = e => { if (e.buttons) seek(nearest(first, times0() + share(e) * span())); };
     $("curves").append(box);
@@ -398,8 +399,8 @@ function rangeOf(columns) {
 }
 
 function drawCurves(chosen = curves) {
-  const n = first.outputs.length, t = column(first.t, 0, 1), sheet = document.createElement("canvas"), pen = sheet.getContext("2d", { willReadFrequently: true }), by = roundBelow(span() / 4);
-  for (const curve of chosen) {  // images: the browser would copy a canvas into the page for each picture
+  const n = first.outputs.length, t = column(first.t, 0, 1), sheet = new OffscreenCanvas(1, 1), pen = sheet.getContext("2d"), by = roundBelow(span() / 4);
+  for (const curve of chosen) {
     const { i, c } = curve, w = sheet.width = c.clientWidth * devicePixelRatio, foot = 14 * devicePixelRatio, h = (sheet.height = c.clientHeight * devicePixelRatio) - foot;
     const lines = runs.map(run => ({ values: column(run.values, i, n), tint: run.tint || page.palette[0] }));
     const bounds = page.bounds && [page.bounds.lower, page.bounds.upper].map(at => column(at, i, n));
@@ -430,10 +431,10 @@ function drawCurves(chosen = curves) {
     }
     pen.fillStyle = "#4b5563";
     for (const [v, at] of [[high, 10 * devicePixelRatio], [low, h - 3 * devicePixelRatio]]) pen.fillText(short(v), 3, at);
-    c.src = sheet.toDataURL();
+    c.getContext("bitmaprenderer").transferFromImageBitmap(sheet.transferToImageBitmap());
   }
 }
-const short = v => !v || Math.abs(v) >= 1e-3 && Math.abs(v) < 1e5 ? String(+v.toPrecision(4)) : v.toExponential(2);
+const short = v => Number.isNaN(v) ? "\u2013" : !v || Math.abs(v) >= 1e-3 && Math.abs(v) < 1e5 ? String(+v.toPrecision(4)) : v.toExponential(2);
 
 // Sliders: each place is a run
 function makeSliders() {
@@ -504,6 +505,7 @@ function follow() {  // the address: #t=4.2, or #play
   const address = new URLSearchParams(location.hash.slice(1)), t = Number(address.get("t") ?? NaN);
   if (Number.isFinite(t)) { play(false); seek(nearest(first, t)); }
   if (address.has("play")) play(true);
+  return Number.isFinite(t) || address.has("play");
 }
 
 function resize() {
@@ -512,9 +514,8 @@ function resize() {
   overlaid = ""; drawCurves(); fit(); show();
 }
 
-function drag(e) {
-  const right = e.movementX, down = e.movementY;
-  if (Boolean((e.buttons & 2) || e.shiftKey) !== first.planar) {
+function drag(right, down, shifts) {  // turn the view, or shift it; views of the plane are only shifted by default
+  if (shifts !== first.planar) {
     const metre = view.height / canvas.clientHeight, [x, y] = view.axes;
     view.centre = add(view.centre, add(times(x, -right * metre), times(y, down * metre)));
   } else {
@@ -531,16 +532,27 @@ function hover(e) {
   tip.hidden = !it;
   if (!it) return;
   tip.textContent = `${it.shape.name} \u2013 ${it.shape.kind}${runs[it.run].tint ? `, ${runs[it.run].label}` : ""}`;
-  Object.assign(tip.style, { left: `${e.offsetX + 14}px`, top: `${e.offsetY + 10}px` });
+  Object.assign(tip.style, { left: 0, top: `${e.offsetY + 10}px` });
+  tip.style.left = `${Math.max(0, Math.min(e.offsetX + 14, canvas.clientWidth - tip.offsetWidth))}px`;
 }
 
 function listen() {
   let asked = 0;
-  canvas.onpointerdown = e => canvas.setPointerCapture(e.pointerId);
+  const pressed = new Map();  // the last events of the mouse or the fingers that press the canvas
+  canvas.onpointerdown = e => { canvas.setPointerCapture(e.pointerId); pressed.set(e.pointerId, e); };
+  canvas.onpointerup = canvas.onpointercancel = e => pressed.delete(e.pointerId);
   canvas.onpointermove = e => {
-    if (e.buttons) drag(e);
-    else if (performance.now() - asked > 60) { asked = performance.now(); hover(e); }
+    const before = pressed.get(e.pointerId), other = [...pressed.values()].find(own => own.pointerId !== e.pointerId);
+    if (before) {
+      const right = e.clientX - before.clientX, down = e.clientY - before.clientY;
+      const apart = own => Math.hypot(own.clientX - other.clientX, own.clientY - other.clientY) || 1;
+      pressed.set(e.pointerId, e);
+      if (other) view.height *= apart(before) / apart(e);
+      if (other) drag(right / 2, down / 2, !first.planar);
+      else drag(right, down, Boolean((e.buttons & 2) || e.shiftKey));
+    } else if (performance.now() - asked > 60) { asked = performance.now(); hover(e); }
   };
+  canvas.onclick = hover;  // a finger cannot hover
   canvas.onpointerleave = () => { $("tip").hidden = true; };
   canvas.oncontextmenu = e => e.preventDefault();
   canvas.ondblclick = () => { view.axes = [0, 1, 2].map(i => first.camera.slice(3 * i, 3 * i + 3)); fit(); show(); };
@@ -550,9 +562,13 @@ function listen() {
   $("scale").oninput = e => { scale = Number(e.target.value); $("scaled").textContent = `\u00d7${scale}`; show(); };
   $("ghosts").onchange = $("solids").onchange = show;
   document.onkeydown = e => {
-    if (e.key === " " && e.target.tagName !== "BUTTON") { e.preventDefault(); play(!playing); }
-    const by = { ArrowRight: 1, ArrowLeft: -1 }[e.key];
-    if (by && e.target.tagName !== "INPUT") seek(Math.min(Math.max(picture + by, 0), first.t[1] - 1));
+    const on = elements => e.target.matches(elements), by = { "+": 1 / 1.1, "-": 1.1 }[e.key];
+    const [right, down] = { ArrowRight: [1, 0], ArrowLeft: [-1, 0], ArrowDown: [0, 1], ArrowUp: [0, -1] }[e.key] ?? [0, 0];
+    if (e.key === " " && !on("button, select, input:not([type=range])")) { e.preventDefault(); play(!playing); }
+    if (e.ctrlKey || e.metaKey || e.altKey || on("input, select")) return;
+    if (by) { view.height *= by; show(); }
+    else if (e.shiftKey && (right || down)) drag(20 * right, 20 * down, false);
+    else if (right) seek(Math.min(Math.max(picture + right, 0), first.t[1] - 1));
   };
   addEventListener("hashchange", follow);
   addEventListener("resize", resize);
@@ -567,7 +583,7 @@ $("scrub").max = first.t[1] - 1; $("speed").value = page.speed;
 $("elastic").hidden = !first.places.some(p => p.elastic);
 $("several").hidden = runs.length < 2 && !page.region;
 $("inertia").hidden = !first.shapes.some(s => s.kind === INERTIA);
-makeCurves(); listen(); resize(); follow();
-if (!location.hash) { seek(page.picture); play(!page.mark); }
+makeCurves(); listen(); resize();
+if (!follow()) { seek(page.picture); play(!page.mark); }
 window.symmb = { seek, pick, project, play, frameMatrix: i => frameMatrix(first, i, picture), drawn: () => drawn, parts: () =>
   parts.map(p => ({ name: p.shape.name, kind: p.shape.kind, form: p.shape.form, run: p.run, matrix: p.matrix })) };

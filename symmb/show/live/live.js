@@ -22,7 +22,8 @@ window.live = (() => {
     node.textContent = text;
   };
   const quantity = (value, unit) => `${short(value)}${unit && `\u00a0${unit}`}`;
-  const brief = text => text.length > 60 ? `${text.slice(0, 59)}…` : text;
+  // Isolated, so that a name in Arabic or Hebrew does not reverse the signs and numbers beside it
+  const brief = text => `\u2068${text.length > 60 ? `${text.slice(0, 59)}…` : text}\u2069`;
   const at = k => `${short(live.times[k])}\u00a0s`;
   const when = ({ output }, k) => outputs[output].scalar ? "" : ` at ${at(k)}`;  // a scalar output is the same at all times
   const limitText = ({ output, low, high }) => {
@@ -68,8 +69,9 @@ window.live = (() => {
     const margin = `margin ${quantity(found.margin, unit)}${when(limit, found.time)}`;
     if (found.margin >= found.error) return ["satisfied", `satisfied: smallest ${margin}`];
     if (!bounds.done) return ["", `${margin}, refining …`];
-    return ["undecided", found.margin < 0 ? `undecided: bounds exceed it by ${quantity(-found.margin, unit)}${when(limit, found.time)}`
-      : `undecided: ${margin}, error up to ${quantity(found.error, unit)}`];
+    const why = found.margin < 0 ? `bounds exceed it by ${quantity(-found.margin, unit)}${when(limit, found.time)}`
+      : `${margin}, error up to ${quantity(found.error, unit)}`;
+    return ["undecided", `undecided: ${why}. The polynomials are too inaccurate here, as near jumps. bounds.check in Python can decide.`];
   }
 
   const varied = i => state[i].tolerance > 0 && !state[i].locked;
@@ -91,7 +93,7 @@ window.live = (() => {
 
   function factorText() {
     const limit = limits[focus], own = effects?.limits[focus];
-    if (!own || !state.some((_, i) => varied(i))) return "";
+    if (!own || !state.some((_, i) => varied(i)) || verdict(limit, bounds.limits[focus])[0] === "undecided") return "";
     if (own.factor === 0) return "The nominal run is already beyond the limit.";
     const factor = own.factor?.toPrecision(3);
     if (factor >= 1) return `All tolerances may be ${+factor} times as large until the limit is reached.`;

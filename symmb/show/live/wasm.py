@@ -13,11 +13,11 @@ from symmb.run.simulation import FigureSimulator
 MOST_VARIED = 8
 """Largest number of parameters with tolerances at the same time. More parameters take too many runs for a page."""
 _MOST_NODES = 400
-"""Largest number of nodes of a sparse grid."""
+"""Largest number of nodes of a level."""
 _DEGREES = 0, 2, 4, 8
 """Degrees of one parameter in the levels. The nodes of each level contain the nodes of the level before."""
 _TENSORS = 3
-"""Up to this number of parameters, levels are tensor grids. Sparse grids have fewer nodes for more parameters."""
+"""Up to this number of parameters, levels are tensor grids if these are small. Sparse grids have fewer nodes."""
 
 
 def module(n: int, source: SceneSource | None = None, figures: FigureSimulator | None = None) -> bytes:
@@ -52,8 +52,11 @@ def _levels(d: int) -> list[Grid]:
     """Levels of d parameters: tensor grids for a few parameters, otherwise sparse grids (Smolyak 1963)."""
     found, grid = list[Grid](), Grid(d)
     for level in range(1, len(_DEGREES)):
-        if d <= _TENSORS:
-            largest = [(_DEGREES[level],) * d]
+        degree, low = _DEGREES[level], _DEGREES[1]
+        if d <= _TENSORS and (degree + 1) ** d <= _MOST_NODES:
+            largest = [(degree,) * d]
+        elif d <= _TENSORS:  # each parameter has the highest degree, but not several of them in one term
+            largest = [tuple(degree if k == one else low for k in range(d)) for one in range(d)]
         else:
             several = itertools.combinations_with_replacement(range(d), level)
             largest = [tuple(_DEGREES[axes.count(k)] for k in range(d)) for axes in several]
