@@ -280,7 +280,7 @@ class Answers(Envelope):
                     "Use the bounds that propagate has returned."
                 )
             is_good[:] = True
-            remarks.append("The polynomials used here are inaccurate. Bounds from a file cannot make further runs.")
+            remarks.append("The polynomials used here are inaccurate. No further runs can be made.")
         values = [self.nominal_parameters.get(n, m) for n, m in zip(self.box.names, self.box.center, strict=True)]
         point = self.box.to_unit(np.array(values))
         if self._left_out:

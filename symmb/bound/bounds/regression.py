@@ -1,6 +1,7 @@
 """Polynomials by least squares from runs that are spread over the box, with leave-one-out errors."""
 
 from collections.abc import Iterator
+from itertools import chain
 
 import numpy as np
 
@@ -25,7 +26,7 @@ def fitted(points: Array, Y: Array, parameters: tuple[str, ...]) -> Piecewise:
     found = [(np.zeros((1, points.shape[1]), dtype=np.intp), values.mean(axis=0)[None])]
     with one_thread():
         # Smallest number of runs for each term. Fewer runs do not determine coefficients reliably.
-        for alpha in _bases(points.shape[1], len(points) // 2):
+        for alpha in chain.from_iterable(bases(points.shape[1], len(points) // 2)):
             q, r = np.linalg.qr(basis_values(alpha, points))
             # Smallest value of 1 minus the leverage of a run. If a run alone determines a term, its residual is only
             # rounding.
@@ -46,15 +47,19 @@ def fitted(points: Array, Y: Array, parameters: tuple[str, ...]) -> Piecewise:
     return Piecewise.whole(expansion, np.sqrt(squares).reshape(Y.shape[1:]))
 
 
-def _bases(d: int, most: int) -> Iterator[MultiIndices]:
-    """Sets of degrees with at most `most` terms, each set once."""
+def bases(d: int, most: int) -> Iterator[Iterator[MultiIndices]]:
+    """Families of bases of d parameters with increasing degrees and at most `most` terms, each basis once."""
     sizes = set[int]()
-    for q in _CROSS_EXPONENTS:
-        # Highest degree. There are rarely enough runs for higher degrees.
-        for degree in range(1, 17):
-            alpha = HyperbolicCross(q).indices(d, degree)
-            if len(alpha) > most:
-                break
-            if len(alpha) not in sizes:
-                sizes.add(len(alpha))
-                yield alpha
+    return (_family(q, d, most, sizes) for q in _CROSS_EXPONENTS)
+
+
+def _family(q: float, d: int, most: int, sizes: set[int]) -> Iterator[MultiIndices]:
+    """Hyperbolic crosses with the exponent q and increasing degrees, without known sizes."""
+    # Highest degree. There are rarely enough runs for higher degrees.
+    for degree in range(1, 17):
+        alpha = HyperbolicCross(q).indices(d, degree)
+        if len(alpha) > most:
+            return
+        if len(alpha) not in sizes:
+            sizes.add(len(alpha))
+            yield alpha
