@@ -97,13 +97,13 @@ class BlackBox(ABC):
                 raise
             except BaseException as error:  # any exception of the user's code fails the run, also sys.exit
                 t_failed[i] = self.times[0]
-                messages.append(f"{fault_text(error)} ({values_of(self, row)})")
+                messages.append(f"{fault_text(error)} ({_text(self, row)})")
                 continue
             bad = ~np.isfinite(Y[i]).all(axis=1)
             if bad.any():
                 first = int(bad.argmax())
                 t_failed[i] = self.times[first]
-                messages.append(f"{self._irregular(Y[i])} ({values_of(self, row)})")
+                messages.append(f"{self._irregular(Y[i])} ({_text(self, row)})")
                 Y[i, first:] = np.nan
         return Ensemble(Y, np.isnan(t_failed), t_failed, tuple(messages))
 
@@ -201,7 +201,7 @@ def _short(value: Any) -> str:
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
-def values_of(simulator: Simulator, p: Array) -> str:
+def _text(simulator: Simulator, p: Array) -> str:
     return values_text(simulator.parameters, p, units_of_parameters(simulator.parameters), "=")
 
 
@@ -215,5 +215,5 @@ def timed_runs(simulator: Simulator, P: Array) -> tuple[Ensemble, float]:
 def lost_runs(simulator: Simulator, P: Array, reason: str) -> Ensemble:
     """Failed runs of samples P (n, d) whose worker died."""
     Y = np.full((len(P), len(simulator.times), len(simulator.outputs)), np.nan)
-    messages = tuple(f"{reason} ({values_of(simulator, p)})" for p in P)
+    messages = tuple(f"{reason} ({_text(simulator, p)})" for p in P)
     return Ensemble(Y, np.zeros(len(P), dtype=bool), np.full(len(P), simulator.times[0]), messages)

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
-from symmb._names import normal
-from symmb._options import numbers_of, shown
-from symmb._types import Array, Executor, Mask
-from symmb.connect.black_box import BlackBox, values_of
-from symmb.connect.simulator import Ensemble, Progress, Reduction, S, checked_samples, stream
+from symmb._options import numbers_of, require_numbers
+from symmb._types import Array, Mask
+from symmb.connect.black_box import BlackBox
+from symmb.connect.simulator import Ensemble, checked_samples
 from symmb.equations.model import Box
 
 
@@ -45,7 +44,7 @@ class RecordedRuns(BlackBox):
         If a shape does not fit, or X contains a value that is not finite. Also for wrong names and times, as for a
         FunctionSimulator.
     PropagationError
-        Raised by ``run`` and ``stream``, and thus by all methods that need new runs.
+        Raised by all methods that need new runs.
 
     Examples
     --------
@@ -61,6 +60,7 @@ class RecordedRuns(BlackBox):
     Y: Array
     ok: Mask
     box: Box
+    _rows: Mapping[bytes, int]
 
     def __init__(
         self,
@@ -70,74 +70,49 @@ class RecordedRuns(BlackBox):
         times: Array | Sequence[float],
         outputs: Sequence[str],
     ) -> None:
-        points, values = numbers_of(X), numbers_of(Y)
-        if points is None or points.ndim != 2 or not points.size:
-            raise DeclarationError(f"RecordedRuns: X must be numbers of the shape (N, d), got {_kind(X, points)}.")
-        if not np.isfinite(points).all():
-            row = int(np.isfinite(points).all(axis=1).argmin())
-            raise DeclarationError(f"RecordedRuns: row {row} of X is not finite. Leave out this run.")
+        points, values = require_numbers("RecordedRuns", "X", X, None, None), numbers_of(Y)
+        if not points.size:
+            raise DeclarationError("RecordedRuns: X has no runs or no columns.")
+        if not (is_finite := np.isfinite(points).all(axis=1)).all():
+            raise DeclarationError(f"RecordedRuns: row {is_finite.argmin()} of X is not finite. Leave out this run.")
         low, high = points.min(axis=0), points.max(axis=0)
-        if isinstance(parameters, list | tuple):
-            if len(parameters) != points.shape[1] or not all(isinstance(name, str) for name in parameters):
-                raise DeclarationError(
-                    f"RecordedRuns: X has {points.shape[1]} columns, but parameters are {shown(parameters)}."
-                )
-            if len(set(map(normal, parameters))) < len(parameters):
-                raise DeclarationError(f"RecordedRuns: parameters contain a name twice: {shown(parameters)}.")
+        if isinstance(parameters, list | tuple) and all(isinstance(name, str) for name in parameters):
             middle = low + 0.5 * (high - low)
-            parameters = dict(zip(parameters, middle.tolist(), strict=True))
-        self._declare(parameters, times, outputs, None)
-        shape = len(points), len(self.times), len(self.outputs)
+            parameters = dict(zip(parameters, [*middle.tolist(), *[0.0] * len(parameters)], strict=False))
+        self._declare(parameters, times, outputs, None)  # pyright: ignore[reportArgumentType]
         if len(self.parameters) != points.shape[1]:
             listed = ", ".join(self.parameters)
             raise DeclarationError(f"RecordedRuns: X has {points.shape[1]} columns, but the parameters are {listed}.")
-        if values is None or _long_axes(values.shape) != _long_axes(shape):
-            raise DeclarationError(
-                f"RecordedRuns: Y must be numbers of the shape {shape} (N, n_t, n_y), got {_kind(Y, values)}."
-            )
+        shape = len(points), len(self.times), len(self.outputs)
+        if values is None or [n for n in values.shape if n > 1] != [n for n in shape if n > 1]:
+            values = require_numbers("RecordedRuns", "Y", Y, *shape)
+        box = Box(**dict(zip(self.parameters, zip(low.tolist(), high.tolist(), strict=True), strict=True)))
         values = values.reshape(shape)
-        ends = zip(self.parameters, low.tolist(), high.tolist(), strict=True)
-        box = Box(**{name: (least, most) for name, least, most in ends})
-        vars(self).update(X=points, Y=values, ok=np.isfinite(values).all(axis=(1, 2)), box=box)
+        ok = np.isfinite(values).all(axis=(1, 2))
+        rows = {_key(points[k]): k for k in np.argsort(ok).tolist()}  # successful runs replace failed equal ones
+        vars(self).update(X=points, Y=values, ok=ok, box=box, _rows=rows)
 
     def run(self, P: Array) -> Ensemble:
         """The recorded runs at samples P (N, d). PropagationError is raised if one of them was not recorded."""
         P = checked_samples(self, P, None)
-        is_same = (P[:, None] == self.X).all(axis=2)
-        if not is_same.any(axis=1).all():
+        if not all(_key(row) in self._rows for row in P):
             raise self.refusal()
-        rows = is_same.argmax(axis=1)
-        Y, ok = self.Y[rows].copy(), self.ok[rows]
-        first = np.where(ok, 0, np.isfinite(Y).all(axis=2).argmin(axis=1))
-        messages = [f"{self._irregular(Y[i])} ({values_of(self, P[i])})" for i in np.flatnonzero(~ok)]
-        for i in np.flatnonzero(~ok):
-            Y[i, first[i] :] = np.nan
-        return Ensemble(Y, ok, np.where(ok, np.nan, self.times[first]), tuple(messages))
-
-    def stream(
-        self, P: Array, reduction: Reduction[S], executor: Executor | None = None, progress: Progress | None = None
-    ) -> S:
-        """Reduce the recorded runs at samples P (N, d), as `run`."""
-        return stream(self, P, reduction, None, progress)
+        return super().run(P)
 
     def response(self, values: dict[str, float]) -> Array:
         """The outputs (n_t, n_y) of the recorded run with these parameters."""
-        return self.run(np.array([[values[name] for name in self.parameters]])).Y[0]
+        return self.Y[self._rows[_key(np.array([*values.values()]))]]
 
-    def refusal(self) -> PropagationError:
-        """The error of methods that need new runs."""
+    def refusal(self, owner: str = "") -> PropagationError:
+        """The error of methods that need new runs. The text starts with `owner`."""
         return PropagationError(
-            f"{self!r} cannot make new runs. Use PolynomialChaos() without options, which needs only recorded runs."
+            f"{owner}{self!r} cannot make new runs. Use propagate with PolynomialChaos() without options, and the "
+            "answers of its bounds."
         )
 
     def __repr__(self) -> str:
         return f"RecordedRuns({len(self.X)} runs of {', '.join(self.outputs)})"
 
 
-def _kind(given: object, numbers: Array | None) -> str:
-    return shown(given)[:100] if numbers is None else f"the shape {numbers.shape}"
-
-
-def _long_axes(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """The shape without axes of length 1, except the axis of the runs."""
-    return shape[:1] + tuple(n for n in shape[1:] if n != 1)
+def _key(row: Array) -> bytes:
+    return (row + 0.0).tobytes()  # -0 becomes 0

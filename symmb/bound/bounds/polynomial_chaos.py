@@ -57,8 +57,9 @@ class PolynomialChaos(Method):
     responses have their extremes there. Outputs with at most eight output times use a Gaussian process that finds the
     directions of variation. Narrow bumps may be missed without a warning. Bumps are narrow if their standard deviation,
     divided by the half width of the box, is below 0.2 for two parameters, 0.4 for three and 0.5 for four.
-    ``PolynomialChaos(probes=200)`` finds more bumps. For `RecordedRuns`, it fits sparse polynomials. ``PolynomialChaos(order=4)`` has a given order: it interpolates at
-    Clenshaw-Curtis nodes, and takes the exact range of the interpolant. ``PolynomialChaos.paper(order=2)`` is the
+    ``PolynomialChaos(probes=200)`` finds more bumps. `RecordedRuns` get sparse polynomials by least squares.
+    ``PolynomialChaos(order=4)`` has a given order: it interpolates at Clenshaw-Curtis nodes, and takes the exact range
+    of the interpolant. ``PolynomialChaos.paper(order=2)`` is the
     method of the paper.
 
     Parameters
@@ -144,9 +145,7 @@ class PolynomialChaos(Method):
         return None if self.order is None else getattr(self.nodes, "size", lambda *_: None)(d, self.order)
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
-        if isinstance(simulator, RecordedRuns):
-            if self != PolynomialChaos():
-                raise simulator.refusal()
+        if isinstance(simulator, RecordedRuns) and self == PolynomialChaos():
             return recorded_bounds(repr(self), simulator, box)
         if self.order is None:
             require_runs(self, self.probes, "Use fewer probes.")

@@ -71,6 +71,8 @@ def propagate(
     method = PolynomialChaos() if method is None else method_of("propagate", method)
     with kept_interrupts(), shown_runs(progress, repr(method), method.unit_of_work) as progress:
         simulator, box = simulator_of(scene_or_simulator, box, solver)
+        if isinstance(simulator, RecordedRuns) and method != PolynomialChaos():
+            raise simulator.refusal(f"{method!r}: ")
         try:
             bounds = method.bounds(simulator, box, executor=executor, progress=progress)
         except PropagationError as error:

@@ -1,6 +1,5 @@
 """Polynomials by least squares from runs that are spread over the box, with leave-one-out errors."""
 
-from collections.abc import Iterator
 from itertools import chain
 
 import numpy as np
@@ -47,19 +46,16 @@ def fitted(points: Array, Y: Array, parameters: tuple[str, ...]) -> Piecewise:
     return Piecewise.whole(expansion, np.sqrt(squares).reshape(Y.shape[1:]))
 
 
-def bases(d: int, most: int) -> Iterator[Iterator[MultiIndices]]:
-    """Families of bases of d parameters with increasing degrees and at most `most` terms, each basis once."""
-    sizes = set[int]()
-    return (_family(q, d, most, sizes) for q in _CROSS_EXPONENTS)
-
-
-def _family(q: float, d: int, most: int, sizes: set[int]) -> Iterator[MultiIndices]:
-    """Hyperbolic crosses with the exponent q and increasing degrees, without known sizes."""
-    # Highest degree. There are rarely enough runs for higher degrees.
-    for degree in range(1, 17):
-        alpha = HyperbolicCross(q).indices(d, degree)
-        if len(alpha) > most:
-            return
-        if len(alpha) not in sizes:
-            sizes.add(len(alpha))
-            yield alpha
+def bases(d: int, most: int) -> list[list[MultiIndices]]:
+    """Sets of degrees with at most `most` terms, each set once: a list of increasing degrees for each exponent."""
+    families, sizes = [list[MultiIndices]() for _ in _CROSS_EXPONENTS], set[int]()
+    for family, q in zip(families, _CROSS_EXPONENTS, strict=True):
+        # Highest degree. There are rarely enough runs for higher degrees.
+        for degree in range(1, 17):
+            alpha = HyperbolicCross(q).indices(d, degree)
+            if len(alpha) > most:
+                break
+            if len(alpha) not in sizes:
+                sizes.add(len(alpha))
+                family.append(alpha)
+    return families

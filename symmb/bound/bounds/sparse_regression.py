@@ -22,27 +22,8 @@ more time. Responses of few runs rarely need them."""
 _COMPETITIVE = 3.0
 """Polynomials of other bases count if their error in cross-validation is smaller than this multiple of the smallest
 error. Their differences show the error in corners, which are far from all runs. tests/bounds/test_recorded_runs.py"""
-
-
-@dataclass(frozen=True, eq=False)
-class Terms:
-    """Polynomials of m responses: multi-indices (n_b, d) and coefficients (n_b, m)."""
-
-    alpha: MultiIndices
-    coefficients: Array
-
-    @classmethod
-    def fitted(cls, alpha: MultiIndices, points: Array, Y: Array) -> "Terms":
-        """Least squares through responses Y (N, m) at points (N, d)."""
-        return cls(alpha, np.linalg.lstsq(basis_values(alpha, points), Y, rcond=None)[0])
-
-    def values(self, points: Array) -> Array:
-        """Responses (N, m) at points (N, d)."""
-        return basis_values(self.alpha, points) @ self.coefficients
-
-    def each_at(self, points: Array) -> Array:
-        """Response j (m,) at point j of points (m, d)."""
-        return np.einsum("jb,bj->j", basis_values(self.alpha, points), self.coefficients)
+Terms = tuple[MultiIndices, Array]
+"""Multi-indices (n_b, d) and coefficients (n_b, m) of m responses."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,22 +32,23 @@ class SparseFit:
 
     Attributes
     ----------
-    terms : Terms              through all runs
-    error : (m,)               root mean square of the residuals of runs that were left out
-    others : tuple of Terms    without one group of runs, also in competitive bases
+    terms : (n_b, d), (n_b, m)     multi-indices and coefficients of the polynomials through all runs
+    error : (m,)                   root mean square of the residuals of runs that were left out
+    others : list of terms         of polynomials without one group of runs, also in competitive bases
     """
 
     terms: Terms
     error: Array
-    others: tuple[Terms, ...]
+    others: list[Terms]
 
     @classmethod
     def through(cls, points: Array, Y: Array) -> "SparseFit":
         """Polynomials through responses Y (N, m) at different points (N, d) of the unit box."""
         n, d = points.shape
         group = np.random.default_rng(0).permutation(n) % GROUPS  # rows of a table may have an order
-        responses = _compressed(Y)
-        most = min(_CANDIDATES_OF_RUN * n, _MOST_CANDIDATES, _MOST_NUMBERS // n)
+        scale = float(np.abs(Y).max()) or 1.0  # squares may overflow
+        responses = _compressed(Y / scale)
+        most = max(min(_CANDIDATES_OF_RUN * n, _MOST_CANDIDATES, _MOST_NUMBERS // n), d + 1)
         found = list[tuple[float, MultiIndices, list[Indices]]]()
         with one_thread():
             for family in bases(d, most):
@@ -79,15 +61,19 @@ class SparseFit:
                         break
             best, alpha, chosen = min(found, key=lambda each: each[0])
             order = _pursuit(basis_values(alpha, points), responses, len(chosen[0]))
-            competitive = [each for each in found if each[0] <= _COMPETITIVE**2 * best]
             others, squares = list[Terms](), np.zeros(Y.shape[1])
-            for own in competitive:
-                for k, rows in enumerate(own[2]):
-                    others.append(Terms.fitted(own[1][rows], points[group != k], Y[group != k]))
-                    if own[1] is alpha:
-                        missed = Y[group == k] - others[-1].values(points[group == k])
-                        squares += np.square(missed).sum(axis=0)
-            return cls(Terms.fitted(alpha[order], points, Y), np.sqrt(squares / n), tuple(others))
+            for error, candidates, chosen in found:
+                for k, rows in enumerate(chosen if error <= _COMPETITIVE**2 * best else ()):
+                    others.append(_least_squares(candidates[rows], points[group != k], Y[group != k]))
+                    if candidates is alpha:
+                        missed = Y[group == k] - basis_values(candidates[rows], points[group == k]) @ others[-1][1]
+                        squares += np.square(missed / scale).sum(axis=0)
+            return cls(_least_squares(alpha[order], points, Y), scale * np.sqrt(squares / n), others)
+
+
+def _least_squares(alpha: MultiIndices, points: Array, Y: Array) -> Terms:
+    """Polynomials through responses Y (N, m) at points (N, d)."""
+    return alpha, np.asarray(np.linalg.lstsq(basis_values(alpha, points), Y, rcond=None)[0], dtype=float)
 
 
 def _compressed(Y: Array) -> Array:
