@@ -32,7 +32,8 @@ def recorded_bounds(text: str, simulator: RecordedRuns, box: Box) -> Bounds:
 
     The estimated error of a bound has two parts. The first is the largest difference of polynomials that do not know
     some runs, at the place of the bound. The second is the half width times the ratio of the left-out residuals to the
-    standard deviation of the runs. In corners, far from all runs, unknown terms add up as known terms do.
+    standard deviation of the runs, and times the square root of the number of parameters. In corners, far from all
+    runs, unknown terms of all parameters add up.
     """
     ok = simulator.ok
     bad = gathered(simulator, simulator.X[~ok], None)[1] if not ok.all() else ()
@@ -177,11 +178,12 @@ class _OutputRange:
         ends, places = np.stack([lower, upper])[..., 0], places[:, :, 0]
         at = [region.coordinates_of(place) for place in places]
         others = [[np.einsum("jb,bj->j", basis_values(alpha, x), c) for x in at] for alpha, c in fit.others]
-        apart, half = np.abs(np.array(others) - ends).max(axis=0), 0.5 * (ends[1] - ends[0])
+        apart = np.abs(np.array(others) - ends).max(axis=0)
+        half = 0.5 * (np.maximum(ends[1], Y.max(axis=0)) - np.minimum(ends[0], Y.min(axis=0)))
         size = float(np.abs(Y).max()) or 1.0  # squares may overflow
         deviation = (Y / size).std(axis=0)
         rest = np.divide(fit.error / size, deviation, out=np.zeros_like(deviation), where=deviation > SAME)
-        estimate = _SAFETY_OF_OTHERS * apart.max(axis=0) + _SAFETY_OF_REST * rest * half
+        estimate = _SAFETY_OF_OTHERS * apart.max(axis=0) + _SAFETY_OF_REST * region.varied.sum() ** 0.5 * rest * half
         self.lower, self.upper, self.estimate = *ends, np.where(estimate > SAME * size, estimate, 0.0)
         self.place = places[np.unravel_index(apart.argmax(), apart.shape)]
         self.gain = float(apart.max() / max(half.max(), SAME * size))
