@@ -89,19 +89,19 @@ class RecordedRuns(BlackBox):
         box = Box(**dict(zip(self.parameters, zip(low.tolist(), high.tolist(), strict=True), strict=True)))
         values = values.reshape(shape)
         ok = np.isfinite(values).all(axis=(1, 2))
-        rows = {_key(points[k]): k for k in np.argsort(ok).tolist()}  # successful runs replace failed equal ones
+        rows = {points[k].tobytes(): k for k in np.argsort(ok).tolist()}  # successful runs replace failed equal ones
         vars(self).update(X=points, Y=values, ok=ok, box=box, _rows=rows)
 
     def run(self, P: Array) -> Ensemble:
         """The recorded runs at samples P (N, d). PropagationError is raised if one of them was not recorded."""
         P = checked_samples(self, P, None)
-        if not all(_key(row) in self._rows for row in P):
+        if not all(row.tobytes() in self._rows for row in P):
             raise self.refusal()
         return super().run(P)
 
     def response(self, values: dict[str, float]) -> Array:
         """The outputs (n_t, n_y) of the recorded run with these parameters."""
-        return self.Y[self._rows[_key(np.array([*values.values()]))]]
+        return self.Y[self._rows[np.array([*values.values()]).tobytes()]]
 
     def refusal(self, owner: str = "") -> PropagationError:
         """The error of methods that need new runs. The text starts with `owner`."""
@@ -112,7 +112,3 @@ class RecordedRuns(BlackBox):
 
     def __repr__(self) -> str:
         return f"RecordedRuns({len(self.X)} runs of {', '.join(self.outputs)})"
-
-
-def _key(row: Array) -> bytes:
-    return (row + 0.0).tobytes()  # -0 becomes 0
