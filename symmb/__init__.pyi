@@ -140,6 +140,7 @@ from .run.linear.modal_simulator import ModalSimulator as ModalSimulator
 from .connect.command_simulator import CommandSimulator as CommandSimulator
 from .connect.fmu_simulator import FMUSimulator as FMUSimulator
 from .connect.function_simulator import FunctionSimulator as FunctionSimulator
+from .connect.recorded_runs import RecordedRuns as RecordedRuns
 from .connect.stored_simulator import StoredSimulator as StoredSimulator
 
 # Scenes for other programs

@@ -103,6 +103,8 @@ class Answers(Envelope):
             return "a file contains the worst cases over all times only. Omit time=."
         if self.study is not None or self.method.startswith(_WITHOUT_RUNS):
             return f"{self.method} makes no runs that attain its bounds. Use PolynomialChaos() or Vertex()."
+        if self.next_run is not None:
+            return "no recorded run is in the box."
         what = "pickled bounds contain" if self.box else "a .csv file contains"
         return f"{what} no worst cases. Save the bounds as .npz or .json."
 
@@ -280,7 +282,7 @@ class Answers(Envelope):
                     "Use the bounds that propagate has returned."
                 )
             is_good[:] = True
-            remarks.append("The polynomials used here are inaccurate. Bounds from a file cannot make further runs.")
+            remarks.append("The polynomials used here are inaccurate. No further runs can be made.")
         values = [self.nominal_parameters.get(n, m) for n, m in zip(self.box.names, self.box.center, strict=True)]
         point = self.box.to_unit(np.array(values))
         if self._left_out:

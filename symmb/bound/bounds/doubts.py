@@ -16,7 +16,7 @@ from symmb.bound.bounds.method import Method, parameter_samples
 from symmb.bound.bounds.reductions import gathered
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.nodes import Sobol, corners
-from symmb.connect import Noisy, SecondLook, Simulator
+from symmb.connect import Noisy, RecordedRuns, SecondLook, Simulator
 from symmb.equations.model import Box, unused_parameters
 from symmb.run.simulation import DAESimulator, SceneSimulator, motion_of
 
@@ -76,7 +76,7 @@ def _without_effect(simulator: Simulator, box: Box, bounds: Bounds) -> list[str]
 
     Scenes need no runs for this remark, because their equations show which parameters have an effect.
     """
-    if isinstance(simulator, SceneSimulator):
+    if isinstance(simulator, SceneSimulator | RecordedRuns):
         return []
     names, runs = idle_parameters(simulator, box, bounds, range(len(bounds.names)))
     if not names:

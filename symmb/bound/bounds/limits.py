@@ -365,6 +365,8 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
         error = estimate[margin.argmin()]
         return _Decision(True, f"The margin exceeds the estimated error of {error:.1e}{unit}.", margin, further)
     error, remedy = estimate[(margin - estimate).argmin()], "Use a smaller PolynomialChaos(tolerance=...)."
+    if bounds.next_run is not None:
+        remedy = "Add a run at the parameters Bounds.next_run."
     return _Decision(
         None, f"The estimated error of {error:.1e}{unit} is larger than the margin. {remedy}", margin, further
     )

@@ -19,6 +19,7 @@ from symmb._types import Array, Executor, Mask
 from symmb.bound.bounds.adaptive import adaptive_bounds
 from symmb.bound.bounds.failures import Failure, failed_region, failure_text
 from symmb.bound.bounds.method import Method, parameter_samples
+from symmb.bound.bounds.recorded import recorded_bounds
 from symmb.bound.bounds.reductions import (
     extremes,
     failure_records,
@@ -33,7 +34,7 @@ from symmb.bound.bounds.result_file import Kind
 from symmb.bound.nodes import ClenshawCurtis, Fit, Gauss, Nodes
 from symmb.bound.polynomials import Basis, Expansion, TensorDegree, TotalDegree
 from symmb.bound.polynomials.ranges import Exact, LegendreInclusion, Piecewise, Range, last_terms
-from symmb.connect import March, Progress, Simulator, noise_from_runs
+from symmb.connect import March, Progress, RecordedRuns, Simulator, noise_from_runs
 from symmb.equations.model import Box
 
 _CLENSHAW_CURTIS, _GAUSS, _TENSOR_DEGREE, _EXACT = ClenshawCurtis(), Gauss(), TensorDegree(), Exact()
@@ -56,8 +57,9 @@ class PolynomialChaos(Method):
     responses have their extremes there. Outputs with at most eight output times use a Gaussian process that finds the
     directions of variation. Narrow bumps may be missed without a warning. Bumps are narrow if their standard deviation,
     divided by the half width of the box, is below 0.2 for two parameters, 0.4 for three and 0.5 for four.
-    ``PolynomialChaos(probes=200)`` finds more bumps. ``PolynomialChaos(order=4)`` has a given order: it interpolates at
-    Clenshaw-Curtis nodes, and takes the exact range of the interpolant. ``PolynomialChaos.paper(order=2)`` is the
+    ``PolynomialChaos(probes=200)`` finds more bumps. `RecordedRuns` get sparse polynomials by least squares.
+    ``PolynomialChaos(order=4)`` has a given order: it interpolates at Clenshaw-Curtis nodes, and takes the exact range
+    of the interpolant. ``PolynomialChaos.paper(order=2)`` is the
     method of the paper.
 
     Parameters
@@ -143,6 +145,8 @@ class PolynomialChaos(Method):
         return None if self.order is None else getattr(self.nodes, "size", lambda *_: None)(d, self.order)
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+        if isinstance(simulator, RecordedRuns) and self == PolynomialChaos():
+            return recorded_bounds(repr(self), simulator, box)
         if self.order is None:
             require_runs(self, self.probes, "Use fewer probes.")
             require_memory(self, "the probes", self.probes * (2 * len(box) + len(simulator.parameters)))

@@ -16,7 +16,7 @@ from symmb.bound.bounds.polynomial_chaos import PolynomialChaos
 from symmb.bound.bounds.registry import method_of
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.study import Study
-from symmb.connect import Noisy, Progress, Simulator
+from symmb.connect import Noisy, Progress, RecordedRuns, Simulator
 from symmb.equations.model import Box, Scene
 from symmb.run.formulations import program_of
 from symmb.run.integrate import Solver
@@ -71,6 +71,8 @@ def propagate(
     method = PolynomialChaos() if method is None else method_of("propagate", method)
     with kept_interrupts(), shown_runs(progress, repr(method), method.unit_of_work) as progress:
         simulator, box = simulator_of(scene_or_simulator, box, solver)
+        if isinstance(simulator, RecordedRuns) and method != PolynomialChaos():
+            raise simulator.refusal(f"{method!r}: ")
         try:
             bounds = method.bounds(simulator, box, executor=executor, progress=progress)
         except PropagationError as error:
@@ -108,7 +110,8 @@ def finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Exe
     values = ByName({k: float(v) for k, v in own.items()}, units_of_parameters(own))
     if nominal is None:  # black box: the study may have made this run
         nominal = bounds.nominal
-    known: dict[str, Any] = {"study": Study(simulator, box), "nominal": nominal, "nominal_parameters": values}
+    study = None if isinstance(simulator, RecordedRuns) else Study(simulator, box)
+    known: dict[str, Any] = {"study": study, "nominal": nominal, "nominal_parameters": values}
     of_scene = isinstance(simulator, SceneSimulator)
     known["subject"] = simulator.name if of_scene else repr(simulator)
     known["solver"] = repr(simulator.solver) if of_scene else ""

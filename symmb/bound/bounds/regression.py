@@ -1,6 +1,6 @@
 """Polynomials by least squares from runs that are spread over the box, with leave-one-out errors."""
 
-from collections.abc import Iterator
+from itertools import chain
 
 import numpy as np
 
@@ -25,7 +25,7 @@ def fitted(points: Array, Y: Array, parameters: tuple[str, ...]) -> Piecewise:
     found = [(np.zeros((1, points.shape[1]), dtype=np.intp), values.mean(axis=0)[None])]
     with one_thread():
         # Smallest number of runs for each term. Fewer runs do not determine coefficients reliably.
-        for alpha in _bases(points.shape[1], len(points) // 2):
+        for alpha in chain.from_iterable(bases(points.shape[1], len(points) // 2)):
             q, r = np.linalg.qr(basis_values(alpha, points))
             # Smallest value of 1 minus the leverage of a run. If a run alone determines a term, its residual is only
             # rounding.
@@ -46,10 +46,10 @@ def fitted(points: Array, Y: Array, parameters: tuple[str, ...]) -> Piecewise:
     return Piecewise.whole(expansion, np.sqrt(squares).reshape(Y.shape[1:]))
 
 
-def _bases(d: int, most: int) -> Iterator[MultiIndices]:
-    """Sets of degrees with at most `most` terms, each set once."""
-    sizes = set[int]()
-    for q in _CROSS_EXPONENTS:
+def bases(d: int, most: int) -> list[list[MultiIndices]]:
+    """Sets of degrees with at most `most` terms, each set once: a list of increasing degrees for each exponent."""
+    families, sizes = [list[MultiIndices]() for _ in _CROSS_EXPONENTS], set[int]()
+    for family, q in zip(families, _CROSS_EXPONENTS, strict=True):
         # Highest degree. There are rarely enough runs for higher degrees.
         for degree in range(1, 17):
             alpha = HyperbolicCross(q).indices(d, degree)
@@ -57,4 +57,5 @@ def _bases(d: int, most: int) -> Iterator[MultiIndices]:
                 break
             if len(alpha) not in sizes:
                 sizes.add(len(alpha))
-                yield alpha
+                family.append(alpha)
+    return families

@@ -68,6 +68,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     worst_cases : worst cases over all times, if the bounds were read from a file
     figures : names of the scalar outputs (one number per run); their bounds are the same at all times
     range_of : source of the range of an adaptive method, such as runs at corners; empty for other methods
+    next_run : parameters at which one more run would reduce the error most, for bounds of RecordedRuns; otherwise None
 
     Examples
     --------

@@ -12,6 +12,7 @@ from symmb.bound.polynomials.legendre import (
     basis_values,
     below,
     homogeneous,
+    in_other_coordinates,
     mean_squares,
     with_lower,
 )

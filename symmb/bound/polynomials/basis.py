@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from symmb._options import dimensions, require_between
-from symmb.bound.polynomials.legendre import MultiIndices, tensor_degree, total_degree
+from symmb.bound.polynomials.legendre import Index, MultiIndices, tensor_degree, total_degree
 
 
 class Basis(Protocol):
@@ -93,9 +93,18 @@ class HyperbolicCross:
     def indices(self, d: int, order: int) -> MultiIndices:
         """Multi-indices (n_b, d) with a quasi-norm up to the order, the constant first."""
         d, _, order = dimensions(self, d, order=order)
-        alpha = total_degree(d, order)
         rounding = 1e-12  # rounding of the powers: indices on the border belong to the set
-        return alpha[np.sum((alpha / max(order, 1)) ** self.q, axis=1) <= 1 + rounding]
+        parts = [(k / max(order, 1)) ** self.q for k in range(order + 1)]
+        found: dict[Index, float] = {(): 0.0}
+        for _ in range(d):  # the total degree has too many indices to test each one
+            found = {
+                (*index, k): total + part
+                for index, total in found.items()
+                for k, part in enumerate(parts)
+                if total + part <= 1 + rounding
+            }
+        ordered = sorted(found, key=lambda index: (sum(index), [-k for k in index]))
+        return np.array(ordered, dtype=np.intp)
 
     def size(self, d: int, order: int) -> int:
         """Number of products of the total degree, an upper limit for the hyperbolic cross."""

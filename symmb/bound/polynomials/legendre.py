@@ -89,3 +89,19 @@ def homogeneous(d: int, degree: int) -> list[tuple[int, ...]]:
 def tensor_degree(d: int, order: int) -> MultiIndices:
     """Multi-indices ((order + 1)^d, d) with every entry at most ``order``."""
     return np.indices((order + 1,) * d).reshape(d, -1).T
+
+
+def in_other_coordinates(
+    alpha: MultiIndices, coefficients: Array, i: int, centre: float, half: float
+) -> tuple[MultiIndices, Array]:
+    """Multi-indices (n_b, d) and coefficients (n_b, m) with centre + half x as parameter i; without it if half is 0."""
+    # Columns of the matrix are the Legendre coefficients of P_k(centre + half x), which has degree k at most.
+    degree = int(alpha[:, i].max())
+    x, P = legendre.leggauss(degree + 1)[0], legendre.legvander
+    matrix = np.linalg.solve(P(x, degree), P(centre + half * x, degree))
+    others, which = np.unique(np.delete(alpha, i, axis=1), axis=0, return_inverse=True)
+    table = np.zeros((len(others), degree + 1, coefficients.shape[1]))
+    table[which.ravel(), alpha[:, i]] = coefficients
+    if half == 0:
+        return others, matrix[0] @ table
+    return alpha, (matrix @ table)[which.ravel(), alpha[:, i]]

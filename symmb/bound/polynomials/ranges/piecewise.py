@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._types import Array, Indices, Mask
 from symmb.bound.polynomials.expansion import Expansion
-from symmb.bound.polynomials.legendre import MultiIndices, basis_values
+from symmb.bound.polynomials.legendre import MultiIndices, basis_values, in_other_coordinates
 from symmb.bound.polynomials.ranges.dense import HIGHEST_DEGREE, MOST_PARAMETERS, dense_extremes
 from symmb.bound.polynomials.ranges.exact import RANGE_ERROR, RANGE_WORK, Exact
 from symmb.run.codegen import with_compiler
@@ -117,7 +117,7 @@ class Piecewise:
         # fixed parameter changes the numbers of later parameters.
         for i, (move, scale) in reversed([*enumerate(zip(*moves, strict=True))]):
             if (move, scale) != (0.0, 1.0):
-                alpha, c = _in_other_coordinates(alpha, c, i, move, scale)
+                alpha, c = in_other_coordinates(alpha, c, i, move, scale)
         low, high, *at = attained_extremes(alpha, c)
         places = np.empty((2, *shape, len(free)))
         places[:] = centre
@@ -168,19 +168,3 @@ def last_terms(own: Expansion) -> Array:
     highest = own.alpha.max(axis=0, initial=0)
     is_last = ((own.alpha == highest) & (highest > 0)).any(axis=1)
     return np.abs(own.coefficients[is_last]).sum(axis=0)
-
-
-def _in_other_coordinates(
-    alpha: MultiIndices, coefficients: Array, i: int, centre: float, half: float
-) -> tuple[MultiIndices, Array]:
-    """Multi-indices (n_b, d) and coefficients (n_b, m) with centre + half x as parameter i; without it if half is 0."""
-    # Columns of the matrix are the Legendre coefficients of P_k(centre + half x), which has degree k at most.
-    degree = int(alpha[:, i].max())
-    x, P = np.polynomial.legendre.leggauss(degree + 1)[0], np.polynomial.legendre.legvander
-    matrix = np.linalg.solve(P(x, degree), P(centre + half * x, degree))
-    others, which = np.unique(np.delete(alpha, i, axis=1), axis=0, return_inverse=True)
-    table = np.zeros((len(others), degree + 1, coefficients.shape[1]))
-    table[which.ravel(), alpha[:, i]] = coefficients
-    if half == 0:
-        return others, matrix[0] @ table
-    return alpha, (matrix @ table)[which.ravel(), alpha[:, i]]
