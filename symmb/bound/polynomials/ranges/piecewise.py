@@ -117,7 +117,7 @@ class Piecewise:
         # fixed parameter changes the numbers of later parameters.
         for i, (move, scale) in reversed([*enumerate(zip(*moves, strict=True))]):
             if (move, scale) != (0.0, 1.0):
-                alpha, c = _in_other_coordinates(alpha, c, i, move, scale)
+                alpha, c = in_other_coordinates(alpha, c, i, move, scale)
         low, high, *at = attained_extremes(alpha, c)
         places = np.empty((2, *shape, len(free)))
         places[:] = centre
@@ -170,17 +170,22 @@ def last_terms(own: Expansion) -> Array:
     return np.abs(own.coefficients[is_last]).sum(axis=0)
 
 
-def _in_other_coordinates(
-    alpha: MultiIndices, coefficients: Array, i: int, centre: float, half: float
+def in_other_coordinates(
+    alpha: MultiIndices, coefficients: Array, i: int, centre: float | Array, half: float | Array
 ) -> tuple[MultiIndices, Array]:
-    """Multi-indices (n_b, d) and coefficients (n_b, m) with centre + half x as parameter i; without it if half is 0."""
-    # Columns of the matrix are the Legendre coefficients of P_k(centre + half x), which has degree k at most.
+    """Multi-indices (n_b, d) and coefficients (n_b, m) with centre + half x as parameter i; without it if half is 0.
+
+    For coefficients (n_b, k, m), `centre` and `half` are (k,).
+    """
+    # Columns of the matrix are the Legendre coefficients of P_j(centre + half x), which has degree j at most.
     degree = int(alpha[:, i].max())
     x, P = np.polynomial.legendre.leggauss(degree + 1)[0], np.polynomial.legendre.legvander
-    matrix = np.linalg.solve(P(x, degree), P(centre + half * x, degree))
+    points = np.asarray(centre)[..., None] + np.asarray(half)[..., None] * x
+    matrix = np.linalg.solve(P(x, degree), P(points, degree))
     others, which = np.unique(np.delete(alpha, i, axis=1), axis=0, return_inverse=True)
-    table = np.zeros((len(others), degree + 1, coefficients.shape[1]))
+    table = np.zeros((len(others), degree + 1, *coefficients.shape[1:]))
     table[which.ravel(), alpha[:, i]] = coefficients
-    if half == 0:
-        return others, matrix[0] @ table
-    return alpha, (matrix @ table)[which.ravel(), alpha[:, i]]
+    changed = np.einsum("...ab,ob...m->oa...m", matrix, table, optimize=True)
+    if np.ndim(half) == 0 and half == 0:
+        return others, changed[:, 0]
+    return alpha, changed[which.ravel(), alpha[:, i]]
