@@ -4,7 +4,7 @@ Milanese et al., Bounding Approaches to System Identification (1996); Jaulin and
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -21,14 +21,17 @@ from symmb._types import Array, Mask
 from symmb._units import label, units_of_parameters
 from symmb.bound.bounds import PolynomialChaos
 from symmb.bound.nodes import Sobol
-from symmb.bound.polynomials import MultiIndices
+from symmb.bound.polynomials import MultiIndices, basis_values
 from symmb.bound.polynomials.ranges import Piecewise, in_other_coordinates
 from symmb.equations.model import Box, share_of
 from symmb.study.residuals import Residuals
 
 OWNER = "Calibration.consistent"
-MOST_VOLUME = 2.0
-"""Parts are halved until the volume of all pieces is at most this multiple of the volume of the pieces inside."""
+MOST_VOLUME = 1.6
+"""Parts are halved until the volume of all pieces is at most this multiple of the estimated volume of the set. The
+estimate contains undecided parts with consistent parameters in their centre."""
+_LEAST_INSIDE = 0.2
+"""Smallest volume of parts inside of the set, divided by the volume of all pieces. Otherwise, the estimate is rough."""
 MOST_PARTS = 30_000
 """Largest number of undecided parts. Two such rounds take about two seconds."""
 SMALL_ERROR = 0.02
@@ -61,6 +64,8 @@ class ConsistentSet(Counted, Result, WithWarnings):
         ends of the k pieces
     inside : (k,)
         mask of pieces in which all parameters are consistent
+    volume : float
+        estimated volume of the set. Pieces at the boundary count if the parameters in their centre are consistent
     doubts : tuple of str
         warnings
     evaluations, runs : int
@@ -73,6 +78,7 @@ class ConsistentSet(Counted, Result, WithWarnings):
     lower: Array
     upper: Array
     inside: Mask
+    volume: float
     doubts: tuple[str, ...]
     evaluations: int
 
@@ -85,12 +91,6 @@ class ConsistentSet(Counted, Result, WithWarnings):
     def pieces(self) -> tuple[Box, ...]:
         """The pieces. They do not overlap."""
         return tuple(map(self._box, self.lower, self.upper))
-
-    @property
-    def volume(self) -> tuple[float, float]:
-        """Lower and upper bound of the volume of the set, in the units of the parameters."""
-        sizes = (self.upper - self.lower).prod(axis=1)
-        return float(sizes[self.inside].sum()), float(sizes.sum())
 
     def _box(self, lower: Array, upper: Array) -> Box:
         ends = zip(self.parameters, lower.tolist(), upper.tolist(), strict=True)
@@ -147,7 +147,7 @@ def consistent_set(fit: Residuals, name: str, parameters: dict[str, float], erro
     lower, upper = estimate + lower, estimate + upper
     for _ in range(_ROUNDS):
         polynomials, failed = _polynomials(fit, lower, upper, scale, depth, estimate)
-        low, high, inside = _pieces(polynomials, SMALL_ERROR * depth)
+        low, high, inside, volume = _pieces(polynomials, SMALL_ERROR * depth)
         if not len(low):
             raise SimulationError(
                 f"{OWNER}: near the estimates, no run is within the error of all data. Give a larger error, or replace "
@@ -165,16 +165,16 @@ def consistent_set(fit: Residuals, name: str, parameters: dict[str, float], erro
         lower, upper = first - np.where(open_[0], 2 * width, margin), last + np.where(open_[1], 2 * width, margin)
     else:
         raise SimulationError(f"{OWNER}: the data do not limit the parameters. Give a smaller error.")
-    found = ConsistentSet(name, parameters, errors, low * fit.sizes, high * fit.sizes, inside, (), fit.runs - before)
-    return replace(found, doubts=tuple(_doubts(found, failed)))
+    low, high = low * fit.sizes, high * fit.sizes
+    volume *= float((width * fit.sizes).prod())
+    doubts = _doubts(float((high - low).prod(axis=1).sum()), volume, failed)
+    return ConsistentSet(name, parameters, errors, low, high, inside, volume, tuple(doubts), fit.runs - before)
 
 
-def _doubts(found: ConsistentSet, failed: int) -> Iterator[str]:
-    inner, outer = found.volume
-    if inner == 0:
-        yield "No piece is inside of the set, so the pieces may be much larger than the set, and the set may be empty."
-    elif outer > MOST_VOLUME * inner:
-        yield f"The pieces may have up to {outer / inner:.2g} times the volume of the set."
+def _doubts(outer: float, volume: float, failed: int) -> Iterator[str]:
+    if outer > 2 * volume:
+        ratio = f"about {outer / volume:.2g} times as large as the set" if volume else "much larger than the set"
+        yield f"The pieces are {ratio}, because the set is thin or small."
     if failed:
         yield f"{counted(failed, 'run')} failed. Near failed runs, the set is only estimated."
 
@@ -249,6 +249,17 @@ class _Parts:
     centres: Array
     halves: Array
 
+    @property
+    def volumes(self) -> Array:
+        """Volumes (k,) of the parts."""
+        return self.halves.prod(axis=1)
+
+    @property
+    def has_consistent_centre(self) -> Array:
+        """1 for parts with consistent parameters in the centre, 0 for others, (k,)."""
+        values = np.tensordot(basis_values(self.alpha, np.zeros((1, len(self.alpha.T))))[0], self.coefficients, axes=1)
+        return (np.abs(values) <= 1).all(axis=1).astype(float)
+
     def limits(self, sign: int) -> tuple[Array, Array]:
         """Ends (k, d) of an interval of each parameter, while the other parameters have any values of the part.
 
@@ -318,8 +329,8 @@ def _joined(one: _Parts, other: _Parts) -> _Parts:
     return _Parts(one.alpha, coefficients, one.error, *ends)
 
 
-def _pieces(polynomials: _Polynomials, small: float) -> tuple[Array, Array, Mask]:
-    """Ends (k, d) of the pieces in the unit box, and the mask (k,) of pieces inside of the set."""
+def _pieces(polynomials: _Polynomials, small: float) -> tuple[Array, Array, Mask, float]:
+    """Ends (k, d) of the pieces in the unit box, mask (k,) of pieces inside of the set, and estimated volume."""
     whole = polynomials.surrogate
     left = [
         _Parts(own.alpha, coefficients[:, None], polynomials.error, centre[None], half[None])
@@ -327,18 +338,16 @@ def _pieces(polynomials: _Polynomials, small: float) -> tuple[Array, Array, Mask
             whole.expansions, polynomials.coefficients, whole.centres, whole.halves, strict=True
         )
     ]
-    inner, known = list[_Parts](), 0.0
+    inner = list[_Parts]()
     while True:
         inside, left = zip(*(parts.simplified(0.1 * small).divided() for parts in left), strict=True)
         inner += inside
-        known += sum(_volume(parts) for parts in inside)
+        known, unknown = (sum(float(parts.volumes.sum()) for parts in some) for some in (inner, left))
+        likely = known + sum(float(parts.volumes @ parts.has_consistent_centre) for parts in left)
+        is_fine = known >= _LEAST_INSIDE * (known + unknown) and known + unknown <= MOST_VOLUME * likely
         is_at_side = any((np.abs(parts.centres) + parts.halves >= 1 - ROUNDING).any() for parts in inside)
-        too_many = sum(len(parts.centres) for parts in left) > MOST_PARTS
-        if is_at_side or too_many or sum(map(_volume, left)) <= (MOST_VOLUME - 1) * known:
+        if is_fine or is_at_side or not unknown or sum(len(parts.centres) for parts in left) > MOST_PARTS:
             break
     centres, halves = (np.concatenate([getattr(p, name) for p in (*inner, *left)]) for name in ("centres", "halves"))
-    return centres - halves, centres + halves, np.arange(len(centres)) < sum(len(parts.centres) for parts in inner)
-
-
-def _volume(parts: _Parts) -> float:
-    return float(parts.halves.prod(axis=1).sum())
+    is_inside = np.arange(len(centres)) < sum(len(parts.centres) for parts in inner)
+    return centres - halves, centres + halves, is_inside, likely * 2.0 ** len(centres.T)
