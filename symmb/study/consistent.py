@@ -6,7 +6,7 @@ Milanese et al., Bounding Approaches to System Identification (1996); Jaulin and
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from symmb._errors import DeclarationError, SimulationError, WithWarnings
 from symmb._labelled import Counted, Labelled, Result, over_parameters
 from symmb._magnitudes import NOTHING, ROUNDING
 from symmb._names import counted, normal_keys
-from symmb._options import is_finite_number, require_positive, shown
+from symmb._options import require_positive, shown
 from symmb._table import aligned
 from symmb._types import Array, Mask
 from symmb._units import label, units_of_parameters
@@ -29,7 +29,9 @@ from symmb.study.residuals import Residuals
 OWNER = "Calibration.consistent"
 MOST_VOLUME = 1.6
 """Parts are halved until the volume of all pieces is at most this multiple of the estimated volume of the set. The
-estimate contains undecided parts with consistent parameters in their centre."""
+estimate contains the fraction of undecided parts at whose points the parameters are consistent."""
+_POINTS = 8
+"""Number of points in each part. There are hundreds of parts, so that few points for each are enough."""
 _LEAST_INSIDE = 0.2
 """Smallest volume of parts inside of the set, divided by the volume of all pieces. Otherwise, the estimate is rough."""
 MOST_PARTS = 30_000
@@ -65,7 +67,7 @@ class ConsistentSet(Counted, Result, WithWarnings):
     inside : (k,)
         mask of pieces in which all parameters are consistent
     volume : float
-        estimated volume of the set. Pieces at the boundary count if the parameters in their centre are consistent
+        estimated volume of the set, from points in the pieces
     doubts : tuple of str
         warnings
     evaluations, runs : int
@@ -118,9 +120,11 @@ class ConsistentSet(Counted, Result, WithWarnings):
 
     def _labelled(self) -> Labelled:
         parameters = over_parameters(self.parameters, units_of_parameters(self.parameters))
-        ends = {name: (("piece", "parameter"), getattr(self, name)) for name in ("lower", "upper")}
-        about = {"scene": self.name, "doubts": "\n".join(self.doubts) or None}
-        return Labelled(parameters, {**ends, "inside": (("piece",), self.inside)}, about, {}, ("piece", "parameter"))
+        coordinates = {"piece": (("piece",), np.arange(len(self.lower))), **parameters}
+        variables = {name: (("piece", "parameter"), getattr(self, name)) for name in ("lower", "upper")}
+        about = {"scene": self.name, "volume": self.volume, "doubts": "\n".join(self.doubts) or None}
+        inside = {"inside": (("piece",), self.inside)}
+        return Labelled(coordinates, {**variables, **inside}, about, {}, ("piece", "parameter"))
 
 
 def errors_of(error: object, data: Mapping[str, Array]) -> dict[str, float]:
@@ -128,14 +132,19 @@ def errors_of(error: object, data: Mapping[str, Array]) -> dict[str, float]:
     given = normal_keys(OWNER, error) if isinstance(error, Mapping) else dict.fromkeys(data, error)
     if given.keys() != data.keys():
         raise DeclarationError(f"{OWNER}: error must have a value for each of {', '.join(data)}, got {shown(error)}.")
-    errors = {}
-    for name, value in given.items():
-        share = share_of(value) if isinstance(value, str) else None
-        if isinstance(value, str) and not is_finite_number(share):
-            raise DeclarationError(f"{OWNER}: error must be a number or a percentage such as '0.1%', got {value!r}.")
-        errors[name] = value if share is None else share * float(np.abs(data[name]).max())
-        require_positive(OWNER, f"error of {name!r}", errors[name])
-    return {name: float(errors[name]) for name in data}
+    errors = dict[str, float]()
+    for name, values in data.items():
+        value: Any = given[name]
+        if isinstance(value, str):
+            share = share_of(value)
+            if isinstance(share, str):
+                raise DeclarationError(
+                    f"{OWNER}: error must be a number or a percentage such as '0.1%', got {value!r}."
+                )
+            value = share * float(np.abs(values).max())
+        require_positive(OWNER, f"error of {name!r}", value)
+        errors[name] = float(value)
+    return errors
 
 
 def consistent_set(fit: Residuals, name: str, parameters: dict[str, float], errors: dict[str, float]) -> ConsistentSet:
@@ -219,7 +228,8 @@ def _polynomials(
     least = min(SMALL_ERROR * depth / np.sqrt(np.mean(part**2)) for part in fit.parts(widths))
     bounds = PolynomialChaos(tolerance=float(np.clip(least, 1e-6, 1e-2))).bounds(fit.simulator, box)
     fit.runs += bounds.evaluations
-    if (surrogate := bounds.surrogate) is None:
+    surrogate = bounds.surrogate
+    if surrogate is None or not np.isfinite(surrogate.error).all():
         raise SimulationError(f"{OWNER}: polynomials do not describe the outputs over {box!r}.")
     points = Sobol().points(_CHECKS, len(box), seed=0)
     Y = fit.values((lower + upper) / 2 + (upper - lower) / 2 * points)
@@ -255,10 +265,11 @@ class _Parts:
         return self.halves.prod(axis=1)
 
     @property
-    def has_consistent_centre(self) -> Array:
-        """1 for parts with consistent parameters in the centre, 0 for others, (k,)."""
-        values = np.tensordot(basis_values(self.alpha, np.zeros((1, len(self.alpha.T))))[0], self.coefficients, axes=1)
-        return (np.abs(values) <= 1).all(axis=1).astype(float)
+    def likely_volume(self) -> float:
+        """Estimated volume of the set in the parts, from points that are spread over each part."""
+        points = Sobol().points(_POINTS, len(self.alpha.T), seed=0)
+        values = np.tensordot(basis_values(self.alpha, points), self.coefficients, axes=1)
+        return float((np.abs(values) <= 1).all(axis=2).mean(axis=0) @ self.volumes)
 
     def limits(self, sign: int) -> tuple[Array, Array]:
         """Ends (k, d) of an interval of each parameter, while the other parameters have any values of the part.
@@ -279,7 +290,7 @@ class _Parts:
             upper[:, i] = np.minimum(upper[:, i], (middle + radius).min(axis=1, initial=np.inf))
         return lower, upper
 
-    def within(self, rows: Mask, lower: Array, upper: Array) -> "_Parts":
+    def within(self, rows: Any, lower: Array, upper: Array) -> "_Parts":
         """Boxes inside of some parts, whose ends (k, d) are in coordinates of the parts."""
         centres, halves = (lower + upper)[rows] / 2, (upper - lower)[rows] / 2
         coefficients = self.coefficients[:, rows]
@@ -293,7 +304,7 @@ class _Parts:
     def divided(self) -> tuple["_Parts", "_Parts"]:
         """Parts inside of the set, and parts that may contain its boundary. The rest is not consistent."""
         lower, upper = self.limits(1)
-        own = self.within((lower <= upper).all(axis=1), lower, upper)
+        own = self.within(np.all(lower <= upper, axis=1), lower, upper)
         rows, degrees = np.arange(len(own.centres)), own.alpha.T > 0
         effects = np.stack([np.abs(own.coefficients[some]).sum(axis=0).max(axis=1, initial=0) for some in degrees])
         along = effects.argmax(axis=0)
@@ -302,7 +313,7 @@ class _Parts:
         is_in = last - first >= _LEAST_WIDTH
         first, last = np.where(is_in, first, 0.0), np.where(is_in, last, 0.0)
 
-        def cut(some: Mask, low: Array | float, high: Array | float) -> "_Parts":
+        def cut(some: Any, low: Array | float, high: Array | float) -> "_Parts":
             lower, upper = -np.ones_like(own.centres), np.ones_like(own.centres)
             lower[rows, along], upper[rows, along] = low, high
             return own.within(some, lower, upper)
@@ -343,7 +354,7 @@ def _pieces(polynomials: _Polynomials, small: float) -> tuple[Array, Array, Mask
         inside, left = zip(*(parts.simplified(0.1 * small).divided() for parts in left), strict=True)
         inner += inside
         known, unknown = (sum(float(parts.volumes.sum()) for parts in some) for some in (inner, left))
-        likely = known + sum(float(parts.volumes @ parts.has_consistent_centre) for parts in left)
+        likely = known + sum(parts.likely_volume for parts in left)
         is_fine = known >= _LEAST_INSIDE * (known + unknown) and known + unknown <= MOST_VOLUME * likely
         is_at_side = any((np.abs(parts.centres) + parts.halves >= 1 - ROUNDING).any() for parts in inside)
         if is_fine or is_at_side or not unknown or sum(len(parts.centres) for parts in left) > MOST_PARTS:
