@@ -17,7 +17,7 @@ from symmb._magnitudes import NOTHING, ROUNDING
 from symmb._names import counted, normal_keys
 from symmb._options import require_positive, shown
 from symmb._table import aligned
-from symmb._types import Array, Mask
+from symmb._types import Array, Indices, Mask
 from symmb._units import label, units_of_parameters
 from symmb.bound.bounds import PolynomialChaos
 from symmb.bound.nodes import Sobol
@@ -290,9 +290,9 @@ class _Parts:
             upper[:, i] = np.minimum(upper[:, i], (middle + radius).min(axis=1, initial=np.inf))
         return lower, upper
 
-    def within(self, rows: Any, lower: Array, upper: Array) -> "_Parts":
-        """Boxes inside of some parts, whose ends (k, d) are in coordinates of the parts."""
-        centres, halves = (lower + upper)[rows] / 2, (upper - lower)[rows] / 2
+    def within(self, rows: Indices, lower: Array, upper: Array) -> "_Parts":
+        """Boxes inside of the parts with the numbers `rows` (n,). Their ends (n, d) are in coordinates of the parts."""
+        centres, halves = (lower + upper) / 2, (upper - lower) / 2
         coefficients = self.coefficients[:, rows]
         for i in range(len(self.alpha.T)):
             if (halves[:, i] < 1).any():
@@ -304,7 +304,8 @@ class _Parts:
     def divided(self) -> tuple["_Parts", "_Parts"]:
         """Parts inside of the set, and parts that may contain its boundary. The rest is not consistent."""
         lower, upper = self.limits(1)
-        own = self.within(np.all(lower <= upper, axis=1), lower, upper)
+        some = np.flatnonzero((lower <= upper).all(axis=1))
+        own = self.within(some, lower[some], upper[some])
         rows, degrees = np.arange(len(own.centres)), own.alpha.T > 0
         effects = np.stack([np.abs(own.coefficients[some]).sum(axis=0).max(axis=1, initial=0) for some in degrees])
         along = effects.argmax(axis=0)
@@ -313,12 +314,13 @@ class _Parts:
         is_in = last - first >= _LEAST_WIDTH
         first, last = np.where(is_in, first, 0.0), np.where(is_in, last, 0.0)
 
-        def cut(some: Any, low: Array | float, high: Array | float) -> "_Parts":
+        def cut(some: Any, low: Any, high: Any) -> tuple[Indices, Array, Array]:
             lower, upper = -np.ones_like(own.centres), np.ones_like(own.centres)
             lower[rows, along], upper[rows, along] = low, high
-            return own.within(some, lower, upper)
+            return rows[some], lower[some], upper[some]
 
-        return cut(is_in, first, last), _joined(cut(first > -1, -1.0, first), cut(last < 1, last, 1.0))
+        sides: Any = zip(cut(first > -1, -1.0, first), cut(last < 1, last, 1.0), strict=True)
+        return own.within(*cut(is_in, first, last)), own.within(*(np.concatenate(each) for each in sides))
 
     def simplified(self, small: float) -> "_Parts":
         """Parts without residuals that are small enough everywhere. Small terms of high degree become an error."""
@@ -331,13 +333,6 @@ class _Parts:
                 is_low, error = degrees <= degree, error + rest
                 break
         return _Parts(self.alpha[is_low], c[is_low], error, self.centres, self.halves)
-
-
-def _joined(one: _Parts, other: _Parts) -> _Parts:
-    """The parts of both. They have the same residuals."""
-    coefficients = np.concatenate([one.coefficients, other.coefficients], axis=1)
-    ends = (np.concatenate([getattr(parts, name) for parts in (one, other)]) for name in ("centres", "halves"))
-    return _Parts(one.alpha, coefficients, one.error, *ends)
 
 
 def _pieces(polynomials: _Polynomials, small: float) -> tuple[Array, Array, Mask, float]:

@@ -40,7 +40,7 @@ def test_the_set_of_a_linear_model_is_a_polygon(seed):
     assert found.volume == pytest.approx(area, rel=0.1)
     assert area <= (found.upper - found.lower).prod(axis=1).sum() <= 2 * area
     mixed = rng.dirichlet(np.ones(len(corners)), 500) @ corners
-    assert are_in(found, mixed).all() and are_in(found, [[1.3, 0.8]]).all() and not found.doubts
+    assert are_in(found, mixed).all() and are_in(found, np.array([[1.3, 0.8]])).all() and not found.doubts
 
 
 def test_pieces_hold_all_that_is_consistent_and_pieces_inside_nothing_else():
