@@ -189,8 +189,8 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
         >>> start, outputs = {"ball.vx": p.speed}, {"x": ball.x}
         >>> scene = mb.Scene(mb.System(ball, parameters=p), start, times=[0.0, 1.0, 2.0], outputs=outputs)
         >>> fit = mb.calibrate(scene, {"x": [0.0, 1.49, 3.02]})
-        >>> fit.consistent(0.03).box
-        Box(speed=(1.495, 1.52))
+        >>> [round(end, 3) for end in fit.consistent(0.03).box["speed"]]
+        [1.495, 1.52]
         """
         errors = errors_of(error, self.data)
         self._require_determined("consistent")

@@ -12,7 +12,7 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._errors import DeclarationError, SimulationError, WithWarnings
-from symmb._labelled import Counted, Labelled, Result, over_parameters
+from symmb._labelled import Counted
 from symmb._magnitudes import NOTHING, ROUNDING
 from symmb._names import counted, normal_keys
 from symmb._options import require_positive, shown
@@ -47,7 +47,7 @@ _CHECKS = 16
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ConsistentSet(Counted, Result, WithWarnings):
+class ConsistentSet(Counted, WithWarnings):
     """Parameters whose outputs stay within an error of all data, as a box and as pieces.
 
     The pieces together contain all consistent parameters near the estimates. In pieces inside of the set, all
@@ -98,7 +98,7 @@ class ConsistentSet(Counted, Result, WithWarnings):
         ends = zip(self.parameters, lower.tolist(), upper.tolist(), strict=True)
         return Box(**{name: (low, high) for name, low, high in ends}).with_units(units_of_parameters(self.parameters))
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         warnings = (f"  warning     {text}" for text in self.doubts)
         return "\n".join([self._head(), *warnings, *aligned(self._rows())])
 
@@ -117,14 +117,6 @@ class ConsistentSet(Counted, Result, WithWarnings):
         for (name, value), (low, high) in zip(self.parameters.items(), self.box.bounds, strict=True):
             rows.append([label(name, units.get(name, "")), *(f"{x:.7g}" for x in (low, value, high))])
         return rows
-
-    def _labelled(self) -> Labelled:
-        parameters = over_parameters(self.parameters, units_of_parameters(self.parameters))
-        coordinates = {"piece": (("piece",), np.arange(len(self.lower))), **parameters}
-        variables = {name: (("piece", "parameter"), getattr(self, name)) for name in ("lower", "upper")}
-        about = {"scene": self.name, "volume": self.volume, "doubts": "\n".join(self.doubts) or None}
-        inside = {"inside": (("piece",), self.inside)}
-        return Labelled(coordinates, {**variables, **inside}, about, {}, ("piece", "parameter"))
 
 
 def errors_of(error: object, data: Mapping[str, Array]) -> dict[str, float]:
