@@ -14,11 +14,12 @@ from symmb._names import ByName, counted, normal_keys
 from symmb._options import is_finite_number, numbers_of, require_name, require_positive, shown
 from symmb._types import Array, Figure
 from symmb._units import label, told_units, units_of_parameters
-from symmb.equations.model import Box, Scene
+from symmb.equations.model import Box, Scene, with_some_outputs
 from symmb.results import plot
-from symmb.results.files import Record, Saved, entry
+from symmb.results.files import NOT_KEPT, Record, Saved, entry
 from symmb.run.integrate import Solver
 from symmb.run.simulation import chosen_parameters, simulator_with
+from symmb.study.consistent import ConsistentSet, consistent_set, errors_of
 from symmb.study.residuals import (
     MAX_RUNS,
     UNDETERMINED,
@@ -64,6 +65,8 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
         number of runs with derivatives
     units : tuple of str
         units of the outputs, '' if not known
+    study : Residuals
+        the runs of the scene, for `consistent`; None if read from a file
 
     Examples
     --------
@@ -91,6 +94,7 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
     doubts: tuple[str, ...]
     evaluations: int
     units: tuple[str, ...] = ()
+    study: Residuals | None = field(default=None, metadata=NOT_KEPT)
 
     _most = None
 
@@ -151,6 +155,51 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
         sizes = self.deviations
         box = Box(**{n: (p - factor * sizes[n], p + factor * sizes[n]) for n, p in self.parameters.items()})
         return box.with_units(units_of_parameters(self.parameters))
+
+    def consistent(self, error: float | str | Mapping[str, float | str]) -> ConsistentSet:
+        """The set of all parameters around the estimates whose outputs stay within an error of all data.
+
+        Polynomials describe the outputs over a box around the estimates. Parts of the box are halved. A part is left
+        out if an output has a distance of more than the error from a value of the data.
+
+        Parameters
+        ----------
+        error : float, str or mapping
+            largest error of the data, in the unit of the output. A text such as "0.1%" is a percentage of the largest
+            absolute value of the output's data. A mapping has an error for each output
+
+        Returns
+        -------
+        ConsistentSet
+            `box` is the smallest box around the set. `pieces` are boxes that together contain the set. Their volume is
+            at most twice the volume of the set, or a warning states the ratio
+
+        Raises
+        ------
+        DeclarationError
+            If an error is not valid, if the data do not determine the parameters, or if the fit was read from a file
+        SimulationError
+            If no run is within the error of all data, or the data do not limit the parameters
+
+        Examples
+        --------
+        >>> import symmb as mb
+        >>> p = mb.Parameters(speed=1.0)
+        >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+        >>> start, outputs = {"ball.vx": p.speed}, {"x": ball.x}
+        >>> scene = mb.Scene(mb.System(ball, parameters=p), start, times=[0.0, 1.0, 2.0], outputs=outputs)
+        >>> fit = mb.calibrate(scene, {"x": [0.0, 1.49, 3.02]})
+        >>> [round(end, 3) for end in fit.consistent(0.03).box["speed"]]
+        [1.495, 1.52]
+        """
+        errors = errors_of(error, self.data)
+        self._require_determined("consistent")
+        if self.study is None:
+            raise DeclarationError("Calibration.consistent: a fit from a file has no scene. Call calibrate again.")
+        with kept_interrupts():
+            found = consistent_set(self.study, self.name, self.parameters, errors)
+        warn_of(found.doubts, f"Calibration.consistent: {self.name}")
+        return found
 
     def _require_determined(self, asked: str) -> None:
         if self.undetermined:
@@ -278,6 +327,8 @@ def calibrate(
     measured = _measured(scene, data)
     times = np.unique(np.concatenate([scene.times[:1], *(t for t, _ in measured.values())]))
     own = scene.curves.with_times(times)
+    if own.outputs is not None:
+        own = with_some_outputs(own, [*measured])
     known_noise = _noise(noise, measured)
     count = sum(len(values) for _, values in measured.values())
     if count < (needed := len(some) + (not known_noise)):
@@ -363,6 +414,7 @@ def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Cali
         (*undetermined, *doubts),
         fit.runs,
         tuple(fit.simulator.units[fit.simulator.outputs.index(name)] for name in fit.measured),
+        fit,
     )
 
 

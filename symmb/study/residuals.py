@@ -63,7 +63,7 @@ class Residuals:
     def values(self, U: Array) -> Array:
         """Outputs (M, N) at the times of the data, for relative parameters U (M, n_p); nan if a run fails."""
         self.runs += len(U)
-        return self._placed(self.simulator.run(self._parameters(U)).Y)
+        return self.placed(self.simulator.run(self._parameters(U)).Y)
 
     def parts(self, values: Array) -> list[Array]:
         """The values of each output, from values (N,) of all outputs."""
@@ -75,7 +75,7 @@ class Residuals:
         P[..., self.columns] = U * self.sizes
         return P
 
-    def _placed(self, Y: Array) -> Array:
+    def placed(self, Y: Array) -> Array:
         """Values (M, N) at the times of the data, from outputs (M, n_t, n_y)."""
         return np.concatenate([Y[:, i, k] for i, k in self.places], axis=1)
 
@@ -85,7 +85,7 @@ class Residuals:
         directions = self._parameters(np.eye(len(u))) * 0
         directions[:, self.columns] = np.diag(self.sizes)
         jets = np.asarray(self.simulator.jets(self._parameters(u), directions, 1), dtype=float)
-        y, slopes = map(self._placed, jets)
+        y, slopes = map(self.placed, jets)
         return y[0], slopes
 
     def _differences(self, u: Array) -> tuple[Array, Array]:

@@ -92,16 +92,21 @@ def tensor_degree(d: int, order: int) -> MultiIndices:
 
 
 def in_other_coordinates(
-    alpha: MultiIndices, coefficients: Array, i: int, centre: float, half: float
+    alpha: MultiIndices, coefficients: Array, i: int, centre: float | Array, half: float | Array
 ) -> tuple[MultiIndices, Array]:
-    """Multi-indices (n_b, d) and coefficients (n_b, m) with centre + half x as parameter i; without it if half is 0."""
-    # Columns of the matrix are the Legendre coefficients of P_k(centre + half x), which has degree k at most.
+    """Multi-indices (n_b, d) and coefficients (n_b, m) with centre + half x as parameter i; without it if half is 0.
+
+    For coefficients (n_b, k, m), `centre` and `half` are (k,).
+    """
+    # Columns of the matrix are the Legendre coefficients of P_j(centre + half x), which has degree j at most.
     degree = int(alpha[:, i].max())
-    x, P = legendre.leggauss(degree + 1)[0], legendre.legvander
-    matrix = np.linalg.solve(P(x, degree), P(centre + half * x, degree))
+    x, P = np.polynomial.legendre.leggauss(degree + 1)[0], np.polynomial.legendre.legvander
+    points = np.asarray(centre)[..., None] + np.asarray(half)[..., None] * x
+    matrix = np.linalg.solve(P(x, degree), P(points, degree))
     others, which = np.unique(np.delete(alpha, i, axis=1), axis=0, return_inverse=True)
-    table = np.zeros((len(others), degree + 1, coefficients.shape[1]))
+    table = np.zeros((len(others), degree + 1, *coefficients.shape[1:]))
     table[which.ravel(), alpha[:, i]] = coefficients
-    if half == 0:
-        return others, matrix[0] @ table
-    return alpha, (matrix @ table)[which.ravel(), alpha[:, i]]
+    changed = np.einsum("...ab,ob...m->oa...m", matrix, table, optimize=True)
+    if np.ndim(half) == 0 and half == 0:
+        return others, changed[:, 0]
+    return alpha, changed[which.ravel(), alpha[:, i]]

@@ -14,6 +14,7 @@ from symmb.equations.model.scales import Scales
 from symmb.equations.model.scene import Scene
 from symmb.equations.model.start_values import JointValue, Prescribed
 from symmb.equations.model.system import System
+from symmb.equations.model.tolerance_list import share_of
 from symmb.equations.model.units import units_of
 from symmb.equations.model.unused_parameters import unused_parameters, with_some_outputs
 from symmb.equations.model.validation import left_out
