@@ -105,7 +105,7 @@ class DesignSearch:
         executor: Executor | None,
         progress: Progress | None,
     ) -> None:
-        self._simulator, self._limits, self._cost = simulator, limits, cost
+        self.simulator, self._limits, self._cost = simulator, limits, cost
         self._executor, self._progress = executor, progress
         ends = {} if tolerances is None else dict(zip(tolerances.names, tolerances.bounds, strict=True))
         self.names = tuple(dict.fromkeys([*ranges, *(name for name, (low, high) in ends.items() if low < high)]))
@@ -126,6 +126,14 @@ class DesignSearch:
         """Factors (..., n_f) of the tolerances with costs."""
         return np.exp(z[..., self._n_x :])
 
+    def cost(self, z: Array) -> float:
+        """Sum of the costs of the tolerances."""
+        return self._cost(self.factors(z))
+
+    def box(self, z: Array) -> Box:
+        """The intervals of a design."""
+        return self._box(*self._ends(z))
+
     def middle(self, z: Array) -> Array:
         """Nominal values (..., d) of the parameters."""
         middle = np.tile(self._nominal, (*z.shape[:-1], 1)).reshape(*z.shape[:-1], -1)
@@ -141,7 +149,7 @@ class DesignSearch:
 
     def _box(self, low: Array, high: Array) -> Box:
         ends = dict(zip(self.names, zip(low.tolist(), high.tolist(), strict=True), strict=True))
-        return Box(**ends).with_units(units_of_parameters(self._simulator.parameters))
+        return Box(**ends).with_units(units_of_parameters(self.simulator.parameters))
 
     def at_ends(self, z: Array, low: Array, high: Array) -> tuple[Mask, Mask]:
         """Masks (n,) of the parts of a design at the lower and at the upper ends."""
@@ -161,7 +169,7 @@ class DesignSearch:
         low, high = centre - half, centre + half
         narrow, wide = self._ends(np.concatenate([low[: self._n_x], high[self._n_x :]])), self._ends(high)
         joint, n = self._box(narrow[0], wide[1]), _FEWEST_RUNS
-        study = Study(self._simulator, joint)
+        study = Study(self.simulator, joint)
         while True:
             points, Y = study.sample(n)
             surrogate = fitted(points, Y, joint.names)
@@ -176,13 +184,13 @@ class DesignSearch:
 
     def trial(self, z: Array, goals: Sequence[Goal]) -> Trial:
         """A study of a design, and the check of its limits."""
-        box = self._box(*self._ends(z))
-        bounds = PolynomialChaos().bounds(self._simulator, box, executor=self._executor, progress=self._progress)
+        box = self.box(z)
+        bounds = PolynomialChaos().bounds(self.simulator, box, executor=self._executor, progress=self._progress)
         self.evaluations += bounds.evaluations
-        nominal = dict(self._simulator.parameters) | dict(zip(self.names, self.middle(z).tolist(), strict=True))
-        bounds = replace(bounds, study=Study(self._simulator, box), nominal_parameters=nominal, nominal=None)
+        nominal = dict(self.simulator.parameters) | dict(zip(self.names, self.middle(z).tolist(), strict=True))
+        bounds = replace(bounds, study=Study(self.simulator, box), nominal_parameters=nominal, nominal=None)
         check = bounds.check(self._limits) if self._limits else None
-        values = self._values(z, goals, bounds.lower, bounds.upper)
+        values = self.values(z, goals, bounds.lower, bounds.upper)
         widths = (bounds.upper - bounds.lower).max(axis=0)
         is_limit = np.array([goal.most < np.inf for goal in goals])
         sizes = np.array([widths[g.k] if g.k >= 0 and g.most < np.inf else abs(v) for g, v in zip(goals, values)])
@@ -193,15 +201,14 @@ class DesignSearch:
             values[nearest] = most[nearest] - float(limit.margin.min())
             self.evaluations += limit.further.runs if limit.further else 0
         excess = np.where(is_limit, (values - most) / np.maximum(sizes, 1e-300), -np.inf).max()
-        state = 0 if check is None or check.kept else 1 if check.kept is None else 2
-        if check is None and excess > AGREES:
-            state = 2
+        undecided = check is not None and not check.kept
+        state = 2 if excess > AGREES or (check is not None and check.kept is False) else int(undecided)
         order = state, float(max(excess, 0.0)) if state == 2 else 0.0, float(values[0])
         return Trial(z, values, sizes, bounds, check, order)
 
-    def _values(self, z: Array, goals: Sequence[Goal], low: Array, high: Array) -> Array:
+    def values(self, z: Array, goals: Sequence[Goal], low: Array, high: Array) -> Array:
         """Values (n_g,) of goals from bounds (n_t, n_y)."""
-        return np.array([self._cost(self.factors(z)) if g.k < 0 else g.of(low, high).max() for g in goals])
+        return np.array([self.cost(z) if g.k < 0 else g.of(low, high).max() for g in goals])
 
     def best(self, goals: Sequence[Goal]) -> Trial:
         """The best design for the first goal that satisfies the limits of the other goals."""
@@ -237,7 +244,7 @@ class DesignSearch:
 
         The shift (n_g,) is added to the values. Without a start, designs in the whole region are compared.
         """
-        scales = np.array([region.changes[g.k] if g.k >= 0 else self._cost(self.factors(region.low)) for g in goals])
+        scales = np.array([region.changes[g.k] if g.k >= 0 else self.cost(region.low) for g in goals])
         most = np.array([goal.most for goal in goals])
         most[1:] -= margin * scales[1:]
 
@@ -282,7 +289,7 @@ class DesignSearch:
             peaks = np.flatnonzero((curve >= beside[:-2]) & (curve >= beside[2:]))
             for row in peaks[np.argsort(-curve[peaks])][:_PEAKS].tolist():
                 cases.append(_Worst(n, row, *places[:, row, goal.k]))
-        return self._values(z, goals, low, high), cases
+        return self.values(z, goals, low, high), cases
 
     def _with_cases(
         self,
@@ -310,7 +317,7 @@ class DesignSearch:
             points = ((low + high) / 2)[:, None, None] + ((high - low) / 2)[:, None, None] * places
             Y = few.values(points.reshape(-1, len(self.names))).reshape(*points.shape[:3], len(rows), -1)
             own = [goals[c.goal].of(Y[:, i, 0, at[i]], Y[:, i, 1, at[i]]) for i, c in enumerate(cases)]
-            own += [np.array([self._cost(self.factors(z)) for z in Z]) for _ in of_cost]
+            own += [np.array([self.cost(z) for z in Z]) for _ in of_cost]
             return (np.array(own).T + shift[numbers]) / scales[numbers]
 
         def slopes(x: Array) -> Array:
