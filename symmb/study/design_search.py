@@ -8,15 +8,15 @@ import numpy as np
 
 from symmb._types import Array, Executor, Mask
 from symmb._units import units_of_parameters
-from symmb.bound.bounds import Bounds, LimitCheck, Limits, PolynomialChaos, Study, fitted
-from symmb.bound.nodes import Sobol
+from symmb.bound.bounds import Bounds, LimitCheck, Limits, PolynomialChaos, Study, fitted, gathered, parameter_samples
+from symmb.bound.nodes import Sobol, corners
 from symmb.bound.polynomials.ranges import Piecewise
 from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box
 
 LARGEST_FACTOR = 4.0
 """Largest factor of a tolerance with costs. The smallest factor is its inverse."""
-_FEWEST_RUNS, _MOST_RUNS, _ACCURATE = 64, 512, 0.02
+_FEWEST_RUNS, _MOST_RUNS, _ACCURATE = 64, 256, 0.02
 """Numbers of runs of the first and the last polynomials of a region. The number is doubled until the error of the
 polynomials, divided by the standard deviation, is small enough."""
 AGREES = 5e-3
@@ -30,6 +30,8 @@ _MARGIN = 2e-3
 _SCREENED, _STARTS, _ROUNDS, _PEAKS = 16, 3, 12, 3
 """Number of designs that are compared, of designs from which optimisations start, of optimisations with more worst
 cases, and of peaks of a curve that are added together."""
+_CORNERS = 5
+"""Up to this number of parameters, a design is also run at all corners of its box."""
 _PENALTY, _STEP, _EDGE = 100.0, 1e-6, 1e-3
 """Weight of a violated limit; step of differences, and distance from an end that is no distance, in a region of size
 1."""
@@ -53,7 +55,7 @@ class Goal(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A design with a study. `values` (n_g,) of the goals; `sizes` (n_g,) are numbers that differences are divided by.
+    """A design with runs or a study. `values` (n_g,) of the goals. Differences of values are divided by `sizes` (n_g,).
 
     `order` compares trials: first whether limits are satisfied (0), undecided (1) or violated (2), then by how much they
     are exceeded, then the objective.
@@ -62,7 +64,7 @@ class Trial:
     z: Array
     values: Array
     sizes: Array
-    bounds: Bounds
+    bounds: Bounds | None
     check: LimitCheck | None
     order: tuple[int, float, float]
 
@@ -85,6 +87,15 @@ class _Worst(NamedTuple):
     row: int
     low: Array
     high: Array
+
+
+class _Optimum(NamedTuple):
+    """A design, the values and errors (n_g,) of goals by polynomials, and their worst cases."""
+
+    z: Array
+    values: Array
+    errors: Array
+    cases: list[_Worst]
 
 
 class DesignSearch:
@@ -182,65 +193,93 @@ class DesignSearch:
         self._regions.append(Region(low, high, joint, surrogate, changes))
         return self._regions[-1]
 
-    def trial(self, z: Array, goals: Sequence[Goal]) -> Trial:
-        """A study of a design, and the check of its limits."""
+    def _tried(self, z: Array, goals: Sequence[Goal], cases: Sequence[_Worst]) -> Trial:
+        """A design with runs in its worst cases by the polynomials, and at corners if there are few."""
+        d = len(self.names)
+        places = [place for case in cases for place in (case.low, case.high)]
+        places = np.unique(np.round([*places, *(corners(d) if d <= _CORNERS else np.zeros((1, d)))], 9), axis=0)
+        Y, _ = gathered(self.simulator, parameter_samples(self.simulator, self.box(z), places), self._executor)
+        self.evaluations += len(Y)
+        return self._rated(z, goals, Y.min(axis=0), Y.max(axis=0))
+
+    def study(self, z: Array, goals: Sequence[Goal]) -> Trial:
+        """A design with bounds by a study, and the check of its limits."""
         box = self.box(z)
         bounds = PolynomialChaos().bounds(self.simulator, box, executor=self._executor, progress=self._progress)
-        self.evaluations += bounds.evaluations
         nominal = dict(self.simulator.parameters) | dict(zip(self.names, self.middle(z).tolist(), strict=True))
         bounds = replace(bounds, study=Study(self.simulator, box), nominal_parameters=nominal, nominal=None)
         check = bounds.check(self._limits) if self._limits else None
-        values = self.values(z, goals, bounds.lower, bounds.upper)
-        widths = (bounds.upper - bounds.lower).max(axis=0)
-        is_limit = np.array([goal.most < np.inf for goal in goals])
-        sizes = np.array([widths[g.k] if g.k >= 0 and g.most < np.inf else abs(v) for g, v in zip(goals, values)])
+        further = [limit.further.runs for limit in check.limits if limit.further] if check else []
+        self.evaluations += bounds.evaluations + sum(further)
+        return self._rated(z, goals, bounds.lower, bounds.upper, bounds, check)
+
+    def _rated(
+        self,
+        z: Array,
+        goals: Sequence[Goal],
+        low: Array,
+        high: Array,
+        bounds: Bounds | None = None,
+        check: LimitCheck | None = None,
+    ) -> Trial:
+        """A design with the lowest and highest values (n_t, n_y), which are nan if a run failed."""
+        values = self.values(z, goals, low, high)
+        widths = (high - low).max(axis=0)
         most = np.array([goal.most for goal in goals])
-        for limit in check.limits if check else ():  # between output times and in further runs
-            own = [n for n, g in enumerate(goals) if g.most < np.inf and g.k == bounds.names.index(limit.output)]
-            nearest = min(own, key=lambda n: most[n] - values[n])
+        is_limit = np.isfinite(most)
+        sizes = np.array([widths[g.k] if g.k >= 0 else abs(v) for g, v in zip(goals, values, strict=True)])
+        sizes = np.where(is_limit, sizes, np.abs(values))
+        for limit in check.limits if check else ():  # the check also knows further runs, and values between times
+            own = [n for n, g in enumerate(goals) if is_limit[n] and self.simulator.outputs[g.k] == limit.output]
+            nearest = min((n for n in own if goals[n].k >= 0), key=lambda n: most[n] - values[n])
             values[nearest] = most[nearest] - float(limit.margin.min())
-            self.evaluations += limit.further.runs if limit.further else 0
-        excess = np.where(is_limit, (values - most) / np.maximum(sizes, 1e-300), -np.inf).max()
+        values = np.where(np.isnan(values), np.inf, values)
+        excess = float(((values - most)[is_limit] / np.maximum(sizes[is_limit], 1e-300)).max(initial=0.0))
         undecided = check is not None and not check.kept
-        state = 2 if excess > AGREES or (check is not None and check.kept is False) else int(undecided)
-        order = state, float(max(excess, 0.0)) if state == 2 else 0.0, float(values[0])
-        return Trial(z, values, sizes, bounds, check, order)
+        state = 2 if excess > AGREES or np.isinf(values).any() or (check and check.kept is False) else int(undecided)
+        return Trial(z, values, sizes, bounds, check, (state, excess if state == 2 else 0.0, float(values[0])))
 
     def values(self, z: Array, goals: Sequence[Goal], low: Array, high: Array) -> Array:
         """Values (n_g,) of goals from bounds (n_t, n_y)."""
         return np.array([self.cost(z) if g.k < 0 else g.of(low, high).max() for g in goals])
 
     def best(self, goals: Sequence[Goal]) -> Trial:
-        """The best design for the first goal that satisfies the limits of the other goals."""
-        size, best, margin = 1.0, None, _MARGIN
+        """The best design for the first goal that satisfies the limits of the other goals, with a study."""
+        size, best = 1.0, None
         region = self.region((self.low + self.high) / 2, size)
         for _ in range(_MAX_REGIONS):
             shift, before = np.zeros(len(goals)), best
             for _ in range(_MAX_TRIALS):
-                z, by_polynomials, errors = self._optimum(region, goals, shift, margin, None if best is None else best.z)
-                trial = self.trial(z, goals)
+                found = self._optimum(region, goals, shift, _MARGIN, None if best is None else best.z)
+                trial = self._tried(found.z, goals, found.cases)
                 best = trial if best is None or trial.order < best.order else best
-                error = trial.values - by_polynomials
-                near = AGREES * trial.sizes
-                agrees, settled = (np.fmax(np.abs(error), errors) <= near).all(), (np.abs(error - shift) <= near).all()
+                error, near = trial.values - found.values, AGREES * trial.sizes
+                agrees, settled = (np.fmax(np.abs(error), found.errors) <= near).all(), np.abs(error - shift) <= near
                 shift = error
-                margin *= 2 if trial.order[0] == 1 else 1
-                if settled and trial.order[0] == 0:
+                if settled.all() and trial.order[0] == 0:
                     break
             assert best is not None
-            lower, upper = self.at_ends(z, region.low, region.high)
+            lower, upper = self.at_ends(found.z, region.low, region.high)
             is_edge = ((lower & (region.low > self.low)) | (upper & (region.high < self.high))).any()
             gain = np.inf if before is None or before.order[0] else before.values[0] - best.values[0]
             if size <= _SMALLEST or (agrees and not is_edge) or (size < 0.1 and gain < AGREES / 2 * best.sizes[0]):
                 break
             size *= 1 if agrees else _SMALLER
             region = self.region(best.z, size)
-        return best
+        last, margin = self.study(best.z, goals), _MARGIN
+        for _ in range(_MAX_TRIALS):
+            error = last.values - self._worst(region, last.z, goals)[0]
+            if last.order[0] == 0 and (last.values - best.values <= AGREES * last.sizes).all():
+                break
+            margin *= 2 if last.order[0] == 1 else 1
+            best = self.study(self._optimum(region, goals, error, margin, last.z).z, goals)
+            last, best = sorted([last, best], key=lambda trial: trial.order)
+        return last
 
     def _optimum(
         self, region: Region, goals: Sequence[Goal], shift: Array, margin: float, start: Array | None
-    ) -> tuple[Array, Array, Array]:
-        """The best design by the polynomials of a region, the values of the goals by these polynomials, and the errors.
+    ) -> _Optimum:
+        """The best design by the polynomials of a region.
 
         The shift (n_g,) is added to the values. Without a start, designs in the whole region are compared.
         """
@@ -268,10 +307,10 @@ class DesignSearch:
                 if found[-1][0] - expected < 1e-5 * (1 + abs(expected)) and len(cases) > len(more):
                     break
         _, z, values = min(found, key=lambda each: each[0])
-        errors = np.zeros(len(goals))
-        for case in self._worst(region, z, goals)[1]:
+        errors, (_, cases) = np.zeros(len(goals)), self._worst(region, z, goals)
+        for case in cases:
             errors[case.goal] = max(errors[case.goal], region.surrogate.error[case.row, goals[case.goal].k])
-        return z, values, errors
+        return _Optimum(z, values, errors, cases)
 
     def _worst(self, region: Region, z: Array, goals: Sequence[Goal]) -> tuple[Array, list[_Worst]]:
         """Values (n_g,) of goals by polynomials, and their worst cases at the highest peaks over time."""
@@ -304,9 +343,9 @@ class DesignSearch:
         from scipy.optimize import minimize
 
         span, n = region.high - region.low, len(start)
-        rows, at = np.unique([case.row for case in cases], return_inverse=True)
+        rows, at = np.unique(np.array([case.row for case in cases], dtype=int), return_inverse=True)
         few = region.surrogate.part(rows, slice(None))
-        places = np.array([[case.low, case.high] for case in cases]).reshape(-1, 2, len(self.names))
+        places = np.array([[case.low, case.high] for case in cases], dtype=float).reshape(-1, 2, len(self.names))
         of_cost = [k for k, goal in enumerate(goals) if goal.k < 0]
         numbers = np.array([case.goal for case in cases] + of_cost, dtype=int)
 
@@ -315,7 +354,7 @@ class DesignSearch:
             Z = region.low + span * U
             low, high = (region.joint.to_unit(ends) for ends in self._ends(Z))
             points = ((low + high) / 2)[:, None, None] + ((high - low) / 2)[:, None, None] * places
-            Y = few.values(points.reshape(-1, len(self.names))).reshape(*points.shape[:3], len(rows), -1)
+            Y = few.values(points.reshape(-1, len(self.names))).reshape(*points.shape[:3], len(rows), len(self.simulator.outputs))
             own = [goals[c.goal].of(Y[:, i, 0, at[i]], Y[:, i, 1, at[i]]) for i, c in enumerate(cases)]
             own += [np.array([self.cost(z) for z in Z]) for _ in of_cost]
             return (np.array(own).T + shift[numbers]) / scales[numbers]
