@@ -36,8 +36,9 @@ from symmb.study.tolerances import Costs, of_outputs, total_cost
 
 OWNER = "design"
 _COST = "cost"
-_FRONT = 7
-"""Number of designs of a front."""
+_FRONT, _END = 5, 0.02
+"""Number of designs of a front, and distance of the last design from the best second objective, divided by its range.
+"""
 _BINDS = 0.02
 """Largest distance from a limit that is active, divided by the width."""
 
@@ -162,7 +163,7 @@ def design(
     objective : pair, or list of two objectives
         (output, "upper") minimises the largest upper bound over time, (output, "lower") maximises the smallest lower
         bound, (output, "width") minimises the largest width. "cost" minimises the sum of the costs of the tolerances.
-        Two objectives give a front of seven designs. The result is then the design of the front that is closest to the
+        Two objectives give a front of five designs. The result is then the design of the front that is closest to the
         best values of both objectives
     limits : mapping
         output -> (low, high); one limit may be None. With costs, "cost" -> (None, high) limits the sum of the costs
@@ -210,9 +211,8 @@ def design(
         for name, (low, high) in pairs.items():
             held += [Goal(columns[name], side, e) for side, e in (("lower", -low), ("upper", high)) if e < np.inf]
         goals = [Goal(-1, "upper") if name is None else Goal(columns[name], pair[1]) for name, pair in zip(asked, wanted)]
-        trials = [search.best([goal, *held]) for goal in goals]
-        for trial in trials:
-            _require_kept(search, trial, ranges, budget)
+        trials = [search.best([goals[0], *held])]
+        _require_kept(search, trials[0], ranges, budget)
         of = {" ".join(pair[::-1]) if name else _COST: goal for name, pair, goal in zip(asked, wanted, goals)}
 
         def result(trial: Trial) -> Design:
@@ -233,7 +233,7 @@ def design(
         if len(goals) == 1:
             last = result(_verified(search, trials[0], executor))
         else:
-            trials = _front(search, goals, held, trials)
+            trials = _front(search, goals, held, trials[0])
             points = np.array([_numbers(search, trial, goals) for trial in trials])
             share = (points - points.min(axis=0)) / np.maximum(np.ptp(points, axis=0), 1e-300)
             chosen = int(np.square(share).sum(axis=1).argmin())
@@ -302,12 +302,13 @@ def _numbers(search: DesignSearch, trial: Trial, goals: Sequence[Goal]) -> list[
     return search.values(trial.z, goals, trial.bounds.lower, trial.bounds.upper).tolist()
 
 
-def _front(search: DesignSearch, goals: Sequence[Goal], held: list[Goal], ends: Sequence[Trial]) -> list[Trial]:
-    """Designs with the best first objective, for levels of the second objective between both best designs."""
-    most, least = (_numbers(search, trial, goals)[1] for trial in ends)
-    levels = np.linspace(most, least, _FRONT)[1:-1].tolist()
-    inner = [search.best([goals[0], goals[1]._replace(most=level), *held]) for level in levels] if most > least else []
-    trials = [trial for trial in (*ends, *inner) if trial.order[0] < 2]
+def _front(search: DesignSearch, goals: Sequence[Goal], held: list[Goal], first: Trial) -> list[Trial]:
+    """Designs with the best first objective, for levels of the second objective down to its best value."""
+    most = _numbers(search, first, goals)[1]
+    least = float(search.best([goals[1], *held], is_end=False).values[0])
+    levels = np.linspace(most, least + _END * (most - least), _FRONT)[1:] if most > least else []
+    trials = [first, *(search.best([goals[0], goals[1]._replace(most=float(level)), *held]) for level in levels)]
+    trials = [first, *(trial for trial in trials[1:] if trial.order[0] < 2)]
     points = np.array([_numbers(search, trial, goals) for trial in trials])
     beaten = [((points <= own).all(axis=1) & (points < own).any(axis=1)).any() for own in points]
     return [trials[n] for n in np.argsort(points[:, 0], kind="stable") if not beaten[n]]

@@ -22,6 +22,8 @@ polynomials, divided by the standard deviation, is small enough."""
 AGREES = 5e-3
 """Largest difference between polynomials and the study of a design at the end of a search: of an objective divided by
 its value, and of a limited bound divided by the width."""
+_NEAR = 8.0
+"""If a smaller region gives no better design, polynomials may have this multiple of the difference."""
 _SMALLER, _SMALLEST, _MAX_REGIONS, _MAX_TRIALS = 0.4, 0.02, 10, 3
 """Ratio of the sizes of consecutive regions, smallest size divided by the ranges, largest number of regions, and of
 designs that are verified in a region."""
@@ -180,14 +182,15 @@ class DesignSearch:
         low, high = centre - half, centre + half
         narrow, wide = self._ends(np.concatenate([low[: self._n_x], high[self._n_x :]])), self._ends(high)
         joint, n = self._box(narrow[0], wide[1]), _FEWEST_RUNS
-        study = Study(self.simulator, joint)
+        study, before = Study(self.simulator, joint), np.inf
         while True:
             points, Y = study.sample(n)
             surrogate = fitted(points, Y, joint.names)
             error, spread = np.square(surrogate.error).mean(axis=0), Y.var(axis=0).mean(axis=0)
-            if n >= _MOST_RUNS or (error <= _ACCURATE**2 * spread).all():
+            share = float(np.sqrt(error / np.maximum(spread, 1e-300)).max())
+            if n >= _MOST_RUNS or share <= _ACCURATE or share > before / 2:  # kinks: more runs would not help much
                 break
-            n *= 2
+            before, n = share, 2 * n
         self.evaluations += n
         changes = Y.max(axis=1).std(axis=0) + Y.min(axis=1).std(axis=0) + 1e-9 * np.abs(Y).max(axis=(0, 1)) + 1e-300
         self._regions.append(Region(low, high, joint, surrogate, changes))
@@ -243,15 +246,19 @@ class DesignSearch:
         """Values (n_g,) of goals from bounds (n_t, n_y)."""
         return np.array([self.cost(z) if g.k < 0 else g.of(low, high).max() for g in goals])
 
-    def best(self, goals: Sequence[Goal]) -> Trial:
-        """The best design for the first goal that satisfies the limits of the other goals, with a study."""
+    def best(self, goals: Sequence[Goal], is_end: bool = True) -> Trial:
+        """The best design for the first goal that satisfies the limits of the other goals.
+
+        A study verifies the design if `is_end`.
+        """
         size, best = 1.0, None
         region = self.region((self.low + self.high) / 2, size)
         for _ in range(_MAX_REGIONS):
             shift, before = np.zeros(len(goals)), best
             for _ in range(_MAX_TRIALS):
-                found = self._optimum(region, goals, shift, _MARGIN, None if best is None else best.z)
-                trial = self._tried(found.z, goals, found.cases)
+                optima = self._optima(region, goals, shift, _MARGIN, None if best is None else best.z)
+                tried = [(self._tried(optimum.z, goals, optimum.cases), optimum) for optimum in optima]
+                trial, found = min(tried, key=lambda pair: pair[0].order)
                 best = trial if best is None or trial.order < best.order else best
                 error, near = trial.values - found.values, AGREES * trial.sizes
                 agrees, settled = (np.fmax(np.abs(error), found.errors) <= near).all(), np.abs(error - shift) <= near
@@ -262,30 +269,35 @@ class DesignSearch:
             lower, upper = self.at_ends(found.z, region.low, region.high)
             is_edge = ((lower & (region.low > self.low)) | (upper & (region.high < self.high))).any()
             gain = np.inf if before is None or before.order[0] else before.values[0] - best.values[0]
-            if size <= _SMALLEST or (agrees and not is_edge) or (size < 0.1 and gain < AGREES / 2 * best.sizes[0]):
+            is_near = (np.fmax(np.abs(error), found.errors) <= _NEAR * near).all()
+            is_last = agrees and not is_edge
+            if size <= _SMALLEST or is_last or (is_near and size < 1 and gain < AGREES / 2 * best.sizes[0]):
                 break
             size *= 1 if agrees else _SMALLER
             region = self.region(best.z, size)
+        if not is_end:
+            return best
         last, margin = self.study(best.z, goals), _MARGIN
         for _ in range(_MAX_TRIALS):
             error = last.values - self._worst(region, last.z, goals)[0]
             if last.order[0] == 0 and (last.values - best.values <= AGREES * last.sizes).all():
                 break
             margin *= 2 if last.order[0] == 1 else 1
-            best = self.study(self._optimum(region, goals, error, margin, last.z).z, goals)
+            best = self.study(self._optima(region, goals, error, margin, last.z)[0].z, goals)
             last, best = sorted([last, best], key=lambda trial: trial.order)
         return last
 
-    def _optimum(
+    def _optima(
         self, region: Region, goals: Sequence[Goal], shift: Array, margin: float, start: Array | None
-    ) -> _Optimum:
-        """The best design by the polynomials of a region.
+    ) -> list[_Optimum]:
+        """The best designs by the polynomials of a region, near the start, or else near several promising designs.
 
-        The shift (n_g,) is added to the values. Without a start, designs in the whole region are compared.
+        The shift (n_g,) is added to the values of the goals.
         """
         scales = np.array([region.changes[g.k] if g.k >= 0 else self.cost(region.low) for g in goals])
         most = np.array([goal.most for goal in goals])
         most[1:] -= margin * scales[1:]
+        offset = shift - np.where(np.isfinite(most), most, 0.0)
 
         def merit(values: Array) -> float:
             over = (values + shift - most)[1:] / scales[1:]
@@ -296,21 +308,22 @@ class DesignSearch:
         if not starts:
             z = region.low + half * (1 + Sobol().points(_SCREENED, len(half), seed=1))
             starts = sorted(z, key=lambda each: merit(self._worst(region, each, goals)[0]))[:_STARTS]
-        found = list[tuple[float, Array, Array]]()
+        optima = list[_Optimum]()
         for z in starts:
-            cases = list[_Worst]()
+            found, all_cases = list[tuple[float, Array, Array, list[_Worst]]](), list[_Worst]()
             for _ in range(_ROUNDS):
-                values, more = self._worst(region, z, goals)
-                found.append((merit(values), z, values))
-                cases += more
-                z, expected = self._with_cases(region, z, goals, cases, shift - np.where(np.isfinite(most), most, 0.0), scales)
-                if found[-1][0] - expected < 1e-5 * (1 + abs(expected)) and len(cases) > len(more):
+                values, cases = self._worst(region, z, goals)
+                found.append((merit(values), z, values, cases))
+                all_cases += cases
+                z, expected = self._with_cases(region, z, goals, all_cases, offset, scales)
+                if found[-1][0] - expected < 1e-5 * (1 + abs(expected)) and len(found) > 1:
                     break
-        _, z, values = min(found, key=lambda each: each[0])
-        errors, (_, cases) = np.zeros(len(goals)), self._worst(region, z, goals)
-        for case in cases:
-            errors[case.goal] = max(errors[case.goal], region.surrogate.error[case.row, goals[case.goal].k])
-        return _Optimum(z, values, errors, cases)
+            _, z, values, cases = min(found, key=lambda each: each[0])
+            errors = np.zeros(len(goals))
+            for case in cases:
+                errors[case.goal] = max(errors[case.goal], region.surrogate.error[case.row, goals[case.goal].k])
+            optima.append(_Optimum(z, values, errors, cases))
+        return optima
 
     def _worst(self, region: Region, z: Array, goals: Sequence[Goal]) -> tuple[Array, list[_Worst]]:
         """Values (n_g,) of goals by polynomials, and their worst cases at the highest peaks over time."""
