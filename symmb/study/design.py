@@ -307,8 +307,11 @@ def _front(search: DesignSearch, goals: Sequence[Goal], held: list[Goal], first:
     most = _numbers(search, first, goals)[1]
     least = float(search.best([goals[1], *held], is_end=False).values[0])
     levels = np.linspace(most, least + _END * (most - least), _FRONT)[1:] if most > least else []
-    trials = [first, *(search.best([goals[0], goals[1]._replace(most=float(level)), *held]) for level in levels)]
-    trials = [first, *(trial for trial in trials[1:] if trial.order[0] < 2)]
+    trials = [first]
+    for level in levels:
+        own = [goals[0], goals[1]._replace(most=float(level)), *held]
+        if (trial := search.best(own, trials[-1].z)).order[0] < 2:
+            trials.append(trial)
     points = np.array([_numbers(search, trial, goals) for trial in trials])
     beaten = [((points <= own).all(axis=1) & (points < own).any(axis=1)).any() for own in points]
     return [trials[n] for n in np.argsort(points[:, 0], kind="stable") if not beaten[n]]

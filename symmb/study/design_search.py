@@ -22,7 +22,7 @@ polynomials, divided by the standard deviation, is small enough."""
 AGREES = 5e-3
 """Largest difference between polynomials and the study of a design at the end of a search: of an objective divided by
 its value, and of a limited bound divided by the width."""
-_NEAR = 8.0
+_NEAR = 16.0
 """If a smaller region gives no better design, polynomials may have this multiple of the difference."""
 _SMALLER, _SMALLEST, _MAX_REGIONS, _MAX_TRIALS = 0.4, 0.02, 10, 3
 """Ratio of the sizes of consecutive regions, smallest size divided by the ranges, largest number of regions, and of
@@ -246,17 +246,17 @@ class DesignSearch:
         """Values (n_g,) of goals from bounds (n_t, n_y)."""
         return np.array([self.cost(z) if g.k < 0 else g.of(low, high).max() for g in goals])
 
-    def best(self, goals: Sequence[Goal], is_end: bool = True) -> Trial:
+    def best(self, goals: Sequence[Goal], start: Array | None = None, is_end: bool = True) -> Trial:
         """The best design for the first goal that satisfies the limits of the other goals.
 
-        A study verifies the design if `is_end`.
+        Without a start, the search compares designs in the whole ranges. A study verifies the design if `is_end`.
         """
         size, best = 1.0, None
         region = self.region((self.low + self.high) / 2, size)
         for _ in range(_MAX_REGIONS):
             shift, before = np.zeros(len(goals)), best
             for _ in range(_MAX_TRIALS):
-                optima = self._optima(region, goals, shift, _MARGIN, None if best is None else best.z)
+                optima = self._optima(region, goals, shift, _MARGIN, start if best is None else best.z)
                 tried = [(self._tried(optimum.z, goals, optimum.cases), optimum) for optimum in optima]
                 trial, found = min(tried, key=lambda pair: pair[0].order)
                 best = trial if best is None or trial.order < best.order else best
@@ -319,6 +319,8 @@ class DesignSearch:
                 if found[-1][0] - expected < 1e-5 * (1 + abs(expected)) and len(found) > 1:
                     break
             _, z, values, cases = min(found, key=lambda each: each[0])
+            if any((np.abs(z - other.z) <= _EDGE * (region.high - region.low)).all() for other in optima):
+                continue
             errors = np.zeros(len(goals))
             for case in cases:
                 errors[case.goal] = max(errors[case.goal], region.surrogate.error[case.row, goals[case.goal].k])
