@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -28,10 +29,9 @@ from symmb.bound.bounds import (
 )
 from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box, Scene
-from symmb.equations.model.box import Interval
 from symmb.run.integrate import Solver
 from symmb.run.simulation import simulator_for, simulator_of
-from symmb.study.design_search import DesignSearch, Goal, Trial
+from symmb.study.design_search import DesignSearch, Goal, Verified
 from symmb.study.tolerances import Costs, of_outputs, total_cost
 
 OWNER = "design"
@@ -43,6 +43,7 @@ _BINDS = 0.02
 """Largest distance from a limit that is active, divided by the width."""
 
 Objective = tuple[str, str] | str
+"""An output and 'upper', 'lower' or 'width', or 'cost'."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -136,8 +137,8 @@ class Design(Counted, Result):
 
 def design(
     scene_or_simulator: Scene | Simulator,
-    variables: Mapping[str, Interval],
-    objective: Objective | Sequence[Objective],
+    variables: Mapping[str, Any],
+    objective: Objective | list[Objective],
     limits: Limits | None = None,
     box: Box | None = None,
     costs: Costs | None = None,
@@ -182,6 +183,14 @@ def design(
         If a name, a range, a limit or an objective is not valid, or an interval does not contain the nominal value
     PropagationError
         If no design satisfies the limits, or too many runs fail
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> f = mb.FunctionSimulator(lambda a, b: [[(a - b) ** 2, a]], {"a": 1.0, "b": 2.0}, [0.0], ["y", "a"])
+    >>> best = mb.design(f, {"a": (0.0, 5.0)}, ("a", "upper"), {"y": (None, 4.0)}, mb.Box(b=(1.0, 3.0)))
+    >>> round(best.values["a"], 2), best.binding
+    (1.0, ('The limit y <= 4 is active.',))
     """
     with kept_interrupts(), shown_runs(progress, OWNER) as progress:
         box = getattr(scene_or_simulator, "box", None) if box is None else box
@@ -198,7 +207,7 @@ def design(
         _require_intervals(simulator, ranges, box)
         limits, budget = _limits_and_budget(limits, costs)
         pairs = limit_pairs(OWNER, limits, simulator.outputs, units_of(simulator)) if limits else {}
-        wanted = objective if isinstance(objective, list) and len(objective) == 2 else [objective]
+        wanted: list[Any] = objective if isinstance(objective, list) and len(objective) == 2 else [objective]
         asked = [_output(simulator, each, costs) for each in wanted]
         used = [name for name in simulator.outputs if name in asked or name in pairs]
         if not used:
@@ -210,12 +219,17 @@ def design(
         held = [Goal(-1, "upper", budget)] if budget < np.inf else []
         for name, (low, high) in pairs.items():
             held += [Goal(columns[name], side, e) for side, e in (("lower", -low), ("upper", high)) if e < np.inf]
-        goals = [Goal(-1, "upper") if name is None else Goal(columns[name], pair[1]) for name, pair in zip(asked, wanted)]
+        goals = [
+            Goal(-1, "upper") if name is None else Goal(columns[name], pair[1])
+            for name, pair in zip(asked, wanted, strict=True)
+        ]
         trials = [search.best([goals[0], *held])]
         _require_kept(search, trials[0], ranges, budget)
-        of = {" ".join(pair[::-1]) if name else _COST: goal for name, pair, goal in zip(asked, wanted, goals)}
+        of = {
+            " ".join(pair[::-1]) if name else _COST: goal for name, pair, goal in zip(asked, wanted, goals, strict=True)
+        }
 
-        def result(trial: Trial) -> Design:
+        def result(trial: Verified) -> Design:
             values = search.middle(trial.z)[: len(ranges)].tolist()
             names = dict(zip(of, _numbers(search, trial, goals), strict=True))
             return Design(
@@ -276,8 +290,8 @@ def _output(simulator: Simulator, objective: object, costs: Costs | None) -> str
         return None
     if not isinstance(objective, tuple) or len(objective) != 2 or objective[1] not in ("lower", "upper", "width"):
         raise DeclarationError(
-            f"{OWNER}: objective must be a pair such as ('y', 'upper'), with 'lower', 'upper' or 'width', {_COST!r}, or "
-            f"a list of two of them, got {shown(objective)}."
+            f"{OWNER}: objective must be a pair such as ('y', 'upper'), with 'lower', 'upper' or 'width', {_COST!r}, "
+            f"or a list of two of them, got {shown(objective)}."
         )
     return require_name(OWNER, "output", objective[0], simulator.outputs)
 
@@ -289,7 +303,8 @@ def _allocation(costs: Costs | None, box: Box | None) -> tuple[list[str], Callab
     if box is None:
         raise DeclarationError(f"{OWNER}: costs need a box of tolerances.")
     kept = [name for name, own in costs.items() if own is None] if isinstance(costs, Mapping) else []
-    own = {name: ends for name, ends in box.intervals.items() if name not in kept and ends[0] < ends[1]}
+    intervals = zip(box.names, box.bounds, strict=True)
+    own: dict[str, Any] = {name: ends for name, ends in intervals if name not in kept and ends[0] < ends[1]}
     if isinstance(costs, Mapping):
         costs = {name: own for name, own in costs.items() if own is not None}
     if not own:
@@ -297,15 +312,15 @@ def _allocation(costs: Costs | None, box: Box | None) -> tuple[list[str], Callab
     return [*own], total_cost(OWNER, costs, Box(**own))
 
 
-def _numbers(search: DesignSearch, trial: Trial, goals: Sequence[Goal]) -> list[float]:
+def _numbers(search: DesignSearch, trial: Verified, goals: Sequence[Goal]) -> list[float]:
     """The values of objectives in a study. Smaller is better."""
     return search.values(trial.z, goals, trial.bounds.lower, trial.bounds.upper).tolist()
 
 
-def _front(search: DesignSearch, goals: Sequence[Goal], held: list[Goal], first: Trial) -> list[Trial]:
+def _front(search: DesignSearch, goals: Sequence[Goal], held: list[Goal], first: Verified) -> list[Verified]:
     """Designs with the best first objective, for levels of the second objective down to its best value."""
     most = _numbers(search, first, goals)[1]
-    least = float(search.best([goals[1], *held], is_end=False).values[0])
+    least = float(search.searched([goals[1], *held])[0].values[0])
     levels = np.linspace(most, least + _END * (most - least), _FRONT)[1:] if most > least else []
     trials = [first]
     for level in levels:
@@ -317,7 +332,7 @@ def _front(search: DesignSearch, goals: Sequence[Goal], held: list[Goal], first:
     return [trials[n] for n in np.argsort(points[:, 0], kind="stable") if not beaten[n]]
 
 
-def _verified(search: DesignSearch, trial: Trial, executor: Executor | None) -> Trial:
+def _verified(search: DesignSearch, trial: Verified, executor: Executor | None) -> Verified:
     """The trial with the warnings about its bounds, and with its nominal run."""
     simulator, values = search.simulator, trial.bounds.nominal_parameters
     bounds = finished(PolynomialChaos(), simulator, trial.bounds, executor)
@@ -327,7 +342,7 @@ def _verified(search: DesignSearch, trial: Trial, executor: Executor | None) -> 
     return replace(trial, bounds=replace(bounds, nominal_parameters=known, nominal=nominal))
 
 
-def _require_kept(search: DesignSearch, trial: Trial, ranges: Box, budget: float) -> None:
+def _require_kept(search: DesignSearch, trial: Verified, ranges: Box, budget: float) -> None:
     """Raise PropagationError if the closest design violates a limit."""
     if trial.order[0] < 2:
         return
@@ -343,7 +358,7 @@ def _require_kept(search: DesignSearch, trial: Trial, ranges: Box, budget: float
     )
 
 
-def _binding(search: DesignSearch, trial: Trial, names: Sequence[str], n_x: int, budget: float) -> tuple[str, ...]:
+def _binding(search: DesignSearch, trial: Verified, names: Sequence[str], n_x: int, budget: float) -> tuple[str, ...]:
     """Sentences about active limits and ends of ranges."""
     limits = trial.check.limits if trial.check else ()
     texts = [f"The limit {limit.text} is active." for limit in limits if limit.margin.min() <= _BINDS * limit.width]

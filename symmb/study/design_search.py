@@ -57,18 +57,24 @@ class Goal(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A design with runs or a study. `values` (n_g,) of the goals. Differences of values are divided by `sizes` (n_g,).
+    """A design, and the values (n_g,) of its goals by runs or a study. Differences are divided by the sizes (n_g,).
 
-    `order` compares trials: first whether limits are satisfied (0), undecided (1) or violated (2), then by how much they
-    are exceeded, then the objective.
+    `order` compares trials: first whether limits are satisfied (0), undecided (1) or violated (2), then by how much
+    they are exceeded, then the objective.
     """
 
     z: Array
     values: Array
     sizes: Array
-    bounds: Bounds | None
-    check: LimitCheck | None
     order: tuple[int, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Verified(Trial):
+    """A design with bounds by a study, and the check of its limits."""
+
+    bounds: Bounds
+    check: LimitCheck | None
 
 
 class Region(NamedTuple):
@@ -205,7 +211,7 @@ class DesignSearch:
         self.evaluations += len(Y)
         return self._rated(z, goals, Y.min(axis=0), Y.max(axis=0))
 
-    def study(self, z: Array, goals: Sequence[Goal]) -> Trial:
+    def _study(self, z: Array, goals: Sequence[Goal]) -> Verified:
         """A design with bounds by a study, and the check of its limits."""
         box = self.box(z)
         bounds = PolynomialChaos().bounds(self.simulator, box, executor=self._executor, progress=self._progress)
@@ -214,16 +220,11 @@ class DesignSearch:
         check = bounds.check(self._limits) if self._limits else None
         further = [limit.further.runs for limit in check.limits if limit.further] if check else []
         self.evaluations += bounds.evaluations + sum(further)
-        return self._rated(z, goals, bounds.lower, bounds.upper, bounds, check)
+        rated = self._rated(z, goals, bounds.lower, bounds.upper, check)
+        return Verified(z, rated.values, rated.sizes, rated.order, bounds, check)
 
     def _rated(
-        self,
-        z: Array,
-        goals: Sequence[Goal],
-        low: Array,
-        high: Array,
-        bounds: Bounds | None = None,
-        check: LimitCheck | None = None,
+        self, z: Array, goals: Sequence[Goal], low: Array, high: Array, check: LimitCheck | None = None
     ) -> Trial:
         """A design with the lowest and highest values (n_t, n_y), which are nan if a run failed."""
         values = self.values(z, goals, low, high)
@@ -240,18 +241,31 @@ class DesignSearch:
         excess = float(((values - most)[is_limit] / np.maximum(sizes[is_limit], 1e-300)).max(initial=0.0))
         undecided = check is not None and not check.kept
         state = 2 if excess > AGREES or np.isinf(values).any() or (check and check.kept is False) else int(undecided)
-        return Trial(z, values, sizes, bounds, check, (state, excess if state == 2 else 0.0, float(values[0])))
+        return Trial(z, values, sizes, (state, excess if state == 2 else 0.0, float(values[0])))
 
     def values(self, z: Array, goals: Sequence[Goal], low: Array, high: Array) -> Array:
         """Values (n_g,) of goals from bounds (n_t, n_y)."""
         return np.array([self.cost(z) if g.k < 0 else g.of(low, high).max() for g in goals])
 
-    def best(self, goals: Sequence[Goal], start: Array | None = None, is_end: bool = True) -> Trial:
-        """The best design for the first goal that satisfies the limits of the other goals.
+    def best(self, goals: Sequence[Goal], start: Array | None = None) -> Verified:
+        """The best design for the first goal that satisfies the limits of the other goals, verified by a study.
 
-        Without a start, the search compares designs in the whole ranges. A study verifies the design if `is_end`.
+        Without a start, the search compares designs in the whole ranges.
         """
-        size, best = 1.0, None
+        found, region = self.searched(goals, start)
+        best, margin, expected = self._study(found.z, goals), _MARGIN, found.values
+        for _ in range(_MAX_TRIALS):
+            if best.order[0] == 0 and (best.values - expected <= AGREES * best.sizes).all():
+                break
+            margin *= 2 if best.order[0] == 1 else 1
+            error = best.values - self._worst(region, best.z, goals)[0]
+            again = self._study(self._optima(region, goals, error, margin, best.z)[0].z, goals)
+            best, expected = min([best, again], key=lambda trial: trial.order), again.values
+        return best
+
+    def searched(self, goals: Sequence[Goal], start: Array | None = None) -> tuple[Trial, Region]:
+        """The best design by runs in its worst cases, and the region of the last polynomials."""
+        size, best, found = 1.0, None, None
         region = self.region((self.low + self.high) / 2, size)
         for _ in range(_MAX_REGIONS):
             shift, before = np.zeros(len(goals)), best
@@ -265,7 +279,7 @@ class DesignSearch:
                 shift = error
                 if settled.all() and trial.order[0] == 0:
                     break
-            assert best is not None
+            assert best is not None and found is not None
             lower, upper = self.at_ends(found.z, region.low, region.high)
             is_edge = ((lower & (region.low > self.low)) | (upper & (region.high < self.high))).any()
             gain = np.inf if before is None or before.order[0] else before.values[0] - best.values[0]
@@ -275,17 +289,8 @@ class DesignSearch:
                 break
             size *= 1 if agrees else _SMALLER
             region = self.region(best.z, size)
-        if not is_end:
-            return best
-        last, margin = self.study(best.z, goals), _MARGIN
-        for _ in range(_MAX_TRIALS):
-            error = last.values - self._worst(region, last.z, goals)[0]
-            if last.order[0] == 0 and (last.values - best.values <= AGREES * last.sizes).all():
-                break
-            margin *= 2 if last.order[0] == 1 else 1
-            best = self.study(self._optima(region, goals, error, margin, last.z)[0].z, goals)
-            last, best = sorted([last, best], key=lambda trial: trial.order)
-        return last
+        assert best is not None
+        return best, region
 
     def _optima(
         self, region: Region, goals: Sequence[Goal], shift: Array, margin: float, start: Array | None
@@ -346,13 +351,7 @@ class DesignSearch:
         return self.values(z, goals, low, high), cases
 
     def _with_cases(
-        self,
-        region: Region,
-        start: Array,
-        goals: Sequence[Goal],
-        cases: Sequence[_Worst],
-        shift: Array,
-        scales: Array,
+        self, region: Region, start: Array, goals: Sequence[Goal], cases: Sequence[_Worst], shift: Array, scales: Array
     ) -> tuple[Array, float]:
         """The best design if only these worst cases count, and its merit. Limits are subtracted in the shift (n_g,)."""
         from scipy.optimize import minimize
@@ -369,7 +368,9 @@ class DesignSearch:
             Z = region.low + span * U
             low, high = (region.joint.to_unit(ends) for ends in self._ends(Z))
             points = ((low + high) / 2)[:, None, None] + ((high - low) / 2)[:, None, None] * places
-            Y = few.values(points.reshape(-1, len(self.names))).reshape(*points.shape[:3], len(rows), len(self.simulator.outputs))
+            Y = few.values(points.reshape(-1, len(self.names))).reshape(
+                *points.shape[:3], len(rows), len(self.simulator.outputs)
+            )
             own = [goals[c.goal].of(Y[:, i, 0, at[i]], Y[:, i, 1, at[i]]) for i, c in enumerate(cases)]
             own += [np.array([self.cost(z) for z in Z]) for _ in of_cost]
             return (np.array(own).T + shift[numbers]) / scales[numbers]

@@ -70,7 +70,7 @@ def test_the_cheapest_tolerances_of_an_absorber_with_its_nominal_values():
 
 
 def test_no_design_satisfies_a_limit():
-    with pytest.raises(mb.PropagationError, match="no design was found.*amplitude <= 5 is violated by 0.8"):
+    with pytest.raises(mb.PropagationError, match=r"no design was found.*amplitude <= 5 is violated by 0.8"):
         mb.design(ABSORBER, RANGES, ("amplitude", "upper"), {"amplitude": (None, 5.0)}, BOX)
 
 
@@ -158,7 +158,7 @@ def test_a_front_of_comfort_and_cost_of_a_suspension_with_a_bump_stop():
 
 
 def test_lower_bounds_are_maximised_and_widths_minimised():
-    """The lower bound of y = 4 - (a - b)^2 is best for a = 2. It is 2 for a = 3 - sqrt(2). The width of z = c a is a."""
+    """The lower bound of y = 4 - (a - b)^2 is best for a = 2. It is 2 for a = 3 - sqrt(2). The width of c a is a."""
     hill = mb.FunctionSimulator(
         lambda a, b, c: [[4 - (a - b) ** 2, c * a]], {"a": 1.0, "b": 2.0, "c": 0.0}, [0.0], ["y", "z"]
     )
