@@ -228,6 +228,8 @@ class DesignSearch:
     ) -> Trial:
         """A design with the lowest and highest values (n_t, n_y), which are nan if a run failed."""
         values = self.values(z, goals, low, high)
+        if np.isnan(values).any():
+            return Trial(z, np.full(len(goals), np.inf), np.zeros(len(goals)), (2, np.inf, np.inf))
         widths = (high - low).max(axis=0)
         most = np.array([goal.most for goal in goals])
         is_limit = np.isfinite(most)
@@ -237,10 +239,9 @@ class DesignSearch:
             own = [n for n, g in enumerate(goals) if is_limit[n] and self.simulator.outputs[g.k] == limit.output]
             nearest = min((n for n in own if goals[n].k >= 0), key=lambda n: most[n] - values[n])
             values[nearest] = most[nearest] - float(limit.margin.min())
-        values = np.where(np.isnan(values), np.inf, values)
         excess = float(((values - most)[is_limit] / np.maximum(sizes[is_limit], 1e-300)).max(initial=0.0))
         undecided = check is not None and not check.kept
-        state = 2 if excess > AGREES or np.isinf(values).any() or (check and check.kept is False) else int(undecided)
+        state = 2 if excess > AGREES or (check and check.kept is False) else int(undecided)
         return Trial(z, values, sizes, (state, excess if state == 2 else 0.0, float(values[0])))
 
     def values(self, z: Array, goals: Sequence[Goal], low: Array, high: Array) -> Array:
@@ -277,7 +278,7 @@ class DesignSearch:
                 error, near = trial.values - found.values, AGREES * trial.sizes
                 agrees, settled = (np.fmax(np.abs(error), found.errors) <= near).all(), np.abs(error - shift) <= near
                 shift = error
-                if settled.all() and trial.order[0] == 0:
+                if np.isinf(error).any() or (settled.all() and trial.order[0] == 0):
                     break
             assert best is not None and found is not None
             lower, upper = self.at_ends(found.z, region.low, region.high)
