@@ -127,6 +127,7 @@ from .bound.polynomials.ranges.inclusion import LegendreInclusion as LegendreInc
 # Answers
 from .study.compare import compare as compare
 from .study.tolerances import tolerances as tolerances, Tolerances as Tolerances
+from .study.design import design as design, Design as Design
 from .study.calibration import calibrate as calibrate, Calibration as Calibration
 from .study.consistent import ConsistentSet as ConsistentSet
 from .study.stability import stability as stability, Stability as Stability

@@ -206,14 +206,14 @@ def tolerances(
     with kept_interrupts(), shown_runs(progress, OWNER) as progress:
         simulator, shape = simulator_of(scene, box, solver)
         pairs = limit_pairs(OWNER, limits, simulator.outputs, units_of(simulator))
-        simulator = _of_outputs(simulator, shape, [*pairs])
+        simulator = of_outputs(simulator, shape, [*pairs])
         for name in shape.names:
             require_name(OWNER, "parameter", name, simulator.parameters)
         search = Search(simulator, shape, pairs, executor, progress)
         if costs is None:
             (factors, bounds), cost = search.largest(np.ones(len(shape))), None
         else:
-            total = _total_cost(costs, shape)
+            total = total_cost(OWNER, costs, shape)
             factors, bounds = search.cheapest(total)
             cost = total(factors)
         bounds = finished(PolynomialChaos(tolerance=TOLERANCE), simulator, bounds, executor)
@@ -241,7 +241,7 @@ def _about_idle(names: Sequence[str]) -> tuple[str, ...]:
     return (text,) if names else ()
 
 
-def _of_outputs(simulator: Simulator, box: Box, names: Sequence[str]) -> Simulator:
+def of_outputs(simulator: Simulator, box: Box, names: Sequence[str]) -> Simulator:
     """The simulator of a scene with some of its outputs, because other outputs may need more runs. A black box keeps
     all outputs."""
     if not isinstance(simulator, SceneSimulator) or simulator.scene is None or simulator.scene.outputs is None:
@@ -251,21 +251,21 @@ def _of_outputs(simulator: Simulator, box: Box, names: Sequence[str]) -> Simulat
     return simulator_of(with_some_outputs(simulator.scene, names), box, simulator.solver)[0]
 
 
-def _total_cost(costs: Costs, shape: Box) -> Callable[[Array], float]:
+def total_cost(owner: str, costs: Costs, shape: Box) -> Callable[[Array], float]:
     """Sum of the costs as a function of the factors (d,)."""
     if not isinstance(costs, Mapping):
         if not callable(costs):
             raise DeclarationError(
-                f"{OWNER}: costs must be a function of the half width, or a mapping of parameters to such functions, "
+                f"{owner}: costs must be a function of the half width, or a mapping of parameters to such functions, "
                 f"got {shown(costs)}."
             )
         costs = dict.fromkeys(shape.names, costs)
-    costs = normal_keys(OWNER, costs)
+    costs = normal_keys(owner, costs)
     for name, own in costs.items():
         if name not in shape.names:
-            raise DeclarationError(f"{OWNER}: costs: {name!r} is not in the box.{did_you_mean(str(name), shape.names)}")
+            raise DeclarationError(f"{owner}: costs: {name!r} is not in the box.{did_you_mean(str(name), shape.names)}")
         if not callable(own):
-            raise DeclarationError(f"{OWNER}: the cost of {name!r} must be a function of its half width.")
+            raise DeclarationError(f"{owner}: the cost of {name!r} must be a function of its half width.")
     varied = [(k, costs.get(name)) for k, name in enumerate(shape.names) if shape.radius[k] > 0]
 
     def total(factors: Array) -> float:
@@ -277,15 +277,15 @@ def _total_cost(costs: Costs, shape: Box) -> Callable[[Array], float]:
             value = own(half)
         except Exception as error:  # an exception of the user's function
             raise DeclarationError(
-                f"{OWNER}: the cost function of {shape.names[k]!r} fails for {half:g}: {error}."
+                f"{owner}: the cost function of {shape.names[k]!r} fails for {half:g}: {error}."
             ) from error
         if not is_finite_number(value):
             raise DeclarationError(
-                f"{OWNER}: the cost of {shape.names[k]!r} for {half:g} is not a number: {shown(value)}."
+                f"{owner}: the cost of {shape.names[k]!r} for {half:g} is not a number: {shown(value)}."
             )
         return float(value)
 
     ones = np.ones(len(shape))
     if varied and not total(ones / 2) > total(2 * ones):
-        raise DeclarationError(f"{OWNER}: costs must decrease with the tolerance. Give costs such as lambda h: 1 / h.")
+        raise DeclarationError(f"{owner}: costs must decrease with the tolerance. Give costs such as lambda h: 1 / h.")
     return total

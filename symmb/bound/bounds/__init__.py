@@ -17,6 +17,7 @@ from symmb.bound.bounds.polynomial_chaos import PolynomialChaos
 from symmb.bound.bounds.propagation import finished, propagate
 from symmb.bound.bounds.reductions import gathered
 from symmb.bound.bounds.registry import METHODS, method_of, read_method
+from symmb.bound.bounds.regression import fitted
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.result_file import INNER, box_coordinates, box_entries, box_of, inner_entries, kind_of
 from symmb.bound.bounds.sampling import MonteCarlo, Scanning, Vertex

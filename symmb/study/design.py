@@ -1,0 +1,374 @@
+"""Values of design variables with the best bounds of an objective, so that limits are satisfied in the whole box."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from symmb import _html as html
+from symmb._errors import DeclarationError, PropagationError, warn_of
+from symmb._interrupts import kept_interrupts
+from symmb._labelled import Counted, Labelled, Result, over_parameters, texts
+from symmb._names import ByName, normal_keys
+from symmb._options import is_finite_number, require_name, shown
+from symmb._progress import shown_runs
+from symmb._table import aligned
+from symmb._types import Array, Executor
+from symmb._units import units_of_parameters
+from symmb.bound.bounds import (
+    Bounds,
+    LimitCheck,
+    Limits,
+    PolynomialChaos,
+    finished,
+    gathered,
+    limit_pairs,
+    unit_suffix,
+    units_of,
+)
+from symmb.connect import Progress, Simulator
+from symmb.equations.model import Box, Scene
+from symmb.run.integrate import Solver
+from symmb.run.simulation import simulator_for, simulator_of
+from symmb.study.design_search import DesignSearch, Goal, Verified
+from symmb.study.tolerances import Costs, of_outputs, total_cost
+
+OWNER = "design"
+_COST = "cost"
+_FRONT, _END = 5, 0.02
+"""Number of designs of a front, and distance of the last design from the best second objective, divided by its range.
+"""
+_BINDS = 0.02
+"""Largest distance from a limit that is active, divided by the width."""
+
+Objective = tuple[str, str] | str
+"""An output and 'upper', 'lower' or 'width', or 'cost'."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Design(Counted, Result):
+    """A design: values of its variables, and bounds over its tolerances. `print` shows the design.
+
+    Attributes
+    ----------
+    values : dict
+        value of each design variable
+    objectives : dict
+        "upper y", "lower y", "width y" or "cost" -> value of the objective. Bounds are the largest upper bound over
+        time, the smallest lower bound, and the largest width
+    bounds : Bounds
+        bounds over the box of the design, from a study
+    box : Box
+        intervals of all parameters that are varied
+    factors : dict
+        factor of each tolerance with costs
+    binding : tuple of str
+        sentences about active limits, and about variables and factors at the ends of their ranges
+    check : LimitCheck
+        check of the limits; None without limits
+    front : tuple of Design
+        designs of a front of two objectives, ordered by the first objective; empty for one objective
+    evaluations, runs : int
+        number of runs of all studies
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> valley = mb.FunctionSimulator(lambda a, b: [[(a - b) ** 2]], {"a": 1.0, "b": 2.0}, [0.0], ["y"])
+    >>> best = mb.design(valley, {"a": (0.0, 5.0)}, ("y", "upper"), box=mb.Box(b=(1.0, 3.0)))
+    >>> round(best.values["a"], 2), round(best.objectives["upper y"], 2)
+    (2.0, 1.0)
+    """
+
+    values: dict[str, float]
+    objectives: dict[str, float]
+    bounds: Bounds
+    box: Box
+    factors: dict[str, float]
+    binding: tuple[str, ...]
+    check: LimitCheck | None
+    front: tuple["Design", ...]
+    evaluations: int
+
+    def _head(self) -> str:
+        kind = "A design of the front" if self.front else "The best design found"
+        lines = [f"{kind}, from {self.evaluations} runs"]
+        for name, value in self.objectives.items():
+            unit = unit_suffix(self.bounds, self.bounds.names.index(name.split(" ", 1)[1])) if name != _COST else ""
+            lines.append(f"  {name:<9} {value:.6g}{unit}")
+        return "\n".join([*lines, *(f"  binding   {text}" for text in self.binding)])
+
+    def _rows(self) -> list[list[str]]:
+        rows = [["parameter", "value", "lower", "upper", "factor"]]
+        for name, label, (low, high) in zip(self.box.names, self.box.labels, self.box.bounds, strict=True):
+            value = self.bounds.nominal_parameters[name]
+            factor = f"{self.factors[name]:.4g}" if name in self.factors else ""
+            rows.append([label, f"{value:.6g}", f"{low - value:+.4g}", f"{high - value:+.4g}", factor])
+        return rows
+
+    def _front_rows(self) -> list[list[str]]:
+        rows = [[*self.objectives, *self.values, *(f"factor {name}" for name in self.factors)]]
+        numbers = [(p.objectives, p.values, p.factors) for p in self.front]
+        return rows + [[f"{x:.5g}" for part in parts for x in part.values()] for parts in numbers]
+
+    def _tables(self) -> list[list[list[str]]]:
+        return [self._rows(), *([self._front_rows()] if self.front else [])]
+
+    def __str__(self) -> str:
+        tables = ["\n".join(f"  {line}" for line in aligned(rows)) for rows in self._tables()]
+        return "\n\n".join([f"{self._head()}\n{tables[0]}", *tables[1:], *([str(self.check)] if self.check else [])])
+
+    def _repr_html_(self) -> str:
+        check = [html.text(str(self.check))] if self.check else []
+        return html.page(html.text(self._head()), *map(html.table, self._tables()), *check)
+
+    def _labelled(self) -> Labelled:
+        points = self.front or (self,)
+        coordinates = over_parameters(self.values, units_of_parameters(self.bounds.nominal_parameters))
+        coordinates |= {"objective": (("objective",), texts([*self.objectives]))}
+        coordinates |= {"design": (("design",), np.arange(len(points)))}
+        variables = {
+            "value": (("design", "parameter"), np.array([[*point.values.values()] for point in points])),
+            "best": (("design", "objective"), np.array([[*point.objectives.values()] for point in points])),
+        }
+        return Labelled(coordinates, variables, {"binding": "\n".join(self.binding)}, {}, ("design", "parameter"))
+
+
+def design(
+    scene_or_simulator: Scene | Simulator,
+    variables: Mapping[str, Any],
+    objective: Objective | list[Objective],
+    limits: Limits | None = None,
+    box: Box | None = None,
+    costs: Costs | None = None,
+    solver: Solver | str | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Design:
+    """Values of design variables with the best bound of an objective. Limits are satisfied in the whole box.
+
+    The box contains the tolerances. The interval of a variable moves with its value: its deviations from the nominal
+    value stay the same. Intervals of other parameters stay where they are, and variables need no interval.
+
+    Polynomials of all parameters replace the runs. They are fitted to runs that are spread over the ranges and the
+    tolerances, and the bounds of the polynomials are minimised. A study with PolynomialChaos() and `Bounds.check`
+    verify the design. If polynomials and study disagree, the search continues with new polynomials in a smaller region
+    about the best design. The search may find a local minimum. Only outputs with an objective or a limit are computed.
+
+    Parameters
+    ----------
+    scene_or_simulator : Scene or simulator
+    variables : mapping
+        parameter -> (lower, upper), the range of its nominal value
+    objective : pair, or list of two objectives
+        (output, "upper") minimises the largest upper bound over time, (output, "lower") maximises the smallest lower
+        bound, (output, "width") minimises the largest width. "cost" minimises the sum of the costs of the tolerances.
+        Two objectives give a front of five designs. The result is then the design of the front that is closest to the
+        best values of both objectives
+    limits : mapping
+        output -> (low, high); one limit may be None. With costs, "cost" -> (None, high) limits the sum of the costs
+    box : Box
+        tolerances; default: the box of the scene. Without a box, only the nominal run counts
+    costs : mapping
+        parameter -> cost as a function of the half width, as in `tolerances`. Each tolerance is then multiplied by a
+        factor from 1/4 to 4, which belongs to the design. {} uses the cost 1 / factor for all parameters of the box.
+        None as cost keeps the interval of a parameter
+    solver : solver of a Scene
+    executor, progress : as in `propagate`
+
+    Raises
+    ------
+    DeclarationError
+        If a name, a range, a limit or an objective is not valid, or an interval does not contain the nominal value
+    PropagationError
+        If no design satisfies the limits, or too many runs fail
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> f = mb.FunctionSimulator(lambda a, b: [[(a - b) ** 2, a]], {"a": 1.0, "b": 2.0}, [0.0], ["y", "a"])
+    >>> best = mb.design(f, {"a": (0.0, 5.0)}, ("a", "upper"), {"y": (None, 4.0)}, mb.Box(b=(1.0, 3.0)))
+    >>> round(best.values["a"], 2), best.binding
+    (1.0, ('The limit y <= 4 is active.',))
+    """
+    with kept_interrupts(), shown_runs(progress, OWNER) as progress:
+        box = getattr(scene_or_simulator, "box", None) if box is None else box
+        if not isinstance(variables, Mapping) or not variables:
+            raise DeclarationError(
+                f"{OWNER}: variables must be ranges by name, such as {{'k': (1, 2)}}, got {shown(variables)}."
+            )
+        ranges = Box(**normal_keys(OWNER, variables))
+        if box is None:
+            simulator = simulator_for(OWNER, scene_or_simulator, solver)
+        else:
+            simulator, box = simulator_of(scene_or_simulator, box, solver)
+        ranges = ranges.with_units(units_of_parameters(simulator.parameters))
+        _require_intervals(simulator, ranges, box)
+        limits, budget = _limits_and_budget(limits, costs)
+        pairs = limit_pairs(OWNER, limits, simulator.outputs, units_of(simulator)) if limits else {}
+        wanted: list[Any] = objective if isinstance(objective, list) and len(objective) == 2 else [objective]
+        asked = [_output(simulator, each, costs) for each in wanted]
+        used = [name for name in simulator.outputs if name in asked or name in pairs]
+        if not used:
+            raise DeclarationError(f"{OWNER}: the objective {_COST!r} needs a limit of an output.")
+        simulator = of_outputs(simulator, ranges if box is None else box, used)
+        columns = {name: k for k, name in enumerate(simulator.outputs)}
+        allocated, cost = _allocation(costs, box)
+        search = DesignSearch(simulator, ranges, box, allocated, cost, limits, executor, progress)
+        held = [Goal(-1, "upper", budget)] if budget < np.inf else []
+        for name, (low, high) in pairs.items():
+            held += [Goal(columns[name], side, e) for side, e in (("lower", -low), ("upper", high)) if e < np.inf]
+        goals = [
+            Goal(-1, "upper") if name is None else Goal(columns[name], pair[1])
+            for name, pair in zip(asked, wanted, strict=True)
+        ]
+        trials = [search.best([goals[0], *held])]
+        _require_kept(search, trials[0], ranges, budget)
+        of = {
+            " ".join(pair[::-1]) if name else _COST: goal for name, pair, goal in zip(asked, wanted, goals, strict=True)
+        }
+
+        def result(trial: Verified) -> Design:
+            values = search.middle(trial.z)[: len(ranges)].tolist()
+            names = dict(zip(of, _numbers(search, trial, goals), strict=True))
+            return Design(
+                dict(zip(ranges.names, values, strict=True)),
+                {name: -x if of[name].side == "lower" else x for name, x in names.items()},
+                trial.bounds,
+                search.box(trial.z),
+                dict(zip(allocated, search.factors(trial.z).tolist(), strict=True)),
+                _binding(search, trial, [*ranges, *allocated], len(ranges), budget),
+                trial.check,
+                (),
+                search.evaluations,
+            )
+
+        if len(goals) == 1:
+            last = result(_verified(search, trials[0], executor))
+        else:
+            trials = _front(search, goals, held, trials[0])
+            points = np.array([_numbers(search, trial, goals) for trial in trials])
+            share = (points - points.min(axis=0)) / np.maximum(np.ptp(points, axis=0), 1e-300)
+            chosen = int(np.square(share).sum(axis=1).argmin())
+            trials[chosen] = _verified(search, trials[chosen], executor)
+            front = tuple(result(trial) for trial in trials)
+            last = replace(front[chosen], front=front)
+    warn_of(last.bounds.doubts, OWNER)
+    return last
+
+
+def _require_intervals(simulator: Simulator, ranges: Box, box: Box | None) -> None:
+    for name in (*ranges, *(box or ())):
+        require_name(OWNER, "parameter", name, simulator.parameters)
+    for name, (low, high) in zip(ranges.names, ranges.bounds, strict=True):
+        if low == high:
+            raise DeclarationError(f"{OWNER}: the range of {name} has no width. Leave out {name}, or give two values.")
+    for name, (low, high) in zip(box.names, box.bounds, strict=True) if box else ():
+        if not low <= (p := float(simulator.parameters[name])) <= high:
+            raise DeclarationError(
+                f"{OWNER}: the nominal value {name} = {p:g} is outside of its interval from {low:g} to {high:g}."
+            )
+
+
+def _limits_and_budget(limits: Limits | None, costs: Costs | None) -> tuple[Limits, float]:
+    """The limits of outputs, and the largest cost."""
+    limits = dict(limits or {})
+    if costs is None or _COST not in limits:
+        return limits, np.inf
+    pair = limits.pop(_COST)
+    if not isinstance(pair, tuple) or len(pair) != 2 or pair[0] is not None or not is_finite_number(pair[1]):
+        raise DeclarationError(f"{OWNER}: the limit of {_COST!r} must be a pair (None, number), got {shown(pair)}.")
+    return limits, float(pair[1])
+
+
+def _output(simulator: Simulator, objective: object, costs: Costs | None) -> str | None:
+    """The output of an objective; None for the cost."""
+    if objective == _COST:
+        if costs is None:
+            raise DeclarationError(f"{OWNER}: the objective {_COST!r} needs costs, such as costs={{}}.")
+        return None
+    if not isinstance(objective, tuple) or len(objective) != 2 or objective[1] not in ("lower", "upper", "width"):
+        raise DeclarationError(
+            f"{OWNER}: objective must be a pair such as ('y', 'upper'), with 'lower', 'upper' or 'width', {_COST!r}, "
+            f"or a list of two of them, got {shown(objective)}."
+        )
+    return require_name(OWNER, "output", objective[0], simulator.outputs)
+
+
+def _allocation(costs: Costs | None, box: Box | None) -> tuple[list[str], Callable[[Array], float]]:
+    """The parameters with costs, and the sum of their costs as a function of the factors."""
+    if costs is None:
+        return [], lambda factors: 0.0
+    if box is None:
+        raise DeclarationError(f"{OWNER}: costs need a box of tolerances.")
+    kept = [name for name, own in costs.items() if own is None] if isinstance(costs, Mapping) else []
+    intervals = zip(box.names, box.bounds, strict=True)
+    own: dict[str, Any] = {name: ends for name, ends in intervals if name not in kept and ends[0] < ends[1]}
+    if isinstance(costs, Mapping):
+        costs = {name: own for name, own in costs.items() if own is not None}
+    if not own:
+        raise DeclarationError(f"{OWNER}: costs need at least one interval of the box with a width.")
+    return [*own], total_cost(OWNER, costs, Box(**own))
+
+
+def _numbers(search: DesignSearch, trial: Verified, goals: Sequence[Goal]) -> list[float]:
+    """The values of objectives in a study. Smaller is better."""
+    return search.values(trial.z, goals, trial.bounds.lower, trial.bounds.upper).tolist()
+
+
+def _front(search: DesignSearch, goals: Sequence[Goal], held: list[Goal], first: Verified) -> list[Verified]:
+    """Designs with the best first objective, for levels of the second objective down to its best value."""
+    most = _numbers(search, first, goals)[1]
+    least = float(search.searched([goals[1], *held])[0].values[0])
+    levels = np.linspace(most, least + _END * (most - least), _FRONT)[1:] if most > least else []
+    trials = [first]
+    for level in levels:
+        own = [goals[0], goals[1]._replace(most=float(level)), *held]
+        if (trial := search.best(own, trials[-1].z)).order[0] < 2:
+            trials.append(trial)
+    points = np.array([_numbers(search, trial, goals) for trial in trials])
+    beaten = [((points <= own).all(axis=1) & (points < own).any(axis=1)).any() for own in points]
+    return [trials[n] for n in np.argsort(points[:, 0], kind="stable") if not beaten[n]]
+
+
+def _verified(search: DesignSearch, trial: Verified, executor: Executor | None) -> Verified:
+    """The trial with the warnings about its bounds, and with its nominal run."""
+    simulator, values = search.simulator, trial.bounds.nominal_parameters
+    bounds = finished(PolynomialChaos(), simulator, trial.bounds, executor)
+    nominal = gathered(simulator, np.array([[*values.values()]]), executor)[0][0]
+    search.evaluations += 1
+    known = ByName(values, units_of_parameters(simulator.parameters))
+    return replace(trial, bounds=replace(bounds, nominal_parameters=known, nominal=nominal))
+
+
+def _require_kept(search: DesignSearch, trial: Verified, ranges: Box, budget: float) -> None:
+    """Raise PropagationError if the closest design violates a limit."""
+    if trial.order[0] < 2:
+        return
+    values = ", ".join(f"{name} = {x:.6g}" for name, x in zip(ranges.labels, trial.z, strict=False))
+    over = f"the cost exceeds its limit of {budget:g}"
+    for limit in sorted(trial.check.limits if trial.check else (), key=lambda limit: limit.share)[:1]:
+        if limit.kept is False:
+            unit = unit_suffix(trial.bounds, trial.bounds.names.index(limit.output))
+            over = f"the limit {limit.text} is violated by {-float(limit.margin.min()):.3g}{unit}"
+    raise PropagationError(
+        f"{OWNER}: no design was found that satisfies all limits in the whole box. In the closest design, {values}, "
+        f"{over}. Change the limits, the ranges or the tolerances."
+    )
+
+
+def _binding(search: DesignSearch, trial: Verified, names: Sequence[str], n_x: int, budget: float) -> tuple[str, ...]:
+    """Sentences about active limits and ends of ranges."""
+    limits = trial.check.limits if trial.check else ()
+    texts = [f"The limit {limit.text} is active." for limit in limits if limit.margin.min() <= _BINDS * limit.width]
+    if budget < np.inf and search.cost(trial.z) >= (1 - _BINDS) * budget:
+        texts.append(f"The limit cost <= {budget:g} is active.")
+    for n, (name, *ends) in enumerate(zip(names, *search.at_ends(trial.z, search.low, search.high), strict=True)):
+        for side, is_end in zip(("lower", "upper"), ends, strict=True):
+            if is_end and n < n_x:
+                texts.append(f"{name} is at the {side} end of its range.")
+            elif is_end:
+                word = "smallest" if side == "lower" else "largest"
+                texts.append(f"The tolerance of {name} has the {word} factor, {np.exp(trial.z[n]):.4g}.")
+    return tuple(texts)
