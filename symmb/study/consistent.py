@@ -72,6 +72,17 @@ class ConsistentSet(Counted, WithWarnings):
         warnings
     evaluations, runs : int
         number of runs
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> p = mb.Parameters(speed=1.0)
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> start, outputs = {"ball.vx": p.speed}, {"x": ball.x}
+    >>> scene = mb.Scene(mb.System(ball, parameters=p), start, times=[0.0, 1.0, 2.0], outputs=outputs)
+    >>> consistent = mb.calibrate(scene, {"x": [0.0, 1.49, 3.02]}).consistent(0.03)
+    >>> bool(consistent.inside.any()), [round(end, 3) for end in consistent.box["speed"]]
+    (True, [1.495, 1.52])
     """
 
     name: str
