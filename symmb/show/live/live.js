@@ -96,11 +96,12 @@ window.live = (() => {
     if (!own || !state.some((_, i) => varied(i)) || verdict(limit, bounds.limits[focus])[0] === "undecided") return "";
     if (own.factor === 0) return "The nominal run is already beyond the limit.";
     const factor = own.factor?.toPrecision(3);
-    if (factor >= 1) return `All tolerances may be ${+factor} times as large until the limit is reached.`;
-    if (factor) return `The limit is reached at ${+factor} times the tolerances.`;
+    if (factor) return `With all tolerances ${+factor} times as large, the output reaches the limit at an output time.`;
     return live.surrogate ? "In the box of the study, up to 3 times the tolerances do not reach the limit."
       : "Even 3 times the tolerances do not reach the limit.";
   }
+
+  const effectText = (size, ofLimit) => ofLimit ? `${size} towards the limit` : `width ${size}`;
 
   // Painting: once a picture at most, whatever has arrived
   function plan() { planned ||= requestAnimationFrame(paint); }
@@ -124,7 +125,7 @@ window.live = (() => {
     const most = Math.max(...widths) || 1;
     controls.forEach(({ bar, width }, i) => {
       bar.style.width = `${100 * widths[i] / most}%`;
-      width.textContent = !effects ? fault ? "" : "…" : varied(i) ? `width ${quantity(widths[i], unit)}` : state[i].locked ? "locked" : "no tolerance";
+      width.textContent = !effects ? fault ? "" : "…" : varied(i) ? effectText(quantity(widths[i], unit), limit) : state[i].locked ? "locked" : "no tolerance";
     });
     tell($("factor"), factorText());
   }

@@ -104,13 +104,18 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
   if (d > live.most_varied) throw Error(`At most ${live.most_varied} parameters may have tolerances at the same time. Lock some of them.`);
   const at = point => { const all = [...nominal]; varied.forEach((i, k) => { all[i] += tolerances[i] * point[k]; }); return all; };
   const firstLevel = live.levels.slice(0, d - 1).reduce((sum, own) => sum + own.length, 0);
+  // How far a peak or a kink may pass the value at an output time, until the next output time
+  const between = (bound, i) => i < n_y || i + n_y >= m ? 0 : Math.abs(bound[i - n_y] - 2 * bound[i] + bound[i + n_y]) / 2;
   const closest = (lower, upper, error, level) => limits.map(limit => {
     let best = { margin: Infinity, side: limit.low === null ? "high" : "low", time: 0 };
     for (let k = 0; k < n_t; k++)
       for (const side of ["low", "high"]) {
         if (limit[side] === null) continue;
         const i = k * n_y + limit.output, margin = side === "low" ? lower[i] - limit.low : limit.high - upper[i];
-        if (margin < best.margin) best = { margin, side, time: k, value: side === "low" ? lower[i] : upper[i], error: error[i] };
+        if (margin < best.margin) {
+          const bound = side === "low" ? lower : upper;
+          best = { margin, side, time: k, value: bound[i], error: error[i] + between(bound, i) };
+        }
       }
     let parameters = nominal;
     if (d) {
@@ -178,18 +183,22 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
     const l = sizes.length - 1, widths = new Float64Array(n_y * values.length), ofLimits = limits.map(() => values.map(() => 0));
     const line = live.levels[0].findIndex(count => count === live.axes[d - 1][l][0].length);
     for (let k = 0; k < d; k++) {
-      const along = live.axes[d - 1][l][k], width = new Float64Array(m);
+      const along = live.axes[d - 1][l][k], ends = { low: new Float64Array(m), high: new Float64Array(m) };
       for (let i = 0; i < m; i += few) {
         const count = Math.min(few, m - i);
         along.forEach((row, j) => view(some + 8 * j * count, count).set(view(Y + 8 * (row * m + i), count)));
         const [lower, upper] = await boundsOf(line, count, count, some);
-        lower.forEach((y, r) => { width[i + r] = upper[r] - y; });
+        ends.low.set(lower, i);
+        ends.high.set(upper, i);
       }
       for (let i = 0; i < m; i++) {
         const of = (i % n_y) * values.length + varied[k];
-        widths[of] = Math.max(widths[of], width[i]);
+        widths[of] = Math.max(widths[of], ends.high[i] - ends.low[i]);
       }
-      told.forEach((limit, j) => { ofLimits[j][varied[k]] = width[limit.time * n_y + limit.output]; });
+      told.forEach((limit, j) => {  // only a change towards the limit counts
+        const i = limit.time * n_y + limit.output;
+        ofLimits[j][varied[k]] = Math.abs(ends[limit.side][i] - view(Y, m)[i]);
+      });
     }
     const factors = [];
     for (const limit of told) factors.push(await factorOf(limit));
