@@ -17,7 +17,7 @@ import symmb as mb
 T = np.linspace(0.0, 0.2, 5)
 
 RESULTS = {
-    "Bounds", "Calibration", "Comparison", "Contributions", "Event", "LimitCheck", "Linearization", "Modes", "Moments", "RootLocus", "Sensitivities", "Stability",
+    "Bounds", "Calibration", "Comparison", "ConsistentSet", "Contributions", "Design", "Event", "LimitCheck", "Linearization", "Modes", "Moments", "RootLocus", "Sensitivities", "Stability",
     "Sweep", "Tolerances", "Trajectory",
 }  # fmt: skip
 """What symmb makes and nobody else does; its methods are called."""
