@@ -29,7 +29,7 @@ def bisected_range(runs: Runs, widths: Array, tolerance: float) -> EstimatedRang
         estimate, of_intervals = _excess(runs, x, rows)
         error = relative_rms(estimate, widths)
         runs.tell(error)
-        # Where runs fail, no new runs are left to try.
+        # A middle whose run failed is not run again, so a round may have no new runs.
         if error <= tolerance or not runs.left or runs.clock.is_late or len(runs) == n_before:
             break
         n_before = len(runs)
