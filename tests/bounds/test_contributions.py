@@ -26,7 +26,7 @@ def ishigami() -> mb.FunctionSimulator:
 
 def test_indices_of_ishigamis_function():
     box = mb.Box(**dict.fromkeys("xyz", (-np.pi, np.pi)))
-    found = mb.propagate(ishigami(), mb.PolynomialChaos(tolerance=1e-3), box).contributions()
+    found = mb.propagate(ishigami(), mb.PolynomialChaos(tolerance=1e-3, seconds=600.0), box).contributions()
     a, b, pi = 7.0, 0.1, np.pi
     v1, v2, v13 = 0.5 * (1 + b * pi**4 / 5) ** 2, a**2 / 8, b**2 * pi**8 * 8 / 225
     whole = v1 + v2 + v13
