@@ -5,7 +5,7 @@ from functools import partial
 import casadi as ca
 import numpy as np
 import pytest
-from faults import refused, warned
+from faults import refused
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize
 from small_scenes import particle
@@ -142,11 +142,14 @@ def test_an_optimiser_of_torch_finds_lengths():
     np.testing.assert_allclose(u.detach(), TRUE, atol=1e-6)
 
 
-def test_jumps_whose_time_moves_are_told():
+def test_a_jump_at_an_output_time_is_told():
     times = np.linspace(0.0, 1.0, 5)
     scene = partial(particle, times=times, start={"mass.vx": 1.0}, outputs=("vx",), F=(1.0, 3.0), a=(0.0, 1.0))
-    with pytest.warns(mb.SymmbWarning, match="a are not valid from t = 0.5 s on, because they ignore the"):
-        mb.sensitivities(scene(lambda p, mass: ca.if_else(mass.x > p.a, -p.F, 0)))
+    with pytest.warns(mb.SymmbWarning, match="respect to a are uncertain at 1 time, first at t = 0.5 s"):
+        slopes = mb.sensitivities(scene(lambda p, mass: ca.if_else(mass.x > p.a, -p.F, 0)))
+    late = times > 0.5  # v = 1 - F (t - a) after t = a
+    np.testing.assert_allclose(slopes["vx", "a"][times != 0.5], 2.0 * late[times != 0.5], atol=1e-9)
+    np.testing.assert_allclose(slopes["vx", "F"], [0, 0, 0, -0.25, -0.5], atol=1e-9)
     # v = cos(w t) with w^2 = F and x = a at t = a
     slopes = mb.sensitivities(scene(lambda p, mass: -p.F * ca.fmax(mass.x - p.a, 0)))
     w, late = np.sqrt(2.0), np.maximum(times - 0.5, 0.0)
@@ -154,13 +157,14 @@ def test_jumps_whose_time_moves_are_told():
     np.testing.assert_allclose(slopes["vx", "F"], -late * np.sin(w * late) / (2 * w), atol=1e-6)
 
 
-def test_jumps_away_from_the_nominal_parameters_are_told_as_well():
+def test_jax_passes_jumps_away_from_the_nominal_parameters():
     jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
     law = lambda p, mass: ca.if_else(mass.x > p.a, -3.0, 0.0)  # noqa: E731
     f = mb.jax_function(particle(law, np.linspace(0.0, 0.25, 6), {"mass.vx": 1.5}, a=(0.3, 0.5)))
     last = jax.grad(lambda u: f(u)[-1, 0])
     assert last(np.array([0.39])) == 0.0  # the run ends before
-    warned("Derivatives with respect to a are not valid from t = 0.13", last, np.array([0.2]))
+    assert last(np.array([0.2])) == pytest.approx(2 * (0.25 - 0.2 / 1.5), abs=1e-9)
 
 
 @pytest.mark.parametrize(("make", "package"), [(mb.jax_function, "jax"), (mb.torch_function, "torch")])
@@ -184,11 +188,14 @@ def test_entries_that_are_no_real_numbers(entry):
         mb.torch_function(pendulum_on_a_spring())(torch.tensor([1]) if entry is True else [entry])
 
 
+def test_sensitivities_of_a_function():
+    box = mb.FunctionSimulator(lambda k: np.outer([1.0, 2.0], np.exp(k)), {"k": 1.5}, times=[0.0, 1.0], outputs=["y"])
+    np.testing.assert_allclose(mb.sensitivities(box)["y", "k"], [np.exp(1.5), 2 * np.exp(1.5)], rtol=1e-9)
+
+
 @pytest.mark.parametrize(("make", "package"), [(mb.jax_function, "jax"), (mb.torch_function, "torch")])
 def test_what_gives_no_derivatives(make, package):
     package = pytest.importorskip(package)
-    box = mb.FunctionSimulator(lambda u: np.outer(np.arange(2.0), u), {"k": 1.0}, times=[0.0, 1.0], outputs=["y"])
-    refused(r"has no derivatives. Pass a Scene.", make, box, error=mb.SimulationError)
     refused("lenght", make, coupler_curve(), ["lenght"])
     f, too_long = make(coupler_curve()), [9.0, 1.0, 1.0, 1.0]
     with pytest.raises(Exception, match="the start could not be computed"):

@@ -204,8 +204,13 @@ def test_sweeps_have_one_number_a_run(tmp_path):
     assert mb.simulate(mixed(), parameters=[{"speed": 1.0}])["height"].shape == (1,)
 
 
+def test_sensitivities_of_a_height():
+    slopes = mb.sensitivities(mixed())
+    np.testing.assert_allclose(slopes["height", "speed"], 2 / G, rtol=1e-9)  # of v^2 / 2 g at 2 m/s
+    np.testing.assert_allclose(slopes["y", "speed"], slopes.t, atol=1e-9)
+
+
 def test_what_needs_derivatives_is_refused():
-    refused("scalar outputs have no derivatives: height", mb.sensitivities, mixed(), error=mb.SimulationError)
     refused(r"scalar outputs \(.*\) have values only", mb.propagate, mixed(), mb.Taylor(2), error=mb.PropagationError)
     refused("returns only values", mb.propagate, mixed(), mb.TaylorModel(), error=mb.PropagationError)
     refused("'height' is a scalar output", mb.calibrate, mixed(), {"height": np.zeros(6)})

@@ -181,7 +181,6 @@ def test_wrong_calls_are_told():
     for why, calls in wrong.items():
         for call in calls:
             refused(why, call)
-    refused("has no derivatives", mb.sensitivities, black_box, error=mb.SimulationError)
 
 
 def test_more_runs_than_anybody_can_afford_are_refused_before_they_are_listed():

@@ -19,7 +19,7 @@ from symmb.connect import Attained, Jets, Progress, Simulator, attained_by_runs
 from symmb.declare.symbolic import interpret
 from symmb.equations.model import Box
 from symmb.prove import Interval, operate, parameter_intervals
-from symmb.run.simulation import DAESimulator
+from symmb.run.simulation import HIGHEST_OF_DIFFERENCES, DAESimulator, differences, has_exact_jets
 
 
 class Method(ABC):
@@ -141,7 +141,10 @@ def parameter_columns(simulator: Simulator, box: Box) -> list[int]:
 
 
 def unit_jets(method: Method, simulator: Simulator, box: Box, point: Array, directions: Array, order: int) -> Array:
-    """Taylor coefficients (order + 1, m, n_t, n_y) about points (d,) or (m, d) along directions (m, d) in [-1, 1]^d."""
+    """Taylor coefficients (order + 1, m, n_t, n_y) about points (d,) or (m, d) along directions (m, d) in [-1, 1]^d.
+
+    At a single point (d,), low orders are differences of runs if the run meets a kink, a jump or an event.
+    """
     if not isinstance(simulator, Jets):
         figures = ", ".join(getattr(simulator, "figures", ()))
         source = f"scalar outputs ({figures}) have" if figures else f"{simulator!r} gives"
@@ -152,6 +155,8 @@ def unit_jets(method: Method, simulator: Simulator, box: Box, point: Array, dire
     p0 = parameter_samples(simulator, box, np.atleast_2d(point)).reshape(*point.shape[:-1], -1)
     scaled = np.zeros((len(directions), len(simulator.parameters)))
     scaled[:, parameter_columns(simulator, box)] = directions * box.radius
+    if p0.ndim == 1 and order <= HIGHEST_OF_DIFFERENCES and not has_exact_jets(simulator, p0):
+        return differences(simulator, p0, scaled, order)[0]
     jets = np.asarray(simulator.jets(p0, scaled, order), dtype=float)
     if not np.isfinite(jets).all():
         raise PropagationError(f"{method!r}: {simulator!r} gives derivatives that are not finite.")

@@ -15,10 +15,11 @@ from symmb.bound.bounds.check_runs import MOST_NUMBERS
 from symmb.bound.bounds.method import Method, parameter_samples, unit_jets
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.result_file import Kind
+from symmb.bound.bounds.time_windows import DOUBTFUL
 from symmb.bound.nodes import Grid, grid
 from symmb.bound.polynomials import Expansion, MultiIndices, TotalDegree, homogeneous
 from symmb.bound.polynomials.ranges import Piecewise, last_terms
-from symmb.connect import Kinked, Progress, Simulator
+from symmb.connect import Kinked, Progress, Simulator, noise_from_runs
 from symmb.equations.model import Box
 
 _MOST_EVALUATIONS = 100_000
@@ -32,10 +33,11 @@ class Taylor(Method):
     """Bounds of the truncated Taylor expansion sum c_beta xi^beta, |beta| <= order, over xi in [-1, 1]^d.
 
     The bounds follow by natural interval arithmetic with even powers in [0, 1]. The remainder is left out, so that the
-    bounds are not proved. Expansions are not valid beyond kinks or jumps. ``caution`` names the kinks and jumps in runs
-    at centres, and at the ends of intervals through centres. Mixed coefficients follow from univariate Taylor
-    coefficients along the directions alpha / order, |alpha| = order. The j-th coefficient along a direction u is sum
-    c_beta u^beta over |beta| = j. Each part counts as C(d + order, d) evaluations, because it has this number of
+    bounds are not proved. If a run meets kinks, jumps or events, differences of runs give the coefficients. Expansions
+    are not valid where events pass an output time. ``caution`` names the kinks and jumps if runs at the ends of
+    intervals differ from the expansion. Mixed coefficients follow from univariate Taylor coefficients along the
+    directions alpha / order, |alpha| = order. The j-th coefficient along a direction u is sum c_beta u^beta over
+    |beta| = j. Each part counts as C(d + order, d) evaluations, because it has this number of
     coefficients. The executor is not used.
 
     Parameters
@@ -47,7 +49,7 @@ class Taylor(Method):
     Raises
     ------
     PropagationError
-        Raised by ``bounds`` if derivatives are missing or not finite, or if an `Impact` makes them invalid.
+        Raised by ``bounds`` if derivatives are missing or not finite.
 
     Examples
     --------
@@ -111,9 +113,13 @@ class Taylor(Method):
                 parts.append(part)
             lower, upper = np.minimum(lower, below), np.maximum(upper, above)
             if kinked:
-                ends = center + radius * np.vstack([np.zeros(d), np.eye(d), -np.eye(d)])
-                at_ends = [kinked.kink(p) for p in parameter_samples(simulator, box, ends)]
-                kinks += [kink for kink in at_ends if kink]
+                ends = np.vstack([np.zeros(d), np.eye(d), -np.eye(d)])
+                P = parameter_samples(simulator, box, center + radius * ends)
+                if own := list(filter(None, map(kinked.kink, P))):
+                    off = np.abs(_values(part, ends) - simulator.run(P).Y).max(axis=0)
+                    told = noise_from_runs(simulator)
+                    least = DOUBTFUL * (above - below).max(axis=0) + (0.0 if told is None else 2 * told)
+                    kinks += own if not (off <= least).all() else []
             if progress is not None:
                 progress(done, len(centers))
         surrogate = _polynomials(parts, centers, radius, box) if kept else None
@@ -158,6 +164,12 @@ def _mixed(beta: MultiIndices, unit: Array, along: Array) -> Array:
     order."""
     monomials = np.prod(unit[:, None, :] ** beta[None, :, :], axis=2)
     return np.tensordot(np.asarray(np.linalg.pinv(monomials), dtype=float), along, axes=1)
+
+
+def _values(part: Sequence[Array], points: Array) -> Array:
+    """Values (N, n_t, n_y) of an expansion at points (N, d), from its coefficients of each degree."""
+    beta = np.concatenate([np.array(homogeneous(points.shape[1], degree)) for degree in range(len(part))])
+    return np.tensordot(np.prod(points[:, None] ** beta, axis=2), np.concatenate(part), axes=1)
 
 
 def _range(part: Sequence[Array]) -> tuple[Array, Array]:

@@ -64,9 +64,9 @@ class EventDriven(Explicit):
     def lanes(self, task: Task) -> Lanes:
         if task.order and task.dae.impacts is not None:
             raise PropagationError(
-                f"Derivatives with respect to parameters are not valid across the events of "
-                f"{impacts_text(task.dae.impacts)}. Taylor needs such derivatives. Use "
-                "PolynomialChaos(), Scanning(...) or MonteCarlo(...)."
+                f"Derivatives with respect to parameters cannot be integrated across the events of "
+                f"{impacts_text(task.dae.impacts)}. Use Taylor() of order 1 to 3, PolynomialChaos(), Scanning(...) or "
+                "MonteCarlo(...)."
             )
         return super().lanes(task)
 

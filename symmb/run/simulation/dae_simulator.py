@@ -18,7 +18,7 @@ from symmb.declare.symbolic import HIGHEST_ORDER, batch
 from symmb.equations.model import Scene
 from symmb.run.codegen import cores
 from symmb.run.formulations import LOCK, Program, block_size, jet_outputs, outputs_along
-from symmb.run.integrate import Solver, SwitchPasses, solver_of
+from symmb.run.integrate import Solver, SwitchPasses, impacts_text, solver_of
 from symmb.run.simulation.pilots import given_program, program_for_studies
 from symmb.run.verification import OtherWays
 
@@ -194,18 +194,20 @@ class DAESimulator(WithWarnings):
     def kink(self, p0: Array) -> tuple[float, str] | None:
         """Time [s] at which the run at p0 (d,) first meets a kink or jump of the equations, and the names of all kinks.
 
-        The result is None if the run meets no kink.
+        The result is None if the run meets no kink. With impacts, it is the start of every run.
         """
         with LOCK:
             form, p = self.formulation, np.asarray(p0, float)
+            if form.dae.impacts is not None:
+                return float(self.times[0]), impacts_text(form.dae.impacts)
             kinks = form.kinks(self.times)
             if kinks is None or not kinks.spoil_derivatives:
                 return None
             x0, _ = form.start.states(p[None])
             X = self.program.integration().run(x0, p[None], 1)[0].X
             first = kinks.first(X[(ok := np.isfinite(X).all(axis=1))], p, self.times[ok])
-            if form.dae.impacts is None:  # a switch may be passed twice between two output times
-                first = np.fmin(first, SwitchPasses(form.dae, self.times).first(x0, p[None]))
+            # A switch may be passed twice between two output times.
+            first = np.fmin(first, SwitchPasses(form.dae, self.times).first(x0, p[None]))
             return None if np.isnan(first) else (float(first), str(kinks))
 
     def march(self, P: Array) -> Iterator[tuple[int, Array]]:

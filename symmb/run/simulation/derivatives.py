@@ -6,27 +6,32 @@ from typing import Any, cast
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError, warn_of
-from symmb._names import ByName
+from symmb._names import ByName, counted
 from symmb._options import optional_package, shown
 from symmb._types import Array, Expr
 from symmb._units import units_of_parameters
 from symmb.connect import Jets, Kinked, Simulator
 from symmb.equations.model import Scene
 from symmb.run.integrate import Solver
-from symmb.run.simulation.figure_simulator import FigureSimulator
+from symmb.run.simulation.differences import differences
 from symmb.run.simulation.subject import chosen_parameters, simulator_for
 
-_APART = 1e-3
-"""Relative change of a parameter for difference quotients."""
+_SIZE, _UNCERTAIN = 0.1, 0.02
+"""Direction for differences, divided by the value of the parameter. Largest error of a derivative without a warning,
+divided by the largest derivative of the output over time."""
+
+
+def has_exact_jets(simulator: Simulator, p: Array) -> bool:
+    """Whether `jets` of the simulator gives derivatives of the run at p (d,), which then meets no kink or event."""
+    return isinstance(simulator, Jets) and not (isinstance(simulator, Kinked) and simulator.kink(p))
 
 
 class Differentiable:
-    """Runs as a function of some parameters, with exact first derivatives.
+    """Runs as a function of some parameters, with first derivatives.
 
     Attributes
     ----------
     simulator : Simulator
-        simulator that gives derivatives
     parameters : dict
         n_p nominal values by name
     """
@@ -41,13 +46,6 @@ class Differentiable:
         outputs: Mapping[str, Expr] | None,
     ) -> None:
         simulator = simulator_for(owner, scene, solver, times, outputs)
-        if isinstance(simulator, FigureSimulator):
-            raise SimulationError(
-                f"{owner}: scalar outputs have no derivatives: {', '.join(simulator.figures)}. Remove them from "
-                "outputs=, or call contributions() of the bounds from propagate()."
-            )
-        if not isinstance(simulator, Jets):
-            raise SimulationError(f"{owner}: {shown(scene)} has no derivatives. Pass a Scene.")
         nominal = dict(simulator.parameters)
         some = chosen_parameters(owner, parameters, nominal)
         self._owner, self._nominal = owner, np.array(list(nominal.values()))
@@ -74,59 +72,54 @@ class Differentiable:
             raise SimulationError(f"{self._owner}: a run fails: {samples.messages[0]}.")
         return samples.Y.reshape(*np.shape(P)[:-1], *self.shape)
 
+    def at_nominal(self) -> tuple[Array, Array]:
+        """The nominal outputs (n_t, n_y) and derivatives (n_t, n_y, n_p), with the warning of `slopes`."""
+        return self.slopes(self._nominal[self._columns])
+
     def slopes(self, P: Array) -> tuple[Array, Array]:
         """Outputs (..., n_t, n_y) and derivatives (..., n_t, n_y, n_p) for parameters (..., n_p).
+
+        Derivatives are integrated along with the motion. If a run meets a kink, a jump or an event, or the simulator
+        has no derivatives, they are differences of runs. If differences are uncertain, a warning is issued.
 
         Raises
         ------
         SimulationError
             If a run fails
         """
-        batch, n_p = np.shape(P)[:-1], len(self._columns)
-        points = np.repeat(self._samples(P), n_p, axis=0)
-        directions = np.eye(len(self._nominal))[np.tile(self._columns, len(points) // n_p)]
-        if not len(points):
-            return np.zeros((*batch, *self.shape)), np.zeros((*batch, *self.shape, n_p))
-        Y, dY = np.asarray(self.simulator.jets(points, directions, 1), dtype=float)
-        if not np.isfinite(dY).all():
-            raise SimulationError(f"{self._owner}: the derivatives are not finite.")
-        dY = np.moveaxis(dY.reshape(-1, n_p, *self.shape), 1, -1)
-        return Y[::n_p].reshape(*batch, *self.shape), dY.reshape(*batch, *self.shape, n_p)
+        batch, n_p, points = np.shape(P)[:-1], len(self._columns), self._samples(P)
+        directions = np.eye(len(self._nominal))[self._columns]
+        Y, dY = np.zeros((len(points), *self.shape)), np.zeros((len(points), n_p, *self.shape))
+        smooth = np.array([has_exact_jets(self.simulator, p) for p in points], dtype=bool)
+        if smooth.any():
+            at = np.repeat(points[smooth], n_p, axis=0)
+            along = np.tile(directions, (len(at) // n_p, 1))
+            jets = np.asarray(cast(Jets, self.simulator).jets(at, along, 1), dtype=float)
+            Y[smooth], dY[smooth] = jets[0, ::n_p], jets[1].reshape(-1, *dY.shape[1:])
+        doubts = list[str]()
+        for k in np.flatnonzero(~smooth):
+            sizes = _SIZE * np.where(points[k], np.abs(points[k]), 1.0)[self._columns, None]
+            found, errors = differences(self.simulator, points[k], sizes * directions)
+            Y[k], dY[k] = found[0, 0], found[1] / sizes[..., None]
+            doubts += self._doubts(found[1], errors[1])
+        if doubts:
+            warn_of(doubts[:1], self._owner)
+        if not (np.isfinite(Y).all() and np.isfinite(dY).all()):
+            raise SimulationError(f"{self._owner}: the derivatives are not finite, because runs fail.")
+        return Y.reshape(*batch, *self.shape), np.moveaxis(dY, 1, -1).reshape(*batch, *self.shape, n_p)
 
-    def at_nominal(self) -> tuple[Array, Array]:
-        """The nominal outputs (n_t, n_y) and derivatives (n_t, n_y, n_p), with the warning of `checked_slopes`."""
-        return self.checked_slopes(self._nominal[self._columns])
-
-    def checked_slopes(self, P: Array) -> tuple[Array, Array]:
-        """The results of `slopes`. If a run meets a jump, and difference quotients disagree, a warning is issued."""
-        Y, dY = self.slopes(P)
-        if isinstance(self.simulator, Kinked):
-            n_p = len(self._columns)
-            for p, own in zip(np.reshape(P, (-1, n_p)), dY.reshape(-1, *self.shape, n_p), strict=True):
-                if doubt := self._doubt(p, own):
-                    warn_of([doubt], self._owner)
-                    break
-        return Y, dY
-
-    def _doubt(self, p: Array, dY: Array) -> str:
-        """The reason why derivatives dY (n_t, n_y, n_p) at p (n_p,) are wrong; empty if they are right."""
-        kink = cast(Kinked, self.simulator).kink(self._samples(p)[0])
-        if kink is None:
-            return ""
-        steps = _APART * np.where(p, np.abs(p), 1.0)
-        ends = self.values(p + np.concatenate([np.diag(steps), -np.diag(steps)]))
-        differences = np.moveaxis((ends[: len(p)] - ends[len(p) :]) / (2 * steps[:, None, None]), 0, -1)
-        # Largest difference of derivatives and difference quotients, divided by the largest derivative of an output.
-        # Difference quotients have errors of a few times `_APART`.
-        off = np.abs(differences - dY) > 0.02 * np.maximum(np.abs(dY), np.abs(differences)).max(axis=0)
-        off[np.flatnonzero(self.simulator.times < kink[0])] = False
-        names = [name for name, one in zip(self.parameters, off.any(axis=(0, 1)), strict=True) if one]
-        if not names:
-            return ""
-        return (
-            f"Derivatives with respect to {', '.join(names)} are not valid from t = {kink[0]:g} s on, because they "
-            f"ignore the {kink[1]} at this time. Compare them with runs at nearby parameters (sweep)."
-        )
+    def _doubts(self, slopes: Array, errors: Array) -> list[str]:
+        """The warning about slopes (n_p, n_t, n_y) with large errors; empty if they are certain."""
+        is_far = errors > _UNCERTAIN * np.abs(slopes).max(axis=1, keepdims=True)
+        if not is_far.any():
+            return []
+        names = [name for name, one in zip(self.parameters, is_far.any(axis=(1, 2)), strict=True) if one]
+        times = self.simulator.times[is_far.any(axis=(0, 2))]
+        return [
+            f"Derivatives with respect to {', '.join(names)} are uncertain at {counted(len(times), 'time')}, first at "
+            f"t = {times[0]:g} s. There, the outputs have a kink or jump with respect to the parameters, or the errors "
+            "of the runs are too large."
+        ]
 
     def require_shape(self, shape: Sequence[int]) -> None:
         """Raise a DeclarationError unless the shape is (..., n_p)."""
@@ -159,15 +152,15 @@ def jax_function(
     """The runs of a scene as a function that JAX can differentiate, map and compile.
 
     The function has parameters (..., n_p) and returns outputs (..., n_t, n_y). The compiled code of symmb makes all
-    runs of a call together, on the host. First derivatives are exact, so that `jax.jvp` and `jax.grad` work. There are
-    no second derivatives. If a run meets a jump that its derivatives ignore, a warning gives the time. Outputs are
+    runs of a call together, on the host. First derivatives are those of `sensitivities`, so that `jax.jvp` and
+    `jax.grad` work. There are no second derivatives. Outputs are
     rounded to single precision unless double precision is switched on: `jax.config.update("jax_enable_x64", True)`.
     The function needs JAX: `pip install 'symmb[jax]'`.
 
     Parameters
     ----------
     scene : Scene
-        scene, or a simulator with derivatives
+        scene or simulator
     parameters : list of str
         names of the parameters of the function, in this order; default: all. Other parameters have nominal values
     solver, times, outputs
@@ -182,7 +175,7 @@ def jax_function(
     AssemblyError
         If the scene cannot be started
     SimulationError
-        If the nominal run fails, the simulator has no derivatives, or second derivatives are required. If a later run
+        If the nominal run fails, or second derivatives are required. If a later run
         fails, JAX raises its own error with the reason
 
     Examples
@@ -211,9 +204,9 @@ def torch_function(
     """The runs of a scene as a function that PyTorch can differentiate.
 
     The function has a tensor of parameters (..., n_p) and returns outputs (..., n_t, n_y) of the same type. The
-    compiled code of symmb makes all runs of a call together, on the CPU. First derivatives are exact. There are no
-    second derivatives, and `torch.func` is not supported. If a run meets a jump that its derivatives ignore, a warning
-    gives the time. The function needs PyTorch: `pip install 'symmb[torch]'`.
+    compiled code of symmb makes all runs of a call together, on the CPU. First derivatives are those of
+    `sensitivities`. There are no second derivatives, and `torch.func` is not supported. The function needs PyTorch:
+    `pip install 'symmb[torch]'`.
 
     Parameters
     ----------
@@ -263,7 +256,7 @@ def _of_jax(jax: Any, runs: Differentiable) -> Callable[[Any], Any]:
 
     @jax.custom_jvp
     def slopes(u: Any) -> Any:
-        return tuple(called(runs.checked_slopes, [runs.shape, (*runs.shape, len(runs.parameters))], u))
+        return tuple(called(runs.slopes, [runs.shape, (*runs.shape, len(runs.parameters))], u))
 
     @slopes.defjvp
     def second(point: Sequence[Any], tangent: Sequence[Any]) -> Any:
@@ -294,7 +287,7 @@ def _of_torch(torch: Any, runs: Differentiable) -> Callable[[Any], Any]:
             P = u.detach().cpu().double().numpy()
             if not ctx.needs_input_grad[0]:
                 return torch.as_tensor(runs.values(P)).to(u)
-            y, dy = runs.checked_slopes(P)
+            y, dy = runs.slopes(P)
             ctx.save_for_backward(torch.as_tensor(dy).to(u))
             return torch.as_tensor(y).to(u)
 

@@ -133,14 +133,16 @@ def sensitivities(
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,
 ) -> Sensitivities:
-    """Exact derivatives of all outputs over time with respect to parameters, along the nominal run.
+    """Derivatives of all outputs over time with respect to parameters, along the nominal run.
 
-    The derivatives of the equations of motion are integrated together with the equations, as in `Taylor`.
+    The derivatives of the equations of motion are integrated together with the equations, as in `Taylor`. If the run
+    meets a switch or an event, or the simulator is a black box, the derivatives are differences of runs with eight
+    steps. If an event happens at an output time, a warning names the time.
 
     Parameters
     ----------
     scene : Scene
-        scene, or a simulator with derivatives
+        scene or simulator
     parameters : list of str
         names of the parameters p of dy/dp; default: all
     solver, times, outputs
@@ -153,7 +155,7 @@ def sensitivities(
     AssemblyError
         If the scene cannot be started
     SimulationError
-        If the run fails, or the simulator has no derivatives
+        If a run fails
 
     Examples
     --------
