@@ -10,16 +10,18 @@ import numpy as np
 from symmb._errors import DeclarationError, SimulationError, WithWarnings, warn_of
 from symmb._interrupts import kept_interrupts
 from symmb._labelled import Counted, Labelled, Result, over_parameters, texts
-from symmb._names import ByName, counted, normal_keys
-from symmb._options import is_finite_number, numbers_of, require_name, require_positive, shown
+from symmb._names import ByName, counted
+from symmb._options import is_finite_number, shown
 from symmb._types import Array, Figure
 from symmb._units import label, told_units, units_of_parameters
+from symmb.connect import Simulator
 from symmb.equations.model import Box, Scene, with_some_outputs
 from symmb.results import plot
 from symmb.results.files import NOT_KEPT, Record, Saved, entry
 from symmb.run.integrate import Solver
-from symmb.run.simulation import chosen_parameters, simulator_with
+from symmb.run.simulation import chosen_parameters, require_own, simulator_with
 from symmb.study.consistent import ConsistentSet, consistent_set, errors_of
+from symmb.study.measurements import OWNER, measured_values, noise_of_outputs
 from symmb.study.residuals import (
     MAX_RUNS,
     UNDETERMINED,
@@ -31,7 +33,6 @@ from symmb.study.residuals import (
     residual_doubts,
 )
 
-OWNER = "calibrate"
 _LEAST_COMPONENT = 0.05
 """A parameter is undetermined if its component in an undetermined combination exceeds this value."""
 
@@ -272,7 +273,7 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
 
 
 def calibrate(
-    scene: Scene,
+    scene: Scene | Simulator,
     data: Mapping[str, Any],
     parameters: Sequence[str] | None = None,
     solver: Solver | str | None = None,
@@ -281,6 +282,8 @@ def calibrate(
 ) -> Calibration:
     """Find the parameters that fit measured outputs best. The search starts at the nominal parameters.
 
+    The runs may be those of a scene or of a simulator, such as a `FunctionSimulator`, a `ProgramSimulator` or an FMU.
+
     Each residual is divided by the noise of its output, and the sum of squares is minimised. If the noise is not given,
     it is estimated from the residuals of each output. If the residuals are not noise, further fits start at other
     parameters, and the best fit is returned.
@@ -288,13 +291,14 @@ def calibrate(
     Parameters
     ----------
     scene : Scene
+        scene or simulator
     data : mapping
         output -> values (n_t,) at the times of the scene, or a pair (times, values), each (n,). Values of nan are
-        left out
+        left out. A simulator needs data at its own times
     parameters : list of str
         parameters to estimate; default: all
     solver : Solver
-        default: chosen by pilot runs
+        solver of a scene; default: chosen by pilot runs
     noise : mapping
         output -> standard deviation of its data
 
@@ -321,15 +325,24 @@ def calibrate(
     >>> round(mb.calibrate(scene, {"x": [0.0, 1.49, 3.02]}).parameters["speed"], 6)
     1.506
     """
-    if not isinstance(scene, Scene):
-        raise DeclarationError(f"{OWNER}: expected a Scene, got {shown(scene)}.")
-    some = chosen_parameters(OWNER, parameters, scene.system.parameters)
-    measured = _measured(scene, data)
+    is_scene = isinstance(scene, Scene)
+    if not is_scene and not hasattr(scene, "outputs"):
+        raise DeclarationError(f"{OWNER}: expected a Scene or a simulator, got {shown(scene)}.")
+    outputs, figures = (scene.output_names, scene.figures) if is_scene else (scene.outputs, ())
+    measured = measured_values(scene.times, outputs, figures, data)
     times = np.unique(np.concatenate([scene.times[:1], *(t for t, _ in measured.values())]))
-    own = scene.curves.with_times(times)
-    if own.outputs is not None:
-        own = with_some_outputs(own, [*measured])
-    known_noise = _noise(noise, measured)
+    if is_scene:
+        own = scene.curves.with_times(times)
+        simulator = simulator_with(own if own.outputs is None else with_some_outputs(own, [*measured]), solver)
+    else:
+        require_own(scene, solver, None, None)
+        if not np.isin(times, scene.times).all():
+            raise DeclarationError(
+                f"{OWNER}: {scene!r} has no output at t = {times[~np.isin(times, scene.times)][0]:g} s."
+            )
+        simulator = scene
+    some = chosen_parameters(OWNER, parameters, simulator.parameters)
+    known_noise = noise_of_outputs(noise, measured)
     count = sum(len(values) for _, values in measured.values())
     if count < (needed := len(some) + (not known_noise)):
         unknown, gave = counted(len(some), "parameter"), counted(count, "value")
@@ -337,57 +350,10 @@ def calibrate(
         rest = f"{unknown}. {more}" if known_noise else f"{unknown} and the noise. {more}, or noise="
         raise DeclarationError(f"{OWNER}: {gave} cannot determine {rest}, or estimate fewer parameters.")
     with kept_interrupts():
-        result = _fitted(Residuals(simulator_with(own, solver), some, measured), known_noise, scene.name)
-    warn_of(result.doubts, f"{OWNER}: {scene.name}")
+        name = str(getattr(scene, "name", repr(scene)))
+        result = _fitted(Residuals(simulator, some, measured), known_noise, name)
+    warn_of(result.doubts, f"{OWNER}: {name}")
     return result
-
-
-def _measured(scene: Scene, data: Mapping[str, Any]) -> dict[str, tuple[Array, Array]]:
-    """Times and values of each output that has data."""
-    if not isinstance(data, Mapping) or not data:
-        raise DeclarationError(f'{OWNER}: data must map outputs to values, such as {{"x": [...]}}, got {shown(data)}.')
-    measured = {}
-    for name, values in normal_keys(OWNER, data).items():
-        require_name(OWNER, "output", name, scene.output_names)
-        if name in scene.figures:
-            raise DeclarationError(f"{OWNER}: {name!r} is a scalar output, but data must belong to outputs over time.")
-        pair = isinstance(values, tuple) and len(values) == 2 and np.ndim(values[0]) == 1
-        t, y = (numbers_of(part) for part in (values if pair else (scene.times, values)))
-        if t is None or y is None or t.ndim != 1 or y.shape != t.shape:
-            where = "the given times" if pair else f"the {len(scene.times)} times of the scene"
-            raise DeclarationError(f"{OWNER}: data of {name!r} must be one number for each of {where}.")
-        if fault := _fault(t, y, scene.times[0]):
-            raise DeclarationError(f"{OWNER}: {fault.format(name=repr(name))}")
-        known = ~np.isnan(y)
-        measured[name] = t[known], y[known]
-    return measured
-
-
-def _fault(t: Array, y: Array, begin: float) -> str:
-    """The fault of data (n,) at times (n,) [s] as a sentence with the field {name}; empty if the data are valid."""
-    if np.isnan(y).all():
-        return "all data of {name} are gaps (nan). Give at least one number."
-    if np.isinf(y).any():
-        return f"data of {{name}} are infinite at {t[np.isinf(y)][0]:g} s. Write a gap as nan."
-    if not np.isfinite(t).all():
-        return "the times of {name} must be finite."
-    if t.min() < begin:
-        return f"the times of {{name}} start at {t.min():g} s, before the scene starts at {begin:g} s."
-    return ""
-
-
-def _noise(noise: Mapping[str, float] | None, measured: Mapping[str, Any]) -> dict[str, float]:
-    """The given noise of each output; empty if not given."""
-    if noise is None:
-        return {}
-    noise = normal_keys(OWNER, noise)
-    if not isinstance(noise, Mapping) or noise.keys() != measured.keys():
-        raise DeclarationError(
-            f"{OWNER}: noise must have a number for each output with data: {', '.join(measured)}, got {shown(noise)}."
-        )
-    for name, value in noise.items():
-        require_positive(OWNER, f"noise of {name!r}", value)
-    return {name: float(value) for name, value in noise.items()}
 
 
 def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Calibration:
@@ -399,6 +365,7 @@ def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Cali
     open_ = np.linalg.norm(found.directions[~is_known], axis=0) > _LEAST_COMPONENT
     covariance[open_], covariance[:, open_] = np.nan, np.nan
     covariance[open_, open_] = np.inf
+    units = getattr(fit.simulator, "units", None) or ("",) * len(fit.simulator.outputs)
     return Calibration(
         name,
         ByName(
@@ -413,7 +380,7 @@ def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Cali
         undetermined,
         (*undetermined, *doubts),
         fit.runs,
-        tuple(fit.simulator.units[fit.simulator.outputs.index(name)] for name in fit.measured),
+        tuple(units[fit.simulator.outputs.index(name)] for name in fit.measured),
         fit,
     )
 

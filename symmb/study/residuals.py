@@ -9,7 +9,8 @@ from symmb._errors import SimulationError
 from symmb._magnitudes import NOTHING, ROUNDING, SMALL
 from symmb._types import Array
 from symmb.bound.nodes import Sobol
-from symmb.run.simulation import DAESimulator
+from symmb.connect import Jets, Simulator
+from symmb.run.simulation import has_exact_jets
 
 MAX_RUNS = 200
 """Largest number of runs of a fit. If the start is within 30 % of the truth, ten runs are usual."""
@@ -27,12 +28,11 @@ NOISE_OF_RUNS = 1e-4
 class Residuals:
     """Residuals and their derivatives with respect to relative parameters. Each run is made once.
 
-    Derivatives are exact if the run passes no kink or jump of its equations. Other derivatives are differences of runs.
+    Derivatives are exact if the run meets no kink, jump or event. Other derivatives are differences of few runs,
+    because a search needs less accuracy than `sensitivities`.
     """
 
-    def __init__(
-        self, simulator: DAESimulator, names: Sequence[str], measured: Mapping[str, tuple[Array, Array]]
-    ) -> None:
+    def __init__(self, simulator: Simulator, names: Sequence[str], measured: Mapping[str, tuple[Array, Array]]) -> None:
         self.simulator, self.names, self.measured = simulator, names, measured
         order = list(simulator.parameters)
         self.p = np.array(list(simulator.parameters.values()))
@@ -52,7 +52,7 @@ class Residuals:
         """Residuals (N,) at relative parameters u (n_p,), nan if the run fails, and derivatives (N, n_p) of outputs."""
         if u.tobytes() not in self._known:
             try:
-                exact = self.simulator.dae.impacts is None and self.simulator.kink(self._parameters(u)) is None
+                exact = has_exact_jets(self.simulator, self._parameters(u))
                 y, slopes = self._derived(u) if exact else self._differences(u)
                 self.has_kinks |= not exact
             except SimulationError:
@@ -84,8 +84,8 @@ class Residuals:
         self.runs += 1
         directions = self._parameters(np.eye(len(u))) * 0
         directions[:, self.columns] = np.diag(self.sizes)
-        jets = np.asarray(self.simulator.jets(self._parameters(u), directions, 1), dtype=float)
-        y, slopes = map(self.placed, jets)
+        jets = cast(Jets, self.simulator).jets(self._parameters(u), directions, 1)
+        y, slopes = map(self.placed, np.asarray(jets, dtype=float))
         return y[0], slopes
 
     def _differences(self, u: Array) -> tuple[Array, Array]:

@@ -152,7 +152,8 @@ def main() -> None:
                     print(f"    {p.text:60s} {1e3 * p.seconds:8.1f} ms  {p.error:8.1e}  {p.runs} runs{told}")
             width = 2.5 if method == CHAOS else 1.2
             ax.loglog([p.seconds for p in points], [p.error for p in points], "o-", label=method, lw=width, ms=3)
-        ax.set(title=name, xlabel="processor time [s]", ylabel="mean error over the width", ylim=(1e-7, 10))
+        ax.set(title=name, xlabel="processor time [s]", ylabel="mean error over the width")
+        ax.set(xlim=(1.5e-3, 3), ylim=(1e-8, 10))
         ax.grid(alpha=0.25)
     if options.picture:
         axes.flat[0].legend(fontsize=8)

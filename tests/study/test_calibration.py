@@ -239,7 +239,7 @@ def test_wrong_calls_are_told():
         "no parameter 'mass'": lambda: mb.calibrate(scene, {"x": T}, ["mass"]),
         "the list of parameters is empty": lambda: mb.calibrate(scene, {"x": T}, []),
         "contains 'fall' twice": lambda: mb.calibrate(scene, {"x": T}, ["fall", "speed", "fall"]),
-        "the 41 times of the scene": lambda: mb.calibrate(scene, {"x": T[:3]}),
+        "the 41 output times": lambda: mb.calibrate(scene, {"x": T[:3]}),
         "the given times": lambda: mb.calibrate(scene, {"x": (T[:3], T)}),
         "times of 'x' start at -1 s, before": lambda: mb.calibrate(scene, {"x": (T - 1, T)}),
         "times of 'x' must be finite": lambda: mb.calibrate(scene, {"x": ([0.0, np.nan, 1.0], [1.0, 2.0, 3.0])}),
@@ -258,3 +258,16 @@ def test_wrong_calls_are_told():
     }
     for why, call in wrong.items():
         refused(why, call)
+
+
+def test_a_function_is_fitted_as_well():
+    t = np.linspace(0.0, 3.0, 31)
+    run = lambda k, c: (np.exp(-c * t) * np.cos(np.sqrt(k) * t))[:, None]  # noqa: E731
+    simulator = mb.FunctionSimulator(run, {"k": 2.0, "c": 0.5}, times=t, outputs=["x"])
+    fit = mb.calibrate(simulator, {"x": (t[::3], run(3.1, 0.2)[::3, 0])})
+    assert fit.parameters == pytest.approx({"k": 3.1, "c": 0.2}, rel=1e-9)
+    assert (
+        fit.consistent(0.01).box["c"][0] < 0.2 < fit.consistent(0.01).box["c"][1]
+    ) and "FunctionSimulator" in fit.name
+    refused("has no output at t = 0.05 s", mb.calibrate, simulator, {"x": ([0.05, 1.0], [1.0, 2.0])})
+    refused("has its own solver", mb.calibrate, simulator, {"x": t}, solver=mb.CVODES())

@@ -140,7 +140,7 @@ def _caution(kinks: list[tuple[float, str]]) -> str:
     if not kinks:
         return ""
     time, which = min(kinks)
-    return f"not valid from t = {time + 0.0:g} s on: derivatives are not valid beyond the {which} at this time"
+    return f"not valid from t = {time + 0.0:g} s on, because the expansion does not contain the {which}"
 
 
 def _polynomials(parts: Sequence[Sequence[Array]], centers: Array, radius: float, box: Box) -> Piecewise:

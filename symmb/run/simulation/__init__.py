@@ -12,6 +12,7 @@ from symmb.run.simulation.single_run import parameter_values, simulate
 from symmb.run.simulation.subject import (
     chosen_parameters,
     prepare,
+    require_own,
     scene_of,
     simulator_for,
     simulator_of,

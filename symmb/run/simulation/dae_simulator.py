@@ -194,17 +194,20 @@ class DAESimulator(WithWarnings):
     def kink(self, p0: Array) -> tuple[float, str] | None:
         """Time [s] at which the run at p0 (d,) first meets a kink or jump of the equations, and the names of all kinks.
 
-        The result is None if the run meets no kink. With impacts, it is the start of every run.
+        The result is None if the run meets no kink. With impacts, it is the first event, or the end without events,
+        because derivatives cannot be integrated then.
         """
         with LOCK:
             form, p = self.formulation, np.asarray(p0, float)
-            if form.dae.impacts is not None:
-                return float(self.times[0]), impacts_text(form.dae.impacts)
             kinks = form.kinks(self.times)
-            if kinks is None or not kinks.spoil_derivatives:
+            impacts = form.dae.impacts
+            if impacts is None and (kinks is None or not kinks.spoil_derivatives):
                 return None
             x0, _ = form.start.states(p[None])
-            X = self.program.integration().run(x0, p[None], 1)[0].X
+            run = self.program.integration().run(x0, p[None], 1)[0]
+            if impacts is not None:
+                return min((event.time for event in run.events), default=float(self.times[-1])), impacts_text(impacts)
+            X = run.X
             first = kinks.first(X[(ok := np.isfinite(X).all(axis=1))], p, self.times[ok])
             # A switch may be passed twice between two output times.
             first = np.fmin(first, SwitchPasses(form.dae, self.times).first(x0, p[None]))
