@@ -30,8 +30,8 @@ class RecordedRuns(BlackBox):
         both
     parameters : nominal values by name, in the order of the columns of X; or only names. The nominal values are then
         in the middle of the runs
-    times : (n_t,) increasing times [s]
-    outputs : n_y names
+    times : (n_t,) increasing times [s]; default: one time, for outputs that are single numbers
+    outputs : n_y names; default: one output, y
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class RecordedRuns(BlackBox):
     --------
     >>> import numpy as np, symmb as mb
     >>> X = np.random.default_rng(0).uniform(-1, 1, (60, 2))
-    >>> recorded = mb.RecordedRuns(X, X[:, 0] + X[:, 1] ** 2, ["a", "b"], [0.0], ["y"])
+    >>> recorded = mb.RecordedRuns(X, X[:, 0] + X[:, 1] ** 2, ["a", "b"])
     >>> bounds = mb.propagate(recorded, box=mb.Box(a=(-1, 1), b=(-1, 1)))
     >>> bounds.lower.round(3), bounds.upper.round(3)
     (array([[-1.]]), array([[2.]]))
@@ -67,8 +67,8 @@ class RecordedRuns(BlackBox):
         X: Array,
         Y: Array,
         parameters: Mapping[str, float] | Sequence[str],
-        times: Array | Sequence[float],
-        outputs: Sequence[str],
+        times: Array | Sequence[float] = (0.0,),
+        outputs: Sequence[str] = ("y",),
     ) -> None:
         points, values = require_numbers("RecordedRuns", "X", X, None, None), numbers_of(Y)
         if not points.size:

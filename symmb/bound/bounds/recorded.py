@@ -25,6 +25,9 @@ _FEWEST = 2 * GROUPS
 _SAFETY_OF_OTHERS, _SAFETY_OF_REST = 1.5, 3.0
 """Factors of the two parts of an error. With smaller factors, errors are above their estimate more often.
 tests/bounds/test_recorded_runs.py"""
+_HOPELESS = 2.0
+"""Estimated error divided by the width of the runs above which polynomials are no better than the runs, for example at
+steps and narrow peaks."""
 
 
 def recorded_bounds(text: str, simulator: RecordedRuns, box: Box) -> Bounds:
@@ -33,7 +36,8 @@ def recorded_bounds(text: str, simulator: RecordedRuns, box: Box) -> Bounds:
     The estimated error of a bound has two parts. The first is the largest difference of polynomials that do not know
     some runs, at the place of the bound. The second is the half width times the ratio of the left-out residuals to the
     standard deviation of the runs, and times the square root of the number of parameters. In corners, far from all
-    runs, unknown terms of all parameters add up.
+    runs, unknown terms of all parameters add up. If the error is far above the width of the runs, the extremes of the
+    runs are the bounds.
     """
     ok = simulator.ok
     bad = gathered(simulator, simulator.X[~ok], None)[1] if not ok.all() else ()
@@ -53,6 +57,9 @@ def recorded_bounds(text: str, simulator: RecordedRuns, box: Box) -> Bounds:
     surrogate = joined([output.polynomials for output in outputs], len(simulator.times))
     assert surrogate is not None
     lower, upper, estimate = np.stack([(own.lower, own.upper, own.estimate) for own in outputs], axis=2)
+    if inside.any():
+        is_open = estimate > _HOPELESS * (highest - lowest)
+        lower, upper = np.where(is_open, lowest, lower), np.where(is_open, highest, upper)
     remarks = list[str]()
     if box == simulator.box:
         remarks.append("The box is the smallest box that contains all recorded runs. Pass box=... for another box.")

@@ -73,6 +73,8 @@ class Binding:
                 more = " Write numbers in SI units, as np.deg2rad(80) for 80°."
             elif isinstance(law, str):
                 more = " Write the expression itself, such as rod.x, without quotation marks."
+            elif given(getattr(law, "value", None)) is not None:
+                more = " Write its value, with .value at the end."
             raise DeclarationError(f"{what}: {shown(law)} is not a number, a CasADi SX or a SymPy expression.{more}")
         if expression.numel() != 1 and not any_size:
             raise DeclarationError(f"{what} has {expression.numel()} components; expected one number or expression.")
