@@ -265,6 +265,9 @@ def test_bounds_without_a_scene_have_a_page_of_their_polynomials(browser, tmp_pa
     live = Live(browser, loaded, tmp_path / "page.html", {"x [m]": (None, 1e6 + 1 + np.exp(3) - 0.1)})
     assert (tmp_path / "page.html").stat().st_size < 400e3
     assert live.data["note"].startswith(f"This page shows a surrogate of {bounds.evaluations} runs, and not the model")
+    names = {"simulator": growth()}
+    exec(live.browser.run("$('copy').click(), $('copied').textContent"), names)
+    assert np.allclose(names["bounds"].upper, bounds.upper, rtol=1e-12, atol=1e-3)
     error, width = bounds.surrogate.error, (bounds.upper - bounds.lower).max(axis=0)
     for value, tolerance in (
         (np.array([1.0, 0.5]), np.array([0.5, 0.5])),
@@ -359,6 +362,26 @@ def test_bounds_and_the_command_write_live_pages(tmp_path, capsys):
         assert (tmp_path / f"{name}.html").stat().st_size < 400e3
     page = mb.live(scene)
     assert page is not None and page.text == (tmp_path / "a.html").read_text()
+
+
+@NEEDED
+@COMPILED
+@pytest.mark.parametrize("given", ["slider_crank", "of_my_crank.py"])
+def test_copied_python_is_complete(browser, tmp_path, monkeypatch, given):
+    """It runs without further lines, and gives the bounds of the page."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    Path("of_my_crank.py").write_text("import models.slider_crank as own\nscene = own.scene()")
+    assert main(["live", given, "-o", "page.html", "--limit", "x_slider=:3.05"]) == 0
+    browser.open(tmp_path / "page.html")
+    browser.run("live.set({l1: {percent: 1}, l2: {held: true}, m1: {value: 1.5, tolerance: 0.1}})")
+    found, names = browser.run("$('copy').click(), live.result('x_slider')"), dict[str, Any]()
+    exec(browser.run("$('copied').textContent"), names)
+    bounds = names["bounds"]
+    for side, values in zip(("lower", "upper"), bounds["x_slider"], strict=True):
+        assert np.abs(found[side] - values).max() < 1e-2 * np.ptp(bounds["x_slider"], axis=0).max()
+    (limit,) = bounds.check({"x_slider": (None, 3.05)}).limits
+    assert bounds.box.names == ("l1", "m1") and bounds.box.percents == {"l1"} and limit.high == 3.05
 
 
 @COMPILED

@@ -101,7 +101,7 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
   const first = full(nominal);
   give({ kind: "run", id, ...first, rows: first.rows.slice(), ms: performance.now() - began });
   if (first.fault) return;
-  if (d > live.most_varied) throw Error(`At most ${live.most_varied} parameters may have tolerances at the same time. Lock some of them.`);
+  if (d > live.most_varied) throw Error(`At most ${live.most_varied} parameters may have tolerances at the same time. Hold some of them.`);
   const at = point => { const all = [...nominal]; varied.forEach((i, k) => { all[i] += tolerances[i] * point[k]; }); return all; };
   const firstLevel = live.levels.slice(0, d - 1).reduce((sum, own) => sum + own.length, 0);
   // How far a peak or a kink may pass the value at an output time, until the next output time
