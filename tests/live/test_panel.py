@@ -321,11 +321,12 @@ def test_memory_does_not_grow_with_moves(browser, tmp_path):
     browser.open(path)
     browser.run("live.ready.then(() => symmb.play(false))")
     moves = (
-        "(async () => {{ for (let k = 0; k < {}; k++) {{"
-        " const done = live.set({{l1: {{value: 0.9 + 0.2 * Math.random()}}}}); if (k % 10 === 9) await done;"
-        " else await new Promise(go => setTimeout(go, 5)); }} }})()"
+        "(async () => { for (let k = 0; k < 20; k++) {"
+        " const done = live.set({l1: {value: 0.9 + 0.2 * Math.random()}}); if (k % 10 === 9) await done;"
+        " else await new Promise(go => setTimeout(go, 5)); } })()"
     )
-    browser.run(moves.format(20))
-    before = browser.memory()
-    browser.run(moves.format(200))
-    assert browser.memory() < before + 1 and browser.errors == []  # [MB]
+    memory = []  # [MB]. On a busy machine, the browser keeps another MB now and then, so medians are compared
+    for _ in range(12):
+        browser.run(moves)
+        memory.append(browser.memory())
+    assert np.median(memory[-5:]) < np.median(memory[:5]) + 0.5 and browser.errors == []
