@@ -59,8 +59,8 @@ SLOW = "Without a C compiler runs take about 100 times as long."
 _VERSION_SECONDS = 20.0
 """Time limit for the version of a compiler [s]."""
 _BUILD_SECONDS = 120.0
-"""Time limit to test a compiler, to build a model, and for each further megabyte of its source [s]. It is fifty times the time of gcc,
-because other programs may use most of the processor. tests/benchmarks/scaling.py"""
+"""Time limit to test a compiler, to build a model, and for each further megabyte of its source [s]. It is fifty times
+the time of gcc, because other programs may use most of the processor. tests/benchmarks/scaling.py"""
 
 
 class NoCompilerError(SymmbError):

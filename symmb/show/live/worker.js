@@ -149,6 +149,7 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
         return;
       }
     }
+    if (l < sizes.length - 2 && performance.now() - began < 40) continue;  // better bounds follow at once
     const [lower, upper] = await boundsOf(level, m, m, Y), error = new Float64Array(m).fill(Infinity);
     for (let i = 0; i < m; i++) {  // polynomials may leave the range of possible values
       const [low, high] = live.possible[i % n_y];
