@@ -280,13 +280,29 @@ def test_bounds_without_a_scene_have_a_page_of_their_polynomials(browser, tmp_pa
         assert np.abs(run["rows"] - exact).max() < SINGLE * width.max()
         lower, upper, _ = bounds.surrogate.range(unit - 2 * tolerance, unit + 2 * tolerance)
         for side, ends in (("lower", lower), ("upper", upper)):
-            slack = SINGLE * width if parts == 1 else 2 * found["error"]  # one polynomial through two parts has a kink
-            assert (np.abs(found[side] - ends) <= slack).all()
+            assert (np.abs(found[side] - ends) <= SINGLE * width).all()
         assert (found["error"] >= 0.999 * error).all()
     (factor,) = [limit["factor"] for limit in effects["limits"]]
     assert factor is None  # larger tolerances would leave the box
     (limit,) = found["limits"]
     assert np.isclose(limit["margin"], 0.3 + np.exp(3) - np.exp(1.6), atol=2 * error[-1, 0] + 1e-6)
+
+
+@NEEDED
+@COMPILED
+def test_worst_cases_and_factors_at_a_kink(browser, tmp_path):
+    """Both are exact in the parts beside the kink of |x - 0.3|, for x = 0.1 ± 0.5. Parameter y has no effect."""
+    start = {"x": 0.0, "y": 0.0}
+    distance = mb.FunctionSimulator(lambda x, y: np.full((1, 2), abs(x - 0.3)), start, [1.0], ["u", "v"])
+    bounds = mb.propagate(distance, mb.PolynomialChaos(), mb.Box(x=(-1.0, 1.0), y=(-1.0, 1.0)))
+    live = Live(browser, bounds, tmp_path / "page.html", {"u": (None, 1.0), "v": (0.05, None)})
+    *_, found, effects = live.studies(([0.1, 0.0], [0.5, 0.1]), limits=live.data["limits"])
+    error = found["error"][0, 0]
+    assert len(live.data["surrogate"]["parts"]) > 1 and error < 0.02
+    high, low = found["limits"]
+    assert np.isclose([high["margin"], low["margin"]], [0.3, -0.05], atol=error).all()
+    assert np.isclose([high["parameters"][0], low["parameters"][0]], [-0.4, 0.3], atol=error).all()
+    assert np.isclose([own["factor"] for own in effects["limits"]], [1.6, 0.3], atol=3 * error).all()
 
 
 @NEEDED
