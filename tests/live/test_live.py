@@ -319,7 +319,7 @@ def test_a_page_of_polynomials_stays_in_its_box(browser, tmp_path):
         " : setTimeout(look, 20); look(); })"
     )
     assert (
-        browser.run(factor) == "With all tolerances 0.8 times as large, the output reaches the limit at an output time."
+        browser.run(factor) == "With all tolerances 0.8 times as large, the output just reaches the limit."
     )
     browser.run("live.set({k: {value: 1.45, tolerance: 0.05}})")
     assert browser.run(factor) == "The nominal run is already beyond the limit."
@@ -332,7 +332,7 @@ def test_a_page_of_polynomials_stays_in_its_box(browser, tmp_path):
     assert browser.run("live.set({k: {value: 1, tolerance: 0.2}})") is None and not browser.errors
     assert browser.run(words).startswith("satisfied: smallest margin 0.73")
     assert (
-        browser.run(factor) == "With all tolerances 2 times as large, the output reaches the limit at an output time."
+        browser.run(factor) == "With all tolerances 2 times as large, the output just reaches the limit."
     )
 
 

@@ -94,14 +94,14 @@ def _limit(browser: Browser) -> str:
 
 
 def test_a_move_gives_a_new_run_bounds_and_words(page):
-    assert _limit(page) == "satisfied: smallest margin 0.05 m at 1 s"
+    assert _limit(page) == "satisfied: smallest margin 0.05 m at 1 s, error up to 0.001 m"
     page.run("live.set({g: {value: 9.2, tolerance: 0.1}})")
     found = page.run("live.result('y')")
     times = np.linspace(0.0, 1.0, 11)
     for name, slope in {"nominal": 9.2, "lower": 9.1, "upper": 9.3}.items():
         assert np.allclose(found[name], slope * times / 10, rtol=1e-12)
     assert np.allclose(found["times"], times) and found["estimate"] == [1e-3] * 11
-    assert _limit(page) == "satisfied: smallest margin 0.07 m at 1 s"
+    assert _limit(page) == "satisfied: smallest margin 0.07 m at 1 s, error up to 0.001 m"
     assert page.run("numbers[page.bounds.upper[0] + 10 * 2]") == pytest.approx(0.93)  # of the viewer
     assert [page.run(f"numbers[page.runs[{k}].values[0] + 10 * 2]") for k in range(2)] == pytest.approx([0.92, 0.93])
     page.run("live.set({g: {tolerance: 0.7995}})")
@@ -114,9 +114,12 @@ def test_a_move_gives_a_new_run_bounds_and_words(page):
     page.run("new Promise(go => { const look = () => $('factor').textContent ? go() : setTimeout(look, 20); look(); })")
     assert (
         page.run("$('factor').textContent")
-        == "With all tolerances 0.889 times as large, the output reaches the limit at an output time."
+        == "With all tolerances 0.889 times as large, the output just reaches the limit."
     )
     assert page.run("runs.length") == 2 and page.errors == []
+    page.run("live.set({g: {value: 1234.567, tolerance: 0.001}})")
+    words = page.run("$('limits').children[0].children[2].textContent").replace("\N{NO-BREAK SPACE}", " ")
+    assert words == "worst case: \u2068g\u2069 = 1234.568"  # not rounded to a value outside of the tolerance
 
 
 def test_sliders_fields_and_resets(page):

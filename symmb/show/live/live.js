@@ -24,13 +24,15 @@ window.live = (() => {
     node.style.minHeight = `${node.offsetHeight}px`;
     node.textContent = text;
   };
-  const quantity = (value, unit) => `${short(value)}${unit && `\u00a0${unit}`}`;
+  const withUnit = (text, unit) => `${text}${unit && `\u00a0${unit}`}`, quantity = (value, unit) => withUnit(short(value), unit);
   // Isolated, so that a name in Arabic or Hebrew does not reverse the signs and numbers beside it
   const brief = text => `\u2068${text.length > 60 ? `${text.slice(0, 59)}…` : text}\u2069`;
-  const at = k => `${short(live.times[k])}\u00a0s`;
+  const at = k => `${+live.times[k].toPrecision(6)}\u00a0s`;
+  const within = (value, size) =>  // a value with the digits that its tolerance needs
+    +value.toPrecision(Math.min(Math.max(3 + Math.ceil(Math.log10(Math.abs(value) / size)), 4), 12));
   const when = ({ output }, k) => outputs[output].scalar ? "" : ` at ${at(k)}`;  // a scalar output is the same at all times
   const limitText = ({ output, low, high }) => {
-    const { name, unit } = outputs[output], end = value => value === null ? [] : [quantity(value, unit)];
+    const { name, unit } = outputs[output], end = value => value === null ? [] : [withUnit(digits(value), unit)];
     return [...end(low), brief(name), ...end(high)].join(" ≤ ");
   };
   const outputAt = () => limits[focus]?.output ?? focus - limits.length;  // the focus is on a limit, or after them an output
@@ -68,17 +70,17 @@ window.live = (() => {
     const most = a.by > b.by ? a : b, said = (word, text, time = found?.time) => ({ word, text, time });
     if (most.by > 0) return said("violated", `violated: exceeded by ${quantity(most.by, unit)}${when(limit, most.time)}`, most.time);
     if (!found) return fault ? said("undecided", "undecided: there are no bounds") : said("", "…");
-    const margin = `margin ${quantity(found.margin, unit)}${when(limit, found.time)}`;
+    const unsure = found.error > 1e-3 * Math.abs(found.margin) ? `, error up to ${quantity(found.error, unit)}` : "";
+    const margin = `margin ${quantity(found.margin, unit)}${when(limit, found.time)}${unsure}`;
     if (found.margin >= found.error) return said("satisfied", `satisfied: smallest ${margin}`);
     if (!bounds.done) return said("", `${margin}, refining …`);
-    const why = found.margin < 0 ? `bounds exceed it by ${quantity(-found.margin, unit)}${when(limit, found.time)}`
-      : `${margin}, error up to ${quantity(found.error, unit)}`;
+    const why = found.margin < 0 ? `bounds exceed it by ${quantity(-found.margin, unit)}${when(limit, found.time)}` : margin;
     return said("undecided", `undecided: ${why}. The polynomials are too inaccurate here, as near jumps. bounds.check in Python can decide.`);
   }
 
   const varied = i => state[i].tolerance > 0 && !state[i].held;
   const worstText = found => parameters.flatMap(({ name, unit }, i) =>
-    varied(i) ? [`${brief(name)} = ${quantity(found.parameters[i], unit)}`] : []).join(", ");
+    varied(i) ? [`${brief(name)} = ${withUnit(within(found.parameters[i], state[i].tolerance), unit)}`] : []).join(", ");
 
   function stateText() {
     if (fault) return fault;
@@ -99,8 +101,8 @@ window.live = (() => {
     if (!own || !state.some((_, i) => varied(i)) || verdict(limit, bounds.limits[focus]).word === "undecided") return "";
     if (own.factor === 0) return "The nominal run is already beyond the limit.";
     const factor = own.factor?.toPrecision(3);
-    if (factor) return `With all tolerances ${+factor} times as large, the output reaches the limit at an output time.`;
-    return live.surrogate ? "In the box of the study, up to 3 times the tolerances do not reach the limit."
+    if (factor) return `With all tolerances ${+factor} times as large, the output just reaches the limit.`;
+    return live.surrogate ? "Tolerances up to 3 times as large, within the box of the study, do not reach the limit."
       : "Even 3 times the tolerances do not reach the limit.";
   }
 
@@ -385,7 +387,10 @@ window.live = (() => {
   const controls = parameters.map(controlsOf);
   for (const part of [$("panel"), $("several")]) part.addEventListener("keydown", e => e.stopPropagation());  // keys of the viewer
   $("several").lastChild.data = "worst case";
-  $("several").hidden = document.querySelector("header div").hidden = !limits.length;
+  const legend = document.querySelector("header div"), entry = (text, color) => Object.assign(element("em", {}, text), { style: `color: ${color}` });
+  legend.prepend(entry("run", page.palette[0]));
+  legend.append(entry("bounds", "#7c98b6"));
+  $("several").hidden = legend.children[1].hidden = !limits.length;
   addEventListener("hashchange", () => { loadState(); study(); });
   addEventListener("resize", () => {
     for (const node of $("panel").querySelectorAll("[style]")) node.style.minHeight = "";
