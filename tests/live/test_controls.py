@@ -69,9 +69,15 @@ def path(request, tmp_path_factory) -> Path:
 def opened(browser: Browser, path: Path, width: int) -> None:
     browser.resize(width, 800)
     browser.open(path)
-    browser.run("live.ready.then(() => symmb.play(false))")
+    browser.run("symmb.play(false)")
+    settle(browser)
+
+
+def settle(browser: Browser) -> None:
+    """Wait for the last texts of a study, which move the controls below them."""
+    browser.run("live.set({})")
     while browser.run("[...document.querySelectorAll('.bar small')].some(e => e.textContent === '…')"):
-        time.sleep(0.01)  # until the last texts have arrived, which move the controls below them
+        time.sleep(0.01)
 
 
 @pytest.mark.parametrize("width", [1200, 390])
@@ -103,6 +109,7 @@ def test_keys_reach_and_move_all_controls(browser, path, width):
 def test_fingers_move_sliders_curves_and_the_drawing(browser, path, width):
     opened(browser, path, width)
     for i in range(browser.run(f"{SLIDERS}.length")):
+        settle(browser)
         x, y = browser.run(f"{THUMB}({SLIDERS}[{i}])")
         low, before, high = browser.run(f"(s => [s.min, s.value, s.max].map(Number))({SLIDERS}[{i}])")
         to = 25 if before < high else -25

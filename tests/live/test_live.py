@@ -318,9 +318,7 @@ def test_a_page_of_polynomials_stays_in_its_box(browser, tmp_path):
         "new Promise(go => { const look = () => $('factor').textContent ? go($('factor').textContent)"
         " : setTimeout(look, 20); look(); })"
     )
-    assert (
-        browser.run(factor) == "With all tolerances 0.8 times as large, the output just reaches the limit."
-    )
+    assert browser.run(factor) == "With all tolerances 0.8 times as large, the output just reaches the limit."
     browser.run("live.set({k: {value: 1.45, tolerance: 0.05}})")
     assert browser.run(factor) == "The nominal run is already beyond the limit."
     browser.run("live.set({k: {value: 1.2, tolerance: 0.4}})")
@@ -331,9 +329,7 @@ def test_a_page_of_polynomials_stays_in_its_box(browser, tmp_path):
     assert np.isclose(browser.run("live.result('x [m]')")["upper"][0] - 1e6 - 0.5, np.exp(1.5), atol=1e-6)
     assert browser.run("live.set({k: {value: 1, tolerance: 0.2}})") is None and not browser.errors
     assert browser.run(words).startswith("satisfied: smallest margin 0.73")
-    assert (
-        browser.run(factor) == "With all tolerances 2 times as large, the output just reaches the limit."
-    )
+    assert browser.run(factor) == "With all tolerances 2 times as large, the output just reaches the limit."
 
 
 @NEEDED
@@ -362,7 +358,7 @@ def test_the_last_change_wins_and_failed_runs_end_a_study(browser, tmp_path):
     assert np.array_equal(last["lower"], alone["lower"]) and last["id"] == live.count - 1
     assert sum(m["kind"] == "bounds" and m["done"] for m in messages) == 1
     *_, failed = live.studies((live.values, live.values * 0.9))
-    assert failed["failed"] == 1 and failed["lower"] is None and "start" in failed["fault"]
+    assert "lower" not in failed and "start" in failed["fault"]
     assert not browser.errors
     memory = [live.studies((live.values * (1 + 1e-4 * k), live.tolerances))[-1]["memory"] for k in range(30)]
     assert len({*memory}) == 1

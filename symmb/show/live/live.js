@@ -88,7 +88,7 @@ window.live = (() => {
     if (!bounds) return "computing bounds …";
     const runs = live.surrogate ? "evaluations" : "runs", held = parameters.filter((_, i) => state[i].held);
     const end = held.length ? `. Held at the value, without tolerance: ${held.map(({ name }) => brief(name)).join(", ")}.` : ".";
-    if (bounds.levels === 1 && bounds.runs === 1) return `1 ${runs.slice(0, -1)}; no parameter has a tolerance${end}`;
+    if (bounds.runs === 1) return `1 ${runs.slice(0, -1)}; no parameter has a tolerance${end}`;
     let error = 0;
     for (let i = outputAt(); i < bounds.error.length; i += n_y) error = Math.max(error, bounds.error[i]);
     const { name, unit } = outputs[outputAt()];

@@ -90,12 +90,13 @@ function run(parameters, columns, at, p) {  // rows of the first columns, to a p
   return { finished, fault: finished < live.n_t ? text(wasm.fault()) : null };
 }
 
-async function study({ id, values, tolerances, limits, levels: most = live.most_levels }) {
+async function study({ id, values, tolerances, limits }) {
   const began = performance.now(), { n_t, n_y, n_out } = live, m = n_t * n_y, nominal = [...values, ...live.inputs];
   const varied = tolerances.flatMap((tolerance, i) => tolerance > 0 ? [i] : []), d = varied.length;
-  let sizes = (live.levels[d - 1] ?? []).slice(0, most);
+  const sizes = [...live.levels[d - 1] ?? []];
   while (sizes.length > 1 && sizes.at(-1) * m > 12e6) sizes.pop();  // memory of 100 MB
   const n = sizes.at(-1) ?? 1, few = 100;  // few responses at a time, because messages wait for their bounds
+  const turn = async () => { await others(); if (id !== latest) throw new Ended(); };
   const inParts = surrogate?.parts.length > 1, homes = { low: [], high: [] };
   const [p, rows, found, points, some, scaled, Y, Z] =
     rooms(nominal.length, n_t * n_out, 2 * few, 2 * few * d, n * few, n * few, n * m, inParts ? n * m : 0);
@@ -137,8 +138,7 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
     const y = new Float64Array(m);
     for (let k = 0; k < n_t; k++) y.set(first.rows.subarray(k * n_out, k * n_out + n_y), k * n_y);
     const error = surrogate ? Float64Array.from(surrogate.error) : new Float64Array(m), told = closest(y, y, error, 0).map(finish);
-    give({ kind: "bounds", id, level: 0, levels: 1, runs: 1, failed: 0, lower: y, upper: y.slice(), error, done: true,
-           ms: performance.now() - began, limits: told });
+    give({ kind: "bounds", id, runs: 1, lower: y, upper: y.slice(), error, done: true, ms: performance.now() - began, limits: told });
     give({ kind: "effects", id, widths: new Float64Array(n_y * values.length),
            limits: limits.map(() => ({ widths: values.map(() => 0), factor: null })) });
     return;
@@ -147,12 +147,10 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
   for (let l = 0, runs = 0; l < sizes.length; l++) {
     level = firstLevel + l;
     for (; runs < sizes[l]; runs++) {
-      await others();
-      if (id !== latest) throw new Ended();
+      await turn();
       const { fault } = run(at(varied.map((_, k) => wasm.node(level, runs, k))), n_y, Y + 8 * runs * m, p);
       if (fault) {
-        give({ kind: "bounds", id, level: l, levels: sizes.length, runs: runs + 1, failed: 1, lower: null, upper: null,
-               error: null, done: true, ms: performance.now() - began, limits: [], fault });
+        give({ kind: "bounds", id, done: true, ms: performance.now() - began, fault });
         return;
       }
     }
@@ -167,11 +165,9 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
     before = { lower: lower.slice(), upper: upper.slice() };
     const done = l === sizes.length - 1;
     told = closest(lower, upper, error, level);
-    give({ kind: "bounds", id, level: l, levels: sizes.length, runs, failed: 0, lower, upper, error, done,
-           ms: performance.now() - began, limits: told.map(finish) }, lower, upper, error);
+    give({ kind: "bounds", id, runs, lower, upper, error, done, ms: performance.now() - began, limits: told.map(finish) }, lower, upper, error);
   }
-  await others();
-  if (id !== latest) throw new Ended();
+  await turn();
   give({ kind: "effects", id, ...await effects(), memory: wasm.memory.buffer.byteLength });
 
   async function boundsOf(level, stride, m, from) {
@@ -181,8 +177,7 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
       if (!wasm.bounds(level, stride, count, from + 8 * i, found, points)) throw Error("There is not enough memory.");
       lower.set(view(found, count), i);
       upper.set(view(found + 8 * count, count), i);
-      await others();
-      if (id !== latest) throw new Ended();
+      await turn();
     }
     return [lower, upper];
   }
