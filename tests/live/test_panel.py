@@ -1,7 +1,9 @@
 """The panel of live pages, with a worker of known answers, and a page with all its parts after many moves."""
 
+import contextlib
 import importlib
 import importlib.util
+import io
 import json
 import time
 from pathlib import Path
@@ -36,8 +38,7 @@ onmessage = ({ data: { kind, id, values, tolerances, limits, live: given } }) =>
     of(g + r).forEach((y, k) => upper.fill(y, k * n_y, k * n_y + n_y));
     const told = limits.map(limit => ({ ...limit, side: "high", margin: limit.high - (g + r) / 10, time: n_t - 1,
       error: 1e-3, value: (g + r) / 10, parameters: [g + r, values[1]], rows: rows(g + r) }));
-    postMessage({ kind: "bounds", id, level: 2, levels: 3, runs: 9, failed: 0, lower, upper, error, done: true, ms: 2,
-      limits: told });
+    postMessage({ kind: "bounds", id, runs: 9, lower, upper, error, done: true, ms: 2, limits: told });
     postMessage({ kind: "effects", id, widths: new Float64Array(2 * n_y).fill(r / 5),
       limits: limits.map(({ high }) => ({ widths: [r / 5, 0], factor: r && (10 * high - g) / r })) });
   }, id % 2 ? 40 : 5);
@@ -47,7 +48,7 @@ onmessage = ({ data: { kind, id, values, tolerances, limits, live: given } }) =>
 
 FIELD = "document.querySelector('#parameters input[type=number]')"
 SLIDER = "document.querySelector('#parameters input[type=range]')"
-LOCK = "document.querySelector('#parameters input[type=checkbox]')"
+HOLD = "document.querySelector('#parameters input[type=checkbox]')"
 """Controls of the first parameter, g."""
 
 
@@ -92,14 +93,14 @@ def _limit(browser: Browser) -> str:
 
 
 def test_a_move_gives_a_new_run_bounds_and_words(page):
-    assert _limit(page) == "satisfied: smallest margin 0.05 m at 1 s"
+    assert _limit(page) == "satisfied: smallest margin 0.05 m at 1 s, error up to 0.001 m"
     page.run("live.set({g: {value: 9.2, tolerance: 0.1}})")
     found = page.run("live.result('y')")
     times = np.linspace(0.0, 1.0, 11)
     for name, slope in {"nominal": 9.2, "lower": 9.1, "upper": 9.3}.items():
         assert np.allclose(found[name], slope * times / 10, rtol=1e-12)
     assert np.allclose(found["times"], times) and found["estimate"] == [1e-3] * 11
-    assert _limit(page) == "satisfied: smallest margin 0.07 m at 1 s"
+    assert _limit(page) == "satisfied: smallest margin 0.07 m at 1 s, error up to 0.001 m"
     assert page.run("numbers[page.bounds.upper[0] + 10 * 2]") == pytest.approx(0.93)  # of the viewer
     assert [page.run(f"numbers[page.runs[{k}].values[0] + 10 * 2]") for k in range(2)] == pytest.approx([0.92, 0.93])
     page.run("live.set({g: {tolerance: 0.7995}})")
@@ -112,26 +113,85 @@ def test_a_move_gives_a_new_run_bounds_and_words(page):
     page.run("new Promise(go => { const look = () => $('factor').textContent ? go() : setTimeout(look, 20); look(); })")
     assert (
         page.run("$('factor').textContent")
-        == "With all tolerances 0.889 times as large, the output reaches the limit at an output time."
+        == "With all tolerances 0.889 times as large, the output just reaches the limit."
     )
     assert page.run("runs.length") == 2 and page.errors == []
+    page.run("live.set({g: {value: 1234.567, tolerance: 0.001}})")
+    words = page.run("$('limits').children[0].children[2].textContent").replace("\N{NO-BREAK SPACE}", " ")
+    assert words == "worst case: \u2068g\u2069 = 1234.568"  # not rounded to a value outside of the tolerance
 
 
-def test_sliders_fields_locks_and_resets(page):
+def test_sliders_fields_and_resets(page):
     page.run(f"{SLIDER}.value = 5.0012; {SLIDER}.oninput(); live.set({{}})")
     assert page.run("live.result('y').nominal[10]") == pytest.approx(0.5)  # in steps
     assert page.run(f"{FIELD}.value") == "5"
     for text, value in {"7.25": 0.725, "": 0.725}.items():
         page.run(f"{FIELD}.value = '{text}'; {FIELD}.onchange(); live.set({{}})")
         assert page.run("live.result('y').nominal[10]") == pytest.approx(value)
-    page.run(f"{LOCK}.click(); live.set({{}})")
-    assert page.run("live.result('y').upper[10]") == pytest.approx(0.725)  # a locked parameter is not varied
+    page.run(f"{HOLD}.click(); live.set({{}})")
+    assert page.run("live.result('y').upper[10]") == pytest.approx(0.725)  # a parameter that is held is not varied
+    assert page.run("$('state').textContent").endswith(". Held at the value, without tolerance: \u2068g\u2069.")
+    assert page.run(f"{HOLD}.parentElement.textContent") == "hold at this value"
     page.run("$('reset').click(); live.set({})")
     assert page.run("live.result('y').upper[10]") == pytest.approx(0.95)
-    page.run("$('copy').click()")
-    assert page.run("$('copied').textContent").split("\n")[1] == "mb.Box(g=(8.5, 9.5))"
     lines = page.run("live.csv()").splitlines()
     assert len(lines) == 12 and lines[0].startswith('"time [s]","y [m]","y [m] lower"') and page.errors == []
+
+
+TOLERANCE = (
+    "[...document.querySelectorAll('.tolerance')].map(row => [row.querySelector('input[type=number]').valueAsNumber"
+)
+TOLERANCE += ", row.querySelector('small').textContent, row.querySelector('select').value])[0]"
+"""Number, remark and kind of the first tolerance."""
+
+
+def test_a_tolerance_keeps_its_kind(page):
+    """In percent it follows the value, and the page states the other kind."""
+    page.run("live.set({g: {value: 10}})")
+    assert page.run(TOLERANCE) == [0.5, "= 5\N{NO-BREAK SPACE}%", ""]
+    page.run("(kind => { kind.value = '%'; kind.onchange(); })(document.querySelector('.tolerance select'))")
+    for value in (10, 5, -8, 0, 4):
+        page.run(f"live.set({{g: {{value: {value}}}}})")
+        assert page.run("live.result('y').upper[10]") == pytest.approx(value / 10 + abs(value) / 200)
+        assert page.run(TOLERANCE) == [5, f"= {abs(value) / 20:g}", "%"]
+    page.run("(kind => { kind.value = ''; kind.onchange(); })(document.querySelector('.tolerance select'))")
+    page.run("live.set({g: {value: 2}})")
+    assert page.run(TOLERANCE) == [0.2, "= 10\N{NO-BREAK SPACE}%", ""]
+    page.run("$('reset').click()")
+    assert page.run(TOLERANCE) == [0.5, "= 5.556\N{NO-BREAK SPACE}%", ""] and page.errors == []
+
+
+def test_a_click_on_a_limit_shows_its_worst_case(page):
+    page.run("live.set({g: {value: 9.8, tolerance: 0.5}})")  # the run with 10.3 exceeds y <= 1 most at the end
+    page.run("symmb.play(true); $('curves').style.height = '140px'; $('curves').scrollTop = 400")
+    assert page.run("$('curves').scrollTop") > 50
+    page.run("$('limits').children[0].click()")
+    assert page.run("[picture, playing, $('curves').scrollTop < 20, page.mark]") == [
+        10,
+        False,
+        True,
+        {"output": 0, "time": 1.0},
+    ]
+    assert page.run("[...document.querySelectorAll('#curves [aria-current=true] p')].map(p => p.firstChild.data)") == [
+        "y [m]"
+    ]
+    page.run("symmb.seek(3); live.set({g: {value: 9}})")
+    assert page.run("picture") == 3  # only a click moves the time
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_copied_python_gives_the_study_of_the_page(page, held):
+    page.run(f"live.set({{g: {{value: 10, percent: 4}}, m: {{value: 3, tolerance: 0.5, held: {str(held).lower()}}}}})")
+    page.run("$('copy').click()")
+    code = page.run("$('copied').textContent")
+    assert "held" not in code and code.splitlines()[1] == '# scene: the scene "fall" of this page'
+    names = {"scene": falling("y", "v")}
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        exec(code, names)
+    assert names["bounds"].box.intervals == {"g": (9.6, 10.4)} | ({} if held else {"m": (2.5, 3.5)})
+    nominal = names["bounds"].nominal_parameters
+    assert dict(nominal) == {"g": 10.0, "m": 3.0}
+    assert "y <= 1 m  satisfied" in printed.getvalue()  # the ball of the scene falls; that of the worker rises
 
 
 def test_the_last_move_wins(page):
@@ -142,15 +202,18 @@ def test_the_last_move_wins(page):
 
 
 def test_the_address_keeps_the_state(page):
-    page.run("live.set({g: {value: 9.25}, m: {value: 3, tolerance: 0.5, locked: true}})")
+    page.run("live.set({g: {value: 9.25}, m: {value: 3, percent: 5, held: true}})")
     page.run("new Promise(go => setTimeout(go, 400))")
-    assert page.run("location.hash") == "#p0=9.25,0.5&p1=3,0.5,locked"
+    assert page.run("location.hash") == "#p0=9.25,0.5&p1=3,5%,held"
     path = Path(page.run("decodeURI(location.pathname)"))
-    page.open(path, "p0=9.25,0.5&p1=3,0.5,locked")
+    page.open(path, "p0=9.25,0.5&p1=3,5%,held")
     page.run("live.ready")
     assert page.run("live.result('y').upper[10]") == pytest.approx(0.975)
-    locks = page.run("[...document.querySelectorAll('#parameters input[type=checkbox]')].map(box => box.checked)")
-    assert locks == [False, True]
+    held = page.run("[...document.querySelectorAll('#parameters input[type=checkbox]')].map(box => box.checked)")
+    assert held == [False, True]
+    page.run("live.set({m: {held: false}})")
+    page.run("new Promise(go => setTimeout(go, 400))")
+    assert page.run("location.hash") == "#p0=9.25,0.5&p1=3,5%"
     page.open(path, "p0=nonsense,-1&p1=&p9=3&focus=99")  # of another page
     page.run("live.ready")
     assert page.run("live.result('y').nominal[10]") == pytest.approx(0.9) and page.errors == []
@@ -230,26 +293,10 @@ def test_names_from_right_to_left_do_not_reverse_limits(browser, tmp_path, monke
     assert left[text.index("\u05d0")] < left[text.index("≤")] < left[text.index("1")] and page.errors == []
 
 
-def test_all_controls_are_reached_by_keys(page):
-    page.run("symmb.play(false)")
-    page.run(
-        "[...document.querySelectorAll('button, input, select')].forEach(each => { each.onfocus = () => {"
-        " each.reached = true; }; })"
-    )
-    for _ in range(25):
-        page.press("Tab")
-    missed = "[...document.querySelectorAll('button, input, select')].filter(e => !e.reached && e.checkVisibility())"
-    assert page.run(f"{missed}.map(each => each.id)") == []
-    page.run(f"{SLIDER}.focus()")
-    page.press("ArrowRight")
-    page.run("live.set({})")
-    assert page.run("live.result('y').nominal[10]") > 0.9 and page.errors == []
-
-
 def test_keys_of_the_panel_do_not_move_the_time(page):
     page.run("symmb.play(false); symmb.seek(3)")
     page.run("$('focus').dispatchEvent(new KeyboardEvent('keydown', { key: 'ArrowRight', bubbles: true }))")
-    page.run(f"{LOCK}.dispatchEvent(new KeyboardEvent('keydown', {{ key: ' ', bubbles: true, cancelable: true }}))")
+    page.run(f"{HOLD}.dispatchEvent(new KeyboardEvent('keydown', {{ key: ' ', bubbles: true, cancelable: true }}))")
     assert page.run("[picture, playing]") == [3, False]
 
 
@@ -260,11 +307,12 @@ def test_memory_does_not_grow_with_moves(browser, tmp_path):
     browser.open(path)
     browser.run("live.ready.then(() => symmb.play(false))")
     moves = (
-        "(async () => {{ for (let k = 0; k < {}; k++) {{"
-        " const done = live.set({{l1: {{value: 0.9 + 0.2 * Math.random()}}}}); if (k % 10 === 9) await done;"
-        " else await new Promise(go => setTimeout(go, 5)); }} }})()"
+        "(async () => { for (let k = 0; k < 20; k++) {"
+        " const done = live.set({l1: {value: 0.9 + 0.2 * Math.random()}}); if (k % 10 === 9) await done;"
+        " else await new Promise(go => setTimeout(go, 5)); } })()"
     )
-    browser.run(moves.format(20))
-    before = browser.memory()
-    browser.run(moves.format(200))
-    assert browser.memory() < before + 1 and browser.errors == []  # [MB]
+    memory = []  # [MB]. On a busy machine, the browser keeps another MB now and then, so medians are compared
+    for _ in range(12):
+        browser.run(moves)
+        memory.append(browser.memory())
+    assert np.median(memory[-5:]) < np.median(memory[:5]) + 0.5 and browser.errors == []

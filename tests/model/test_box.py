@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from faults import refused
 
-from symmb import Box, DeclarationError
+from symmb import Box, DeclarationError, Parameters
 
 
 @pytest.mark.parametrize(
@@ -33,6 +33,16 @@ def test_around():
     box = Box.around({"a": 2.0, "b": -1.0, "c": 0.0}, 0.1, names=["b", "a"])
     assert box.names == ("b", "a")
     np.testing.assert_allclose(box.bounds, [(-1.1, -0.9), (1.8, 2.2)])
+
+
+def test_tolerances_in_percent_are_known():
+    parameters = Parameters(k=(2.0, "N/mm"), l=(40.0, "mm"), m=1.0)
+    box = Box.plus_minus(parameters, k="10%", l="0.5 mm") | Box(m="1 kg ±2%")
+    assert box.percents == {"k", "m"}
+    rest = box.without("k")
+    assert rest is not None and rest.percents == {"m"}
+    assert Box.around(parameters, 0.1).with_units({"k": "N/m", "l": "m"}).percents == {"k", "l", "m"}
+    assert Box(k=(1.8, 2.2)) == Box.around({"k": 2.0}, 0.1) and not Box(k=(1.8, 2.2)).percents
 
 
 def test_unit_box_and_back():

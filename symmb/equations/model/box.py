@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -38,6 +38,7 @@ class Box:
     bounds : tuple of d pairs (lower, upper)
     units : tuple of d units, '' for parameters without a unit; empty if no parameter has a unit. Studies convert a box
     to the units of their parameters
+    percents : names of the parameters whose tolerance was given as a percentage
 
     Raises
     ------
@@ -59,6 +60,7 @@ class Box:
     names: tuple[str, ...]
     bounds: tuple[tuple[float, float], ...]
     units: tuple[str, ...] = ()
+    percents: frozenset[str] = field(default=frozenset(), compare=False)
 
     def __init__(self, **intervals: Interval):
         if not intervals:
@@ -69,6 +71,11 @@ class Box:
         object.__setattr__(self, "bounds", tuple(_interval(name, pair) for name, (pair, _) in parts.items()))
         units = tuple(unit for _, unit in parts.values())
         object.__setattr__(self, "units", units if any(units) else ())
+        self._set_percents(name for name, given in intervals.items() if _has_percent(given))
+
+    def _set_percents(self, names: Iterable[str]) -> "Box":
+        object.__setattr__(self, "percents", frozenset(names))
+        return self
 
     def with_units(self, units: Mapping[str, str]) -> "Box":
         """A copy in the given units, by name of the parameter. Numbers of a box without units are not changed.
@@ -87,7 +94,7 @@ class Box:
             own = units.get(name, "")
             ratio = ratio_of("Box", f"parameter {name!r}", unit, own) if unit else NO_UNIT
             intervals[name] = *(scaled(end, ratio) for end in ends), own
-        return Box(**intervals)
+        return Box(**intervals)._set_percents(self.percents)
 
     @classmethod
     def around(
@@ -135,7 +142,7 @@ class Box:
                 )
             ends = nominal[name] * (1.0 - spread), nominal[name] * (1.0 + spread)
             intervals[name] = min(ends), max(ends)
-        return cls(**intervals).with_units(units)
+        return cls(**intervals)._set_percents(intervals).with_units(units)
 
     @classmethod
     def plus_minus(cls, parameters: Mapping[str, SupportsFloat], /, **tolerances: object) -> "Box":
@@ -164,12 +171,13 @@ class Box:
         Box(crank=(0.0495, 0.0505), pin=(0.00999, 0.01003), bore=(0.04, 0.040025))
         """
         owner, units = "Box.plus_minus", units_of_parameters(parameters)
-        nominal, intervals = _nominal(owner, parameters), {}
-        for name, tolerance in normal_keys(owner, tolerances).items():
+        nominal, intervals, tolerances = _nominal(owner, parameters), {}, normal_keys(owner, tolerances)
+        for name, tolerance in tolerances.items():
             if name not in nominal:
                 raise DeclarationError(f"{owner}: unknown parameter '{name}'.{did_you_mean(name, nominal)}")
             intervals[name] = interval_of(owner, name, nominal[name], tolerance, units.get(name, ""))
-        return cls(**intervals).with_units(units)
+        percents = [name for name, tolerance in tolerances.items() if _has_percent(tolerance)]
+        return cls(**intervals)._set_percents(percents).with_units(units)
 
     @classmethod
     def read(cls, path: str | PathLike[str], parameters: Mapping[str, SupportsFloat] | None = None) -> "Box":
@@ -207,7 +215,7 @@ class Box:
         for name in mine.keys() & theirs.keys():
             if mine[name] != theirs[name]:
                 raise DeclarationError(f"Box: '{name}' is {mine[name]} in one box and {theirs[name]} in the other.")
-        return Box(**(mine | theirs))
+        return Box(**(mine | theirs))._set_percents(self.percents | other.percents)
 
     @property
     def intervals(self) -> dict[str, Interval]:
@@ -264,7 +272,7 @@ class Box:
         """The box without this parameter; None if no parameter remains."""
         require_instance(repr(self), name, str, "the name of a parameter")
         left = {other: ends for other, ends in self.intervals.items() if other != normal(name)}
-        return Box(**left) if left else None
+        return Box(**left)._set_percents(self.percents & left.keys()) if left else None
 
     def __len__(self) -> int:
         return len(self.names)
@@ -300,6 +308,10 @@ class Box:
             [name, *(f"{x:.12g}" for x in pair), f"{middle:.12g} ± {half:.6g}"] for name, pair, middle, half in ends
         ]
         return html.page(html.table([["parameter", "lower", "upper", "middle"], *rows]))
+
+
+def _has_percent(tolerance: object) -> bool:
+    return isinstance(tolerance, str) and "%" in tolerance
 
 
 def _nominal(owner: str, parameters: object) -> dict[str, float]:

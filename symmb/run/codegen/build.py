@@ -56,11 +56,11 @@ INSTALL = "Install gcc or clang, or run `pip install 'symmb[compiler]'`, or set 
 SLOW = "Without a C compiler runs take about 100 times as long."
 """Advice for messages. CVODES takes 6 ms for a run of the double pendulum, and compiled lanes take 0.04 ms."""
 
-_PROBE_SECONDS = 20.0
-"""Time limit for the version and for the test of a compiler [s]. The test takes half a second on an idle machine."""
+_VERSION_SECONDS = 20.0
+"""Time limit for the version of a compiler [s]."""
 _BUILD_SECONDS = 120.0
-"""Time limit to build a model, and for each further megabyte of its source [s]. It is fifty times the time of gcc,
-because other programs may use most of the processor. tests/benchmarks/scaling.py"""
+"""Time limit to test a compiler, to build a model, and for each further megabyte of its source [s]. It is fifty times
+the time of gcc, because other programs may use most of the processor. tests/benchmarks/scaling.py"""
 
 
 class NoCompilerError(SymmbError):
@@ -402,7 +402,7 @@ def _probe(compiler: tuple[str, ...], version: str, flags: tuple[str, ...]) -> N
             text, library_path = folder / "probe.c", folder / "probe.so"
             text.write_text(_PROBE, encoding="utf-8")
             command = [*compiler, str(text), "-o", str(library_path), f"-I{C_FOLDER}", *flags, "-lm", *_DEFINED]
-            _compile(command, library_path, folder, _PROBE_SECONDS)
+            _compile(command, library_path, folder, _BUILD_SECONDS)  # ziglang first builds a part of the C library
             # Undefined symbols are errors of the linker (_DEFINED). A library that cannot be loaded from a folder
             # mounted noexec may therefore still be good, and can be loaded from the cache.
             library = _opened(library_path)
@@ -421,7 +421,7 @@ def _key(*described: str) -> str:
 
 def _version(compiler: tuple[str, ...]) -> str:
     """The version and the real path of a compiler. _BuildError is raised if the compiler does not answer."""
-    _, said = _ran([*compiler, "--version"], _PROBE_SECONDS, purpose=" to print its version")
+    _, said = _ran([*compiler, "--version"], _VERSION_SECONDS, purpose=" to print its version")
     return f"{said}{os.path.realpath(compiler[0])}"
 
 

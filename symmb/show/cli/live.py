@@ -3,11 +3,11 @@
 import argparse
 from collections.abc import Callable
 
-import symmb as mb
 from symmb._progress import Progress
 from symmb.show.cli.bound import limits_of
 from symmb.show.cli.result_path import result_path
-from symmb.show.cli.scene_file import load_scene
+from symmb.show.cli.scene_file import import_of, load_scene
+from symmb.show.live import live_from
 
 
 def add_live(command: Callable[..., argparse.ArgumentParser]) -> None:
@@ -24,5 +24,5 @@ def _live(options: argparse.Namespace) -> None:
     limits = limits_of(options)
     scene = load_scene(options.scene)
     with Progress(f"compiling {scene.name}"):
-        mb.live(scene, options.output, limits or None)
+        live_from(scene, options.output, limits or None, import_of(options.scene))
     print(options.output)

@@ -34,6 +34,15 @@ def load_scene(given: str, numbers: Iterable[str] = ()) -> Scene:
     return urdf_scene(path, numbers) if is_urdf(given) else _scene(_module(path), path)
 
 
+def import_of(given: str) -> str:
+    """Lines of Python that define the `scene` of `load_scene`; empty for a file that cannot be imported."""
+    path = _find(given)
+    if is_urdf(given) or not path.stem.isidentifier():
+        return ""
+    package = "symmb.models." if path.parent == _MODELS else ""
+    return f"from {package}{path.stem} import scene\nscene = scene() if callable(scene) else scene"
+
+
 def is_urdf(given: str) -> bool:
     """Whether a scene is a URDF file."""
     return given.lower().endswith(".urdf")

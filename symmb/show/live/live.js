@@ -6,9 +6,12 @@
 
 window.live = (() => {
   const { live } = page, { parameters, outputs, limits, n_t, n_y, n_out } = live;
-  const state = parameters.map(p => ({ value: p.value, tolerance: p.tolerance, locked: false }));
+  const digits = x => +x.toPrecision(12), shareOf = ({ value, tolerance }) => digits(100 * tolerance / Math.abs(value));
+  const original = parameters.map(({ value, tolerance, in_percent }, i) =>
+    changed(i, {}, { value, tolerance, percent: in_percent ? shareOf({ value, tolerance }) : null, held: false }));
+  const state = [...original];  // a tolerance in percent follows the value; a parameter that is held has no tolerance
   const waiting = [];  // promises of studies that are not finished
-  let id = 0, focus = 0, chosen = false, run = null, bounds = null, effects = null, fault = null;
+  let id = 0, focus = 0, chosen = false, going = false, run = null, bounds = null, effects = null, fault = null;
   let fitted = 0, planned = 0, saving = 0, took = { run: null, bounds: null };
 
   const element = (tag, properties, ...children) => {
@@ -21,16 +24,17 @@ window.live = (() => {
     node.style.minHeight = `${node.offsetHeight}px`;
     node.textContent = text;
   };
-  const quantity = (value, unit) => `${short(value)}${unit && `\u00a0${unit}`}`;
+  const withUnit = (text, unit) => `${text}${unit && `\u00a0${unit}`}`, quantity = (value, unit) => withUnit(short(value), unit);
   // Isolated, so that a name in Arabic or Hebrew does not reverse the signs and numbers beside it
   const brief = text => `\u2068${text.length > 60 ? `${text.slice(0, 59)}…` : text}\u2069`;
-  const at = k => `${short(live.times[k])}\u00a0s`;
+  const at = k => `${+live.times[k].toPrecision(6)}\u00a0s`;
+  const within = (value, size) =>  // a value with the digits that its tolerance needs
+    +value.toPrecision(Math.min(Math.max(3 + Math.ceil(Math.log10(Math.abs(value) / size)), 4), 12));
   const when = ({ output }, k) => outputs[output].scalar ? "" : ` at ${at(k)}`;  // a scalar output is the same at all times
   const limitText = ({ output, low, high }) => {
-    const { name, unit } = outputs[output], end = value => value === null ? [] : [quantity(value, unit)];
+    const { name, unit } = outputs[output], end = value => value === null ? [] : [withUnit(digits(value), unit)];
     return [...end(low), brief(name), ...end(high)].join(" ≤ ");
   };
-  const digits = x => +x.toPrecision(12);
   const outputAt = () => limits[focus]?.output ?? focus - limits.length;  // the focus is on a limit, or after them an output
 
   // Numbers of the drawing: those of run 0 (nominal) or 1 (worst case), from the rows of a run
@@ -61,47 +65,46 @@ window.live = (() => {
     return most;
   }
 
-  function verdict(limit, found) {
+  function verdict(limit, found) {  // a word, a text, and the time at which the worst case is nearest to the limit or beyond it
     const { unit } = outputs[limit.output], [a, b] = [excess(limit, run?.rows), excess(limit, found?.rows)];
-    const most = a.by > b.by ? a : b;
-    if (most.by > 0) return ["violated", `violated: exceeded by ${quantity(most.by, unit)}${when(limit, most.time)}`];
-    if (!found) return fault ? ["undecided", "undecided: there are no bounds"] : ["", "…"];
-    const margin = `margin ${quantity(found.margin, unit)}${when(limit, found.time)}`;
-    if (found.margin >= found.error) return ["satisfied", `satisfied: smallest ${margin}`];
-    if (!bounds.done) return ["", `${margin}, refining …`];
-    const why = found.margin < 0 ? `bounds exceed it by ${quantity(-found.margin, unit)}${when(limit, found.time)}`
-      : `${margin}, error up to ${quantity(found.error, unit)}`;
-    return ["undecided", `undecided: ${why}. The polynomials are too inaccurate here, as near jumps. bounds.check in Python can decide.`];
+    const most = a.by > b.by ? a : b, said = (word, text, time = found?.time) => ({ word, text, time });
+    if (most.by > 0) return said("violated", `violated: exceeded by ${quantity(most.by, unit)}${when(limit, most.time)}`, most.time);
+    if (!found) return fault ? said("undecided", "undecided: there are no bounds") : said("", "…");
+    const unsure = found.error > 1e-3 * Math.abs(found.margin) ? `, error up to ${quantity(found.error, unit)}` : "";
+    const margin = `margin ${quantity(found.margin, unit)}${when(limit, found.time)}${unsure}`;
+    if (found.margin >= found.error) return said("satisfied", `satisfied: smallest ${margin}`);
+    if (!bounds.done) return said("", `${margin}, refining …`);
+    const why = found.margin < 0 ? `bounds exceed it by ${quantity(-found.margin, unit)}${when(limit, found.time)}` : margin;
+    return said("undecided", `undecided: ${why}. The polynomials are too inaccurate here, as near jumps. bounds.check in Python can decide.`);
   }
 
-  const varied = i => state[i].tolerance > 0 && !state[i].locked;
+  const varied = i => state[i].tolerance > 0 && !state[i].held;
   const worstText = found => parameters.flatMap(({ name, unit }, i) =>
-    varied(i) ? [`${brief(name)} = ${quantity(found.parameters[i], unit)}`] : []).join(", ");
+    varied(i) ? [`${brief(name)} = ${withUnit(within(found.parameters[i], state[i].tolerance), unit)}`] : []).join(", ");
 
   function stateText() {
     if (fault) return fault;
     if (!run) return "computing the run …";
     if (!bounds) return "computing bounds …";
-    const runs = live.surrogate ? "evaluations" : "runs";
-    if (bounds.levels === 1 && bounds.runs === 1) return `1 ${runs.slice(0, -1)}; no parameter has a tolerance.`;
+    const runs = live.surrogate ? "evaluations" : "runs", held = parameters.filter((_, i) => state[i].held);
+    const end = held.length ? `. Held at the value, without tolerance: ${held.map(({ name }) => brief(name)).join(", ")}.` : ".";
+    if (bounds.runs === 1) return `1 ${runs.slice(0, -1)}; no parameter has a tolerance${end}`;
     let error = 0;
     for (let i = outputAt(); i < bounds.error.length; i += n_y) error = Math.max(error, bounds.error[i]);
     const { name, unit } = outputs[outputAt()];
     const told = Number.isFinite(error) ? `, error of ${brief(name)} ≤ ${quantity(error, unit)} (estimate)` : "";
-    return `${bounds.runs} ${runs}${told}${bounds.done ? "" : ", refining …"}`;
+    return `${bounds.runs} ${runs}${told}${bounds.done ? end : ", refining …"}`;
   }
 
   function factorText() {
     const limit = limits[focus], own = effects?.limits[focus];
-    if (!own || !state.some((_, i) => varied(i)) || verdict(limit, bounds.limits[focus])[0] === "undecided") return "";
+    if (!own || !state.some((_, i) => varied(i)) || verdict(limit, bounds.limits[focus]).word === "undecided") return "";
     if (own.factor === 0) return "The nominal run is already beyond the limit.";
     const factor = own.factor?.toPrecision(3);
-    if (factor) return `With all tolerances ${+factor} times as large, the output reaches the limit at an output time.`;
-    return live.surrogate ? "In the box of the study, up to 3 times the tolerances do not reach the limit."
+    if (factor) return `With all tolerances ${+factor} times as large, the output just reaches the limit.`;
+    return live.surrogate ? "Tolerances up to 3 times as large, within the box of the study, do not reach the limit."
       : "Even 3 times the tolerances do not reach the limit.";
   }
-
-  const effectText = (size, ofLimit) => ofLimit ? `${size} towards the limit` : `width ${size}`;
 
   // Painting: once a picture at most, whatever has arrived
   function plan() { planned ||= requestAnimationFrame(paint); }
@@ -109,11 +112,16 @@ window.live = (() => {
   function paint() {
     cancelAnimationFrame(planned);
     planned = 0;
-    if (run || fault) paintDrawing();  // the drawing stays for the few milliseconds until the new run arrives
+    const said = limits.map((limit, i) => verdict(limit, bounds?.limits[i])), time = said[focus]?.time;
+    if (going && bounds?.done) {
+      going = false;
+      if (time !== undefined && !outputs[outputAt()].scalar) { play(false); seek(nearest(first, live.times[time])); }
+    }
+    if (run || fault) paintDrawing(time);  // the drawing stays for the few milliseconds until the new run arrives
     tell($("state"), stateText());
     $("state").className = fault ? "fault" : "";
-    limits.forEach((limit, i) => {
-      const found = bounds?.limits[i], [word, text] = verdict(limit, found), button = $("limits").children[i];
+    said.forEach(({ word, text }, i) => {
+      const found = bounds?.limits[i], button = $("limits").children[i];
       button.className = word;
       button.setAttribute("aria-pressed", i === focus);
       tell(button.children[1], text);
@@ -124,19 +132,21 @@ window.live = (() => {
     const widths = parameters.map((_, i) => !effects ? 0 : limit ? limit.widths[i] : effects.widths[own * parameters.length + i]);
     const most = Math.max(...widths) || 1;
     controls.forEach(({ bar, width }, i) => {
+      const size = quantity(widths[i], unit), still = state[i].held ? "held, no effect" : "no tolerance";
       bar.style.width = `${100 * widths[i] / most}%`;
-      width.textContent = !effects ? fault ? "" : "…" : varied(i) ? effectText(quantity(widths[i], unit), limit) : state[i].locked ? "locked" : "no tolerance";
+      width.textContent = !effects ? fault ? "" : "…" : !varied(i) ? still : limit ? `${size} towards the limit` : `width ${size}`;
     });
     tell($("factor"), factorText());
+    curves.forEach(({ i, c }) => c.parentElement.setAttribute("aria-current", i === own));
   }
 
-  function paintDrawing() {
+  function paintDrawing(time) {
     const found = bounds?.limits[focus], rows = run?.rows ?? new Float64Array(n_t * n_out).fill(NaN);
     write(0, rows);
     write(1, found?.rows ?? rows);
     writeBounds();
     runs = found?.rows ? page.runs : page.runs.slice(0, 1);
-    page.mark = found && !outputs[found.output].scalar && { output: found.output, time: live.times[found.time] };
+    page.mark = time !== undefined && !outputs[outputAt()].scalar && { output: outputAt(), time: live.times[time] };
     if (fitted < 1 || fitted < 2 && found?.rows) { fit(); fitted = found?.rows ? 2 : 1; }
     const seen = $("curves").getBoundingClientRect();
     drawCurves(curves.filter(curve => {
@@ -193,7 +203,7 @@ window.live = (() => {
   }
 
   function study() {
-    [run, bounds, effects, fault] = [null, null, null, null];
+    [run, bounds, effects, fault, going] = [null, null, null, null, false];
     $("copied").hidden = true;
     worker.postMessage({ kind: "study", id: ++id, values: state.map(p => p.value),
                          tolerances: state.map(({ tolerance }, i) => varied(i) ? tolerance : 0), limits });
@@ -203,16 +213,16 @@ window.live = (() => {
     return done;
   }
 
-  // State in the address: #p0=1.2,0.05,locked&p3=9.81,0.1&focus=2, for the parameters that differ from the scene
+  // State in the address: #p0=1.2,0.05&p3=9.81,5%,held&focus=2, for the parameters that differ from the scene
   function remember() {  // after the last of several moves
     clearTimeout(saving);
     saving = setTimeout(saveState, 300);
   }
 
   function saveState() {
-    const own = state.flatMap(({ value, tolerance, locked }, i) =>
-      value === parameters[i].value && tolerance === parameters[i].tolerance && !locked ? []
-        : [`p${i}=${digits(value)},${digits(tolerance)}${locked ? ",locked" : ""}`]);
+    const texts = state.map(({ value, tolerance, percent, held }) =>
+      `${digits(value)},${percent === null ? digits(tolerance) : `${percent}%`}${held ? ",held" : ""}`);
+    const own = state.flatMap((now, i) => Object.keys(now).every(key => now[key] === original[i][key]) ? [] : [`p${i}=${texts[i]}`]);
     if (chosen) own.push(`focus=${focus}`);
     try {
       history.replaceState(null, "", `#${own.join("&")}`);
@@ -220,10 +230,12 @@ window.live = (() => {
   }
 
   function loadState(address = new URLSearchParams(location.hash.slice(1))) {
-    parameters.forEach((p, i) => {
-      const given = (address.get(`p${i}`) ?? "").split(",");
-      const number = (text, otherwise) => text && Number.isFinite(Number(text)) ? Number(text) : otherwise;
-      state[i] = inBox(i, { value: number(given[0], p.value), tolerance: Math.abs(number(given[1], p.tolerance)), locked: given[2] === "locked" });
+    original.forEach((p, i) => {
+      const [value, tolerance, held] = (address.get(`p${i}`) ?? "").split(",");
+      const number = text => text && Number.isFinite(Number(text)) ? Number(text) : undefined, change = {};
+      const [is, size] = tolerance?.endsWith("%") ? ["percent", number(tolerance.slice(0, -1))] : ["tolerance", number(tolerance)];
+      if (size !== undefined) change[is] = Math.abs(size);
+      state[i] = changed(i, { ...change, value: number(value) ?? p.value, held: held === "held" }, p);
       fill(i);
     });
     chosen = address.has("focus") && Boolean($("focus").options[address.get("focus")]);
@@ -233,76 +245,101 @@ window.live = (() => {
 
   // Controls
   function controlsOf(p, i) {
-    const row = (kind, title, low, high) => {
-      const step = +`1e${Math.floor(Math.log10((high - low) / 200))}`;
-      const slider = element("input", { type: "range", min: low, max: high, step: "any" });
-      const number = element("input", { type: "number", step });
-      slider.setAttribute("aria-label", `${title} of ${p.name}`);
-      number.setAttribute("aria-label", `${title} of ${p.name}${p.unit && ` [${p.unit}]`}`);
-      slider.oninput = () => move(i, { [kind]: digits(Math.round(slider.value / step) * step) });
+    const row = (kind, title, unit) => {
+      const slider = element("input", { type: "range", step: "any" }), number = element("input", { type: "number" });
+      const about = element("small", {}), own = () => kind === "tolerance" && state[i].percent !== null ? "percent" : kind;
+      slider.oninput = () => move(i, { [own()]: digits(Math.round(slider.value / number.step) * number.step) });
       number.onchange = () => {
-        const own = number.valueAsNumber;
-        if (Number.isFinite(own) && (kind === "value" || own >= 0)) move(i, { [kind]: own });
+        const given = number.valueAsNumber;
+        if (Number.isFinite(given) && (kind === "value" || given >= 0)) move(i, { [own()]: given });
         else fill(i);
       };
-      return { slider, number, box: element("label", { className: `row ${kind}` }, element("span", {}, title), slider, number) };
+      slider.ariaLabel = number.ariaLabel = `${title} of ${p.name}`;
+      const box = element("div", { className: `row ${kind}` }, element("span", {}, title, about), slider, number, unit);
+      const put = (size, low, high) => {  // sliders have steps of 1/200 to 1/2000 of their length
+        Object.assign(slider, { min: low, max: digits(high), value: digits(size) });
+        Object.assign(number, { step: +`1e${Math.floor(Math.log10((high - low || 1) / 200))}`, value: digits(size) });
+      };
+      return { box, about, put };
     };
-    const value = row("value", "value", p.low, p.high), tolerance = row("tolerance", "tolerance ±", 0, p.most);
-    const lock = element("input", { type: "checkbox", onchange: () => move(i, { locked: lock.checked }) });
-    const reset = element("button", { textContent: "reset", title: `reset ${p.name}`, onclick: () =>
-      move(i, { value: p.value, tolerance: p.tolerance, locked: false }) });
+    const kind = element("select", { onchange: () => move(i, kind.value === "%" ? { percent: shareOf(state[i]) } : { tolerance: state[i].tolerance }) },
+      element("option", { value: "" }, p.unit || "abs."), element("option", {}, "%"));
+    kind.ariaLabel = kind.title = "tolerance in its unit, or in percent of the value";
+    const value = row("value", "value", element("small", { className: "unit" }, p.unit)), tolerance = row("tolerance", "tolerance ±", kind);
+    const hold = element("input", { type: "checkbox", onchange: () => move(i, { held: hold.checked }) });
+    const reset = element("button", { textContent: "reset", title: `reset ${p.name}`, onclick: () => move(i, original[i]) });
     const bar = element("i", {}), width = element("small", {}, "…");
-    const box = element("fieldset", {}, element("legend", { title: p.name }, p.name, element("small", {}, p.unit && ` [${p.unit}]`)),
-      element("label", { title: "A locked parameter stays at its value." }, lock, "lock"), reset, value.box, tolerance.box,
-      element("div", { className: "bar" }, bar, width));
+    const box = element("fieldset", {}, element("legend", { title: p.name }, p.name), element("label", {}, hold, "hold at this value"), reset,
+      value.box, tolerance.box, element("div", { className: "bar" }, bar, width));
     $("parameters").append(box);
-    return { value, tolerance, lock, bar, width, box };
+    return { value, tolerance, kind, hold, bar, width, box };
   }
 
-  const inBox = (i, own) => {  // a surrogate is only known in its box
-    if (!live.surrogate) return own;
-    const { low, high } = parameters[i], value = Math.min(Math.max(own.value, low), high);
-    return { ...own, value, tolerance: Math.min(own.tolerance, value - low, high - value) };
-  };
+  function roomOf(value, i) { return Math.min(value - parameters[i].low, parameters[i].high - value); }  // a surrogate is only known in its box
+
+  function changed(i, change, before = state[i]) {  // the new state of a parameter
+    let { value, tolerance, percent, held } = { ...before, ..."tolerance" in change && { percent: null }, ...change };
+    if (live.surrogate) value = Math.min(Math.max(value, parameters[i].low), parameters[i].high);
+    if (percent !== null) tolerance = Math.abs(value) * percent / 100;
+    const most = roomOf(value, i);
+    if (live.surrogate && tolerance > most) {
+      tolerance = most;
+      if (percent !== null) percent = shareOf({ value, tolerance });
+    }
+    return { value, tolerance, percent, held };
+  }
 
   function fill(i) {  // the controls of a parameter, from its state
-    const { value, tolerance, lock, box } = controls[i];
-    for (const [{ slider, number }, own] of [[value, state[i].value], [tolerance, state[i].tolerance]])
-      slider.value = number.value = digits(own);
-    lock.checked = state[i].locked;
-    box.classList.toggle("locked", state[i].locked);
+    const { value, tolerance, kind, hold, box } = controls[i], own = state[i], { low, high, unit, value: middle } = parameters[i];
+    const inPercent = own.percent !== null, most = live.surrogate ? roomOf(own.value, i) : parameters[i].most;
+    value.put(own.value, low, high);
+    tolerance.put(own.percent ?? own.tolerance, 0, inPercent ? shareOf({ value: (live.surrogate ? own.value : middle) || 1, tolerance: most }) : most);
+    tolerance.about.textContent = inPercent ? `= ${quantity(own.tolerance, unit)}` : own.value && own.tolerance ? `= ${short(shareOf(own))}\u00a0%` : "";
+    kind.selectedIndex = Number(inPercent);
+    kind.disabled = !own.value;  // there is no percentage of 0
+    hold.checked = own.held;
+    box.classList.toggle("held", own.held);
   }
 
   function move(i, change) {
-    state[i] = inBox(i, { ...state[i], ...change });
+    state[i] = changed(i, change);
     fill(i);
     return study();
   }
 
-  function look(k) {  // at a limit or an output
-    [focus, chosen] = [k, true];
+  function look(k) {  // at the worst case of a limit, or at an output
+    [focus, chosen, going] = [k, true, k < limits.length];
     $("focus").value = k;
     remember();
+    curves[outputAt()].c.parentElement.scrollIntoView({ block: "nearest" });
     paint();
   }
 
-  function python() {
-    const values = parameters.map(({ name, unit }, i) =>
-      `${name}=${unit ? `(${digits(state[i].value)}, ${JSON.stringify(unit)})` : digits(state[i].value)}`);
-    const box = parameters.flatMap(({ name }, i) => {
-      const ends = [-1, 1].map(side => digits(state[i].value + side * state[i].tolerance));
-      return varied(i) ? [`${name}=(${ends.join(", ")})`] : [];
-    });
-    return `mb.Parameters(${values.join(", ")})\nmb.Box(${box.join(", ")})\n`;
+  function python() {  // JSON is Python for texts and finite numbers
+    const text = JSON.stringify, pairs = (own, value) => `{${own.map(each => `${text(each.name)}: ${value(each)}`).join(", ")}}`;
+    const all = parameters.map(({ name }, i) => ({ name, ...state[i], is_varied: varied(i) })), some = all.filter(p => p.is_varied);
+    const deviations = pairs(some.length ? some : all, p => !p.is_varied ? 0 : p.percent === null ? digits(p.tolerance) : `"${p.percent}%"`);
+    const ends = pairs(all, p => `(${[-1, 1].map(side => digits(p.value + (p.is_varied && side * p.tolerance))).join(", ")})`);
+    const ofLimits = limits.map(({ output, low, high }) => ({ name: outputs[output].name, ends: `(${[low, high].map(end => end ?? "None").join(", ")})` }));
+    const subject = live.surrogate ? ["simulator", "function, program or FMU"] : ["scene", "scene"];
+    return ["import symmb as mb", live.source || `# ${subject[0]}: the ${subject[1]} ${text(document.title)} of this page`,
+      ...live.surrogate ? [`box = mb.Box(**${ends})`]
+        : [`scene = scene.with_nominal(${pairs(all, p => digits(p.value))})`, `box = mb.Box.plus_minus(scene.system.parameters, **${deviations})`],
+      `bounds = mb.propagate(${subject[0]}, box=box)`,
+      limits.length ? `print(bounds.check(${pairs(ofLimits, ({ ends }) => ends)}))` : "print(bounds)"].join("\n") + "\n";
+  }
+
+  function curveOf(i) {
+    const of = (values, width) => values ? Array.from({ length: n_t }, (_, k) => values[k * width + i]) : null;
+    return { times: [...live.times], nominal: of(run?.rows, n_out), lower: of(bounds?.lower, n_y),
+             upper: of(bounds?.upper, n_y), estimate: of(bounds?.error, n_y) };
   }
 
   function csv() {
-    const quoted = text => `"${text.replaceAll('"', '""')}"`;
-    const named = ({ name, unit }) => unit ? `${name} [${unit}]` : name;
-    const head = ["time [s]", ...outputs.flatMap(own => ["", " lower", " upper", " estimate of error"].map(of => named(own) + of))];
-    const lines = live.times.map((t, k) => [t, ...outputs.flatMap((_, i) => [run.rows[k * n_out + i],
-      ...["lower", "upper", "error"].map(of => bounds?.[of]?.[k * n_y + i] ?? "")])]);
-    return [head.map(quoted), ...lines].map(line => line.join(",")).join("\r\n") + "\r\n";
+    const own = outputs.map((_, i) => curveOf(i)), parts = { nominal: "", lower: " lower", upper: " upper", estimate: " estimate of error" };
+    const head = ["time [s]", ...outputs.flatMap(({ name, unit }) => Object.values(parts).map(of => `${name}${unit && ` [${unit}]`}${of}`))];
+    const lines = live.times.map((t, k) => [t, ...own.flatMap(curve => Object.keys(parts).map(of => curve[of]?.[k] ?? ""))]);
+    return [head.map(text => `"${text.replaceAll('"', '""')}"`), ...lines].map(line => line.join(",")).join("\r\n") + "\r\n";
   }
 
   function save() {
@@ -315,25 +352,24 @@ window.live = (() => {
   // Scripts
   function set(changes) {
     const all = Object.entries(changes).map(([name, change]) => {
-      const i = parameters.findIndex(p => p.name === name), next = { ...state[i], ...change };
+      const i = parameters.findIndex(p => p.name === name);
       if (i < 0) throw Error(`There is no parameter ${name}.`);
-      if (!Number.isFinite(next.value) || !Number.isFinite(next.tolerance) || next.tolerance < 0)
+      const { value, tolerance, percent } = { ...state[i], ...change };
+      if (![value, tolerance, percent ?? 0].every(Number.isFinite) || tolerance < 0 || percent < 0)
         throw Error(`Parameter ${name} needs a finite value, and a finite tolerance that is not negative.`);
-      return [i, next];
+      return [i, change];
     });
-    for (const [i, next] of all) { state[i] = inBox(i, next); fill(i); }
+    for (const [i, change] of all) { state[i] = changed(i, change); fill(i); }
     return study();
   }
 
   function result(name) {
     const i = outputs.findIndex(own => own.name === name);
     if (i < 0) throw Error(`There is no output ${name}.`);
-    const of = (values, width) => values ? Array.from({ length: n_t }, (_, k) => values[k * width + i]) : null;
-    return { times: [...live.times], nominal: of(run?.rows, n_out), lower: of(bounds?.lower, n_y),
-             upper: of(bounds?.upper, n_y), estimate: of(bounds?.error, n_y) };
+    return curveOf(i);
   }
 
-  limits.forEach((limit, k) => $("limits").append(element("button", { onclick: () => look(k) },
+  limits.forEach((limit, k) => $("limits").append(element("button", { onclick: () => look(k), title: "show the worst case" },
     element("b", {}, limitText(limit)), element("span", {}), element("small", {}))));
   [...limits.map(limitText), ...outputs.map(({ name }) => brief(name))].forEach((text, k) =>
     $("focus").append(element("option", { value: k }, text)));
@@ -351,7 +387,10 @@ window.live = (() => {
   const controls = parameters.map(controlsOf);
   for (const part of [$("panel"), $("several")]) part.addEventListener("keydown", e => e.stopPropagation());  // keys of the viewer
   $("several").lastChild.data = "worst case";
-  $("several").hidden = document.querySelector("header div").hidden = !limits.length;
+  const legend = document.querySelector("header div"), entry = (text, color) => Object.assign(element("em", {}, text), { style: `color: ${color}` });
+  legend.prepend(entry("run", page.palette[0]));
+  legend.append(entry("bounds", "#7c98b6"));
+  $("several").hidden = legend.children[1].hidden = !limits.length;
   addEventListener("hashchange", () => { loadState(); study(); });
   addEventListener("resize", () => {
     for (const node of $("panel").querySelectorAll("[style]")) node.style.minHeight = "";

@@ -65,6 +65,13 @@ def live(scene: Scene | DAESimulator, path: str | Path | None = None, limits: Li
     >>> fall = mb.Scene(system, times=[0.0, 0.5, 1.0], box=mb.Box(g=(9.0, 10.0)))
     >>> mb.live(fall, "fall.html", {"ball.y": (-6.0, None)})  # doctest: +SKIP
     """
+    return live_from(scene, path, limits)
+
+
+def live_from(
+    scene: Scene | DAESimulator, path: str | Path | None = None, limits: Limits | None = None, source: str = ""
+) -> Page | None:
+    """Write a page as `live`. `source` are lines of Python that define the scene, if they are known."""
     require_page(path)
     own = scene_of(scene)
     if own.box is None:
@@ -87,11 +94,13 @@ def live(scene: Scene | DAESimulator, path: str | Path | None = None, limits: Li
     values = dict(zip(names, nominal, strict=False)) | dict(zip(box.names, box.center.tolist(), strict=True))
     tolerances = dict(zip(box.names, box.radius.tolist(), strict=True))
     parameters = [
-        _parameter(name, typeset(units.get(name, "")), values[name], tolerances.get(name, 0.0)) for name in names
+        _parameter(name, typeset(units.get(name, "")), values[name], tolerances.get(name, 0.0), name in box.percents)
+        for name in names
     ]
     wasm = module(len(names), model.source, figures)
     data = page_data(own.output_names, own.units, own.figures, pairs, parameters, motion.times, wasm) | {
         "inputs": nominal[len(names) :],
+        "source": source,
         "n_out": len(own.output_names) + len(columns),
         "pictures": rows.tolist(),
         "possible": [known.get(name, [None, None]) for name in own.output_names],
@@ -106,11 +115,12 @@ def _possible(simulator: DAESimulator) -> dict[str, list[float | None]]:
     return {name: [json_number(end) for end in pair] for name, pair in zip(simulator.outputs, ends, strict=True)}
 
 
-def _parameter(name: str, unit: str, value: float, tolerance: float) -> dict[str, Any]:
+def _parameter(name: str, unit: str, value: float, tolerance: float, in_percent: bool) -> dict[str, Any]:
     """A parameter with the ends of its sliders. A value keeps its sign."""
     reach = max(4 * tolerance, abs(value) / 2) or 1.0
     low, high = value - reach, value + reach
     if value:
         low, high = (max(low, value / 10), high) if value > 0 else (low, min(high, value / 10))
     most = max(4 * tolerance, abs(value) / 5) or 1.0
-    return {"name": name, "unit": unit, "value": value, "tolerance": tolerance, "low": low, "high": high, "most": most}
+    ends = {"low": low, "high": high, "most": most, "in_percent": in_percent}
+    return {"name": name, "unit": unit, "value": value, "tolerance": tolerance, **ends}

@@ -62,7 +62,6 @@ def page_data(
         "n_t": len(times),
         "n_y": len(outputs),
         "times": times.tolist(),
-        "most_levels": max(map(len, grids), default=0),
         "most_varied": len(grids),
         "levels": [[len(grid.row) for grid in own] for own in grids],
         "axes": [[[grid.axis(k) for k in range(grid.d)] for grid in own] for own in grids],

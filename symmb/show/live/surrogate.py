@@ -45,6 +45,7 @@ def live_surrogate(bounds: Bounds, path: str | Path | None = None, limits: Limit
             "low": float(box.lower[k]),
             "high": float(box.upper[k]),
             "most": float(half[k]),
+            "in_percent": box.names[k] in box.percents,
         }
         for k in free
     ]

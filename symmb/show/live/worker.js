@@ -62,10 +62,13 @@ function text(at) {
   return new TextDecoder().decode(bytes.slice(0, bytes.indexOf(0)));
 }
 
-function evaluate(parameters, at) {  // the polynomials of the part of the box that contains the parameters
+function partAt(parameters) {  // the part of the box of a surrogate that contains the parameters
   const distance = ({ centre, half }) => Math.max(...parameters.map((value, k) => Math.abs(value - centre[k]) / half[k]));
-  const nearest = surrogate.parts.reduce((best, part) => distance(part) < distance(best) ? part : best);
-  const { centre, half, degrees, constants, terms } = nearest, m = constants.length, rows = view(at, m);
+  return surrogate.parts.reduce((best, part) => distance(part) < distance(best) ? part : best);
+}
+
+function evaluate(parameters, at, part = partAt(parameters)) {  // the polynomials of a part
+  const { centre, half, degrees, constants, terms } = part, m = constants.length, rows = view(at, m);
   const legendre = parameters.map((value, k) => {
     const x = (value - centre[k]) / half[k], P = [1, x], most = Math.max(...degrees.map(own => own[k]));
     for (let j = 1; j < most; j++) P.push(((2 * j + 1) * x * P[j] - j * P[j - 1]) / (j + 1));
@@ -87,13 +90,16 @@ function run(parameters, columns, at, p) {  // rows of the first columns, to a p
   return { finished, fault: finished < live.n_t ? text(wasm.fault()) : null };
 }
 
-async function study({ id, values, tolerances, limits, levels: most = live.most_levels }) {
+async function study({ id, values, tolerances, limits }) {
   const began = performance.now(), { n_t, n_y, n_out } = live, m = n_t * n_y, nominal = [...values, ...live.inputs];
   const varied = tolerances.flatMap((tolerance, i) => tolerance > 0 ? [i] : []), d = varied.length;
-  let sizes = (live.levels[d - 1] ?? []).slice(0, most);
+  const sizes = [...live.levels[d - 1] ?? []];
   while (sizes.length > 1 && sizes.at(-1) * m > 12e6) sizes.pop();  // memory of 100 MB
   const n = sizes.at(-1) ?? 1, few = 100;  // few responses at a time, because messages wait for their bounds
-  const [p, rows, found, points, some, scaled, Y] = rooms(nominal.length, n_t * n_out, 2 * few, 2 * few * d, n * few, n * few, n * m);
+  const turn = async () => { await others(); if (id !== latest) throw new Ended(); };
+  const inParts = surrogate?.parts.length > 1, homes = { low: [], high: [] };
+  const [p, rows, found, points, some, scaled, Y, Z] =
+    rooms(nominal.length, n_t * n_out, 2 * few, 2 * few * d, n * few, n * few, n * m, inParts ? n * m : 0);
   const full = parameters => {
     const { finished, fault } = run(parameters, n_out, rows, p);
     return { rows: view(rows, n_t * n_out).slice(), finished, fault };
@@ -101,7 +107,7 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
   const first = full(nominal);
   give({ kind: "run", id, ...first, rows: first.rows.slice(), ms: performance.now() - began });
   if (first.fault) return;
-  if (d > live.most_varied) throw Error(`At most ${live.most_varied} parameters may have tolerances at the same time. Lock some of them.`);
+  if (d > live.most_varied) throw Error(`At most ${live.most_varied} parameters may have tolerances at the same time. Hold some of them.`);
   const at = point => { const all = [...nominal]; varied.forEach((i, k) => { all[i] += tolerances[i] * point[k]; }); return all; };
   const firstLevel = live.levels.slice(0, d - 1).reduce((sum, own) => sum + own.length, 0);
   // How far a peak or a kink may pass the value at an output time, until the next output time
@@ -119,8 +125,10 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
       }
     let parameters = nominal;
     if (d) {
-      wasm.bounds(level, m, 1, Y + 8 * (best.time * n_y + limit.output), found, points);
-      parameters = at([...view(points + (best.side === "low" ? 0 : 8 * d), d)]);
+      const i = best.time * n_y + limit.output, home = homes[best.side][i];
+      if (home) fill(home, level);
+      wasm.bounds(level, m, 1, (home ? Z : Y) + 8 * i, found, points);
+      parameters = (home?.at ?? at)([...view(points + (best.side === "low" ? 0 : 8 * d), d)]);
     }
     return { ...limit, ...best, parameters: parameters.slice(0, values.length), all: parameters };
   });
@@ -130,8 +138,7 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
     const y = new Float64Array(m);
     for (let k = 0; k < n_t; k++) y.set(first.rows.subarray(k * n_out, k * n_out + n_y), k * n_y);
     const error = surrogate ? Float64Array.from(surrogate.error) : new Float64Array(m), told = closest(y, y, error, 0).map(finish);
-    give({ kind: "bounds", id, level: 0, levels: 1, runs: 1, failed: 0, lower: y, upper: y.slice(), error, done: true,
-           ms: performance.now() - began, limits: told });
+    give({ kind: "bounds", id, runs: 1, lower: y, upper: y.slice(), error, done: true, ms: performance.now() - began, limits: told });
     give({ kind: "effects", id, widths: new Float64Array(n_y * values.length),
            limits: limits.map(() => ({ widths: values.map(() => 0), factor: null })) });
     return;
@@ -140,16 +147,15 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
   for (let l = 0, runs = 0; l < sizes.length; l++) {
     level = firstLevel + l;
     for (; runs < sizes[l]; runs++) {
-      await others();
-      if (id !== latest) throw new Ended();
+      await turn();
       const { fault } = run(at(varied.map((_, k) => wasm.node(level, runs, k))), n_y, Y + 8 * runs * m, p);
       if (fault) {
-        give({ kind: "bounds", id, level: l, levels: sizes.length, runs: runs + 1, failed: 1, lower: null, upper: null,
-               error: null, done: true, ms: performance.now() - began, limits: [], fault });
+        give({ kind: "bounds", id, done: true, ms: performance.now() - began, fault });
         return;
       }
     }
-    const [lower, upper] = await boundsOf(level, m, m, Y), error = new Float64Array(m).fill(Infinity);
+    if (l < sizes.length - 2 && performance.now() - began < 40) continue;  // better bounds follow at once
+    const [lower, upper] = await (inParts ? boundsInParts(level) : boundsOf(level, m, m, Y)), error = new Float64Array(m).fill(Infinity);
     for (let i = 0; i < m; i++) {  // polynomials may leave the range of possible values
       const [low, high] = live.possible[i % n_y];
       for (const ends of [lower, upper]) ends[i] = Math.min(Math.max(ends[i], low ?? -Infinity), high ?? Infinity);
@@ -159,11 +165,9 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
     before = { lower: lower.slice(), upper: upper.slice() };
     const done = l === sizes.length - 1;
     told = closest(lower, upper, error, level);
-    give({ kind: "bounds", id, level: l, levels: sizes.length, runs, failed: 0, lower, upper, error, done,
-           ms: performance.now() - began, limits: told.map(finish) }, lower, upper, error);
+    give({ kind: "bounds", id, runs, lower, upper, error, done, ms: performance.now() - began, limits: told.map(finish) }, lower, upper, error);
   }
-  await others();
-  if (id !== latest) throw new Ended();
+  await turn();
   give({ kind: "effects", id, ...await effects(), memory: wasm.memory.buffer.byteLength });
 
   async function boundsOf(level, stride, m, from) {
@@ -173,10 +177,37 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
       if (!wasm.bounds(level, stride, count, from + 8 * i, found, points)) throw Error("There is not enough memory.");
       lower.set(view(found, count), i);
       upper.set(view(found + 8 * count, count), i);
-      await others();
-      if (id !== latest) throw new Ended();
+      await turn();
     }
     return [lower, upper];
+  }
+
+  // The polynomials of neighbouring parts of a surrogate meet at kinks or jumps, so each part has bounds of its own
+  function partsOf(factor) {  // the parts that a box of the tolerances times a factor intersects
+    const size = i => factor * tolerances[i];
+    return surrogate.parts.flatMap(part => {
+      const low = values.map((value, i) => Math.max(value - size(i), part.centre[i] - part.half[i]));
+      const high = values.map((value, i) => Math.min(value + size(i), part.centre[i] + part.half[i]));
+      const at = point => { const all = [...low]; varied.forEach((i, k) => { all[i] = low[i] + (point[k] + 1) / 2 * (high[i] - low[i]); }); return all; };
+      return low.every((end, i) => tolerances[i] ? end < high[i] : end <= high[i]) ? [{ part, at }] : [];
+    });
+  }
+
+  function fill({ part, at }, level) {  // values at the nodes of a part
+    for (let j = 0; j < sizes[level - firstLevel]; j++) evaluate(at(varied.map((_, k) => wasm.node(level, j, k))), Z + 8 * j * m, part);
+  }
+
+  async function boundsInParts(level) {
+    const ends = [new Float64Array(m).fill(Infinity), new Float64Array(m).fill(-Infinity)];
+    for (const home of partsOf(1)) {
+      fill(home, level);
+      const [lower, upper] = await boundsOf(level, m, m, Z);
+      for (let i = 0; i < m; i++) {
+        if (lower[i] < ends[0][i]) [ends[0][i], homes.low[i]] = [lower[i], home];
+        if (upper[i] > ends[1][i]) [ends[1][i], homes.high[i]] = [upper[i], home];
+      }
+    }
+    return ends;
   }
 
   async function effects() {  // the polynomials along one parameter interpolate the nodes on its axis
@@ -213,13 +244,24 @@ async function study({ id, values, tolerances, limits, levels: most = live.most_
     const times = Array.from({ length: n_t }, (_, k) => k);
     if (times.some(k => limit.low !== null && middle(k) < limit.low || limit.high !== null && middle(k) > limit.high)) return 0;
     const chosen = times.sort((a, b) => nearest(b) - nearest(a)).slice(0, 25), count = chosen.length;
-    const columns = new Float64Array(n * count);
-    for (let j = 0; j < n; j++) chosen.forEach((k, r) => { columns[j * count + r] = view(Y, n * m)[j * m + k * n_y + limit.output]; });
-    const kept = async factor => {
-      view(some, n * count).set(columns);
-      if (!wasm.scaled(level, count, count, some, factor, scaled)) throw Error("There is not enough memory.");
-      const [lower, upper] = await boundsOf(level, count, count, scaled);
+    const gather = from => {  // of the chosen times
+      const all = view(from, n * m), to = view(some, n * count);
+      for (let j = 0; j < n; j++) chosen.forEach((k, r) => { to[j * count + r] = all[j * m + k * n_y + limit.output]; });
+    };
+    const isKept = async from => {
+      const [lower, upper] = await boundsOf(level, count, count, from);
       return (limit.low === null || lower.every(y => y >= limit.low)) && (limit.high === null || upper.every(y => y <= limit.high));
+    };
+    const kept = async factor => {
+      for (const part of inParts ? partsOf(factor) : []) {
+        fill(part, level);
+        gather(Z);
+        if (!await isKept(some)) return false;
+      }
+      if (inParts) return true;
+      gather(Y);
+      if (!wasm.scaled(level, count, count, some, factor, scaled)) throw Error("There is not enough memory.");
+      return isKept(scaled);
     };
     const room = i => Math.min(values[i] - live.parameters[i].low, live.parameters[i].high - values[i]);
     let low = 0, high = surrogate ? Math.min(3, ...varied.map(i => room(i) / tolerances[i])) : 3;
