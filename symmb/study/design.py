@@ -31,7 +31,7 @@ from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box, Scene
 from symmb.run.integrate import Solver
 from symmb.run.simulation import simulator_for, simulator_of
-from symmb.study.design_search import DesignSearch, Goal, Verified
+from symmb.study.design_search import COST, DesignSearch, Goal, Trial
 from symmb.study.tolerances import Costs, of_outputs, total_cost
 
 OWNER = "design"
@@ -215,22 +215,22 @@ def design(
         simulator = of_outputs(simulator, ranges if box is None else box, used)
         columns = {name: k for k, name in enumerate(simulator.outputs)}
         allocated, cost = _allocation(costs, box)
-        search = DesignSearch(simulator, ranges, box, allocated, cost, limits, executor, progress)
-        held = [Goal(-1, "upper", budget)] if budget < np.inf else []
+        held = [Goal(COST, "upper", budget)] if budget < np.inf else []
         for name, (low, high) in pairs.items():
             held += [Goal(columns[name], side, e) for side, e in (("lower", -low), ("upper", high)) if e < np.inf]
+        search = DesignSearch(simulator, ranges, box, allocated, cost, limits, held, executor, progress)
         goals = [
-            Goal(-1, "upper") if name is None else Goal(columns[name], pair[1])
+            Goal(COST, "upper") if name is None else Goal(columns[name], pair[1])
             for name, pair in zip(asked, wanted, strict=True)
         ]
-        trials = [search.best([goals[0], *held])]
+        trials = [search.best(goals[:1])]
         _require_kept(search, trials[0], ranges, budget)
         of = {
             " ".join(pair[::-1]) if name else _COST: goal for name, pair, goal in zip(asked, wanted, goals, strict=True)
         }
 
-        def result(trial: Verified) -> Design:
-            values = search.middle(trial.z)[: len(ranges)].tolist()
+        def result(trial: Trial) -> Design:
+            values = trial.z[: len(ranges)].tolist()
             names = dict(zip(of, _numbers(search, trial, goals), strict=True))
             return Design(
                 dict(zip(ranges.names, values, strict=True)),
@@ -247,7 +247,7 @@ def design(
         if len(goals) == 1:
             last = result(_verified(search, trials[0], executor))
         else:
-            trials = _front(search, goals, held, trials[0])
+            trials = _front(search, goals, trials[0])
             points = np.array([_numbers(search, trial, goals) for trial in trials])
             share = (points - points.min(axis=0)) / np.maximum(np.ptp(points, axis=0), 1e-300)
             chosen = int(np.square(share).sum(axis=1).argmin())
@@ -312,27 +312,27 @@ def _allocation(costs: Costs | None, box: Box | None) -> tuple[list[str], Callab
     return [*own], total_cost(OWNER, costs, Box(**own))
 
 
-def _numbers(search: DesignSearch, trial: Verified, goals: Sequence[Goal]) -> list[float]:
+def _numbers(search: DesignSearch, trial: Trial, goals: Sequence[Goal]) -> list[float]:
     """The values of objectives in a study. Smaller is better."""
-    return search.values(trial.z, goals, trial.bounds.lower, trial.bounds.upper).tolist()
+    return [float(curve.max()) for curve in search.curves(goals, trial.z, trial.Y)]
 
 
-def _front(search: DesignSearch, goals: Sequence[Goal], held: list[Goal], first: Verified) -> list[Verified]:
+def _front(search: DesignSearch, goals: Sequence[Goal], first: Trial) -> list[Trial]:
     """Designs with the best first objective, for levels of the second objective down to its best value."""
     most = _numbers(search, first, goals)[1]
-    least = float(search.searched([goals[1], *held])[0].values[0])
+    least = float(search.searched(goals[1:])[0].values[0])
     levels = np.linspace(most, least + _END * (most - least), _FRONT)[1:] if most > least else []
     trials = [first]
     for level in levels:
-        own = [goals[0], goals[1]._replace(most=float(level)), *held]
-        if (trial := search.best(own, trials[-1].z)).order[0] < 2:
+        own = [goals[0], goals[1]._replace(most=float(level))]
+        if (trial := search.best(own, trials[-1].z)).state < 2:
             trials.append(trial)
     points = np.array([_numbers(search, trial, goals) for trial in trials])
     beaten = [((points <= own).all(axis=1) & (points < own).any(axis=1)).any() for own in points]
     return [trials[n] for n in np.argsort(points[:, 0], kind="stable") if not beaten[n]]
 
 
-def _verified(search: DesignSearch, trial: Verified, executor: Executor | None) -> Verified:
+def _verified(search: DesignSearch, trial: Trial, executor: Executor | None) -> Trial:
     """The trial with the warnings about its bounds, and with its nominal run."""
     simulator, values = search.simulator, trial.bounds.nominal_parameters
     bounds = finished(PolynomialChaos(), simulator, trial.bounds, executor)
@@ -342,9 +342,9 @@ def _verified(search: DesignSearch, trial: Verified, executor: Executor | None) 
     return replace(trial, bounds=replace(bounds, nominal_parameters=known, nominal=nominal))
 
 
-def _require_kept(search: DesignSearch, trial: Verified, ranges: Box, budget: float) -> None:
+def _require_kept(search: DesignSearch, trial: Trial, ranges: Box, budget: float) -> None:
     """Raise PropagationError if the closest design violates a limit."""
-    if trial.order[0] < 2:
+    if trial.state < 2:
         return
     values = ", ".join(f"{name} = {x:.6g}" for name, x in zip(ranges.labels, trial.z, strict=False))
     over = f"the cost exceeds its limit of {budget:g}"
@@ -358,7 +358,7 @@ def _require_kept(search: DesignSearch, trial: Verified, ranges: Box, budget: fl
     )
 
 
-def _binding(search: DesignSearch, trial: Verified, names: Sequence[str], n_x: int, budget: float) -> tuple[str, ...]:
+def _binding(search: DesignSearch, trial: Trial, names: Sequence[str], n_x: int, budget: float) -> tuple[str, ...]:
     """Sentences about active limits and ends of ranges."""
     limits = trial.check.limits if trial.check else ()
     texts = [f"The limit {limit.text} is active." for limit in limits if limit.margin.min() <= _BINDS * limit.width]
