@@ -347,7 +347,7 @@ def _require_kept(search: DesignSearch, trial: Trial, ranges: Box, budget: float
     if trial.state < 2:
         return
     values = ", ".join(f"{name} = {x:.6g}" for name, x in zip(ranges.labels, trial.z, strict=False))
-    over = f"the cost exceeds its limit of {budget:g}"
+    over = f"the cost exceeds its limit of {budget:g}" if budget < np.inf else f"runs fail: {search.failure}"
     for limit in sorted(trial.check.limits if trial.check else (), key=lambda limit: limit.share)[:1]:
         if limit.kept is False:
             unit = unit_suffix(trial.bounds, trial.bounds.names.index(limit.output))

@@ -206,7 +206,7 @@ class DesignSearch:
             points, Y = np.concatenate([points, new]), np.concatenate([Y, self._runs(joint, new)])
             ok = Y[:, 0, _FAILED] < 0
             if ok.sum() < _FEWEST:
-                raise PropagationError(f"{len(ok) - ok.sum()} of {len(ok)} runs fail: {self.failure}")
+                raise PropagationError(f"design: {(~ok).sum()} of {len(ok)} runs in the ranges fail: {self.failure}")
             known = Y.copy()
             if not ok.all():  # the boundary between failed and other runs is a polynomial, too
                 known[~ok, :, :-1] = fitted(points[ok], Y[ok], joint.names).values(points[~ok])[..., :-1]
@@ -226,13 +226,6 @@ class DesignSearch:
         cost = np.full(extremes.shape[1], self.cost(z))
         return [cost if g.k == COST else np.tensordot(_WEIGHTS[g.side], extremes[..., g.k], 1) for g in goals]
 
-    def _range(self, region: Region, z: Array) -> tuple[Array, Array]:
-        """Lowest and highest values (2, n_t, n_c) of a design by polynomials, and their places in the tolerances."""
-        unit = region.joint.to_unit(self._ends(z))
-        low, high, places = region.surrogate.range(*np.clip(unit, -1.0, 1.0))
-        half = (unit[1] - unit[0]) / 2
-        return np.array([low, high]), (places - unit.mean(axis=0)) / np.where(half > 0, half, np.inf)
-
     def _worst(
         self, region: Region, goals: Sequence[Goal], z: Array, errors: _Errors | None = None
     ) -> tuple[Array, list[_Worst]]:
@@ -240,10 +233,13 @@ class DesignSearch:
 
         The errors of the polynomials in the closest runs are added.
         """
-        found, places = self._range(region, z)
+        unit = region.joint.to_unit(self._ends(z))
+        *found, places = region.surrogate.range(*np.clip(unit, -1.0, 1.0))
+        half = (unit[1] - unit[0]) / 2
+        places = (places - unit.mean(axis=0)) / np.where(half > 0, half, np.inf)
         if errors:
-            found += np.take_along_axis(errors.values, errors.closest(places), axis=0)
-        curves, cases = self.curves(goals, z, found), list[_Worst]()
+            found = found + np.take_along_axis(errors.values, errors.closest(places), axis=0)
+        curves, cases = self.curves(goals, z, np.array(found)), list[_Worst]()
         for n, (goal, curve) in enumerate(zip(goals, curves, strict=True)):
             beside = np.concatenate([[-np.inf], curve, [-np.inf]])
             peaks = np.flatnonzero((curve >= beside[:-2]) & (curve >= beside[2:]))
@@ -351,17 +347,17 @@ class DesignSearch:
         return region.low + span * u, float(slopes[n:] @ merit(u))
 
     def _descended(
-        self, goals: Sequence[Goal], z: Array, size: float, known: Sequence[Trial] = ()
+        self, goals: Sequence[Goal], z: Array, size: float, known: Sequence[Trial] | None = None
     ) -> tuple[Trial, Region]:
         """The best design by runs, from a start, and the last region. Regions follow the design and become smaller.
 
-        The search ends early at a known design.
+        The search ends early at a known design. If None are given, the start is a good design.
         """
         region = self.region(z, size)
         best, is_small = self._tried(region, goals, z), False
         for _ in range(_MAX_REGIONS):
             first = best
-            for _ in range(_MAX_TRIALS):
+            for _ in range(2 * _MAX_TRIALS):
                 trial = self._tried(region, goals, self._optimum(region, goals, self._errors(region, best), best.z)[0])
                 gain = self._gain(region, goals, best, trial)
                 best = trial if gain > 0 else best
@@ -372,8 +368,13 @@ class DesignSearch:
             is_edge = ((lower & (region.low > self.low)) | (upper & (region.high < self.high))).any()
             was_small, is_small = is_small, self._gain(region, goals, first, best) < AGREES / 4
             is_exact = (error <= AGREES * best.sizes).all() and np.isfinite(error).all()
-            is_known = any((np.abs(best.z - other.z) <= _NEAR * (self.high - self.low)).all() for other in known)
-            if (is_exact and not is_edge) or size <= _SMALLEST or (is_small and was_small) or is_known:
+            is_known = any((np.abs(best.z - other.z) <= _NEAR * (self.high - self.low)).all() for other in known or ())
+            if (
+                (is_exact and (known is None or region.is_accurate) and not is_edge)
+                or size <= _SMALLEST
+                or (is_small and was_small)
+                or is_known
+            ):
                 break
             size *= 1 if is_edge and not is_small else _SMALLER
             region = self.region(best.z, size)
@@ -450,6 +451,8 @@ class DesignSearch:
         """
         goals = [*objectives, *self._held]
         trial, region = self.searched(objectives, start)
+        if not np.isfinite(trial.values).all():
+            raise PropagationError(f"design: runs fail in all designs that were tried: {self.failure}")
         z, expected, margin, verified = trial.z, trial.values, _MARGIN, list[Trial]()
         for _ in range(_MAX_TRIALS + 1):
             verified.append(self._study(goals, z))
