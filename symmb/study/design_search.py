@@ -5,6 +5,7 @@ worst cases. The next region is about the best design so far. It is smaller if t
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -33,9 +34,9 @@ designs that are run or verified with the same polynomials."""
 _MARGIN = 2e-3
 """Margin of limits, which the search aims at, so that runs near a limit can decide it. It is divided by the changes of
 the output in the region."""
-_SCREENED, _STARTS, _APART, _NEAR, _ROUNDS, _PEAKS = 16, 3, 0.2, 0.05, 12, 3
-"""Number of designs that are compared, of designs from which searches start, and their smallest distance divided by the
-ranges; number of optimisations with more worst cases, and of peaks of a curve that are added together."""
+_STARTS, _APART, _NEAR, _ROUNDS, _PEAKS = 3, 0.2, 0.05, 12, 3
+"""Number of designs from which searches start, and their smallest distance divided by the ranges; largest distance of
+a known design; number of optimisations with more worst cases, and of peaks of a curve that are added together."""
 _CORNERS = 5
 """Up to this number of parameters, a design is also run at all corners of its box."""
 _PENALTY, _EDGE = 100.0, 1e-3
@@ -143,7 +144,7 @@ class DesignSearch:
         most = np.log(np.clip(0.99 * to_zero[self._scaled], 1.0, LARGEST_FACTOR))
         self.low = np.concatenate([ranges.lower, np.full(len(most), -np.log(LARGEST_FACTOR))])
         self.high = np.concatenate([ranges.upper, most])
-        self.evaluations, self._regions = 0, list[Region]()
+        self.evaluations, self.failure, self._regions = 0, "", list[Region]()
 
     def factors(self, z: Array) -> Array:
         """Factors (n_f,) of the tolerances with costs."""
@@ -388,38 +389,33 @@ class DesignSearch:
     def searched(self, objectives: Sequence[Goal], start: Array | None = None) -> tuple[Trial, Region]:
         """The best design by runs, and the last region.
 
-        Without a start, the search starts at the best designs by the polynomials of the whole ranges. If these
-        polynomials are not accurate, it also starts at the best runs of these polynomials.
+        Without a start, the search starts at several of the best runs in the whole ranges. Regions are smaller if the
+        polynomials of the whole ranges are not accurate.
         """
         goals = [*objectives, *self._held]
         if start is not None:
             return self._descended(goals, start, 1.0)
-        whole, n = self.region((self.low + self.high) / 2, 1.0), len(self.low)
-
-        def merit(values: Array) -> float:
-            return self._merit(whole, goals, values, _MARGIN)
-
-        screened = whole.low + (whole.high - whole.low) * (1 + Sobol().points(_SCREENED, n, seed=1)) / 2
-        nearest = sorted(screened, key=lambda z: merit(self._worst(whole, goals, z)[0]))[:_STARTS]
-        trials = [self._tried(whole, goals, self._optimum(whole, goals, None, z)[0]) for z in nearest]
-        best = min(trials, key=lambda trial: merit(trial.values))
-        if whole.is_accurate and np.isfinite(best.values).all():
-            return self._descended(goals, best.z, 1.0)
-        middle = np.zeros((len(whole.points), n))
-        middle[:, : self._n_x] = whole.joint.from_unit(whole.points)[:, : self._n_x]
-        samples = list[tuple[float, Array]]()
-        for z, Y in zip(np.clip(middle, self.low, self.high), whole.Y, strict=True):
-            values = np.max(self.curves(goals, z, np.array([Y, Y])), axis=1)
-            samples.append((merit(np.nan_to_num(values, nan=np.inf)), z))
-        known = sorted([(merit(trial.values), trial.z) for trial in trials], key=lambda each: each[0])
-        starts = list[Array]()
-        for _, z in [known[0], *sorted(samples, key=lambda each: each[0])]:
-            if all((np.abs(z - other) > _APART * (self.high - self.low)).any() for other in starts):
-                starts.append(z)
+        whole, ranges = self.region((self.low + self.high) / 2, 1.0), self.high - self.low
+        designs = np.zeros((len(whole.points), len(ranges)))
+        designs[:, : self._n_x] = whole.joint.from_unit(whole.points)[:, : self._n_x]
+        designs = np.clip(designs, self.low, self.high)
+        values = [
+            np.max(self.curves(goals, z, np.array([Y, Y])), axis=1) for z, Y in zip(designs, whole.Y, strict=True)
+        ]
+        order = np.argsort([self._merit(whole, goals, each, _MARGIN) for each in values])
+        starts = [self._optimum(whole, goals, None, designs[order[0]])[0]]
+        for n in order[whole.Y[order, 0, _FAILED] < 0]:
+            if all((np.abs(designs[n] - other) > _APART * ranges).any() for other in starts):
+                starts.append(designs[n])
         ends = list[tuple[Trial, Region]]()
         for z in starts[:_STARTS]:
-            ends.append(self._descended(goals, z, _SMALLER, [trial for trial, _ in ends]))
-        return min(ends, key=lambda end: merit(end[0].values))
+            size = 1.0 if whole.is_accurate else _SMALLER
+            with suppress(PropagationError):  # too many runs fail near this start
+                ends.append(self._descended(goals, z, size, [trial for trial, _ in ends]))
+        ends = [end for end in ends if np.isfinite(end[0].values).all()]
+        if not ends:
+            raise PropagationError(f"design: in all designs that were tried, runs fail: {self.failure}")
+        return min(ends, key=lambda end: self._merit(whole, goals, end[0].values, _MARGIN))
 
     def _study(self, goals: Sequence[Goal], z: Array) -> Trial:
         """A design with bounds by a study, and the check of its limits."""
@@ -451,8 +447,6 @@ class DesignSearch:
         """
         goals = [*objectives, *self._held]
         trial, region = self.searched(objectives, start)
-        if not np.isfinite(trial.values).all():
-            raise PropagationError(f"design: runs fail in all designs that were tried: {self.failure}")
         z, expected, margin, verified = trial.z, trial.values, _MARGIN, list[Trial]()
         for _ in range(_MAX_TRIALS + 1):
             verified.append(self._study(goals, z))
