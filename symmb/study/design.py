@@ -31,7 +31,8 @@ from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box, Scene
 from symmb.run.integrate import Solver
 from symmb.run.simulation import simulator_for, simulator_of
-from symmb.study.design_search import COST, DesignSearch, Goal, Trial
+from symmb.study.design_search import DesignSearch, Verified
+from symmb.study.design_space import COST, Goal
 from symmb.study.tolerances import Costs, of_outputs, total_cost
 
 OWNER = "design"
@@ -153,8 +154,9 @@ def design(
 
     Polynomials of all parameters replace the runs. They are fitted to runs that are spread over the ranges and the
     tolerances, and the bounds of the polynomials are minimised. A study with PolynomialChaos() and `Bounds.check`
-    verify the design. If polynomials and study disagree, the search continues with new polynomials in a smaller region
-    about the best design. The search may find a local minimum. Only outputs with an objective or a limit are computed.
+    verify the design. If the polynomials are not accurate, the search starts at several designs, and continues with new
+    polynomials in smaller regions. It may still find a local minimum. Designs with failed runs are left out. Only
+    outputs with an objective or a limit are computed.
 
     Parameters
     ----------
@@ -209,6 +211,8 @@ def design(
         pairs = limit_pairs(OWNER, limits, simulator.outputs, units_of(simulator)) if limits else {}
         wanted: list[Any] = objective if isinstance(objective, list) and len(objective) == 2 else [objective]
         asked = [_output(simulator, each, costs) for each in wanted]
+        if len(set(wanted)) < len(wanted):
+            raise DeclarationError(f"{OWNER}: the two objectives are the same. Give one of them.")
         used = [name for name in simulator.outputs if name in asked or name in pairs]
         if not used:
             raise DeclarationError(f"{OWNER}: the objective {_COST!r} needs a limit of an output.")
@@ -229,7 +233,7 @@ def design(
             " ".join(pair[::-1]) if name else _COST: goal for name, pair, goal in zip(asked, wanted, goals, strict=True)
         }
 
-        def result(trial: Trial) -> Design:
+        def result(trial: Verified) -> Design:
             values = trial.z[: len(ranges)].tolist()
             names = dict(zip(of, _numbers(search, trial, goals), strict=True))
             return Design(
@@ -312,12 +316,12 @@ def _allocation(costs: Costs | None, box: Box | None) -> tuple[list[str], Callab
     return [*own], total_cost(OWNER, costs, Box(**own))
 
 
-def _numbers(search: DesignSearch, trial: Trial, goals: Sequence[Goal]) -> list[float]:
+def _numbers(search: DesignSearch, trial: Verified, goals: Sequence[Goal]) -> list[float]:
     """The values of objectives in a study. Smaller is better."""
     return [float(curve.max()) for curve in search.curves(goals, trial.z, trial.Y)]
 
 
-def _front(search: DesignSearch, goals: Sequence[Goal], first: Trial) -> list[Trial]:
+def _front(search: DesignSearch, goals: Sequence[Goal], first: Verified) -> list[Verified]:
     """Designs with the best first objective, for levels of the second objective down to its best value."""
     most = _numbers(search, first, goals)[1]
     least = float(search.searched(goals[1:])[0].values[0])
@@ -332,7 +336,7 @@ def _front(search: DesignSearch, goals: Sequence[Goal], first: Trial) -> list[Tr
     return [trials[n] for n in np.argsort(points[:, 0], kind="stable") if not beaten[n]]
 
 
-def _verified(search: DesignSearch, trial: Trial, executor: Executor | None) -> Trial:
+def _verified(search: DesignSearch, trial: Verified, executor: Executor | None) -> Verified:
     """The trial with the warnings about its bounds, and with its nominal run."""
     simulator, values = search.simulator, trial.bounds.nominal_parameters
     bounds = finished(PolynomialChaos(), simulator, trial.bounds, executor)
@@ -342,7 +346,7 @@ def _verified(search: DesignSearch, trial: Trial, executor: Executor | None) -> 
     return replace(trial, bounds=replace(bounds, nominal_parameters=known, nominal=nominal))
 
 
-def _require_kept(search: DesignSearch, trial: Trial, ranges: Box, budget: float) -> None:
+def _require_kept(search: DesignSearch, trial: Verified, ranges: Box, budget: float) -> None:
     """Raise PropagationError if the closest design violates a limit."""
     if trial.state < 2:
         return
@@ -358,7 +362,7 @@ def _require_kept(search: DesignSearch, trial: Trial, ranges: Box, budget: float
     )
 
 
-def _binding(search: DesignSearch, trial: Trial, names: Sequence[str], n_x: int, budget: float) -> tuple[str, ...]:
+def _binding(search: DesignSearch, trial: Verified, names: Sequence[str], n_x: int, budget: float) -> tuple[str, ...]:
     """Sentences about active limits and ends of ranges."""
     limits = trial.check.limits if trial.check else ()
     texts = [f"The limit {limit.text} is active." for limit in limits if limit.margin.min() <= _BINDS * limit.width]

@@ -4,7 +4,7 @@ Polynomials of all parameters replace the runs in a region of designs. The best 
 worst cases. The next region is about the best design so far. It is smaller if the polynomials were not accurate.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -12,22 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from symmb._errors import PropagationError
-from symmb._types import Array, Executor, Mask
-from symmb._units import units_of_parameters
-from symmb.bound.bounds import Bounds, LimitCheck, Limits, PolynomialChaos, Study, fitted, gathered, parameter_samples
-from symmb.bound.nodes import Sobol, corners
-from symmb.bound.polynomials.ranges import Piecewise
-from symmb.connect import Progress, Simulator
-from symmb.equations.model import Box
+from symmb._types import Array, Indices
+from symmb.bound.bounds import Bounds, LimitCheck, PolynomialChaos, Study
+from symmb.bound.nodes import corners
+from symmb.study.design_space import COST, FAILED, WEIGHTS, DesignSpace, Goal, Region
 
-LARGEST_FACTOR = 4.0
-"""Largest factor of a tolerance with costs. The smallest factor is its inverse."""
 AGREES = 5e-3
 """Largest error of polynomials at the end of a search: of an objective divided by its value, and of a limited bound
 divided by the width."""
-_NUMBERS, _FEWEST, _ACCURATE = (64, 128, 256), 8, 0.02
-"""Numbers of runs of the polynomials of a region, which increase until the error of the polynomials, divided by the
-standard deviation, is small enough, and smallest number of runs that do not fail."""
 _SMALLER, _SMALLEST, _MAX_REGIONS, _MAX_TRIALS = 0.4, 0.01, 12, 3
 """Ratio of the sizes of consecutive regions, smallest size divided by the ranges, largest number of regions, and of
 designs that are run or verified with the same polynomials."""
@@ -39,31 +31,15 @@ _STARTS, _APART, _NEAR, _ROUNDS, _PEAKS = 3, 0.2, 0.05, 12, 3
 a known design; number of optimisations with more worst cases, and of peaks of a curve that are added together."""
 _CORNERS = 5
 """Up to this number of parameters, a design is also run at all corners of its box."""
-_PENALTY, _EDGE = 100.0, 1e-3
-"""Weight of a violated limit, and distance from an end that is no distance, in a region of size 1."""
-_WEIGHTS = {"upper": (0.0, 1.0), "lower": (-1.0, 0.0), "width": (-1.0, 1.0)}
-"""Weights of the lowest and of the highest value in a goal."""
-COST, _FAILED = -2, -1
-"""Numbers of the columns of the cost, and of failures: 1 if a run fails, and -1 otherwise."""
-
-
-class Goal(NamedTuple):
-    """A number that should be small: an upper bound, a negative lower bound, or a width, the largest over time.
-
-    `k` is the number of the column. `most` is the limit; infinite for objectives.
-    """
-
-    k: int
-    side: str
-    most: float = np.inf
+_PENALTY = 100.0
+"""Weight of a violated limit."""
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
     """A design, and the values (n_g,) of its goals, infinite if runs fail. Errors are divided by the sizes (n_g,).
 
-    `places` (N, d) in the tolerances and `Y` (N, n_t, n_c) are its runs. A verified design has bounds, the check of its limits, and a
-    state: limits are satisfied (0), undecided (1) or violated (2).
+    `places` (N, d) in the tolerances and `Y` (N, n_t, n_c) are its runs.
     """
 
     z: Array
@@ -71,23 +47,16 @@ class Trial:
     sizes: Array
     places: Array
     Y: Array
-    bounds: Bounds | None = None
-    check: LimitCheck | None = None
-    state: int = 0
 
 
-class Region(NamedTuple):
-    """Designs between two ends (n,), the box and runs of all their parameters, polynomials, and the sizes (n_c,) of
-    output changes."""
+@dataclass(frozen=True, eq=False)
+class Verified(Trial):
+    """A design with bounds by a study, which are also `Y`, the check of its limits, and a state: limits are
+    satisfied (0), undecided (1) or violated (2)."""
 
-    low: Array
-    high: Array
-    joint: Box
-    points: Array
-    Y: Array
-    surrogate: Piecewise
-    is_accurate: bool
-    changes: Array
+    bounds: Bounds
+    check: LimitCheck | None
+    state: int
 
 
 class _Worst(NamedTuple):
@@ -105,127 +74,13 @@ class _Errors(NamedTuple):
     places: Array
     values: Array
 
-    def closest(self, places: Array) -> Array:
+    def closest(self, places: Array) -> Indices:
         """Indices (...) of the closest runs to places (..., d)."""
         return np.square(places[..., None, :] - self.places).sum(axis=-1).argmin(axis=-1)
 
 
-class DesignSearch:
-    """Designs z (n,) are the values of the variables, followed by the logarithms of the factors of tolerances.
-
-    Parameters are the variables, followed by the other parameters of the box. `limits` are those of outputs, and `held`
-    are the goals of all limits. Columns (n_c,) are the outputs, the failed runs and the cost.
-    """
-
-    def __init__(
-        self,
-        simulator: Simulator,
-        ranges: Box,
-        tolerances: Box | None,
-        allocated: Sequence[str],
-        cost: Callable[[Array], float],
-        limits: Limits,
-        held: Sequence[Goal],
-        executor: Executor | None,
-        progress: Progress | None,
-    ) -> None:
-        self.simulator, self._limits, self._cost = simulator, limits, cost
-        self._held, self._executor, self._progress = [*held, Goal(_FAILED, "upper", 0.0)], executor, progress
-        ends = {} if tolerances is None else dict(zip(tolerances.names, tolerances.bounds, strict=True))
-        self.names = tuple(dict.fromkeys([*ranges, *(name for name, (low, high) in ends.items() if low < high)]))
-        self._nominal = np.array([float(simulator.parameters[name]) for name in self.names])
-        own = np.array([ends.get(name, (p, p)) for name, p in zip(self.names, self._nominal, strict=True)])
-        self._below, self._above = np.abs(own.T - self._nominal)
-        self._n_x, self._scaled = len(ranges), [self.names.index(name) for name in allocated]
-        lowest, highest = self._nominal.copy(), self._nominal.copy()
-        lowest[: self._n_x], highest[: self._n_x] = ranges.lower, ranges.upper
-        with np.errstate(divide="ignore", invalid="ignore"):  # no interval of a mass or length may reach 0
-            to_zero = np.where(lowest > 0, lowest / self._below, np.where(highest < 0, -highest / self._above, np.inf))
-        most = np.log(np.clip(0.99 * to_zero[self._scaled], 1.0, LARGEST_FACTOR))
-        self.low = np.concatenate([ranges.lower, np.full(len(most), -np.log(LARGEST_FACTOR))])
-        self.high = np.concatenate([ranges.upper, most])
-        self.evaluations, self.failure, self._regions = 0, "", list[Region]()
-
-    def factors(self, z: Array) -> Array:
-        """Factors (n_f,) of the tolerances with costs."""
-        return np.exp(z[self._n_x :])
-
-    def cost(self, z: Array) -> float:
-        """Sum of the costs of the tolerances."""
-        return self._cost(self.factors(z))
-
-    def _middle(self, z: Array) -> Array:
-        """Nominal values (d,) of the parameters."""
-        return np.concatenate([z[: self._n_x], self._nominal[self._n_x :]])
-
-    def _ends(self, z: Array) -> Array:
-        """Ends (2, d) of the intervals of a design."""
-        middle, factors = self._middle(z), np.ones(len(self.names))
-        factors[self._scaled] = self.factors(z)
-        return np.array([middle - factors * self._below, middle + factors * self._above])
-
-    def _box(self, low: Array, high: Array) -> Box:
-        ends = dict(zip(self.names, zip(low.tolist(), high.tolist(), strict=True), strict=True))
-        return Box(**ends).with_units(units_of_parameters(self.simulator.parameters))
-
-    def box(self, z: Array) -> Box:
-        """The intervals of a design."""
-        return self._box(*self._ends(z))
-
-    def at_ends(self, z: Array, low: Array, high: Array) -> tuple[Mask, Mask]:
-        """Masks (n,) of the parts of a design at the lower and at the upper ends."""
-        near = _EDGE * (high - low)
-        return z <= low + near, z >= high - near
-
-    def _runs(self, box: Box, points: Array) -> Array:
-        """Outputs and failures (N, n_t, n_y + 1) at points (N, d) of a box. Outputs of failed runs are nan."""
-        Y, bad = gathered(self.simulator, parameter_samples(self.simulator, box, points), self._executor)
-        self.evaluations += len(Y)
-        failed = np.full((*Y.shape[:2], 1), -1.0)
-        failed[[index for index, _, _ in bad]] = 1.0
-        if bad:
-            self.failure = bad[0][2]
-        return np.concatenate([Y, failed], axis=2)
-
-    def region(self, centre: Array, size: float) -> Region:
-        """A region about a design, or a smaller known one. The size is a fraction of the ranges."""
-        half = size * (self.high - self.low) / 2
-        for known in self._regions:
-            fits = (known.high - known.low <= 2.01 * half).all()
-            quarter = (known.high - known.low) / 4
-            is_low = (centre >= known.low + quarter) | (known.low <= self.low)
-            if fits and (is_low & ((centre <= known.high - quarter) | (known.high >= self.high))).all():
-                return known
-        centre = np.clip(centre, self.low + half, self.high - half)
-        low, high = centre - half, centre + half
-        narrow = np.concatenate([low[: self._n_x], high[self._n_x :]])
-        joint = self._box(self._ends(narrow)[0], self._ends(high)[1])
-        share, points, Y = np.inf, np.zeros((0, len(self.names))), self._runs(joint, np.zeros((0, len(self.names))))
-        for n in _NUMBERS:
-            new, before = Sobol().points(n, len(self.names), seed=1)[len(points) :], share
-            new = np.sin(np.pi / 2 * new)
-            points, Y = np.concatenate([points, new]), np.concatenate([Y, self._runs(joint, new)])
-            ok = Y[:, 0, _FAILED] < 0
-            if ok.sum() < _FEWEST:
-                raise PropagationError(f"design: {(~ok).sum()} of {len(ok)} runs in the ranges fail: {self.failure}")
-            known = Y.copy()
-            if not ok.all():  # the boundary between failed and other runs is a polynomial, too
-                known[~ok, :, :-1] = fitted(points[ok], Y[ok], joint.names).values(points[~ok])[..., :-1]
-            surrogate, outputs = fitted(points, known, joint.names), Y[ok][..., :-1]
-            error, spread = np.square(surrogate.error[:, :-1]).mean(axis=0), outputs.var(axis=0).mean(axis=0)
-            share = float(np.sqrt(error / np.maximum(spread, 1e-300)).max())
-            if share <= _ACCURATE or share > before / 2:  # kinks: more runs would not help much
-                break
-        sizes = outputs.max(axis=1).std(axis=0) + outputs.min(axis=1).std(axis=0)
-        sizes += 1e-9 * np.abs(outputs).max(axis=(0, 1)) + 1e-300
-        changes = np.array([*sizes, self.cost((low + high) / 2) or 1.0, 1.0])
-        self._regions.append(Region(low, high, joint, points, Y, surrogate, share <= _ACCURATE, changes))
-        return self._regions[-1]
-
-    def curves(self, goals: Sequence[Goal], z: Array, extremes: Array) -> list[Array]:
-        """The curves (n_t,) of goals from the lowest and highest values (2, n_t, n_c)."""
-        cost = np.full(extremes.shape[1], self.cost(z))
-        return [cost if g.k == COST else np.tensordot(_WEIGHTS[g.side], extremes[..., g.k], 1) for g in goals]
+class DesignSearch(DesignSpace):
+    """The search for the best design."""
 
     def _worst(
         self, region: Region, goals: Sequence[Goal], z: Array, errors: _Errors | None = None
@@ -267,15 +122,15 @@ class DesignSearch:
     def _errors(self, region: Region, trial: Trial) -> _Errors:
         """Errors of the polynomials in the runs of a trial."""
         values = trial.Y - region.surrogate.values(region.joint.to_unit(self.box(trial.z).from_unit(trial.places)))
-        values[..., _FAILED] = 0.0
+        values[..., FAILED] = 0.0
         return _Errors(trial.places, np.nan_to_num(values))
 
     @staticmethod
     def _merit(region: Region, goals: Sequence[Goal], values: Array, margin: float) -> float:
         """The scaled value of the first goal, with a penalty for violated limits."""
         scales = region.changes[[goal.k for goal in goals]]
-        over = [(value - goal.most) / scale + margin for goal, value, scale in zip(goals, values, scales, strict=True)]
-        return float(values[0] / scales[0] + _PENALTY * max(*over[1:], 0.0))
+        over = (values[1:] - [goal.most for goal in goals[1:]]) / scales[1:] + margin
+        return float(values[0] / scales[0] + _PENALTY * max(over.max(), 0.0))
 
     def _optimum(
         self, region: Region, goals: Sequence[Goal], errors: _Errors | None, z: Array, margin: float = _MARGIN
@@ -315,7 +170,7 @@ class DesignSearch:
         is_first = np.array([case.goal == 0 for case in cases])
         rows, at = np.unique([case.row for case in cases], return_inverse=True)
         few, places = region.surrogate.part(rows, slice(None)), np.array([case.places for case in cases])
-        weights, shift = np.array([_WEIGHTS[goal.side] for goal in own]), np.zeros((len(cases), 2))
+        weights, shift = np.array([WEIGHTS[goal.side] for goal in own]), np.zeros((len(cases), 2))
         if errors:
             shift = errors.values[errors.closest(places), rows[at][:, None], columns[:, None]]
         scales = region.changes[columns]
@@ -384,7 +239,9 @@ class DesignSearch:
     def _gain(self, region: Region, goals: Sequence[Goal], old: Trial, new: Trial) -> float:
         """How much better a trial is than another, divided by the size of the objective."""
         before, after = (self._merit(region, goals, trial.values, _MARGIN) for trial in (old, new))
-        return (before - after) * region.changes[goals[0].k] / old.sizes[0] if np.isfinite(after) else -np.inf
+        if not np.isfinite([before, after]).all():  # another design with failed runs is farther from the boundary
+            return np.inf if np.isinf(before) else -np.inf
+        return (before - after) * region.changes[goals[0].k] / max(old.sizes[0], 1e-300)
 
     def searched(self, objectives: Sequence[Goal], start: Array | None = None) -> tuple[Trial, Region]:
         """The best design by runs, and the last region.
@@ -404,7 +261,7 @@ class DesignSearch:
         ]
         order = np.argsort([self._merit(whole, goals, each, _MARGIN) for each in values])
         starts = [self._optimum(whole, goals, None, designs[order[0]])[0]]
-        for n in order[whole.Y[order, 0, _FAILED] < 0]:
+        for n in order[whole.Y[order, 0, FAILED] < 0]:
             if all((np.abs(designs[n] - other) > _APART * ranges).any() for other in starts):
                 starts.append(designs[n])
         ends = list[tuple[Trial, Region]]()
@@ -417,7 +274,7 @@ class DesignSearch:
             raise PropagationError(f"design: in all designs that were tried, runs fail: {self.failure}")
         return min(ends, key=lambda end: self._merit(whole, goals, end[0].values, _MARGIN))
 
-    def _study(self, goals: Sequence[Goal], z: Array) -> Trial:
+    def _study(self, goals: Sequence[Goal], z: Array) -> Verified:
         """A design with bounds by a study, and the check of its limits."""
         box = self.box(z)
         bounds = PolynomialChaos().bounds(self.simulator, box, executor=self._executor, progress=self._progress)
@@ -438,16 +295,16 @@ class DesignSearch:
         sizes = self._sizes(goals, values, extremes)
         is_over = any(v - g.most > AGREES * size for g, v, size in zip(goals, values, sizes, strict=True))
         state = 2 if is_over or (check and check.kept is False) else int(check is not None and not check.kept)
-        return Trial(z, values, sizes, self._ends(z), extremes, bounds, check, state)
+        return Verified(z, values, sizes, self._ends(z), extremes, bounds, check, state)
 
-    def best(self, objectives: Sequence[Goal], start: Array | None = None) -> Trial:
+    def best(self, objectives: Sequence[Goal], start: Array | None = None) -> Verified:
         """The best design for the first objective that satisfies all limits, verified by a study.
 
         Another objective has a limit. Without a start, the search compares designs in the whole ranges.
         """
         goals = [*objectives, *self._held]
         trial, region = self.searched(objectives, start)
-        z, expected, margin, verified = trial.z, trial.values, _MARGIN, list[Trial]()
+        z, expected, margin, verified = trial.z, trial.values, _MARGIN, list[Verified]()
         for _ in range(_MAX_TRIALS + 1):
             verified.append(self._study(goals, z))
             best = min(verified, key=lambda each: (each.state, self._merit(region, goals, each.values, 0.0)))
