@@ -31,7 +31,8 @@ from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box, Scene
 from symmb.run.integrate import Solver
 from symmb.run.simulation import simulator_for, simulator_of
-from symmb.study.design_search import DesignSearch, Goal, Verified
+from symmb.study.design_search import DesignSearch, Verified
+from symmb.study.design_space import COST, Goal
 from symmb.study.tolerances import Costs, of_outputs, total_cost
 
 OWNER = "design"
@@ -153,8 +154,9 @@ def design(
 
     Polynomials of all parameters replace the runs. They are fitted to runs that are spread over the ranges and the
     tolerances, and the bounds of the polynomials are minimised. A study with PolynomialChaos() and `Bounds.check`
-    verify the design. If polynomials and study disagree, the search continues with new polynomials in a smaller region
-    about the best design. The search may find a local minimum. Only outputs with an objective or a limit are computed.
+    verify the design. If the polynomials are not accurate, the search starts at several designs, and continues with new
+    polynomials in smaller regions. It may still find a local minimum. Designs with failed runs are left out. Only
+    outputs with an objective or a limit are computed.
 
     Parameters
     ----------
@@ -209,28 +211,30 @@ def design(
         pairs = limit_pairs(OWNER, limits, simulator.outputs, units_of(simulator)) if limits else {}
         wanted: list[Any] = objective if isinstance(objective, list) and len(objective) == 2 else [objective]
         asked = [_output(simulator, each, costs) for each in wanted]
+        if len(set(wanted)) < len(wanted):
+            raise DeclarationError(f"{OWNER}: the two objectives are the same. Give one of them.")
         used = [name for name in simulator.outputs if name in asked or name in pairs]
         if not used:
             raise DeclarationError(f"{OWNER}: the objective {_COST!r} needs a limit of an output.")
         simulator = of_outputs(simulator, ranges if box is None else box, used)
         columns = {name: k for k, name in enumerate(simulator.outputs)}
         allocated, cost = _allocation(costs, box)
-        search = DesignSearch(simulator, ranges, box, allocated, cost, limits, executor, progress)
-        held = [Goal(-1, "upper", budget)] if budget < np.inf else []
+        held = [Goal(COST, "upper", budget)] if budget < np.inf else []
         for name, (low, high) in pairs.items():
             held += [Goal(columns[name], side, e) for side, e in (("lower", -low), ("upper", high)) if e < np.inf]
+        search = DesignSearch(simulator, ranges, box, allocated, cost, limits, held, executor, progress)
         goals = [
-            Goal(-1, "upper") if name is None else Goal(columns[name], pair[1])
+            Goal(COST, "upper") if name is None else Goal(columns[name], pair[1])
             for name, pair in zip(asked, wanted, strict=True)
         ]
-        trials = [search.best([goals[0], *held])]
+        trials = [search.best(goals[:1])]
         _require_kept(search, trials[0], ranges, budget)
         of = {
             " ".join(pair[::-1]) if name else _COST: goal for name, pair, goal in zip(asked, wanted, goals, strict=True)
         }
 
         def result(trial: Verified) -> Design:
-            values = search.middle(trial.z)[: len(ranges)].tolist()
+            values = trial.z[: len(ranges)].tolist()
             names = dict(zip(of, _numbers(search, trial, goals), strict=True))
             return Design(
                 dict(zip(ranges.names, values, strict=True)),
@@ -247,7 +251,7 @@ def design(
         if len(goals) == 1:
             last = result(_verified(search, trials[0], executor))
         else:
-            trials = _front(search, goals, held, trials[0])
+            trials = _front(search, goals, trials[0])
             points = np.array([_numbers(search, trial, goals) for trial in trials])
             share = (points - points.min(axis=0)) / np.maximum(np.ptp(points, axis=0), 1e-300)
             chosen = int(np.square(share).sum(axis=1).argmin())
@@ -314,18 +318,18 @@ def _allocation(costs: Costs | None, box: Box | None) -> tuple[list[str], Callab
 
 def _numbers(search: DesignSearch, trial: Verified, goals: Sequence[Goal]) -> list[float]:
     """The values of objectives in a study. Smaller is better."""
-    return search.values(trial.z, goals, trial.bounds.lower, trial.bounds.upper).tolist()
+    return [float(curve.max()) for curve in search.curves(goals, trial.z, trial.Y)]
 
 
-def _front(search: DesignSearch, goals: Sequence[Goal], held: list[Goal], first: Verified) -> list[Verified]:
+def _front(search: DesignSearch, goals: Sequence[Goal], first: Verified) -> list[Verified]:
     """Designs with the best first objective, for levels of the second objective down to its best value."""
     most = _numbers(search, first, goals)[1]
-    least = float(search.searched([goals[1], *held])[0].values[0])
+    least = float(search.searched(goals[1:])[0].values[0])
     levels = np.linspace(most, least + _END * (most - least), _FRONT)[1:] if most > least else []
     trials = [first]
     for level in levels:
-        own = [goals[0], goals[1]._replace(most=float(level)), *held]
-        if (trial := search.best(own, trials[-1].z)).order[0] < 2:
+        own = [goals[0], goals[1]._replace(most=float(level))]
+        if (trial := search.best(own, trials[-1].z)).state < 2:
             trials.append(trial)
     points = np.array([_numbers(search, trial, goals) for trial in trials])
     beaten = [((points <= own).all(axis=1) & (points < own).any(axis=1)).any() for own in points]
@@ -344,10 +348,10 @@ def _verified(search: DesignSearch, trial: Verified, executor: Executor | None) 
 
 def _require_kept(search: DesignSearch, trial: Verified, ranges: Box, budget: float) -> None:
     """Raise PropagationError if the closest design violates a limit."""
-    if trial.order[0] < 2:
+    if trial.state < 2:
         return
     values = ", ".join(f"{name} = {x:.6g}" for name, x in zip(ranges.labels, trial.z, strict=False))
-    over = f"the cost exceeds its limit of {budget:g}"
+    over = f"the cost exceeds its limit of {budget:g}" if budget < np.inf else f"runs fail: {search.failure}"
     for limit in sorted(trial.check.limits if trial.check else (), key=lambda limit: limit.share)[:1]:
         if limit.kept is False:
             unit = unit_suffix(trial.bounds, trial.bounds.names.index(limit.output))

@@ -50,7 +50,7 @@ def test_an_absorber_with_tolerances_against_brute_force():
     assert own < 0.99 * worst_amplitude(np.array([*nominal.values.values()]))
     assert found.box.radius == pytest.approx(HALF) and found.box["k"] == (0.95, 1.05)
     assert found.bounds.nominal == pytest.approx(amplitude(**found.values, k=1.0)[:, None])
-    assert found.runs < 600
+    assert found.runs < 1000
 
 
 def test_the_cheapest_tolerances_of_an_absorber_with_its_nominal_values():
@@ -109,7 +109,7 @@ def test_a_four_bar_as_a_path_generator_against_brute_force():
     assert own < 1.01 * best.fun
     without = mb.design(simulator, ranges, ("error", "upper"))
     assert own < 0.9 * worst(np.array([*without.values.values()]))
-    assert found.runs < 1500 and found.binding == ("rocker is at the lower end of its range.",)
+    assert found.runs < 3000 and found.binding == ("rocker is at the lower end of its range.",)
 
 
 def quarter_car() -> mb.Scene:
@@ -151,7 +151,7 @@ def test_a_front_of_comfort_and_cost_of_a_suspension_with_a_bump_stop():
         assert worst([*point.values.values()], [*point.factors.values()], every) == pytest.approx(value, rel=5e-3)
         brute = differential_evolution(at_cost, [*ranges.values(), *[(-1.386, 1.386)] * 2], seed=1, maxiter=40)
         assert value < 1.01 * brute.fun
-    assert found.runs <= 2000 and found.values in [point.values for point in found.front]
+    assert found.runs <= 4000 and found.values in [point.values for point in found.front]
     nominal = mb.design(scene, ranges, ("acceleration", "upper"), box=mb.Box(payload=(80.0, 80.0)))
     robust = mb.design(scene, ranges, ("acceleration", "upper"))
     assert worst([*robust.values.values()], [1, 1]) < worst([*nominal.values.values()], [1, 1])
@@ -170,6 +170,26 @@ def test_lower_bounds_are_maximised_and_widths_minimised():
     assert narrow.binding == ("The limit 2 <= y is active.",)
 
 
+def test_a_design_beside_failed_runs_and_in_a_narrow_valley():
+    """Runs fail below a = 5, so the least (a - 1)^2 with a tolerance of 0.1 is near a = 5.1. The valley is at 4.2."""
+
+    def parabola(a: float) -> list[list[float]]:
+        if a < 5:
+            raise ValueError("No assembly.")
+        return [[(a - 1) ** 2]]
+
+    scene = mb.FunctionSimulator(parabola, {"a": 5.5}, [0.0], ["y"])
+    found = mb.design(scene, {"a": (0.0, 6.0)}, ("y", "upper"), box=mb.Box(a=(5.4, 5.6)))
+    assert 5.1 <= found.values["a"] < 5.2 and found.objectives["upper y"] < 1.05 * 4.2**2
+    valley = mb.FunctionSimulator(
+        lambda a: [[1 - np.exp(-(((a - 4.2) / 0.15) ** 2)) - 0.5 * np.exp(-((a - 1) ** 2))]], {"a": 1.0}, [0.0], ["y"]
+    )
+    assert mb.design(valley, {"a": (0.0, 6.0)}, ("y", "upper")).values["a"] == pytest.approx(4.2, abs=1e-2)
+    never = mb.FunctionSimulator(lambda a: [[np.nan]], {"a": 1.0}, [0.0], ["y"])
+    with pytest.raises(mb.PropagationError, match="design: 64 of 64 runs in the ranges fail"):
+        mb.design(never, {"a": (0.0, 6.0)}, ("y", "upper"))
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -179,6 +199,7 @@ def test_lower_bounds_are_maximised_and_widths_minimised():
         ({"objective": ("amplitude", "up")}, "objective must be a pair such as"),
         ({"objective": ("speed", "upper")}, "speed"),
         ({"objective": "cost"}, "needs costs"),
+        ({"objective": [("amplitude", "upper")] * 2}, "the two objectives are the same"),
         ({"objective": "cost", "costs": {}}, "needs a limit of an output"),
         ({"costs": {}, "box": None}, "costs need a box"),
         ({"box": mb.Box(k=(1.1, 1.2))}, "k = 1 is outside of its interval"),
