@@ -324,7 +324,7 @@ def _numbers(search: DesignSearch, trial: Verified, goals: Sequence[Goal]) -> li
 def _front(search: DesignSearch, goals: Sequence[Goal], first: Verified) -> list[Verified]:
     """Designs with the best first objective, for levels of the second objective down to its best value."""
     most = _numbers(search, first, goals)[1]
-    least = float(search.searched(goals[1:])[0].values[0])
+    least = float(search.searched(goals[1:], first.z)[0].values[0])
     levels = np.linspace(most, least + _END * (most - least), _FRONT)[1:] if most > least else []
     trials = [first]
     for level in levels:

@@ -217,6 +217,33 @@ def test_bounds_outside_of_the_runs_have_a_warning():
     assert bounds.check({"y": (None, 100.0)}).kept is None
 
 
+AXES = np.vstack([np.zeros(4), *[size * e for e in np.eye(4) for size in (-1, -0.5, 0.5, 1)]])
+CIRCLE = np.array([[np.cos(a), np.sin(a)] for a in np.linspace(0, 6, 60)])
+
+
+@pytest.mark.parametrize(
+    ("X", "f"),
+    [
+        (AXES, lambda x: x.sum(axis=1) + 3 * x[:, 0] * x[:, 1]),
+        (np.array(list(itertools.product([-1.0, 1.0], repeat=4))), lambda x: x @ [1, 2, 3, 4] + (x**2).sum(axis=1)),
+        (CIRCLE, lambda x: 5 * np.exp(-4 * (x**2).sum(axis=1)) + x[:, 0]),
+    ],
+)
+def test_runs_that_do_not_fill_the_box_have_a_warning(X, f):
+    """Along axes, at corners and on a circle, a product or a square cannot be known."""
+    names = [f"x{i}" for i in range(X.shape[1])]
+    with pytest.warns(mb.SymmbWarning, match="do not fill the intervals of x0 and x1"):
+        mb.propagate(mb.RecordedRuns(X, f(X), names), box=mb.Box(**dict.fromkeys(names, (-1, 1))))
+
+
+def test_a_large_offset_does_not_hide_the_error():
+    X = np.random.default_rng(0).uniform(-1, 1, (80, 2))
+    f = np.sin(3 * X[:, 0]) * X[:, 1] + np.abs(X[:, 0])
+    box = mb.Box(a=(-1, 1), b=(-1, 1))
+    near, far = (mb.propagate(mb.RecordedRuns(X, f + offset, ["a", "b"]), box=box) for offset in (0.0, 1e9))
+    assert far.estimate == pytest.approx(near.estimate, rel=1e-2) and near.estimate.max() > 0.01
+
+
 @pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 def test_irregular_tables_give_the_bounds_of_the_regular_table():
     X, Y, ends = SQUARE.X, SQUARE.Y, {"p0": (-1, 1), "p1": (-1, 1)}

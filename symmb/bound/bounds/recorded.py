@@ -1,5 +1,6 @@
 """Bounds from recorded runs: sparse polynomials, their ranges, and errors from runs that were left out."""
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,7 @@ from symmb.bound.bounds.reductions import failure_records, gathered
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.sparse_regression import GROUPS, SparseFit, Terms
 from symmb.bound.bounds.time_windows import DOUBTFUL
-from symmb.bound.polynomials import Expansion, basis_values, in_other_coordinates, with_lower
+from symmb.bound.polynomials import Expansion, TotalDegree, basis_values, in_other_coordinates, with_lower
 from symmb.bound.polynomials.ranges import Piecewise, joined
 from symmb.connect import RecordedRuns, note_attained
 from symmb.equations.model import Box
@@ -25,6 +26,9 @@ _FEWEST = 2 * GROUPS
 _SAFETY_OF_OTHERS, _SAFETY_OF_REST = 1.5, 3.0
 """Factors of the two parts of an error. With smaller factors, errors are above their estimate more often.
 tests/bounds/test_recorded_runs.py"""
+_FILLED = 0.01
+"""Smallest eigenvalue of the Gram matrix of Legendre polynomials up to degree two over the runs. It is 1 for many
+evenly spread runs, and 0 if a square or a product cannot be known, such as for runs along the axes or at corners."""
 _HOPELESS = 2.0
 """Estimated error divided by the width of the runs above which polynomials are no better than the runs, for example at
 steps and narrow peaks."""
@@ -165,7 +169,20 @@ class _Region:
                     f"The recorded runs have {name} from {least:.6g} to {most:.6g}, but the bounds are for {name} from "
                     f"{low:.6g} to {high:.6g}. The polynomials are not reliable outside of the runs."
                 )
-        return tuple(doubts)
+        return tuple(doubts) or self._gaps(self.coordinates(X))
+
+    def _gaps(self, x: Array) -> tuple[str, ...]:
+        """The warning about pairs of parameters whose runs (N, n_varied) do not show all effects up to degree two."""
+        names = np.array([*self.simulator.parameters])[self.varied].tolist()
+        alpha = TotalDegree().indices(2, 2)
+        for i, j in itertools.combinations(range(len(names)), 2):
+            V = basis_values(alpha, x[:, [i, j]]) * np.sqrt(2 * alpha + 1).prod(axis=1)
+            if np.linalg.eigvalsh(V.T @ V / len(x))[0] < _FILLED:
+                return (
+                    f"The recorded runs do not fill the intervals of {names[i]} and {names[j]}, so that squares or "
+                    "products of these parameters may be unknown. The bounds may be too narrow.",
+                )
+        return ()
 
 
 class _OutputRange:
@@ -189,11 +206,11 @@ class _OutputRange:
         half = 0.5 * (np.maximum(ends[1], Y.max(axis=0)) - np.minimum(ends[0], Y.min(axis=0)))
         size = float(np.abs(Y).max()) or 1.0  # squares may overflow
         deviation = (Y / size).std(axis=0)
-        rest = np.divide(fit.error / size, deviation, out=np.zeros_like(deviation), where=deviation > SAME)
+        rest = np.divide(fit.error / size, deviation, out=np.zeros_like(deviation), where=deviation > ROUNDING)
         estimate = _SAFETY_OF_OTHERS * apart.max(axis=0) + _SAFETY_OF_REST * region.varied.sum() ** 0.5 * rest * half
-        self.lower, self.upper, self.estimate = *ends, np.where(estimate > SAME * size, estimate, 0.0)
+        self.lower, self.upper, self.estimate = *ends, np.where(estimate > ROUNDING * size, estimate, 0.0)
         self.place = places[np.unravel_index(apart.argmax(), apart.shape)]
-        self.gain = float(apart.max() / max(half.max(), SAME * size))
+        self.gain = float(apart.max() / max(half.max(), ROUNDING * size))
 
 
 def _different(points: Array, Y: Array) -> tuple[Array, Array]:

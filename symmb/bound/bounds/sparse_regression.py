@@ -120,7 +120,8 @@ def _pursuit(V: Array, Y: Array, most: int) -> Indices:
         # The parts of candidates and products that are orthogonal to all chosen columns.
         squares = squares - np.square(along)
         products -= np.outer(along, products[order[-1]] / along[order[-1]])
-        gains = np.where(squares > least, np.square(products).sum(axis=1) / np.maximum(squares, least), 0.0)
+        gains = np.square(products).sum(axis=1)
+        gains = np.divide(gains, squares, out=np.zeros_like(gains), where=squares > least)
         gains[order] = 0.0
         if n == most or not gains.max(initial=0.0) > 0.0:
             return np.array(order)
