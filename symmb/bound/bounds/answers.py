@@ -15,8 +15,8 @@ from symmb._units import told_units, units_of_parameters
 from symmb.bound.bounds.contributions import Contributions, contributions_of
 from symmb.bound.bounds.envelope import Envelope
 from symmb.bound.bounds.laws import Correlation, given_once
-from symmb.bound.bounds.probabilities import Probability, Quantiles, probability_of, quantiles_of, samples_of
 from symmb.bound.bounds.limits import Limits, limit_pairs
+from symmb.bound.bounds.probabilities import Probability, Quantiles, probability_of, quantiles_of, samples_of
 from symmb.bound.bounds.responses import GOOD, Responses
 from symmb.bound.bounds.statistical import Statistics, statistics_of
 from symmb.bound.bounds.time_windows import is_doubtful

@@ -227,14 +227,17 @@ def probability_of(
     return figures
 
 
-def event_probability(samples: LawSamples, limits: tuple[Ends, Ends], error: float) -> Array:
-    """The results of `_by_samples` with a relative error, or as close to this error as samples and runs allow."""
+def event_probability(samples: LawSamples, limits: tuple[Ends, Ends], error: float, least: float = 0.0) -> Array:
+    """The results of `_by_samples` with an error, or as close to this error as samples and runs allow.
+
+    The error is relative to the probability, or to `least` if the probability is smaller.
+    """
     responses = samples.responses
     found = _by_samples(samples, limits)
-    while _is_short(found, error) and samples.may_grow() and found[3, -1] < error / 2 * found[0, -1]:
+    while _is_short(found, error, least) and samples.may_grow() and found[3, -1] < error / 2 * max(found[0, -1], least):
         samples.draw(4 * samples.number // SETS_OF_SAMPLES)
         found = _by_samples(samples, limits)
-    if _is_short(found, error) and responses.runs is not None and not samples.free.any():
+    if _is_short(found, error, least) and responses.runs is not None and not samples.free.any():
         own = _near_limit(samples, limits, error)
         found = np.where(own[2] < found[2], own, found)
     return found
@@ -257,9 +260,9 @@ def _event(owner: str, responses: Responses, k: int, above: object, below: objec
     return limits, f"{responses.names[k]} {' or '.join(parts)}"
 
 
-def _is_short(found: Array, error: float) -> bool:
+def _is_short(found: Array, error: float, least: float = 0.0) -> bool:
     """Whether the error of the event at any time is larger than the requested error."""
-    return bool(found[2, -1] > error * found[0, -1])
+    return bool(found[2, -1] > error * max(found[0, -1], least))
 
 
 def _by_samples(samples: LawSamples, limits: tuple[Ends, Ends]) -> Array:
