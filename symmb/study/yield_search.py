@@ -29,6 +29,18 @@ class _Stretched:
     nominal: float
     factor: float
 
+    @property
+    def dist(self) -> Any:
+        return getattr(self.law, "dist", self.law)
+
+    @property
+    def args(self) -> tuple[float, ...]:
+        return getattr(self.law, "args", ())
+
+    @property
+    def kwds(self) -> dict[str, float]:
+        return {**getattr(self.law, "kwds", {}), "factor": self.factor}
+
     def cdf(self, x: Array) -> Array:
         return self.law.cdf(self.nominal + (x - self.nominal) / self.factor)
 
@@ -85,7 +97,7 @@ class YieldSearch(Search):
             most, s = self._most_along(along), low * (min(max(self._sigmas / aim, 1.02), 4.0) if aim > 0 else 4.0)
         for _ in range(MAX_STUDIES):
             s = min(s, most)
-            if s <= low * (1 + SETTLED) or high <= low * (1 + 2 * SETTLED):
+            if low and min(s, high) <= low * (1 + 3 * SETTLED):
                 break
             bounds, share = self._share(s * along)
             if share <= self.rejects:
@@ -94,7 +106,7 @@ class YieldSearch(Search):
                 high = s
             # Distances between mean and limit, in standard deviations, are about proportional to 1 / s.
             size = -float(ndtri(min(max(share, 1e-9), 1.0)))
-            s *= min(max(size / aim * (1 - SETTLED / 2), 0.5), 2.0) if aim > 0 else 1.5 if low == s else 0.67
+            s *= min(max(size / aim * (1 - SETTLED), 0.5), 2.0) if aim > 0 else 1.5 if low == s else 0.67
             if not low < s < high:
                 s = low + 0.5 * (high - low) if high < np.inf else 2 * low
         if best is None:

@@ -126,8 +126,9 @@ def at_most(below: Array, above: Array) -> Array:
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         one = 1 / (1 + near**2)
         two = (4 + (far - near) ** 2) / (near + far) ** 2
-        both = np.where(near * (far - near) >= 2, one, two)
-    return np.where(near > 0, np.where(near * far <= 1, 1.0, both), 1.0)
+        both = np.where((far == np.inf) | (near * (far - near) >= 2), one, two)
+    found = np.where((near > 0) & (near * far > 1), both, 1.0)
+    return np.where(near == np.inf, 0.0, found)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
