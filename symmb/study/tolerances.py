@@ -236,7 +236,7 @@ def tolerances(
     >>> round(mb.tolerances(chain, {"gap": (2.7, 3.3)}, mb.Box(a=(0.9, 1.1), b=(1.9, 2.1))).factor, 2)
     1.5
     >>> round(mb.tolerances(chain, {"gap": (2.7, 3.3)}, mb.Box(a=(0.9, 1.1), b=(1.9, 2.1)), yield_=0.9973).factor, 1)
-    2.1
+    2.2
     """
     if yield_ is not None and not (is_finite_number(yield_) and 0 < yield_ < 1):
         raise DeclarationError(

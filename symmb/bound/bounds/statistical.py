@@ -230,7 +230,9 @@ def statistics_of(
     ends = Y[_SAMPLES:].reshape(2, len(box), *mean.shape)
     rss = np.sqrt(np.square((ends[0] - ends[1]) / 2).sum(axis=0))
     low, high = np.array([*pairs.values()]).T
-    below, above = _ratio(mean - low, sigma), _ratio(high - mean, sigma)
+    floor = responses.floor[columns]  # smaller numbers are rounding or noise
+    sigma = np.where(sigma > floor, sigma, 0.0)
+    below, above = (_ratio(np.where(abs(d) > floor, d, 0.0), sigma) for d in (mean - low, high - mean))
     cpk = np.minimum(below, above) / 3
     rows = cpk.argmin(axis=0), np.arange(len(columns))
     single = [rejects_of(owner, responses, {name: pair}, full, error, least) for name, pair in pairs.items()]
