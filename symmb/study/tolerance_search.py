@@ -27,12 +27,12 @@ from symmb.equations.model import Box
 OWNER = "tolerances"
 TOLERANCE = 1e-2
 """Tolerance of the studies. If bounds are closer to a limit than this, runs near the limit decide."""
-_SETTLED = 2e-3
+SETTLED = 2e-3
 """A search ends if factors change by less than this fraction. A study uses a factor that is smaller than the expected
 one by half of this fraction."""
 LARGEST_FACTOR = 16.0
 """Largest factor that a search tries. If a search reaches this factor, the given box was far too small."""
-_MAX_STUDIES = 12
+MAX_STUDIES = 12
 """Largest number of studies. Two or three studies are usual; undecided limits need more."""
 _WIDER, _NARROWER = 1.6, 0.25
 """Largest and smallest factor of an optimisation step. The polynomials must be accurate in the box with the largest
@@ -65,7 +65,7 @@ class _Bracket:
     high: float = np.inf
     reach: float = np.inf
     violation: float = np.inf
-    less: float = _SETTLED / 2
+    less: float = SETTLED / 2
     best: Bounds | None = None
     undecided: tuple[float, Bounds] | None = None
     why: str = ""
@@ -186,7 +186,7 @@ class Search:
         margin = np.nan
         # Largest number of factors with runs between two studies. More factors are needed only if runs fail.
         for _ in range(40):
-            if end <= low * (1 + _SETTLED / 4):
+            if end <= low * (1 + SETTLED / 4):
                 break
             share = inside / (inside - beyond) if np.isfinite(beyond) and inside > 0 else 0.5
             s = low + min(max(share, 0.02), 0.98) * (end - low)
@@ -206,22 +206,22 @@ class Search:
         """
         ray = _Bracket(along, self._most_along(along), np.empty((0, len(self._shape))))
         s = min(1.0, ray.most)
-        for _ in range(_MAX_STUDIES):
+        for _ in range(MAX_STUDIES):
             after = self._next(ray, s)
             if ray.best is not None and ray.undecided is not None:
                 after = (ray.low + ray.high) / 2  # the largest decided factor is between them
-            if ray.best is not None and (ray.low >= ray.most or after <= ray.low * (1 + _SETTLED)):
+            if ray.best is not None and (ray.low >= ray.most or after <= ray.low * (1 + SETTLED)):
                 break
             s = after
         if ray.best is None and ray.undecided is not None:
             ray.low, ray.best = ray.undecided
         if ray.best is None:
             raise PropagationError(
-                f"{OWNER}: no box that satisfies the limits was found in {_MAX_STUDIES} studies. {ray.why}".rstrip()
+                f"{OWNER}: no box that satisfies the limits was found in {MAX_STUDIES} studies. {ray.why}".rstrip()
             )
         undecided, violation = (ray.high if ray.why else min(ray.high, ray.reach)) / ray.low, ray.violation / ray.low
         self.remarks = ()
-        if ray.low < ray.most and max(undecided, violation if violation < np.inf else 0.0) > 1 + 4 * _SETTLED:
+        if ray.low < ray.most and max(undecided, violation if violation < np.inf else 0.0) > 1 + 4 * SETTLED:
             why = ray.why or "the largest number of studies was reached."
             beyond = f" Runs reach a limit at {violation:.4g} times these tolerances." if violation < np.inf else ""
             where = f"At {undecided:.4g} times these tolerances the limits are undecided"
@@ -276,7 +276,7 @@ class Search:
             left = min(float(limit.margin.min() / margin) for limit, margin in nominal)
             return min(s / np.clip(1 - 2 * left, *_FARTHER), ray.most)
         # Consecutive violated studies show that the known runs are not the worst runs. The next step back is larger.
-        less, ray.less = (ray.less, 4 * ray.less) if check.kept is False else (_SETTLED / 2, _SETTLED / 2)
+        less, ray.less = (ray.less, 4 * ray.less) if check.kept is False else (SETTLED / 2, SETTLED / 2)
         return min(max(ray.reach * (1 - less), (ray.low + ray.reach) / 2), ray.most)
 
     def binding(self, bounds: Bounds, check: LimitCheck) -> WorstCase | None:
@@ -297,7 +297,7 @@ class Search:
 
     def signs(self, factors: Array, idle: Mask) -> tuple[str, ...]:
         """A sentence if a parameter with an effect would reach 0 with larger factors (d,); otherwise empty."""
-        ends = (self._most < LARGEST_FACTOR) & (factors >= self._most * (1 - _SETTLED)) & ~idle
+        ends = (self._most < LARGEST_FACTOR) & (factors >= self._most * (1 - SETTLED)) & ~idle
         names = [name for name, is_end in zip(self._shape.names, ends, strict=True) if is_end]
         text = f"The search ends here, because with larger tolerances {', '.join(names)} would reach 0."
         return (text,) if names else ()
@@ -318,9 +318,9 @@ class Search:
             before, found = cost(best[0]), self.largest(factors)
             if cost(found[0]) < before:
                 best, remarks = found, self.remarks
-            return cost(best[0]) < before * (1 - _SETTLED)
+            return cost(best[0]) < before * (1 - SETTLED)
 
-        for _ in range(_MAX_STUDIES):
+        for _ in range(MAX_STUDIES):
             wide = np.minimum(_WIDER * factors, self._most)
             surrogate, is_good = self._polynomials(wide)
             names = ", ".join(self._limits)
@@ -333,8 +333,8 @@ class Search:
                 self._shift = np.maximum(-self._margins_on(surrogate, wide, factors).min(axis=0), 0.0)
             start = self._factor_on(surrogate, wide, factors) * factors
             factors = self._allocated(surrogate, wide, start, cost)
-            is_inside = (factors < wide * (1 - _SETTLED)) | (factors >= self._most * (1 - _SETTLED))
-            if is_good and (is_inside & (factors > start * _NARROWER * (1 + _SETTLED))).all():
+            is_inside = (factors < wide * (1 - SETTLED)) | (factors >= self._most * (1 - SETTLED))
+            if is_good and (is_inside & (factors > start * _NARROWER * (1 + SETTLED))).all():
                 break
             if not is_good:  # each step is verified
                 if not try_factors():
@@ -364,7 +364,7 @@ class Search:
         if self._margins_on(surrogate, wide, factors).min() >= 0:
             return 1.0
         low, high = 0.0, 1.0
-        while high - low > _SETTLED / 8 * high:
+        while high - low > SETTLED / 8 * high:
             middle = (low + high) / 2
             is_kept = self._margins_on(surrogate, wide, middle * factors).min() >= 0
             low, high = (middle, high) if is_kept else (low, middle)
@@ -398,7 +398,7 @@ class Search:
             factors = start * np.exp(np.asarray(solution.x, dtype=float))
             margins = (self._margins_on(surrogate, wide, factors) / self._at_nominal).min(axis=1)
             broken = int(margins.argmin())
-            if margins[broken] >= -_SETTLED / 10 or broken in rows:
+            if margins[broken] >= -SETTLED / 10 or broken in rows:
                 break
             rows.add(broken)
         factors = factors * self._factor_on(surrogate, wide, factors)

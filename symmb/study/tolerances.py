@@ -1,7 +1,7 @@
 """The largest box of a given shape, or the cheapest box, that satisfies limits of outputs."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -20,11 +20,13 @@ from symmb.bound.bounds import (
     LimitCheck,
     Limits,
     PolynomialChaos,
+    Statistics,
     WorstCase,
     box_entries,
     box_of,
     finished,
     limit_pairs,
+    statistics_of,
     units_of,
 )
 from symmb.connect import Progress, Simulator
@@ -33,6 +35,7 @@ from symmb.results.files import NOT_KEPT, Record, Saved, attributes, entries, en
 from symmb.run.integrate import Solver
 from symmb.run.simulation import SceneSimulator, simulator_of
 from symmb.study.tolerance_search import LARGEST_FACTOR, OWNER, TOLERANCE, Search
+from symmb.study.yield_search import ERROR, YieldSearch
 
 Costs = Mapping[str, Callable[[float], float]] | Callable[[float], float]
 
@@ -63,6 +66,12 @@ class Tolerances(Counted, Result, Saved):
         nominal values of the parameters of the box
     remarks : sentences
         information in sentences, such as the reason why no larger box was found
+    yield_ : float
+        the requested yield; None if all mechanisms satisfy the limits
+    worst_case : dict
+        with a yield, the largest common factor that satisfies the limits in the worst case, by parameter
+    statistics : Statistics
+        with a yield, the rejects, Cp and Cpk of `bounds`; None after `load`
 
     Examples
     --------
@@ -87,8 +96,13 @@ class Tolerances(Counted, Result, Saved):
     evaluations: int
     nominal: dict[str, float]
     remarks: tuple[str, ...] = ()
+    yield_: float | None = None
+    worst_case: dict[str, float] = field(default_factory=dict)
+    statistics: Statistics | None = field(default=None, metadata=NOT_KEPT)
 
     def _head(self) -> str:
+        if self.yield_ is not None:
+            return self._head_of_yield()
         best = "The cheapest box found that" if self.cost is not None else "The largest box that"
         kind = best if self.binding or self.cost is not None else "At least this box"
         satisfies = "may satisfy" if self.check.kept is None else "satisfies"
@@ -106,6 +120,13 @@ class Tolerances(Counted, Result, Saved):
             lines.append(f"  binding   {self.check[self.binding.output].text}; {self.binding}")
         return "\n".join(lines)
 
+    def _head_of_yield(self) -> str:
+        best = "The largest box found" if self.cost is None else "The cheapest box found"
+        lines = [f"{best} with a yield of at least {self.yield_:.8g}, from {self.evaluations} runs"]
+        lines += [] if self.cost is None else [f"  cost        {self.cost:.6g}"]
+        lines += [f"  remark      {remark}" for remark in self.remarks]
+        return "\n".join([*lines, f"  worst case  up to {min(self.worst_case.values()):.4g} times the tolerances"])
+
     def _rows(self) -> list[list[str]]:
         rows = [["parameter", "nominal", "lower", "upper", "factor"]]
         for name, label, (low, high) in zip(self.box.names, self.box.labels, self.box.bounds, strict=True):
@@ -116,12 +137,14 @@ class Tolerances(Counted, Result, Saved):
 
     def __str__(self) -> str:
         rows = "\n".join(f"  {line}" for line in aligned(self._rows()))
-        return "\n\n".join([f"{self._head()}\n{rows}", str(self.check)])
+        more = [] if self.statistics is None else [str(self.statistics)]
+        return "\n\n".join([f"{self._head()}\n{rows}", *more, str(self.check)])
 
     def _repr_html_(self) -> str:
         below = [f"worst case: {self.check.worst}"] if self.check.worst else []
         below += [f"remark: {remark}" for remark in self.check.remarks]
         own = html.page(html.text(self._head()), html.table(self._rows()))
+        own = own if self.statistics is None else html.page(own, self.statistics._repr_html_())
         return html.page(own, self.check._tabulated(), html.text("\n".join(below)))
 
     def _record(self) -> dict[str, Any]:
@@ -164,6 +187,9 @@ def tolerances(
     solver: Solver | str | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
+    *,
+    yield_: float | None = None,
+    laws: Mapping[str, Any] | None = None,
 ) -> Tolerances:
     """The largest, or the cheapest, tolerances with which outputs satisfy limits at all times.
 
@@ -188,11 +214,18 @@ def tolerances(
         minimum
     solver : solver of a Scene
     executor, progress : as in `propagate`
+    yield_ : float
+        fraction of mechanisms that satisfy all limits at all output times, above 0 and below 1. The tolerances are then
+        larger than in the worst case. The estimated error of the rejects counts as rejects
+    laws : mapping
+        with `yield_`, distributions of parameters in the given box, as in `Bounds.statistical`. They are stretched with
+        the tolerances
 
     Raises
     ------
     DeclarationError
-        If an output or a parameter is unknown, limits cross, or an interval does not contain the nominal value
+        If an output or a parameter is unknown, the yield is not between 0 and 1, limits cross, or an interval does not
+        contain the nominal value
     PropagationError
         If the nominal run violates a limit, or too many runs fail
 
@@ -202,14 +235,25 @@ def tolerances(
     >>> chain = mb.FunctionSimulator(lambda a, b: [[a + b]], {"a": 1.0, "b": 2.0}, [0.0], ["gap"])
     >>> round(mb.tolerances(chain, {"gap": (2.7, 3.3)}, mb.Box(a=(0.9, 1.1), b=(1.9, 2.1))).factor, 2)
     1.5
+    >>> round(mb.tolerances(chain, {"gap": (2.7, 3.3)}, mb.Box(a=(0.9, 1.1), b=(1.9, 2.1)), yield_=0.9973).factor, 1)
+    2.2
     """
+    if yield_ is not None and not (is_finite_number(yield_) and 0 < yield_ < 1):
+        raise DeclarationError(
+            f"{OWNER}: yield_ must be above 0 and below 1, such as 0.9973, got {shown(yield_)}. Without yield_, all "
+            "mechanisms satisfy the limits."
+        )
+    if laws is not None and yield_ is None:
+        raise DeclarationError(f"{OWNER}: laws need a yield, such as yield_=0.9973.")
     with kept_interrupts(), shown_runs(progress, OWNER) as progress:
         simulator, shape = simulator_of(scene, box, solver)
         pairs = limit_pairs(OWNER, limits, simulator.outputs, units_of(simulator))
         simulator = of_outputs(simulator, shape, [*pairs])
         for name in shape.names:
             require_name(OWNER, "parameter", name, simulator.parameters)
-        search = Search(simulator, shape, pairs, executor, progress)
+        search, chances = Search(simulator, shape, pairs, executor, progress), None
+        if yield_ is not None:
+            search = chances = YieldSearch(simulator, shape, pairs, executor, progress).begin(yield_, laws)
         if costs is None:
             (factors, bounds), cost = search.largest(np.ones(len(shape))), None
         else:
@@ -228,11 +272,18 @@ def tolerances(
     signs = search.signs(factors, idle)
     remarks = search.remarks + search.narrow + _about_idle([*np.array(shape.names)[idle]])
     has_end = acts.any() and factor < LARGEST_FACTOR and not (signs and cost is None)
-    is_open = not has_end or search.remarks or check.kept is None
+    is_open = not has_end or search.remarks or check.kept is None or chances is not None
     binding = None if is_open else search.binding(bounds, check)
-    return Tolerances(
+    found = Tolerances(
         bounds.box, factor, by_name, cost, binding, check, bounds, search.evaluations, nominal, remarks + signs
     )
+    if chances is None:
+        return found
+    assert chances.worst_case is not None
+    worst_case = dict(zip(shape.names, chances.worst_case.tolist(), strict=True))
+    responses = bounds._responses("Tolerances.statistics")
+    statistics = statistics_of(responses, pairs, chances.laws(factors), ERROR, chances.rejects)
+    return replace(found, yield_=yield_, worst_case=worst_case, statistics=statistics)
 
 
 def _about_idle(names: Sequence[str]) -> tuple[str, ...]:

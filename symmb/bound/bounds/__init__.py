@@ -10,6 +10,7 @@ the polynomials or runs in `responses`.
 
 from symmb.bound.bounds.contributions import Contributions
 from symmb.bound.bounds.doubts import checked, doubted, idle_parameters
+from symmb.bound.bounds.laws import Laws
 from symmb.bound.bounds.limits import WARNED, KeptLimit, LimitCheck, Limits, limit_pairs, other_side, unit_suffix
 from symmb.bound.bounds.method import Method, parameter_samples, possible_values, units_of
 from symmb.bound.bounds.optimization import Optimization
@@ -21,5 +22,6 @@ from symmb.bound.bounds.regression import fitted
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.result_file import INNER, box_coordinates, box_entries, box_of, inner_entries, kind_of
 from symmb.bound.bounds.sampling import MonteCarlo, Scanning, Vertex
+from symmb.bound.bounds.statistical import Statistics, laws_within, rejects_of, statistics_of
 from symmb.bound.bounds.study import Extremes, Study
 from symmb.bound.bounds.worst_case import SIDES, Sample, WorstCase, row_of, worst_rows

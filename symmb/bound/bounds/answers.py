@@ -15,8 +15,10 @@ from symmb._units import told_units, units_of_parameters
 from symmb.bound.bounds.contributions import Contributions, contributions_of
 from symmb.bound.bounds.envelope import Envelope
 from symmb.bound.bounds.laws import Correlation, given_once
+from symmb.bound.bounds.limits import Limits, limit_pairs
 from symmb.bound.bounds.probabilities import Probability, Quantiles, probability_of, quantiles_of, samples_of
 from symmb.bound.bounds.responses import GOOD, Responses
+from symmb.bound.bounds.statistical import Statistics, statistics_of
 from symmb.bound.bounds.time_windows import is_doubtful
 from symmb.bound.bounds.worst_case import SIDES, AttainingRuns, Place, Worst, WorstCase, row_of
 from symmb.bound.polynomials import Moments, moments
@@ -248,6 +250,41 @@ class Answers(Envelope):
         given = given_once("Bounds.probability", laws, distributions)
         responses = self._responses("Bounds.probability")
         return probability_of(responses, output, above, below, given, correlation, error)
+
+    def statistical(self, limits: Limits, laws: Mapping[str, Any] | None = None) -> Statistics:
+        """Rejects, Cp, Cpk and root sum squares of outputs with limits, beside the worst case.
+
+        A mechanism is a reject if it violates any limit at any output time. Rejects follow from the polynomials. If
+        they are rare, up to 1,000 runs near the limit follow for each limit, as in `probability`. Cp and Cpk do not
+        tell the rejects if the output has no normal distribution, for example near a stop.
+
+        Parameters
+        ----------
+        limits : mapping
+            limits as in `check`
+        laws : mapping
+            distributions as in `quantiles`. The default distribution of a parameter is normal, with its mean in the
+            middle of the interval and three standard deviations equal to the half width, cut to the interval
+
+        Raises
+        ------
+        DeclarationError
+            If an output or a parameter is unknown, or a distribution is invalid.
+        PropagationError
+            If runs fail.
+
+        Examples
+        --------
+        >>> import symmb as mb
+        >>> f = lambda a, b: [[a + b]]
+        >>> stack = mb.FunctionSimulator(f, {"a": 10.0, "b": 20.0}, [0.0], ["gap"])
+        >>> bounds = mb.propagate(stack, mb.PolynomialChaos(), mb.Box(a=(9.7, 10.3), b=(19.6, 20.4)))
+        >>> found = bounds.statistical({"gap": (29.4, 30.6)})
+        >>> found.rss.round(3), found.worst.round(3), found.cpk.round(2)
+        (array([0.5]), array([0.7]), array([1.22]))
+        """
+        pairs = limit_pairs("Bounds.statistical", limits, self.names, self.units)
+        return statistics_of(self._responses("Bounds.statistical"), pairs, laws)
 
     def samples(
         self,

@@ -98,8 +98,7 @@ class LawSamples:
 
     def by_runs(self, points: Array) -> Array:
         """Responses (N, n_t) of runs at points (N, d)."""
-        assert self.responses.runs is not None
-        return self.responses.runs.values(points)[:, :, self.column]
+        return self.responses.by_runs(points, self.column)
 
     def _fit(self) -> None:
         """Fit less accurate polynomials by least squares. Runs that differ only in the parameters without a

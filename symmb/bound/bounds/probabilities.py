@@ -1,6 +1,6 @@
 """Quantiles and probabilities of outputs, for parameters with distributions and for intervals."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +28,8 @@ from symmb.bound.bounds.responses import Responses
 from symmb.bound.nodes import Random
 from symmb.run.simulation import Sweep
 
+Ends = float | Array
+"""A limit, or limits over time (n_t,)."""
 _MOST_RUNS_NEAR_LIMIT = 1000
 """Largest number of runs near a limit."""
 
@@ -214,13 +216,7 @@ def probability_of(
     if not is_finite_number(error) or not 0 < error < 1:
         raise DeclarationError(f"{owner}: error must be above 0 and below 1, got {shown(error)}.")
     samples = LawSamples(owner, responses, k, laws, correlation, SAMPLES_BEFORE_RUNS)
-    found = _by_samples(samples, limits)
-    while _is_short(found, error) and samples.may_grow() and found[3, -1] < error / 2 * found[0, -1]:
-        samples.draw(4 * samples.number // SETS_OF_SAMPLES)
-        found = _by_samples(samples, limits)
-    if _is_short(found, error) and responses.runs is not None and not samples.free.any():
-        own = _near_limit(samples, limits, error)
-        found = np.where(own[2] < found[2], own, found)
+    found = event_probability(samples, limits, error)
     lower, upper, estimate, _ = found
     last = float(lower[-1]), float(upper[-1]), float(estimate[-1])
     figures = Probability(*samples.about(), event, lower[:-1], upper[:-1], estimate[:-1], last)
@@ -229,6 +225,22 @@ def probability_of(
         short = f"The error {told} is above {most}, which is {error:g} times the lowest probability {lower[-1]:.2g}."
         return replace(figures, remarks=(*figures.remarks, short))
     return figures
+
+
+def event_probability(samples: LawSamples, limits: tuple[Ends, Ends], error: float, least: float = 0.0) -> Array:
+    """The results of `_by_samples` with an error, or as close to this error as samples and runs allow.
+
+    The error is relative to the probability, or to `least` if the probability is smaller.
+    """
+    responses = samples.responses
+    found = _by_samples(samples, limits)
+    while _is_short(found, error, least) and samples.may_grow() and found[3, -1] < error / 2 * max(found[0, -1], least):
+        samples.draw(4 * samples.number // SETS_OF_SAMPLES)
+        found = _by_samples(samples, limits)
+    if _is_short(found, error, least) and responses.runs is not None and not samples.free.any():
+        own = _near_limit(samples, limits, error)
+        found = np.where(own[2] < found[2], own, found)
+    return found
 
 
 def _event(owner: str, responses: Responses, k: int, above: object, below: object) -> tuple[tuple[float, float], str]:
@@ -248,19 +260,21 @@ def _event(owner: str, responses: Responses, k: int, above: object, below: objec
     return limits, f"{responses.names[k]} {' or '.join(parts)}"
 
 
-def _is_short(found: Array, error: float) -> bool:
+def _is_short(found: Array, error: float, least: float = 0.0) -> bool:
     """Whether the error of the event at any time is larger than the requested error."""
-    return bool(found[2, -1] > error * found[0, -1])
+    return bool(found[2, -1] > error * max(found[0, -1], least))
 
 
-def _by_samples(samples: LawSamples, limits: tuple[float, float]) -> Array:
+def _by_samples(samples: LawSamples, limits: tuple[Ends, Ends]) -> Array:
     """Lowest and highest probability, their error, and the error from polynomials, (4, n_t + 1).
 
     The last entry of each row is for the event at any time.
     """
-    responses, k, (bottom, top) = samples.responses, samples.column, limits
+    responses, k = samples.responses, samples.column
+    limits_over_time = [np.broadcast_to(end, responses.t.shape) for end in limits]
     at_times, ever = [], np.zeros((4, SETS_OF_SAMPLES, samples.number // SETS_OF_SAMPLES), dtype=bool)
     for window, low, high in samples.over_time():
+        bottom, top = (end[window] for end in limits_over_time)
         lowest, highest, e = responses.lower[window, k], responses.upper[window, k], samples.error[window]
         low, high = np.clip((low, high), lowest, highest)
         pairs = (low, high), (high, low), (low - e, high + e), (high + e, low - e)
@@ -274,7 +288,7 @@ def _by_samples(samples: LawSamples, limits: tuple[float, float]) -> Array:
     return np.array([lower, upper, sampling + of_polynomials, of_polynomials])
 
 
-def _near_limit(samples: LawSamples, limits: tuple[float, float], error: float) -> Array:
+def _near_limit(samples: LawSamples, limits: tuple[Ends, Ends], error: float) -> Array:
     """The four results of `_by_samples`, from runs near the limit."""
     from scipy.special import ndtr, ndtri
 
@@ -316,7 +330,7 @@ def samples_of(
         )
     points = np.zeros((number, len(box)))
     points[:, own.columns] = own.unit_points((Random().points(number, len(own.names), seed) + 1) / 2, box)
-    Y = _values(responses, points)
+    Y = values_of(responses, points, range(len(responses.names)))
     parameters = {name: np.full(number, value) for name, value in nominal.items()}
     parameters |= dict(zip(box.names, box.from_unit(points).T, strict=True))
     parameters = ByName(parameters, units_of_parameters(nominal))
@@ -325,15 +339,16 @@ def samples_of(
     return Sweep(name, responses.t, responses.names, units, parameters, {}, Y, np.ones(number, dtype=bool), ())
 
 
-def _values(responses: Responses, points: Array) -> Array:
-    """Responses (N, n_t, n_y) at points, from polynomials that agree with some runs, or from runs."""
-    surrogate, runs = responses.surrogate, responses.runs
-    if surrogate is not None and responses.is_good.all():
+def values_of(responses: Responses, points: Array, columns: Sequence[int]) -> Array:
+    """Outputs (N, n_t, n) with these numbers at points, from polynomials that agree with some runs, or from runs."""
+    runs, surrogate = responses.runs, responses.surrogate
+    if surrogate is not None and responses.is_good[[*columns]].all():
+        surrogate = surrogate.part(slice(None), columns)
         if runs is None:
             return surrogate.values(points)
         some = points[:VERIFYING_RUNS]
-        error = SAFETY_OF_RUNS * np.abs(surrogate.values(some) - runs.values(some)).max(axis=0)
-        if responses.are_good(error, range(len(responses.names))).all():
+        error = SAFETY_OF_RUNS * np.abs(surrogate.values(some) - runs.values(some)[:, :, columns]).max(axis=0)
+        if responses.are_good(error, columns).all():
             return surrogate.values(points)
     assert runs is not None
-    return runs.values(points)
+    return runs.values(points)[:, :, columns]

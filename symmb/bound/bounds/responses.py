@@ -86,6 +86,11 @@ class Responses:
         """The accurate polynomials of output k only."""
         return self.surrogate.part(slice(None), [k]) if self.surrogate is not None and self.is_good[k] else None
 
+    def by_runs(self, points: Array, k: int) -> Array:
+        """Values (N, n_t) of output k by runs at points (N, d)."""
+        assert self.runs is not None
+        return self.runs.values(points)[:, :, k]
+
     def are_good(self, error: Array, columns: Sequence[int]) -> Mask:
         """Mask of outputs with a small error (n_t, n) of polynomials, compared with the width, or with only noise."""
         lower, upper, floor = self.lower[:, columns], self.upper[:, columns], self.floor[[*columns]]
