@@ -169,7 +169,8 @@ def _mixed(beta: MultiIndices, unit: Array, along: Array) -> Array:
 def _values(part: Sequence[Array], points: Array) -> Array:
     """Values (N, n_t, n_y) of an expansion at points (N, d), from its coefficients of each degree."""
     beta = np.concatenate([np.array(homogeneous(points.shape[1], degree)) for degree in range(len(part))])
-    return np.tensordot(np.prod(points[:, None] ** beta, axis=2), np.concatenate(part), axes=1)
+    monomials = np.prod(points[:, None] ** beta, axis=2)
+    return np.asarray(np.tensordot(monomials, np.concatenate(part), axes=1), dtype=float)
 
 
 def _range(part: Sequence[Array]) -> tuple[Array, Array]:

@@ -205,9 +205,9 @@ class DAESimulator(WithWarnings):
                 return None
             x0, _ = form.start.states(p[None])
             run = self.program.integration().run(x0, p[None], 1)[0]
-            if impacts is not None or kinks is None:
-                text = impacts_text(impacts) if impacts else ""
-                return min((event.time for event in run.events), default=float(self.times[-1])), text
+            if impacts is not None:
+                return min((event.time for event in run.events), default=float(self.times[-1])), impacts_text(impacts)
+            assert kinks is not None
             X = run.X
             first = kinks.first(X[(ok := np.isfinite(X).all(axis=1))], p, self.times[ok])
             # A switch may be passed twice between two output times.
