@@ -187,7 +187,7 @@ class Statistics(Result):
 
     def _rows(self) -> list[list[str]]:
         heads = ["limit", "mean", "3 sigma", "RSS", "worst case", "Cp", "Cpk", "at [s]"]
-        rows = [[*heads, "rejects [ppm]", "estimated error", "any distribution"]]
+        rows = [[*heads, "rejects [ppm]", "error", "any law"]]
         for k, text in enumerate(self.texts):
             halves = (f"± {each[k]:.4g}" for each in (3 * self.sigma, self.rss, self.worst))
             cp = "–" if np.isnan(self.cp[k]) else f"{self.cp[k]:.3g}"
