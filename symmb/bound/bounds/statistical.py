@@ -181,7 +181,8 @@ class Statistics(Result):
     def _head(self) -> str:
         lines = [
             f"Rejects: {_ppm(self.total[0])} ppm, with an estimated error of {_ppm(self.total[1])} ppm",
-            f"  distribution {self.laws}, {counted(self.runs, 'further run')}",
+            f"  distribution {self.laws}",
+            f"  runs         {counted(self.runs, 'further run')}",
         ]
         return "\n".join([*lines, *(f"  remark       {remark}" for remark in self.remarks)])
 
