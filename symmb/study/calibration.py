@@ -282,7 +282,7 @@ def calibrate(
 ) -> Calibration:
     """Find the parameters that fit measured outputs best. The search starts at the nominal parameters.
 
-    The runs may be those of a scene or of a simulator, such as a `FunctionSimulator`, a `ProgramSimulator` or an FMU.
+    The runs may be those of a scene or of a simulator, such as a `FunctionSimulator` or a `ProgramSimulator`.
 
     Each residual is divided by the noise of its output, and the sum of squares is minimised. If the noise is not given,
     it is estimated from the residuals of each output. If the residuals are not noise, further fits start at other
