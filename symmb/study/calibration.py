@@ -336,10 +336,8 @@ def calibrate(
         simulator = simulator_with(own if own.outputs is None else with_some_outputs(own, [*measured]), solver)
     else:
         require_own(scene, solver, None, None)
-        if not np.isin(times, scene.times).all():
-            raise DeclarationError(
-                f"{OWNER}: {scene!r} has no output at t = {times[~np.isin(times, scene.times)][0]:g} s."
-            )
+        if len(missing := np.setdiff1d(times, scene.times)):
+            raise DeclarationError(f"{OWNER}: {scene!r} has no output at t = {missing[0]:g} s.")
         simulator = scene
     some = chosen_parameters(OWNER, parameters, simulator.parameters)
     known_noise = noise_of_outputs(noise, measured)

@@ -104,6 +104,18 @@ def test_derivatives_pass_switches_and_impacts(seed):
     assert count >= 3 and off < 1e-7
 
 
+def test_a_parameter_without_effect_has_no_warning():
+    """The mass of a rod does not change its fall on a stop."""
+    p = mb.Parameters(length=0.4, mass=2.0)
+    rod = mb.Body("rod", p.mass, p.mass * p.length**2 / 12)
+    pin = mb.Revolute("pin", mb.Ground().point(0, 0), rod.point(-p.length / 2, 0))
+    stop = mb.Stop("stop", pin, lower=-1.4, restitution=0.5)
+    system = mb.System(rod, pin, stop, mb.Gravity(0, -9.81), parameters=p)
+    times = np.linspace(0.0, 1.0, 51)
+    slopes = mb.sensitivities(mb.Scene(system, {"rod.theta": 0.0}, times, {"angle": rod.theta}))
+    assert np.abs(slopes["angle", "mass"]).max() < 1e-9 < np.abs(slopes["angle", "length"]).max()
+
+
 if __name__ == "__main__":
     found = [error(seed) for seed in range(*map(int, sys.argv[1:]))]
     print(f"{sum(count for _, count in found)} events, errors", np.quantile([off for off, _ in found], [0.5, 0.9, 1.0]))

@@ -244,11 +244,11 @@ def statistics_of(
     ordered = zip(pairs.items(), columns, strict=True)
     texts = tuple(KeptLimit(name, units[k], *pair, None, "", np.zeros(1), 0).text for (name, pair), k in ordered)
     rejects, errors, runs = (np.array(each) for each in zip(*single, strict=True))
-    made = int(runs.sum()) + (total[2] if len(single) > 1 else 0) + responses.extra_runs
+    further_runs = int(runs.sum()) + (total[2] if len(single) > 1 else 0) + responses.extra_runs
     return Statistics(
         tuple(pairs), texts, responses.t[rows[0]], mean[rows], sigma[rows], rss[rows], worst[rows], cp, cpk[rows],
         rejects, errors, at_most(below[rows], above[rows]), total[:2],
-        _DEFAULT if laws is None else laws_text(full), made, (*responses.remarks, *own.remarks),
+        _DEFAULT if laws is None else laws_text(full), further_runs, (*responses.remarks, *own.remarks),
     )  # fmt: skip
 
 

@@ -38,7 +38,7 @@ class Taylor(Method):
     intervals differ from the expansion. Mixed coefficients follow from univariate Taylor coefficients along the
     directions alpha / order, |alpha| = order. The j-th coefficient along a direction u is sum c_beta u^beta over
     |beta| = j. Each part counts as C(d + order, d) evaluations, because it has this number of
-    coefficients. The executor is not used.
+    coefficients. Differences take 16 runs for each direction instead. The executor is not used.
 
     Parameters
     ----------
@@ -117,8 +117,8 @@ class Taylor(Method):
                 P = parameter_samples(simulator, box, center + radius * ends)
                 if own := list(filter(None, map(kinked.kink, P))):
                     off = np.abs(_values(part, ends) - simulator.run(P).Y).max(axis=0)
-                    told = noise_from_runs(simulator)
-                    least = DOUBTFUL * (above - below).max(axis=0) + (0.0 if told is None else 2 * told)
+                    noise = noise_from_runs(simulator)
+                    least = DOUBTFUL * (above - below).max(axis=0) + (0.0 if noise is None else 2 * noise)
                     kinks += own if not (off <= least).all() else []
             if progress is not None:
                 progress(done, len(centers))

@@ -6,6 +6,7 @@ from typing import Any, cast
 import numpy as np
 
 from symmb._errors import DeclarationError, SimulationError, warn_of
+from symmb._magnitudes import SAME
 from symmb._names import ByName, counted
 from symmb._options import optional_package, shown
 from symmb._types import Array, Expr
@@ -99,18 +100,20 @@ class Differentiable:
         doubts = list[str]()
         for k in np.flatnonzero(~smooth):
             sizes = _SIZE * np.where(points[k], np.abs(points[k]), 1.0)[self._columns, None]
-            found, errors = differences(self.simulator, points[k], sizes * directions)
-            Y[k], dY[k] = found[0, 0], found[1] / sizes[..., None]
-            doubts += self._doubts(found[1], errors[1])
+            coefficients, errors = differences(self.simulator, points[k], sizes * directions)
+            Y[k], dY[k] = coefficients[0, 0], coefficients[1] / sizes[..., None]
+            doubts += self._doubts(*coefficients, errors[1])
         if doubts:
             warn_of(doubts[:1], self._owner)
         if not (np.isfinite(Y).all() and np.isfinite(dY).all()):
             raise SimulationError(f"{self._owner}: the derivatives are not finite, because runs fail.")
         return Y.reshape(*batch, *self.shape), np.moveaxis(dY, 1, -1).reshape(*batch, *self.shape, n_p)
 
-    def _doubts(self, slopes: Array, errors: Array) -> list[str]:
-        """The warning about slopes (n_p, n_t, n_y) with large errors; empty if they are certain."""
-        is_far = errors > _UNCERTAIN * np.abs(slopes).max(axis=1, keepdims=True)
+    def _doubts(self, values: Array, slopes: Array, errors: Array) -> list[str]:
+        """The warning about slopes (n_p, n_t, n_y) with large errors; empty if they are certain. Errors of a slope that
+        are rounding errors of the values, each of the same shape, do not count."""
+        largest, scales = (np.abs(each).max(axis=1, keepdims=True) for each in (slopes, values))
+        is_far = errors > np.maximum(_UNCERTAIN * largest, SAME * scales)
         if not is_far.any():
             return []
         names = [name for name, one in zip(self.parameters, is_far.any(axis=(1, 2)), strict=True) if one]

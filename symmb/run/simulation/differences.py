@@ -43,8 +43,8 @@ def differences(simulator: Simulator, p: Array, directions: Array, order: int = 
         # Odd and even parts, divided by h and h^2, are polynomials in h^2.
         parts = (ahead - behind) / (2 * size), ((ahead + behind) / 2 - at_p) / np.square(size)
         for k in range(1, order + 1):
-            found = _polynomials(parts[(k - 1) % 2], np.square(h), (k - 1) // 2)
-            coefficients[k], errors[k] = _agreed(found, 3 if k == 1 else 2)  # smaller steps spoil higher orders
+            estimates = _polynomials(parts[(k - 1) % 2], np.square(h), (k - 1) // 2)
+            coefficients[k], errors[k] = _agreed(estimates, 3 if k == 1 else 2)  # smaller steps spoil higher orders
         for one_sided in ((ahead - at_p) / size, (at_p - behind) / size):
             slope, error = _agreed(_polynomials(one_sided, h, 0), 3)
             coefficients[1] = np.where(error < errors[1], slope, coefficients[1])
@@ -65,12 +65,15 @@ def _polynomials(values: Array, x: Array, power: int) -> Array:
     return (windows @ of_values) * scale.reshape(-1, *[1] * (values.ndim - 1))
 
 
-def _agreed(found: Array, successive: int) -> tuple[Array, Array]:
-    """The first or second of those two or three successive values that differ least, and their largest difference."""
-    gaps = np.abs(np.diff(found, axis=0))
-    if successive == 3:
-        found, gaps = found[1:], np.maximum(gaps[1:], gaps[:-1])
+def _agreed(estimates: Array, number: int) -> tuple[Array, Array]:
+    """The best of estimates (n, ...), and its error (...), from two or three successive estimates that differ least.
+
+    Of two estimates, the first is the result; of three, the middle one. The error is their largest difference.
+    """
+    gaps = np.abs(np.diff(estimates, axis=0))
+    if number == 3:
+        estimates, gaps = estimates[1:], np.maximum(gaps[1:], gaps[:-1])
     gaps = np.where(np.isfinite(gaps), gaps, np.inf)
     best = gaps.argmin(axis=0)[None]
-    value, least = (np.take_along_axis(each, best, axis=0)[0] for each in (found, gaps))
+    value, least = (np.take_along_axis(each, best, axis=0)[0] for each in (estimates, gaps))
     return value, least
