@@ -102,7 +102,7 @@ class Differentiable:
             sizes = _SIZE * np.where(points[k], np.abs(points[k]), 1.0)[self._columns, None]
             coefficients, errors = differences(self.simulator, points[k], sizes * directions)
             Y[k], dY[k] = coefficients[0, 0], coefficients[1] / sizes[..., None]
-            doubts += self._doubts(*coefficients, errors[1])
+            doubts += self._doubts(coefficients[0], coefficients[1], errors[1])
         if doubts:
             warn_of(doubts[:1], self._owner)
         if not (np.isfinite(Y).all() and np.isfinite(dY).all()):
