@@ -174,17 +174,22 @@ class Piece:
         Extremes are mostly at nodes, where errors are smaller. At other points, terms of higher degrees are expected to
         decrease with the same ratio as the last terms. At kinks, all of the last degrees give the error.
         """
-        alpha, size = self.expansion.alpha, np.abs(self.expansion.coefficients)
+        alpha, is_slow = self.expansion.alpha, self.truncation.slow.any(axis=0)
         highest = alpha.max(axis=0)
         error = self.truncation.directions.sum(axis=0) + self.truncation.least
         for of_direction, n in zip(alpha.T, highest, strict=True):
-            before, last = (size[of_direction == n - k].sum(axis=0) for k in (1, 0))
+            before, last = (self._size(of_direction == n - k) for k in (1, 0))
             # Further terms with the ratio r of the last two have the sum r / (1 - r) times the last one.
             ratio = np.divide(last, before, out=np.ones_like(last), where=before > last)
             error = np.maximum(error, last * np.minimum(ratio / np.maximum(1 - ratio, ratio), 1.0))
-        tail = size[(alpha > np.maximum(highest - _DEGREES_OF_TAIL, highest / 2)).any(axis=1)].sum(axis=0)
-        error = np.where(self.truncation.slow.any(axis=0), np.maximum(tail, error), error)
+        if is_slow.any():
+            tail = self._size((alpha > np.maximum(highest - _DEGREES_OF_TAIL, highest / 2)).any(axis=1))
+            error = np.where(is_slow, np.maximum(tail, error), error)
         return error if self.jumps is None else np.where(self.jumps, np.ptp(self.Y, axis=0), error)
+
+    def _size(self, rows: Mask) -> Array:
+        """Sum (n_t, n_y) of the sizes of some coefficients, the largest value of their terms."""
+        return np.abs(self.expansion.coefficients[rows]).sum(axis=0)
 
     def values(self, points: Array) -> Array:
         """Interpolated responses (N, n_t, n_y) at points (N, d) of the box."""
