@@ -18,7 +18,7 @@ from symmb.bound.bounds import METHODS, Bounds, Method, checked, doubted, method
 from symmb.connect import Simulator, StoredSimulator, noise_from_runs
 from symmb.equations.model import Box, Scene
 from symmb.run.integrate import Solver
-from symmb.run.simulation import SceneSimulator, simulator_of
+from symmb.run.simulation import Device, SceneSimulator, simulator_of
 from symmb.study.comparison_result import Comparison
 from symmb.study.enclosed import ProvedBounds
 from symmb.study.metrics import Yardstick
@@ -45,6 +45,7 @@ def compare(
     outputs: Mapping[str, Expr] | None = None,
     executor: Executor | None = None,
     progress: Callable[[str, int, int], None] | None = None,
+    device: Device = None,
 ) -> Comparison:
     """Bound a scene's outputs by several methods, and measure error and run time of each method.
 
@@ -66,6 +67,7 @@ def compare(
     progress : callable
         called with the label of the work, the number of finished runs and the number of all runs; default: a bar, in
         notebooks and terminals
+    device : "cuda" for runs on a graphics card of NVIDIA; default: the processor
 
     Returns
     -------
@@ -97,7 +99,7 @@ def compare(
     if reference is not None and not isinstance(reference, Bounds):
         reference = method_of("compare: reference", reference)
     with kept_interrupts(), shown(progress, "comparing methods") as progress:
-        simulator, box = simulator_of(scene_or_simulator, box, solver, times, outputs)
+        simulator, box = simulator_of(scene_or_simulator, box, solver, times, outputs, device)
         about: dict[str, Any] = {"scene": repr(simulator), "units": units_of(simulator)}
         if isinstance(simulator, SceneSimulator):
             simulator.prepare()

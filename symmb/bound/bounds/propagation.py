@@ -20,7 +20,7 @@ from symmb.connect import Noisy, Progress, RecordedRuns, Simulator
 from symmb.equations.model import Box, Scene
 from symmb.run.formulations import program_of
 from symmb.run.integrate import Solver
-from symmb.run.simulation import SceneSimulator, simulator_of
+from symmb.run.simulation import Device, SceneSimulator, simulator_of
 
 
 def propagate(
@@ -30,6 +30,7 @@ def propagate(
     solver: Solver | str | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
+    device: Device = None,
 ) -> Bounds:
     """Bound every output of a scene or a simulator over time, for parameters anywhere in a box.
 
@@ -45,6 +46,7 @@ def propagate(
     progress : called with the number of finished runs and of all runs. Adaptive methods increase the number of all
         runs. If `progress` has a method ``estimate``, these methods call ``estimate`` with the current estimated error.
         Default: a bar, in notebooks and terminals
+    device : "cuda" for runs on a graphics card of NVIDIA; default: the processor
 
     Returns
     -------
@@ -70,7 +72,7 @@ def propagate(
     """
     method = PolynomialChaos() if method is None else method_of("propagate", method)
     with kept_interrupts(), shown_runs(progress, repr(method), method.unit_of_work) as progress:
-        simulator, box = simulator_of(scene_or_simulator, box, solver)
+        simulator, box = simulator_of(scene_or_simulator, box, solver, device=device)
         if isinstance(simulator, RecordedRuns) and method != PolynomialChaos():
             raise simulator.refusal(f"{method!r}: ")
         try:

@@ -10,6 +10,7 @@ switches, impacts            ends of steps at kinks and jumps, and at contacts t
 projection                   projection onto constraints
 model, step_control, tableau examples of what the generator writes
 one_run, scene, fmu, main    one run, and exported programs and FMUs
+scalar, kernel               the same sources on graphics cards, with one sample in each thread
 dense_search, polynomial_ranges, tensor_fit   ranges and fits of polynomials
 """
 

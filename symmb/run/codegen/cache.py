@@ -17,7 +17,7 @@ from pathlib import Path
 
 from symmb._errors import SymmbError
 
-_OWN = re.compile(r"[0-9a-f]{32}(-[0-9a-f]{64}\.(so|c|wasm)|-\w+\.part|\.note)")
+_OWN = re.compile(r"[0-9a-f]{32}(-[0-9a-f]{64}\.(so|c|wasm|cubin)|-\w+\.part|\.note)")
 """Names of files of the cache. The folder may contain other files."""
 LARGEST = 2**30
 """Maximum size of the cache [bytes], for about 10,000 models of 100 kB. Files above this size are removed."""

@@ -14,7 +14,7 @@ from symmb.run.codegen.build import load
 from symmb.run.codegen.c_source import c_fields
 from symmb.run.codegen.contacts import BLAMED, CROWD, EVENT, Contacts
 from symmb.run.codegen.failures import REASONS, FailureCode
-from symmb.run.codegen.model_source import Scheme, source_of
+from symmb.run.codegen.model_source import Scheme, Use, source_of
 from symmb.run.codegen.threads import side_by_side
 from symmb.run.schemes import CLASSICAL, MOST_STEPS
 
@@ -96,7 +96,7 @@ _DATA: dict[str, Array] = {}
 """Name of pieces, which identifies their values -> these values. Open libraries read the arrays until Python ends."""
 
 
-class _Study(ctypes.Structure):
+class Study(ctypes.Structure):
     """The struct `Study` of c/block.h."""
 
     _fields_ = c_fields(
@@ -173,6 +173,8 @@ class Engine:
         output times [s]
     """
 
+    use: Use = "lanes"
+
     def __init__(self, lanes: Lanes, times: Array) -> None:
         f, scheme = lanes.f, lanes.scheme
         self.control, self.ends, self.contacts = lanes.control, lanes.ends, lanes.contacts
@@ -183,7 +185,7 @@ class Engine:
         self.newton = scheme.newton if scheme else 0.0
         self.counts, self.most_steps = Counts(), MOST_STEPS
         tableau = CLASSICAL if isinstance(lanes.control, FixedStep) else None
-        self.source = source_of(f, scheme or tableau, lanes.ends.hysteresis, lanes.contacts)
+        self.source = source_of(f, scheme or tableau, lanes.ends.hysteresis, lanes.contacts, self.use)
         self._pieces = {entry.pieces.name: entry.pieces.data for call in called(f).values() for entry in call if entry}
         self._open()
 
@@ -225,13 +227,13 @@ class Engine:
         # -0 and 0 are equal, and which of them is found first depends on the threads. The sum makes both 0.
         return lower + 0.0, upper + 0.0, failed_samples
 
-    def _study(self, n: int, n_stops: int, most_events: int, arrays: Mapping[str, np.ndarray | None]) -> _Study:
+    def _study(self, n: int, n_stops: int, most_events: int, arrays: Mapping[str, np.ndarray | None]) -> Study:
         """The study of n samples with these arrays."""
         control = (
             self.control if isinstance(self.control, StepTolerances) else StepTolerances(0.0, 0.0, self.control.longest)
         )
         arrays = {**arrays, "times": self.times, "atol": control.absolute(self.n_x)}
-        study = _Study(
+        study = Study(
             n=n,
             n_t=len(self.times),
             newton=self.newton,
@@ -262,12 +264,7 @@ class Engine:
         arrays |= {name: getattr(failed_samples, name) for name in ("t_failed", "failure", "x_failed", "passes")}
         study = self._study(N, 0 if stops is None else stops.shape[1], len(events), arrays)
 
-        def work(part: Array | None) -> bool:
-            lower, upper = (None, None) if part is None else (a.ctypes.data for a in part)
-            return bool(self._library.work(ctypes.byref(study), ctypes.c_void_p(lower), ctypes.c_void_p(upper)))
-
-        if not all(side_by_side(work, extremes[: max(1, -(-N // self.width))])):
-            raise MemoryError("not enough memory for the compiled engine")
+        self._execute(study, extremes)
         if study.n_events > len(events):  # the repeated runs have the same number of events
             self._room = study.n_events // N + 1
             return self._run(given, p, Y, extremes)
@@ -277,3 +274,13 @@ class Engine:
         events = events[: study.n_events]
         events = events[np.argsort(events[:, 0], kind="stable")]
         return replace(failed_samples, events=events, contacts=self.contacts.names, faults=faults)
+
+    def _execute(self, study: Study, extremes: list[Array | None]) -> None:
+        """Run the blocks of a study on threads. The study gets the values, or each thread extends its extremes."""
+
+        def work(part: Array | None) -> bool:
+            lower, upper = (None, None) if part is None else (a.ctypes.data for a in part)
+            return bool(self._library.work(ctypes.byref(study), ctypes.c_void_p(lower), ctypes.c_void_p(upper)))
+
+        if not all(side_by_side(work, extremes[: max(1, -(-study.n // self.width))])):
+            raise MemoryError("not enough memory for the compiled engine")

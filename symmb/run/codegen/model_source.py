@@ -5,6 +5,7 @@ import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import casadi as ca
 
@@ -18,6 +19,7 @@ from symmb.run.codegen.graph import BOX, INPUT, Graph, graph_of
 from symmb.run.codegen.tableau import PAIR_STAGES, explicit_stages, pair
 from symmb.run.schemes import Tableau
 
+Use = Literal["lanes", "run", "card"]
 CACHED_STATES = 32
 """Largest number of states for which 16 slopes of 8 lanes fit into a first-level cache of 32 kB.
 tests/benchmarks/ensemble.py"""
@@ -129,7 +131,7 @@ def source_of(
     scheme: Scheme | Tableau | None,
     hysteresis: Sequence[float] = (),
     contacts: Contacts | None = None,
-    one_run: bool = False,
+    use: Use = "lanes",
 ) -> str:
     """The C source of an ensemble of f. The source of a large model is cached, because its generation takes seconds.
 
@@ -139,13 +141,13 @@ def source_of(
     scheme                     of a `scheme_function`, or an explicit method with fixed steps; None for an embedded pair
     hysteresis : (m,)          distance by which the value of each switch must pass 0, larger than its rounding error
     contacts : Contacts        contacts and joints; their gaps and margins are the last switches
-    one_run : bool             whether the source is for single runs of one lane by c/one_run.h, with the data of pieces
+    use                        "lanes": c/ensemble.h; "run": single runs of one lane by c/one_run.h; "card": c/kernel.h
     """
 
-    write = functools.partial(_ensemble_source, f, scheme, hysteresis, contacts, one_run)
+    write = functools.partial(_ensemble_source, f, scheme, hysteresis, contacts, use)
     if f.n_instructions() < LARGE_MODEL:
         return write()
-    described = [f.serialize(), repr((scheme, hysteresis, contacts, one_run)), _generator()]
+    described = [f.serialize(), repr((scheme, hysteresis, contacts, use)), _generator()]
     key = hashlib.sha256("\0".join(described).encode()).hexdigest()[:32]
     path = cache.find(key, ".c")
     if path is not None:
@@ -197,11 +199,7 @@ def _scheme_sizes(nodes: Mapping[str, list[int]], scheme: Scheme) -> dict[str, f
 
 
 def _ensemble_source(
-    f: ca.Function,
-    scheme: Scheme | Tableau | None,
-    hysteresis: Sequence[float],
-    contacts: Contacts | None,
-    one_run: bool,
+    f: ca.Function, scheme: Scheme | Tableau | None, hysteresis: Sequence[float], contacts: Contacts | None, use: Use
 ) -> str:
     """The C source of an ensemble: functions of the model, which compute nodes of a graph, and files for the steps."""
     graph = graph_of(f)
@@ -212,7 +210,7 @@ def _ensemble_source(
         place, own_sizes, steps = _explicit_steps(graph, nodes, scheme, hysteresis)
     emitter = Emitter(graph, place)
     parts, functions, n_c = emitter.source(nodes)
-    lists = _state_lists(emitter, nodes, place, bool(hysteresis) or one_run)
+    lists = _state_lists(emitter, nodes, place, bool(hysteresis) or use == "run")
     sizes = {
         "N_PARTS": len(parts),
         "N_X": len(place),
@@ -231,23 +229,27 @@ def _ensemble_source(
         "N_U": len(nodes.get("newton", ())),
         "LARGE": int(len(graph.nodes) > LARGE_MODEL),
         **own_sizes,
-        **({"WIDTH": 1} if one_run else {}),
+        **({"WIDTH": 1} if use != "lanes" else {}),
     }
     numbers = {"hysteresis": hysteresis}
     if contacts is not None:
         sizes |= _sizes_of(contacts)
         lists |= {"contact_state": contacts.closed, **contacts.joints}
         numbers["displacement"] = contacts.displacements
+    scalar, ends = {"lanes": ([], ["ensemble"]), "run": ([], []), "card": (["scalar"], ["kernel"])}[use]
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
-    lines += [f"enum {{ {', '.join(FailureCode.__members__)} }};", c_source("lanes")]
+    lines += [f"enum {{ {', '.join(FailureCode.__members__)} }};", c_source(*scalar, "lanes")]
     lines += [_constants("int", name, map(str, v or [0])) for name, v in lists.items()]
-    lines += [f"extern const double *{name};" for name in graph.pieces]
+    # Lanes share the data of pieces with Python. Other programs do not have these data.
+    lines += [f"extern const double *{n};" if use == "lanes" else _data(n, p) for n, p in graph.pieces.items()]
     lines += [_constants("double", name, map(repr, v or [0.0])) for name, v in numbers.items()]
     lines += [f"{_only_in(k)}\n{part}\n#endif" for k, part in enumerate(parts)]
     # The steps are compiled only with the first part, because the parts of a large model are linked into one library.
-    lines += [_only_in(0), *(_pieces(name, pieces if one_run else None) for name, pieces in graph.pieces.items())]
+    lines += [_only_in(0)]
+    if use == "lanes":
+        lines += [f"const double *{name}; /* set when the library is opened */" for name in graph.pieces]
     lines += [functions, c_source("block", "projection", "switches", "impacts"), *steps, c_source("begin")]
-    return "\n".join([*lines, *([] if one_run else [c_source("ensemble")]), "#endif"])
+    return "\n".join([*lines, *map(c_source, ends), "#endif"])
 
 
 def _state_lists(
@@ -284,11 +286,11 @@ def _constants(kind: str, name: str, texts: Iterable[str]) -> str:
     return f"PRIVATE const {kind} {name}[] = {{{', '.join(texts)}}};"
 
 
-def _pieces(name: str, pieces: Pieces | None) -> str:
-    """The definition of pieces in C. If `pieces` are given, the definition contains their data."""
-    if pieces is None:
-        return f"const double *{name}; /* set when the library is opened */"
-    return f"const double *{name} = (const double[]){{{', '.join(map(repr, pieces.data.ravel().tolist()))}}};"
+def _data(name: str, pieces: Pieces) -> str:
+    """The definition of pieces in C, with their data."""
+    return (
+        f"{_constants('double', f'{name}_data', map(repr, pieces.data.ravel().tolist()))}\n#define {name} {name}_data"
+    )
 
 
 def _only_in(part: int) -> str:

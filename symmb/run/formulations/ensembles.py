@@ -25,8 +25,10 @@ NAMED_SAMPLES = 5
 """Number of failed samples of a block with messages that name joints. No more messages are printed."""
 
 
-def block_size(n_x: int, values: int, compiled: bool, keeps_trajectories: bool) -> int:
+def block_size(n_x: int, values: int, compiled: bool, keeps_trajectories: bool, on_card: bool = False) -> int:
     """Number of samples of a block, for n_x states and `values` output values of each sample."""
+    if on_card:  # cards run many samples at once. Trajectories of a block take at most 0.3 GB
+        return max(BLOCK, 2**25 // values) if keeps_trajectories else 2**18
     if not n_x:
         # Number of values of a block of a scene without states. A call takes much longer than its overhead.
         return max(BLOCK, 10**6 // values)

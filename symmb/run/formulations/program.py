@@ -5,7 +5,7 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.metadata import version as symmb_version
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -30,6 +30,9 @@ from symmb.run.integrate import (
     refined,
     round_otherwise,
 )
+
+if TYPE_CHECKING:
+    from symmb.run.codegen.card import Card
 
 _LONG = 10_000
 """Number of operations of rows of loops in coordinates of bodies. If rows have more, checks of runs do not derive these
@@ -68,6 +71,7 @@ class Program:
     solver : Solver
     times : (n_t,)                    output times [s]
     contradiction : Break, optional   a drive whose law of time jumps; accelerations do not show such a jump
+    card : Card, optional             graphics card that runs the samples
     compiled : the compiled parts. Programs share these parts if their runs differ only in parameters
     """
 
@@ -75,6 +79,7 @@ class Program:
     solver: Solver
     times: Array
     contradiction: Break | None = None
+    card: "Card | None" = None
     compiled: _Compiled = field(default_factory=_Compiled)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -133,7 +138,8 @@ class Program:
         def make() -> Engine:
             solver, form = cast(CompiledSolver, self.solver), self.formulation
             y, start = (jet_outputs(form.y, order), None) if order else (form.y, form.start)
-            return solver.engine(Task(form.dae, self.times, y, order, start=start))
+            card = None if order else self.card
+            return solver.engine(Task(form.dae, self.times, y, order, start=start), card)
 
         return self.compiled.get(("engine", order), make)
 
@@ -181,7 +187,22 @@ class Program:
         if solver == self.solver:
             return self
         _require_able(solver, self.bodies.dae, self.times, self.contradiction)
-        return Program(self.forms, solver, self.times, self.contradiction)
+        return Program(self.forms, solver, self.times, self.contradiction, self.card)
+
+    def on_card(self, card: "Card") -> "Program":
+        """The program of the same scene, with samples that run on a graphics card.
+
+        Raises
+        ------
+        DeclarationError       if the solver cannot run there
+        CardError              if the card cannot make the runs
+        """
+        if not self.runs_in_lanes:
+            why = "the scene has no states" if self.is_stateless else f"{self.solver!r} does not run there"
+            raise DeclarationError(f"device: {why}. Graphics cards run explicit solvers, such as DormandPrince().")
+        program = replace(self, card=card, compiled=_Compiled())
+        program.engine()
+        return program
 
     def tighter(self) -> "Program":
         """The program of the same scene with a solver that is at least ten times more accurate, so that its steps

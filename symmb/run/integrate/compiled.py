@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -19,6 +19,9 @@ from symmb.run.integrate.integration import Integration, Run
 from symmb.run.integrate.projection import sampled_jets
 from symmb.run.integrate.side_walk import stops_at
 from symmb.run.integrate.solver import Solver
+
+if TYPE_CHECKING:
+    from symmb.run.codegen.card import Card
 
 
 class Task(NamedTuple):
@@ -57,14 +60,18 @@ class CompiledSolver(Solver):
         motion."""
         return self.tolerances(dae, order, n_quad) if self.controls_step else FixedStep(self.fixed_step(times))
 
-    def engine(self, task: "Task") -> Engine:
-        """The engine that makes the runs in compiled C code.
+    def engine(self, task: "Task", card: "Card | None" = None) -> Engine:
+        """The engine that makes the runs in compiled C code, or on a graphics card.
 
         Raises
         ------
         NoCompilerError
             If there is no C compiler that can build the engine
+        CardError, DeclarationError
+            If the card cannot make the runs
         """
+        if card is not None:
+            return card.engine(self.lanes(task), task.times)
         impacts = task.dae.impacts
         events = f", which locates the events of {impacts_text(impacts)}," if impacts else ""
         require_compiler(f"{self!r}{events}")

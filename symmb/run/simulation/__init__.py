@@ -10,6 +10,7 @@ from symmb.run.simulation.figure_simulator import FigureSimulator, SceneSimulato
 from symmb.run.simulation.sensitivities import Sensitivities, sensitivities
 from symmb.run.simulation.single_run import parameter_values, simulate
 from symmb.run.simulation.subject import (
+    Device,
     chosen_parameters,
     prepare,
     require_own,

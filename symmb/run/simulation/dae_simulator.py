@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -21,6 +21,9 @@ from symmb.run.formulations import LOCK, Program, block_size, jet_outputs, outpu
 from symmb.run.integrate import Solver, SwitchPasses, impacts_text, solver_of
 from symmb.run.simulation.pilots import given_program, program_for_studies
 from symmb.run.verification import OtherWays
+
+if TYPE_CHECKING:
+    from symmb.run.codegen.card import Card
 
 S = TypeVar("S")
 
@@ -131,6 +134,10 @@ class DAESimulator(WithWarnings):
         """The same simulator with another solver."""
         return self if solver == self.solver else self._by(self.program.by(solver))
 
+    def on_card(self, card: "Card") -> "DAESimulator":
+        """The same simulator with samples that run on a graphics card."""
+        return self._by(self.program.on_card(card))
+
     def _by(self, program: Program) -> "DAESimulator":
         other = DAESimulator.__new__(DAESimulator)
         vars(other).update(vars(self) | {"_setup": self.setup_seconds})
@@ -153,7 +160,8 @@ class DAESimulator(WithWarnings):
         """Run samples P (N, d) block by block, and reduce each block."""
         require_instance("stream: reduction", reduction, Reduction, "a Reduction")
         n_x, values = self.formulation.y.numel_in(0), len(self.times) * len(self.outputs)
-        block = block_size(n_x, values, self.compiled, reduction.trajectories)
+        on_card = self.program.card is not None
+        block = block_size(n_x, values, self.compiled, reduction.trajectories, on_card)
         return stream(self, P, reduction, executor, progress, block)
 
     def jets(self, p0: Array, directions: Array, order: int) -> Array:

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, TypeAlias, cast
 
 from symmb._errors import DeclarationError
 from symmb._interrupts import kept_interrupts
@@ -15,6 +16,11 @@ from symmb.run.integrate import Solver, solver_of
 from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_simulator import FigureSimulator, SceneSimulator
 
+if TYPE_CHECKING:
+    from symmb.run.codegen.card import Card
+
+Device: TypeAlias = "str | Card | None"
+"""The device of runs: "cuda" for a graphics card, or None for the processor."""
 _SCENE = "Scene(system, times=...) makes a Scene from a System."
 
 
@@ -24,6 +30,7 @@ def simulator_of(
     solver: Solver | str | None = None,
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,
+    device: Device = None,
 ) -> tuple[Simulator, Box]:
     """The simulator and the box of a study. Without `box`, the study uses the box of the scene.
 
@@ -41,7 +48,7 @@ def simulator_of(
         raise DeclarationError(
             f"box: {shown(box)} is not a Box. Write Box(l1=(0.95, 1.05)), or Box(**intervals) for a dict."
         )
-    simulator = simulator_for("", subject, solver, times, outputs)
+    simulator = simulator_for("", subject, solver, times, outputs, device)
     return simulator, box.with_units(units_of_parameters(simulator.parameters))
 
 
@@ -51,6 +58,7 @@ def simulator_for(
     solver: Solver | str | None,
     times: Sequence[float] | Array | None = None,
     outputs: Mapping[str, Expr] | None = None,
+    device: Device = None,
 ) -> Simulator:
     """The simulator of a scene with these options, or the given simulator, including scalar outputs.
 
@@ -60,10 +68,10 @@ def simulator_for(
     """
     solver = solver_of(solver)
     if isinstance(subject, Scene):
-        return study_simulator(with_options(subject, times, outputs), solver)
+        return study_simulator(with_options(subject, times, outputs), solver, device)
     if not hasattr(subject, "outputs"):
         raise DeclarationError(f"{owner}: expected a Scene or a simulator, got {shown(subject)}.")
-    require_own(subject, solver, times, outputs)
+    require_own(subject, solver, times, outputs, device)
     if isinstance(subject, DAESimulator) and subject.scene is not None and subject.scene.figures:
         return study_simulator(subject.scene, subject.solver)
     return subject
@@ -94,13 +102,15 @@ def with_options(scene: Scene, times: Sequence[float] | Array | None, outputs: M
     return scene if outputs is None else scene.with_outputs(outputs)
 
 
-def require_own(subject: object, solver: object, times: object, outputs: object) -> None:
+def require_own(subject: object, solver: object, times: object, outputs: object, device: object = None) -> None:
     """Raise a DeclarationError if a simulator comes with options that only scenes accept."""
-    if solver is not None or times is not None or outputs is not None:
-        raise DeclarationError(f"{subject!r} has its own solver, times and outputs. Pass a Scene to choose other ones.")
+    if any(option is not None for option in (solver, times, outputs, device)):
+        raise DeclarationError(
+            f"{subject!r} has its own solver, times, outputs and device. Pass a Scene to choose other ones."
+        )
 
 
-def prepare(scene: Scene, solver: Solver | str | None = None) -> DAESimulator:
+def prepare(scene: Scene, solver: Solver | str | None = None, device: Device = None) -> DAESimulator:
     """Prepare the equations, the start and the solver of a scene for all its runs. The scene stores the result.
 
     The nominal parameters are run in two ways. If the two runs differ, there are warnings.
@@ -114,6 +124,8 @@ def prepare(scene: Scene, solver: Solver | str | None = None) -> DAESimulator:
     solver : Solver, optional
         solver, or a text that names it, such as "cvodes:1e-9"; default: pilot runs choose the solver for many runs,
         mostly DormandPrince()
+    device : "cuda" for runs on a graphics card of NVIDIA, with one sample in each thread; default: the processor. Cards
+        run explicit solvers, and need the extra `cuda`
 
     Returns
     -------
@@ -124,7 +136,9 @@ def prepare(scene: Scene, solver: Solver | str | None = None) -> DAESimulator:
     Raises
     ------
     DeclarationError
-        If the solver cannot run the scene
+        If the solver cannot run the scene, or cannot run on the card
+    CardError
+        If there is no card that works
     AssemblyError
         If the scene cannot be started
 
@@ -140,24 +154,36 @@ def prepare(scene: Scene, solver: Solver | str | None = None) -> DAESimulator:
     scene = scene_of(scene)
     solver = solver_of(solver)
     with kept_interrupts(), Progress(f"{scene.name}: equations and trial runs") as progress:
-        simulator = simulator_with(scene, solver)
+        simulator = simulator_with(scene, solver, device)
         progress(f"{scene.name}: nominal run in two ways", 0, 0)
         simulator.second_look()
     return simulator
 
 
-def simulator_with(scene: Scene, solver: Solver | str | None = None) -> DAESimulator:
+def simulator_with(scene: Scene, solver: Solver | str | None = None, device: Device = None) -> DAESimulator:
     """The simulator that `prepare` returns, before the nominal parameters are run in two ways."""
     solver = solver_of(solver)
-    return scene.remembered(solver, lambda: DAESimulator(scene, solver))
+    if device is None:
+        return scene.remembered(solver, lambda: DAESimulator(scene, solver))
+    card = _card(device)
+    return scene.remembered((solver, device), lambda: simulator_with(scene, solver).on_card(card))
 
 
-def study_simulator(scene: Scene, solver: Solver | None = None) -> SceneSimulator:
+def _card(device: Device) -> "Card":
+    """The graphics card of a device."""
+    from symmb.run.codegen.card import CudaCard  # runs on the processor do not load this module
+
+    if isinstance(device, str) and device != "cuda":
+        raise DeclarationError(f"device: expected 'cuda' or None, got {device!r}. None is the processor.")
+    return cast("Card", CudaCard() if isinstance(device, str) else device)
+
+
+def study_simulator(scene: Scene, solver: Solver | None = None, device: Device = None) -> SceneSimulator:
     """The simulator of a study of a scene, which also computes the scalar outputs of the scene."""
     if not scene.figures:
-        return simulator_with(scene, solver)
-    curves = scene.curves
-    return scene.remembered((FigureSimulator, solver), lambda: FigureSimulator(scene, simulator_with(curves, solver)))
+        return simulator_with(scene, solver, device)
+    curves, key = scene.curves, (FigureSimulator, solver, device)
+    return scene.remembered(key, lambda: FigureSimulator(scene, simulator_with(curves, solver, device)))
 
 
 def scene_of(subject: Scene | DAESimulator) -> Scene:

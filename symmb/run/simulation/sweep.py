@@ -23,7 +23,7 @@ from symmb.results import plot
 from symmb.results.files import NAMES, NOT_KEPT, TIMES, Record, Saved, entry
 from symmb.run.integrate import Solver
 from symmb.run.simulation.figure_simulator import SceneSimulator
-from symmb.run.simulation.subject import simulator_for
+from symmb.run.simulation.subject import Device, simulator_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -232,6 +232,7 @@ def sweep(
     outputs: Mapping[str, Expr] | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
+    device: Device = None,
 ) -> Sweep:
     """Run all combinations of values of some parameters. The other parameters have their nominal values.
 
@@ -244,6 +245,7 @@ def sweep(
         solver, times and outputs of the runs, if they differ from those of the scene
     executor : an executor, or an object with an ordered `map`; default: runs in this process
     progress : function of the numbers of finished runs and of all runs; default: a bar, in notebooks and terminals
+    device : "cuda" for runs on a graphics card of NVIDIA; default: the processor
 
     Raises
     ------
@@ -264,7 +266,7 @@ def sweep(
     """
     if not isinstance(values, Mapping) or not values:
         raise DeclarationError(f'sweep: expected values by name, such as {{"l1": [1.0, 1.1]}}, got {shown(values)}.')
-    simulator = simulator_for("sweep", scene, solver, times, outputs)
+    simulator = simulator_for("sweep", scene, solver, times, outputs, device)
     nominal, grid = simulator.parameters, {}
     units = units_of_parameters(nominal)
     for name, some in normal_keys("sweep", values).items():

@@ -3,6 +3,8 @@
 #ifndef ENSEMBLE_H
 #define ENSEMBLE_H
 
+#include <stdlib.h>
+
 #include "begin.h"
 
 /* Maximum number of samples of a block that also need too many steps alone. After these, the other samples fail without another

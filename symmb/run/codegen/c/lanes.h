@@ -4,8 +4,12 @@
 #ifndef LANES_H
 #define LANES_H
 
+#ifdef __cplusplus
+#include "scalar.h"
+#else
 #include <math.h>
 #include <string.h>
+#endif
 
 #ifndef WIDTH
 #define WIDTH 8
@@ -21,8 +25,10 @@
 #endif
 #define PARTS (WIDTH / W)
 
+#ifndef __cplusplus
 typedef double V __attribute__((vector_size(8 * W), aligned(8 * W)));
 typedef long long M __attribute__((vector_size(8 * W), aligned(8 * W)));
+#endif
 #define NOINLINE __attribute__((noinline))
 #define PRIVATE static __attribute__((unused)) /* a function that a model may not use */
 
@@ -33,7 +39,7 @@ typedef long long M __attribute__((vector_size(8 * W), aligned(8 * W)));
 #define PIECE PRIVATE NOINLINE
 #endif
 
-PRIVATE inline V zero(void) { return (V){0}; }
+PRIVATE inline V zero(void) { V a = {0}; return a; }
 PRIVATE inline V blend(M mask, V a, V b) { return (V)(((M)a & mask) | ((M)b & ~mask)); }
 #define each(a) ((a) - zero()) /* a number in each lane. A sum with 0 would change -0 to 0, and compilers could not remove it */
 #define choose(mask, a, b) blend((M)(mask), each(a), each(b))

@@ -2,6 +2,8 @@
 #ifndef ONE_RUN_H
 #define ONE_RUN_H
 
+#include <stdlib.h>
+
 #include "begin.h"
 #include "scene.h"
 #include "step_control.h"

@@ -1,0 +1,275 @@
+"""Runs on a graphics card. A processor runs the same sources in place of the card, one thread after another."""
+
+import ctypes
+import enum
+import itertools
+import pickle
+import shutil
+import subprocess
+import sys
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+import pytest
+
+import symmb as mb
+from symmb.run.codegen.card import Card, CardError, CudaCard, Memory, compiled
+
+CXX = shutil.which("g++") or shutil.which("clang++")
+NEEDED = pytest.mark.skipif(CXX is None, reason="needs a C++ compiler")
+SAME = 1e-12
+"""Largest difference from lanes, over the largest value of an output. Each lane runs the same sample."""
+SHIM = """
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#define __global__
+struct Place { unsigned x; };
+static Place blockIdx, threadIdx, blockDim, gridDim;
+static inline void atomicMin(long long *a, long long b) { if (b < *a) *a = b; }
+static inline void atomicMax(long long *a, long long b) { if (b > *a) *a = b; }
+"""
+LAUNCH = """
+extern "C" void launch(long groups, long threads, Study *s, double *lower, double *upper, long n_partial) {
+  gridDim.x = groups, blockDim.x = threads;
+  for (blockIdx.x = 0; blockIdx.x < gridDim.x; ++blockIdx.x)
+    for (threadIdx.x = 0; threadIdx.x < blockDim.x; ++threadIdx.x) run_samples(s, lower, upper, n_partial);
+}
+"""
+
+
+class Bytes:
+    def __init__(self, size: int, content: np.ndarray | None) -> None:
+        self.bytes = np.full(size, 255, dtype=np.uint8)  # NaN, so that reading before writing is noticed
+        if content is not None:
+            self.bytes[:] = np.frombuffer(np.ascontiguousarray(content).tobytes(), dtype=np.uint8)
+        self.address = self.bytes.ctypes.data
+
+
+class Processor(Card):
+    """A processor in place of a card."""
+
+    def __init__(self, folder, room: int = 10**9) -> None:
+        self.folder, self.room, self.launches = folder, room, 0
+        self._count = itertools.count()
+
+    def kernel(self, source: str):
+        path = self.folder / f"{next(self._count)}.so"
+        flags = ["-O1", "-march=native", "-ffp-contract=fast", "-std=c++17", "-shared", "-fPIC", "-w", "-x", "c++", "-"]
+        text = f"{SHIM}{source}{LAUNCH}"
+        subprocess.run([str(CXX), *flags, "-o", str(path)], input=text, text=True, check=True)
+        return ctypes.CDLL(str(path)).launch
+
+    def free(self) -> int:
+        return self.room
+
+    def memory(self, size: int, content: np.ndarray | None = None) -> Memory:
+        return Bytes(size, content)
+
+    def read(self, memory: Any, to: np.ndarray) -> np.ndarray:
+        to.reshape(-1).view(np.uint8)[:] = memory.bytes[: to.nbytes]
+        return to
+
+    def launch(self, kernel, groups: int, threads: int, pointers: list[int], number: int) -> None:
+        self.launches += 1
+        kernel(ctypes.c_long(groups), ctypes.c_long(threads), *map(ctypes.c_void_p, pointers), ctypes.c_long(number))
+
+
+MODELS = ("double_pendulum", "four_bar", "bouncing_ball", "half_car", "slider_crank_spatial")
+OTHERS = (
+    *("andrews", "bicycle", "car_axis", "chain", "double_wishbone", "excavator", "flexible_pendulum", "heavy_top"),
+    *("laval_rotor", "n_four_bar", "rolling_disc", "six_axis_arm", "slider_crank", "slider_crank_flexible"),
+    *("spherical_pendulum", "spin_up_beam", "stewart_platform", "stick_slip"),
+)
+
+
+def prepared(name: str) -> mb.DAESimulator:
+    """A shipped scene in lanes, with explicit steps."""
+    scene = import_module(f"models.{name}").scene()
+    return mb.prepare(scene, None if name == "bouncing_ball" else mb.DormandPrince())
+
+
+def samples_of(simulator: mb.DAESimulator, n: int) -> np.ndarray:
+    nominal = np.array([*simulator.parameters.values()])
+    return nominal * (1 + 0.01 * np.random.default_rng(5).uniform(-1, 1, (n, len(nominal))))
+
+
+def differs(own: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Largest difference of each output, over its largest value."""
+    return np.abs(own - other).max(axis=(0, 1)) / np.abs(own).max(axis=(0, 1))
+
+
+@NEEDED
+@pytest.mark.parametrize("name", [*MODELS, *OTHERS])
+def test_samples_are_those_of_lanes(tmp_path, name):
+    lanes = prepared(name)
+    card = lanes.on_card(Processor(tmp_path))
+    for p in samples_of(lanes, 2):
+        own, other, rounded = (each.run(p[None] * by) for each, by in ((lanes, 1), (card, 1), (lanes, 1 + 2**-52)))
+        assert own.ok.all() and other.ok.all()
+        # Rounding of the last bit changes steps at switches, and by that the runs of stick_slip.
+        assert (differs(own.Y, other.Y) <= np.maximum(SAME, 3 * differs(own.Y, rounded.Y))).all()
+
+
+@NEEDED
+@pytest.mark.parametrize("name", ["double_pendulum", "bouncing_ball"])
+def test_portions_do_not_change_results(tmp_path, name):
+    lanes, P = prepared(name), samples_of(prepared(name), 150)
+    once, often = Processor(tmp_path), Processor(tmp_path, room=10**6)
+    whole, parts = lanes.on_card(once).run(P), lanes.on_card(often).run(P)
+    assert np.array_equal(whole.Y, parts.Y) and once.launches == 1 < often.launches
+    for each in (once, often):
+        lower, upper = lanes.on_card(each).run(P).extremes()
+        assert np.array_equal(lower, whole.Y.min(axis=0)) and np.array_equal(upper, whole.Y.max(axis=0))
+    if whole.events is not None and parts.events is not None:
+        assert np.array_equal(whole.events, parts.events) and whole.events[:, -1].min() > 0
+
+
+def falling(depth: float) -> mb.Scene:
+    """A particle in a force that is not defined below a height, which depends on the parameter."""
+    p = mb.Parameters(depth=depth)
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    law = mb.Force("force", ball.point(0, 0), ((ball.y + p.depth) ** 0.5, 0, 0))
+    system = mb.System(ball, mb.Gravity(0, -9.81), law, parameters=p)
+    return mb.Scene(system, {}, np.linspace(0, 1, 11), {"x": ball.x, "y": ball.y}, mb.Box(depth=(1.0, 9.0)))
+
+
+@NEEDED
+def test_failed_samples_have_times_and_reasons_and_no_extremes(tmp_path):
+    lanes = mb.prepare(falling(6.0), mb.DormandPrince())
+    P = np.linspace(1.0, 9.0, 33)[:, None]
+    for room in (10**9, 4000):
+        card = lanes.on_card(Processor(tmp_path, room))
+        other = card.run(P)
+        own = [lanes.run(p[None]) for p in P]
+        failed = np.array([not run.ok[0] for run in own])
+        assert 0 < failed.sum() < 33 and np.array_equal(~other.ok, failed)
+        assert np.allclose(other.t_failed, [run.t_failed[0] for run in own], rtol=1e-6, equal_nan=True)
+        assert list(other.messages) == [text for run in own for text in run.messages]
+        lower, upper = card.run(P).extremes()
+        values = np.concatenate([run.Y for run in own])[~failed]
+        assert np.allclose(lower, values.min(axis=0)) and np.allclose(upper, values.max(axis=0))
+
+
+@NEEDED
+@pytest.mark.parametrize("method", [mb.PolynomialChaos(order=3), mb.Scanning(5), mb.MonteCarlo(40)])
+def test_studies_have_the_bounds_of_lanes(tmp_path, method):
+    scene = import_module("models.double_pendulum").scene()
+    solver = mb.DormandPrince()
+    own = mb.propagate(scene, method, solver=solver)
+    other = mb.propagate(scene, method, solver=solver, device=Processor(tmp_path))
+    width = (own.upper - own.lower).max(axis=0)
+    # Lanes share their steps, so that their errors differ from those of single samples.
+    assert (np.abs(own.lower - other.lower).max(axis=0) <= 1e-6 * width).all()
+    assert (np.abs(own.upper - other.upper).max(axis=0) <= 1e-6 * width).all()
+
+
+def test_refusals(tmp_path):
+    scene = import_module("models.double_pendulum").scene()
+    with pytest.raises(mb.DeclarationError, match="expected 'cuda' or None, got 'gpu'"):
+        mb.prepare(scene, device="gpu")
+    for solver in (mb.CVODES(), mb.BDFI3()):
+        with pytest.raises(mb.DeclarationError, match="Graphics cards run explicit solvers"):
+            mb.prepare(scene, solver, device=Processor(tmp_path))
+    with pytest.raises(mb.DeclarationError, match="its own solver, times, outputs and device"):
+        mb.propagate(mb.prepare(scene), mb.Vertex(), device="cuda")
+    with pytest.raises(CardError, match=r"cuda-bindings|graphics card"):
+        mb.propagate(scene, mb.Vertex(), device="cuda")
+
+
+class Driver:
+    """Functions of the driver of NVIDIA that the card calls. A processor runs the kernels."""
+
+    CUresult = enum.Enum("CUresult", {"CUDA_SUCCESS": 0, "CUDA_ERROR_OUT_OF_MEMORY": 2, "CUDA_ERROR_NO_DEVICE": 100})
+    names = ("CU_DEVICE_ATTRIBUTE_COMPUTE_CAPABILITY_MAJOR", "CU_DEVICE_ATTRIBUTE_COMPUTE_CAPABILITY_MINOR")
+    CUdevice_attribute = enum.Enum("CUdevice_attribute", names)
+
+    def __init__(self, folder, devices: int, room: int) -> None:
+        self.processor, self.devices, self.room, self.used = Processor(folder, room), devices, room, {}
+
+    def _result(self, value: object = None, code: str = "CUDA_SUCCESS") -> tuple:
+        return self.CUresult[code], *(() if value is None else (value,))
+
+    def cuInit(self, flags):
+        return self._result(code="CUDA_SUCCESS" if self.devices else "CUDA_ERROR_NO_DEVICE")
+
+    def cuDeviceGet(self, number):
+        return self._result(number)
+
+    def cuDevicePrimaryCtxRetain(self, device):
+        return self._result("context")
+
+    def cuCtxSetCurrent(self, context):
+        return self._result()
+
+    def cuCtxSynchronize(self):
+        return self._result()
+
+    def cuDeviceGetAttribute(self, attribute, device):
+        return self._result(9 if attribute.name.endswith("MAJOR") else 0)
+
+    def cuModuleLoadData(self, image):
+        return self._result(image.decode())
+
+    def cuModuleGetFunction(self, module, name):
+        return self._result(self.processor.kernel(module))
+
+    def cuMemGetInfo(self):
+        return *self._result(self.room), 2 * self.room
+
+    def cuMemAlloc(self, size):
+        if sum(memory.bytes.nbytes for memory in self.used.values()) + size > self.room:
+            return self._result(code="CUDA_ERROR_OUT_OF_MEMORY")
+        memory = Bytes(size, None)
+        self.used[memory.address] = memory
+        return self._result(memory.address)
+
+    def cuMemFree(self, address):
+        del self.used[address]
+
+    def cuMemcpyHtoD(self, to, of, size):
+        ctypes.memmove(to, of, size)
+        return self._result()
+
+    cuMemcpyDtoH = cuMemcpyHtoD
+
+    def cuLaunchKernel(self, kernel, *arguments):
+        groups, _, _, threads, *_, (values, _), _ = arguments
+        self.processor.launch(kernel, groups, threads, values[:-1], values[-1])
+        return self._result()
+
+
+@NEEDED
+def test_the_driver_makes_the_runs(tmp_path, monkeypatch):
+    lanes = prepared("double_pendulum")
+    P = samples_of(lanes, 3)
+    monkeypatch.setattr("symmb.run.codegen.card.compiled", lambda source, architecture: source.encode())
+    driver = Driver(tmp_path, devices=1, room=10**8)
+    monkeypatch.setitem(sys.modules, "cuda.bindings.driver", driver)
+    assert CudaCard().architecture == "sm_90"
+    card = mb.prepare(lanes.scene, mb.DormandPrince(), device="cuda")
+    runs = card.run(P)
+    assert np.array_equal(runs.Y, lanes.on_card(Processor(tmp_path)).run(P).Y) and not driver.used
+    assert np.array_equal(pickle.loads(pickle.dumps(card)).run(P).Y, runs.Y)
+    driver.room = 1000
+    with pytest.raises(CardError, match="too little free memory"):
+        _ = card.run(P).Y
+    monkeypatch.setitem(sys.modules, "cuda.bindings.driver", Driver(tmp_path, devices=0, room=0))
+    with pytest.raises(CardError, match=r"no graphics card of NVIDIA with a working driver.*CUDA_ERROR_NO_DEVICE"):
+        CudaCard()
+    monkeypatch.setitem(sys.modules, "cuda.bindings.driver", None)
+    with pytest.raises(CardError, match=r"pip install 'symmb\[cuda\]'"):
+        CudaCard()
+
+
+@pytest.mark.parametrize("architecture", ["sm_80", "sm_90"])
+@pytest.mark.parametrize("name", ["double_pendulum", "bouncing_ball"])
+def test_the_compiler_of_cards_accepts_the_source(tmp_path, name, architecture):
+    pytest.importorskip("cuda.bindings.nvrtc")
+
+    class Compiler(Processor):
+        def kernel(self, source: str) -> int:
+            return len(compiled(source, architecture))
+
+    assert vars(prepared(name).program.on_card(Compiler(tmp_path)).engine())["_kernel"] > 10_000
