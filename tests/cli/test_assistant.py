@@ -3,6 +3,7 @@
 import math
 import os
 import sys
+import time
 
 import pytest
 
@@ -11,7 +12,7 @@ from symmb.show.cli.assistant import Tools, make_server
 from symmb.show.cli.main import main
 from symmb.show.cli.scene_file import load_scene
 
-SCENE = """
+SCENE = """'A mass on a spring.'
 import symmb as mb
 
 print("a text on stdout")
@@ -95,7 +96,12 @@ def test_outputs_at_given_times_are_those_of_a_cosine(ask):
 
 def test_a_scene_is_described_with_units_and_box(ask):
     text, _ = ask("describe", scene="oscillator.py")
-    assert "outputs: x [mm]" in text and "k=(3.6, 4.4" in text and "a.x = 0.1" in text
+    assert (
+        text.startswith("A mass on a spring.")
+        and "outputs: x [mm]" in text
+        and "k=(3.6, 4.4" in text
+        and "a.x = 0.1" in text
+    )
     text, _ = ask("scenes")
     assert "double_pendulum" in text and "oscillator.py" in text
 
@@ -113,6 +119,31 @@ def test_progress_is_reported_in_numbers_that_increase(ask):
     ask("bound", reports, scene="oscillator.py")
     counts = [count for count, *_ in reports]
     assert counts and counts == sorted(set(counts)) and "runs" in reports[-1][2]
+
+
+def test_a_cancelled_call_ends_at_its_next_runs(folder, monkeypatch):
+    mcp, anyio = pytest.importorskip("mcp"), pytest.importorskip("anyio")
+    ended = []
+
+    def long_study(*_, progress):
+        for done in range(200):
+            progress("study", done, 200)
+            time.sleep(0.01)
+        ended.append(done)
+
+    async def cancel():
+        async with mcp.Client(make_server([str(folder)])) as client:
+            with anyio.CancelScope() as scope:
+
+                async def report(*_):
+                    scope.cancel()
+
+                await client.call_tool("bound", {"scene": "oscillator.py"}, progress_callback=report)
+            return scope.cancelled_caught, await client.call_tool("describe", {"scene": "oscillator.py"})
+
+    monkeypatch.setattr(mb, "propagate", long_study)
+    cancelled, after = anyio.run(cancel)
+    assert cancelled and not ended and not after.is_error
 
 
 @pytest.mark.parametrize(
@@ -138,7 +169,7 @@ def test_pages_do_not_leave_the_folder_through_a_link(folder):
 @pytest.mark.parametrize(
     "arguments, sentence",
     [
-        ({"scene": "../stranger.py"}, "neither a shipped scene nor a file"),
+        ({"scene": "../stranger.py"}, "neither a shipped scene nor a file"), ({"scene": "a\0"}, "null byte"),
         ({"scene": "oscillator.py", "box": {"kk": "1%"}}, "unknown parameter 'kk'. Did you mean 'k'?"),
         ({"scene": "oscillator.py", "box": {"k": [5]}}, "k"), ({"scene": "oscillator.py", "method": "pcee"}, "pcee"),
     ],
@@ -158,9 +189,9 @@ def test_the_program_speaks_only_the_protocol(ask, folder):
 
 
 def test_without_the_package_or_a_folder_a_sentence_tells_what_to_do(capsys, monkeypatch, tmp_path):
-    monkeypatch.setitem(sys.modules, "mcp.server.mcpserver", None)
-    monkeypatch.setitem(sys.modules, "mcp", None)
+    monkeypatch.setitem(sys.modules, "mcp.server.mcpserver", None)  # as in old versions of mcp
     assert main(["mcp"]) == 2
-    assert "pip install 'symmb[mcp]'" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert error.startswith("symmb mcp: this command needs mcp") and "install mcp, or pip install 'symmb[mcp]'" in error
     with pytest.raises(mb.DeclarationError, match="is not a folder"):
         Tools([str(tmp_path / "absent")])

@@ -5,6 +5,7 @@ start. Paths are resolved before this check. Code in these folders has all right
 """
 
 import argparse
+import ast
 import inspect
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -20,8 +21,7 @@ from symmb._names import did_you_mean
 from symmb._options import optional_package
 from symmb._table import aligned
 from symmb._units import label, units_of_parameters
-from symmb.connect import Simulator
-from symmb.show.cli.scene_file import load_scene, load_subject, shipped_names
+from symmb.show.cli.scene_file import is_urdf, load_scene, shipped_names
 
 _OUTPUT = "symmb_output"
 """The folder of written files, in the first folder of the server."""
@@ -33,6 +33,8 @@ _INSTRUCTIONS = (
     "Parameters that are not in the box keep their nominal values. `limits` give [lower, upper] of outputs, with null "
     "for a missing end. Bounds are estimates. Report their estimated errors and warnings with them."
 )
+_FAULTS = SymmbError, OSError, ImportError, ValueError
+"""Exceptions whose texts are results of tools. A path with a null byte is a ValueError."""
 End = float | str
 Values = dict[str, Any]
 BoxText = dict[str, str | list[End]]
@@ -40,7 +42,7 @@ LimitText = dict[str, list[End | None]]
 
 
 class Tools:
-    """The tools of the server as methods that return texts. Tools raise SymmbError or OSError."""
+    """The tools of the server as methods that return texts. Tools raise the errors of `_FAULTS`."""
 
     def __init__(self, folders: Sequence[str]) -> None:
         self._folders = [Path(folder).resolve() for folder in folders]
@@ -55,25 +57,27 @@ class Tools:
         return "\n".join(["shipped scenes: " + ", ".join(shipped_names()), *(f"file: {path}" for path in files)])
 
     def describe(self, scene: str) -> str:
-        """Describe a scene: its system, nominal parameters, times, outputs with units, start values, and its box."""
-        found = load_scene(self._path(scene))
-        lines = [repr(found), str(found.system), f"nominal: {found.system.parameters}"]
+        """Describe a scene: its text, system, nominal parameters, times, outputs with units, start values and box."""
+        path = self._path(scene)
+        found = load_scene(path)
+        words = "" if is_urdf(path) else ast.get_docstring(ast.parse(Path(path).read_bytes()))
+        lines = [*filter(None, [words]), repr(found), str(found.system), f"nominal: {found.system.parameters}"]
         lines += [f"outputs: {', '.join(map(label, found.output_names, found.units))}"]
         lines += [f"start: {', '.join(f'{name} = {value}' for name, value in found.start.items())}"] * bool(found.start)
         return "\n".join([*lines, f"box: {found.box or 'none; give a box for bounds'}"])
 
     def simulate(self, scene: str, parameters: Values | None = None, times: list[float] | None = None) -> str:
-        """Run a scene once. The table has the first, last, lowest and highest value of each output.
+        """Run a scene once. The table has the first, last, lowest and highest value of each output over its times.
 
         `parameters` replace nominal values. `times` [s] give a table of the outputs at these times instead, in
-        increasing order. The first row is the start.
+        increasing order. The times may be closer or later than those of the scene. The first row is the start.
         """
         found = load_scene(self._path(scene))
         if times is None:
             return str(mb.simulate(found, parameters=parameters))
         first = [] if times[:1] == [found.times[0]] else [found.times[0]]
         run = mb.simulate(found, parameters=parameters, times=[*first, *times])
-        rows = [[f"{value:.6g}" for value in (time, *row)] for time, row in zip(run.t, run.values, strict=True)]
+        rows = [[f"{value + 0:.6g}" for value in (time, *row)] for time, row in zip(run.t, run.values, strict=True)]
         table = aligned([["time [s]", *map(label, run.names, run.units)], *rows])
         return "\n".join([*table, *(f"warning: {doubt}" for doubt in run.doubts)])
 
@@ -88,6 +92,7 @@ class Tools:
         """The lowest and highest value of an output, when they occur, and the parameters that cause them.
 
         With `time` [s], the extremes at the closest output time. Without `time`, the extremes over all output times.
+        `bound` is the estimate. `attained` is the output in a run with these parameters.
         """
         return str(self._bounds(scene, box).worst(output, time))
 
@@ -149,16 +154,16 @@ class Tools:
             f"({', '.join(map(str, self._folders)) or 'none'}).{did_you_mean(scene, shipped_names())}"
         )
 
-    def _subject(self, scene: str, box: BoxText | None) -> tuple[mb.Scene | Simulator, mb.Box | None]:
-        subject, own = load_subject(self._path(scene))
+    def _subject(self, scene: str, box: BoxText | None) -> tuple[mb.Scene, mb.Box | None]:
+        found = load_scene(self._path(scene))
         if not box:
-            return subject, own
-        nominal = subject.system.parameters if isinstance(subject, mb.Scene) else subject.parameters
+            return found, None
+        nominal = found.system.parameters
         texts: dict[str, Any] = {name: told for name, told in box.items() if isinstance(told, str)}
         ends: dict[str, Any] = {name: tuple(told) for name, told in box.items() if not isinstance(told, str)}
         boxes = [mb.Box.plus_minus(nominal, **texts)] if texts else []
         boxes += [mb.Box(**ends).with_units(units_of_parameters(nominal))] if ends else []
-        return subject, boxes[0] if len(boxes) == 1 else boxes[0] | boxes[1]
+        return found, boxes[0] if len(boxes) == 1 else boxes[0] | boxes[1]
 
     def _bounds(self, scene: str, box: BoxText | None, method: str = "pce") -> mb.Bounds:
         subject, intervals = self._subject(scene, box)
@@ -202,6 +207,7 @@ def make_server(folders: Sequence[str]) -> Any:
             count = 0
 
             def show(*told: Any) -> None:
+                from_thread.check_cancelled()
                 nonlocal count
                 count += 1  # the protocol wants numbers that increase, but the runs start again with each method
                 *label, done, total = told
@@ -212,7 +218,7 @@ def make_server(folders: Sequence[str]) -> Any:
                 tools.progress = show
                 try:
                     return tool(tools, **arguments)
-                except (SymmbError, OSError, ImportError) as error:
+                except _FAULTS as error:
                     raise tool_error(str(error)) from None
 
         own = [*inspect.signature(tool).parameters.values()][1:]
