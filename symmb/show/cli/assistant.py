@@ -8,7 +8,7 @@ import argparse
 import ast
 import inspect
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import wraps
 from pathlib import Path
 from threading import Lock
@@ -23,8 +23,6 @@ from symmb._table import aligned
 from symmb._units import label, units_of_parameters
 from symmb.show.cli.scene_file import is_urdf, load_scene, shipped_names
 
-_OUTPUT = "symmb_output"
-"""The folder of written files, in the first folder of the server."""
 _INSTRUCTIONS = (
     "symmb simulates mechanisms, and bounds their outputs for all parameters in a box of intervals. Call `scenes` for "
     "the scenes, and `describe` for the names, units and intervals of a scene. Values are numbers in the unit that "
@@ -160,7 +158,7 @@ class Tools:
             return found, None
         nominal = found.system.parameters
         texts: dict[str, Any] = {name: told for name, told in box.items() if isinstance(told, str)}
-        ends: dict[str, Any] = {name: tuple(told) for name, told in box.items() if not isinstance(told, str)}
+        ends: dict[str, Any] = {name: told for name, told in box.items() if not isinstance(told, str)}
         boxes = [mb.Box.plus_minus(nominal, **texts)] if texts else []
         boxes += [mb.Box(**ends).with_units(units_of_parameters(nominal))] if ends else []
         return found, boxes[0] if len(boxes) == 1 else boxes[0] | boxes[1]
@@ -170,23 +168,16 @@ class Tools:
         return mb.propagate(subject, method, intervals, progress=self.progress)
 
     def _output(self, scene: str, kind: str) -> Path:
+        """The path of a page in the first folder."""
         if not self._folders:
             raise DeclarationError("This server has no folder for files. Start it by `symmb mcp FOLDER`.")
-        folder = (self._folders[0] / _OUTPUT).resolve()
-        if not folder.is_relative_to(self._folders[0]):
-            raise DeclarationError(f"{self._folders[0] / _OUTPUT} leads out of the folder of this server. Remove it.")
+        folder = self._folders[0] / "symmb_output"
         folder.mkdir(exist_ok=True)
         return folder / f"{re.sub(r'[^A-Za-z0-9]+', '_', Path(scene).stem)}_{kind}.html"
 
 
-_TOOLS = (
-    Tools.scenes, Tools.describe, Tools.simulate, Tools.bound, Tools.worst_case, Tools.limits, Tools.tolerances,
-    Tools.contributions, Tools.report, Tools.view,
-)  # fmt: skip
-
-
 def make_server(folders: Sequence[str]) -> Any:
-    """The MCPServer of the package mcp, with one tool for each of `Tools`. Calls run one after the other.
+    """The MCPServer of the package mcp, with one tool for each public method of `Tools`. Calls run one after the other.
 
     Raises
     ------
@@ -227,8 +218,9 @@ def make_server(folders: Sequence[str]) -> Any:
         call.__annotations__ = tool.__annotations__ | {"context": mcp.Context}
         server.tool(structured_output=False)(call)
 
-    for tool in _TOOLS:
-        add(tool)
+    for name, tool in vars(Tools).items():
+        if not name.startswith("_"):
+            add(tool)
     return server
 
 
@@ -241,5 +233,5 @@ def add_mcp(commands: "argparse._SubParsersAction[Any]") -> None:
     command.set_defaults(run=lambda options: make_server(options.folders).run("stdio"))
 
 
-def _pairs(limits: Mapping[str, Sequence[End | None]]) -> dict[str, Any]:
+def _pairs(limits: LimitText) -> dict[str, Any]:
     return {name: tuple(ends) for name, ends in limits.items()}
