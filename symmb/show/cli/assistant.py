@@ -50,12 +50,12 @@ class Tools:
         self.progress: Callable[..., None] | None = None
 
     def scenes(self) -> str:
-        """List the names of the shipped scenes, and the Python and URDF files in the folders of this server."""
+        """List the shipped scenes, and the Python and URDF files in the folders. URDF files have no parameters here."""
         files = [path for folder in self._folders for kind in ("*.py", "*.urdf") for path in sorted(folder.glob(kind))]
         return "\n".join(["shipped scenes: " + ", ".join(shipped_names()), *(f"file: {path}" for path in files)])
 
     def describe(self, scene: str) -> str:
-        """Describe a scene: its text, system, nominal parameters, times, outputs with units, start values and box."""
+        """Describe a scene: words in its file, system, nominal parameters, times, outputs with units, start values and box."""
         path = self._path(scene)
         found = load_scene(path)
         words = "" if is_urdf(path) else ast.get_docstring(ast.parse(Path(path).read_bytes()))
