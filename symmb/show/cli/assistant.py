@@ -55,7 +55,7 @@ class Tools:
         return "\n".join(["shipped scenes: " + ", ".join(shipped_names()), *(f"file: {path}" for path in files)])
 
     def describe(self, scene: str) -> str:
-        """Describe a scene: words in its file, system, nominal parameters, times, outputs, units, start values and box."""
+        """Describe a scene: words in its file, system, nominal parameters, times, outputs, units, start and box."""
         path = self._path(scene)
         found = load_scene(path)
         words = "" if is_urdf(path) else ast.get_docstring(ast.parse(Path(path).read_bytes()))
