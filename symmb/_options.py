@@ -222,7 +222,8 @@ def optional_package(name: str, what: str, extra: str) -> Any:
     try:
         return import_module(name)
     except ModuleNotFoundError as error:
+        package = str(error.name).partition(".")[0]
         raise ImportError(
-            f"{what} needs {error.name}, which is not installed. Install it: pip install {error.name}, "
+            f"{what} needs {error.name}, which is not installed. Install it: pip install {package}, "
             f"or pip install 'symmb[{extra}]'."
         ) from error

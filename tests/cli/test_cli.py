@@ -134,8 +134,8 @@ def test_simulate_prints_and_writes(scene, tmp_path, capsys):
 def test_simulate_tells_the_extremes_of_every_output(scene, capsys):
     assert main(["simulate", scene(CUBIC), "--set", "x=1.0", "--set", "y=-0.5"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[-2].split() == ["output", "at", "0", "s", "at", "2", "s", "lowest", "highest"]
-    assert lines[-1].split() == ["f", "-0.5", "1.5", "-0.5", "1.5"]
+    assert lines[-2].split() == ["output", "at", "0", "s", "at", "2", "s", *"lowest at [s] highest at [s]".split()]
+    assert lines[-1].split() == ["f", "-0.5", "1.5", "-0.5", "0", "1.5", "2"]
 
 
 def test_rounding_is_told_as_zero(scene, capsys):
@@ -144,8 +144,8 @@ def test_rounding_is_told_as_zero(scene, capsys):
     )
     assert main(["simulate", scene(CUBIC.replace('{"f": p.x * mb.t + p.y}', outputs))]) == 0
     told = {name: numbers for name, *numbers in map(str.split, capsys.readouterr().out.splitlines()[-4:])}
-    assert told["from_zero"] == ["0", "2", "0", "2"]
-    assert told["small"] == ["0", "2e-09", "0", "2e-09"]
+    assert told["from_zero"] == ["0", "2", "0", "0", "2", "2"]
+    assert told["small"] == ["0", "2e-09", "0", "0", "2e-09", "2"]
     assert told["nothing"] == ["0"] * 4
 
 

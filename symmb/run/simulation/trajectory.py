@@ -16,6 +16,7 @@ from symmb._errors import DeclarationError, WithWarnings
 from symmb._labelled import ByOutput, Labelled, Result
 from symmb._names import did_you_mean, normal
 from symmb._options import require_instance
+from symmb._table import over_times, time_text
 from symmb._types import Array, Expr
 from symmb._units import headings, with_units
 from symmb.declare.symbolic import batch
@@ -398,10 +399,13 @@ def _event_lines(events: Sequence[Event]) -> list[str]:
 
 
 def _extremes(t: Array, values: Array, names: Sequence[str]) -> list[list[str]]:
-    """Rows of text with the first, last, lowest and highest value of each output (n_t, n_y). Rounding is shown as 0."""
+    """Rows of text: first, last, lowest and highest value of each output (n_t, n_y), and times. Rounding is 0."""
     size = np.abs(values)
     rounding = np.maximum(_ROUNDING[0] * size.max(axis=0), _ROUNDING[1] * size.max(initial=0.0))
     values = np.where(size < rounding, 0.0, values)
-    head = ["output", f"at {t[0]:g} s", f"at {t[-1]:g} s", "lowest", "highest"]
-    columns = [values[0], values[-1], values.min(axis=0), values.max(axis=0)]
-    return [head, *([name, *(f"{column[i]:.6g}" for column in columns)] for i, name in enumerate(names))]
+    rows = [["output", f"at {t[0]:g} s", f"at {t[-1]:g} s", "lowest", "at [s]", "highest", "at [s]"]]
+    for name, own in zip(names, values.T, strict=True):
+        low, high = own.argmin(), own.argmax()
+        extremes = f"{own[low]:.6g}", time_text(t, low, own), f"{own[high]:.6g}", time_text(t, high, own)
+        rows.append([name, f"{own[0]:.6g}", f"{own[-1]:.6g}", *extremes])
+    return over_times(rows, t)

@@ -16,6 +16,7 @@ from symmb._errors import DeclarationError, SimulationError, SymmbError
 from symmb._progress import Progress
 from symmb.run.codegen import cache
 from symmb.show.cli import specs
+from symmb.show.cli.assistant import add_mcp
 from symmb.show.cli.bound import add_bound
 from symmb.show.cli.compare import add_compare
 from symmb.show.cli.completion import add_completion
@@ -178,6 +179,7 @@ def _parser() -> argparse.ArgumentParser:
 
     _add_scene_commands(command, methods, solvers)
     add_runs(commands)
+    add_mcp(commands)
     text = "show the folder of compiled models, the number of models, and their size"
     cache_command = commands.add_parser(
         "cache", help=text, description=text + ". Removed models are compiled again when needed."

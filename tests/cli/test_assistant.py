@@ -1,0 +1,191 @@
+"""`symmb mcp`: results of its tools, refused files, and the program itself, through the client of the package mcp."""
+
+import math
+import os
+import sys
+import time
+
+import pytest
+
+import symmb as mb
+from symmb.show.cli.assistant import Tools, make_server
+from symmb.show.cli.main import main
+from symmb.show.cli.scene_file import load_scene
+
+SCENE = """'A mass on a spring.'
+import symmb as mb
+
+print("a text on stdout")
+open(__file__ + ".loaded", "w").close()
+p = mb.Parameters(k=(4.0, "N/m"), m=1.0)
+a = mb.Body("a", p.m, pose=mb.Particle())
+spring = mb.Force("spring", a.point(0, 0, 0), (-p.k * a.x, 0, 0))
+rails = mb.Force("rails", a.point(0, 0, 0), (0, -a.y, -a.z))
+scene = mb.Scene(
+    mb.System(a, spring, rails, parameters=p), {"a.x": 0.1}, [0.0, 0.5, 1.0], {"x": (a.x, "mm")},
+    box=mb.Box.plus_minus(p, k="10%"), name="oscillator",
+)
+"""
+LIMITS = {"x": [-60.0, None]}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    inside = tmp_path / "inside"
+    inside.mkdir()
+    for path in (inside / "oscillator.py", tmp_path / "stranger.py"):
+        path.write_text(SCENE)
+    return inside
+
+
+@pytest.fixture
+def ask(folder):
+    """The text of one call, and whether the call failed. `progress` receives the reports."""
+    mcp, anyio = pytest.importorskip("mcp"), pytest.importorskip("anyio")
+
+    async def call(subject, tool, arguments, progress):
+        async def report(*told):
+            progress.append(told)
+
+        async with mcp.Client(subject) as client:
+            result = await client.call_tool(tool, arguments, progress_callback=report if progress is not None else None)
+        (content,) = result.content
+        return content.text, result.is_error
+
+    def ask(tool, progress=None, subject=None, **arguments):
+        return anyio.run(call, subject or make_server([str(folder)]), tool, arguments, progress)
+
+    return ask
+
+
+def same_result(text, expected):
+    """Whether two texts agree apart from measured times."""
+    return [line for line in text.splitlines() if "seconds" not in line] == [
+        line for line in str(expected).splitlines() if "seconds" not in line
+    ]
+
+
+@pytest.mark.parametrize(
+    "tool, arguments, expected",
+    [
+        ("simulate", {"parameters": {"k": "5 N/m"}}, lambda scene: mb.simulate(scene, parameters={"k": 5.0})),
+        ("bound", {}, mb.propagate),
+        (
+            "bound",
+            {"box": {"k": [3, 5], "m": "10%"}},
+            lambda s: mb.propagate(s, box=mb.Box(m=(0.9, 1.1), k=(3, 5, "N/m"))),
+        ),
+        ("worst_case", {"output": "x", "time": "500 ms"}, lambda scene: mb.propagate(scene).worst("x", 0.5)),
+        ("limits", {"limits": LIMITS}, lambda scene: mb.propagate(scene).check({"x": (-60.0, None)})),
+        ("tolerances", {"limits": LIMITS}, lambda scene: mb.tolerances(scene, {"x": (-60.0, None)})),
+        ("contributions", {}, lambda scene: mb.propagate(scene).contributions()),
+    ],
+)
+def test_results_are_those_of_python(ask, folder, tool, arguments, expected):
+    text, failed = ask(tool, scene="oscillator.py", **arguments)
+    assert not failed, text
+    assert same_result(text, expected(load_scene(str(folder / "oscillator.py"))))
+
+
+def test_outputs_at_given_times_are_those_of_a_cosine(ask):
+    text, _ = ask("simulate", scene="oscillator.py", times=[0.25, 0.7])
+    rows = [list(map(float, line.split())) for line in text.splitlines()[1:]]
+    assert [row[0] for row in rows] == [0, 0.25, 0.7]
+    assert [row[1] for row in rows] == pytest.approx([100 * math.cos(2 * t) for t in (0, 0.25, 0.7)], rel=1e-5)
+
+
+def test_a_scene_is_described_with_units_and_box(ask):
+    text, _ = ask("describe", scene="oscillator.py")
+    assert (
+        text.startswith("A mass on a spring.")
+        and "outputs: x [mm]" in text
+        and "k=(3.6, 4.4" in text
+        and "a.x = 0.1" in text
+    )
+    text, _ = ask("scenes")
+    assert "double_pendulum" in text and "oscillator.py" in text
+
+
+def test_pages_are_written_into_the_folder(ask, folder):
+    for tool, more in (("report", {"limits": LIMITS}), ("view", {}), ("view", {"output": "x"})):
+        text, failed = ask(tool, scene="oscillator.py", **more)
+        assert not failed, text
+        assert text == str(folder / "symmb_output" / f"oscillator_{tool}.html")
+        assert (folder / "symmb_output" / f"oscillator_{tool}.html").read_text().startswith("<!")
+
+
+def test_progress_is_reported_in_numbers_that_increase(ask):
+    reports = []
+    ask("bound", reports, scene="oscillator.py")
+    counts = [count for count, *_ in reports]
+    assert counts and counts == sorted(set(counts)) and "runs" in reports[-1][2]
+
+
+def test_a_cancelled_call_ends_at_its_next_runs(folder, monkeypatch):
+    mcp, anyio = pytest.importorskip("mcp"), pytest.importorskip("anyio")
+    ended = []
+
+    def long_study(*_, progress):
+        for done in range(200):
+            progress("study", done, 200)
+            time.sleep(0.01)
+        ended.append(done)
+
+    async def cancel():
+        async with mcp.Client(make_server([str(folder)])) as client:
+            with anyio.CancelScope() as scope:
+
+                async def report(*_):
+                    scope.cancel()
+
+                await client.call_tool("bound", {"scene": "oscillator.py"}, progress_callback=report)
+            return scope.cancelled_caught, await client.call_tool("describe", {"scene": "oscillator.py"})
+
+    monkeypatch.setattr(mb, "propagate", long_study)
+    cancelled, after = anyio.run(cancel)
+    assert cancelled and not ended and not after.is_error
+
+
+@pytest.mark.parametrize(
+    "path", ["../stranger.py", "{}/stranger.py", "link.py", "link", "folder/stranger.py", "absent.py"]
+)
+def test_files_outside_are_refused_by_one_sentence_and_do_not_run(folder, path):
+    (folder / "link.py").symlink_to(folder.parent / "stranger.py")
+    (folder / "folder").symlink_to(folder.parent)
+    path = path.format(folder.parent)
+    with pytest.raises(mb.DeclarationError, match="neither a shipped scene nor a file in the folders") as caught:
+        Tools([str(folder)]).describe(path)
+    assert str(caught.value).startswith(path) and not (folder.parent / "stranger.py.loaded").exists()
+
+
+@pytest.mark.parametrize(
+    "arguments, sentence",
+    [
+        ({"scene": "../stranger.py"}, "neither a shipped scene nor a file"), ({"scene": "a\0"}, "null byte"),
+        ({"scene": "oscillator.py", "box": {"kk": "1%"}}, "unknown parameter 'kk'. Did you mean 'k'?"),
+        ({"scene": "oscillator.py", "box": {"k": [5]}}, "k"), ({"scene": "oscillator.py", "method": "pcee"}, "pcee"),
+    ],
+)  # fmt: skip
+def test_errors_are_sentences(ask, arguments, sentence):
+    text, failed = ask("bound", **arguments)
+    assert failed and sentence in text and "Traceback" not in text
+
+
+def test_the_program_speaks_only_the_protocol(ask, folder):
+    mcp = pytest.importorskip("mcp")
+    program = mcp.StdioServerParameters(
+        command=sys.executable, args=["-m", "symmb", "mcp", str(folder)], env={**os.environ}
+    )
+    text, failed = ask("worst_case", subject=program, scene="oscillator.py", output="x")
+    assert not failed and same_result(text, mb.propagate(load_scene(str(folder / "oscillator.py"))).worst("x"))
+
+
+def test_without_the_package_or_a_folder_a_sentence_tells_what_to_do(capsys, monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "mcp.server.mcpserver", None)  # as in old versions of mcp
+    assert main(["mcp"]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("symmb mcp: this command needs mcp") and "install mcp, or pip install 'symmb[mcp]'" in error
+    with pytest.raises(mb.DeclarationError, match="is not a folder"):
+        Tools([str(tmp_path / "absent")])
+    with pytest.raises(mb.DeclarationError, match="no folder for files"):
+        Tools([]).view("double_pendulum")
