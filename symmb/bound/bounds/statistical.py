@@ -15,7 +15,7 @@ from symmb._table import aligned, over_times
 from symmb._types import Array, Mask
 from symmb.bound.bounds.law_samples import SAMPLES_BEFORE_RUNS, LawSamples
 from symmb.bound.bounds.laws import Laws, laws_text
-from symmb.bound.bounds.limits import KeptLimit
+from symmb.bound.bounds.limits import limit_text
 from symmb.bound.bounds.probabilities import event_probability, values_of
 from symmb.bound.bounds.responses import Responses
 from symmb.bound.nodes import Sobol
@@ -242,7 +242,7 @@ def statistics_of(
     worst = (responses.upper - responses.lower)[:, columns] / 2
     units = responses.units or ("",) * len(responses.names)
     ordered = zip(pairs.items(), columns, strict=True)
-    texts = tuple(KeptLimit(name, units[k], *pair, None, "", np.zeros(1), 0).text for (name, pair), k in ordered)
+    texts = tuple(limit_text(name, units[k], *pair) for (name, pair), k in ordered)
     rejects, errors, runs = (np.array(each) for each in zip(*single, strict=True))
     further_runs = int(runs.sum()) + (total[2] if len(single) > 1 else 0) + responses.extra_runs
     return Statistics(
