@@ -68,7 +68,7 @@ def test_a_violation_of_any_limit_is_one_reject():
     assert np.isnan(both.cp).all() and both.cpk == pytest.approx(0.6 / st.truncnorm(-3, 3).std(), rel=5e-3)
 
 
-@pytest.mark.parametrize("yield_", [0.9, 0.9973])
+@pytest.mark.parametrize("yield_", [0.9, 0.9973, 0.99999])
 def test_largest_tolerances_with_a_yield(yield_):
     chain = mb.FunctionSimulator(lambda a, b: [[a + b]], {"a": 1.0, "b": 2.0}, [0.0], ["y"])
     found = mb.tolerances(chain, {"y": (2.9, 3.1)}, mb.Box(a=(0.9, 1.1), b=(1.95, 2.05)), yield_=yield_)
