@@ -78,6 +78,16 @@ def test_largest_tolerances_with_a_yield(yield_):
     assert found.check.kept is False and "yield of at least" in str(found)
 
 
+@pytest.mark.parametrize("end", ["npz", "json"])
+def test_statistics_are_saved(tmp_path, end):
+    chain = mb.FunctionSimulator(lambda a, b: [[a + b, a]], {"a": 1.0, "b": 2.0}, [0.0], ["y", "a"])
+    limits = {"y": (2.9, 3.1), "a": (None, 1.5)}
+    found = mb.tolerances(chain, limits, mb.Box(a=(0.9, 1.1), b=(1.95, 2.05)), yield_=0.9)
+    found.save(tmp_path / f"own.{end}")
+    again = mb.Tolerances.load(tmp_path / f"own.{end}").statistics
+    assert str(again) == str(found.statistics) and again.yield_ == found.statistics.yield_
+
+
 def test_cheapest_tolerances_with_a_yield():
     """The sum of 1 / s_i with a given sum of (s_i h_i)^2 is least for s_i proportional to h_i^(-2/3)."""
     found = mb.tolerances(gap(), {"gap": (2.874, 3.126)}, box_of(), costs={}, yield_=0.9973)

@@ -1,7 +1,7 @@
 """Rejects, process capability and root sum squares of outputs with limits, for parameters with distributions."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from symmb.bound.bounds.responses import Responses
 from symmb.bound.nodes import Sobol
 from symmb.bound.polynomials import Expansion
 from symmb.equations.model import Box
+from symmb.results.files import Record, entry
 
 _SAMPLES = 1024
 """Number of samples for means and standard deviations."""
@@ -42,6 +43,7 @@ class NormalWithin:
 
 
 _BELOW = float(ndtr(-3.0))
+_OF_LIMITS = entry(Record.with_nan, "limits")
 LimitPairs = Mapping[str, tuple[float, float]]
 
 
@@ -158,17 +160,17 @@ class Statistics(Result):
 
     limits: tuple[str, ...]
     texts: tuple[str, ...]
-    time: Array
-    mean: Array
-    sigma: Array
-    rss: Array
-    worst: Array
-    cp: Array
-    cpk: Array
-    rejects: Array
-    error: Array
-    any_law: Array
-    total: tuple[float, float]
+    time: Array = field(metadata=_OF_LIMITS)
+    mean: Array = field(metadata=_OF_LIMITS)
+    sigma: Array = field(metadata=_OF_LIMITS)
+    rss: Array = field(metadata=_OF_LIMITS)
+    worst: Array = field(metadata=_OF_LIMITS)
+    cp: Array = field(metadata=_OF_LIMITS)
+    cpk: Array = field(metadata=_OF_LIMITS)
+    rejects: Array = field(metadata=_OF_LIMITS)
+    error: Array = field(metadata=_OF_LIMITS)
+    any_law: Array = field(metadata=_OF_LIMITS)
+    total: tuple[float, float] = field(metadata=entry(lambda record, name: tuple(record.array(name, 2).tolist())))
     laws: str
     runs: int
     remarks: tuple[str, ...]
