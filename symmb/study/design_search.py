@@ -45,7 +45,7 @@ AGREES = 5e-3
 divided by the width. A quarter of it is the smallest improvement that counts."""
 _SMALLER, _SMALLEST, _STEPS, _STUDIES = 0.4, 0.01, 40, 4
 """Ratio of the sizes of consecutive regions, smallest size, and largest numbers of steps and of studies."""
-_MARGIN, _PENALTY = 2e-3, 100.0
+_MARGIN, _PENALTY = 1e-3, 100.0
 """Margin of limits, which the search aims at, so that runs near a limit can decide it, divided by the changes of the
 output in the region; and weight of a violated limit."""
 _STARTS, _CANDIDATES, _APART, _NEAR = 3, 8, 0.2, 0.05
