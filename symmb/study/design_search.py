@@ -365,13 +365,11 @@ class DesignSearch:
                     continue
             error = np.abs(best.values - self._worst(region, goals, best.u)[0].max(axis=1))
             is_exact = np.isfinite(best.values).all() and (error <= AGREES * best.sizes).all()
+            is_exact &= known is None or region.error <= _ACCURATE
             stalls += 1
-            if (
-                (is_exact and hope <= 1 and (known is None or region.error <= _ACCURATE))
-                or size <= _SMALLEST
-                or stalls > 2
-                or _is_near(best.u, known or ())
-            ):
+            has_failed = (region.Y[:, 0, FAILED] > 0).any()  # smaller regions show where runs fail
+            is_settled = (stalls > 2 or (is_exact and hope <= 1)) and not has_failed
+            if is_settled or size <= _SMALLEST or _is_near(best.u, known or ()):
                 break
             size *= _SMALLER
             region = self._region(best.u, size)
