@@ -40,7 +40,7 @@ _LARGEST_FACTOR = 4.0
 _NUMBERS, _FEWEST, _ACCURATE, _ROUGH = (64, 128, 256), 8, 0.02, 0.25
 """Numbers of runs of the polynomials of a region; smallest number of runs that do not fail; and errors of polynomials,
 divided by the standard deviation, that are small enough, and with which polynomials still show the optima roughly."""
-AGREES = 5e-3
+_AGREES = 5e-3
 """Largest error of polynomials at the end of a search: of an objective divided by its value, and of a limited bound
 divided by the width. A quarter of it is the smallest improvement that counts."""
 _SMALLER, _SMALLEST, _STEPS, _STUDIES = 0.4, 0.01, 40, 4
@@ -342,7 +342,7 @@ class DesignSearch:
         before, after = (self._merit(region, goals, each) for each in (old.values, values))
         if not np.isfinite([before, after]).all():  # another design with failed runs is farther from the boundary
             return np.inf if np.isinf(before) else -np.inf
-        return (before - after) * region.changes[goals[0].k] / max(old.sizes[0] * AGREES / 4, 1e-300)
+        return (before - after) * region.changes[goals[0].k] / max(old.sizes[0] * _AGREES / 4, 1e-300)
 
     def _descended(
         self, goals: Sequence[Goal], u: Array, size: float = 1.0, known: Sequence[Array] | None = None
@@ -364,7 +364,7 @@ class DesignSearch:
                     stalls, region = 0, self._region(best.u, size)
                     continue
             error = np.abs(best.values - self._worst(region, goals, best.u)[0].max(axis=1))
-            is_exact = np.isfinite(best.values).all() and (error <= AGREES * best.sizes).all()
+            is_exact = np.isfinite(best.values).all() and (error <= _AGREES * best.sizes).all()
             is_exact &= known is None or region.error <= _ACCURATE
             stalls += 1
             has_failed = (region.Y[:, 0, FAILED] > 0).any()  # smaller regions show where runs fail
@@ -429,7 +429,7 @@ class DesignSearch:
             excess = goals[n].most - float(limit.margin.min()) - trial.values[n]
             trial.values[n] += excess
             trial.curves[n] += excess
-        is_over = (trial.values - [goal.most for goal in goals] > AGREES * trial.sizes).any()
+        is_over = (trial.values - [goal.most for goal in goals] > _AGREES * trial.sizes).any()
         state = 2 if is_over or (check and check.kept is False) else int(check is not None and not check.kept)
         return Verified(**vars(trial), bounds=bounds, check=check, state=state)
 
@@ -444,7 +444,7 @@ class DesignSearch:
         for _ in range(_STUDIES):
             verified.append(self._study(goals, u))
             best = min(verified, key=lambda each: (each.state, self._merit(region, goals, each.values, 0.0)))
-            if best.state == 0 and (best.values - expected <= AGREES * best.sizes).all():
+            if best.state == 0 and (best.values - expected <= _AGREES * best.sizes).all():
                 break
             margin *= 2 if best.state == 1 else 1
             u, expected = self._optimum(region, goals, best, margin)
