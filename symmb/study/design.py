@@ -10,29 +10,18 @@ from symmb import _html as html
 from symmb._errors import DeclarationError, PropagationError, warn_of
 from symmb._interrupts import kept_interrupts
 from symmb._labelled import Counted, Labelled, Result, over_parameters, texts
-from symmb._names import ByName, normal_keys
-from symmb._options import is_finite_number, require_name, shown
+from symmb._names import normal_keys
+from symmb._options import require_name, shown
 from symmb._progress import shown_runs
 from symmb._table import aligned
 from symmb._types import Array, Executor
 from symmb._units import units_of_parameters
-from symmb.bound.bounds import (
-    Bounds,
-    LimitCheck,
-    Limits,
-    PolynomialChaos,
-    finished,
-    gathered,
-    limit_pairs,
-    unit_suffix,
-    units_of,
-)
+from symmb.bound.bounds import Bounds, LimitCheck, Limits, limit_pairs, limit_text, unit_suffix, units_of
 from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box, Scene
 from symmb.run.integrate import Solver
 from symmb.run.simulation import simulator_for, simulator_of
-from symmb.study.design_search import DesignSearch, Verified
-from symmb.study.design_space import COST, Goal
+from symmb.study.design_search import COST, DesignSearch, Goal, Verified
 from symmb.study.tolerances import Costs, of_outputs, total_cost
 
 OWNER = "design"
@@ -40,8 +29,8 @@ _COST = "cost"
 _FRONT, _END = 5, 0.02
 """Number of designs of a front, and distance of the last design from the best second objective, divided by its range.
 """
-_BINDS = 0.02
-"""Largest distance from a limit that is active, divided by the width."""
+_BINDS, _EDGE = 0.02, 1e-3
+"""Largest distance from a limit that is active, divided by the width; and from an end, divided by the range."""
 
 Objective = tuple[str, str] | str
 """An output and 'upper', 'lower' or 'width', or 'cost'."""
@@ -96,7 +85,7 @@ class Design(Counted, Result):
         kind = "A design of the front" if self.front else "The best design found"
         lines = [f"{kind}, from {self.evaluations} runs"]
         for name, value in self.objectives.items():
-            unit = unit_suffix(self.bounds, self.bounds.names.index(name.split(" ", 1)[1])) if name != _COST else ""
+            unit = "" if name == _COST else unit_suffix(self.bounds, self.bounds.names.index(name.split(" ", 1)[1]))
             lines.append(f"  {name:<9} {value:.6g}{unit}")
         return "\n".join([*lines, *(f"  binding   {text}" for text in self.binding)])
 
@@ -194,72 +183,66 @@ def design(
     >>> round(best.values["a"], 2), best.binding
     (1.0, ('The limit y <= 4 is active.',))
     """
+    box = getattr(scene_or_simulator, "box", None) if box is None else box
+    if not isinstance(variables, Mapping) or not variables:
+        raise DeclarationError(
+            f"{OWNER}: variables must be ranges by name, such as {{'k': (1, 2)}}, got {shown(variables)}."
+        )
+    ranges = Box(**normal_keys(OWNER, variables))
+    if box is None:
+        simulator = simulator_for(OWNER, scene_or_simulator, solver)
+    else:
+        simulator, box = simulator_of(scene_or_simulator, box, solver)
+    ranges = ranges.with_units(units_of_parameters(simulator.parameters))
+    _require_intervals(simulator, ranges, box)
+    allocated, cost = _allocation(costs, box)
+    known = [*simulator.outputs, *([] if costs is None else [_COST])]
+    wanted: list[Any] = objective if isinstance(objective, list) and len(objective) == 2 else [objective]
+    if _COST in wanted + [*(limits or ())] and _COST not in known:
+        raise DeclarationError(f"{OWNER}: {_COST!r} needs costs, such as costs={{}}.")
+    asked = [_output_and_side(each, known) for each in wanted]
+    units = dict(zip(simulator.outputs, units_of(simulator), strict=False))
+    pairs = limit_pairs(OWNER, limits, known, [units.get(name, "") for name in known]) if limits else {}
+    if len({*asked}) < len(asked):
+        raise DeclarationError(f"{OWNER}: the two objectives are the same. Give one of them.")
+    used = [name for name in simulator.outputs if name in pairs or name in dict(asked)]
+    if not used:
+        raise DeclarationError(f"{OWNER}: the objective {_COST!r} needs a limit of an output.")
     with kept_interrupts(), shown_runs(progress, OWNER) as progress:
-        box = getattr(scene_or_simulator, "box", None) if box is None else box
-        if not isinstance(variables, Mapping) or not variables:
-            raise DeclarationError(
-                f"{OWNER}: variables must be ranges by name, such as {{'k': (1, 2)}}, got {shown(variables)}."
-            )
-        ranges = Box(**normal_keys(OWNER, variables))
-        if box is None:
-            simulator = simulator_for(OWNER, scene_or_simulator, solver)
-        else:
-            simulator, box = simulator_of(scene_or_simulator, box, solver)
-        ranges = ranges.with_units(units_of_parameters(simulator.parameters))
-        _require_intervals(simulator, ranges, box)
-        limits, budget = _limits_and_budget(limits, costs)
-        pairs = limit_pairs(OWNER, limits, simulator.outputs, units_of(simulator)) if limits else {}
-        wanted: list[Any] = objective if isinstance(objective, list) and len(objective) == 2 else [objective]
-        asked = [_output(simulator, each, costs) for each in wanted]
-        if len(set(wanted)) < len(wanted):
-            raise DeclarationError(f"{OWNER}: the two objectives are the same. Give one of them.")
-        used = [name for name in simulator.outputs if name in asked or name in pairs]
-        if not used:
-            raise DeclarationError(f"{OWNER}: the objective {_COST!r} needs a limit of an output.")
         simulator = of_outputs(simulator, ranges if box is None else box, used)
-        columns = {name: k for k, name in enumerate(simulator.outputs)}
-        allocated, cost = _allocation(costs, box)
-        held = [Goal(COST, "upper", budget)] if budget < np.inf else []
+        columns = {name: k for k, name in enumerate(simulator.outputs)} | ({} if costs is None else {_COST: COST})
+        goals, held = [Goal(columns[name], side or "upper") for name, side in asked], list[Goal]()
         for name, (low, high) in pairs.items():
-            held += [Goal(columns[name], side, e) for side, e in (("lower", -low), ("upper", high)) if e < np.inf]
-        search = DesignSearch(simulator, ranges, box, allocated, cost, limits, held, executor, progress)
-        goals = [
-            Goal(COST, "upper") if name is None else Goal(columns[name], pair[1])
-            for name, pair in zip(asked, wanted, strict=True)
-        ]
-        trials = [search.best(goals[:1])]
-        _require_kept(search, trials[0], ranges, budget)
-        of = {
-            " ".join(pair[::-1]) if name else _COST: goal for name, pair, goal in zip(asked, wanted, goals, strict=True)
-        }
+            text = limit_text(name, units.get(name, ""), low, high)
+            held += [Goal(columns[name], side, e, text) for side, e in (("lower", -low), ("upper", high)) if e < np.inf]
+        own = {name: pair for name, pair in normal_keys(OWNER, limits or {}).items() if columns[name] != COST}
+        search = DesignSearch(simulator, ranges, box, allocated, cost, own, held, executor, progress)
+        first = search.best(goals)
+        _require_kept(search, first, ranges)
+        trials = [first] if len(goals) == 1 else _front(search, goals, first)
+        points = np.array([trial.values[: len(goals)] for trial in trials])
+        share = (points - points.min(axis=0)) / np.maximum(np.ptp(points, axis=0), 1e-300)
+        chosen = int(np.square(share).sum(axis=1).argmin())
 
         def result(trial: Verified) -> Design:
-            values = trial.z[: len(ranges)].tolist()
-            names = dict(zip(of, _numbers(search, trial, goals), strict=True))
+            values, factors = (each.tolist() for each in search.parts(trial.u))
+            numbers = zip(asked, goals, trial.values.tolist(), strict=False)
             return Design(
                 dict(zip(ranges.names, values, strict=True)),
-                {name: -x if of[name].side == "lower" else x for name, x in names.items()},
+                {f"{side} {name}".strip(): -x if goal.side == "lower" else x for (name, side), goal, x in numbers},
                 trial.bounds,
-                search.box(trial.z),
-                dict(zip(allocated, search.factors(trial.z).tolist(), strict=True)),
-                _binding(search, trial, [*ranges, *allocated], len(ranges), budget),
+                search.box(trial.u),
+                dict(zip(allocated, factors, strict=True)),
+                _binding(search, trial, [*ranges, *allocated]),
                 trial.check,
                 (),
                 search.evaluations,
             )
 
-        if len(goals) == 1:
-            last = result(_verified(search, trials[0], executor))
-        else:
-            trials = _front(search, goals, trials[0])
-            points = np.array([_numbers(search, trial, goals) for trial in trials])
-            share = (points - points.min(axis=0)) / np.maximum(np.ptp(points, axis=0), 1e-300)
-            chosen = int(np.square(share).sum(axis=1).argmin())
-            trials[chosen] = _verified(search, trials[chosen], executor)
-            front = tuple(result(trial) for trial in trials)
-            last = replace(front[chosen], front=front)
-    warn_of(last.bounds.doubts, OWNER)
-    return last
+        trials[chosen] = search.finished(trials[chosen])
+        found = [result(trial) for trial in trials]
+    warn_of(found[chosen].bounds.doubts, OWNER)
+    return replace(found[chosen], front=tuple(found) if len(goals) > 1 else ())
 
 
 def _require_intervals(simulator: Simulator, ranges: Box, box: Box | None) -> None:
@@ -275,29 +258,16 @@ def _require_intervals(simulator: Simulator, ranges: Box, box: Box | None) -> No
             )
 
 
-def _limits_and_budget(limits: Limits | None, costs: Costs | None) -> tuple[Limits, float]:
-    """The limits of outputs, and the largest cost."""
-    limits = dict(limits or {})
-    if costs is None or _COST not in limits:
-        return limits, np.inf
-    pair = limits.pop(_COST)
-    if not isinstance(pair, tuple) or len(pair) != 2 or pair[0] is not None or not is_finite_number(pair[1]):
-        raise DeclarationError(f"{OWNER}: the limit of {_COST!r} must be a pair (None, number), got {shown(pair)}.")
-    return limits, float(pair[1])
-
-
-def _output(simulator: Simulator, objective: object, costs: Costs | None) -> str | None:
-    """The output of an objective; None for the cost."""
+def _output_and_side(objective: object, known: Sequence[str]) -> tuple[str, str]:
+    """The output of an objective, and its side; the cost has none."""
     if objective == _COST:
-        if costs is None:
-            raise DeclarationError(f"{OWNER}: the objective {_COST!r} needs costs, such as costs={{}}.")
-        return None
+        return _COST, ""
     if not isinstance(objective, tuple) or len(objective) != 2 or objective[1] not in ("lower", "upper", "width"):
         raise DeclarationError(
             f"{OWNER}: objective must be a pair such as ('y', 'upper'), with 'lower', 'upper' or 'width', {_COST!r}, "
             f"or a list of two of them, got {shown(objective)}."
         )
-    return require_name(OWNER, "output", objective[0], simulator.outputs)
+    return require_name(OWNER, "output", objective[0], known), objective[1]
 
 
 def _allocation(costs: Costs | None, box: Box | None) -> tuple[list[str], Callable[[Array], float]]:
@@ -307,72 +277,56 @@ def _allocation(costs: Costs | None, box: Box | None) -> tuple[list[str], Callab
     if box is None:
         raise DeclarationError(f"{OWNER}: costs need a box of tolerances.")
     kept = [name for name, own in costs.items() if own is None] if isinstance(costs, Mapping) else []
-    intervals = zip(box.names, box.bounds, strict=True)
-    own: dict[str, Any] = {name: ends for name, ends in intervals if name not in kept and ends[0] < ends[1]}
+    for name in kept:
+        require_name(f"{OWNER}: costs", "parameter", name, box.names)
     if isinstance(costs, Mapping):
         costs = {name: own for name, own in costs.items() if own is not None}
+    intervals = zip(box.names, box.bounds, strict=True)
+    own: dict[str, Any] = {name: ends for name, ends in intervals if name not in kept and ends[0] < ends[1]}
     if not own:
         raise DeclarationError(f"{OWNER}: costs need at least one interval of the box with a width.")
     return [*own], total_cost(OWNER, costs, Box(**own))
 
 
-def _numbers(search: DesignSearch, trial: Verified, goals: Sequence[Goal]) -> list[float]:
-    """The values of objectives in a study. Smaller is better."""
-    return [float(curve.max()) for curve in search.curves(goals, trial.z, trial.Y)]
-
-
 def _front(search: DesignSearch, goals: Sequence[Goal], first: Verified) -> list[Verified]:
     """Designs with the best first objective, for levels of the second objective down to its best value."""
-    most = _numbers(search, first, goals)[1]
-    least = float(search.searched(goals[1:], first.z)[0].values[0])
+    most, least = first.values[1], search.searched(goals[::-1], first.u)[0].values[0]
     levels = np.linspace(most, least + _END * (most - least), _FRONT)[1:] if most > least else []
     trials = [first]
     for level in levels:
-        own = [goals[0], goals[1]._replace(most=float(level))]
-        if (trial := search.best(own, trials[-1].z)).state < 2:
-            trials.append(trial)
-    points = np.array([_numbers(search, trial, goals) for trial in trials])
+        trial = search.best([goals[0], goals[1]._replace(most=float(level))], trials[-1].u)
+        trials += [trial] if trial.state < 2 else []
+    points = np.array([trial.values[:2] for trial in trials])
     beaten = [((points <= own).all(axis=1) & (points < own).any(axis=1)).any() for own in points]
     return [trials[n] for n in np.argsort(points[:, 0], kind="stable") if not beaten[n]]
 
 
-def _verified(search: DesignSearch, trial: Verified, executor: Executor | None) -> Verified:
-    """The trial with the warnings about its bounds, and with its nominal run."""
-    simulator, values = search.simulator, trial.bounds.nominal_parameters
-    bounds = finished(PolynomialChaos(), simulator, trial.bounds, executor)
-    nominal = gathered(simulator, np.array([[*values.values()]]), executor)[0][0]
-    search.evaluations += 1
-    known = ByName(values, units_of_parameters(simulator.parameters))
-    return replace(trial, bounds=replace(bounds, nominal_parameters=known, nominal=nominal))
-
-
-def _require_kept(search: DesignSearch, trial: Verified, ranges: Box, budget: float) -> None:
+def _require_kept(search: DesignSearch, trial: Verified, ranges: Box) -> None:
     """Raise PropagationError if the closest design violates a limit."""
     if trial.state < 2:
         return
-    values = ", ".join(f"{name} = {x:.6g}" for name, x in zip(ranges.labels, trial.z, strict=False))
-    over = f"the cost exceeds its limit of {budget:g}" if budget < np.inf else f"runs fail: {search.failure}"
-    for limit in sorted(trial.check.limits if trial.check else (), key=lambda limit: limit.share)[:1]:
-        if limit.kept is False:
-            unit = unit_suffix(trial.bounds, trial.bounds.names.index(limit.output))
-            over = f"the limit {limit.text} is violated by {-float(limit.margin.min()):.3g}{unit}"
+    over = trial.values[-len(search.held) :] - [goal.most for goal in search.held]
+    n = int((over / np.maximum(trial.sizes[-len(over) :], 1e-300)).argmax())
+    goal, values = search.held[n], zip(ranges.labels, search.parts(trial.u)[0], strict=True)
+    unit = unit_suffix(trial.bounds, goal.k) if goal.k >= 0 else ""
     raise PropagationError(
-        f"{OWNER}: no design was found that satisfies all limits in the whole box. In the closest design, {values}, "
-        f"{over}. Change the limits, the ranges or the tolerances."
+        f"{OWNER}: no design was found that satisfies all limits in the whole box. In the closest design, "
+        f"{', '.join(f'{name} = {x:.6g}' for name, x in values)}, "
+        + (f"the limit {goal.text} is violated by {over[n]:.3g}{unit}" if goal.text else f"runs fail: {search.failure}")
+        + ". Change the limits, the ranges or the tolerances."
     )
 
 
-def _binding(search: DesignSearch, trial: Verified, names: Sequence[str], n_x: int, budget: float) -> tuple[str, ...]:
+def _binding(search: DesignSearch, trial: Verified, names: Sequence[str]) -> tuple[str, ...]:
     """Sentences about active limits and ends of ranges."""
-    limits = trial.check.limits if trial.check else ()
-    texts = [f"The limit {limit.text} is active." for limit in limits if limit.margin.min() <= _BINDS * limit.width]
-    if budget < np.inf and search.cost(trial.z) >= (1 - _BINDS) * budget:
-        texts.append(f"The limit cost <= {budget:g} is active.")
-    for n, (name, *ends) in enumerate(zip(names, *search.at_ends(trial.z, search.low, search.high), strict=True)):
-        for side, is_end in zip(("lower", "upper"), ends, strict=True):
-            if is_end and n < n_x:
-                texts.append(f"{name} is at the {side} end of its range.")
-            elif is_end:
-                word = "smallest" if side == "lower" else "largest"
-                texts.append(f"The tolerance of {name} has the {word} factor, {np.exp(trial.z[n]):.4g}.")
-    return tuple(texts)
+    held = zip(search.held[:-1], trial.values[-len(search.held) :], trial.sizes[-len(search.held) :], strict=False)
+    texts = [f"The limit {goal.text} is active." for goal, x, size in held if x >= goal.most - _BINDS * size]
+    values, factors = search.parts(trial.u)
+    for name, u, factor in zip(names, trial.u, [*[None] * len(values), *factors], strict=True):
+        side = "lower" if u <= _EDGE else "upper" if u >= 1 - _EDGE else None
+        if side and factor is None:
+            texts.append(f"{name} is at the {side} end of its range.")
+        elif side:
+            word = "smallest" if side == "lower" else "largest"
+            texts.append(f"The tolerance of {name} has the {word} factor, {factor:.4g}.")
+    return tuple(dict.fromkeys(texts))

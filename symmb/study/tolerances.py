@@ -71,7 +71,7 @@ class Tolerances(Counted, Result, Saved):
     worst_case : dict
         with a yield, the largest common factor that satisfies the limits in the worst case, by parameter
     statistics : Statistics
-        with a yield, the rejects, Cp and Cpk of `bounds`; None after `load`
+        with a yield, the rejects, Cp and Cpk of `bounds`
 
     Examples
     --------
@@ -152,6 +152,7 @@ class Tolerances(Counted, Result, Saved):
             **entries(self),
             **box_entries(self.box),
             "binding": self.binding and entries(self.binding),
+            "statistics": self.statistics and entries(self.statistics),
             "check": self.check._record(),
             "bounds": self.bounds._record(),
         }
@@ -159,9 +160,11 @@ class Tolerances(Counted, Result, Saved):
     @classmethod
     def _of_record(cls, record: Record) -> "Tolerances":
         binding = WorstCase.of_record(record.record("binding")) if "binding" in record else None
+        chances = record.record("statistics") if "statistics" in record else None
+        statistics = Statistics(**attributes(Statistics, chances)) if chances else None
         check, bounds = (record.record(name) for name in ("check", "bounds"))
         parts = {"check": LimitCheck._of_record(check), "bounds": Bounds._of_record(bounds)}
-        result = cls(**attributes(cls, record), binding=binding, **parts)
+        result = cls(**attributes(cls, record), binding=binding, statistics=statistics, **parts)
         str(result)  # fails if a parameter or an output is missing in an entry
         return result
 

@@ -50,7 +50,7 @@ def test_an_absorber_with_tolerances_against_brute_force():
     assert own < 0.99 * worst_amplitude(np.array([*nominal.values.values()]))
     assert found.box.radius == pytest.approx(HALF) and found.box["k"] == (0.95, 1.05)
     assert found.bounds.nominal == pytest.approx(amplitude(**found.values, k=1.0)[:, None])
-    assert found.runs < 1000
+    assert found.runs < 600
 
 
 def test_the_cheapest_tolerances_of_an_absorber_with_its_nominal_values():
@@ -109,7 +109,7 @@ def test_a_four_bar_as_a_path_generator_against_brute_force():
     assert own < 1.01 * best.fun
     without = mb.design(simulator, ranges, ("error", "upper"))
     assert own < 0.9 * worst(np.array([*without.values.values()]))
-    assert found.runs < 3000 and found.binding == ("rocker is at the lower end of its range.",)
+    assert found.runs < 1500 and found.binding == ("rocker is at the lower end of its range.",)
 
 
 def quarter_car() -> mb.Scene:
@@ -190,6 +190,33 @@ def test_a_design_beside_failed_runs_and_in_a_narrow_valley():
         mb.design(never, {"a": (0.0, 6.0)}, ("y", "upper"))
 
 
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_a_kink_in_three_variables():
+    """The worst distance from a point is best at this point. The tolerance of y then gives 0.08 + 0.08^2 / 2 + 0.2."""
+    place = np.array([0.3, -0.4, 0.7])
+
+    def distance(x: float, y: float, z: float) -> list[list[float]]:
+        apart = np.array([x, y, z]) - place
+        return [[np.abs(apart).max() + 0.5 * np.square(apart).sum() + 0.2]]
+
+    own = mb.FunctionSimulator(distance, dict.fromkeys("xyz", 0.0), [0.0], ["distance"])
+    found = mb.design(own, dict.fromkeys("xyz", (-1.0, 1.0)), ("distance", "upper"), box=mb.Box(y=(-0.08, 0.08)))
+    assert found.objectives["upper distance"] == pytest.approx(0.08 + 0.08**2 / 2 + 0.2, rel=0.01)
+
+
+def test_the_best_design_at_the_boundary_of_failed_runs():
+    """Runs fail for x + y < 1. On this line, f = 1 - 3 y / 2 + 7 y^2 / 2 is least for y = 3 / 14."""
+
+    def f(x: float, y: float) -> list[list[float]]:
+        if x + y < 1:
+            raise ValueError("No assembly.")
+        return [[x**2 + 3 * y**2 + 0.5 * x * y]]
+
+    own = mb.FunctionSimulator(f, {"x": 1.0, "y": 1.0}, [0.0], ["f"])
+    found = mb.design(own, {"x": (0.0, 1.7), "y": (0.0, 1.7)}, ("f", "upper"))
+    assert found.objectives["upper f"] == pytest.approx(1 - 9 / 56, rel=5e-3)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -199,6 +226,9 @@ def test_a_design_beside_failed_runs_and_in_a_narrow_valley():
         ({"objective": ("amplitude", "up")}, "objective must be a pair such as"),
         ({"objective": ("speed", "upper")}, "speed"),
         ({"objective": "cost"}, "needs costs"),
+        ({"limits": {"cost": (None, 3)}}, "'cost' needs costs"),
+        ({"costs": {"q": None}}, "costs: no parameter 'q'"),
+        ({"progress": 3}, "^progress must be a function"),
         ({"objective": [("amplitude", "upper")] * 2}, "the two objectives are the same"),
         ({"objective": "cost", "costs": {}}, "needs a limit of an output"),
         ({"costs": {}, "box": None}, "costs need a box"),

@@ -68,7 +68,7 @@ def test_a_violation_of_any_limit_is_one_reject():
     assert np.isnan(both.cp).all() and both.cpk == pytest.approx(0.6 / st.truncnorm(-3, 3).std(), rel=5e-3)
 
 
-@pytest.mark.parametrize("yield_", [0.9, 0.9973])
+@pytest.mark.parametrize("yield_", [0.9, 0.9973, 0.99999])
 def test_largest_tolerances_with_a_yield(yield_):
     chain = mb.FunctionSimulator(lambda a, b: [[a + b]], {"a": 1.0, "b": 2.0}, [0.0], ["y"])
     found = mb.tolerances(chain, {"y": (2.9, 3.1)}, mb.Box(a=(0.9, 1.1), b=(1.95, 2.05)), yield_=yield_)
@@ -76,6 +76,16 @@ def test_largest_tolerances_with_a_yield(yield_):
     assert 0.8 * (1 - yield_) < exact < 1 - yield_
     assert found.worst_case["a"] == pytest.approx(2 / 3, rel=3e-3) and found.factor > found.worst_case["a"]
     assert found.check.kept is False and "yield of at least" in str(found)
+
+
+@pytest.mark.parametrize("end", ["npz", "json"])
+def test_statistics_are_saved(tmp_path, end):
+    chain = mb.FunctionSimulator(lambda a, b: [[a + b, a]], {"a": 1.0, "b": 2.0}, [0.0], ["y", "a"])
+    limits = {"y": (2.9, 3.1), "a": (None, 1.5)}
+    found = mb.tolerances(chain, limits, mb.Box(a=(0.9, 1.1), b=(1.95, 2.05)), yield_=0.9)
+    found.save(tmp_path / f"own.{end}")
+    again = mb.Tolerances.load(tmp_path / f"own.{end}").statistics
+    assert str(again) == str(found.statistics) and again.yield_ == found.statistics.yield_
 
 
 def test_cheapest_tolerances_with_a_yield():

@@ -11,7 +11,16 @@ the polynomials or runs in `responses`.
 from symmb.bound.bounds.contributions import Contributions
 from symmb.bound.bounds.doubts import checked, doubted, idle_parameters
 from symmb.bound.bounds.laws import Laws
-from symmb.bound.bounds.limits import WARNED, KeptLimit, LimitCheck, Limits, limit_pairs, other_side, unit_suffix
+from symmb.bound.bounds.limits import (
+    WARNED,
+    KeptLimit,
+    LimitCheck,
+    Limits,
+    limit_pairs,
+    limit_text,
+    other_side,
+    unit_suffix,
+)
 from symmb.bound.bounds.method import Method, parameter_samples, possible_values, units_of
 from symmb.bound.bounds.optimization import Optimization
 from symmb.bound.bounds.polynomial_chaos import PolynomialChaos

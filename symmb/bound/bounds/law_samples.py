@@ -77,8 +77,8 @@ class LawSamples:
 
     def may_grow(self) -> bool:
         """Whether more samples require no runs and little time."""
-        # Largest number of polynomial values for a probability. They take some seconds.
-        return self.surrogate is not None and not self.free.any() and 4 * self.number * len(self.error) <= 2**24
+        # Largest number of polynomial values for a probability. Runs near the limit find rarer events in less time.
+        return self.surrogate is not None and not self.free.any() and 4 * self.number * len(self.error) <= 2**20
 
     def draw(self, n: int) -> None:
         """Draw n samples in each set."""

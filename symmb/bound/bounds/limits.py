@@ -41,6 +41,13 @@ def _suffix(unit: str) -> str:
     return f" {typeset(unit)}".rstrip()
 
 
+def limit_text(output: str, unit: str, low: float, high: float) -> str:
+    """A limit as an inequality, with its unit."""
+    if not np.isfinite(high):
+        return f"{low:g}{_suffix(unit)} <= {output}"
+    return f"{f'{low:g} <= ' if np.isfinite(low) else ''}{output} <= {high:g}{_suffix(unit)}"
+
+
 class _Decision(NamedTuple):
     """The result for a limit, its reason, the margin (n_t,), and the further run that comes closest to the limit."""
 
@@ -94,11 +101,7 @@ class KeptLimit:
     @property
     def text(self) -> str:
         """The limit as an inequality, with its unit."""
-        unit = _suffix(self.unit)
-        if not np.isfinite(self.high):
-            return f"{self.low:g}{unit} <= {self.output}"
-        low = f"{self.low:g} <= " if np.isfinite(self.low) else ""
-        return f"{low}{self.output} <= {self.high:g}{unit}"
+        return limit_text(self.output, self.unit, self.low, self.high)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -66,7 +66,7 @@ class Method(ABC):
         for name in box.names:
             require_name("Box", "parameter", name, simulator.parameters)
         box = box.with_units(units_of_parameters(simulator.parameters))
-        require_callable("propagate: progress", progress, "done", "all")
+        require_callable("progress", progress, "done", "all")
         start = time.perf_counter()
         nominal = np.array(list(simulator.parameters.values()), dtype=float)
         with attained_by_runs(len(simulator.times), len(simulator.outputs), nominal) as attained:

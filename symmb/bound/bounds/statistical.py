@@ -1,7 +1,7 @@
 """Rejects, process capability and root sum squares of outputs with limits, for parameters with distributions."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,12 +15,13 @@ from symmb._table import aligned, over_times
 from symmb._types import Array, Mask
 from symmb.bound.bounds.law_samples import SAMPLES_BEFORE_RUNS, LawSamples
 from symmb.bound.bounds.laws import Laws, laws_text
-from symmb.bound.bounds.limits import KeptLimit
+from symmb.bound.bounds.limits import limit_text
 from symmb.bound.bounds.probabilities import event_probability, values_of
 from symmb.bound.bounds.responses import Responses
 from symmb.bound.nodes import Sobol
 from symmb.bound.polynomials import Expansion
 from symmb.equations.model import Box
+from symmb.results.files import Record, entry
 
 _SAMPLES = 1024
 """Number of samples for means and standard deviations."""
@@ -42,6 +43,7 @@ class NormalWithin:
 
 
 _BELOW = float(ndtr(-3.0))
+_OF_LIMITS = entry(Record.with_nan, "limits")
 LimitPairs = Mapping[str, tuple[float, float]]
 
 
@@ -158,17 +160,17 @@ class Statistics(Result):
 
     limits: tuple[str, ...]
     texts: tuple[str, ...]
-    time: Array
-    mean: Array
-    sigma: Array
-    rss: Array
-    worst: Array
-    cp: Array
-    cpk: Array
-    rejects: Array
-    error: Array
-    any_law: Array
-    total: tuple[float, float]
+    time: Array = field(metadata=_OF_LIMITS)
+    mean: Array = field(metadata=_OF_LIMITS)
+    sigma: Array = field(metadata=_OF_LIMITS)
+    rss: Array = field(metadata=_OF_LIMITS)
+    worst: Array = field(metadata=_OF_LIMITS)
+    cp: Array = field(metadata=_OF_LIMITS)
+    cpk: Array = field(metadata=_OF_LIMITS)
+    rejects: Array = field(metadata=_OF_LIMITS)
+    error: Array = field(metadata=_OF_LIMITS)
+    any_law: Array = field(metadata=_OF_LIMITS)
+    total: tuple[float, float] = field(metadata=entry(lambda record, name: tuple(record.array(name, 2).tolist())))
     laws: str
     runs: int
     remarks: tuple[str, ...]
@@ -242,7 +244,7 @@ def statistics_of(
     worst = (responses.upper - responses.lower)[:, columns] / 2
     units = responses.units or ("",) * len(responses.names)
     ordered = zip(pairs.items(), columns, strict=True)
-    texts = tuple(KeptLimit(name, units[k], *pair, None, "", np.zeros(1), 0).text for (name, pair), k in ordered)
+    texts = tuple(limit_text(name, units[k], *pair) for (name, pair), k in ordered)
     rejects, errors, runs = (np.array(each) for each in zip(*single, strict=True))
     further_runs = int(runs.sum()) + (total[2] if len(single) > 1 else 0) + responses.extra_runs
     return Statistics(
