@@ -56,6 +56,7 @@ class Envelope(WithWarnings):
     worst_cases: tuple[WorstCase, ...] = field(default=(), metadata=NOT_KEPT)
     figures: tuple[str, ...] = ()
     next_run: Mapping[str, float] | None = field(default=None, metadata=NOT_KEPT)
+    parts: tuple[Any, ...] = field(default=(), metadata=NOT_KEPT)
 
     @property
     def doubts(self) -> tuple[str, ...]:

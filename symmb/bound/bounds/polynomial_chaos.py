@@ -17,6 +17,7 @@ from symmb._options import (
 )
 from symmb._types import Array, Executor, Mask
 from symmb.bound.bounds.adaptive import adaptive_bounds
+from symmb.bound.bounds.constrained import constrained
 from symmb.bound.bounds.failures import Failure, failed_region, failure_text
 from symmb.bound.bounds.method import Method, parameter_samples
 from symmb.bound.bounds.recorded import recorded_bounds
@@ -110,6 +111,7 @@ class PolynomialChaos(Method):
     probes: int = 0
 
     kind: ClassVar[Kind] = "estimate"
+    allows_cuts: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         require_kind("PolynomialChaos", "nodes", self.nodes, "points", "Gauss(), ClenshawCurtis() or Leja()")
@@ -145,6 +147,9 @@ class PolynomialChaos(Method):
         return None if self.order is None else getattr(self.nodes, "size", lambda *_: None)(d, self.order)
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+        if box.is_cut:
+            whole = self.bounds(simulator, box.hull, executor=executor, progress=progress)
+            return constrained(self, whole, simulator, box, executor)
         if isinstance(simulator, RecordedRuns) and self == PolynomialChaos():
             return recorded_bounds(repr(self), simulator, box)
         if self.order is None:
