@@ -24,12 +24,10 @@ def contributions_of_choices(bounds: Envelope, parts: Sequence[Responses]) -> Co
     n = words.index(usual)
     free = [name for name in box.names if all(name not in choice.parameters for choice in choices)]
     alone, saved, errors, runs = list[Array](), list[Array](), list[Array](), 0
-    reference = contributions_of(parts[n])
-    assert reference is not None
-    runs += reference.runs
-    of_alone, _ = reference._each_error()
+    reference = contributions_of(parts[n]) if free else None
     for name in free:
-        p = reference.parameters.index(name)
+        assert reference is not None
+        p, of_alone = reference.parameters.index(name), reference._each_error()[0]
         low, high, error, more = _without(parts, name)
         alone.append(reference.alone[..., p])
         saved.append(np.maximum(width - (high - low), 0.0))
@@ -44,7 +42,7 @@ def contributions_of_choices(bounds: Envelope, parts: Sequence[Responses]) -> Co
         saved.append(np.maximum(width - rest, 0.0))
         error = 0.0 * width if bounds.estimate is None else 4 * bounds.estimate
         errors.append(np.stack([0.0 * width, error]))
-    runs += len(parts)
+    runs += len(parts) + (reference.runs if reference else 0)
     each = np.minimum(np.stack(errors, axis=-1), width[..., None])
     unknown = np.full((*width.shape, len(alone)), np.nan)
     told = f"Contributions alone are at {', '.join(usual)}. Choices have no probabilities, and thus no indices."
@@ -63,7 +61,7 @@ def contributions_of_choices(bounds: Envelope, parts: Sequence[Responses]) -> Co
         share_estimate=np.full(width.shape, np.nan),
         runs=runs,
         method=bounds.method,
-        remarks=(*reference.remarks, told),
+        remarks=(*(reference.remarks if reference else ()), told),
         errors=each,
     )
 

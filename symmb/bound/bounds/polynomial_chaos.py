@@ -25,6 +25,7 @@ from symmb.bound.bounds.reductions import (
     extremes,
     failure_records,
     failures,
+    gathered,
     node_values,
     projection,
     together,
@@ -152,6 +153,14 @@ class PolynomialChaos(Method):
             return constrained(self, whole, simulator, box, executor)
         if isinstance(simulator, RecordedRuns) and self == PolynomialChaos():
             return recorded_bounds(repr(self), simulator, box)
+        if self.order is None and not box.radius.any():
+            Y, bad = gathered(simulator, parameter_samples(simulator, box, np.zeros((1, len(box)))), executor)
+            if bad:
+                raise PropagationError(f"{self!r}: the only run failed: {bad[0][2]}")
+            noise = noise_from_runs(simulator)
+            estimate = np.zeros_like(Y[0]) + (0.0 if noise is None else noise)
+            details = {"estimate": estimate, "noise": noise, "inner": (Y[0], Y[0]), "range_of": "one run"}
+            return self._result(simulator, Y[0], Y[0], 1, **details)
         if self.order is None:
             require_runs(self, self.probes, "Use fewer probes.")
             require_memory(self, "the probes", self.probes * (2 * len(box) + len(simulator.parameters)))

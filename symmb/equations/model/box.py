@@ -319,7 +319,7 @@ class Box:
         for choice in self.choices:
             if not choice.labels:
                 j = self.names.index(choice.name)
-                values[:, j] = choice.closest(values[:, j])
+                values[..., j] = choice.closest(values[..., j])
         return values
 
     def to_unit(self, values: Array) -> Array:
@@ -333,6 +333,10 @@ class Box:
         if not np.isfinite(points).all():
             raise DeclarationError(f"{self!r}: {name} must be finite numbers, got {shown(values)}.")
         return points
+
+    def part(self, which: Mask) -> "Box":
+        """The intervals of some parameters (mask, (d,)), at least one."""
+        return Box(**{name: ends for (name, ends), own in zip(self.intervals.items(), which, strict=True) if own})
 
     def without(self, name: str) -> "Box | None":
         """The box without this parameter; None if no parameter remains."""

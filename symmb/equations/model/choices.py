@@ -83,9 +83,9 @@ class Choice:
         return dict(zip(self.labels, options, strict=True))
 
     def closest(self, x: Array) -> Array:
-        """The values of a set that are closest to numbers x (N,)."""
+        """The values of a set that are closest to numbers x (...)."""
         values = np.array(self.values)[:, 0]
-        return values[np.abs(x[:, None] - values).argmin(axis=1)]
+        return values[np.abs(x[..., None] - values).argmin(axis=-1)]
 
     def chosen(self, values: Mapping[str, float]) -> str:
         """The choice in words, as "spring: hard", for values of all parameters."""
