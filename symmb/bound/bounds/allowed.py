@@ -6,7 +6,7 @@ from symmb._types import Array
 from symmb.bound.nodes import Sobol
 from symmb.equations.model import Box
 
-_FIRST, _BEYOND = 4096, 1.15
+_FIRST, _BEYOND = 2**14, 1.15
 """Number of points that are spread over a box. Points up to this factor outside are moved to the faces."""
 
 
