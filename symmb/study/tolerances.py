@@ -205,6 +205,7 @@ def tolerances(
     """
     with kept_interrupts(), shown_runs(progress, OWNER) as progress:
         simulator, shape = simulator_of(scene, box, solver)
+        shape.require_intervals("tolerances")
         pairs = limit_pairs(OWNER, limits, simulator.outputs, units_of(simulator))
         simulator = of_outputs(simulator, shape, [*pairs])
         for name in shape.names:

@@ -62,7 +62,7 @@ def constrained(method: Method, whole: Bounds, simulator: Simulator, box: Box, e
 
 
 def _range(surrogate: Piecewise, box: Box, points: Array) -> tuple[Array, Array, Array, Array]:
-    """The range (n_t, n_y) of polynomials over allowed points, the error (n_y,) of the search, and points (n, d) of extremes.
+    """The range (n_t, n_y) of polynomials over allowed points, the error (n_y,) of the search, and extremes (n, d).
 
     A search in random points near the extremes improves them. Its radius decreases. The gain of the second half of
     the rounds estimates the error of the search.

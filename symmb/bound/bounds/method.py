@@ -9,6 +9,7 @@ import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
 from symmb._interrupts import carry
+from symmb._names import counted
 from symmb._options import require_callable, require_name, shown
 from symmb._types import Array, Executor
 from symmb._units import units_of_parameters
@@ -96,6 +97,9 @@ class Method(ABC):
         seconds = time.perf_counter() - start
         attaining = AttainingRuns.of(simulator, attained)
         nominal = attained.nominal if result.nominal is None else result.nominal
+        if box.constraints:
+            told = f"The bounds hold for parameters that satisfy {counted(len(box.constraints), 'constraint')}."
+            result = replace(result, remarks=(*result.remarks, told))
         known = {"lower": lower, "upper": upper, "attaining": attaining, "nominal": nominal, "seconds": seconds}
         return replace(result, **known, **_about(simulator, box))
 

@@ -36,7 +36,7 @@ from symmb.bound.bounds.result_file import Kind
 from symmb.bound.nodes import ClenshawCurtis, Fit, Gauss, Nodes
 from symmb.bound.polynomials import Basis, Expansion, TensorDegree, TotalDegree
 from symmb.bound.polynomials.ranges import Exact, LegendreInclusion, Piecewise, Range, last_terms
-from symmb.connect import March, Progress, RecordedRuns, Simulator, noise_from_runs
+from symmb.connect import March, Progress, RecordedRuns, Simulator, noise_from_runs, note_attained
 from symmb.equations.model import Box
 
 _CLENSHAW_CURTIS, _GAUSS, _TENSOR_DEGREE, _EXACT = ClenshawCurtis(), Gauss(), TensorDegree(), Exact()
@@ -154,9 +154,11 @@ class PolynomialChaos(Method):
         if isinstance(simulator, RecordedRuns) and self == PolynomialChaos():
             return recorded_bounds(repr(self), simulator, box)
         if self.order is None and not box.radius.any():
-            Y, bad = gathered(simulator, parameter_samples(simulator, box, np.zeros((1, len(box)))), executor)
+            P = parameter_samples(simulator, box, np.zeros((1, len(box))))
+            Y, bad = gathered(simulator, P, executor)
             if bad:
                 raise PropagationError(f"{self!r}: the only run failed: {bad[0][2]}")
+            note_attained(Y[0], Y[0], P, Y)
             noise = noise_from_runs(simulator)
             estimate = np.zeros_like(Y[0]) + (0.0 if noise is None else noise)
             details = {"estimate": estimate, "noise": noise, "inner": (Y[0], Y[0]), "range_of": "one run"}
