@@ -204,7 +204,9 @@ def _cut(z: Array, failed: Mask, cost: float) -> tuple[float, float]:
     """The best score of the runs with z (N,) above a limit, and this limit."""
     order = np.argsort(z)[::-1]
     high, runs = z[order], np.arange(1, len(z))
-    scores = np.where(high[:-1] > high[1:], _gain(np.cumsum(failed[order])[:-1], runs, failed) - cost, -np.inf)
+    scores = np.where(
+        high[:-1] > high[1:], _gain(np.cumsum(failed[order].astype(np.intp))[:-1], runs, failed) - cost, -np.inf
+    )
     k = int(scores.argmax())
     return float(scores[k]), _between(high[k + 1 :], high[k:])
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from symmb._doubt import Doubt, concerned
 from symmb._names import counted
-from symmb._types import Array
+from symmb._types import Array, Indices
 from symmb.bound.bounds.limits import KeptLimit
 from symmb.bound.bounds.worst_case import SIDES, AttainingRuns
 from symmb.equations.model import Box
@@ -52,7 +52,7 @@ def joined(box: Box, parts: Sequence["Bounds"]) -> "Bounds":
         run_doubts=_sentences([part.run_doubts for part in parts], words, parts[0].names),
         remarks=(of_parts, *_sentences([part.remarks for part in parts], words, parts[0].names)),
         nominal=next((part.nominal for part in parts if part.nominal is not None), None),
-        attaining=_attaining([part.attaining for part in parts], lower, upper),
+        attaining=_attaining([part.attaining for part in parts]),
         parts=tuple(parts),
         box=box,
         expansion=None,
@@ -64,28 +64,29 @@ def joined(box: Box, parts: Sequence["Bounds"]) -> "Bounds":
 
 def _sentences(each: Sequence[Sequence[str]], words: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
     """The sentences about all combinations. A sentence about only one or some combinations names the first of them."""
-    first = dict[str, tuple[str, int]]()
-    for told, own in zip(words, each, strict=True):
+    told = dict[str, list[str]]()
+    for word, own in zip(words, each, strict=True):
         for text in own:
-            first[text] = first.get(text, (told, 0))[0], first.get(text, (told, 0))[1] + 1
+            told.setdefault(text, []).append(word)
     return tuple(
-        text if n == len(each) else Doubt(f"With {told}: {text}", concerned(text, names))
-        for text, (told, n) in first.items()
+        text if len(some) == len(each) else Doubt(f"With {some[0]}: {text}", concerned(text, names))
+        for text, some in told.items()
     )
 
 
-def _attaining(each: Sequence[AttainingRuns | None], lower: Array, upper: Array) -> AttainingRuns | None:
+def _attaining(each: Sequence[AttainingRuns | None]) -> AttainingRuns | None:
     """The runs of all combinations that attain the extremes."""
     runs = [own for own in each if own is not None]
     if len(runs) < len(each):
         return None
     offsets = np.cumsum([0, *(len(own.blocks) for own in runs)])
-    ends, at = dict[str, Array](), dict[str, Array]()
+    ends, at = dict[str, Array](), dict[str, Indices]()
     for side, best in zip(SIDES, (np.argmin, np.argmax), strict=True):
         values = np.stack([own.ends[side] for own in runs])
-        numbers = np.stack([own.at[side] + offset for own, offset in zip(runs, offsets[:-1], strict=True)])
         chosen = best(values, axis=0)[None]
-        ends[side], at[side] = (np.take_along_axis(some, chosen, axis=0)[0] for some in (values, numbers))
+        numbers = np.stack([own.at[side] + offset for own, offset in zip(runs, offsets[:-1], strict=True)])
+        ends[side] = np.take_along_axis(values, chosen, axis=0)[0]
+        at[side] = np.take_along_axis(numbers, chosen, axis=0)[0]
     return AttainingRuns(runs[0].simulator, tuple(block for own in runs for block in own.blocks), ends, at)
 
 

@@ -72,7 +72,8 @@ class Box:
     choices: tuple[Choice, ...] = ()
     constraints: tuple[Constraint, ...] = ()
 
-    def __init__(self, *, constraints: Sequence[Constraint] = (), **intervals: Interval | Choices):
+    def __init__(self, **intervals: Interval | Choices | Sequence[Constraint]):
+        constraints = intervals.pop("constraints", ())  # no argument of its own: all names are names of the user
         if not intervals:
             raise DeclarationError("A Box needs at least one interval, e.g. Box(l1=(0.95, 1.05)).")
         choices, intervals = finite.intervals_and_choices(normal_keys("Box", intervals))
@@ -136,7 +137,7 @@ class Box:
         names = [choice.name for choice in self.choices if choice.is_studied]
         left = {name: given for name, given in self._given().items() if name not in names}
         units = dict(zip(self.names, self.units or ("",) * len(self), strict=True))
-        fixed = ({n: [with_unit(n, x, units[n])] * 2 for n, x in own.items()} for own in finite.combined(self.choices))
+        fixed = ({n: (with_unit(n, x, units[n]),) * 2 for n, x in own.items()} for own in finite.combined(self.choices))
         return [Box(constraints=self.constraints, **left, **own) for own in fixed]
 
     def allowed(self, values: Array) -> Mask:
