@@ -132,7 +132,7 @@ def intervals_and_choices(given: Mapping[str, Any]) -> tuple[tuple[Choice, ...],
     """The choices, and the intervals of all parameters in the given order."""
     choices, intervals = list[Choice](), dict[str, Any]()
     for name, own in given.items():
-        if isinstance(own, list | tuple | Set) and own and all(map(_is_word, own)):
+        if isinstance(own, list | Set) and own and all(map(_is_word, own)):
             raise DeclarationError(
                 f"Box: the words of {name!r} need the values of parameters, such as "
                 f"{name}={{{next(iter(own))!r}: {{'k': 100}}, ...}}."
