@@ -101,6 +101,22 @@ def test_constraints_exclude_combinations():
         mb.propagate(simulator(), None, mb.Box(n={17, 18}, constraints=[lambda p: False]))
 
 
+def test_the_nominal_run_counts_only_if_it_is_allowed():
+    """y = a t + 0.01 k is 3 at the nominal a = 1, which the constraint excludes."""
+    bounds = mb.propagate(simulator(), None, mb.Box(a=(0.5, 2.0), constraints=[lambda p: p.a < 0.9]))
+    check = bounds.check({"y": (None, 2.9)})
+    assert check.kept is True
+    assert "does not include the nominal run" in str(check)
+
+
+def test_choices_without_intervals_take_one_run_each():
+    bounds = mb.propagate(simulator(), None, mb.Box(n=set(range(15, 20)), constraints=[lambda p: p.n > 16.5]))
+    assert bounds.evaluations == 3
+    Y = [responses(1.0, 100.0, 2.0, n) for n in (17, 18, 19)]
+    np.testing.assert_allclose(bounds.upper.T, np.max(Y, axis=0))
+    assert bounds.worst("x").upper.parameters["n"] == 19
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [

@@ -38,6 +38,9 @@ def constrained(method: Method, whole: Bounds, simulator: Simulator, box: Box, e
     Y, bad = gathered(simulator, P, executor)
     ok = ~which_failed(bad, len(P))
     details = failure_details(simulator, box, extremes, P, bad)
+    lost = np.array([[run.parameters[name] for name in box.names] for run in whole.failed]).reshape(-1, len(box))
+    before = tuple(run for run, own in zip(whole.failed, box.allowed(lost), strict=True) if own)
+    details["failed"] = before + details["failed"]
     if not ok.any():
         raise PropagationError(f"{method!r}: all runs at extremes failed. {details['failed'][0]}")
     inner = Y[ok].min(axis=0), Y[ok].max(axis=0)

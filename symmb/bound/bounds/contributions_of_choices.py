@@ -20,7 +20,9 @@ def contributions_of_choices(bounds: Envelope, parts: Sequence[Responses]) -> Co
     choices = [choice for choice in box.choices if choice.is_studied]
     fixed = [{n: own.box[n][0] for choice in choices for n in choice.parameters} for own in parts]
     words = [[choice.chosen(values) for choice in choices] for values in fixed]
-    usual = next((told for told, own in zip(words, fixed, strict=True) if _is_nominal(own, bounds)), words[0])
+    known = bounds.nominal_parameters
+    is_nominal = [all(np.isclose(known.get(n, np.nan), x) for n, x in own.items()) for own in fixed]
+    usual = words[is_nominal.index(True) if any(is_nominal) else 0]
     n = words.index(usual)
     free = [name for name in box.names if all(name not in choice.parameters for choice in choices)]
     alone, saved, errors, runs = list[Array](), list[Array](), list[Array](), 0
@@ -64,10 +66,6 @@ def contributions_of_choices(bounds: Envelope, parts: Sequence[Responses]) -> Co
         remarks=(*(reference.remarks if reference else ()), told),
         errors=each,
     )
-
-
-def _is_nominal(values: dict[str, float], bounds: Envelope) -> bool:
-    return all(np.isclose(bounds.nominal_parameters.get(name, np.nan), x) for name, x in values.items())
 
 
 def _others(told: Sequence[str], k: int) -> list[str]:

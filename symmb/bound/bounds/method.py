@@ -72,7 +72,7 @@ class Method(ABC):
             require_name("Box", "parameter", name, simulator.parameters)
         box = box.with_units(units_of_parameters(simulator.parameters))
         if any(choice.is_studied for choice in box.choices):
-            own = [each for each in box.combinations() if len(first_points(each))]
+            own = [each for each in box.combinations() if not each.constraints or len(first_points(each))]
             if not own:
                 raise PropagationError(f"{self!r}: no combination of the choices satisfies the constraints of the box.")
             parts = [self.bounds(simulator, each, executor=executor, progress=progress) for each in own]

@@ -17,6 +17,7 @@ from symmb._options import (
 )
 from symmb._types import Array, Executor, Mask
 from symmb.bound.bounds.adaptive import adaptive_bounds
+from symmb.bound.bounds.allowed import allowed_points
 from symmb.bound.bounds.constrained import constrained
 from symmb.bound.bounds.failures import Failure, failed_region, failure_text
 from symmb.bound.bounds.method import Method, parameter_samples
@@ -148,13 +149,10 @@ class PolynomialChaos(Method):
         return None if self.order is None else getattr(self.nodes, "size", lambda *_: None)(d, self.order)
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
-        if box.is_cut:
-            whole = self.bounds(simulator, box.hull, executor=executor, progress=progress)
-            return constrained(self, whole, simulator, box, executor)
-        if isinstance(simulator, RecordedRuns) and self == PolynomialChaos():
-            return recorded_bounds(repr(self), simulator, box)
         if self.order is None and not box.radius.any():
-            P = parameter_samples(simulator, box, np.zeros((1, len(box))))
+            P = parameter_samples(simulator, box, allowed_points(box, np.zeros((1, len(box)))))
+            if not len(P):
+                raise PropagationError(f"{self!r}: the fixed parameters do not satisfy the constraints of the box.")
             Y, bad = gathered(simulator, P, executor)
             if bad:
                 raise PropagationError(f"{self!r}: the only run failed: {bad[0][2]}")
@@ -163,6 +161,11 @@ class PolynomialChaos(Method):
             estimate = np.zeros_like(Y[0]) + (0.0 if noise is None else noise)
             details = {"estimate": estimate, "noise": noise, "inner": (Y[0], Y[0]), "range_of": "one run"}
             return self._result(simulator, Y[0], Y[0], 1, **details)
+        if box.is_cut:
+            whole = self.bounds(simulator, box.hull, executor=executor, progress=progress)
+            return constrained(self, whole, simulator, box, executor)
+        if isinstance(simulator, RecordedRuns) and self == PolynomialChaos():
+            return recorded_bounds(repr(self), simulator, box)
         if self.order is None:
             require_runs(self, self.probes, "Use fewer probes.")
             require_memory(self, "the probes", self.probes * (2 * len(box) + len(simulator.parameters)))

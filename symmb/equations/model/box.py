@@ -147,6 +147,11 @@ class Box:
         """
         return finite.allowed(self.constraints, self.names, values)
 
+    def contains(self, values: Mapping[str, float]) -> bool:
+        """Whether values of all parameters in their intervals are among the choices, and satisfy all constraints."""
+        are_chosen = all(choice.has([values[n] for n in choice.parameters]) for choice in self.choices)
+        return are_chosen and bool(self.allowed(np.array([[values[n] for n in self.names]]))[0])
+
     def chosen(self, values: Mapping[str, float]) -> tuple[str, ...]:
         """The chosen words, as "spring: hard", for values of all parameters."""
         return tuple(choice.chosen(values) for choice in self.choices if choice.labels)

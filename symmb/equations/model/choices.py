@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from symmb._errors import DeclarationError
+from symmb._magnitudes import SAME
 from symmb._names import normal, normal_keys
 from symmb._options import is_finite_number, shown
 from symmb._types import Array, Mask
@@ -86,6 +87,10 @@ class Choice:
         """The values of a set that are closest to numbers x (...)."""
         values = np.array(self.values)[:, 0]
         return values[np.abs(x[..., None] - values).argmin(axis=-1)]
+
+    def has(self, values: Sequence[float]) -> bool:
+        """Whether values (d,) are one of the choices, up to rounding."""
+        return bool(np.isclose(self.values, values, rtol=SAME, atol=0.0).all(axis=1).any())
 
     def chosen(self, values: Mapping[str, float]) -> str:
         """The choice in words, as "spring: hard", for values of all parameters."""
