@@ -2,25 +2,24 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TypeVar
 
 import numpy as np
 
 from symmb._doubt import Doubt, concerned
 from symmb._names import counted
 from symmb._types import Array, Indices
+from symmb.bound.bounds.envelope import Envelope
 from symmb.bound.bounds.limits import KeptLimit
 from symmb.bound.bounds.worst_case import SIDES, AttainingRuns
 from symmb.equations.model import Box
 
-if TYPE_CHECKING:
-    from symmb.bound.bounds.result import Bounds
-
+B = TypeVar("B", bound=Envelope)
 _ORDER = False, None, True
 """Results of a limit. The first result that occurs in a combination is the result for all combinations."""
 
 
-def joined(box: Box, parts: Sequence["Bounds"]) -> "Bounds":
+def joined(box: Box, parts: Sequence[B]) -> B:
     """The bounds over a box with choices, from the bounds of each combination."""
     lower, upper = np.min([part.lower for part in parts], axis=0), np.max([part.upper for part in parts], axis=0)
     estimate = inner = noise = None
@@ -90,7 +89,7 @@ def _attaining(each: Sequence[AttainingRuns | None]) -> AttainingRuns | None:
     return AttainingRuns(runs[0].simulator, tuple(block for own in runs for block in own.blocks), ends, at)
 
 
-def joined_limits(bounds: "Bounds", found: Sequence[Sequence[KeptLimit]]) -> list[KeptLimit]:
+def joined_limits(bounds: Envelope, found: Sequence[Sequence[KeptLimit]]) -> list[KeptLimit]:
     """For each limit, the result of the combination that is worst."""
     limits = list[KeptLimit]()
     for own in zip(*found, strict=True):
