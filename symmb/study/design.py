@@ -205,6 +205,7 @@ def design(
             simulator = simulator_for(OWNER, scene_or_simulator, solver)
         else:
             simulator, box = simulator_of(scene_or_simulator, box, solver)
+            box.require_intervals(OWNER)
         ranges = ranges.with_units(units_of_parameters(simulator.parameters))
         _require_intervals(simulator, ranges, box)
         limits, budget = _limits_and_budget(limits, costs)

@@ -247,6 +247,7 @@ def tolerances(
         raise DeclarationError(f"{OWNER}: laws need a yield, such as yield_=0.9973.")
     with kept_interrupts(), shown_runs(progress, OWNER) as progress:
         simulator, shape = simulator_of(scene, box, solver)
+        shape.require_intervals("tolerances")
         pairs = limit_pairs(OWNER, limits, simulator.outputs, units_of(simulator))
         simulator = of_outputs(simulator, shape, [*pairs])
         for name in shape.names:

@@ -13,6 +13,7 @@ from symmb._names import ByName
 from symmb._types import Array, Mask
 from symmb._units import told_units, units_of_parameters
 from symmb.bound.bounds.contributions import Contributions, contributions_of
+from symmb.bound.bounds.contributions_of_choices import contributions_of_choices
 from symmb.bound.bounds.envelope import Envelope
 from symmb.bound.bounds.laws import Correlation, given_once
 from symmb.bound.bounds.limits import Limits, limit_pairs
@@ -71,7 +72,8 @@ class Answers(Envelope):
             varied = acting.get(k, tuple(parameters))
             is_figure = self.names[k] in self.figures
             time, times = (0.0, 1) if is_figure else (float(self.t[i]), len(self.t))
-            about = time, parameters, sample.value, upper - lower, varied, times, units[k], runs.simulator
+            chosen = self.box.chosen(parameters) if self.box else ()
+            about = time, parameters, sample.value, upper - lower, varied, times, units[k], chosen, runs.simulator
             case = WorstCase(self.names[k], side, lower if side == "lower" else upper, *about)
             cases.append(self._at_extreme(case, place) if case.is_short else case)
         return cases
@@ -97,7 +99,8 @@ class Answers(Envelope):
         parameters = {**self.nominal_parameters, **dict(zip(self.box.names, values, strict=True))}
         parameters = ByName(parameters, units_of_parameters(case.parameters))
         best = min if side == "lower" else max
-        other = replace(case, parameters=parameters, attained=attained, value=best(case.value, attained))
+        chosen, value = self.box.chosen(parameters), best(case.value, attained)
+        other = replace(case, parameters=parameters, choices=chosen, attained=attained, value=value)
         return other if case.side == side and other.attained == best(attained, case.attained) else case
 
     def _why_no_worst(self, knows_some: bool) -> str:
@@ -145,6 +148,8 @@ class Answers(Envelope):
         parameters give the widths. Least squares then give Sobol's indices, from 64 runs at points spread over the box.
         The number of runs is doubled until the error of the indices is below 0.04, up to 1024 runs.
 
+        A choice of the box is a contributor as well. It has no probabilities, so that Sobol's indices are then nan.
+
         Raises
         ------
         DeclarationError
@@ -156,14 +161,17 @@ class Answers(Envelope):
 
     @cached_property
     def _contributions(self) -> Contributions:
-        found = contributions_of(self._responses("Bounds.contributions"))
+        owner = "Bounds.contributions"
+        if self.parts:
+            return contributions_of_choices(self, [part._responses(owner) for part in self.parts])
+        found = contributions_of(self._responses(owner))
         assert found is not None
         return found
 
     def _known_contributions(self) -> Contributions | None:
         """The contributions, or None if they require runs that have not been made."""
-        if "_contributions" in self.__dict__:
-            return self._contributions
+        if "_contributions" in self.__dict__ or self.parts:
+            return self.__dict__.get("_contributions")
         if not self.range_of and self.study is not None:
             return None
         return contributions_of(self._responses("Bounds.contributions"), may_run=False)
@@ -304,6 +312,9 @@ class Answers(Envelope):
 
     def _responses(self, owner: str) -> Responses:
         """Responses that answer questions about the bounds."""
+        if self.box is not None and self.box.is_cut:
+            text = f"{owner}: this result is not available for boxes with choices or constraints."
+            raise DeclarationError(f"{text} Each of bounds.parts may have it." if self.parts else text)
         if self.box is None:
             raise DeclarationError(
                 f"{owner}: these bounds have no box, because a .csv file has none. Save the bounds as .npz."

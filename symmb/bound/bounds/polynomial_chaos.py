@@ -17,6 +17,8 @@ from symmb._options import (
 )
 from symmb._types import Array, Executor, Mask
 from symmb.bound.bounds.adaptive import adaptive_bounds
+from symmb.bound.bounds.allowed import allowed_points
+from symmb.bound.bounds.constrained import constrained
 from symmb.bound.bounds.failures import Failure, failed_region, failure_text
 from symmb.bound.bounds.method import Method, parameter_samples
 from symmb.bound.bounds.recorded import recorded_bounds
@@ -24,6 +26,7 @@ from symmb.bound.bounds.reductions import (
     extremes,
     failure_records,
     failures,
+    gathered,
     node_values,
     projection,
     together,
@@ -34,7 +37,7 @@ from symmb.bound.bounds.result_file import Kind
 from symmb.bound.nodes import ClenshawCurtis, Fit, Gauss, Nodes
 from symmb.bound.polynomials import Basis, Expansion, TensorDegree, TotalDegree
 from symmb.bound.polynomials.ranges import Exact, LegendreInclusion, Piecewise, Range, last_terms
-from symmb.connect import March, Progress, RecordedRuns, Simulator, noise_from_runs
+from symmb.connect import March, Progress, RecordedRuns, Simulator, noise_from_runs, note_attained
 from symmb.equations.model import Box
 
 _CLENSHAW_CURTIS, _GAUSS, _TENSOR_DEGREE, _EXACT = ClenshawCurtis(), Gauss(), TensorDegree(), Exact()
@@ -110,6 +113,7 @@ class PolynomialChaos(Method):
     probes: int = 0
 
     kind: ClassVar[Kind] = "estimate"
+    allows_cuts: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         require_kind("PolynomialChaos", "nodes", self.nodes, "points", "Gauss(), ClenshawCurtis() or Leja()")
@@ -145,6 +149,21 @@ class PolynomialChaos(Method):
         return None if self.order is None else getattr(self.nodes, "size", lambda *_: None)(d, self.order)
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+        if self.order is None and not box.radius.any():
+            P = parameter_samples(simulator, box, allowed_points(box, np.zeros((1, len(box)))))
+            if not len(P):
+                raise PropagationError(f"{self!r}: the fixed parameters do not satisfy the constraints of the box.")
+            Y, bad = gathered(simulator, P, executor)
+            if bad:
+                raise PropagationError(f"{self!r}: the only run failed: {bad[0][2]}")
+            note_attained(Y[0], Y[0], P, Y)
+            noise = noise_from_runs(simulator)
+            estimate = np.zeros_like(Y[0]) + (0.0 if noise is None else noise)
+            details = {"estimate": estimate, "noise": noise, "inner": (Y[0], Y[0]), "range_of": "one run"}
+            return self._result(simulator, Y[0], Y[0], 1, **details)
+        if box.is_cut:
+            whole = self.bounds(simulator, box.hull, executor=executor, progress=progress)
+            return constrained(self, whole, simulator, box, executor)
         if isinstance(simulator, RecordedRuns) and self == PolynomialChaos():
             return recorded_bounds(repr(self), simulator, box)
         if self.order is None:

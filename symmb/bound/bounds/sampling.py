@@ -6,10 +6,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, PropagationError
 from symmb._limits import require_memory, require_runs
 from symmb._options import constructor_text, require_instance, require_kind, require_whole
 from symmb._types import Array, Executor
+from symmb.bound.bounds.allowed import allowed_points
 from symmb.bound.bounds.laws import Correlation, Laws, given_once, laws_text
 from symmb.bound.bounds.method import Method, parameter_samples
 from symmb.bound.bounds.reductions import extremes, failure_details, failures, require_some, together
@@ -61,6 +62,7 @@ class MonteCarlo(Method):
     distributions: InitVar[Mapping[str, Any] | None] = None
 
     kind: ClassVar[Kind] = "sampled"
+    allows_cuts: ClassVar[bool] = True
 
     @property
     def doubtful_miss(self) -> float:  # random samples miss the extremes, with distributions by more
@@ -116,6 +118,7 @@ class Scanning(Method):
     points: int = 21
 
     kind: ClassVar[Kind] = "sampled"
+    allows_cuts: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         require_whole(self, "points", 2)
@@ -162,6 +165,8 @@ def _scanned(
 def _sampled(
     method: Method, unit: Array, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
 ) -> Bounds:
+    if not len(unit := allowed_points(box, unit)):
+        raise PropagationError(f"{method!r}: no sample satisfies all constraints of the box.")
     P = parameter_samples(simulator, box, unit)
     reduction = together(extremes(simulator), failures())
     (lower, upper), bad = simulator.stream(P, reduction, executor, progress)

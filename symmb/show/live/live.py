@@ -76,6 +76,7 @@ def live_from(
     own = scene_of(scene)
     if own.box is None:
         raise DeclarationError("live: the scene has no box of tolerances. Give it one by scene.with_box(Box(...)).")
+    own.box.require_intervals("live")
     pairs = limit_pairs("live", limits, own.output_names, own.units) if limits else {}
     simulator = simulator_for("live", scene, None)
     figures, motion = simulator if isinstance(simulator, FigureSimulator) else None, motion_of(simulator)
