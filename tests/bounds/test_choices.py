@@ -61,16 +61,22 @@ def test_files_keep_choices(tmp_path, suffix):
     assert str(loaded.worst("x").upper) == str(bounds.worst("x").upper)
 
 
-def test_contributions_of_choices():
-    """x = k a sin(c) at t = 0: widths alone and saved in closed form, with the soft spring and a = 1 as nominal."""
-    shares = mb.propagate(simulator(), None, WHOLE).contributions()
-    soft, hard = 100 * np.sin(2.0), 200 * np.sin(3.0)
-    own = dict(zip(shares.parameters, zip(shares.alone[0, 0], shares.saved[0, 0], strict=True), strict=True))
-    width = 2 * soft - 0.5 * hard
-    assert own["spring"] == pytest.approx((soft - hard, width - 1.5 * soft), abs=0.1)
-    assert own["a"] == pytest.approx((1.5 * soft, width - (soft - hard)), abs=0.1)
-    assert own["n"] == pytest.approx((0.0, 0.0), abs=0.1)
-    assert np.isnan(shares.first).all()
+def test_answers_that_need_intervals_are_refused():
+    bounds = mb.propagate(simulator(), None, WHOLE)
+    for answer in (bounds.contributions, lambda: bounds.quantiles("x", [0.5]), lambda: bounds.samples(9)):
+        with pytest.raises(mb.DeclarationError, match=r"Use box\.hull, .* or one of box\.combinations"):
+            answer()
+
+
+def test_words_of_a_list_are_numbered():
+    """The function has the number of the word as its parameter."""
+    stiffness = (300.0, 100.0, 200.0)
+    chosen = mb.FunctionSimulator(lambda a, spring: a * stiffness[int(spring)] + 0 * T, {"a": 1, "spring": 0}, T, ["x"])
+    bounds = mb.propagate(chosen, None, mb.Box(a=(0.9, 1.1), spring=["M10 hard", "soft", "usual"]))
+    assert (bounds.lower[0, 0], bounds.upper[0, 0]) == pytest.approx((90, 330))
+    assert bounds.worst("x").upper.choices == ("spring: M10 hard",)
+    assert bounds.worst("x").lower.choices == ("spring: soft",)
+    assert mb.Box(a=["1 mm", "2 mm"]) == mb.Box(a=(1, 2, "mm"))
 
 
 def test_many_whole_numbers_take_one_study():
@@ -120,7 +126,7 @@ def test_choices_without_intervals_take_one_run_each():
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"spring": ["soft", "hard"]}, "need the values"),
+        ({"spring": {"soft", "hard"}}, "no order. Use a list of words"),
         ({"n": set()}, "at least one value"),
         ({"s": {"soft": {"k": 1}, "hard": {"c": 1}}}, "same parameters"),
         ({"k": (1, 2), "s": {"soft": {"k": 1}}}, "two intervals or choices"),

@@ -13,7 +13,6 @@ from symmb._names import ByName
 from symmb._types import Array, Mask
 from symmb._units import told_units, units_of_parameters
 from symmb.bound.bounds.contributions import Contributions, contributions_of
-from symmb.bound.bounds.contributions_of_choices import contributions_of_choices
 from symmb.bound.bounds.envelope import Envelope
 from symmb.bound.bounds.laws import Correlation, given_once
 from symmb.bound.bounds.limits import Limits, limit_pairs
@@ -148,8 +147,6 @@ class Answers(Envelope):
         parameters give the widths. Least squares then give Sobol's indices, from 64 runs at points spread over the box.
         The number of runs is doubled until the error of the indices is below 0.04, up to 1024 runs.
 
-        A choice of the box is a contributor as well. It has no probabilities, so that Sobol's indices are then nan.
-
         Raises
         ------
         DeclarationError
@@ -161,18 +158,15 @@ class Answers(Envelope):
 
     @cached_property
     def _contributions(self) -> Contributions:
-        owner = "Bounds.contributions"
-        if self.parts:
-            return contributions_of_choices(self, [part._responses(owner) for part in self.parts])
-        found = contributions_of(self._responses(owner))
+        found = contributions_of(self._responses("Bounds.contributions"))
         assert found is not None
         return found
 
     def _known_contributions(self) -> Contributions | None:
         """The contributions, or None if they require runs that have not been made."""
-        if "_contributions" in self.__dict__ or self.parts:
-            return self.__dict__.get("_contributions")
-        if not self.range_of and self.study is not None:
+        if "_contributions" in self.__dict__:
+            return self._contributions
+        if (not self.range_of and self.study is not None) or (self.box is not None and self.box.is_cut):
             return None
         return contributions_of(self._responses("Bounds.contributions"), may_run=False)
 
@@ -312,13 +306,11 @@ class Answers(Envelope):
 
     def _responses(self, owner: str) -> Responses:
         """Responses that answer questions about the bounds."""
-        if self.box is not None and self.box.is_cut:
-            text = f"{owner}: this result is not available for boxes with choices or constraints."
-            raise DeclarationError(f"{text} Each of bounds.parts may have it." if self.parts else text)
         if self.box is None:
             raise DeclarationError(
                 f"{owner}: these bounds have no box, because a .csv file has none. Save the bounds as .npz."
             )
+        self.box.require_intervals(owner)
         adaptive: Any = self if self.range_of or self.study is None else self.study.adaptive
         surrogate = adaptive.surrogate
         is_good = adaptive.have_good_surrogate()

@@ -9,8 +9,8 @@ import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
 from symmb._interrupts import carry
-from symmb._names import counted
-from symmb._options import require_callable, require_name, shown
+from symmb._names import counted, did_you_mean
+from symmb._options import require_callable, shown
 from symmb._types import Array, Executor
 from symmb._units import units_of_parameters
 from symmb.bound.bounds.allowed import first_points
@@ -69,7 +69,9 @@ class Method(ABC):
             If the study is interrupted. ``partial`` then contains the bounds that runs have attained, if there are any.
         """
         for name in box.names:
-            require_name("Box", "parameter", name, simulator.parameters)
+            if name not in simulator.parameters:
+                known = did_you_mean(name, simulator.parameters)
+                raise DeclarationError(f"Box: no parameter {name!r}.{known}{box.hint(name)}")
         box = box.with_units(units_of_parameters(simulator.parameters))
         if any(choice.is_studied for choice in box.choices):
             own = [each for each in box.combinations() if not each.constraints or len(first_points(each))]

@@ -1,6 +1,6 @@
 """Polynomial chaos: Legendre expansions of the responses from runs at nodes, then their ranges."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -17,7 +17,6 @@ from symmb._options import (
 )
 from symmb._types import Array, Executor, Mask
 from symmb.bound.bounds.adaptive import adaptive_bounds
-from symmb.bound.bounds.allowed import allowed_points
 from symmb.bound.bounds.constrained import constrained
 from symmb.bound.bounds.failures import Failure, failed_region, failure_text
 from symmb.bound.bounds.method import Method, parameter_samples
@@ -26,7 +25,6 @@ from symmb.bound.bounds.reductions import (
     extremes,
     failure_records,
     failures,
-    gathered,
     node_values,
     projection,
     together,
@@ -34,10 +32,11 @@ from symmb.bound.bounds.reductions import (
 )
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.result_file import Kind
+from symmb.bound.bounds.sampling import sampled
 from symmb.bound.nodes import ClenshawCurtis, Fit, Gauss, Nodes
 from symmb.bound.polynomials import Basis, Expansion, TensorDegree, TotalDegree
 from symmb.bound.polynomials.ranges import Exact, LegendreInclusion, Piecewise, Range, last_terms
-from symmb.connect import March, Progress, RecordedRuns, Simulator, noise_from_runs, note_attained
+from symmb.connect import March, Progress, RecordedRuns, Simulator, noise_from_runs
 from symmb.equations.model import Box
 
 _CLENSHAW_CURTIS, _GAUSS, _TENSOR_DEGREE, _EXACT = ClenshawCurtis(), Gauss(), TensorDegree(), Exact()
@@ -150,17 +149,10 @@ class PolynomialChaos(Method):
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         if self.order is None and not box.radius.any():
-            P = parameter_samples(simulator, box, allowed_points(box, np.zeros((1, len(box)))))
-            if not len(P):
-                raise PropagationError(f"{self!r}: the fixed parameters do not satisfy the constraints of the box.")
-            Y, bad = gathered(simulator, P, executor)
-            if bad:
-                raise PropagationError(f"{self!r}: the only run failed: {bad[0][2]}")
-            note_attained(Y[0], Y[0], P, Y)
+            bounds = sampled(self, np.zeros((1, len(box))), simulator, box, executor, progress)
             noise = noise_from_runs(simulator)
-            estimate = np.zeros_like(Y[0]) + (0.0 if noise is None else noise)
-            details = {"estimate": estimate, "noise": noise, "inner": (Y[0], Y[0]), "range_of": "one run"}
-            return self._result(simulator, Y[0], Y[0], 1, **details)
+            estimate = np.zeros_like(bounds.lower) + (0.0 if noise is None else noise)
+            return replace(bounds, estimate=estimate, noise=noise, range_of="one run")
         if box.is_cut:
             whole = self.bounds(simulator, box.hull, executor=executor, progress=progress)
             return constrained(self, whole, simulator, box, executor)

@@ -81,7 +81,7 @@ def box_of(record: Record, name: str) -> Box:
         values = [*map(tuple, own.array("values", None, len(parameters)).tolist())]
         given = {n: ends for n, ends in given.items() if n not in parameters}
         choice = Choice(own.text("name"), labels, parameters, tuple(values), ("",) * len(parameters))
-        given[choice.name] = choice.given(lambda _, x: x)
+        given[choice.name] = choice
     return Box(**given).with_units(record.units(name))
 
 

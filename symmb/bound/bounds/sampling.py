@@ -89,7 +89,7 @@ class MonteCarlo(Method):
         if self.laws is not None:
             laws = Laws.of(repr(self), self.laws, self.correlation, box)
             points[:, laws.columns] = laws.unit_points((points[:, laws.columns] + 1) / 2, box)
-        bounds = _sampled(self, points, simulator, box, executor, progress)
+        bounds = sampled(self, points, simulator, box, executor, progress)
         return bounds if laws is None else replace(bounds, remarks=laws.remarks)
 
     def __repr__(self) -> str:
@@ -159,12 +159,13 @@ def _scanned(
     d, runs = len(box), points ** len(box)
     require_runs(method, runs, "Use PolynomialChaos() or MonteCarlo(...).")
     require_memory(method, "the points", runs * (2 * d + len(simulator.parameters)))
-    return _sampled(method, grid(np.linspace(-1.0, 1.0, points), d), simulator, box, executor, progress)
+    return sampled(method, grid(np.linspace(-1.0, 1.0, points), d), simulator, box, executor, progress)
 
 
-def _sampled(
+def sampled(
     method: Method, unit: Array, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
 ) -> Bounds:
+    """The extremes of runs at the points (N, d) of the unit box that are allowed."""
     if not len(unit := allowed_points(box, unit)):
         raise PropagationError(f"{method!r}: no sample satisfies all constraints of the box.")
     P = parameter_samples(simulator, box, unit)

@@ -1,9 +1,10 @@
 """The box of interval parameters and its map to the unit box [-1, 1]^d."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import product
 from os import PathLike
 from pathlib import Path
 from typing import Any, SupportsFloat
@@ -17,11 +18,13 @@ from symmb._options import is_finite_number, numbers_of, require_instance, requi
 from symmb._types import Array, Mask
 from symmb._units import NO_UNIT, label, ratio_of, scaled, units_of_parameters
 from symmb.equations.model import choices as finite
-from symmb.equations.model.choices import Choice, Choices, Constraint, Short, with_unit
+from symmb.equations.model.choices import Choice, Choices, Constraint
 from symmb.equations.model.tolerance_list import interval_of, interval_with_unit, intervals_in_file, share_of
 
 Interval = tuple[float, float] | tuple[float, float, str] | tuple[str, str] | str
 """The ends of an interval, in the unit of the parameter or in another unit."""
+_MOST_STUDIES = 200
+"""Largest number of combinations of choices."""
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -107,24 +110,28 @@ class Box:
         if not (self.units or any(name in units for name in self.names)):
             return self
 
-        def converted(name: str, value: float, unit: str) -> Any:
-            own = units.get(name, "")
-            ratio = ratio_of("Box", f"parameter {name!r}", unit, own) if unit else NO_UNIT
-            return with_unit(name, scaled(value, ratio), own)
+        before = dict(zip(self.names, self.units or ("",) * len(self), strict=True))
+        ratios = {
+            name: ratio_of("Box", f"parameter {name!r}", unit, units.get(name, "")) if unit else NO_UNIT
+            for name, unit in before.items()
+        }
+        given = {
+            name: own.scaled(ratios, units)
+            if isinstance(own, Choice)
+            else (*(scaled(end, ratios[name]) for end in own[:2]), units.get(name, ""))
+            for name, own in self._given().items()
+        }
+        return self._like(given)
 
-        return Box(constraints=self.constraints, **self._given(converted))._set_percents(self.percents)
-
-    def _given(self, of: Callable[[str, float, str], Any] = with_unit) -> dict[str, Any]:
-        """The intervals and choices as arguments. `of` makes a value from the name, the number and its unit."""
+    def _given(self) -> dict[str, Any]:
+        """The intervals and choices as arguments."""
         chosen = {name: choice for choice in self.choices for name in choice.parameters}
-        units = dict(zip(self.names, self.units or ("",) * len(self), strict=True))
-        given = dict[str, Any]()
-        for name, ends in zip(self.names, self.bounds, strict=True):
-            if name in chosen:
-                given[chosen[name].name] = chosen[name].given(lambda n, x: of(n, x, units[n]))
-            else:
-                given[name] = tuple(of(name, end, units[name]) for end in ends)
-        return given
+        return {chosen[n].name if n in chosen else n: chosen.get(n, own) for n, own in self.intervals.items()}
+
+    def _like(self, given: Mapping[str, Any]) -> "Box":
+        """A box of other intervals and choices with the same constraints and percentages."""
+        box = Box(constraints=self.constraints, **given)
+        return box._set_percents(self.percents & {*box.names})
 
     @property
     def hull(self) -> "Box":
@@ -141,11 +148,18 @@ class Box:
 
         DeclarationError is raised if there are more than 200 combinations.
         """
-        names = [choice.name for choice in self.choices if choice.is_studied]
-        left = {name: given for name, given in self._given().items() if name not in names}
-        units = dict(zip(self.names, self.units or ("",) * len(self), strict=True))
-        fixed = ({n: (with_unit(n, x, units[n]),) * 2 for n, x in own.items()} for own in finite.combined(self.choices))
-        return [Box(constraints=self.constraints, **left, **own) for own in fixed]
+        studied = [choice for choice in self.choices if choice.is_studied]
+        if (n := math.prod(len(choice.values) for choice in studied)) > _MOST_STUDIES:
+            raise DeclarationError(
+                f"Box: {n} combinations of choices need as many studies, but at most {_MOST_STUDIES} are made. Give "
+                "intervals instead of some choices."
+            )
+        boxes = []
+        for numbers in product(*(range(len(choice.values)) for choice in studied)):
+            fixed = {choice.name: choice.intervals(k) for choice, k in zip(studied, numbers, strict=True)}
+            parts = (fixed.get(name, {name: own}) for name, own in self._given().items())
+            boxes.append(self._like({name: own for part in parts for name, own in part.items()}))
+        return boxes
 
     def allowed(self, values: Array) -> Mask:
         """Mask (N,) of the parameter values (N, d) that satisfy all constraints.
@@ -163,10 +177,18 @@ class Box:
         """The chosen words, as "spring: hard", for values of all parameters."""
         return tuple(choice.chosen(values) for choice in self.choices if choice.labels)
 
+    def hint(self, name: str) -> str:
+        """A sentence for unknown parameters that have words; empty for other parameters."""
+        words = [label for choice in self.choices if choice.name == name for label in choice.labels]
+        return f" Give the values of each word, as {name}={{{words[0]!r}: {{'k': 100}}, ...}}." if words else ""
+
     def require_intervals(self, owner: str) -> None:
         """Raise DeclarationError if the box has choices or constraints."""
         if self.is_cut:
-            raise DeclarationError(f"{owner}: the box must have intervals only, without choices and constraints.")
+            raise DeclarationError(
+                f"{owner}: the box must have intervals only, without choices and constraints. Use box.hull, which "
+                "contains all of them, or one of box.combinations()."
+            )
 
     @classmethod
     def around(
@@ -357,7 +379,7 @@ class Box:
         """The box without this parameter; None if no parameter remains."""
         require_instance(repr(self), name, str, "the name of a parameter")
         left = {other: given for other, given in self._given().items() if other != normal(name)}
-        return Box(constraints=self.constraints, **left)._set_percents(self.percents & left.keys()) if left else None
+        return self._like(left) if left else None
 
     def __len__(self) -> int:
         return len(self.names)
@@ -387,8 +409,7 @@ class Box:
             for name, (low, high, *unit) in self.intervals.items()
             if name not in chosen
         ]
-        given = self._given(lambda name, x, unit: with_unit(name, Short(x), unit))
-        inside += [f"{choice.name}={given[choice.name]!r}" for choice in self.choices]
+        inside += [f"{choice.name}={choice!r}" for choice in self.choices]
         if self.constraints:
             inside.append(f"constraints=[{', '.join(getattr(f, '__name__', repr(f)) for f in self.constraints)}]")
         return f"Box({', '.join(inside)})"

@@ -1,9 +1,7 @@
 """Choices and constraints of a box. Choices are finite sets of numbers, and words with the values of parameters."""
 
-import math
-from collections.abc import Callable, Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass
-from itertools import product
+from collections.abc import Callable, Mapping, Sequence, Set
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,20 +9,20 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._magnitudes import SAME
-from symmb._names import normal, normal_keys
+from symmb._names import normal_keys
 from symmb._options import is_finite_number, shown
 from symmb._types import Array, Mask
-from symmb._units import number_in, quantity
+from symmb._units import number_in, quantity, scaled
 
-Choices = Set[Any] | range | Mapping[str, Any]
-"""A finite set of values, or values by words."""
+Choices = Set[Any] | range | Sequence[str] | Mapping[str, Any]
+"""A finite set of values, a list of words, or values by words."""
 Constraint = Callable[[Any], Any]
 """A function of the parameters p, such as p.a. The result is True, or a number of at most 0, if they are allowed."""
-_MOST_STUDIED, _MOST_STUDIES = 8, 200
-"""Largest number of values of a set with a study for each value, and of all studies. Larger sets are in each study."""
+_MOST_STUDIED = 8
+"""Largest number of values of a set with a study for each value. Larger sets are in each study."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Choice:
     """One of several values of a parameter, or one of several words with values of one or more parameters.
 
@@ -45,20 +43,22 @@ class Choice:
 
     @classmethod
     def of(cls, name: str, given: Any) -> "Choice":
-        """The choice of a set, a range, or a mapping of words to numbers or to numbers by name."""
+        """The choice of a set, a range, a list of words, or a mapping of words to numbers or to numbers by name."""
+        if isinstance(given, list | tuple):
+            given, words = {word: k for k, word in enumerate(given)}, given
+            if len(given) < len(words):
+                raise DeclarationError(f"Box: the words of {name!r} must be different, got {shown(words)}.")
         labels = tuple(given) if isinstance(given, Mapping) else ()
         if not given or not all(isinstance(label, str) and label.isprintable() for label in labels):
             raise DeclarationError(f"Box: {name!r} must have at least one value, and words as names of its values.")
         options = [given[label] for label in labels] if labels else list(given)
-        if not all(isinstance(own, Mapping) for own in options):
-            options = [{name: own} for own in options]
-        parameters = tuple(map(normal, options[0]))
-        for label, own in zip(labels, options, strict=False):
-            if {*map(normal, own)} != {*parameters} or not parameters:
-                raise DeclarationError(
-                    f"Box: {name!r} must give values of the same parameters for {label!r} as before."
-                )
-        pairs = [[quantity(f"Box: {name!r}:", normal_keys("Box", own)[n]) for own in options] for n in parameters]
+        if any(map(_is_word, options)):
+            raise DeclarationError(f"Box: the words of {name!r} have no order. Use a list of words.")
+        options = [normal_keys("Box", own if isinstance(own, Mapping) else {name: own}) for own in options]
+        parameters = tuple(options[0])
+        if not parameters or any(own.keys() != options[0].keys() for own in options):
+            raise DeclarationError(f"Box: the words of {name!r} must give values of the same parameters.")
+        pairs = [[quantity(f"Box: {name!r}:", own[n]) for own in options] for n in parameters]
         if any(len({bool(unit) for _, unit in own}) > 1 for own in pairs):
             raise DeclarationError(f"Box: {name!r} must have units for all values of a parameter, or for none.")
         units = tuple(own[0][1] for own in pairs)
@@ -74,14 +74,16 @@ class Choice:
         """Whether each value has a study of its own."""
         return bool(self.labels) or len(self.values) <= _MOST_STUDIED
 
-    def given(self, of: Callable[[str, float], Any]) -> Any:
-        """The choice as an argument of Box. `of` returns a value from the name of the parameter and a number."""
-        options = [{n: of(n, x) for n, x in zip(self.parameters, own, strict=True)} for own in self.values]
-        if not self.labels:
-            return {own[self.name] for own in options}
-        if self.parameters == (self.name,):
-            options = [own[self.name] for own in options]
-        return dict(zip(self.labels, options, strict=True))
+    def intervals(self, *ks: int) -> dict[str, Any]:
+        """The smallest intervals, with their units, that contain the values with the numbers `ks`; default: all."""
+        columns = zip(*(self.values[k] for k in ks or range(len(self.values))), strict=True)
+        triples = zip(self.parameters, columns, self.units, strict=True)
+        return {n: (min(x), max(x), unit) if unit else (min(x), max(x)) for n, x, unit in triples}
+
+    def scaled(self, ratios: Mapping[str, Any], units: Mapping[str, str]) -> "Choice":
+        """The choice with values in other units, by the ratios of the units."""
+        own = [tuple(scaled(x, ratios[n]) for n, x in zip(self.parameters, row, strict=True)) for row in self.values]
+        return replace(self, values=tuple(own), units=tuple(units.get(n, "") for n in self.parameters))
 
     def closest(self, x: Array) -> Array:
         """The values of a set that are closest to numbers x (...)."""
@@ -98,18 +100,18 @@ class Choice:
         k = int(np.abs(np.array(self.values) - own).sum(axis=1).argmin())
         return f"{self.name}: {self.labels[k] if self.labels else f'{self.values[k][0]:.12g}'}"
 
-
-def combined(choices: Sequence[Choice]) -> Iterator[dict[str, float]]:
-    """The values of each combination of the choices that have a study for each value, by parameter."""
-    studied = [choice for choice in choices if choice.is_studied]
-    if (n := math.prod(len(choice.values) for choice in studied)) > _MOST_STUDIES:
-        raise DeclarationError(
-            f"Box: {n} combinations of choices need as many studies, but at most {_MOST_STUDIES} are made. Give "
-            "intervals instead of some choices."
-        )
-    for values in product(*(choice.values for choice in studied)):
-        pairs = zip(studied, values, strict=True)
-        yield {n: x for choice, own in pairs for n, x in zip(choice.parameters, own, strict=True)}
+    def __repr__(self) -> str:
+        units = [f", {unit!r}" if unit else "" for unit in self.units]
+        rows = [
+            [f"({x:.12g}{u})" if u else f"{x:.12g}" for x, u in zip(own, units, strict=True)] for own in self.values
+        ]
+        if self.parameters == (self.name,):
+            texts = [row[0] for row in rows]
+        else:
+            pairs = ([f"{n!r}: {x}" for n, x in zip(self.parameters, row, strict=True)] for row in rows)
+            texts = [f"{{{', '.join(own)}}}" for own in pairs]
+        words = [f"{label!r}: " for label in self.labels] or [""] * len(texts)
+        return f"{{{', '.join(map(str.__add__, words, texts))}}}"
 
 
 def allowed(constraints: Sequence[Constraint], names: Sequence[str], values: Array) -> Mask:
@@ -137,16 +139,12 @@ def intervals_and_choices(given: Mapping[str, Any]) -> tuple[tuple[Choice, ...],
     """The choices, and the intervals of all parameters in the given order."""
     choices, intervals = list[Choice](), dict[str, Any]()
     for name, own in given.items():
-        if isinstance(own, list | Set) and own and all(map(_is_word, own)):
-            raise DeclarationError(
-                f"Box: the words of {name!r} need the values of parameters, such as "
-                f"{name}={{{next(iter(own))!r}: {{'k': 100}}, ...}}."
-            )
         part = {name: own}
-        if isinstance(own, Set | range | Mapping):
-            choices.append(choice := Choice.of(name, own))
-            columns = zip(choice.parameters, zip(*choice.values, strict=True), choice.units, strict=True)
-            part = {n: (min(x), max(x), unit) if unit else (min(x), max(x)) for n, x, unit in columns}
+        if isinstance(own, Choice | Set | range | Mapping) or (
+            isinstance(own, list | tuple) and own and all(map(_is_word, own))
+        ):
+            choices.append(choice := own if isinstance(own, Choice) else Choice.of(name, own))
+            part = choice.intervals()
         if twice := intervals.keys() & part.keys():
             raise DeclarationError(f"Box: {min(twice)!r} has two intervals or choices.")
         intervals |= part
@@ -154,17 +152,5 @@ def intervals_and_choices(given: Mapping[str, Any]) -> tuple[tuple[Choice, ...],
 
 
 def _is_word(text: object) -> bool:
-    return isinstance(text, str) and text[:1].isalpha() and not any(map(str.isdigit, text))
-
-
-class Short(float):
-    """A number that is printed with at most 12 digits."""
-
-    def __repr__(self) -> str:
-        return f"{self:.12g}"
-
-
-def with_unit(name: str, value: float, unit: str) -> Any:
-    """A number of a parameter, or a pair of the number and its unit."""
-    del name
-    return (value, unit) if unit else value
+    """Whether a text begins with a letter, unlike a number with a unit."""
+    return isinstance(text, str) and text[:1].isalpha()

@@ -168,7 +168,11 @@ class Scene:
         if not isinstance(self.box, Box):
             raise DeclarationError(f"box: {self.box!r} is not a Box. Write Box(l1=(0.95, 1.05)), or Box(**intervals).")
         known = self.system.parameters
-        unknown = [f"box: no parameter {n!r}.{did_you_mean(n, known)}" for n in self.box.names if n not in known]
+        unknown = [
+            f"box: no parameter {n!r}.{did_you_mean(n, known)}{self.box.hint(n)}"
+            for n in self.box.names
+            if n not in known
+        ]
         box = self.box if unknown else self.box.with_units(units_of_parameters(known))
         Faults(unknown or self.system.sign_faults(box)).raise_any()
         return box

@@ -119,10 +119,10 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | str | None, poin
     """The nominal run, the runs that attain the bounds of an output at a time, and the region of a point."""
     study = bounds.study
     if not isinstance(study, Study):
-        cut = "the box has choices or constraints. Draw one of bounds.parts, if there are any."
-        file = "they were read from a file. Draw the result of propagate(scene, method)."
+        if bounds.box is not None:
+            bounds.box.require_intervals("draw")
         raise DeclarationError(
-            f"These bounds have no scene: {cut if bounds.box is not None and bounds.box.is_cut else file}"
+            "These bounds have no scene: they were read from a file. Draw the result of propagate(scene, method)."
         )
     scene = study.scene
     if output is not None:
