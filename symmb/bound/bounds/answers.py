@@ -132,6 +132,8 @@ class Answers(Envelope):
         PropagationError
             If the method has no expansion.
         """
+        if self.box is not None:
+            self.box.require_intervals("Bounds.moments")
         if self.expansion is None:
             raise PropagationError(
                 f"Bounds by {self.method} have no polynomial for the whole box, so they have no moments. Use "

@@ -33,7 +33,9 @@ def joined(box: Box, parts: Sequence[B]) -> B:
         noise = np.max(noises, axis=0)
     fixed = [dict(zip(part.box.names, part.box.lower.tolist(), strict=True)) for part in parts if part.box]
     words = [", ".join(choice.chosen(own) for choice in box.choices if choice.is_studied) for own in fixed]
-    of_parts = f"The bounds are joined from {counted(len(parts), 'combination')} of choices."
+    of_parts = (
+        f"The bounds are joined from {len(parts)} of {counted(len(box.combinations()), 'combination')} of choices."
+    )
     return replace(
         parts[0],
         lower=lower,

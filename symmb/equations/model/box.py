@@ -309,7 +309,7 @@ class Box:
         for name in mine.keys() & theirs.keys():
             if mine[name] != theirs[name]:
                 raise DeclarationError(f"Box: '{name}' is {mine[name]} in one box and {theirs[name]} in the other.")
-        both = Box(constraints=self.constraints + other.constraints, **(mine | theirs))
+        both = Box(constraints=[*dict.fromkeys(self.constraints + other.constraints)], **(mine | theirs))
         return both._set_percents(self.percents | other.percents)
 
     @property
@@ -378,7 +378,12 @@ class Box:
     def without(self, name: str) -> "Box | None":
         """The box without this parameter; None if no parameter remains."""
         require_instance(repr(self), name, str, "the name of a parameter")
-        left = {other: given for other, given in self._given().items() if other != normal(name)}
+        left = {
+            other: own.without(normal(name)) if isinstance(own, Choice) else own
+            for other, own in self._given().items()
+            if isinstance(own, Choice) or other != normal(name)
+        }
+        left = {other: own for other, own in left.items() if own is not None}
         return self._like(left) if left else None
 
     def __len__(self) -> int:
@@ -419,7 +424,8 @@ class Box:
         rows = [
             [name, *(f"{x:.12g}" for x in pair), f"{middle:.12g} ± {half:.6g}"] for name, pair, middle, half in ends
         ]
-        return html.page(html.table([["parameter", "lower", "upper", "middle"], *rows]))
+        cut = [html.text(repr(self))] if self.is_cut else []
+        return html.page(html.table([["parameter", "lower", "upper", "middle"], *rows]), *cut)
 
 
 def _has_percent(tolerance: object) -> bool:

@@ -52,7 +52,7 @@ class Choice:
         if not given or not all(isinstance(label, str) and label.isprintable() for label in labels):
             raise DeclarationError(f"Box: {name!r} must have at least one value, and words as names of its values.")
         options = [given[label] for label in labels] if labels else list(given)
-        if any(map(_is_word, options)):
+        if isinstance(given, Set) and any(map(_is_word, given)):
             raise DeclarationError(f"Box: the words of {name!r} have no order. Use a list of words.")
         options = [normal_keys("Box", own if isinstance(own, Mapping) else {name: own}) for own in options]
         parameters = tuple(options[0])
@@ -84,6 +84,12 @@ class Choice:
         """The choice with values in other units, by the ratios of the units."""
         own = [tuple(scaled(x, ratios[n]) for n, x in zip(self.parameters, row, strict=True)) for row in self.values]
         return replace(self, values=tuple(own), units=tuple(units.get(n, "") for n in self.parameters))
+
+    def without(self, name: str) -> "Choice | None":
+        """The choice without a parameter; None if no parameter remains."""
+        keep = [j for j, parameter in enumerate(self.parameters) if parameter != name]
+        parameters, units, *rows = (tuple(own[j] for j in keep) for own in (self.parameters, self.units, *self.values))
+        return replace(self, parameters=parameters, values=tuple(rows), units=units) if keep else None
 
     def closest(self, x: Array) -> Array:
         """The values of a set that are closest to numbers x (...)."""
