@@ -12,7 +12,7 @@ from symmb.bound.bounds.method import Method, parameter_samples
 from symmb.bound.bounds.reductions import failure_details, gathered, which_failed
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.polynomials.ranges import Piecewise
-from symmb.connect import RecordedRuns, Simulator, note_attained
+from symmb.connect import Simulator, note_attained
 from symmb.equations.model import Box
 from symmb.run.simulation import SceneSimulator
 
@@ -25,10 +25,10 @@ _MOST_RUNS = 32
 
 def constrained(method: Method, whole: Bounds, simulator: Simulator, box: Box, executor: Executor | None) -> Bounds:
     """Bounds over the allowed points, from the polynomials of bounds over the whole box, and from runs at extremes."""
-    if whole.surrogate is None or np.sum(box.radius > 0) > _MOST_PARAMETERS or isinstance(simulator, RecordedRuns):
+    if whole.surrogate is None or np.sum(box.radius > 0) > _MOST_PARAMETERS:
         raise PropagationError(
-            f"{method!r}: with constraints or large sets of values, polynomials of runs at chosen points are needed, "
-            f"for at most {_MOST_PARAMETERS} parameters. Use MonteCarlo(...)."
+            f"{method!r}: constraints and large sets of values need polynomials of at most {_MOST_PARAMETERS} "
+            "parameters. Use MonteCarlo(...)."
         )
     points = first_points(box)
     if not len(points):

@@ -76,8 +76,7 @@ class FailedRegion:
 
     def __str__(self) -> str:
         conditions = [_condition(self.box.names[j], *self.limits[j]) for j in sorted(self.limits)]
-        there, elsewhere = (f"{failed} of {runs}" for failed, runs in (self.inside, self.outside))
-        return f"for {' and '.join(conditions)} ({there} runs there, {elsewhere} elsewhere)"
+        return _counted(" and ".join(conditions), self)
 
 
 @dataclass(frozen=True)
@@ -105,14 +104,17 @@ class FailedHalfSpace:
     def __str__(self) -> str:
         used = np.flatnonzero(self.coefficients)
         sign = np.sign(self.coefficients[used[0]])
-        parts = []
-        for j in used:
-            x = sign * self.coefficients[j]
-            factor = "" if abs(x) == 1 else f"{abs(x):.6g} "
-            parts.append(f"{('+ ' if x > 0 else '- ') if parts else ''}{factor}{self.box.names[j]}")
-        there, elsewhere = (f"{failed} of {runs}" for failed, runs in (self.inside, self.outside))
-        limit = f"{'>' if sign > 0 else '<'} {sign * self.limit + 0.0:.15g}"
-        return f"for {' '.join(parts)} {limit} ({there} runs there, {elsewhere} elsewhere)"
+        factors = ("" if abs(x) == 1 else f"{abs(x):.6g} " for x in self.coefficients[used])
+        signs = ("+ " if sign * x > 0 else "- " for x in self.coefficients[used])
+        parts = (f"{sign}{x}{self.box.names[j]}" for sign, x, j in zip(signs, factors, used, strict=True))
+        left, limit = " ".join(parts).removeprefix("+ "), sign * self.limit + 0.0
+        return _counted(f"{left} {'>' if sign > 0 else '<'} {limit:.15g}", self)
+
+
+def _counted(condition: str, region: FailedRegion | FailedHalfSpace) -> str:
+    """A condition with the numbers of failed runs and of all runs on both sides."""
+    there, elsewhere = (f"{failed} of {runs}" for failed, runs in (region.inside, region.outside))
+    return f"for {condition} ({there} runs there, {elsewhere} elsewhere)"
 
 
 def failed_region(box: Box, points: Array, failed: Mask) -> str:
@@ -153,9 +155,7 @@ def find_failed_region(box: Box, points: Array, failed: Mask) -> FailedRegion | 
     if not best:
         return None
     limits = {j: _limits(X[:, j], ranks[j], ends) for j, ends in best.items()}
-    inside = _within(limits, X)
-    counts = [(int((failed & part).sum()), int(part.sum())) for part in (inside, ~inside)]
-    return FailedRegion(box, limits, *counts)
+    return FailedRegion(box, limits, *_counts(failed, _within(limits, X)))
 
 
 def _half_space(
@@ -173,21 +173,23 @@ def _half_space(
         if len(columns) <= 4:
             slopes = weights / box.radius[columns]
             slopes /= abs(slopes[order[0]]) or 1.0
-            cost = len(columns) * _cost(ranks)
-            cuts = []
-            for own in (np.round(2 * slopes) / 2, *([float(f"{x:.{n}g}") for x in slopes] for n in (1, 2, 3, 12))):
-                coefficients = np.zeros(len(box))
-                coefficients[columns] = own
-                cuts.append((*_cut(X @ coefficients, failed, cost), coefficients))
+            short = (np.array([float(f"{x:.{n}g}") for x in slopes]) for n in (1, 2, 3, 12))
+            trials, cost = [np.round(2 * slopes) / 2, *short], len(columns) * _cost(ranks)
+            cuts = [(*_cut(X[:, columns] @ own, failed, cost), own) for own in trials]
             best = max(score for score, _, _ in cuts)
             if best > least:
-                least, found = best, next((limit, own) for score, limit, own in cuts if score >= best - SLIGHT)
+                limit, own = next((limit, own) for score, limit, own in cuts if score >= best - SLIGHT)
+                least, found = best, (limit, np.bincount(columns, own, len(box)))
         columns = np.sort(columns[order[: min(4, len(columns) - 1)]])
     if found is None:
         return None
-    inside = X @ found[1] > found[0]
-    counts = [(int((failed & part).sum()), int(part.sum())) for part in (inside, ~inside)]
-    return FailedHalfSpace(box, found[1], found[0], *counts)
+    limit, coefficients = found
+    return FailedHalfSpace(box, coefficients, limit, *_counts(failed, X @ coefficients > limit))
+
+
+def _counts(failed: Mask, inside: Mask) -> list[tuple[int, int]]:
+    """Numbers of failed runs and of all runs inside and outside of a region."""
+    return [(int((failed & part).sum()), int(part.sum())) for part in (inside, ~inside)]
 
 
 def _separator(points: Array, failed: Mask) -> Array:

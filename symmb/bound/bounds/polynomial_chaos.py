@@ -148,6 +148,9 @@ class PolynomialChaos(Method):
         return None if self.order is None else getattr(self.nodes, "size", lambda *_: None)(d, self.order)
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
+        if isinstance(simulator, RecordedRuns) and self == PolynomialChaos():
+            box.require_intervals(repr(simulator))
+            return recorded_bounds(repr(self), simulator, box)
         if self.order is None and not box.radius.any():
             bounds = sampled(self, np.zeros((1, len(box))), simulator, box, executor, progress)
             noise = noise_from_runs(simulator)
@@ -156,8 +159,6 @@ class PolynomialChaos(Method):
         if box.is_cut:
             whole = self.bounds(simulator, box.hull, executor=executor, progress=progress)
             return constrained(self, whole, simulator, box, executor)
-        if isinstance(simulator, RecordedRuns) and self == PolynomialChaos():
-            return recorded_bounds(repr(self), simulator, box)
         if self.order is None:
             require_runs(self, self.probes, "Use fewer probes.")
             require_memory(self, "the probes", self.probes * (2 * len(box) + len(simulator.parameters)))
