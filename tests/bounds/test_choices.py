@@ -79,14 +79,6 @@ def test_words_of_a_list_are_numbered():
     assert mb.Box(a=["1 mm", "2 mm"]) == mb.Box(a=(1, 2, "mm"))
 
 
-def test_many_whole_numbers_take_one_study():
-    bounds = mb.propagate(simulator(), None, mb.Box(n=range(10, 61), a=(0.5, 2.0)))
-    Y = [responses(a, 100.0, 2.0, n)[0, -1] for n in range(10, 61) for a in (0.5, 2.0)]
-    assert (bounds.lower[-1, 0], bounds.upper[-1, 0]) == pytest.approx((min(Y), max(Y)), abs=0.02)
-    assert bounds.evaluations < 51
-    assert bounds.worst("x").upper.parameters["n"] in range(10, 61)
-
-
 @pytest.mark.parametrize("method", [None, mb.MonteCarlo(2000), mb.Scanning(81)])
 def test_constraints(method):
     box = mb.Box(a=(0.5, 2.0), c=(0.0, 2.0), constraints=[lambda p: p.a**2 + p.c**2 - 2, lambda p: p.c < p.a])

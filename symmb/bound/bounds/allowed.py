@@ -1,4 +1,4 @@
-"""Points of a box that satisfy its constraints, and have values of its sets."""
+"""Points of a box that satisfy its constraints."""
 
 import numpy as np
 
@@ -11,11 +11,8 @@ _FIRST, _BEYOND = 2**14, 1.15
 
 
 def allowed_points(box: Box, points: Array) -> Array:
-    """The points (n, d) of the unit box among given points (N, d) that are allowed, at the closest values of sets."""
-    values = box.from_unit(points)
-    if not box.is_cut:
-        return points
-    return box.to_unit(values[box.allowed(values)])
+    """The points (n, d) of the unit box among given points (N, d) that are allowed."""
+    return points[box.allowed(box.from_unit(points))] if box.constraints else points
 
 
 def first_points(box: Box) -> Array:

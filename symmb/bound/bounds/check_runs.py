@@ -44,7 +44,7 @@ def check_doubts(
     value of the surrogate is near the bounds. Only differences above `share` times the width give a warning.
     """
     # Check runs at points that are not allowed would not check the bounds.
-    if bounds.kind == "enclosure" or bounds.estimate is not None or share == np.inf or box.is_cut:
+    if bounds.kind == "enclosure" or bounds.estimate is not None or share == np.inf or box.constraints:
         return (), 0
     varied = np.flatnonzero(box.radius > 0)
     # The allowed runs suffice for the first point, faces and extremes of four parameters. A method with more runs has

@@ -1,4 +1,4 @@
-"""Bounds over the allowed points of a box with constraints or large sets of values, by polynomials."""
+"""Bounds over the allowed points of a box with constraints, by polynomials."""
 
 from dataclasses import replace
 
@@ -27,8 +27,7 @@ def constrained(method: Method, whole: Bounds, simulator: Simulator, box: Box, e
     """Bounds over the allowed points, from the polynomials of bounds over the whole box, and from runs at extremes."""
     if whole.surrogate is None or np.sum(box.radius > 0) > _MOST_PARAMETERS:
         raise PropagationError(
-            f"{method!r}: constraints and large sets of values need polynomials of at most {_MOST_PARAMETERS} "
-            "parameters. Use MonteCarlo(...)."
+            f"{method!r}: constraints need polynomials of at most {_MOST_PARAMETERS} parameters. Use MonteCarlo(...)."
         )
     points = first_points(box)
     if not len(points):

@@ -179,7 +179,7 @@ def _half_space(
             best = max(score for score, _, _ in cuts)
             if best > least:
                 limit, own = next((limit, own) for score, limit, own in cuts if score >= best - SLIGHT)
-                least, found = best, (limit, np.bincount(columns, own, len(box)))
+                least, found = best, (limit, np.bincount(columns, own, len(box)).astype(float))
         columns = np.sort(columns[order[: min(4, len(columns) - 1)]])
     if found is None:
         return None

@@ -21,28 +21,20 @@ _ORDER = False, None, True
 
 def joined(box: Box, parts: Sequence[B]) -> B:
     """The bounds over a box with choices, from the bounds of each combination."""
-    lower, upper = np.min([part.lower for part in parts], axis=0), np.max([part.upper for part in parts], axis=0)
-    estimate = inner = noise = None
-    if all(part.estimate is not None for part in parts):
-        low, high = np.min([part.outer[0] for part in parts], axis=0), np.max([part.outer[1] for part in parts], axis=0)
-        estimate = np.maximum(lower - low, high - upper)
-    if all(part.inner is not None for part in parts):
-        pairs = [part.inner for part in parts if part.inner is not None]
-        inner = np.min([low for low, _ in pairs], axis=0), np.max([high for _, high in pairs], axis=0)
-    if noises := [part.noise for part in parts if part.noise is not None]:
-        noise = np.max(noises, axis=0)
+    lower, upper = _hull([(part.lower, part.upper) for part in parts])
+    low, high = _hull([part.outer for part in parts])
+    inner = [part.inner for part in parts if part.inner is not None]
+    noise = [part.noise for part in parts if part.noise is not None]
     fixed = [dict(zip(part.box.names, part.box.lower.tolist(), strict=True)) for part in parts if part.box]
-    words = [", ".join(choice.chosen(own) for choice in box.choices if choice.is_studied) for own in fixed]
-    of_parts = (
-        f"The bounds are joined from {len(parts)} of {counted(len(box.combinations()), 'combination')} of choices."
-    )
+    words = [", ".join(choice.chosen(own) for choice in box.choices) for own in fixed]
+    of_all = counted(len(box.combinations()), "combination")
     return replace(
         parts[0],
         lower=lower,
         upper=upper,
-        estimate=estimate,
-        inner=inner,
-        noise=noise,
+        estimate=None if parts[0].estimate is None else np.maximum(lower - low, high - upper),
+        inner=_hull(inner) if len(inner) == len(parts) else None,
+        noise=np.max(noise, axis=0) if noise else None,
         evaluations=sum(part.evaluations for part in parts),
         seconds=sum(part.seconds for part in parts),
         failed=tuple(run for part in parts for run in part.failed),
@@ -51,7 +43,10 @@ def joined(box: Box, parts: Sequence[B]) -> B:
         ),
         caution=next((part.caution for part in parts if part.caution), ""),
         run_doubts=_sentences([part.run_doubts for part in parts], words, parts[0].names),
-        remarks=(of_parts, *_sentences([part.remarks for part in parts], words, parts[0].names)),
+        remarks=(
+            f"The bounds are joined from {len(parts)} of {of_all} of choices.",
+            *_sentences([part.remarks for part in parts], words, parts[0].names),
+        ),
         nominal=next((part.nominal for part in parts if part.nominal is not None), None),
         attaining=_attaining([part.attaining for part in parts]),
         parts=tuple(parts),
@@ -61,6 +56,11 @@ def joined(box: Box, parts: Sequence[B]) -> B:
         study=None,
         range_of="",
     )
+
+
+def _hull(pairs: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """The smallest of several lower ends, and the largest of several upper ends."""
+    return np.min([low for low, _ in pairs], axis=0), np.max([high for _, high in pairs], axis=0)
 
 
 def _sentences(each: Sequence[Sequence[str]], words: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:

@@ -31,8 +31,8 @@ class Method(ABC):
     kind: ClassVar[Kind]
     unit_of_work: ClassVar[str] = "runs"
     """The unit in which the method reports its progress."""
-    allows_cuts: ClassVar[bool] = False
-    """Whether the method has bounds for boxes with constraints or large sets of values."""
+    allows_constraints: ClassVar[bool] = False
+    """Whether the method has bounds for boxes with constraints."""
     requires: ClassVar[str] = ""
     """Attribute that a simulator must have beyond `run` and `stream`: "jets" or "expression"."""
 
@@ -73,16 +73,16 @@ class Method(ABC):
                 known = did_you_mean(name, simulator.parameters)
                 raise DeclarationError(f"Box: no parameter {name!r}.{known}{box.hint(name)}")
         box = box.with_units(units_of_parameters(simulator.parameters))
-        if any(choice.is_studied for choice in box.choices):
+        if box.choices:
             own = [each for each in box.combinations() if not each.constraints or len(first_points(each))]
             if not own:
                 raise PropagationError(f"{self!r}: no combination of the choices satisfies the constraints of the box.")
             parts = [self.bounds(simulator, each, executor=executor, progress=progress) for each in own]
             return joined(box, parts)
-        if box.is_cut and not self.allows_cuts:
+        if box.constraints and not self.allows_constraints:
             raise PropagationError(
-                f"{self!r}: the method has no bounds for constraints or large sets of values. Use PolynomialChaos(), "
-                "MonteCarlo(...) or Scanning(...)."
+                f"{self!r}: the method has no bounds for constraints. Use PolynomialChaos(), MonteCarlo(...) or "
+                "Scanning(...)."
             )
         require_callable("propagate: progress", progress, "done", "all")
         start = time.perf_counter()

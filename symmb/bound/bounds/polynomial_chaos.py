@@ -112,7 +112,7 @@ class PolynomialChaos(Method):
     probes: int = 0
 
     kind: ClassVar[Kind] = "estimate"
-    allows_cuts: ClassVar[bool] = True
+    allows_constraints: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         require_kind("PolynomialChaos", "nodes", self.nodes, "points", "Gauss(), ClenshawCurtis() or Leja()")
@@ -156,7 +156,7 @@ class PolynomialChaos(Method):
             noise = noise_from_runs(simulator)
             estimate = np.zeros_like(bounds.lower) + (0.0 if noise is None else noise)
             return replace(bounds, estimate=estimate, noise=noise, range_of="one run")
-        if box.is_cut:
+        if box.constraints:
             whole = self.bounds(simulator, box.hull, executor=executor, progress=progress)
             return constrained(self, whole, simulator, box, executor)
         if self.order is None:

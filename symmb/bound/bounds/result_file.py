@@ -75,7 +75,7 @@ def _run_doubts(record: Record, names: Sequence[str]) -> tuple[str, ...]:
 
 def box_of(record: Record, name: str) -> Box:
     """The box of a file that contains its intervals by name."""
-    given = {own: tuple(ends.tolist()) for own, ends in record.arrays(name, 2).items()}
+    given: dict[str, Any] = {own: tuple(ends.tolist()) for own, ends in record.arrays(name, 2).items()}
     for own in record.records(f"{name}_choices"):
         parameters, labels = own.names("parameters"), own.names("labels")
         values = [*map(tuple, own.array("values", None, len(parameters)).tolist())]

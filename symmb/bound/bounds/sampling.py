@@ -62,7 +62,7 @@ class MonteCarlo(Method):
     distributions: InitVar[Mapping[str, Any] | None] = None
 
     kind: ClassVar[Kind] = "sampled"
-    allows_cuts: ClassVar[bool] = True
+    allows_constraints: ClassVar[bool] = True
 
     @property
     def doubtful_miss(self) -> float:  # random samples miss the extremes, with distributions by more
@@ -118,7 +118,7 @@ class Scanning(Method):
     points: int = 21
 
     kind: ClassVar[Kind] = "sampled"
-    allows_cuts: ClassVar[bool] = True
+    allows_constraints: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         require_whole(self, "points", 2)

@@ -144,19 +144,18 @@ class Box:
         return bool(self.choices or self.constraints)
 
     def combinations(self) -> list["Box"]:
-        """A box with fixed values for each combination of the choices that have a study for each value.
+        """A box with fixed values for each combination of the choices.
 
         DeclarationError is raised if there are more than 200 combinations.
         """
-        studied = [choice for choice in self.choices if choice.is_studied]
-        if (n := math.prod(len(choice.values) for choice in studied)) > _MOST_STUDIES:
+        if (n := math.prod(len(choice.values) for choice in self.choices)) > _MOST_STUDIES:
             raise DeclarationError(
                 f"Box: {n} combinations of choices need as many studies, but at most {_MOST_STUDIES} are made. Give "
                 "intervals instead of some choices."
             )
         boxes = []
-        for numbers in product(*(range(len(choice.values)) for choice in studied)):
-            fixed = {choice.name: choice.intervals(k) for choice, k in zip(studied, numbers, strict=True)}
+        for numbers in product(*(range(len(choice.values)) for choice in self.choices)):
+            fixed = {choice.name: choice.intervals(k) for choice, k in zip(self.choices, numbers, strict=True)}
             parts = (fixed.get(name, {name: own}) for name, own in self._given().items())
             boxes.append(self._like({name: own for part in parts for name, own in part.items()}))
         return boxes
@@ -346,18 +345,10 @@ class Box:
         return np.array([0.5 * (high - low) for low, high in self.bounds])
 
     def from_unit(self, unit: Array) -> Array:
-        """Points (N, d) of [-1, 1]^d as parameter values (N, d); -1 and 1 give the ends exactly.
-
-        Parameters with a set of values have the closest value of the set.
-        """
+        """Points (N, d) of [-1, 1]^d as parameter values (N, d); -1 and 1 give the ends exactly."""
         unit = self._finite_points("points", unit)
         inside = np.clip(self.center + unit * self.radius, self.lower, self.upper)
-        values = np.where(unit == -1.0, self.lower, np.where(unit == 1.0, self.upper, inside))
-        for choice in self.choices:
-            if not choice.labels:
-                j = self.names.index(choice.name)
-                values[..., j] = choice.closest(values[..., j])
-        return values
+        return np.where(unit == -1.0, self.lower, np.where(unit == 1.0, self.upper, inside))
 
     def to_unit(self, values: Array) -> Array:
         """Parameter values (N, d) as points (N, d) of [-1, 1]^d. The coordinate of an interval without width is 0."""
@@ -378,12 +369,8 @@ class Box:
     def without(self, name: str) -> "Box | None":
         """The box without this parameter; None if no parameter remains."""
         require_instance(repr(self), name, str, "the name of a parameter")
-        left = {
-            other: own.without(normal(name)) if isinstance(own, Choice) else own
-            for other, own in self._given().items()
-            if isinstance(own, Choice) or other != normal(name)
-        }
-        left = {other: own for other, own in left.items() if own is not None}
+        self.require_intervals("Box.without")
+        left = {other: ends for other, ends in self.intervals.items() if other != normal(name)}
         return self._like(left) if left else None
 
     def __len__(self) -> int:

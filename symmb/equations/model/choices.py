@@ -18,8 +18,6 @@ Choices = Set[Any] | range | Sequence[str] | Mapping[str, Any]
 """A finite set of values, a list of words, or values by words."""
 Constraint = Callable[[Any], Any]
 """A function of the parameters p, such as p.a. The result is True, or a number of at most 0, if they are allowed."""
-_MOST_STUDIED = 8
-"""Largest number of values of a set with a study for each value. Larger sets are in each study."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -69,11 +67,6 @@ class Choice:
         values = [*zip(*columns, strict=True)]
         return cls(name, labels, parameters, tuple(values if labels else sorted(set(values))), units)
 
-    @property
-    def is_studied(self) -> bool:
-        """Whether each value has a study of its own."""
-        return bool(self.labels) or len(self.values) <= _MOST_STUDIED
-
     def intervals(self, *ks: int) -> dict[str, Any]:
         """The smallest intervals, with their units, that contain the values with the numbers `ks`; default: all."""
         columns = zip(*(self.values[k] for k in ks or range(len(self.values))), strict=True)
@@ -84,17 +77,6 @@ class Choice:
         """The choice with values in other units, by the ratios of the units."""
         own = [tuple(scaled(x, ratios[n]) for n, x in zip(self.parameters, row, strict=True)) for row in self.values]
         return replace(self, values=tuple(own), units=tuple(units.get(n, "") for n in self.parameters))
-
-    def without(self, name: str) -> "Choice | None":
-        """The choice without a parameter; None if no parameter remains."""
-        keep = [j for j, parameter in enumerate(self.parameters) if parameter != name]
-        parameters, units, *rows = (tuple(own[j] for j in keep) for own in (self.parameters, self.units, *self.values))
-        return replace(self, parameters=parameters, values=tuple(rows), units=units) if keep else None
-
-    def closest(self, x: Array) -> Array:
-        """The values of a set that are closest to numbers x (...)."""
-        values = np.array(self.values)[:, 0]
-        return values[np.abs(x[..., None] - values).argmin(axis=-1)]
 
     def has(self, values: Sequence[float]) -> bool:
         """Whether values (d,) are one of the choices, up to rounding."""

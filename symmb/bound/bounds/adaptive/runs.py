@@ -1,7 +1,7 @@
 """The runs of an adaptive study, and the measures of errors."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -108,16 +108,7 @@ class Runs:
 
     def anew(self) -> "Runs":
         """An empty set of runs with the required powers, and the number of runs that are left."""
-        runs = Runs(
-            self.simulator,
-            self.whole,
-            self.most,
-            self.executor,
-            self.progress,
-            self.clock,
-            self.probes,
-            before=len(self),
-        )
+        runs = replace(self, before=len(self), events=None, failed=())
         runs._least_power = self._least_power
         return runs
 
