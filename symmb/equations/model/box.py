@@ -36,8 +36,9 @@ class Box:
     **intervals : (lower, upper)
         One pair for each parameter, by name. ``lower == upper`` is allowed and means a fixed value. Other units of the
         same kind are converted: (0.234, 0.236, "m"), ("234 mm", "236 mm"), "235 mm ±0.5 mm", "2.5 N/mm ±10%".
-        Instead of a pair, a finite set or range of values: {17, 18, 19}, or choices by name, with the values of one or
-        more parameters: spring={"soft": {"k": 100, "c": 2}, "hard": {"k": 200, "c": 3}}
+        Instead of a pair, a finite set or range of values: {17, 18, 19}, or words with the values of one or more
+        parameters: spring={"soft": {"k": 100, "c": 2}, "hard": {"k": 200, "c": 3}}. The words of a list ["soft",
+        "hard"] have the values 0, 1, ...
     constraints : list of functions
         Each function has an argument p with the parameters of the box as numbers, such as p.a. The parameters are
         allowed if the function returns True, or a number of at most 0. `lambda p: p.a < p.b` is an example
