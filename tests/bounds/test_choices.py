@@ -107,12 +107,17 @@ def test_the_nominal_run_counts_only_if_it_is_allowed():
     assert "does not include the nominal run" in str(check)
 
 
-def test_choices_without_intervals_take_one_run_each():
-    bounds = mb.propagate(simulator(), None, mb.Box(n=set(range(15, 20)), constraints=[lambda p: p.n > 16.5]))
-    assert bounds.evaluations == 3
-    Y = [responses(1.0, 100.0, 2.0, n) for n in (17, 18, 19)]
-    np.testing.assert_allclose(bounds.upper.T, np.max(Y, axis=0))
-    assert bounds.worst("x").upper.parameters["n"] == 19
+def test_forty_combinations_without_intervals_take_one_run_each():
+    springs = {f"spring {i}": {"k": 100.0 + 31 * i % 90, "c": 2.0 + 17 * i % 9} for i in range(8)}
+    bounds = mb.propagate(simulator(), None, mb.Box(n=set(range(15, 20)), spring=springs))
+    Y = {(n, word): responses(1.0, n=n, **own) for n in range(15, 20) for word, own in springs.items()}
+    assert bounds.evaluations == len(bounds.parts) == len(Y) == 40
+    np.testing.assert_allclose(bounds.lower.T, np.min([*Y.values()], axis=0))
+    np.testing.assert_allclose(bounds.upper.T, np.max([*Y.values()], axis=0))
+    for side, sign in (("lower", -1), ("upper", 1)):
+        case = getattr(bounds.worst("x"), side)
+        n, word = max(Y, key=lambda own: (sign * Y[own][0]).max())
+        assert (case.parameters["n"], *case.choices) == (n, f"spring: {word}")
 
 
 @pytest.mark.parametrize(
