@@ -14,7 +14,7 @@ from symmb._options import is_finite_number, shown
 from symmb._types import Array, Mask
 from symmb._units import number_in, quantity, scaled
 
-Choices = Set[Any] | range | Sequence[str] | Mapping[str, Any]
+Choices = Set[Any] | range | list[str] | Mapping[str, Any]
 """A finite set of values, a list of words, or values by words."""
 Constraint = Callable[[Any], Any]
 """A function of the parameters p, such as p.a. The result is True, or a number of at most 0, if they are allowed."""
@@ -42,7 +42,7 @@ class Choice:
     @classmethod
     def of(cls, name: str, given: Any) -> "Choice":
         """The choice of a set, a range, a list of words, or a mapping of words to numbers or to numbers by name."""
-        if isinstance(given, list | tuple):
+        if isinstance(given, list):
             given, words = {word: k for k, word in enumerate(given)}, given
             if len(given) < len(words):
                 raise DeclarationError(f"Box: the words of {name!r} must be different, got {shown(words)}.")
@@ -129,7 +129,7 @@ def intervals_and_choices(given: Mapping[str, Any]) -> tuple[tuple[Choice, ...],
     for name, own in given.items():
         part = {name: own}
         if isinstance(own, Choice | Set | range | Mapping) or (
-            isinstance(own, list | tuple) and own and all(map(_is_word, own))
+            isinstance(own, list) and own and all(map(_is_word, own))
         ):
             choices.append(choice := own if isinstance(own, Choice) else Choice.of(name, own))
             part = choice.intervals()
