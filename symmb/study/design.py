@@ -28,7 +28,7 @@ from symmb.bound.bounds import (
     units_of,
 )
 from symmb.connect import Progress, Simulator
-from symmb.equations.model import Box, Scene
+from symmb.equations.model import Box, Scene, require_only_intervals
 from symmb.run.integrate import Solver
 from symmb.run.simulation import simulator_for, simulator_of
 from symmb.study.design_search import DesignSearch, Verified
@@ -205,7 +205,7 @@ def design(
             simulator = simulator_for(OWNER, scene_or_simulator, solver)
         else:
             simulator, box = simulator_of(scene_or_simulator, box, solver)
-            box.require_intervals(OWNER)
+            require_only_intervals(OWNER, box)
         ranges = ranges.with_units(units_of_parameters(simulator.parameters))
         _require_intervals(simulator, ranges, box)
         limits, budget = _limits_and_budget(limits, costs)

@@ -23,7 +23,7 @@ from symmb.bound.bounds.time_windows import is_doubtful
 from symmb.bound.bounds.worst_case import SIDES, AttainingRuns, Place, Worst, WorstCase, row_of
 from symmb.bound.polynomials import Moments, moments
 from symmb.bound.polynomials.ranges import Piecewise
-from symmb.equations.model import Box
+from symmb.equations.model import Box, chosen_words, require_only_intervals
 from symmb.run.simulation import Sweep
 
 _WITHOUT_RUNS = "Taylor(", "TaylorModel(", "IntervalArithmetic("
@@ -71,7 +71,7 @@ class Answers(Envelope):
             varied = acting.get(k, tuple(parameters))
             is_figure = self.names[k] in self.figures
             time, times = (0.0, 1) if is_figure else (float(self.t[i]), len(self.t))
-            chosen = self.box.chosen(parameters) if self.box else ()
+            chosen = chosen_words(self.box.choices, parameters) if self.box else ()
             about = time, parameters, sample.value, upper - lower, varied, times, units[k], chosen, runs.simulator
             case = WorstCase(self.names[k], side, lower if side == "lower" else upper, *about)
             cases.append(self._at_extreme(case, place) if case.is_short else case)
@@ -98,7 +98,7 @@ class Answers(Envelope):
         parameters = {**self.nominal_parameters, **dict(zip(self.box.names, values, strict=True))}
         parameters = ByName(parameters, units_of_parameters(case.parameters))
         best = min if side == "lower" else max
-        chosen, value = self.box.chosen(parameters), best(case.value, attained)
+        chosen, value = chosen_words(self.box.choices, parameters), best(case.value, attained)
         other = replace(case, parameters=parameters, choices=chosen, attained=attained, value=value)
         return other if case.side == side and other.attained == best(attained, case.attained) else case
 
@@ -133,7 +133,7 @@ class Answers(Envelope):
             If the method has no expansion.
         """
         if self.box is not None:
-            self.box.require_intervals("Bounds.moments")
+            require_only_intervals("Bounds.moments", self.box)
         if self.expansion is None:
             raise PropagationError(
                 f"Bounds by {self.method} have no polynomial for the whole box, so they have no moments. Use "
@@ -312,7 +312,7 @@ class Answers(Envelope):
             raise DeclarationError(
                 f"{owner}: these bounds have no box, because a .csv file has none. Save the bounds as .npz."
             )
-        self.box.require_intervals(owner)
+        require_only_intervals(owner, self.box)
         adaptive: Any = self if self.range_of or self.study is None else self.study.adaptive
         surrogate = adaptive.surrogate
         is_good = adaptive.have_good_surrogate()

@@ -84,7 +84,9 @@ class Envelope(WithWarnings):
         left = tuple(n for n, x, low, high in ends if max(low - x, x - high) > 1e-12 * max(-low, high, abs(x)))
         if self.box is None or left or not {*self.box.names} <= self.nominal_parameters.keys():
             return left
-        return () if self.box.contains({n: x for n, x, _, _ in ends}) else self.box.names
+        values, box = {n: x for n, x, _, _ in ends}, self.box
+        are_chosen = all(choice.has([values[n] for n in choice.parameters]) for choice in box.choices)
+        return () if are_chosen and box.allowed(np.array([[*values.values()]]))[0] else box.names
 
     def _with_nominal(self) -> Self:
         """The bounds with the nominal run and its noise. A missing nominal run is made."""

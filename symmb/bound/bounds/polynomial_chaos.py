@@ -37,7 +37,7 @@ from symmb.bound.nodes import ClenshawCurtis, Fit, Gauss, Nodes
 from symmb.bound.polynomials import Basis, Expansion, TensorDegree, TotalDegree
 from symmb.bound.polynomials.ranges import Exact, LegendreInclusion, Piecewise, Range, last_terms
 from symmb.connect import March, Progress, RecordedRuns, Simulator, noise_from_runs
-from symmb.equations.model import Box
+from symmb.equations.model import Box, require_only_intervals
 
 _CLENSHAW_CURTIS, _GAUSS, _TENSOR_DEGREE, _EXACT = ClenshawCurtis(), Gauss(), TensorDegree(), Exact()
 
@@ -149,7 +149,7 @@ class PolynomialChaos(Method):
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         if isinstance(simulator, RecordedRuns) and self == PolynomialChaos():
-            box.require_intervals(repr(simulator))
+            require_only_intervals(repr(simulator), box)
             return recorded_bounds(repr(self), simulator, box)
         if self.order is None and not box.radius.any():
             bounds = sampled(self, np.zeros((1, len(box))), simulator, box, executor, progress)

@@ -166,29 +166,7 @@ class Box:
 
         DeclarationError is raised if a constraint fails, or returns neither True, False nor a finite number.
         """
-        return finite.allowed(self.constraints, self.names, values)
-
-    def contains(self, values: Mapping[str, float]) -> bool:
-        """Whether values of all parameters in their intervals are among the choices, and satisfy all constraints."""
-        are_chosen = all(choice.has([values[n] for n in choice.parameters]) for choice in self.choices)
-        return are_chosen and bool(self.allowed(np.array([[values[n] for n in self.names]]))[0])
-
-    def chosen(self, values: Mapping[str, float]) -> tuple[str, ...]:
-        """The chosen words, as "spring: hard", for values of all parameters."""
-        return tuple(choice.chosen(values) for choice in self.choices if choice.labels)
-
-    def hint(self, name: str) -> str:
-        """A sentence for unknown parameters that have words; empty for other parameters."""
-        words = [label for choice in self.choices if choice.name == name for label in choice.labels]
-        return f" Give the values of each word, as {name}={{{words[0]!r}: {{'k': 100}}, ...}}." if words else ""
-
-    def require_intervals(self, owner: str) -> None:
-        """Raise DeclarationError if the box has choices or constraints."""
-        if self.is_cut:
-            raise DeclarationError(
-                f"{owner}: the box must have intervals only, without choices and constraints. Use box.hull, which "
-                "contains all of them, or one of box.combinations()."
-            )
+        return finite.allowed(self.constraints, self.names, self._finite_points("values", values))
 
     @classmethod
     def around(
@@ -370,7 +348,7 @@ class Box:
     def without(self, name: str) -> "Box | None":
         """The box without this parameter; None if no parameter remains."""
         require_instance(repr(self), name, str, "the name of a parameter")
-        self.require_intervals("Box.without")
+        require_only_intervals("Box.without", self)
         left = {other: ends for other, ends in self.intervals.items() if other != normal(name)}
         return self._like(left) if left else None
 
@@ -414,6 +392,15 @@ class Box:
         ]
         cut = [html.text(repr(self))] if self.is_cut else []
         return html.page(html.table([["parameter", "lower", "upper", "middle"], *rows]), *cut)
+
+
+def require_only_intervals(owner: str, box: Box) -> None:
+    """Raise DeclarationError if a box has choices or constraints."""
+    if box.is_cut:
+        raise DeclarationError(
+            f"{owner}: the box must have intervals only, without choices and constraints. Use box.hull, which "
+            "contains all of them, or one of box.combinations()."
+        )
 
 
 def _has_percent(tolerance: object) -> bool:

@@ -102,6 +102,17 @@ class Choice:
         return f"{{{', '.join(map(str.__add__, words, texts))}}}"
 
 
+def chosen_words(choices: Sequence[Choice], values: Mapping[str, float]) -> tuple[str, ...]:
+    """The chosen words, as "spring: hard", for values of all parameters."""
+    return tuple(choice.chosen(values) for choice in choices if choice.labels)
+
+
+def hint(choices: Sequence[Choice], name: str) -> str:
+    """A sentence for unknown parameters that have words; empty for other parameters."""
+    words = [label for choice in choices if choice.name == name for label in choice.labels]
+    return f" Give the values of each word, as {name}={{{words[0]!r}: {{'k': 100}}, ...}}." if words else ""
+
+
 def allowed(constraints: Sequence[Constraint], names: Sequence[str], values: Array) -> Mask:
     """Mask (N,) of the values (N, d) of parameters that satisfy all constraints; see `Box.allowed`."""
     mask = np.ones(len(values), dtype=bool)

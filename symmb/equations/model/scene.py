@@ -20,6 +20,7 @@ from symmb._units import dimensions, label, numbers_in, ratio_of, scaled, unit_o
 from symmb.declare.mechanics import AxisJoint, Figure, Flywheel, Link
 from symmb.declare.symbolic import reduction, t
 from symmb.equations.model.box import Box
+from symmb.equations.model.choices import hint
 from symmb.equations.model.figures import BoundFigure, bound_figure
 from symmb.equations.model.restart import EndedRun, Restart, restart_of
 from symmb.equations.model.start_values import Prescribed, listed_values, with_modes
@@ -169,7 +170,7 @@ class Scene:
             raise DeclarationError(f"box: {self.box!r} is not a Box. Write Box(l1=(0.95, 1.05)), or Box(**intervals).")
         known = self.system.parameters
         unknown = [
-            f"box: no parameter {n!r}.{did_you_mean(n, known)}{self.box.hint(n)}"
+            f"box: no parameter {n!r}.{did_you_mean(n, known)}{hint(self.box.choices, n)}"
             for n in self.box.names
             if n not in known
         ]
