@@ -216,6 +216,7 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
             " ".join([f"{name} [{lower:.6g}, {upper:.6g}]", *unit])
             for name, (lower, upper, *unit) in self.box.intervals.items()
         )
+        names = repr(self.box) if self.box.is_cut else names
         first, last = self.times[0], self.times[-1]
         lines = [
             f"{self.scene}: {', '.join(self.outputs)}; {len(self.times)} times, {first:g} to {last:g} s",

@@ -18,7 +18,7 @@ from symmb._types import Array, Executor
 from symmb._units import units_of_parameters
 from symmb.bound.bounds import Bounds, LimitCheck, Limits, limit_pairs, limit_text, unit_suffix, units_of
 from symmb.connect import Progress, Simulator
-from symmb.equations.model import Box, Scene
+from symmb.equations.model import Box, Scene, require_only_intervals
 from symmb.run.integrate import Solver
 from symmb.run.simulation import simulator_for, simulator_of
 from symmb.study.design_search import COST, DesignSearch, Goal, Verified
@@ -193,6 +193,7 @@ def design(
         simulator = simulator_for(OWNER, scene_or_simulator, solver)
     else:
         simulator, box = simulator_of(scene_or_simulator, box, solver)
+        require_only_intervals(OWNER, box)
     ranges = ranges.with_units(units_of_parameters(simulator.parameters))
     _require_intervals(simulator, ranges, box)
     allocated, cost = _allocation(costs, box)

@@ -30,7 +30,7 @@ from symmb.bound.bounds import (
     units_of,
 )
 from symmb.connect import Progress, Simulator
-from symmb.equations.model import Box, Scene, with_some_outputs
+from symmb.equations.model import Box, Scene, require_only_intervals, with_some_outputs
 from symmb.results.files import NOT_KEPT, Record, Saved, attributes, entries, entry
 from symmb.run.integrate import Solver
 from symmb.run.simulation import SceneSimulator, simulator_of
@@ -250,6 +250,7 @@ def tolerances(
         raise DeclarationError(f"{OWNER}: laws need a yield, such as yield_=0.9973.")
     with kept_interrupts(), shown_runs(progress, OWNER) as progress:
         simulator, shape = simulator_of(scene, box, solver)
+        require_only_intervals("tolerances", shape)
         pairs = limit_pairs(OWNER, limits, simulator.outputs, units_of(simulator))
         simulator = of_outputs(simulator, shape, [*pairs])
         for name in shape.names:

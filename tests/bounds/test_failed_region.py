@@ -7,7 +7,7 @@ import pytest
 
 import symmb as mb
 from symmb.bound.bounds.failures import failed_region, find_failed_region
-from symmb.bound.nodes import grid
+from symmb.bound.nodes import Sobol, grid
 
 NAMES = "abcde"
 
@@ -176,3 +176,16 @@ def test_constraints_that_contradict_each_other_over_the_box_are_named(second, m
     scene = mb.Scene(system, times=[0.0, 0.5], outputs={"x": door.x})
     with pytest.raises(mb.PropagationError, match=r"'lower', 'upper' are redundant .* contradict each other"):
         mb.propagate(scene, method, mb.Box(height=(0.95, 1.05)))
+
+
+def test_half_space_of_a_four_bar():
+    """The crank of a four-bar cannot rotate if crank + ground > coupler + rocker (Grashof)."""
+    bars = mb.Box(crank=(0.8, 1.2), coupler=(1.8, 2.2), rocker=(2.2, 2.6), ground=(2.9, 3.3))
+    points = Sobol().points(400, 4, seed=1)
+    crank, coupler, rocker, ground = bars.from_unit(points).T
+    region = find_failed_region(bars, points, crank + ground > coupler + rocker)
+    assert str(region).startswith("for crank - coupler - rocker + ground > ")
+    assert region.limit == pytest.approx(0.0, abs=0.02)
+    others = np.random.default_rng(0).uniform(-1, 1, (2000, 4))
+    crank, coupler, rocker, ground = bars.from_unit(others).T
+    assert (region.contains(others) == (crank + ground > coupler + rocker)).mean() > 0.98

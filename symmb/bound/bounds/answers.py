@@ -23,7 +23,7 @@ from symmb.bound.bounds.time_windows import is_doubtful
 from symmb.bound.bounds.worst_case import SIDES, AttainingRuns, Place, Worst, WorstCase, row_of
 from symmb.bound.polynomials import Moments, moments
 from symmb.bound.polynomials.ranges import Piecewise
-from symmb.equations.model import Box
+from symmb.equations.model import Box, chosen_words, require_only_intervals
 from symmb.run.simulation import Sweep
 
 _WITHOUT_RUNS = "Taylor(", "TaylorModel(", "IntervalArithmetic("
@@ -71,7 +71,8 @@ class Answers(Envelope):
             varied = acting.get(k, tuple(parameters))
             is_figure = self.names[k] in self.figures
             time, times = (0.0, 1) if is_figure else (float(self.t[i]), len(self.t))
-            about = time, parameters, sample.value, upper - lower, varied, times, units[k], runs.simulator
+            chosen = chosen_words(self.box.choices, parameters) if self.box else ()
+            about = time, parameters, sample.value, upper - lower, varied, times, units[k], chosen, runs.simulator
             case = WorstCase(self.names[k], side, lower if side == "lower" else upper, *about)
             cases.append(self._at_extreme(case, place) if case.is_short else case)
         return cases
@@ -97,7 +98,8 @@ class Answers(Envelope):
         parameters = {**self.nominal_parameters, **dict(zip(self.box.names, values, strict=True))}
         parameters = ByName(parameters, units_of_parameters(case.parameters))
         best = min if side == "lower" else max
-        other = replace(case, parameters=parameters, attained=attained, value=best(case.value, attained))
+        chosen, value = chosen_words(self.box.choices, parameters), best(case.value, attained)
+        other = replace(case, parameters=parameters, choices=chosen, attained=attained, value=value)
         return other if case.side == side and other.attained == best(attained, case.attained) else case
 
     def _why_no_worst(self, knows_some: bool) -> str:
@@ -130,6 +132,8 @@ class Answers(Envelope):
         PropagationError
             If the method has no expansion.
         """
+        if self.box is not None:
+            require_only_intervals("Bounds.moments", self.box)
         if self.expansion is None:
             raise PropagationError(
                 f"Bounds by {self.method} have no polynomial for the whole box, so they have no moments. Use "
@@ -164,7 +168,7 @@ class Answers(Envelope):
         """The contributions, or None if they require runs that have not been made."""
         if "_contributions" in self.__dict__:
             return self._contributions
-        if not self.range_of and self.study is not None:
+        if (not self.range_of and self.study is not None) or (self.box is not None and self.box.is_cut):
             return None
         return contributions_of(self._responses("Bounds.contributions"), may_run=False)
 
@@ -308,6 +312,7 @@ class Answers(Envelope):
             raise DeclarationError(
                 f"{owner}: these bounds have no box, because a .csv file has none. Save the bounds as .npz."
             )
+        require_only_intervals(owner, self.box)
         adaptive: Any = self if self.range_of or self.study is None else self.study.adaptive
         surrogate = adaptive.surrogate
         is_good = adaptive.have_good_surrogate()

@@ -43,7 +43,8 @@ def check_doubts(
     may be too narrow or too wide. Some bounds are not the exact range of the surrogate. Such bounds are too wide if no
     value of the surrogate is near the bounds. Only differences above `share` times the width give a warning.
     """
-    if bounds.kind == "enclosure" or bounds.estimate is not None or share == np.inf:
+    # Check runs at points that are not allowed would not check the bounds.
+    if bounds.kind == "enclosure" or bounds.estimate is not None or share == np.inf or box.constraints:
         return (), 0
     varied = np.flatnonzero(box.radius > 0)
     # The allowed runs suffice for the first point, faces and extremes of four parameters. A method with more runs has

@@ -12,6 +12,7 @@ from symmb._names import counted
 from symmb._types import Array, Executor
 from symmb._units import units_of_parameters, values_text, with_units
 from symmb.bound.bounds.check_runs import check_doubts, some_corners
+from symmb.bound.bounds.joined import joined
 from symmb.bound.bounds.method import Method, parameter_samples
 from symmb.bound.bounds.reductions import gathered
 from symmb.bound.bounds.result import Bounds
@@ -23,6 +24,8 @@ from symmb.run.simulation import DAESimulator, SceneSimulator, motion_of
 
 def doubted(simulator: Simulator, box: Box, bounds: Bounds) -> Bounds:
     """The bounds of a method, with warnings about its runs in ``run_doubts``."""
+    if bounds.parts:
+        return joined(box, [doubted(simulator, part.box, part) for part in bounds.parts])
     unused, far = _unused_doubts(simulator, box), _far_nominal_values(simulator, box)
     doubts, remarks = unused, far
     if bounds.kind != "enclosure":
@@ -42,6 +45,8 @@ def checked(method: Method, simulator: Simulator, box: Box, bounds: Bounds, exec
 
     ``evaluations`` does not count the check runs; a remark states their number.
     """
+    if bounds.parts:
+        return joined(box, [checked(method, simulator, part.box, part, executor) for part in bounds.parts])
     doubts, n = check_doubts(simulator, box, bounds, method.doubtful_miss, executor)
     text = f"{counted(n, 'further run')} checked these bounds. The number of evaluations does not include them."
     remarks = (*bounds.remarks, text) if n else bounds.remarks

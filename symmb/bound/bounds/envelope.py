@@ -56,6 +56,7 @@ class Envelope(WithWarnings):
     worst_cases: tuple[WorstCase, ...] = field(default=(), metadata=NOT_KEPT)
     figures: tuple[str, ...] = ()
     next_run: Mapping[str, float] | None = field(default=None, metadata=NOT_KEPT)
+    parts: tuple[Any, ...] = field(default=(), metadata=NOT_KEPT)
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -80,7 +81,12 @@ class Envelope(WithWarnings):
         """Parameters with a nominal value outside of their interval. The nominal run is then outside of the box."""
         pairs = () if self.box is None else zip(self.box.names, self.box.bounds, strict=True)
         ends = [(n, self.nominal_parameters.get(n, low), low, high) for n, (low, high) in pairs]
-        return tuple(n for n, x, low, high in ends if max(low - x, x - high) > 1e-12 * max(-low, high, abs(x)))
+        left = tuple(n for n, x, low, high in ends if max(low - x, x - high) > 1e-12 * max(-low, high, abs(x)))
+        if self.box is None or left or not {*self.box.names} <= self.nominal_parameters.keys():
+            return left
+        values, box = {n: x for n, x, _, _ in ends}, self.box
+        are_chosen = all(choice.has([values[n] for n in choice.parameters]) for choice in box.choices)
+        return () if are_chosen and box.allowed(np.array([[*values.values()]]))[0] else box.names
 
     def _with_nominal(self) -> Self:
         """The bounds with the nominal run and its noise. A missing nominal run is made."""

@@ -8,10 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from symmb._magnitudes import SLIGHT
 from symmb._names import look_up_by_name
 from symmb._types import Array, Indices, Mask
 from symmb.equations.model import Box
 
+_NEWTON_STEPS, _RIDGE = 25, 1e-2
+"""Number of steps of the logistic regression, and its ridge, which limits the weights of separable runs."""
 _Intervals = dict[int, tuple[int, int]]
 """The first and the last rank of the allowed values, for some columns. Equal values have equal ranks."""
 
@@ -73,8 +76,45 @@ class FailedRegion:
 
     def __str__(self) -> str:
         conditions = [_condition(self.box.names[j], *self.limits[j]) for j in sorted(self.limits)]
-        there, elsewhere = (f"{failed} of {runs}" for failed, runs in (self.inside, self.outside))
-        return f"for {' and '.join(conditions)} ({there} runs there, {elsewhere} elsewhere)"
+        return _counted(" and ".join(conditions), self)
+
+
+@dataclass(frozen=True)
+class FailedHalfSpace:
+    """The side of a plane on which runs fail more often: the sum of coefficients times parameters is above a limit.
+
+    Attributes
+    ----------
+    box : box of all parameters
+    coefficients : (d,)
+    limit : float
+    inside, outside : number of failed runs and of all runs on both sides
+    """
+
+    box: Box
+    coefficients: Array
+    limit: float
+    inside: tuple[int, int]
+    outside: tuple[int, int]
+
+    def contains(self, points: Array) -> Mask:
+        """Mask (...) of the points (..., d) of the unit box on the side of failed runs."""
+        return np.asarray(self.box.from_unit(points) @ self.coefficients > self.limit)
+
+    def __str__(self) -> str:
+        used = np.flatnonzero(self.coefficients)
+        sign = np.sign(self.coefficients[used[0]])
+        factors = ("" if abs(x) == 1 else f"{abs(x):.6g} " for x in self.coefficients[used])
+        signs = ("+ " if sign * x > 0 else "- " for x in self.coefficients[used])
+        parts = (f"{sign}{x}{self.box.names[j]}" for sign, x, j in zip(signs, factors, used, strict=True))
+        left, limit = " ".join(parts).removeprefix("+ "), sign * self.limit + 0.0
+        return _counted(f"{left} {'>' if sign > 0 else '<'} {limit:.15g}", self)
+
+
+def _counted(condition: str, region: FailedRegion | FailedHalfSpace) -> str:
+    """A condition with the numbers of failed runs and of all runs on both sides."""
+    there, elsewhere = (f"{failed} of {runs}" for failed, runs in (region.inside, region.outside))
+    return f"for {condition} ({there} runs there, {elsewhere} elsewhere)"
 
 
 def failed_region(box: Box, points: Array, failed: Mask) -> str:
@@ -91,12 +131,13 @@ def failed_region(box: Box, points: Array, failed: Mask) -> str:
     return str(find_failed_region(box, points, failed) or "scattered over the box")
 
 
-def find_failed_region(box: Box, points: Array, failed: Mask) -> FailedRegion | None:
-    """The box with limits of few parameters that explains the failures best; None if failures are scattered.
+def find_failed_region(box: Box, points: Array, failed: Mask) -> FailedRegion | FailedHalfSpace | None:
+    """The box with limits of few parameters, or the half space, that explains the failures best; None if failures are
+    scattered.
 
     Runs fail with one probability inside of the box, and with another probability outside. The best box maximizes the
     logarithm of the likelihood less a cost for each limit. The cost is the logarithm of the number of possible limits
-    (minimum description length; Rissanen, Automatica 14, 1978).
+    (minimum description length; Rissanen, Automatica 14, 1978). A half space has this cost for each coefficient.
     """
     # Number of decimal digits to which points of the unit box are compared.
     points = np.round(points, 12)
@@ -109,12 +150,67 @@ def find_failed_region(box: Box, points: Array, failed: Mask) -> FailedRegion | 
         intervals = _extended(intervals, ranks, failed)
         if (score := _score(intervals, ranks, failed)) > least:
             best, least = dict(intervals), score
+    if (half_space := _half_space(box, points, X, ranks, failed, least)) is not None:
+        return half_space
     if not best:
         return None
     limits = {j: _limits(X[:, j], ranks[j], ends) for j, ends in best.items()}
-    inside = _within(limits, X)
-    counts = [(int((failed & part).sum()), int(part.sum())) for part in (inside, ~inside)]
-    return FailedRegion(box, limits, *counts)
+    return FailedRegion(box, limits, *_counts(failed, _within(limits, X)))
+
+
+def _half_space(
+    box: Box, points: Array, X: Array, ranks: Indices, failed: Mask, least: float
+) -> FailedHalfSpace | None:
+    """The best half space of two to four parameters; None if its score is not above `least`.
+
+    The parameters X (N, d) are at points (N, d) of the unit box. Coefficients have the fewest digits that keep the
+    score.
+    """
+    found, columns = None, np.flatnonzero(box.radius > 0)
+    while len(columns) > 1:
+        weights = _separator(points[:, columns], failed)
+        order = np.argsort(-np.abs(weights), kind="stable")
+        if len(columns) <= 4:
+            slopes = weights / box.radius[columns]
+            slopes /= abs(slopes[order[0]]) or 1.0
+            short = (np.array([float(f"{x:.{n}g}") for x in slopes]) for n in (1, 2, 3, 12))
+            trials, cost = [np.round(2 * slopes) / 2, *short], len(columns) * _cost(ranks)
+            cuts = [(*_cut(X[:, columns] @ own, failed, cost), own) for own in trials]
+            best = max(score for score, _, _ in cuts)
+            if best > least:
+                limit, own = next((limit, own) for score, limit, own in cuts if score >= best - SLIGHT)
+                least, found = best, (limit, np.bincount(columns, own, len(box)).astype(float))
+        columns = np.sort(columns[order[: min(4, len(columns) - 1)]])
+    if found is None:
+        return None
+    limit, coefficients = found
+    return FailedHalfSpace(box, coefficients, limit, *_counts(failed, X @ coefficients > limit))
+
+
+def _counts(failed: Mask, inside: Mask) -> list[tuple[int, int]]:
+    """Numbers of failed runs and of all runs inside and outside of a region."""
+    return [(int((failed & part).sum()), int(part.sum())) for part in (inside, ~inside)]
+
+
+def _separator(points: Array, failed: Mask) -> Array:
+    """Weights (d,) of the logistic regression of failures at points (N, d), by Newton's method."""
+    A, w = np.column_stack([points, np.ones(len(points))]), np.zeros(points.shape[1] + 1)
+    for _ in range(_NEWTON_STEPS):
+        p = 1 / (1 + np.exp(-np.clip(A @ w, -30.0, 30.0)))
+        H = (A * (p * (1 - p))[:, None]).T @ A + _RIDGE * np.eye(len(w))
+        w = w + np.linalg.solve(H, A.T @ (failed - p) - _RIDGE * w)
+    return w[:-1]
+
+
+def _cut(z: Array, failed: Mask, cost: float) -> tuple[float, float]:
+    """The best score of the runs with z (N,) above a limit, and this limit."""
+    order = np.argsort(z)[::-1]
+    high, runs = z[order], np.arange(1, len(z))
+    scores = np.where(
+        high[:-1] > high[1:], _gain(np.cumsum(failed[order].astype(np.intp))[:-1], runs, failed) - cost, -np.inf
+    )
+    k = int(scores.argmax())
+    return float(scores[k]), _between(high[k + 1 :], high[k:])
 
 
 def _extended(intervals: _Intervals, ranks: Indices, failed: Mask) -> _Intervals:

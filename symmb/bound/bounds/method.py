@@ -9,15 +9,18 @@ import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
 from symmb._interrupts import carry
-from symmb._options import require_callable, require_name, shown
+from symmb._names import counted, did_you_mean
+from symmb._options import require_callable, shown
 from symmb._types import Array, Executor
 from symmb._units import units_of_parameters
+from symmb.bound.bounds.allowed import first_points
+from symmb.bound.bounds.joined import joined
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.result_file import Kind
 from symmb.bound.bounds.worst_case import AttainingRuns
 from symmb.connect import Attained, Jets, Progress, Simulator, attained_by_runs
 from symmb.declare.symbolic import interpret
-from symmb.equations.model import Box
+from symmb.equations.model import Box, hint
 from symmb.prove import Interval, operate, parameter_intervals
 from symmb.run.simulation import HIGHEST_OF_DIFFERENCES, DAESimulator, differences, has_exact_jets
 
@@ -28,6 +31,8 @@ class Method(ABC):
     kind: ClassVar[Kind]
     unit_of_work: ClassVar[str] = "runs"
     """The unit in which the method reports its progress."""
+    allows_constraints: ClassVar[bool] = False
+    """Whether the method has bounds for boxes with constraints."""
     requires: ClassVar[str] = ""
     """Attribute that a simulator must have beyond `run` and `stream`: "jets" or "expression"."""
 
@@ -64,8 +69,21 @@ class Method(ABC):
             If the study is interrupted. ``partial`` then contains the bounds that runs have attained, if there are any.
         """
         for name in box.names:
-            require_name("Box", "parameter", name, simulator.parameters)
+            if name not in simulator.parameters:
+                known = did_you_mean(name, simulator.parameters)
+                raise DeclarationError(f"Box: no parameter {name!r}.{known}{hint(box.choices, name)}")
         box = box.with_units(units_of_parameters(simulator.parameters))
+        if box.choices:
+            own = [each for each in box.combinations() if not each.constraints or len(first_points(each))]
+            if not own:
+                raise PropagationError(f"{self!r}: no combination of the choices satisfies the constraints of the box.")
+            parts = [self.bounds(simulator, each, executor=executor, progress=progress) for each in own]
+            return joined(box, parts)
+        if box.constraints and not self.allows_constraints:
+            raise PropagationError(
+                f"{self!r}: the method has no bounds for constraints. Use PolynomialChaos(), MonteCarlo(...) or "
+                "Scanning(...)."
+            )
         require_callable("progress", progress, "done", "all")
         start = time.perf_counter()
         nominal = np.array(list(simulator.parameters.values()), dtype=float)
@@ -81,6 +99,9 @@ class Method(ABC):
         seconds = time.perf_counter() - start
         attaining = AttainingRuns.of(simulator, attained)
         nominal = attained.nominal if result.nominal is None else result.nominal
+        if box.constraints:
+            told = f"The bounds hold for parameters that satisfy {counted(len(box.constraints), 'constraint')}."
+            result = replace(result, remarks=(*result.remarks, told))
         known = {"lower": lower, "upper": upper, "attaining": attaining, "nominal": nominal, "seconds": seconds}
         return replace(result, **known, **_about(simulator, box))
 

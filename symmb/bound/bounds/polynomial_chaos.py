@@ -1,6 +1,6 @@
 """Polynomial chaos: Legendre expansions of the responses from runs at nodes, then their ranges."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -17,6 +17,7 @@ from symmb._options import (
 )
 from symmb._types import Array, Executor, Mask
 from symmb.bound.bounds.adaptive import adaptive_bounds
+from symmb.bound.bounds.constrained import constrained
 from symmb.bound.bounds.failures import Failure, failed_region, failure_text
 from symmb.bound.bounds.method import Method, parameter_samples
 from symmb.bound.bounds.recorded import recorded_bounds
@@ -31,11 +32,12 @@ from symmb.bound.bounds.reductions import (
 )
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.result_file import Kind
+from symmb.bound.bounds.sampling import sampled
 from symmb.bound.nodes import ClenshawCurtis, Fit, Gauss, Nodes
 from symmb.bound.polynomials import Basis, Expansion, TensorDegree, TotalDegree
 from symmb.bound.polynomials.ranges import Exact, LegendreInclusion, Piecewise, Range, last_terms
 from symmb.connect import March, Progress, RecordedRuns, Simulator, noise_from_runs
-from symmb.equations.model import Box
+from symmb.equations.model import Box, require_only_intervals
 
 _CLENSHAW_CURTIS, _GAUSS, _TENSOR_DEGREE, _EXACT = ClenshawCurtis(), Gauss(), TensorDegree(), Exact()
 
@@ -110,6 +112,7 @@ class PolynomialChaos(Method):
     probes: int = 0
 
     kind: ClassVar[Kind] = "estimate"
+    allows_constraints: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         require_kind("PolynomialChaos", "nodes", self.nodes, "points", "Gauss(), ClenshawCurtis() or Leja()")
@@ -146,7 +149,16 @@ class PolynomialChaos(Method):
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         if isinstance(simulator, RecordedRuns) and self == PolynomialChaos():
+            require_only_intervals(repr(simulator), box)
             return recorded_bounds(repr(self), simulator, box)
+        if self.order is None and not box.radius.any():
+            bounds = sampled(self, np.zeros((1, len(box))), simulator, box, executor, progress)
+            noise = noise_from_runs(simulator)
+            estimate = np.zeros_like(bounds.lower) + (0.0 if noise is None else noise)
+            return replace(bounds, estimate=estimate, noise=noise, range_of="one run")
+        if box.constraints:
+            whole = self.bounds(simulator, box.hull, executor=executor, progress=progress)
+            return constrained(self, whole, simulator, box, executor)
         if self.order is None:
             require_runs(self, self.probes, "Use fewer probes.")
             require_memory(self, "the probes", self.probes * (2 * len(box) + len(simulator.parameters)))

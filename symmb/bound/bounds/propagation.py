@@ -11,6 +11,7 @@ from symmb._progress import shown_runs
 from symmb._types import Executor
 from symmb._units import units_of_parameters
 from symmb.bound.bounds.doubts import checked, doubted
+from symmb.bound.bounds.joined import joined
 from symmb.bound.bounds.method import Method
 from symmb.bound.bounds.polynomial_chaos import PolynomialChaos
 from symmb.bound.bounds.registry import method_of
@@ -107,12 +108,14 @@ def finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Exe
     """The bounds by a method, with warnings, and with the data for further runs."""
     box = bounds.box
     assert box is not None
+    if bounds.parts:
+        return joined(box, [finished(method, simulator, part, executor) for part in bounds.parts])
     bounds = checked(method, simulator, box, doubted(simulator, box, bounds), executor)
     nominal, own = getattr(simulator, "nominal", None), simulator.parameters
     values = ByName({k: float(v) for k, v in own.items()}, units_of_parameters(own))
     if nominal is None:  # black box: the study may have made this run
         nominal = bounds.nominal
-    study = None if isinstance(simulator, RecordedRuns) else Study(simulator, box)
+    study = None if isinstance(simulator, RecordedRuns) or box.constraints else Study(simulator, box)
     known: dict[str, Any] = {"study": study, "nominal": nominal, "nominal_parameters": values}
     of_scene = isinstance(simulator, SceneSimulator)
     known["subject"] = simulator.name if of_scene else repr(simulator)

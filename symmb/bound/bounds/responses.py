@@ -117,7 +117,6 @@ class Responses:
         if not free.any():
             value = self.runs.values(self.nominal[None])[0]
             return value, value, np.zeros_like(value), 1
-        part = {
-            name: ends for name, ends, is_free in zip(self.box.names, self.box.bounds, free, strict=True) if is_free
-        }
+        fixed, own = self.box.from_unit(self.nominal).tolist(), zip(self.box.names, self.box.bounds, free, strict=True)
+        part = {name: ends if is_free else (x, x) for (name, ends, is_free), x in zip(own, fixed, strict=True)}
         return self.runs.range(Box(**part), label)

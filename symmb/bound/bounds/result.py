@@ -1,6 +1,6 @@
 """The result of every bounding method."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +21,7 @@ from symmb.bound.bounds import result_file
 from symmb.bound.bounds.answers import Answers
 from symmb.bound.bounds.between_times import with_peaks
 from symmb.bound.bounds.failures import failure_text
+from symmb.bound.bounds.joined import joined_limits
 from symmb.bound.bounds.limits import KeptLimit, LimitCheck, Limits, closest, kept_limit, limit_pairs, other_side
 from symmb.bound.bounds.worst_case import WorstCase
 from symmb.results import plot
@@ -68,6 +69,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     worst_cases : worst cases over all times, if the bounds were read from a file
     figures : names of the scalar outputs (one number per run); their bounds are the same at all times
     range_of : source of the range of an adaptive method, such as runs at corners; empty for other methods
+    parts : bounds of each combination of the choices of the box; empty if there are no choices
     next_run : parameters at which one more run would reduce the error most, for bounds of RecordedRuns; otherwise None
 
     Examples
@@ -84,7 +86,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
             object.__setattr__(self, side, NamedColumns(getattr(self, side), self.names))
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "study": None, "attaining": None}
+        return {**self.__dict__, "study": None, "attaining": None, "parts": ()}
 
     @np.errstate(invalid="ignore")  # bounds and limits may be infinite
     def check(self, limits: Limits) -> LimitCheck:
@@ -120,7 +122,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         """
         pairs = limit_pairs("Bounds.check", limits, self.names, self.units)
         with shown_runs(None, "runs near limits"):
-            checked, between = with_peaks(self, [kept_limit(self, name, *ends) for name, ends in pairs.items()])
+            checked, between = self._checked(pairs)
         worst = self._closest_to(checked)
         told = " ".join(between)
         others = [
@@ -128,6 +130,14 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
         ]
         remarks = (*self._about_nominal(), *filter(None, others), *between)
         return LimitCheck(self.t, self.method, tuple(checked), self, worst, remarks)
+
+    def _checked(self, pairs: Mapping[str, tuple[float, float]]) -> tuple[list[KeptLimit], list[str]]:
+        """The results of limits, and remarks. With choices, the worst combination decides each limit."""
+        if not self.parts:
+            return with_peaks(self, [kept_limit(self, name, *ends) for name, ends in pairs.items()])
+        found = [part._checked(pairs) for part in self.parts]
+        remarks = [remark for _, own in found for remark in own]
+        return joined_limits(self, [limits for limits, _ in found]), [*dict.fromkeys(remarks)]
 
     def _about_nominal(self) -> tuple[str, ...]:
         """A remark if the box does not contain the nominal values."""

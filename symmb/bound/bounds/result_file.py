@@ -1,6 +1,7 @@
 """Contents of files of bounds: entries of a record, columns of a table, and labelled arrays."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any, Literal, cast
 
 import numpy as np
@@ -25,7 +26,7 @@ from symmb.bound.bounds.failures import Failure
 from symmb.bound.bounds.worst_case import WorstCase
 from symmb.bound.polynomials import Expansion
 from symmb.bound.polynomials.ranges import Piecewise
-from symmb.equations.model import Box
+from symmb.equations.model import Box, Choice
 from symmb.results.files import Record, entry
 
 Kind = Literal["enclosure", "estimate", "sampled"]
@@ -74,15 +75,21 @@ def _run_doubts(record: Record, names: Sequence[str]) -> tuple[str, ...]:
 
 def box_of(record: Record, name: str) -> Box:
     """The box of a file that contains its intervals by name."""
-    return Box(**{own: tuple(ends.tolist()) for own, ends in record.arrays(name, 2).items()}).with_units(
-        record.units(name)
-    )
+    given: dict[str, Any] = {own: tuple(ends.tolist()) for own, ends in record.arrays(name, 2).items()}
+    for own in record.records(f"{name}_choices"):
+        parameters, labels = own.names("parameters"), own.names("labels")
+        values = [*map(tuple, own.array("values", None, len(parameters)).tolist())]
+        given = {n: ends for n, ends in given.items() if n not in parameters}
+        choice = Choice(own.text("name"), labels, parameters, tuple(values), ("",) * len(parameters))
+        given[choice.name] = choice
+    return Box(**given).with_units(record.units(name))
 
 
 def box_entries(box: Box | None) -> dict[str, Any]:
-    """Entries of a box, and of its units if the box has units."""
+    """Entries of a box, of its units if the box has units, and of its choices. Constraints are not stored."""
     units = {"box_units": dict(zip(box.names, box.units, strict=True))} if box and box.units else {}
-    return {"box": box and dict(box), **units}
+    choices = {"box_choices": [asdict(choice) for choice in box.choices]} if box and box.choices else {}
+    return {"box": box and dict(box), **units, **choices}
 
 
 def record_of_table(table: Record) -> Record:

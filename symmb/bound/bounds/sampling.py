@@ -6,10 +6,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from symmb._errors import DeclarationError
+from symmb._errors import DeclarationError, PropagationError
 from symmb._limits import require_memory, require_runs
 from symmb._options import constructor_text, require_instance, require_kind, require_whole
 from symmb._types import Array, Executor
+from symmb.bound.bounds.allowed import allowed_points
 from symmb.bound.bounds.laws import Correlation, Laws, given_once, laws_text
 from symmb.bound.bounds.method import Method, parameter_samples
 from symmb.bound.bounds.reductions import extremes, failure_details, failures, require_some, together
@@ -61,6 +62,7 @@ class MonteCarlo(Method):
     distributions: InitVar[Mapping[str, Any] | None] = None
 
     kind: ClassVar[Kind] = "sampled"
+    allows_constraints: ClassVar[bool] = True
 
     @property
     def doubtful_miss(self) -> float:  # random samples miss the extremes, with distributions by more
@@ -87,7 +89,7 @@ class MonteCarlo(Method):
         if self.laws is not None:
             laws = Laws.of(repr(self), self.laws, self.correlation, box)
             points[:, laws.columns] = laws.unit_points((points[:, laws.columns] + 1) / 2, box)
-        bounds = _sampled(self, points, simulator, box, executor, progress)
+        bounds = sampled(self, points, simulator, box, executor, progress)
         return bounds if laws is None else replace(bounds, remarks=laws.remarks)
 
     def __repr__(self) -> str:
@@ -116,6 +118,7 @@ class Scanning(Method):
     points: int = 21
 
     kind: ClassVar[Kind] = "sampled"
+    allows_constraints: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         require_whole(self, "points", 2)
@@ -156,12 +159,15 @@ def _scanned(
     d, runs = len(box), points ** len(box)
     require_runs(method, runs, "Use PolynomialChaos() or MonteCarlo(...).")
     require_memory(method, "the points", runs * (2 * d + len(simulator.parameters)))
-    return _sampled(method, grid(np.linspace(-1.0, 1.0, points), d), simulator, box, executor, progress)
+    return sampled(method, grid(np.linspace(-1.0, 1.0, points), d), simulator, box, executor, progress)
 
 
-def _sampled(
+def sampled(
     method: Method, unit: Array, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None
 ) -> Bounds:
+    """The extremes of runs at the points (N, d) of the unit box that are allowed."""
+    if not len(unit := allowed_points(box, unit)):
+        raise PropagationError(f"{method!r}: no sample satisfies all constraints of the box.")
     P = parameter_samples(simulator, box, unit)
     reduction = together(extremes(simulator), failures())
     (lower, upper), bad = simulator.stream(P, reduction, executor, progress)

@@ -111,6 +111,7 @@ class WorstCase:
     varied : tuple of str      parameters of the box that act on the output; these are printed
     times : int                number of output times, 1 for a scalar output; a single time of 0 is not printed
     unit : str                 unit of the output in tables and texts, or ''
+    choices : tuple of str     chosen words, as "spring: hard"
     simulator : Simulator      None if the bounds were read from a file
     """
 
@@ -124,6 +125,7 @@ class WorstCase:
     varied: tuple[str, ...]
     times: int = _SEVERAL_TIMES
     unit: str = ""
+    choices: tuple[str, ...] = ()
     simulator: Simulator | None = field(default=None, metadata=NOT_KEPT)
 
     __post_init__ = look_up_by_name
@@ -179,7 +181,7 @@ class WorstCase:
         values = ", ".join(with_units({name: f"{self.parameters[name]:.6g}" for name in self.varied}, self.parameters))
         unit = f" {typeset(self.unit)}" if self.unit else ""
         text = f"{self._word} {self.output} {self.value + 0.0:.6g}{unit}{at_time(self._times, 0)}"
-        text += f": {values}" if values else ""
+        text += f": {', '.join(filter(None, [values, *self.choices]))}" if values or self.choices else ""
         return text + (f"; the run itself attains {self.attained:.6g}{unit}" if self.is_short else "")
 
     def __repr__(self) -> str:
@@ -197,7 +199,8 @@ class WorstCase:
         varied = record.texts("varied", default=tuple(parameters))
         times = record.whole("times", default=_SEVERAL_TIMES)
         unit = record.text("unit") if "unit" in record else ""
-        return cls(record.text("output"), side, value, time, parameters, attained, width, varied, times, unit)
+        chosen = record.texts("choices", default=())
+        return cls(record.text("output"), side, value, time, parameters, attained, width, varied, times, unit, chosen)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -236,11 +239,14 @@ def worst_rows(cases: Sequence[WorstCase]) -> list[list[str]]:
     """Rows of a table of worst cases, without a head, with the parameters that act on the outputs."""
     varied = list(dict.fromkeys(name for case in cases for name in case.varied))
     units = {name: unit for case in cases for name, unit in units_of_parameters(case.parameters).items()}
-    rows = [["worst case", "bound", "at [s]", *(label(name, units.get(name, "")) for name in varied), "attained"]]
+    words = ["choices"] if any(case.choices for case in cases) else []
+    names = (label(name, units.get(name, "")) for name in varied)
+    rows = [["worst case", "bound", "at [s]", *names, *words, "attained"]]
     for case in cases:
         values = (f"{case.parameters[name] + 0.0:.6g}" if name in case.varied else "" for name in varied)
         when = "" if is_timeless(case._times) else f"{case.time:.6g}"
-        numbers = f"{case.value + 0.0:.6g}", when, *values, f"{case.attained + 0.0:.6g}"
+        chosen = [", ".join(case.choices)] if words else []
+        numbers = f"{case.value + 0.0:.6g}", when, *values, *chosen, f"{case.attained + 0.0:.6g}"
         rows.append([label(f"{case._word} {case.output}", case.unit), *numbers])
     return over_times(rows)
 

@@ -1,10 +1,11 @@
 """From a declaration to equations: System, Scene, and DAE, the compiled equations for solvers.
 
 `validation` and `assembly` check declarations, and report all faults at once. `tolerance_list` and `iso_grades` read
-tolerances for `Box`.
+tolerances for `Box`, and `choices` its finite sets and its constraints.
 """
 
-from symmb.equations.model.box import Box
+from symmb.equations.model.box import Box, require_only_intervals
+from symmb.equations.model.choices import Choice, chosen_words, hint
 from symmb.equations.model.compilation import compile_dae
 from symmb.equations.model.contact_equations import Impacts, JointEvents
 from symmb.equations.model.dae import DAE, is_linear

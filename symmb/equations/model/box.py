@@ -1,12 +1,13 @@
 """The box of interval parameters and its map to the unit box [-1, 1]^d."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import product
 from os import PathLike
 from pathlib import Path
-from typing import SupportsFloat
+from typing import Any, SupportsFloat
 
 import numpy as np
 
@@ -14,12 +15,16 @@ from symmb import _html as html
 from symmb._errors import DeclarationError
 from symmb._names import did_you_mean, normal, normal_keys
 from symmb._options import is_finite_number, numbers_of, require_instance, require_numbers, shown
-from symmb._types import Array
+from symmb._types import Array, Mask
 from symmb._units import NO_UNIT, label, ratio_of, scaled, units_of_parameters
+from symmb.equations.model import choices as finite
+from symmb.equations.model.choices import Choice, Choices, Constraint
 from symmb.equations.model.tolerance_list import interval_of, interval_with_unit, intervals_in_file, share_of
 
 Interval = tuple[float, float] | tuple[float, float, str] | tuple[str, str] | str
 """The ends of an interval, in the unit of the parameter or in another unit."""
+_MOST_STUDIES = 200
+"""Largest number of combinations of choices."""
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -31,11 +36,17 @@ class Box:
     **intervals : (lower, upper)
         One pair for each parameter, by name. ``lower == upper`` is allowed and means a fixed value. Other units of the
         same kind are converted: (0.234, 0.236, "m"), ("234 mm", "236 mm"), "235 mm ±0.5 mm", "2.5 N/mm ±10%".
+        Instead of a pair, a finite set or range of values: {17, 18, 19}, or words with the values of one or more
+        parameters: spring={"soft": {"k": 100, "c": 2}, "hard": {"k": 200, "c": 3}}. The words of a list ["soft",
+        "hard"] have the values 0, 1, ...
+    constraints : list of functions
+        Each function has an argument p with the parameters of the box as numbers, such as p.a. The parameters are
+        allowed if the function returns True, or a number of at most 0. `lambda p: p.a < p.b` is an example
 
     Attributes
     ----------
     names : tuple of d names
-    bounds : tuple of d pairs (lower, upper)
+    bounds : tuple of d pairs (lower, upper); of choices, the lowest and the highest value
     units : tuple of d units, '' for parameters without a unit; empty if no parameter has a unit. Studies convert a box
     to the units of their parameters
     percents : names of the parameters whose tolerance was given as a percentage
@@ -43,7 +54,8 @@ class Box:
     Raises
     ------
     DeclarationError
-        If there is no interval, if an interval is reversed, not finite or not a pair, or if a unit is not known.
+        If there is no interval, if an interval is reversed, not finite or not a pair, if a unit is not known, or if a
+        choice has no values.
 
     Examples
     --------
@@ -55,22 +67,31 @@ class Box:
     array([1., 3.])
     >>> box.from_unit([[-1.0, 1.0]])
     array([[0.95, 4.  ]])
+    >>> mb.Box(teeth={17, 18, 19}, spring={"soft": {"k": 100.0}, "hard": {"k": 200.0}}).names
+    ('teeth', 'k')
     """
 
     names: tuple[str, ...]
     bounds: tuple[tuple[float, float], ...]
     units: tuple[str, ...] = ()
     percents: frozenset[str] = field(default=frozenset(), compare=False)
+    choices: tuple[Choice, ...] = ()
+    constraints: tuple[Constraint, ...] = ()
 
-    def __init__(self, **intervals: Interval):
+    def __init__(self, **intervals: Interval | Choices | Sequence[Constraint]):
+        constraints = intervals.pop("constraints", ())  # no argument of its own: all names are names of the user
         if not intervals:
             raise DeclarationError("A Box needs at least one interval, e.g. Box(l1=(0.95, 1.05)).")
-        intervals = normal_keys("Box", intervals)
+        choices, intervals = finite.intervals_and_choices(normal_keys("Box", intervals))
+        if not isinstance(constraints, list | tuple) or not all(map(callable, constraints)):
+            raise DeclarationError(f"Box: constraints must be a list of functions, got {shown(constraints)}.")
         parts = {name: interval_with_unit(name, given) for name, given in intervals.items()}
         object.__setattr__(self, "names", tuple(intervals))
         object.__setattr__(self, "bounds", tuple(_interval(name, pair) for name, (pair, _) in parts.items()))
         units = tuple(unit for _, unit in parts.values())
         object.__setattr__(self, "units", units if any(units) else ())
+        object.__setattr__(self, "choices", choices)
+        object.__setattr__(self, "constraints", tuple(constraints))
         self._set_percents(name for name, given in intervals.items() if _has_percent(given))
 
     def _set_percents(self, names: Iterable[str]) -> "Box":
@@ -89,12 +110,63 @@ class Box:
             raise DeclarationError(f"Box: units must be texts by name of the parameter, got {shown(units)}.")
         if not (self.units or any(name in units for name in self.names)):
             return self
-        intervals = {}
-        for name, ends, unit in zip(self.names, self.bounds, self.units or ("",) * len(self), strict=True):
-            own = units.get(name, "")
-            ratio = ratio_of("Box", f"parameter {name!r}", unit, own) if unit else NO_UNIT
-            intervals[name] = *(scaled(end, ratio) for end in ends), own
-        return Box(**intervals)._set_percents(self.percents)
+
+        before = dict(zip(self.names, self.units or ("",) * len(self), strict=True))
+        ratios = {
+            name: ratio_of("Box", f"parameter {name!r}", unit, units.get(name, "")) if unit else NO_UNIT
+            for name, unit in before.items()
+        }
+        given = {
+            name: own.scaled(ratios, units)
+            if isinstance(own, Choice)
+            else (*(scaled(end, ratios[name]) for end in own[:2]), units.get(name, ""))
+            for name, own in self._given().items()
+        }
+        return self._like(given)
+
+    def _given(self) -> dict[str, Any]:
+        """The intervals and choices as arguments."""
+        chosen = {name: choice for choice in self.choices for name in choice.parameters}
+        return {chosen[n].name if n in chosen else n: chosen.get(n, own) for n, own in self.intervals.items()}
+
+    def _like(self, given: Mapping[str, Any]) -> "Box":
+        """A box of other intervals and choices with the same constraints and percentages."""
+        box = Box(constraints=self.constraints, **given)
+        return box._set_percents(self.percents & {*box.names})
+
+    @property
+    def hull(self) -> "Box":
+        """The smallest box of intervals that contains all choices, without constraints."""
+        return Box(**self.intervals)
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether some points of the hull are not allowed."""
+        return bool(self.choices or self.constraints)
+
+    def combinations(self) -> list["Box"]:
+        """A box with fixed values for each combination of the choices.
+
+        DeclarationError is raised if there are more than 200 combinations.
+        """
+        if (n := math.prod(len(choice.values) for choice in self.choices)) > _MOST_STUDIES:
+            raise DeclarationError(
+                f"Box: {n} combinations of choices need as many studies, but at most {_MOST_STUDIES} are made. Give "
+                "intervals instead of some choices."
+            )
+        boxes = []
+        for numbers in product(*(range(len(choice.values)) for choice in self.choices)):
+            fixed = {choice.name: choice.intervals(k) for choice, k in zip(self.choices, numbers, strict=True)}
+            parts = (fixed.get(name, {name: own}) for name, own in self._given().items())
+            boxes.append(self._like({name: own for part in parts for name, own in part.items()}))
+        return boxes
+
+    def allowed(self, values: Array) -> Mask:
+        """Mask (N,) of the parameter values (N, d) that satisfy all constraints.
+
+        DeclarationError is raised if a constraint fails, or returns neither True, False nor a finite number.
+        """
+        return finite.allowed(self.constraints, self.names, self._finite_points("values", values))
 
     @classmethod
     def around(
@@ -211,11 +283,12 @@ class Box:
         """The intervals of both boxes. A common parameter must have the same interval in both boxes."""
         if not isinstance(other, Box):
             return NotImplemented
-        mine, theirs = (box.intervals for box in (self, other))
+        mine, theirs = (box._given() for box in (self, other))
         for name in mine.keys() & theirs.keys():
             if mine[name] != theirs[name]:
                 raise DeclarationError(f"Box: '{name}' is {mine[name]} in one box and {theirs[name]} in the other.")
-        return Box(**(mine | theirs))._set_percents(self.percents | other.percents)
+        both = Box(constraints=[*dict.fromkeys(self.constraints + other.constraints)], **(mine | theirs))
+        return both._set_percents(self.percents | other.percents)
 
     @property
     def intervals(self) -> dict[str, Interval]:
@@ -268,11 +341,16 @@ class Box:
             raise DeclarationError(f"{self!r}: {name} must be finite numbers, got {shown(values)}.")
         return points
 
+    def part(self, which: Mask) -> "Box":
+        """The intervals of some parameters (mask, (d,)), at least one."""
+        return Box(**{name: ends for (name, ends), own in zip(self.intervals.items(), which, strict=True) if own})
+
     def without(self, name: str) -> "Box | None":
         """The box without this parameter; None if no parameter remains."""
         require_instance(repr(self), name, str, "the name of a parameter")
+        require_only_intervals("Box.without", self)
         left = {other: ends for other, ends in self.intervals.items() if other != normal(name)}
-        return Box(**left)._set_percents(self.percents & left.keys()) if left else None
+        return self._like(left) if left else None
 
     def __len__(self) -> int:
         return len(self.names)
@@ -296,10 +374,15 @@ class Box:
 
     @cached_property
     def _text(self) -> str:
-        inside = (
+        chosen = {name for choice in self.choices for name in choice.parameters}
+        inside = [
             f"{name}=({low:.12g}, {high:.12g}{''.join(f', {text!r}' for text in unit)})"
             for name, (low, high, *unit) in self.intervals.items()
-        )
+            if name not in chosen
+        ]
+        inside += [f"{choice.name}={choice!r}" for choice in self.choices]
+        if self.constraints:
+            inside.append(f"constraints=[{', '.join(getattr(f, '__name__', repr(f)) for f in self.constraints)}]")
         return f"Box({', '.join(inside)})"
 
     def _repr_html_(self) -> str:
@@ -307,7 +390,17 @@ class Box:
         rows = [
             [name, *(f"{x:.12g}" for x in pair), f"{middle:.12g} ± {half:.6g}"] for name, pair, middle, half in ends
         ]
-        return html.page(html.table([["parameter", "lower", "upper", "middle"], *rows]))
+        cut = [html.text(repr(self))] if self.is_cut else []
+        return html.page(html.table([["parameter", "lower", "upper", "middle"], *rows]), *cut)
+
+
+def require_only_intervals(owner: str, box: Box) -> None:
+    """Raise DeclarationError if a box has choices or constraints."""
+    if box.is_cut:
+        raise DeclarationError(
+            f"{owner}: the box must have intervals only, without choices and constraints. Use box.hull, which "
+            "contains all of them, or one of box.combinations()."
+        )
 
 
 def _has_percent(tolerance: object) -> bool:

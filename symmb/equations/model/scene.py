@@ -20,6 +20,7 @@ from symmb._units import dimensions, label, numbers_in, ratio_of, scaled, unit_o
 from symmb.declare.mechanics import AxisJoint, Figure, Flywheel, Link
 from symmb.declare.symbolic import reduction, t
 from symmb.equations.model.box import Box
+from symmb.equations.model.choices import hint
 from symmb.equations.model.figures import BoundFigure, bound_figure
 from symmb.equations.model.restart import EndedRun, Restart, restart_of
 from symmb.equations.model.start_values import Prescribed, listed_values, with_modes
@@ -168,7 +169,11 @@ class Scene:
         if not isinstance(self.box, Box):
             raise DeclarationError(f"box: {self.box!r} is not a Box. Write Box(l1=(0.95, 1.05)), or Box(**intervals).")
         known = self.system.parameters
-        unknown = [f"box: no parameter {n!r}.{did_you_mean(n, known)}" for n in self.box.names if n not in known]
+        unknown = [
+            f"box: no parameter {n!r}.{did_you_mean(n, known)}{hint(self.box.choices, n)}"
+            for n in self.box.names
+            if n not in known
+        ]
         box = self.box if unknown else self.box.with_units(units_of_parameters(known))
         Faults(unknown or self.system.sign_faults(box)).raise_any()
         return box

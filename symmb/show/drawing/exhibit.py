@@ -16,7 +16,7 @@ from symmb._units import label, units_of_parameters, with_units
 from symmb.bound.bounds import SIDES, Bounds, Sample, Study, parameter_samples, row_of, unit_suffix
 from symmb.bound.nodes import grid
 from symmb.declare.mechanics import Point
-from symmb.equations.model import Box
+from symmb.equations.model import Box, require_only_intervals
 from symmb.run.simulation import Sweep, Trajectory, simulate, simulator_with
 from symmb.show.drawing.draw import draw
 from symmb.show.drawing.shapes import Drawing
@@ -119,6 +119,8 @@ def of_bounds(bounds: Bounds, output: str | None, time: float | str | None, poin
     """The nominal run, the runs that attain the bounds of an output at a time, and the region of a point."""
     study = bounds.study
     if not isinstance(study, Study):
+        if bounds.box is not None:
+            require_only_intervals("draw", bounds.box)
         raise DeclarationError(
             "These bounds have no scene: they were read from a file. Draw the result of propagate(scene, method)."
         )

@@ -10,7 +10,7 @@ import numpy as np
 from symmb._errors import DeclarationError
 from symmb._units import typeset, units_of_parameters
 from symmb.bound.bounds import Limits, limit_pairs, possible_values
-from symmb.equations.model import Scene
+from symmb.equations.model import Scene, require_only_intervals
 from symmb.results.plot import labels
 from symmb.run.simulation import (
     DAESimulator,
@@ -76,6 +76,7 @@ def live_from(
     own = scene_of(scene)
     if own.box is None:
         raise DeclarationError("live: the scene has no box of tolerances. Give it one by scene.with_box(Box(...)).")
+    require_only_intervals("live", own.box)
     pairs = limit_pairs("live", limits, own.output_names, own.units) if limits else {}
     simulator = simulator_for("live", scene, None)
     figures, motion = simulator if isinstance(simulator, FigureSimulator) else None, motion_of(simulator)

@@ -95,7 +95,8 @@ def equations(text: str, page: int = 100) -> str:
 
 def assumed(box: Box, nominal: Mapping[str, float]) -> str:
     """The intervals of the box, and the values of other parameters."""
-    return section("Assumptions", html.page(html.table(_intervals(box, nominal))))
+    cut = [note(repr(box))] if box.is_cut else []
+    return section("Assumptions", html.page(html.table(_intervals(box, nominal))), *cut)
 
 
 def settings_table(settings: Sequence[tuple[str, str]], is_own: bool = False) -> str:

@@ -50,7 +50,7 @@ def adaptive_bounds(
     interpolant's range. If the error exceeds the width of the extremes of runs, or if an output is only noise, these
     extremes are the bounds.
     """
-    d, numbers = len(box), max(len(simulator.times) * len(simulator.outputs), 1)
+    d, numbers = int((box.radius > 0).sum()), max(len(simulator.times) * len(simulator.outputs), 1)
     first = probes + (max(5, 3**d) if d <= MOST_PARAMETERS else 2 * d + 1)
     most = max(min(MOST_RUNS, MOST_NUMBERS // numbers), 2 * first) if budget is None else budget
     if first > most:
@@ -81,7 +81,7 @@ def adaptive_bounds(
         noise=_scaled(runs.floor, power),
         inner=(_scaled(runs.extremes[0], power), _scaled(runs.extremes[1], power)),
         failed=runs.failed,
-        failed_region=failed_region(box, runs.tried, ~runs.ok),
+        failed_region=failed_region(runs.box, runs.tried, ~runs.ok),
         run_doubts=(*doubts, *_of_noise(runs)),
         remarks=(*remarks, *_of_rounding(runs, is_noise)),
         range_of=estimated.surrogate,
@@ -92,10 +92,11 @@ def adaptive_bounds(
         return bounds
 
     def in_units(own: Expansion) -> Expansion:
-        own = own.without(box.lower == box.upper, is_noise)
+        own = own.without(np.zeros(d, dtype=bool), is_noise)
         return replace(own, coefficients=_scaled(own.coefficients, power))
 
     found = found.changed(in_units, np.maximum(_scaled(found.error, power), estimate))
+    found = found.beside_fixed(box.names, box.radius > 0)
     return replace(bounds, surrogate=found, expansion=found.expansions[0] if len(found.expansions) == 1 else None)
 
 

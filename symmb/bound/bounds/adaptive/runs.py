@@ -1,7 +1,7 @@
 """The runs of an adaptive study, and the measures of errors."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -48,6 +48,7 @@ class Runs:
 
     Attributes
     ----------
+    whole, box : the box of the study, and its parameters that vary, with d names
     most : allowed number of runs
     probes : requested number of further check runs, evenly spread over the box
     clock : limits the time of the study
@@ -64,7 +65,7 @@ class Runs:
     """
 
     simulator: Simulator
-    box: Box
+    whole: Box
     most: int
     executor: Executor | None
     progress: Progress | None
@@ -75,6 +76,8 @@ class Runs:
     failed: tuple[Failure, ...] = ()
 
     def __post_init__(self) -> None:
+        self._varied = self.whole.radius > 0
+        self.box = self.whole.part(self._varied)
         self.shape = len(self.simulator.times), len(self.simulator.outputs)
         self._blocks: list[Array] = []  # interpolants need no copy of these arrays
         self.checks = np.empty((0, *self.shape))
@@ -105,9 +108,7 @@ class Runs:
 
     def anew(self) -> "Runs":
         """An empty set of runs with the required powers, and the number of runs that are left."""
-        runs = Runs(
-            self.simulator, self.box, self.most, self.executor, self.progress, self.clock, self.probes, before=len(self)
-        )
+        runs = replace(self, before=len(self), events=None, failed=())
         runs._least_power = self._least_power
         return runs
 
@@ -240,7 +241,9 @@ class Runs:
                 events = np.full((len(points), self.shape[0]), -1)
                 events[~again] = numbers
             return Y, ok, events
-        P = parameter_samples(self.simulator, self.box, points)
+        places = np.zeros((len(points), len(self.whole)))
+        places[:, self._varied] = points
+        P = parameter_samples(self.simulator, self.whole, places)
         with self.clock.of_runs():
             progress, before = self.progress, len(self)
             counted = progress and (lambda done, n: progress(before + done, before + n))
@@ -248,7 +251,7 @@ class Runs:
         self.tried, self.ok = np.concatenate([self.tried, points]), np.concatenate([self.ok, ensemble.ok])
         bad = np.flatnonzero(~ensemble.ok)
         failed_runs = tuple(zip(bad.tolist(), ensemble.t_failed[bad].tolist(), ensemble.messages, strict=True))
-        self.failed += failure_records(self.simulator, self.box, P, failed_runs)
+        self.failed += failure_records(self.simulator, self.whole, P, failed_runs)
         low, high = ensemble.extremes()
         depend = isinstance(self.simulator, SceneSimulator)  # its runs have common steps
         note_attained(low, high, P, None if depend else ensemble.Y)

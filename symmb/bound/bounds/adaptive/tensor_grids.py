@@ -239,7 +239,8 @@ class TensorGrids:
     def refined(self) -> "TensorGrids":
         """The grids after the chosen piece was refined or halved, or after the noise was measured."""
         runs, old = self._runs, self._chosen
-        is_worth_it = self._cost() >= 3 * NOISE_RUNS or len(runs) >= CHEAP_RUNS
+        # Noise looks rough, so it is measured before a piece is halved.
+        is_worth_it = len(self._parts) > 1 or self._cost() >= 3 * NOISE_RUNS or len(runs) >= CHEAP_RUNS
         if not runs.noise_is_known and is_worth_it:
             runs.measure_noise()
             self._pieces = [replace(piece, widths=self._widths) for piece in self._pieces]  # errors change too

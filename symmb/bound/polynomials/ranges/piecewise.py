@@ -68,6 +68,19 @@ class Piecewise:
 
         return self.changed(lambda own: replace(own, coefficients=of(own.coefficients)), of(self.error))
 
+    def beside_fixed(self, names: Sequence[str], varied: Mask) -> "Piecewise":
+        """The same polynomials over a box with more parameters (names), which are fixed where the mask is False."""
+        d, k = len(names), len(self.centres)
+        centres, halves = np.zeros((k, d)), np.ones((k, d))
+        centres[:, varied], halves[:, varied] = self.centres, self.halves
+
+        def lifted(own: Expansion) -> Expansion:
+            alpha = np.zeros((len(own.alpha), d), dtype=own.alpha.dtype)
+            alpha[:, varied] = own.alpha
+            return replace(own, alpha=alpha, parameters=tuple(names))
+
+        return replace(self.changed(lifted, self.error), centres=centres, halves=halves)
+
     def values(self, points: Array) -> Array:
         """Responses (N, n_t, n_y) at points (N, d)."""
         if len(self.expansions) == 1:

@@ -1,0 +1,104 @@
+"""Bounds over all combinations of choices, which are joined from a study for each combination."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from symmb._doubt import Doubt, concerned
+from symmb._names import counted
+from symmb._types import Array, Indices
+from symmb.bound.bounds.envelope import Envelope
+from symmb.bound.bounds.limits import KeptLimit
+from symmb.bound.bounds.worst_case import SIDES, AttainingRuns
+from symmb.equations.model import Box
+
+B = TypeVar("B", bound=Envelope)
+_ORDER = False, None, True
+"""Results of a limit. The first result that occurs in a combination is the result for all combinations."""
+
+
+def joined(box: Box, parts: Sequence[B]) -> B:
+    """The bounds over a box with choices, from the bounds of each combination."""
+    lower, upper = _hull([(part.lower, part.upper) for part in parts])
+    low, high = _hull([part.outer for part in parts])
+    inner = [part.inner for part in parts if part.inner is not None]
+    noise = [part.noise for part in parts if part.noise is not None]
+    fixed = [dict(zip(part.box.names, part.box.lower.tolist(), strict=True)) for part in parts if part.box]
+    words = [", ".join(choice.chosen(own) for choice in box.choices) for own in fixed]
+    of_all = counted(len(box.combinations()), "combination")
+    return replace(
+        parts[0],
+        lower=lower,
+        upper=upper,
+        estimate=None if parts[0].estimate is None else np.maximum(lower - low, high - upper),
+        inner=_hull(inner) if len(inner) == len(parts) else None,
+        noise=np.max(noise, axis=0) if noise else None,
+        evaluations=sum(part.evaluations for part in parts),
+        seconds=sum(part.seconds for part in parts),
+        failed=tuple(run for part in parts for run in part.failed),
+        failed_region="; ".join(
+            f"{part.failed_region} with {told}" for part, told in zip(parts, words, strict=True) if part.failed_region
+        ),
+        caution=next((part.caution for part in parts if part.caution), ""),
+        run_doubts=_sentences([part.run_doubts for part in parts], words, parts[0].names),
+        remarks=(
+            f"The bounds are joined from {len(parts)} of {of_all} of choices.",
+            *_sentences([part.remarks for part in parts], words, parts[0].names),
+        ),
+        nominal=next((part.nominal for part in parts if part.nominal is not None), None),
+        attaining=_attaining([part.attaining for part in parts]),
+        parts=tuple(parts),
+        box=box,
+        expansion=None,
+        surrogate=None,
+        study=None,
+        range_of="",
+    )
+
+
+def _hull(pairs: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """The smallest of several lower ends, and the largest of several upper ends."""
+    return np.min([low for low, _ in pairs], axis=0), np.max([high for _, high in pairs], axis=0)
+
+
+def _sentences(each: Sequence[Sequence[str]], words: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
+    """The sentences about all combinations. A sentence about only one or some combinations names the first of them."""
+    told = dict[str, list[str]]()
+    for word, own in zip(words, each, strict=True):
+        for text in own:
+            told.setdefault(text, []).append(word)
+    return tuple(
+        text if len(some) == len(each) else Doubt(f"With {some[0]}: {text}", concerned(text, names))
+        for text, some in told.items()
+    )
+
+
+def _attaining(each: Sequence[AttainingRuns | None]) -> AttainingRuns | None:
+    """The runs of all combinations that attain the extremes."""
+    runs = [own for own in each if own is not None]
+    if len(runs) < len(each):
+        return None
+    offsets = np.cumsum([0, *(len(own.blocks) for own in runs)])
+    ends, at = dict[str, Array](), dict[str, Indices]()
+    for side, best in zip(SIDES, (np.argmin, np.argmax), strict=True):
+        values = np.stack([own.ends[side] for own in runs])
+        chosen = best(values, axis=0)[None]
+        numbers = np.stack([own.at[side] + offset for own, offset in zip(runs, offsets[:-1], strict=True)])
+        ends[side] = np.take_along_axis(values, chosen, axis=0)[0]
+        at[side] = np.take_along_axis(numbers, chosen, axis=0)[0]
+    return AttainingRuns(runs[0].simulator, tuple(block for own in runs for block in own.blocks), ends, at)
+
+
+def joined_limits(bounds: Envelope, found: Sequence[Sequence[KeptLimit]]) -> list[KeptLimit]:
+    """For each limit, the result of the combination that is worst."""
+    limits = list[KeptLimit]()
+    for own in zip(*found, strict=True):
+        k = min(range(len(own)), key=lambda n: (_ORDER.index(own[n].kept), own[n].share))
+        limit, box, part = own[k], bounds.box, bounds.parts[k].box
+        if limit.further is not None and box is not None and part is not None:
+            place = box.to_unit(part.from_unit(limit.further.place[None]))[0]
+            limit = replace(limit, further=replace(limit.further, place=place))
+        limits.append(limit)
+    return limits

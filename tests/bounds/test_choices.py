@@ -1,0 +1,153 @@
+"""Boxes with choices, sets of values and constraints, against scans of all combinations and of allowed points."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+import symmb as mb
+
+T = np.linspace(0.0, 2.0, 5)
+NOMINAL = {"a": 1.0, "k": 100.0, "c": 2.0, "n": 17.0}
+SPRING = {"soft": {"k": 100.0, "c": 2.0}, "very hard": {"k": 200.0, "c": 3.0}}
+WHOLE = mb.Box(a=(0.5, 2.0), n={17, 18, 19}, spring=SPRING)
+
+
+def responses(a, k, c, n):
+    return np.stack([k * a * np.sin(3 * T + c) + (n - 17.6) ** 2 * T, a * T + 0.01 * k])
+
+
+def simulator():
+    return mb.FunctionSimulator(lambda **p: responses(**p).T, NOMINAL, T, ["x", "y"])
+
+
+def scanned(box, points=401):
+    """Extremes (n_y, n_t) over allowed points of a grid, and the parameters of the highest x."""
+    values = [np.linspace(low, high, points if low < high else 1) for low, high in box.bounds]
+    X = np.array([*product(*values)])
+    own = [NOMINAL | dict(zip(box.names, x, strict=True)) for x in X[box.allowed(X)]]
+    Y = np.array([responses(**p) for p in own])
+    return Y.min(axis=0), Y.max(axis=0), own[int(Y[:, 0].max(axis=1).argmax())]
+
+
+def test_bounds_over_all_combinations():
+    bounds = mb.propagate(simulator(), None, WHOLE)
+    low, high, worst = zip(*map(scanned, WHOLE.combinations()), strict=True)
+    np.testing.assert_allclose(bounds.lower.T, np.min(low, axis=0), atol=1e-3)
+    np.testing.assert_allclose(bounds.upper.T, np.max(high, axis=0), atol=1e-3)
+    case = bounds.worst("x").upper
+    own = max(zip(high, worst, strict=True), key=lambda pair: pair[0][0].max())[1]
+    assert case.parameters == pytest.approx(own)
+    assert case.choices == (f"spring: {'soft' if own['k'] == 100 else 'very hard'}",)
+    assert len(bounds.parts) == 6
+    assert bounds.evaluations == sum(mb.propagate(simulator(), None, part.box).evaluations for part in bounds.parts)
+
+
+def test_limits_are_decided_by_the_worst_combination():
+    bounds = mb.propagate(simulator(), None, WHOLE)
+    top = max(scanned(own)[1][0].max() for own in WHOLE.combinations())
+    assert bounds.check({"x": (None, 1.01 * top)}).kept is True
+    check = bounds.check({"x": (None, 0.99 * top)})
+    assert check.kept is False
+    assert check.worst.choices == bounds.worst("x").upper.choices
+
+
+@pytest.mark.parametrize("suffix", [".json", ".npz"])
+def test_files_keep_choices(tmp_path, suffix):
+    bounds = mb.propagate(simulator(), None, WHOLE)
+    bounds.save(tmp_path / f"b{suffix}")
+    loaded = mb.Bounds.load(tmp_path / f"b{suffix}")
+    assert loaded.box == WHOLE
+    assert str(loaded.worst("x").upper) == str(bounds.worst("x").upper)
+
+
+def test_answers_that_need_intervals_are_refused():
+    bounds = mb.propagate(simulator(), None, WHOLE)
+    for answer in (bounds.contributions, lambda: bounds.quantiles("x", [0.5]), lambda: bounds.samples(9)):
+        with pytest.raises(mb.DeclarationError, match=r"Use box\.hull, .* or one of box\.combinations"):
+            answer()
+
+
+def test_words_of_a_list_are_numbered():
+    """The function has the number of the word as its parameter."""
+    stiffness = (300.0, 100.0, 200.0)
+    chosen = mb.FunctionSimulator(lambda a, spring: a * stiffness[int(spring)] + 0 * T, {"a": 1, "spring": 0}, T, ["x"])
+    bounds = mb.propagate(chosen, None, mb.Box(a=(0.9, 1.1), spring=["M10 hard", "soft", "usual"]))
+    assert (bounds.lower[0, 0], bounds.upper[0, 0]) == pytest.approx((90, 330))
+    assert bounds.worst("x").upper.choices == ("spring: M10 hard",)
+    assert bounds.worst("x").lower.choices == ("spring: soft",)
+    assert mb.Box(a=["1 mm", "2 mm"]) == mb.Box(a=(1, 2, "mm"))
+
+
+@pytest.mark.parametrize("method", [None, mb.MonteCarlo(2000), mb.Scanning(81)])
+def test_constraints(method):
+    box = mb.Box(a=(0.5, 2.0), c=(0.0, 2.0), constraints=[lambda p: p.a**2 + p.c**2 - 2, lambda p: p.c < p.a])
+    bounds = mb.propagate(simulator(), method, box)
+    low, high, _ = scanned(box)
+    width = high.max() - low.min()
+    slack = 3e-3 if method is None else 5e-2
+    assert np.abs(bounds.lower.T - low).max() < slack * width
+    assert np.abs(bounds.upper.T - high).max() < slack * width
+    worst = bounds.worst("x").upper.parameters
+    assert box.allowed(np.array([[worst["a"], worst["c"]]])).all()
+
+
+def test_constraints_exclude_combinations():
+    bounds = mb.propagate(simulator(), None, mb.Box(n={17, 18}, a=(1, 2), constraints=[lambda p: p.n > 17.5]))
+    assert len(bounds.parts) == 1
+    with pytest.raises(mb.PropagationError, match="no combination"):
+        mb.propagate(simulator(), None, mb.Box(n={17, 18}, constraints=[lambda p: False]))
+
+
+def test_the_nominal_run_counts_only_if_it_is_allowed():
+    """y = a t + 0.01 k is 3 at the nominal a = 1, which the constraint excludes."""
+    bounds = mb.propagate(simulator(), None, mb.Box(a=(0.5, 2.0), constraints=[lambda p: p.a < 0.9]))
+    check = bounds.check({"y": (None, 2.9)})
+    assert check.kept is True
+    assert "does not include the nominal run" in str(check)
+
+
+def test_forty_combinations_without_intervals_take_one_run_each():
+    springs = {f"spring {i}": {"k": 100.0 + 31 * i % 90, "c": 2.0 + 17 * i % 9} for i in range(8)}
+    bounds = mb.propagate(simulator(), None, mb.Box(n=set(range(15, 20)), spring=springs))
+    Y = {(n, word): responses(1.0, n=n, **own) for n in range(15, 20) for word, own in springs.items()}
+    assert bounds.evaluations == len(bounds.parts) == len(Y) == 40
+    np.testing.assert_allclose(bounds.lower.T, np.min([*Y.values()], axis=0))
+    np.testing.assert_allclose(bounds.upper.T, np.max([*Y.values()], axis=0))
+    for side, sign in (("lower", -1), ("upper", 1)):
+        case = getattr(bounds.worst("x"), side)
+        n, word = max(Y, key=lambda own: (sign * Y[own][0]).max())
+        assert (case.parameters["n"], *case.choices) == (n, f"spring: {word}")
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"spring": {"soft", "hard"}}, "no order. Use a list of words"),
+        ({"n": set()}, "at least one value"),
+        ({"s": {"soft": {"k": 1}, "hard": {"c": 1}}}, "same parameters"),
+        ({"k": (1, 2), "s": {"soft": {"k": 1}}}, "two intervals or choices"),
+        ({"n": {1, float("nan")}}, "not a finite number"),
+        ({"n": (1, 2), "constraints": lambda p: True}, "list of functions"),
+    ],
+)
+def test_wrong_choices(given, message):
+    with pytest.raises(mb.DeclarationError, match=message):
+        mb.Box(**given)
+
+
+@pytest.mark.parametrize(
+    ("constraint", "message"),
+    [(lambda p: p.z > 1, "raises AttributeError"), (lambda p: "yes", "True, False or a number")],
+)
+def test_wrong_constraints(constraint, message):
+    with pytest.raises(mb.DeclarationError, match=message):
+        mb.propagate(simulator(), None, mb.Box(a=(1, 2), constraints=[constraint]))
+    with pytest.raises(mb.PropagationError, match="Vertex"):
+        mb.propagate(simulator(), mb.Vertex(), mb.Box(a=(1, 2), constraints=[constraint]))
+
+
+def test_units_of_choices():
+    box = mb.Box(k={"soft": (1.0, "N/mm"), "hard": "2 N/mm"}, n={1, 2})
+    assert box.with_units({"k": "N/m"}).bounds == ((1000.0, 2000.0), (1.0, 2.0))
+    assert eval(repr(box), {"Box": mb.Box}) == box
