@@ -27,7 +27,7 @@ def function(kind: str, rng: np.random.Generator) -> Made:
     d = int(rng.integers(2, 13))
     a, b = rng.normal(size=(2, d))
     a /= np.abs(a).sum()
-    few = int(rng.integers(2, 4))
+    few = min(d, int(rng.integers(2, 4)))
     at, rate = rng.uniform(-0.7, 0.7, d), rng.uniform(0.5, 3)
     t = np.linspace(0, 2, 21)
     return {
