@@ -148,8 +148,8 @@ def errors_of(error: object, data: Mapping[str, Array]) -> dict[str, float]:
                 )
             value = share * float(np.abs(values).max())
         require_positive(OWNER, f"error {shown(given[name])} of {name!r}", value)
-        if value < SAME * np.abs(values).max():
-            raise DeclarationError(f"{OWNER}: error {shown(given[name])} of {name!r} is below the rounding of runs.")
+        if value < (least := SAME * float(np.abs(values).max())):  # polynomials of runs are not more accurate
+            raise DeclarationError(f"{OWNER}: error {shown(given[name])} of {name!r} must be at least {least:.3g}.")
         errors[name] = float(value)
     return errors
 

@@ -113,7 +113,7 @@ def test_what_has_no_set_is_refused(tmp_path):
     fit = mb.calibrate(particle(), {"x": 1.3 * T})
     for error, match in [
         (-1.0, "above 0"), ("small", "percentage such as"), ({"y": 1.0}, "for each of x"), (None, "above 0"),
-        (1e-12, "below the rounding of runs"),
+        (1e-12, "must be at least 5.2e-09"),
     ]:  # fmt: skip
         refused(match, fit.consistent, error)
     y = 1.3 * T + 0.1 * np.sin(9 * T)

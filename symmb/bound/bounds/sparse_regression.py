@@ -94,7 +94,7 @@ def _left_out(V: Array, Y: Array, group: Indices) -> tuple[float, list[Indices]]
     for k in range(GROUPS):
         outside, n_b = group == k, V.shape[1]
         # The triangular factor has the same inner products as the runs, and fewer rows if there are many runs.
-        factor = np.linalg.qr(np.hstack([V, Y])[group != k], mode="r")
+        factor = np.asarray(np.linalg.qr(np.hstack([V, Y])[group != k], mode="r"), dtype=float)
         order = _pursuit(factor[:, :n_b], factor[:, n_b:], most)
         q, r = np.linalg.qr(factor[:, order])
         parts = np.linalg.solve(r.T, V[outside][:, order].T).T
