@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from symmb._errors import DeclarationError, PropagationError
+from symmb._names import name_faults
 from symmb._options import numbers_of, require_numbers
 from symmb._types import Array, Mask
 from symmb.connect.black_box import BlackBox
@@ -77,6 +78,8 @@ class RecordedRuns(BlackBox):
             raise DeclarationError(f"RecordedRuns: row {is_finite.argmin()} of X is not finite. Leave out this run.")
         low, high = points.min(axis=0), points.max(axis=0)
         if isinstance(parameters, list | tuple) and all(isinstance(name, str) for name in parameters):
+            if faults := name_faults(parameters):
+                raise DeclarationError(f"RecordedRuns: parameters: {' '.join(faults)}")
             middle = low + 0.5 * (high - low)
             parameters = dict(zip(parameters, [*middle.tolist(), *[0.0] * len(parameters)], strict=False))
         self._declare(parameters, times, outputs, None)  # pyright: ignore[reportArgumentType]
@@ -106,8 +109,8 @@ class RecordedRuns(BlackBox):
     def refusal(self, owner: str = "") -> PropagationError:
         """The error of methods that need new runs. The text starts with `owner`."""
         return PropagationError(
-            f"{owner}{self!r} cannot make new runs. Use propagate with PolynomialChaos() without options, and the "
-            "answers of its bounds."
+            f"{owner}{self!r} cannot make new runs. Use propagate with PolynomialChaos() without options, and methods "
+            "of its bounds: check, contributions, quantiles or probability. For other tolerances, use another box."
         )
 
     def __repr__(self) -> str:

@@ -3,7 +3,7 @@
 Milanese et al., Bounding Approaches to System Identification (1996); Jaulin and Walter, Automatica 29 (1993).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -13,7 +13,7 @@ import numpy as np
 from symmb import _html as html
 from symmb._errors import DeclarationError, SimulationError, WithWarnings
 from symmb._labelled import Counted
-from symmb._magnitudes import NOTHING, ROUNDING
+from symmb._magnitudes import NOTHING, ROUNDING, SAME
 from symmb._names import counted, normal_keys
 from symmb._options import require_positive, shown
 from symmb._table import aligned
@@ -40,6 +40,8 @@ SMALL_ERROR = 0.02
 """Error of polynomials, divided by the depth of the set. With three parameters, it changes the volume by 6 %."""
 _ROUNDS = 12
 """Largest number of boxes. Sides at which the set does not end are doubled, so the last box is very large."""
+_HALVINGS = 10
+"""Number of halvings that search the end of successful runs, between the estimates and an end of the box."""
 _LEAST_WIDTH = 0.2
 """Smallest width of a part inside of the set, if the width of the larger part is 2. Narrow parts are too many."""
 _CHECKS = 16
@@ -145,7 +147,9 @@ def errors_of(error: object, data: Mapping[str, Array]) -> dict[str, float]:
                     f"{OWNER}: error must be a number or a percentage such as '0.1%', got {value!r}."
                 )
             value = share * float(np.abs(values).max())
-        require_positive(OWNER, f"error of {name!r}", value)
+        require_positive(OWNER, f"error {shown(given[name])} of {name!r}", value)
+        if value < (least := SAME * float(np.abs(values).max())):  # polynomials of runs are not more accurate
+            raise DeclarationError(f"{OWNER}: error {shown(given[name])} of {name!r} must be at least {least:.3g}.")
         errors[name] = float(value)
     return errors
 
@@ -156,8 +160,10 @@ def consistent_set(fit: Residuals, name: str, parameters: dict[str, float], erro
     estimate = np.array([*parameters.values()]) / fit.sizes
     residuals, slopes = fit(estimate)
     lower, upper, depth = _linear(residuals / scale, slopes / scale[:, None])
-    lower, upper = estimate + lower, estimate + upper
+    ends, limits = estimate + np.stack([lower, upper]), np.repeat([[-np.inf], [np.inf]], len(estimate), axis=1)
+    least = np.inf
     for _ in range(_ROUNDS):
+        lower, upper = ends = _within_runs(fit, estimate, ends, limits)
         polynomials, failed = _polynomials(fit, lower, upper, scale, depth, estimate)
         low, high, inside, volume = _pieces(polynomials, SMALL_ERROR * depth)
         if not len(low):
@@ -166,29 +172,62 @@ def consistent_set(fit: Residuals, name: str, parameters: dict[str, float], erro
                 "wrong values by nan."
             )
         width, (first, last) = (upper - lower) / 2, (low.min(axis=0), high.max(axis=0))
-        open_ = np.stack([first, -last]) <= ROUNDING - 1
+        at_end = np.stack([first, -last]) <= ROUNDING - 1
+        open_ = at_end & (ends != limits)
+        if at_end.all() and (polynomials.error >= 1).all():
+            raise SimulationError(
+                f"{OWNER}: errors of polynomials are larger than the error of the data, because the set is large. Give "
+                "a smaller error."
+            )
         middle = (lower + upper) / 2
         low, high = middle + width * low, middle + width * high
-        is_small = ((last - first) < 1).any()  # polynomials over a smaller box have smaller errors
-        if not open_.any() and not (is_small and polynomials.error.max() > SMALL_ERROR * depth):
-            break
+        if not open_.any():
+            error = float(polynomials.error.max())
+            # Polynomials over a much smaller box have smaller errors, unless the outputs are not smooth.
+            if error <= SMALL_ERROR * depth or error > 0.9 * least or (last - first >= 1).all():
+                break
+            least = error
         first, last = low.min(axis=0), high.max(axis=0)
         margin = 0.1 * (last - first)
-        lower, upper = first - np.where(open_[0], 2 * width, margin), last + np.where(open_[1], 2 * width, margin)
+        ends = np.stack([first, last]) + np.where(open_, 2 * width, margin) * [[-1], [1]]
     else:
         raise SimulationError(f"{OWNER}: the data do not limit the parameters. Give a smaller error.")
     low, high = low * fit.sizes, high * fit.sizes
     volume *= float((width * fit.sizes).prod())
-    doubts = _doubts(float((high - low).prod(axis=1).sum()), volume, failed)
+    stops = [f"{fit.names[k]} = {ends[side, k] * fit.sizes[k]:.4g}" for side, k in np.argwhere(at_end & ~open_)]
+    doubts = _doubts(float((high - low).prod(axis=1).sum()), volume, failed, stops)
+    inside &= not failed
     return ConsistentSet(name, parameters, errors, low, high, inside, volume, tuple(doubts), fit.runs - before)
 
 
-def _doubts(outer: float, volume: float, failed: int) -> Iterator[str]:
+def _within_runs(fit: Residuals, estimate: Array, ends: Array, limits: Array) -> Array:
+    """Ends (2, n_p) of a box inside of the limits (2, n_p). If the run at an end fails, the end becomes a limit.
+
+    Each run changes one parameter, for example a mass that must be positive.
+    """
+    ends = np.clip(ends, *limits)
+    ways = np.concatenate([np.diag(way) for way in ends - estimate])
+
+    def succeed(ways: Array) -> Mask:
+        return np.asarray(np.isfinite(fit.values(estimate + ways)).all(axis=1))
+
+    if (lost := ~succeed(ways)).any():
+        share = np.zeros(lost.sum())
+        for step in 0.5 ** np.arange(1, _HALVINGS + 1):
+            share += step * succeed((share + step)[:, None] * ways[lost])
+        lost = lost.reshape(ends.shape)
+        ends[lost] = limits[lost] = (1 - share) * np.tile(estimate, (2, 1))[lost] + share * ends[lost]
+    return ends
+
+
+def _doubts(outer: float, volume: float, failed: int, stops: Sequence[str]) -> Iterator[str]:
     if outer > 2 * volume:
         ratio = f"about {outer / volume:.2g} times as large as the set" if volume else "much larger than the set"
-        yield f"The pieces are {ratio}, because the set is thin or small."
+        yield f"The pieces are {ratio}, because the set is thin, or the outputs are not smooth."
     if failed:
-        yield f"{counted(failed, 'run')} failed. Near failed runs, the set is only estimated."
+        yield f"{counted(failed, 'run')} failed. The set is only estimated, so no piece counts as inside."
+    if stops:
+        yield f"The set ends at {', '.join(stops)}, because runs beyond fail."
 
 
 def _linear(r: Array, slopes: Array) -> tuple[Array, Array, float]:

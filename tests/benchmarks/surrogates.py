@@ -19,9 +19,6 @@ import openturns as ot
 from _known_ranges import Case, cases
 from scipy.optimize import minimize
 from scipy.stats import qmc
-from sklearn.exceptions import ConvergenceWarning
-from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
 import symmb as mb
 from symmb._types import Array
@@ -71,6 +68,10 @@ def by_chaospy(X: Array, y: Array) -> Surrogate:
 
 
 def by_gaussian_process(X: Array, y: Array) -> Surrogate:
+    from sklearn.exceptions import ConvergenceWarning
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+
     kernel = ConstantKernel(1.0) * RBF(np.ones(X.shape[1]), (0.05, 1e3)) + WhiteKernel(1e-8, (1e-10, 1e-1))
     process = GaussianProcessRegressor(kernel, normalize_y=True, n_restarts_optimizer=2, random_state=0)
     with warnings.catch_warnings():

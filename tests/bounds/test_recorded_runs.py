@@ -206,6 +206,12 @@ def test_smaller_boxes_use_the_same_polynomials(box, ends):
     assert "outside of the box also determined the polynomials" in bounds.remarks[0]
 
 
+@pytest.mark.parametrize("suffix", ["npz", "json"])
+def test_the_next_run_is_saved(suffix, tmp_path):
+    BOUNDS.save(path := tmp_path / f"bounds.{suffix}")
+    assert mb.Bounds.load(path).next_run == BOUNDS.next_run
+
+
 def test_the_default_box_is_told():
     bounds = mb.propagate(SQUARE)
     assert bounds.box == SQUARE.box and "smallest box that contains all recorded runs" in bounds.remarks[0]
@@ -312,6 +318,7 @@ def test_other_studies_that_need_runs_say_so():
         ({"Y": SQUARE.Y[:50]}, r"Y must have the shape \(60, 1, 1\), got \(50, 1, 1\)"),
         ({"Y": ["a"] * 60}, "Y must be real numbers"),
         ({"parameters": ["p0"]}, "X has 2 columns, but the parameters are p0"),
+        ({"parameters": ["p0", "p0"]}, "parameters: 'p0': the name is used twice"),
         ({"parameters": {"a": 1.0, "b": 2.0, "c": 3.0}}, "X has 2 columns, but the parameters are a, b, c"),
         ({"times": [1.0, 0.0]}, "times must be finite and increase"),
         ({"outputs": []}, "outputs must be one or more different names"),

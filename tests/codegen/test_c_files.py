@@ -36,7 +36,11 @@ int main(void) {{
 """
 
 
-@pytest.mark.parametrize("path", sorted(C_FOLDER.glob("*.h")), ids=lambda path: path.stem)
+CPP = [C_FOLDER / "scalar.h", C_FOLDER / "kernel.h"]
+"""Files of C++ for graphics cards, see test_card.py."""
+
+
+@pytest.mark.parametrize("path", sorted({*C_FOLDER.glob("*.h")}.difference(CPP)), ids=lambda path: path.stem)
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_each_file_compiles_by_itself(compiler, path):
     for options in ([], ["-march=native"]):  # narrow lanes, and those of this processor

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 import symmb as mb
-from symmb.run.codegen.card import Card, CardError, CudaCard, Memory, compiled
+from symmb.run.codegen import Card
+from symmb.run.codegen.card import CardError, CudaCard, compiled
 
 CXX = shutil.which("g++") or shutil.which("clang++")
 NEEDED = pytest.mark.skipif(CXX is None, reason="needs a C++ compiler")
@@ -56,7 +57,7 @@ class Processor(Card):
 
     def kernel(self, source: str):
         path = self.folder / f"{next(self._count)}.so"
-        flags = ["-O1", "-march=native", "-ffp-contract=fast", "-std=c++17", "-shared", "-fPIC", "-w", "-x", "c++", "-"]
+        flags = ["-O1", "-ffp-contract=off", "-std=c++17", "-shared", "-fPIC", "-w", "-x", "c++", "-"]
         text = f"{SHIM}{source}{LAUNCH}"
         subprocess.run([str(CXX), *flags, "-o", str(path)], input=text, text=True, check=True)
         return ctypes.CDLL(str(path)).launch
@@ -64,7 +65,7 @@ class Processor(Card):
     def free(self) -> int:
         return self.room
 
-    def memory(self, size: int, content: np.ndarray | None = None) -> Memory:
+    def memory(self, size: int, content: np.ndarray | None = None) -> Bytes:
         return Bytes(size, content)
 
     def read(self, memory: Any, to: np.ndarray) -> np.ndarray:
@@ -97,7 +98,7 @@ def samples_of(simulator: mb.DAESimulator, n: int) -> np.ndarray:
 
 def differs(own: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Largest difference of each output, over its largest value."""
-    return np.abs(own - other).max(axis=(0, 1)) / np.abs(own).max(axis=(0, 1))
+    return np.abs(own - other).max(axis=(0, 1)) / np.maximum(np.abs(own).max(axis=(0, 1)), np.finfo(float).tiny)
 
 
 @NEEDED
@@ -174,7 +175,7 @@ def test_refusals(tmp_path):
             mb.prepare(scene, solver, device=Processor(tmp_path))
     with pytest.raises(mb.DeclarationError, match="its own solver, times, outputs and device"):
         mb.propagate(mb.prepare(scene), mb.Vertex(), device="cuda")
-    with pytest.raises(CardError, match=r"cuda-bindings|graphics card"):
+    with pytest.raises((ImportError, CardError), match="graphics card"):
         mb.propagate(scene, mb.Vertex(), device="cuda")
 
 
@@ -259,7 +260,7 @@ def test_the_driver_makes_the_runs(tmp_path, monkeypatch):
     with pytest.raises(CardError, match=r"no graphics card of NVIDIA with a working driver.*CUDA_ERROR_NO_DEVICE"):
         CudaCard()
     monkeypatch.setitem(sys.modules, "cuda.bindings.driver", None)
-    with pytest.raises(CardError, match=r"pip install 'symmb\[cuda\]'"):
+    with pytest.raises(ImportError, match=r"pip install 'symmb\[cuda\]'"):
         CudaCard()
 
 

@@ -1,6 +1,7 @@
 """Multi-indices of the bases: which, how many, in which order."""
 
 import itertools
+import math
 
 import chaospy
 import numpoly
@@ -32,6 +33,7 @@ def test_hyperbolic_cross_is_chaospy_s(d, order, q):
     expansion = chaospy.generate_expansion(order, distribution, cross_truncation=q)
     theirs = rows(numpoly.lead_exponent(expansion, graded=True, reverse=True))
     assert rows(HyperbolicCross(q).indices(d, order)) == theirs
+    assert HyperbolicCross(q).size(d, order) == len(theirs)
 
 
 def test_hyperbolic_cross_keeps_what_lies_on_its_border():
@@ -40,6 +42,10 @@ def test_hyperbolic_cross_keeps_what_lies_on_its_border():
     assert (2, 2) not in rows(HyperbolicCross(0.5).indices(2, 7))
     known = {row for row in itertools.product(range(5), repeat=3) if sum(a**0.5 for a in row) <= 2 + 1e-9}
     assert rows(HyperbolicCross(0.5).indices(3, 4)) == known
+
+
+def test_sizes_of_many_parameters_are_counted_without_indices():
+    assert HyperbolicCross(1.0).size(500, 16) == math.comb(516, 16)
 
 
 def test_hyperbolic_cross_of_one_is_the_total_degree():

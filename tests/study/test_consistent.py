@@ -1,5 +1,7 @@
 """Sets of parameters that are consistent with data, against linear programs, closed forms on grids, and random runs."""
 
+import math
+
 import numpy as np
 import pytest
 from faults import refused, warned
@@ -88,14 +90,37 @@ def test_boxes_have_units_and_are_boxes_of_studies():
         assert mb.propagate(scene, box=box)["x"][1][2] == pytest.approx(2e-3 * box["speed"][1])
 
 
+def test_a_set_ends_where_runs_fail():
+    """Data determine a from -0.1 to 0.5. Below 0, runs fail."""
+    simulator = mb.FunctionSimulator(lambda a: np.full(2, a if a >= 0 else math.nan), {"a": 0.1}, [0.0, 1.0], ["y"])
+    fit = mb.calibrate(simulator, {"y": [0.19, 0.21]})
+    found = warned("The set ends at a = .*, because runs beyond fail", fit.consistent, 0.31)
+    assert found.box["a"] == pytest.approx((0.0, 0.5), abs=1e-3) and found.inside.any()
+
+
+def test_no_piece_counts_as_inside_if_runs_fail_in_the_box():
+    """The failed runs are in a corner of the box, so that no run on an axis fails."""
+
+    def line(a, b):
+        return (a * T + b) * (math.nan if a + b < 2.05 else 1.0)
+
+    fit = mb.calibrate(mb.FunctionSimulator(line, {"a": 1.3, "b": 0.9}, T, ["y"]), {"y": 1.3 * T + 0.9})
+    found = warned("failed. The set is only estimated", fit.consistent, 0.2)
+    assert not found.inside.any() and are_in(found, np.array([[1.3, 0.9]])).all()
+
+
 def test_what_has_no_set_is_refused(tmp_path):
     fit = mb.calibrate(particle(), {"x": 1.3 * T})
     for error, match in [
         (-1.0, "above 0"), ("small", "percentage such as"), ({"y": 1.0}, "for each of x"), (None, "above 0"),
+        (1e-12, "must be at least 5.2e-09"),
     ]:  # fmt: skip
         refused(match, fit.consistent, error)
     y = 1.3 * T + 0.1 * np.sin(9 * T)
     other = warned("correlated", mb.calibrate, particle(), {"x": y})
     refused("no run is within", other.consistent, 0.01, error=mb.SimulationError)
+    simulator = mb.FunctionSimulator(lambda a, b: np.log(a) * T + b, {"a": 1.0, "b": 1.0}, T, ["y"])
+    rough = mb.calibrate(simulator, {"y": np.log(0.3) * T + 0.7})
+    refused("Give a smaller error", rough.consistent, 2.0, error=mb.SimulationError)
     fit.save(tmp_path / "fit.json")
     refused("Call calibrate again", mb.Calibration.load(tmp_path / "fit.json").consistent, 0.1)

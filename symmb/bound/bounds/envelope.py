@@ -55,7 +55,7 @@ class Envelope(WithWarnings):
     attaining: AttainingRuns | None = field(default=None, metadata=NOT_KEPT)
     worst_cases: tuple[WorstCase, ...] = field(default=(), metadata=NOT_KEPT)
     figures: tuple[str, ...] = ()
-    next_run: Mapping[str, float] | None = field(default=None, metadata=NOT_KEPT)
+    next_run: Mapping[str, float] | None = None
     parts: tuple[Any, ...] = field(default=(), metadata=NOT_KEPT)
 
     @property

@@ -52,10 +52,9 @@ def bases(d: int, most: int) -> list[list[MultiIndices]]:
     for family, q in zip(families, _CROSS_EXPONENTS, strict=True):
         # Highest degree. There are rarely enough runs for higher degrees.
         for degree in range(1, 17):
-            alpha = HyperbolicCross(q).indices(d, degree)
-            if len(alpha) > most:
+            if (size := HyperbolicCross(q).size(d, degree)) > most:
                 break
-            if len(alpha) not in sizes:
-                sizes.add(len(alpha))
-                family.append(alpha)
+            if size not in sizes:
+                sizes.add(size)
+                family.append(HyperbolicCross(q).indices(d, degree))
     return families

@@ -92,11 +92,13 @@ def _left_out(V: Array, Y: Array, group: Indices) -> tuple[float, list[Indices]]
     most = min(int((np.bincount(group).sum() - np.bincount(group).max()) / 2), V.shape[1], _MOST_TERMS)
     squares, chosen = np.zeros(most), list[Indices]()
     for k in range(GROUPS):
-        inside, outside = group != k, group == k
-        order = _pursuit(V[inside], Y[inside], most)
-        q, r = np.linalg.qr(V[inside][:, order])
+        outside, n_b = group == k, V.shape[1]
+        # The triangular factor has the same inner products as the runs, and fewer rows if there are many runs.
+        factor = np.asarray(np.linalg.qr(np.hstack([V, Y])[group != k], mode="r"), dtype=float)
+        order = _pursuit(factor[:, :n_b], factor[:, n_b:], most)
+        q, r = np.linalg.qr(factor[:, order])
         parts = np.linalg.solve(r.T, V[outside][:, order].T).T
-        rest = Y[outside][None] - np.cumsum(parts.T[:, :, None] * (q.T @ Y[inside])[:, None], axis=0)
+        rest = Y[outside][None] - np.cumsum(parts.T[:, :, None] * (q.T @ factor[:, n_b:])[:, None], axis=0)
         own = np.square(rest).sum(axis=(1, 2))
         squares[: len(own)] += own
         squares[len(own) :] += own[-1]

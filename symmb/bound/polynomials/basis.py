@@ -1,6 +1,7 @@
 """The Legendre products of an expansion of given order."""
 
 import math
+from collections import Counter
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -8,6 +9,9 @@ import numpy as np
 
 from symmb._options import dimensions, require_between
 from symmb.bound.polynomials.legendre import Index, MultiIndices, tensor_degree, total_degree
+
+_BORDER = 1 + 1e-12
+"""Largest sum of powers. The powers have rounding errors, and indices on the border belong to the set."""
 
 
 class Basis(Protocol):
@@ -93,19 +97,29 @@ class HyperbolicCross:
     def indices(self, d: int, order: int) -> MultiIndices:
         """Multi-indices (n_b, d) with a quasi-norm up to the order, the constant first."""
         d, _, order = dimensions(self, d, order=order)
-        rounding = 1e-12  # rounding of the powers: indices on the border belong to the set
-        parts = [(k / max(order, 1)) ** self.q for k in range(order + 1)]
-        found: dict[Index, float] = {(): 0.0}
+        parts, found = self._parts(order), dict[Index, float]({(): 0.0})
         for _ in range(d):  # the total degree has too many indices to test each one
             found = {
                 (*index, k): total + part
                 for index, total in found.items()
                 for k, part in enumerate(parts)
-                if total + part <= 1 + rounding
+                if total + part <= _BORDER
             }
         ordered = sorted(found, key=lambda index: (sum(index), [-k for k in index]))
         return np.array(ordered, dtype=np.intp)
 
     def size(self, d: int, order: int) -> int:
-        """Number of products of the total degree, an upper limit for the hyperbolic cross."""
-        return math.comb(d + order, d)
+        """Number of products."""
+        parts, counts = self._parts(order), Counter({0.0: 1})
+        for _ in range(d):
+            found = Counter[float]()
+            for total, count in counts.items():
+                for part in parts:
+                    if total + part <= _BORDER:
+                        found[round(total + part, 14)] += count
+            counts = found
+        return counts.total()
+
+    def _parts(self, order: int) -> list[float]:
+        """The part of each degree in the quasi-norm. The largest sum of parts is 1."""
+        return [(k / max(order, 1)) ** self.q for k in range(order + 1)]

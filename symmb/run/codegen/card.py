@@ -2,22 +2,20 @@
 
 import ctypes
 import hashlib
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from importlib import import_module
-from typing import Any, Protocol, cast
+from typing import Any, cast
 
 import numpy as np
 
 from symmb._errors import DeclarationError, SymmbError
+from symmb._options import optional_package
 from symmb._types import Array
 from symmb.run.codegen import cache
 from symmb.run.codegen.contacts import EVENT
-from symmb.run.codegen.engine import Engine, Lanes, Study
+from symmb.run.codegen.engine import Card, Engine, Lanes, Memory, Study
 from symmb.run.codegen.model_source import Use
 
-INSTALL = "pip install 'symmb[cuda]'"
 THREADS = 128
 """Threads of a group. A group has four warps, one for each scheduler of a processor of the card."""
 PARTIAL = 64
@@ -31,53 +29,17 @@ class CardError(SymmbError):
     """The graphics card cannot make the runs."""
 
 
-class Memory(Protocol):
-    """Memory of a card. It is freed when it is no longer used."""
-
-    address: int
-
-
-class Card(ABC):
-    """A graphics card, or a processor in its place."""
-
-    @abstractmethod
-    def kernel(self, source: str) -> Any:
-        """The function `run_samples` of a source, compiled."""
-
-    @abstractmethod
-    def free(self) -> int:
-        """Free memory [bytes]."""
-
-    @abstractmethod
-    def memory(self, size: int, content: np.ndarray | None = None) -> Memory:
-        """New memory of some bytes, with a copy of an array."""
-
-    @abstractmethod
-    def read(self, memory: Memory, to: np.ndarray) -> np.ndarray:
-        """Copy memory to a contiguous array, and return the array."""
-
-    @abstractmethod
-    def launch(self, kernel: Any, groups: int, threads: int, pointers: list[int], number: int) -> None:
-        """Run groups of threads with these arguments, and wait for their end."""
-
-    def engine(self, lanes: Lanes, times: Array) -> "CardEngine":
-        """The engine whose samples run on this card."""
-        return CardEngine(lanes, times, self)
-
-
 class CudaCard(Card):
     """The first graphics card of this machine, by the driver of NVIDIA and the package `cuda-bindings`.
 
     Raises
     ------
-    CardError              if the package, the driver or the card is missing
+    ImportError            if the package is missing
+    CardError              if the driver or the card is missing
     """
 
     def __init__(self) -> None:
-        try:
-            self._driver = import_module("cuda.bindings.driver")
-        except ImportError:
-            raise CardError(f"Runs on a graphics card need the package cuda-bindings. Run `{INSTALL}`.") from None
+        self._driver = optional_package("cuda.bindings.driver", "A run on a graphics card", "cuda")
         try:
             self._call("cuInit", 0)
             self._device = self._call("cuDeviceGet", 0)
@@ -145,13 +107,14 @@ def compiled(source: str, architecture: str) -> bytes:
 
     Raises
     ------
+    ImportError            if the package is missing
     CardError              if the compiler is missing, or does not know the architecture
     """
+    nvrtc = optional_package("cuda.bindings.nvrtc", "A run on a graphics card", "cuda")
     try:
-        nvrtc = import_module("cuda.bindings.nvrtc")
         _, *version = nvrtc.nvrtcVersion()
-    except (ImportError, RuntimeError):
-        raise CardError(f"The compiler for graphics cards is missing. Run `{INSTALL}`.") from None
+    except RuntimeError:  # the package is there, and the library is not
+        raise CardError("The compiler for graphics cards is missing. Run `pip install nvidia-cuda-nvrtc`.") from None
     flags = [f"--gpu-architecture={architecture}", *_FLAGS]
     key = hashlib.sha256("\0".join([source, *flags, str(version)]).encode()).hexdigest()[:32]
     if (path := cache.find(key, ".cubin")) is not None:

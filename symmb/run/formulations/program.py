@@ -5,7 +5,7 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.metadata import version as symmb_version
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from symmb._types import Array, Indices
 from symmb.connect import Samples, digest
 from symmb.declare.symbolic import batch
 from symmb.equations.model import DAE, Scene
-from symmb.run.codegen import Engine
+from symmb.run.codegen import Card, Engine
 from symmb.run.events import Break, broken
 from symmb.run.formulations.ensembles import LOCK, CompiledEnsemble, ensemble_of_expressions, ensemble_of_runs
 from symmb.run.formulations.formulation import Formulation, Formulations, formulations
@@ -30,9 +30,6 @@ from symmb.run.integrate import (
     refined,
     round_otherwise,
 )
-
-if TYPE_CHECKING:
-    from symmb.run.codegen.card import Card
 
 _LONG = 10_000
 """Number of operations of rows of loops in coordinates of bodies. If rows have more, checks of runs do not derive these
@@ -79,7 +76,7 @@ class Program:
     solver: Solver
     times: Array
     contradiction: Break | None = None
-    card: "Card | None" = None
+    card: Card | None = None
     compiled: _Compiled = field(default_factory=_Compiled)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -189,7 +186,7 @@ class Program:
         _require_able(solver, self.bodies.dae, self.times, self.contradiction)
         return Program(self.forms, solver, self.times, self.contradiction, self.card)
 
-    def on_card(self, card: "Card") -> "Program":
+    def on_card(self, card: Card) -> "Program":
         """The program of the same scene, with samples that run on a graphics card.
 
         Raises

@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -13,15 +13,12 @@ from symmb._interrupts import carry_runs, runs_of
 from symmb._types import Array
 from symmb.equations.model import DAE, Impacts
 from symmb.equations.start import Start
-from symmb.run.codegen import Engine, FixedStep, Lanes, StepTolerances, require_compiler
+from symmb.run.codegen import Card, Engine, FixedStep, Lanes, StepTolerances, require_compiler
 from symmb.run.events import events_of, longest_step
 from symmb.run.integrate.integration import Integration, Run
 from symmb.run.integrate.projection import sampled_jets
 from symmb.run.integrate.side_walk import stops_at
 from symmb.run.integrate.solver import Solver
-
-if TYPE_CHECKING:
-    from symmb.run.codegen.card import Card
 
 
 class Task(NamedTuple):
@@ -60,15 +57,15 @@ class CompiledSolver(Solver):
         motion."""
         return self.tolerances(dae, order, n_quad) if self.controls_step else FixedStep(self.fixed_step(times))
 
-    def engine(self, task: "Task", card: "Card | None" = None) -> Engine:
+    def engine(self, task: "Task", card: Card | None = None) -> Engine:
         """The engine that makes the runs in compiled C code, or on a graphics card.
 
         Raises
         ------
         NoCompilerError
             If there is no C compiler that can build the engine
-        CardError, DeclarationError
-            If the card cannot make the runs
+        DeclarationError
+            If cards do not run this solver
         """
         if card is not None:
             return card.engine(self.lanes(task), task.times)

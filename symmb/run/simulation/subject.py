@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, TypeAlias, cast
 
 from symmb._errors import DeclarationError
 from symmb._interrupts import kept_interrupts
@@ -12,14 +11,12 @@ from symmb._types import Array, Expr
 from symmb._units import units_of_parameters
 from symmb.connect import Simulator
 from symmb.equations.model import Box, Scene
+from symmb.run.codegen import Card, cuda_card
 from symmb.run.integrate import Solver, solver_of
 from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_simulator import FigureSimulator, SceneSimulator
 
-if TYPE_CHECKING:
-    from symmb.run.codegen.card import Card
-
-Device: TypeAlias = "str | Card | None"
+Device = str | Card | None
 """The device of runs: "cuda" for a graphics card, or None for the processor."""
 _SCENE = "Scene(system, times=...) makes a Scene from a System."
 
@@ -169,13 +166,13 @@ def simulator_with(scene: Scene, solver: Solver | str | None = None, device: Dev
     return scene.remembered((solver, device), lambda: simulator_with(scene, solver).on_card(card))
 
 
-def _card(device: Device) -> "Card":
+def _card(device: str | Card) -> Card:
     """The graphics card of a device."""
-    from symmb.run.codegen.card import CudaCard  # runs on the processor do not load this module
-
-    if isinstance(device, str) and device != "cuda":
-        raise DeclarationError(f"device: expected 'cuda' or None, got {device!r}. None is the processor.")
-    return cast("Card", CudaCard() if isinstance(device, str) else device)
+    if isinstance(device, Card):
+        return device
+    if device != "cuda":
+        raise DeclarationError(f"device: expected 'cuda' or None, got {shown(device)}. None is the processor.")
+    return cuda_card()
 
 
 def study_simulator(scene: Scene, solver: Solver | None = None, device: Device = None) -> SceneSimulator:
