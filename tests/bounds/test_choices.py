@@ -151,3 +151,12 @@ def test_units_of_choices():
     box = mb.Box(k={"soft": (1.0, "N/mm"), "hard": "2 N/mm"}, n={1, 2})
     assert box.with_units({"k": "N/m"}).bounds == ((1000.0, 2000.0), (1.0, 2.0))
     assert eval(repr(box), {"Box": mb.Box}) == box
+
+
+def test_words_of_a_list_are_no_values_of_quantities():
+    """Without values, the words of a spring would give the stiffnesses 0 and 1."""
+    times = np.linspace(0.0, 1.0, 3)
+    own = mb.FunctionSimulator(lambda k: k * times, {"k": 100.0}, times, ["x"])
+    with pytest.raises(mb.DeclarationError, match=r"numbers 0 to 1, but its nominal value is 100.*k=\{'soft': 100"):
+        mb.propagate(own, box=mb.Box(k=["soft", "hard"]))
+    assert mb.propagate(own, box=mb.Box(k={"soft": 80, "hard": 120})).upper.max() == pytest.approx(120)

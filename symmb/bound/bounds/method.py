@@ -20,7 +20,7 @@ from symmb.bound.bounds.result_file import Kind
 from symmb.bound.bounds.worst_case import AttainingRuns
 from symmb.connect import Attained, Jets, Progress, Simulator, attained_by_runs
 from symmb.declare.symbolic import interpret
-from symmb.equations.model import Box, hint
+from symmb.equations.model import Box, hint, require_numbers_of_words
 from symmb.prove import Interval, operate, parameter_intervals
 from symmb.run.simulation import HIGHEST_OF_DIFFERENCES, DAESimulator, differences, has_exact_jets
 
@@ -73,6 +73,7 @@ class Method(ABC):
                 known = did_you_mean(name, simulator.parameters)
                 raise DeclarationError(f"Box: no parameter {name!r}.{known}{hint(box.choices, name)}")
         box = box.with_units(units_of_parameters(simulator.parameters))
+        require_numbers_of_words(box.choices, simulator.parameters)
         if box.choices:
             own = [each for each in box.combinations() if not each.constraints or len(first_points(each))]
             if not own:

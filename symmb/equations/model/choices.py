@@ -31,6 +31,7 @@ class Choice:
     parameters : d names
     values : n tuples of d numbers
     units : d units of the values, '' for numbers without units
+    numbered : whether the values are the numbers 0, 1, ... of a list of words
     """
 
     name: str
@@ -38,11 +39,12 @@ class Choice:
     parameters: tuple[str, ...]
     values: tuple[tuple[float, ...], ...]
     units: tuple[str, ...]
+    numbered: bool = False
 
     @classmethod
     def of(cls, name: str, given: Any) -> "Choice":
         """The choice of a set, a range, a list of words, or a mapping of words to numbers or to numbers by name."""
-        if isinstance(given, list):
+        if numbered := isinstance(given, list):
             given, words = {word: k for k, word in enumerate(given)}, given
             if len(given) < len(words):
                 raise DeclarationError(f"Box: the words of {name!r} must be different, got {shown(words)}.")
@@ -65,7 +67,7 @@ class Choice:
             for n, unit, own in zip(parameters, units, pairs, strict=True)
         )
         values = [*zip(*columns, strict=True)]
-        return cls(name, labels, parameters, tuple(values if labels else sorted(set(values))), units)
+        return cls(name, labels, parameters, tuple(values if labels else sorted(set(values))), units, numbered)
 
     def intervals(self, *ks: int) -> dict[str, Any]:
         """The smallest intervals, with their units, that contain the values with the numbers `ks`; default: all."""
@@ -107,10 +109,25 @@ def chosen_words(choices: Sequence[Choice], values: Mapping[str, float]) -> tupl
     return tuple(choice.chosen(values) for choice in choices if choice.labels)
 
 
+def require_numbers_of_words(choices: Sequence[Choice], nominal: Mapping[str, float]) -> None:
+    """Raise a DeclarationError if a list of words belongs to a quantity, whose nominal value is no number of a word."""
+    for choice in choices:
+        if choice.numbered and not choice.has([nominal[choice.name]]):
+            n, own = len(choice.labels), nominal[choice.name]
+            raise DeclarationError(
+                f"Box: the words of {choice.name!r} have the numbers 0 to {n - 1}, but its nominal value is {own:g}."
+                f"{hint(choices, choice.name)}"
+            )
+
+
 def hint(choices: Sequence[Choice], name: str) -> str:
-    """A sentence for unknown parameters that have words; empty for other parameters."""
+    """A sentence with the values of words, for parameters that have words; empty for other parameters."""
     words = [label for choice in choices if choice.name == name for label in choice.labels]
-    return f" Give the values of each word, as {name}={{{words[0]!r}: {{'k': 100}}, ...}}." if words else ""
+    if not words:
+        return ""
+    return (
+        f" Give the values of each word, as {name}={{{words[0]!r}: 100, ...}} or {{{words[0]!r}: {{'k': 100}}, ...}}."
+    )
 
 
 def allowed(constraints: Sequence[Constraint], names: Sequence[str], values: Array) -> Mask:
