@@ -102,7 +102,7 @@ def differs(own: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 @NEEDED
-@pytest.mark.parametrize("name", [*MODELS, *OTHERS])
+@pytest.mark.parametrize("name", [*MODELS, *(pytest.param(name, marks=pytest.mark.long) for name in OTHERS)])
 def test_samples_are_those_of_lanes(tmp_path, name):
     lanes = prepared(name)
     card = lanes.on_card(Processor(tmp_path))
