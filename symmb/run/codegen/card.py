@@ -81,7 +81,8 @@ class CudaCard(Card):
         return _CudaMemory(self, size, content)
 
     def read(self, memory: Memory, to: np.ndarray) -> np.ndarray:
-        self._call("cuMemcpyDtoH", to.ctypes.data, memory.address, to.nbytes)
+        if to.nbytes:
+            self._call("cuMemcpyDtoH", to.ctypes.data, memory.address, to.nbytes)
         return to
 
     def launch(self, kernel: Any, groups: int, threads: int, pointers: list[int], number: int) -> None:
