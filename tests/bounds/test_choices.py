@@ -138,7 +138,11 @@ def test_wrong_choices(given, message):
 
 @pytest.mark.parametrize(
     ("constraint", "message"),
-    [(lambda p: p.z > 1, "raises AttributeError"), (lambda p: "yes", "True, False or a number")],
+    [
+        (lambda p: p.z > 1, r"uses 'z', which has no interval in the box\. Known are: a\."),
+        (lambda p: p.a / 0 > 1, r"raises ZeroDivisionError at a = [\d.]+: "),
+        (lambda p: "yes", r"True, False or a number, got 'yes' at a = [\d.]+\."),
+    ],
 )
 def test_wrong_constraints(constraint, message):
     with pytest.raises(mb.DeclarationError, match=message):
