@@ -95,6 +95,7 @@ def test_constraints(method):
 def test_constraints_exclude_combinations():
     bounds = mb.propagate(simulator(), None, mb.Box(n={17, 18}, a=(1, 2), constraints=[lambda p: p.n > 17.5]))
     assert len(bounds.parts) == 1
+    assert any("left out: n" in remark and "17" in remark for remark in bounds.remarks)
     with pytest.raises(mb.PropagationError, match="no combination"):
         mb.propagate(simulator(), None, mb.Box(n={17, 18}, constraints=[lambda p: False]))
 
