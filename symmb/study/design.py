@@ -189,6 +189,8 @@ def design(
             f"{OWNER}: variables must be ranges by name, such as {{'k': (1, 2)}}, got {shown(variables)}."
         )
     ranges = Box(**normal_keys(OWNER, variables))
+    if ranges.is_cut:
+        raise DeclarationError(f"{OWNER}: ranges must be pairs (lower, upper), without choices and constraints.")
     if box is None:
         simulator = simulator_for(OWNER, scene_or_simulator, solver)
     else:

@@ -223,6 +223,7 @@ def test_the_best_design_at_the_boundary_of_failed_runs():
         ({"variables": {}}, "variables must be ranges by name"),
         ({"variables": {"q": (1, 2)}}, "q"),
         ({"variables": {"f": (0.9, 0.9)}}, "the range of f has no width"),
+        ({"variables": {"f": {0.9, 1.0}}}, r"ranges must be pairs \(lower, upper\), without choices"),
         ({"objective": ("amplitude", "up")}, "objective must be a pair such as"),
         ({"objective": ("speed", "upper")}, "speed"),
         ({"objective": "cost"}, "needs costs"),

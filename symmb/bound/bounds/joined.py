@@ -1,6 +1,6 @@
 """Bounds over all combinations of choices, which are joined from a study for each combination."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -18,6 +18,8 @@ B = TypeVar("B", bound=Envelope)
 _ORDER = False, None, True
 """Results of a limit. The first result that occurs in a combination is the result for all combinations."""
 
+_LEFT_OUT = "Combinations without any allowed point among those that were tried are left out: {}{}."
+
 
 def joined(box: Box, parts: Sequence[B]) -> B:
     """The bounds over a box with choices, from the bounds of each combination."""
@@ -26,8 +28,11 @@ def joined(box: Box, parts: Sequence[B]) -> B:
     inner = [part.inner for part in parts if part.inner is not None]
     noise = [part.noise for part in parts if part.noise is not None]
     fixed = [dict(zip(part.box.names, part.box.lower.tolist(), strict=True)) for part in parts if part.box]
-    words = [", ".join(choice.chosen(own) for choice in box.choices) for own in fixed]
-    of_all = counted(len(box.combinations()), "combination")
+    words = [_words(box, own) for own in fixed]
+    combinations = box.combinations()
+    every = [_words(box, dict(zip(own.names, own.lower.tolist(), strict=True))) for own in combinations]
+    left_out = [told for told in every if told not in words]
+    of_all = counted(len(combinations), "combination")
     return replace(
         parts[0],
         lower=lower,
@@ -45,6 +50,7 @@ def joined(box: Box, parts: Sequence[B]) -> B:
         run_doubts=_sentences([part.run_doubts for part in parts], words, parts[0].names),
         remarks=(
             f"The bounds are joined from {len(parts)} of {of_all} of choices.",
+            *([_LEFT_OUT.format("; ".join(left_out[:3]), "; ..." * (len(left_out) > 3))] if left_out else []),
             *_sentences([part.remarks for part in parts], words, parts[0].names),
         ),
         nominal=next((part.nominal for part in parts if part.nominal is not None), None),
@@ -56,6 +62,10 @@ def joined(box: Box, parts: Sequence[B]) -> B:
         study=None,
         range_of="",
     )
+
+
+def _words(box: Box, fixed: Mapping[str, float]) -> str:
+    return ", ".join(choice.chosen(fixed) for choice in box.choices)
 
 
 def _hull(pairs: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:

@@ -96,7 +96,8 @@ def _far_intervals(simulator: Simulator, box: Box) -> Iterator[str]:
     units = units_of_parameters(simulator.parameters)
     for name, (low, high) in zip(box.names, box.bounds, strict=True):
         nominal, largest = abs(float(simulator.parameters[name])), max(abs(low), abs(high))
-        if min(nominal, largest) < 0.01 * max(nominal, largest) and nominal and largest:
+        inside = low <= float(simulator.parameters[name]) <= high
+        if not inside and min(nominal, largest) < 0.01 * max(nominal, largest) and nominal and largest:
             unit = f" {units.get(name, '')}".rstrip()
             yield (
                 f"The interval of {name} from {low:g} to {high:g}{unit} is far from the nominal value "

@@ -139,14 +139,21 @@ def allowed(constraints: Sequence[Constraint], names: Sequence[str], values: Arr
             try:
                 result = constraint(p)
             except Exception as error:
-                raise DeclarationError(f"Box: a constraint raises {type(error).__name__} at {p}: {error}") from error
+                if isinstance(error, AttributeError) and error.obj is p:
+                    known = ", ".join(names)
+                    raise DeclarationError(
+                        f"Box: a constraint uses {error.name!r}, which has no interval in the box. Known are: {known}."
+                    ) from error
+                raise DeclarationError(
+                    f"Box: a constraint raises {type(error).__name__} at {_point(p)}: {error}"
+                ) from error
             if isinstance(result, bool | np.bool_):
                 mask[i] = result
             elif is_finite_number(result):
                 mask[i] = result <= 0
             else:
                 raise DeclarationError(
-                    f"Box: a constraint must return True, False or a number, got {shown(result)} at {p}."
+                    f"Box: a constraint must return True, False or a number, got {shown(result)} at {_point(p)}."
                 )
     return mask
 
@@ -170,3 +177,7 @@ def intervals_and_choices(given: Mapping[str, Any]) -> tuple[tuple[Choice, ...],
 def _is_word(text: object) -> bool:
     """Whether a text begins with a letter, unlike a number with a unit."""
     return isinstance(text, str) and text[:1].isalpha()
+
+
+def _point(p: SimpleNamespace) -> str:
+    return ", ".join(f"{name} = {value:g}" for name, value in vars(p).items())
