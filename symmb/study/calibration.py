@@ -11,7 +11,7 @@ from symmb._errors import DeclarationError, SimulationError, WithWarnings, warn_
 from symmb._interrupts import kept_interrupts
 from symmb._labelled import Counted, Labelled, Result, over_parameters, texts
 from symmb._names import ByName, counted
-from symmb._options import is_finite_number, shown
+from symmb._options import is_finite_number, require_truth, shown
 from symmb._types import Array, Figure
 from symmb._units import label, told_units, units_of_parameters
 from symmb.connect import Simulator
@@ -21,7 +21,7 @@ from symmb.results.files import NOT_KEPT, Record, Saved, entry
 from symmb.run.integrate import Solver
 from symmb.run.simulation import chosen_parameters, require_own, simulator_with
 from symmb.study.consistent import ConsistentSet, consistent_set, errors_of
-from symmb.study.measurements import OWNER, measured_values, noise_of_outputs
+from symmb.study.measurements import OWNER, limits_of, measured_values, noise_of_outputs, priors_of
 from symmb.study.residuals import (
     MAX_RUNS,
     UNDETERMINED,
@@ -51,21 +51,23 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
         n_p estimates by name
     covariance : (n_p, n_p)
         covariance of the estimates, for independent, normal errors of the data. If the data do not determine a
-        parameter, its variance is inf, and its covariances are nan
+        parameter, or its estimate is at a limit, its variance is inf, and its covariances are nan
     noise : dict
         output -> standard deviation of the data, given or estimated
     times, data, residuals : dict
         output -> (n,) times [s], data, and data minus the outputs of the fitted run
     degrees : int
-        degrees of freedom: number of values minus number of determined quantities; 0 if the noise was given
+        degrees of freedom: number of values and priors minus number of determined quantities; 0 if the noise was given
     undetermined : tuple of str
-        sentences about quantities that the data do not determine
+        sentences about quantities that the data do not determine, and estimates at a limit
     doubts : tuple of str
         warnings: undetermined quantities, and residuals that are not noise. Estimates may then be wrong
     evaluations, runs : int
         number of runs with derivatives
     units : tuple of str
         units of the outputs, '' if not known
+    priors : dict
+        parameter -> value and standard deviation (2,) known before the fit
     study : Residuals
         the runs of the scene, for `consistent`; None if read from a file
 
@@ -95,6 +97,7 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
     doubts: tuple[str, ...]
     evaluations: int
     units: tuple[str, ...] = ()
+    priors: dict[str, Array] = field(default_factory=dict)
     study: Residuals | None = field(default=None, metadata=NOT_KEPT)
 
     _most = None
@@ -213,6 +216,7 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
             [
                 f"{self.name}: {numbers[0]} from {numbers[1]}, {numbers[2]}",
                 *map("  noise       {}: {:.3g}".format, self._told_names(), self.noise.values()),
+                *(f"  prior       {name}: {value:.6g} ± {size:.2g}" for name, (value, size) in self.priors.items()),
                 *(f"  warning     {text}" for text in self.doubts),
             ]
         )
@@ -269,6 +273,7 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
             record.texts("doubts", default=record.texts("undetermined", default=())),
             record.whole("evaluations"),
             record.texts("units", default=()),
+            record.arrays("priors", 2) if "priors" in record.plain else {},
         )
 
 
@@ -279,6 +284,9 @@ def calibrate(
     solver: Solver | str | None = None,
     *,
     noise: Mapping[str, float] | None = None,
+    box: Box | None = None,
+    priors: Mapping[str, Any] | None = None,
+    robust: bool = False,
 ) -> Calibration:
     """Find the parameters that fit measured outputs best. The search starts at the nominal parameters.
 
@@ -301,17 +309,27 @@ def calibrate(
         solver of a scene; default: chosen by pilot runs
     noise : mapping
         output -> standard deviation of its data
+    box : Box
+        limits of some or all parameters. No run is outside of the limits
+    priors : mapping
+        parameter -> value and standard deviation known before the fit: (7.0, 0.1), (7.0, 0.1, "N/m") or
+        "7.0 N/m ±0.1 N/m". Each prior is one more residual
+    robust : bool
+        if True, residuals beyond about 1.3 times the noise count by their size instead of their square, so that
+        outliers hardly change the estimates
 
     Returns
     -------
     Calibration
         with warnings about combinations that the data do not determine, and about residuals that are not noise.
-        Undetermined combinations stay as close to the nominal values as the data allow (relative change)
+        Undetermined combinations stay as close to the nominal values as the data and limits allow (relative change).
+        An estimate at a limit has no standard deviation. The deviations of the other estimates do not use the limits
 
     Raises
     ------
     DeclarationError
-        If an output or a parameter is unknown or repeated, or there are fewer values than parameters
+        If an output or a parameter is unknown or repeated, if there are fewer values than parameters, or if a nominal
+        value is outside of its limits
     SimulationError
         If no run near the nominal parameters succeeds, or the fit does not end
 
@@ -324,7 +342,12 @@ def calibrate(
     >>> scene = mb.Scene(mb.System(ball, parameters=p), start, times=[0.0, 1.0, 2.0], outputs=outputs)
     >>> round(mb.calibrate(scene, {"x": [0.0, 1.49, 3.02]}).parameters["speed"], 6)
     1.506
+    >>> data, box, priors = {"x": [0.0, 1.49, 3.02]}, mb.Box(speed=(0.5, 2.0)), {"speed": (1.5, 0.005)}
+    >>> fit = mb.calibrate(scene, data, noise={"x": 0.01}, box=box, priors=priors)
+    >>> round(fit.parameters["speed"], 4)
+    1.5033
     """
+    require_truth(OWNER, "robust", robust)
     is_scene = isinstance(scene, Scene)
     if not is_scene and not hasattr(scene, "outputs"):
         raise DeclarationError(f"{OWNER}: expected a Scene or a simulator, got {shown(scene)}.")
@@ -342,14 +365,17 @@ def calibrate(
     some = chosen_parameters(OWNER, parameters, simulator.parameters)
     known_noise = noise_of_outputs(noise, measured)
     count = sum(len(values) for _, values in measured.values())
-    if count < (needed := len(some) + (not known_noise)):
+    units = units_of_parameters(simulator.parameters)
+    nominal = {name: simulator.parameters[name] for name in some}
+    limits, known = limits_of(box, nominal, units), priors_of(priors, nominal, units)
+    if count + len(known) < (needed := len(some) + (not known_noise)):
         unknown, gave = counted(len(some), "parameter"), counted(count, "value")
         more = f"Give {needed} or more values"
         rest = f"{unknown}. {more}" if known_noise else f"{unknown} and the noise. {more}, or noise="
         raise DeclarationError(f"{OWNER}: {gave} cannot determine {rest}, or estimate fewer parameters.")
     with kept_interrupts():
         name = str(getattr(scene, "name", repr(scene)))
-        result = _fitted(Residuals(simulator, some, measured), known_noise, name)
+        result = _fitted(Residuals(simulator, some, measured, limits, known, robust), known_noise, name)
     warn_of(result.doubts, f"{OWNER}: {name}")
     return result
 
@@ -360,7 +386,13 @@ def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Cali
     root = fit.sizes[:, None] * found.directions[is_known].T / found.sizes[is_known]
     covariance = root @ root.T
     undetermined = tuple(_undetermined(fit.names, direction) for direction in found.directions[~is_known])
-    open_ = np.linalg.norm(found.directions[~is_known], axis=0) > _LEAST_COMPONENT
+    is_at_limit = (found.u == fit.limits).any(axis=0)
+    undetermined += tuple(
+        f"The estimate of {fit.names[k]!r} is at its limit {found.u[k] * fit.sizes[k]:g}, so it has no standard "
+        "deviation. Change the limit, or leave out this parameter."
+        for k in np.flatnonzero(is_at_limit).tolist()
+    )
+    open_ = is_at_limit | (np.linalg.norm(found.directions[~is_known], axis=0) > _LEAST_COMPONENT)
     covariance[open_], covariance[:, open_] = np.nan, np.nan
     covariance[open_, open_] = np.inf
     units = getattr(fit.simulator, "units", None) or ("",) * len(fit.simulator.outputs)
@@ -374,11 +406,12 @@ def _fitted(fit: Residuals, known_noise: Mapping[str, float], name: str) -> Cali
         {output: t for output, (t, _) in fit.measured.items()},
         {output: values for output, (_, values) in fit.measured.items()},
         dict(zip(fit.measured, fit.parts(fit(found.u)[0]), strict=True)),
-        0 if known_noise else len(fit.data) - int(is_known.sum()),
+        0 if known_noise else len(fit.data) + len(fit.priors) - int(is_known.sum()),
         undetermined,
         (*undetermined, *doubts),
         fit.runs,
         tuple(units[fit.simulator.outputs.index(name)] for name in fit.measured),
+        dict(fit.priors),
         fit,
     )
 
@@ -404,9 +437,10 @@ def _best(fit: Residuals, known_noise: Mapping[str, float]) -> tuple[_Minimum, t
     best, doubts, cost = None, (), np.inf
     for k, begin in enumerate(itertools.chain([nominal], other_minima(fit, nominal))):
         found = _minimum(fit, nominal, begin, known_noise)
-        if found is not None and (own := cost_of(fit, found.u, known_noise)) < cost:
+        if found is not None and (own := cost_of(fit, found.u, found.noise)) < cost:
             best, cost = found, own
-            doubts = residual_doubts(fit, found.u, known_noise, len(fit.data) - int((found.sizes > 0).sum()))
+            degrees = len(fit.data) + len(fit.priors) - int((found.sizes > 0).sum())
+            doubts = residual_doubts(fit, found.u, known_noise, degrees)
         if k == 0 and best is not None and not doubts:
             break
     if best is None:
@@ -416,21 +450,27 @@ def _best(fit: Residuals, known_noise: Mapping[str, float]) -> tuple[_Minimum, t
 
 def _minimum(fit: Residuals, nominal: Array, begin: Array, known_noise: Mapping[str, float]) -> _Minimum | None:
     """The fit that starts at parameters `begin`; None if it does not end. Undetermined combinations stay nominal."""
-    basis = np.eye(len(begin))
+    basis, first = np.eye(len(begin)), None
     for _ in range(2):
         solution = least_squares(fit, begin, basis, known_noise)
         if solution is None:
             return None
         u, noise = solution
-        slopes = fit(u)[1] * np.repeat(1 / noise, fit.counts)[:, None]
+        if (u < fit.limits[0]).any() or (u > fit.limits[1]).any():  # the nominal combinations are beyond a limit
+            return first
+        slopes = fit(u)[1] / np.repeat(noise, fit.counts)[:, None]
+        if fit.is_robust:
+            slopes = slopes / fit.widening(u, noise)
+        slopes = np.concatenate([slopes, fit.prior(u)[1]])
         _, sizes, directions = np.linalg.svd(slopes, full_matrices=False)
         least = UNDETERMINED_BY_DIFFERENCES if fit.has_kinks else UNDETERMINED
         sizes = np.where(sizes > least * sizes.max(initial=0.0), sizes, 0.0)
+        first = _Minimum(u, noise, sizes, directions)
         if (sizes > 0).all():
             break
         basis = directions[sizes > 0]  # changes of the fit in the other directions are arbitrary
         begin = nominal + (begin - nominal) @ basis.T @ basis
-    return _Minimum(u, noise, sizes, directions)
+    return first
 
 
 def _undetermined(names: Sequence[str], direction: Array) -> str:

@@ -160,7 +160,7 @@ def consistent_set(fit: Residuals, name: str, parameters: dict[str, float], erro
     estimate = np.array([*parameters.values()]) / fit.sizes
     residuals, slopes = fit(estimate)
     lower, upper, depth = _linear(residuals / scale, slopes / scale[:, None])
-    ends, limits = estimate + np.stack([lower, upper]), np.repeat([[-np.inf], [np.inf]], len(estimate), axis=1)
+    ends, limits = estimate + np.stack([lower, upper]), fit.limits.copy()
     least = np.inf
     for _ in range(_ROUNDS):
         lower, upper = ends = _within_runs(fit, estimate, ends, limits)
@@ -227,7 +227,7 @@ def _doubts(outer: float, volume: float, failed: int, stops: Sequence[str]) -> I
     if failed:
         yield f"{counted(failed, 'run')} failed. The set is only estimated, so no piece counts as inside."
     if stops:
-        yield f"The set ends at {', '.join(stops)}, because runs beyond fail."
+        yield f"The set ends at {', '.join(stops)}, because runs beyond fail or are outside of the given limits."
 
 
 def _linear(r: Array, slopes: Array) -> tuple[Array, Array, float]:

@@ -7,8 +7,9 @@ import numpy as np
 
 from symmb._errors import DeclarationError
 from symmb._names import normal_keys
-from symmb._options import numbers_of, require_name, require_positive, shown
+from symmb._options import numbers_of, require_instance, require_name, require_positive, shown
 from symmb._types import Array
+from symmb.equations.model import Box, require_only_intervals
 
 OWNER = "calibrate"
 
@@ -64,3 +65,46 @@ def noise_of_outputs(noise: Mapping[str, float] | None, measured: Mapping[str, A
     for name, value in noise.items():
         require_positive(OWNER, f"noise of {name!r}", value)
     return {name: float(value) for name, value in noise.items()}
+
+
+def limits_of(
+    box: Box | None, nominal: Mapping[str, float], units: Mapping[str, str]
+) -> dict[str, tuple[float, float]]:
+    """The limits of each parameter of the box, in its own unit. `nominal` are the estimated parameters."""
+    if box is None:
+        return {}
+    require_instance(f"{OWNER}: box", box, Box, "Box(k=(6.0, 8.0))")
+    require_only_intervals(OWNER, box)
+    box = box.with_units(units)
+    for name, (lower, upper) in (found := dict(zip(box.names, box.bounds, strict=True))).items():
+        require_name(OWNER, "estimated parameter", name, nominal)
+        if lower == upper:
+            raise DeclarationError(f"{OWNER}: the limits of {name!r} are equal. Leave out this parameter.")
+        if not lower <= nominal[name] <= upper:
+            raise DeclarationError(
+                f"{OWNER}: the nominal value {nominal[name]:g} of {name!r} must be between its limits {lower:g} and "
+                f"{upper:g}, because the search starts there."
+            )
+    return found
+
+
+def priors_of(
+    priors: Mapping[str, Any] | None, nominal: Mapping[str, float], units: Mapping[str, str]
+) -> dict[str, Array]:
+    """Value and standard deviation (2,) of each parameter with a prior, in its own unit."""
+    if not isinstance(priors, Mapping | None):
+        raise DeclarationError(f'{OWNER}: priors must map parameters to pairs, such as {{"k": (7.0, 0.1)}}.')
+    found = {}
+    for name, given in normal_keys(OWNER, priors or {}).items():
+        require_name(OWNER, "estimated parameter", name, nominal)
+        if isinstance(given, tuple) and (pair := numbers_of(given[:2])) is not None and pair.shape == (2,):
+            given = (pair[0] - pair[1], pair[0] + pair[1], *given[2:]) if pair[1] > 0 else None
+        if not isinstance(given, str | tuple):
+            raise DeclarationError(
+                f"{OWNER}: the prior of {name!r} must be a value and a standard deviation above 0, such as (7.0, 0.1), "
+                f"(7.0, 0.1, 'N/m') or '7.0 N/m ±0.1 N/m', got {shown(priors and priors[name])}."
+            )
+        box = Box(**{name: given}).with_units(units)
+        found[name] = np.array([box.center[0], box.radius[0]])
+        require_positive(OWNER, f"standard deviation of the prior of {name!r}", float(box.radius[0]))
+    return found

@@ -6,7 +6,7 @@ from typing import Any, cast
 import numpy as np
 
 from symmb._errors import SimulationError
-from symmb._magnitudes import NOTHING, ROUNDING, SMALL
+from symmb._magnitudes import ROUNDING, SMALL
 from symmb._types import Array
 from symmb.bound.nodes import Sobol
 from symmb.connect import Jets, Simulator
@@ -21,6 +21,8 @@ FALSE_WARNING = 1e-4
 """Probability of a false warning, for each test."""
 FEWEST_TESTED = 12
 """Smallest number of values of an output for a test of its residuals. Tests of independence need many values."""
+ROBUST = 1.345
+"""Residuals below this multiple of the noise count by their square, larger residuals by their size."""
 NOISE_OF_RUNS = 1e-4
 """Residuals below this fraction of the spread of the data may be errors of runs, so their correlation is not tested."""
 
@@ -32,12 +34,22 @@ class Residuals:
     because a search needs less accuracy than `sensitivities`.
     """
 
-    def __init__(self, simulator: Simulator, names: Sequence[str], measured: Mapping[str, tuple[Array, Array]]) -> None:
+    def __init__(
+        self,
+        simulator: Simulator,
+        names: Sequence[str],
+        measured: Mapping[str, tuple[Array, Array]],
+        limits: Mapping[str, tuple[float, float]],
+        priors: Mapping[str, Array],
+        is_robust: bool,
+    ) -> None:
         self.simulator, self.names, self.measured = simulator, names, measured
+        self.priors, self.is_robust = priors, is_robust
         order = list(simulator.parameters)
         self.p = np.array(list(simulator.parameters.values()))
         self.columns = [order.index(name) for name in names]
         self.sizes = np.where(self.p[self.columns] == 0, 1.0, np.abs(self.p[self.columns]))
+        self.limits = np.transpose([limits.get(name, (-np.inf, np.inf)) for name in names]) / self.sizes
         self.places = [
             (np.searchsorted(simulator.times, t), simulator.outputs.index(name)) for name, (t, _) in measured.items()
         ]
@@ -59,6 +71,26 @@ class Residuals:
                 y, slopes = np.full(len(self.data), np.nan), np.full((len(u), len(self.data)), np.nan)
             self._known[u.tobytes()] = self.data - y, slopes.T
         return self._known[u.tobytes()]
+
+    def prior(self, u: Array) -> tuple[Array, Array]:
+        """Residuals (k,) of the priors, divided by their deviations, and derivatives (k, n_p) of the parameters."""
+        values, deviations = np.array([*self.priors.values()]).reshape(-1, 2).T
+        rows = np.array([self.names.index(name) for name in self.priors], dtype=int)
+        slopes = np.diag(self.sizes)[rows] / deviations[:, None]
+        return values / deviations - slopes @ u, slopes
+
+    def loss(self, squares: Array) -> Array:
+        """The loss of squared residuals (n,) and its two derivatives (3, n). Residuals are divided by the noise."""
+        if not self.is_robust:
+            return np.stack([squares, np.ones_like(squares), np.zeros_like(squares)])
+        root = np.sqrt(1 + squares / ROBUST**2)
+        return np.stack([2 * ROBUST**2 * (root - 1), 1 / root, -0.5 / ROBUST**2 / root**3])
+
+    def widening(self, u: Array, noise: Array) -> float:
+        """Deviations of estimates with the loss, divided by those of least squares. Huber, Robust Statistics (1981)."""
+        squares = np.square(self(u)[0] / np.repeat(noise, self.counts))
+        _, first, second = self.loss(squares)
+        return max(1.0, float(np.sqrt(np.mean(squares * first**2)) / np.mean(first + 2 * squares * second)))
 
     def values(self, U: Array) -> Array:
         """Outputs (M, N) at the times of the data, for relative parameters U (M, n_p); nan if a run fails."""
@@ -91,12 +123,14 @@ class Residuals:
     def _differences(self, u: Array) -> tuple[Array, Array]:
         """Outputs (N,) and their derivatives (n_p, N) by differences.
 
-        If an output jumps between two runs, the difference on the other side is used.
+        If an output jumps between two runs, or a run is beyond a limit, the difference on the other side is used.
         """
         n = len(u)
         step = SMALL  # relative to a parameter
         steps = step * np.concatenate([np.zeros((1, n)), np.eye(n), -np.eye(n)])
-        Y = self.values(u + steps)
+        U = np.clip(u + steps, *self.limits)
+        Y = self.values(U)
+        Y[(U != u + steps).any(axis=1)] = np.nan
         ahead, behind = (Y[1 : n + 1] - Y[0]) / step, (Y[0] - Y[n + 1 :]) / step
         smaller = np.where((np.abs(ahead) < np.abs(behind)) | np.isnan(behind), ahead, behind)
         alike = np.abs(ahead - behind) < np.abs(smaller)
@@ -112,16 +146,17 @@ def least_squares(
     """
     noise, u = np.array([*known_noise.values()] or fit.spreads), begin
     # Number of fits with weights from the previous residuals. With ten values for each output, weights converge to 1 %.
-    for _ in range(1 if known_noise else 3):
+    # Outliers need more fits.
+    for _ in range(1 if known_noise else 10 if fit.is_robust else 3):
         if len(basis):
             found = _minimum(fit, u, basis, np.repeat(1 / noise, fit.counts))
             if found is None:
                 return None
             u = found
         if not known_noise:  # divide the number of parameters between the outputs
-            share = 1 - len(basis) / len(fit.data)
-            floor = ROUNDING * fit.spreads
-            noise = np.maximum([np.sqrt(np.mean(part**2) / share) for part in fit.parts(fit(u)[0])], floor)
+            share = 1 - (len(basis) - len(fit.priors)) / len(fit.data)
+            size, floor = (robust_size, NOISE_OF_RUNS) if fit.is_robust else (rms_of, ROUNDING)
+            noise = np.maximum([size(part) / np.sqrt(share) for part in fit.parts(fit(u)[0])], floor * fit.spreads)
     return u, noise
 
 
@@ -129,17 +164,28 @@ def _minimum(fit: Residuals, begin: Array, basis: Array, weights: Array, held: f
     """Parameters (n_p,) with the smallest sum of squares of weighted residuals; None if the search does not end."""
     from scipy.optimize import least_squares
 
-    along, d = basis @ begin, len(basis)
+    along, d, n = basis @ begin, len(basis), len(weights)
     rest, first = begin - along @ basis, along
 
     def residuals(along: Array) -> Array:
-        return np.concatenate([fit(rest + along @ basis)[0] * weights, held * (along - first)])
+        u = rest + along @ basis
+        return np.concatenate([fit(u)[0] * weights, fit.prior(u)[0], held * (along - first)])
 
     def slopes(along: Array) -> Array:
-        return np.concatenate([-fit(rest + along @ basis)[1] @ basis.T * weights[:, None], held * np.eye(d)])
+        u = rest + along @ basis
+        own = -fit(u)[1] * weights[:, None], -fit.prior(u)[1]
+        return np.concatenate([np.concatenate(own) @ basis.T, held * np.eye(d)])
 
+    def loss(squares: Array) -> Array:  # of priors, squares
+        others = squares[n:]
+        return np.hstack([fit.loss(squares[:n]), [others, np.ones_like(others), np.zeros_like(others)]])
+
+    # Limits apply to single parameters. "dogbox" ends exactly at a limit.
+    is_limited = d == len(begin) and bool(np.isfinite(fit.limits).any())
+    limits: Any = {"bounds": fit.limits, "method": "dogbox"} if is_limited else {}
     tight = dict.fromkeys(("xtol", "ftol", "gtol"), ROUNDING)
-    solution = least_squares(residuals, along, jac=cast(Any, slopes), max_nfev=MAX_RUNS, **tight)
+    how: Any = {"loss": loss if fit.is_robust else "linear", "max_nfev": MAX_RUNS, **tight, **limits}
+    solution = least_squares(residuals, along, jac=cast(Any, slopes), **how)
     return rest + solution.x @ basis if solution.status else None
 
 
@@ -147,7 +193,7 @@ def other_minima(fit: Residuals, nominal: Array) -> Iterator[Array]:
     """Results (n_p,) of other fits. The fits start at runs with small residuals, and use increasing time spans."""
     d, (begin, end) = len(nominal), (fit.times.min(), fit.times.max())
     # Number of further starts for each parameter, and the largest factor between starts and nominal values.
-    U = nominal * 2.5 ** Sobol().points(64 * d, d, seed=0)
+    U = np.clip(nominal * 2.5 ** Sobol().points(64 * d, d, seed=0), *fit.limits)
     weights = np.repeat(1 / fit.spreads, fit.counts)
     squares = np.square((fit.data - fit.values(U)) * weights)
     starts = [nominal]
@@ -170,14 +216,11 @@ def other_minima(fit: Residuals, nominal: Array) -> Iterator[Array]:
             yield u
 
 
-def cost_of(fit: Residuals, u: Array, known_noise: Mapping[str, float]) -> float:
+def cost_of(fit: Residuals, u: Array, noise: Array) -> float:
     """Measure for the comparison of fits: minus twice the log-likelihood, up to a constant."""
-    squares = [np.square(part) for part in fit.parts(fit(u)[0])]
-    if known_noise:
-        parts = [part.sum() / noise**2 for part, noise in zip(squares, known_noise.values(), strict=True)]
-    else:
-        parts = [len(part) * np.log(part.mean() + NOTHING) for part in squares]
-    return float(np.nan_to_num(np.sum(parts), nan=np.inf))
+    noise = np.repeat(noise, fit.counts)
+    losses = fit.loss(np.square(fit(u)[0] / noise))[0] + 2 * np.log(noise)
+    return float(np.nan_to_num(losses.sum() + np.square(fit.prior(u)[0]).sum(), nan=np.inf))
 
 
 def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], degrees: int) -> tuple[str, ...]:
@@ -185,11 +228,11 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
     import scipy.stats as st
 
     doubts = list[str]()
-    squares, n_squares = 0.0, 0
+    squares, n_squares = float(np.square(fit.prior(u)[0]).sum()), 0
     own = fit.parts(np.square(np.linalg.svd(fit(u)[1], full_matrices=False)[0]).sum(axis=1))
     parts = zip(fit.measured.items(), fit.parts(fit(u)[0]), own, fit.spreads, strict=True)
     for (name, (t, y)), r, leverage, spread in parts:
-        deviation = known_noise.get(name, max(1.4826 * float(np.median(np.abs(r))), NOISE_OF_RUNS * float(spread)))
+        deviation = known_noise.get(name, max(robust_size(r), NOISE_OF_RUNS * float(spread)))
         # Factor on normal quantiles for outliers, because the standard deviation is only known to 15 %.
         limit = 1.3 * st.norm.isf(FALSE_WARNING / (2 * len(r)))
         is_far = np.abs(r) > limit * deviation
@@ -233,6 +276,11 @@ def residual_doubts(fit: Residuals, u: Array, known_noise: Mapping[str, float], 
 def rms_of(values: Array) -> float:
     """Root mean square of values (N,); 0 without values."""
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
+
+
+def robust_size(values: Array) -> float:
+    """Standard deviation of normal values (N,) from their median absolute value, which outliers hardly change."""
+    return 1.4826 * float(np.median(np.abs(values)))
 
 
 def _chance_of_independence(r: Array) -> float:

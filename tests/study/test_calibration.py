@@ -1,13 +1,14 @@
 """Calibration against closed forms of linear regression, and SciPy's curve_fit on solutions by hand."""
 
 import json
+import warnings
 
 import casadi as ca
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from faults import refused, warned
-from scipy.optimize import curve_fit
+from scipy.optimize import curve_fit, least_squares, lsq_linear
 
 import symmb as mb
 
@@ -271,3 +272,141 @@ def test_a_function_is_fitted_as_well():
     ) and "FunctionSimulator" in fit.name
     refused("has no output at t = 0.05 s", mb.calibrate, simulator, {"x": ([0.05, 1.0], [1.0, 2.0])})
     refused("has its own solver", mb.calibrate, simulator, {"x": t}, solver=mb.CVODES())
+
+
+def line(seed, sensors=1):
+    """The function a + b t + c t^2, data with noise of 0.05, its matrix, true parameters and the generator."""
+    rng = np.random.default_rng(seed)
+    t = np.linspace(-1.0, 2.0, 40)
+    names = [f"y{k}" for k in range(sensors)]
+
+    def run(a, b, c):
+        return np.stack([a + b * t + c * t**2] * sensors, axis=-1)
+
+    simulator = mb.FunctionSimulator(run, {"a": 1.0, "b": 1.0, "c": 1.0}, t, names)
+    truth = rng.uniform(0.6, 1.4, 3)
+    A = np.vander(t, 3, increasing=True)
+    data = {name: A @ truth + 0.05 * rng.standard_normal(40) for name in names}
+    return simulator, data, A, truth, rng
+
+
+@pytest.mark.parametrize("noise", [None, 0.05])
+@pytest.mark.parametrize("seed", range(6))
+def test_limits_are_those_of_linear_least_squares(seed, noise):
+    simulator, data, A, truth, _ = line(seed)
+    limits = {"a": (min(1.0, truth[0]) - 0.02, 1.5), "b": (0.5, max(1.0, truth[1] - 0.1))}
+    exact = lsq_linear(A, data["y0"], np.transpose([*limits.values(), (-np.inf, np.inf)]), tol=1e-14)
+    ends = np.array([*limits.values()]).T
+    is_active = np.append(np.isclose(exact.x[:2], ends, rtol=1e-9).any(axis=0), False)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        fit = mb.calibrate(simulator, data, noise=noise and {"y0": noise}, box=mb.Box(**limits))
+    assert list(fit.parameters.values()) == pytest.approx(exact.x, rel=1e-6)
+    np.testing.assert_array_equal(np.isinf([*fit.deviations.values()]), is_active)
+    for name, active in zip("abc", is_active, strict=True):
+        assert any(f"The estimate of {name!r} is at its limit" in str(each.message) for each in told) == active
+    if is_active.any():
+        refused("is at its limit", fit.box)
+        refused("is at its limit", fit.consistent, 0.2)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_no_run_is_beyond_a_limit(seed):
+    t, seen = np.linspace(0.0, 1.0, 20), []
+
+    def run(a, b):
+        seen.append((a, b))
+        return b * np.exp(-np.sqrt(a) * t)
+
+    simulator = mb.FunctionSimulator(run, {"a": 0.5, "b": 1.0}, t, ["y"])
+    y = 1.2 + 0.01 * np.random.default_rng(seed).standard_normal(20) + 0.02 * t
+    fit = warned("'a' is at its limit 0,", mb.calibrate, simulator, {"y": y}, box=mb.Box(a=(0.0, 1.0), b=(0.9, 1.4)))
+    assert fit.parameters["a"] == 0 and fit.parameters["b"] == pytest.approx(y.mean(), rel=1e-6)
+    assert np.min(seen, axis=0)[0] >= 0 and np.min(seen, axis=0)[1] >= 0.9 and np.max(seen, axis=0).tolist() <= [1, 1.4]
+
+
+def test_a_set_of_consistent_parameters_stays_inside_of_the_limits():
+    simulator, data, *_, truth, _ = line(3)
+    box = mb.Box(a=(min(1.0, truth[0]) - 0.1, max(1.0, truth[0]) + 0.1))
+    fit = mb.calibrate(simulator, data, box=box)
+    found = warned("outside of the given limits", fit.consistent, 0.4)
+    assert found.box["a"][0] == pytest.approx(box["a"][0], rel=1e-9) and found.box["a"][1] < box["a"][1]
+    assert mb.calibrate(simulator, data).consistent(0.4).box["a"][0] < box["a"][0] - 0.1
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_priors_give_the_posterior_of_normal_distributions(seed, tmp_path):
+    simulator, data, A, truth, rng = line(seed)
+    priors = {"a": (truth[0] + 0.03 * rng.standard_normal(), 0.03), "c": (truth[2], 0.02)}
+    fit = mb.calibrate(simulator, data, noise={"y0": 0.05}, priors=priors)
+    precision = A.T @ A / 0.05**2 + np.diag([0.03**-2, 0.0, 0.02**-2])
+    pull = A.T @ data["y0"] / 0.05**2 + [priors["a"][0] / 0.03**2, 0.0, priors["c"][0] / 0.02**2]
+    assert list(fit.parameters.values()) == pytest.approx(np.linalg.solve(precision, pull), rel=1e-6)
+    np.testing.assert_allclose(fit.covariance, np.linalg.inv(precision), rtol=1e-4)
+    assert mb.calibrate(simulator, data, priors=priors).degrees == 39
+    assert f"prior       c: {truth[2]:.6g} ± 0.02" in str(fit)
+    for name in ("fit.json", "fit.npz"):
+        fit.save(tmp_path / name)
+        assert str(mb.Calibration.load(tmp_path / name)) == str(fit)
+
+
+def test_a_prior_determines_what_the_data_do_not():
+    data = {"x": swing(T, 6.3, 0.21) + 0.01 * np.random.default_rng(1).standard_normal(41)}
+    fit = mb.calibrate(oscillator(), data, ["m", "k", "c"], priors={"m": "1.1 ±0.05"})
+    ratio = mb.calibrate(oscillator(), data, ["k", "c"]).parameters["k"]
+    assert fit.parameters["m"] == pytest.approx(1.1) and fit.deviations["m"] == pytest.approx(0.05, rel=1e-3)
+    assert fit.parameters["k"] == pytest.approx(1.1 * ratio, rel=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_outliers_hardly_change_robust_fits(seed):
+    simulator, data, A, truth, rng = line(seed)
+    data["y0"][rng.permutation(40)[:4]] += rng.uniform(3.0, 9.0, 4)
+    exact = least_squares(lambda u: (A @ u - data["y0"]) / 0.05, np.ones(3), loss="soft_l1", f_scale=1.345, xtol=1e-12)
+    fits = [warned("4 of 40 values of y0 are outliers", mb.calibrate, simulator, data, noise=noise, robust=True)
+            for noise in ({"y0": 0.05}, None)]  # fmt: skip
+    assert list(fits[0].parameters.values()) == pytest.approx(exact.x, rel=1e-5)
+    for fit in fits:
+        assert (
+            np.abs(np.subtract(list(fit.parameters.values()), truth)) < 5 * np.array([*fit.deviations.values()])
+        ).all()
+        assert max(fit.deviations.values()) < 0.03
+    assert 0.03 < fits[1].noise["y0"] < 0.08
+
+
+def test_a_sensor_that_is_wrong_hardly_changes_robust_fits():
+    simulator, data, _, truth, _ = line(5, sensors=3)
+    data["y1"] = 1.3 * data["y1"]
+    for noise in ({name: 0.05 for name in data}, None):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            plain, fit = (mb.calibrate(simulator, data, noise=noise, robust=flag) for flag in (False, True))
+        off = [np.abs(np.subtract(list(each.parameters.values()), truth)).max() for each in (plain, fit)]
+        assert off[1] < 0.05 and (noise is None or off[1] < off[0] / 2)
+
+
+def test_deviations_of_robust_fits_are_those_of_repetitions():
+    errors, told = [], []
+    for seed in range(60):
+        simulator, data, _, truth, _ = line(seed)
+        fit = mb.calibrate(simulator, data, noise={"y0": 0.05}, robust=True)
+        errors.append(np.subtract(list(fit.parameters.values()), truth))
+        told.append([*fit.deviations.values()])
+    assert np.std(errors, axis=0) == pytest.approx(np.mean(told, axis=0), rel=0.25)
+
+
+def test_wrong_limits_and_priors_are_told():
+    simulator, data, *_ = line(0)
+    for match, options in [
+        ("nominal value 1 of 'a' must be between its limits 2 and 3", {"box": mb.Box(a=(2, 3))}),
+        ("limits of 'a' are equal", {"box": mb.Box(a=(1, 1))}),
+        ("estimated parameter", {"box": mb.Box(d=(1, 2))}),
+        ("box", {"box": (1, 2)}),
+        ("choices", {"box": mb.Box(a={1, 2})}),
+        ("priors must map", {"priors": [1.0]}),
+        ("estimated parameter", {"priors": {"d": (1.0, 0.1)}}),
+        ("prior of 'a' must be", {"priors": {"a": 1.0}}),
+        ("standard deviation above 0", {"priors": {"a": (1.0, 0.0)}}),
+        ("robust", {"robust": "huber"}),
+    ]:
+        refused(match, mb.calibrate, simulator, data, **options)
