@@ -100,6 +100,12 @@ def test_constraints_exclude_combinations():
         mb.propagate(simulator(), None, mb.Box(n={17, 18}, constraints=[lambda p: False]))
 
 
+def test_very_thin_sets_of_allowed_points_have_a_warning():
+    thin = mb.Box(a=(-1, 1), c=(-1, 1), constraints=[lambda p: abs(p.a - p.c) - 1e-4])
+    with pytest.warns(mb.SymmbWarning, match="satisfy the constraints, so the bounds may be too narrow"):
+        mb.propagate(mb.FunctionSimulator(lambda a, c: [a + c], {"a": 0.0, "c": 0.0}, [0.0], ["y"]), None, thin)
+
+
 def test_the_nominal_run_counts_only_if_it_is_allowed():
     """y = a t + 0.01 k is 3 at the nominal a = 1, which the constraint excludes."""
     bounds = mb.propagate(simulator(), None, mb.Box(a=(0.5, 2.0), constraints=[lambda p: p.a < 0.9]))

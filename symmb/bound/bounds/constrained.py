@@ -19,6 +19,8 @@ from symmb.run.simulation import SceneSimulator
 _MOST_PARAMETERS = 4
 _ROUNDS, _SHRINK, _CLOUD, _MOST_CLOUDS = 26, 0.8, 32, 128
 """Number of rounds that search near the extremes, factor of the radius in each, and points and extremes in a round."""
+_FEW = 50
+"""With fewer first points, the search may miss a part of the allowed points."""
 _MOST_RUNS = 32
 """Largest number of runs at extremes."""
 
@@ -46,6 +48,10 @@ def constrained(method: Method, whole: Bounds, simulator: Simulator, box: Box, e
     depend = isinstance(simulator, SceneSimulator)  # its runs have common steps
     note_attained(*inner, P, None if depend else Y)
     missed = np.abs(whole.surrogate.values(extremes[ok]) - Y[ok]).max(axis=0)
+    few = (
+        f"Only {counted(len(points), 'point')} of many that were tried satisfy the constraints, so the bounds may be "
+        "too narrow. Use a smaller box around the allowed points."
+    )
     told = f"{counted(len(P), 'run')} at extremes of the polynomials over the allowed points checked the bounds."
     return replace(
         whole,
@@ -58,6 +64,7 @@ def constrained(method: Method, whole: Bounds, simulator: Simulator, box: Box, e
         expansion=None,
         surrogate=None,
         range_of="",
+        run_doubts=(*whole.run_doubts, *([few] if len(points) < _FEW else [])),
         remarks=(*whole.remarks, told),
         **details,
     )
