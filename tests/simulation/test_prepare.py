@@ -56,7 +56,7 @@ def test_prepared_scenes_are_taken_in_the_place_of_scenes(derivations, tmp_path)
         assert mb.linearize(prepared).frequencies.size
     mb.view(prepared, tmp_path / "rod.svg")
     for options in ({"solver": mb.CVODES()}, {"times": [0.0, 1.0]}, {"outputs": {}}):
-        with pytest.raises(mb.DeclarationError, match="has its own solver, times and outputs"):
+        with pytest.raises(mb.DeclarationError, match="has its own solver, times, outputs and device"):
             mb.simulate(prepared, **options)
 
 

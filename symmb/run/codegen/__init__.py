@@ -27,18 +27,9 @@ from symmb.run.codegen.build import (
     with_compiler,
 )
 from symmb.run.codegen.c_source import C_FOLDER, Tables, c_fields, c_number, c_source, c_tables
+from symmb.run.codegen.card import Card, CudaCard
 from symmb.run.codegen.contacts import BLAMED, CLOSES, IMPACT, OPENS, Contacts
-from symmb.run.codegen.engine import (
-    MOST_PASSES,
-    Card,
-    Engine,
-    FailedSamples,
-    FixedStep,
-    Lanes,
-    StepEnds,
-    StepTolerances,
-    cuda_card,
-)
+from symmb.run.codegen.engine import MOST_PASSES, Engine, FailedSamples, FixedStep, Lanes, StepEnds, StepTolerances
 from symmb.run.codegen.failures import REASONS, FailureCode
 from symmb.run.codegen.model_source import Scheme, model_function, scheme_function
 from symmb.run.codegen.scene_source import SceneSource, quoted, scene_source

@@ -2,9 +2,10 @@
 
 import ctypes
 import hashlib
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import Any, cast
+from typing import Any, Protocol, cast
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from symmb._options import optional_package
 from symmb._types import Array
 from symmb.run.codegen import cache
 from symmb.run.codegen.contacts import EVENT
-from symmb.run.codegen.engine import Card, Engine, Lanes, Memory, Study
+from symmb.run.codegen.engine import Engine, Lanes, Study
 from symmb.run.codegen.model_source import Use
 
 THREADS = 128
@@ -27,6 +28,40 @@ _FLAGS = ("--device-as-default-execution-space", "--std=c++17", "-w")
 
 class CardError(SymmbError):
     """The graphics card cannot make the runs."""
+
+
+class Memory(Protocol):
+    """Memory of a card. It is freed when it is no longer used."""
+
+    address: int
+
+
+class Card(ABC):
+    """A graphics card, or a processor in its place."""
+
+    @abstractmethod
+    def kernel(self, source: str) -> Any:
+        """The function `run_samples` of a source, compiled."""
+
+    @abstractmethod
+    def free(self) -> int:
+        """Free memory [bytes]."""
+
+    @abstractmethod
+    def memory(self, size: int, content: np.ndarray | None = None) -> Memory:
+        """New memory of some bytes, with a copy of an array."""
+
+    @abstractmethod
+    def read(self, memory: Memory, to: np.ndarray) -> np.ndarray:
+        """Copy memory to a contiguous array, and return the array."""
+
+    @abstractmethod
+    def launch(self, kernel: Any, groups: int, threads: int, pointers: list[int], number: int) -> None:
+        """Run groups of threads with these arguments, and wait for their end."""
+
+    def engine(self, lanes: Lanes, times: Array) -> Engine:
+        """The engine whose samples run on this card."""
+        return CardEngine(lanes, times, self)
 
 
 class CudaCard(Card):

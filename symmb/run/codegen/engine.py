@@ -1,10 +1,8 @@
 """Ensembles in compiled lanes. Samples of a block share their steps, and blocks run on several threads."""
 
 import ctypes
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -286,52 +284,3 @@ class Engine:
 
         if not all(side_by_side(work, extremes[: max(1, -(-study.n // self.width))])):
             raise MemoryError("not enough memory for the compiled engine")
-
-
-class Memory(Protocol):
-    """Memory of a card. It is freed when it is no longer used."""
-
-    address: int
-
-
-class Card(ABC):
-    """A graphics card, or a processor in its place."""
-
-    @abstractmethod
-    def kernel(self, source: str) -> Any:
-        """The function `run_samples` of a source, compiled."""
-
-    @abstractmethod
-    def free(self) -> int:
-        """Free memory [bytes]."""
-
-    @abstractmethod
-    def memory(self, size: int, content: np.ndarray | None = None) -> Memory:
-        """New memory of some bytes, with a copy of an array."""
-
-    @abstractmethod
-    def read(self, memory: Memory, to: np.ndarray) -> np.ndarray:
-        """Copy memory to a contiguous array, and return the array."""
-
-    @abstractmethod
-    def launch(self, kernel: Any, groups: int, threads: int, pointers: list[int], number: int) -> None:
-        """Run groups of threads with these arguments, and wait for their end."""
-
-    def engine(self, lanes: Lanes, times: Array) -> Engine:
-        """The engine whose samples run on this card."""
-        from symmb.run.codegen.card import CardEngine  # runs on processors do not need this module
-
-        return CardEngine(lanes, times, self)
-
-
-def cuda_card() -> Card:
-    """The first graphics card of NVIDIA in this machine.
-
-    Raises
-    ------
-    ImportError            if the package cuda-bindings is missing
-    CardError              if the driver or the card is missing
-    """
-    from symmb.run.codegen.card import CudaCard  # runs on processors do not need this module
-
-    return CudaCard()

@@ -11,7 +11,7 @@ from symmb._types import Array, Expr
 from symmb._units import units_of_parameters
 from symmb.connect import Simulator
 from symmb.equations.model import Box, Scene
-from symmb.run.codegen import Card, cuda_card
+from symmb.run.codegen import Card, CudaCard
 from symmb.run.integrate import Solver, solver_of
 from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_simulator import FigureSimulator, SceneSimulator
@@ -172,7 +172,7 @@ def _card(device: str | Card) -> Card:
         return device
     if device != "cuda":
         raise DeclarationError(f"device: expected 'cuda' or None, got {shown(device)}. None is the processor.")
-    return cuda_card()
+    return CudaCard()
 
 
 def study_simulator(scene: Scene, solver: Solver | None = None, device: Device = None) -> SceneSimulator:
