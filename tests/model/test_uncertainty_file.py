@@ -7,6 +7,7 @@ import pytest
 from faults import refused
 
 import symmb as mb
+from symmb._errors import FileError
 
 SSV = '<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"><ssv:Parameters>'
 
@@ -53,12 +54,14 @@ def test_wrong_files_are_refused(tmp_path: Path) -> None:
         "no nominal value": [(low, "1", ""), (up, "2", "")],
         "must be between lower": [(n, "1", ""), (low, "2", ""), (up, "0", "")],
         "needs lower and upper": [(n, "1", ""), (low, "0", "")],
+        "must be at least 0": [(n, "1", ""), ("k.uncertainty.absTol", "-1", "")],
         "must be a number": [(n, "x", ""), (low, "0", ""), (up, "2", "")],
         "unknown parameter 'k'": [(n, "1", ""), (low, "0", ""), (up, "2", "")],
         "has no rows": [("k", "1", "")],
     }.items():
         refused(why, mb.Box.read, write(path, *rows), {"arm": 1.0})
     refused("entities are not supported", mb.Box.read, write(path, head='<!DOCTYPE a [<!ENTITY b "c">]>'))
+    refused("cannot be read", mb.Box.read, tmp_path / "none.ssv", error=FileError)
     (tmp_path / "a.fmu").write_text("no archive")
     refused("is not an FMU", mb.Box.read, tmp_path / "a.fmu")
 

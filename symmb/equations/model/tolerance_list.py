@@ -243,8 +243,8 @@ def _unit(owner: str, name: str, nominal: float, text: str, size: float) -> floa
 def intervals_in_file(
     path: Path, parameters: Mapping[str, SupportsFloat] | None, units: Mapping[str, str]
 ) -> dict[str, Interval]:
-    """The intervals of a CSV or TOML table, an SSV file or an FMU, in the units of the parameters. If nominal values are
-    given, the nominal values in the file must agree."""
+    """The intervals of a CSV or TOML table, an SSV file or an FMU, in the units of the parameters. If nominal values
+    are given, the nominal values in the file must agree."""
     owner = f"Box.read: {path.name}"
     readers = {".csv": _rows_of_csv, ".toml": _rows_of_toml}
     kind = path.suffix.lower()
@@ -257,6 +257,7 @@ def intervals_in_file(
             rows = list(readers[kind](owner, text))
         else:
             with told(path, "read"):
+                path.open("rb").close()  # a missing file is a FileError, as for tables
                 records = list(records_in_file(path))
             rows = [_row_of_record(owner, name, record, units.get(name, "")) for name, record in records]
     except (FileError, DeclarationError):
@@ -309,6 +310,8 @@ def _row_of_record(owner: str, name: str, record: Mapping[str, str], unit: str) 
     nominal = numbers["nominal"]
     if ("lower" in numbers) != ("upper" in numbers) or not numbers.keys() & {"lower", "relTol", "absTol"}:
         raise DeclarationError(f"{owner}: {name!r} needs lower and upper, or relTol or absTol.")
+    if min(numbers.get("absTol", 0.0), numbers.get("relTol", 0.0)) < 0:
+        raise DeclarationError(f"{owner}: relTol and absTol of {name!r} must be at least 0.")
     half = max(numbers.get("absTol", 0.0), numbers.get("relTol", 0.0) * abs(nominal))
     lower, upper = numbers.get("lower", nominal - half), numbers.get("upper", nominal + half)
     if not lower <= nominal <= upper:
