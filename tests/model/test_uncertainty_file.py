@@ -61,7 +61,8 @@ def test_wrong_files_are_refused(tmp_path: Path) -> None:
     }.items():
         refused(why, mb.Box.read, write(path, *rows), {"arm": 1.0})
     refused("entities are not supported", mb.Box.read, write(path, head='<!DOCTYPE a [<!ENTITY b "c">]>'))
-    refused("cannot be read", mb.Box.read, tmp_path / "none.ssv", error=FileError)
+    with pytest.raises(FileError, match="cannot be read"):
+        mb.Box.read(tmp_path / "none.ssv")
     (tmp_path / "a.fmu").write_text("no archive")
     refused("is not an FMU", mb.Box.read, tmp_path / "a.fmu")
 
