@@ -201,7 +201,7 @@ def test_other_files_are_told(tmp_path):
     (tmp_path / "a.toml").write_text("a = 3\n")
     (tmp_path / "b.toml").write_text("a = \n")
     (tmp_path / "c.csv").write_bytes(b"\xff\xfe\x00")
-    told = {"a.toml": "must be a table", "b.toml": "not a table", "c.csv": "not a table", "d.xls": "csv or .toml"}
+    told = {"a.toml": "must be a table", "b.toml": "not a table", "c.csv": "not a table", "d.xls": "ssv or .fmu"}
     for name, why in told.items():
         refused(why, mb.Box.read, tmp_path / name)
     refused("cannot be read", mb.Box.read, tmp_path / "none.csv", error=FileError)

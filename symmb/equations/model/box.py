@@ -261,6 +261,10 @@ class Box:
         parameter is a table with the names of the columns as keys. Numbers are in the unit of the parameter, or have a
         unit of the same kind, such as 0.5 mm.
 
+        An SSV file (SSP) or an FMU contains the records of DLR's Credibility library. The parameter `arm` has
+        `arm.value` or `arm.uncertainty.nominal`, and `arm.uncertainty.lower` and `.upper`, or `.relTol` and `.absTol`.
+        Components before the name, such as `data.arm`, are left out. Tables are not read.
+
         Parameters
         ----------
         path : path of the file

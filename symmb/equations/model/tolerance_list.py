@@ -16,6 +16,7 @@ from symmb._names import did_you_mean, normal
 from symmb._options import is_finite_number, numbers_of, shown
 from symmb._units import NUMBER, number_in, numbers_in, quantity, ratio_of, scaled, unit_of
 from symmb.equations.model.iso_grades import sizes_of_grade
+from symmb.equations.model.uncertainty_file import records_in_file
 from symmb.results.files import told
 
 Interval = tuple[float, float]
@@ -242,16 +243,23 @@ def _unit(owner: str, name: str, nominal: float, text: str, size: float) -> floa
 def intervals_in_file(
     path: Path, parameters: Mapping[str, SupportsFloat] | None, units: Mapping[str, str]
 ) -> dict[str, Interval]:
-    """The intervals of a CSV or TOML table, in the units of the parameters. If nominal values are given, the nominal
-    values in the table must agree."""
+    """The intervals of a CSV or TOML table, an SSV file or an FMU, in the units of the parameters. If nominal values
+    are given, the nominal values in the file must agree."""
     owner = f"Box.read: {path.name}"
-    read = {".csv": _rows_of_csv, ".toml": _rows_of_toml}.get(path.suffix.lower())
-    if read is None:
-        raise DeclarationError(f"{owner} must be a .csv or .toml file.")
+    readers = {".csv": _rows_of_csv, ".toml": _rows_of_toml}
+    kind = path.suffix.lower()
+    if kind not in (*readers, ".ssv", ".fmu"):
+        raise DeclarationError(f"{owner} must be a .csv, .toml, .ssv or .fmu file.")
     try:
-        with told(path, "read"):
-            text = path.read_text(encoding="utf-8-sig")
-        rows = list(read(owner, text))
+        if kind in readers:
+            with told(path, "read"):
+                text = path.read_text(encoding="utf-8-sig")
+            rows = list(readers[kind](owner, text))
+        else:
+            with told(path, "read"):
+                path.open("rb").close()  # a missing file is a FileError, as for tables
+                records = list(records_in_file(path))
+            rows = [_row_of_record(owner, name, record, units.get(name, "")) for name, record in records]
     except (FileError, DeclarationError):
         raise
     except (ValueError, RecursionError, csv.Error) as error:  # text that is not UTF-8, long numbers, deep brackets
@@ -292,6 +300,25 @@ def _rows_of_toml(owner: str, text: str) -> Iterator[dict[str, Any]]:
         if not isinstance(row, Mapping):
             raise DeclarationError(f"{owner}: {name!r} must be a table with nominal, plus and minus, got {shown(row)}.")
         yield {"name": name, **row}
+
+
+def _row_of_record(owner: str, name: str, record: Mapping[str, str], unit: str) -> dict[str, Any]:
+    """The row of a table with the interval of a record of the Credibility library."""
+    numbers = {key: _number(owner, name, key, value, "" if key == "relTol" else unit) for key, value in record.items()}
+    if "nominal" not in numbers:
+        raise DeclarationError(f"{owner}: {name!r} has no nominal value. Give {name}.uncertainty.nominal.")
+    nominal = numbers["nominal"]
+    if ("lower" in numbers) != ("upper" in numbers) or not numbers.keys() & {"lower", "relTol", "absTol"}:
+        raise DeclarationError(f"{owner}: {name!r} needs lower and upper, or relTol or absTol.")
+    if min(numbers.get("absTol", 0.0), numbers.get("relTol", 0.0)) < 0:
+        raise DeclarationError(f"{owner}: relTol and absTol of {name!r} must be at least 0.")
+    half = max(numbers.get("absTol", 0.0), numbers.get("relTol", 0.0) * abs(nominal))
+    lower, upper = numbers.get("lower", nominal - half), numbers.get("upper", nominal + half)
+    if not lower <= nominal <= upper:
+        raise DeclarationError(
+            f"{owner}: the nominal value {nominal:g} of {name!r} must be between lower {lower:g} and upper {upper:g}."
+        )
+    return {"name": name, "nominal": nominal, "plus": upper - nominal, "minus": nominal - lower}
 
 
 def _of_row(
