@@ -103,7 +103,7 @@ def test_constraints_exclude_combinations():
 def test_very_thin_sets_of_allowed_points_have_a_warning():
     thin = mb.Box(a=(-1, 1), c=(-1, 1), constraints=[lambda p: abs(p.a - p.c) - 1e-4])
     with pytest.warns(mb.SymmbWarning, match="satisfy the constraints, so the bounds may be too narrow"):
-        mb.propagate(mb.FunctionSimulator(lambda a, c: [a + c], {"a": 0.0, "c": 0.0}, [0.0], ["y"]), None, thin)
+        mb.propagate(mb.FunctionSimulator(lambda a, c: [a + c], {"a": 0.0, "c": 0.0}, np.zeros(1), ["y"]), None, thin)
 
 
 def test_the_nominal_run_counts_only_if_it_is_allowed():
@@ -171,3 +171,21 @@ def test_words_of_a_list_are_no_values_of_quantities():
     with pytest.raises(mb.DeclarationError, match=r"numbers 0 to 1, but its nominal value is 100.*k=\{'soft': 100"):
         mb.propagate(own, box=mb.Box(k=["soft", "hard"]))
     assert mb.propagate(own, box=mb.Box(k={"soft": 80, "hard": 120})).upper.max() == pytest.approx(120)
+
+
+@pytest.mark.parametrize("width", [0.03, 0.001])
+def test_thin_sets_of_allowed_points(width):
+    """The sum is largest at the end of the long axis of an ellipse."""
+    own = mb.FunctionSimulator(lambda a, b: np.array([a + b]), {"a": 0.0, "b": 0.0}, np.zeros(1), ["y"])
+    thin = [lambda p: ((p.a - p.b) / width) ** 2 + ((p.a + p.b) / 1.8) ** 2 - 1]
+    bounds = mb.propagate(own, box=mb.Box(a=(-1, 1), b=(-1, 1), constraints=thin))
+    assert (bounds.lower[0, 0], bounds.upper[0, 0]) == pytest.approx((-1.8, 1.8), abs=2e-3) and not bounds.warnings
+
+
+def test_small_sets_of_allowed_points_are_found():
+    """With n = 3, the allowed points are a ball of radius 0.01 around 0.7."""
+    nominal = {"n": 1.0, "a": 0.5, "b": 0.5, "c": 0.5}
+    own = mb.FunctionSimulator(lambda n, a, b, c: np.array([n * (a + b + c)]), nominal, np.zeros(1), ["y"])
+    ball = [lambda p: (p.a - 0.7) ** 2 + (p.b - 0.7) ** 2 + (p.c - 0.7) ** 2 - (1 if p.n == 1 else 1e-4)]
+    bounds = mb.propagate(own, box=mb.Box(n={1, 3}, a=(0, 1), b=(0, 1), c=(0, 1), constraints=ball))
+    assert bounds.upper[0, 0] == pytest.approx(3 * (2.1 + 0.01 * 3**0.5), abs=2e-3)

@@ -17,7 +17,7 @@ from symmb.equations.model import Box
 from symmb.run.simulation import SceneSimulator
 
 _MOST_PARAMETERS = 4
-_ROUNDS, _SHRINK, _CLOUD, _MOST_CLOUDS = 26, 0.8, 32, 128
+_ROUNDS, _SHRINK, _CLOUD, _MOST_CLOUDS = 26, 0.8, 48, 128
 """Number of rounds that search near the extremes, factor of the radius in each, and points and extremes in a round."""
 _FEW = 50
 """With fewer first points, the search may miss a part of the allowed points."""
@@ -73,7 +73,7 @@ def constrained(method: Method, whole: Bounds, simulator: Simulator, box: Box, e
 def _range(surrogate: Piecewise, box: Box, points: Array) -> tuple[Array, Array, Array, Array]:
     """The range (n_t, n_y) of polynomials over allowed points, the error (n_y,) of the search, and extremes (n, d).
 
-    A search in random points near the extremes improves them. Its radius decreases. The gain of the second half of
+    A search in random points near the extremes improves them. Its steps decrease. The gain of the second half of
     the rounds estimates the error of the search.
     """
     random, radius = np.random.default_rng(0), 0.5
@@ -92,7 +92,11 @@ def _range(surrogate: Piecewise, box: Box, points: Array) -> tuple[Array, Array,
         extremes = np.unique(best.reshape(-1, points.shape[1]), axis=0)
         centres = extremes[_some(len(extremes), _MOST_CLOUDS)]
         scale = radius * 10.0 ** random.uniform(-1.0, 0.0, (len(centres), _CLOUD, 1))
-        cloud = centres[:, None] + scale * random.uniform(-1.0, 1.0, (len(centres), _CLOUD, points.shape[1]))
+        steps = random.uniform(-1.0, 1.0, (len(centres), _CLOUD, points.shape[1]))
+        # A third of the steps are differences of allowed points, which follow thin sets.
+        pairs = random.integers(len(points), size=(2, len(centres), _CLOUD // 3))
+        steps[:, ::3] = points[pairs[0]] - points[pairs[1]]
+        cloud = centres[:, None] + scale * steps
         near = np.clip(cloud.reshape(-1, points.shape[1]), -1.0, 1.0)
         points = np.concatenate([centres, allowed_points(box, np.where(box.radius > 0, near, 0.0))])
         radius *= _SHRINK

@@ -5,7 +5,7 @@ tolerances for `Box`, and `choices` its finite sets and its constraints.
 """
 
 from symmb.equations.model.box import Box, require_only_intervals
-from symmb.equations.model.choices import Choice, chosen_words, hint, require_numbers_of_words
+from symmb.equations.model.choices import Choice, chosen_words, excess, hint, require_numbers_of_words
 from symmb.equations.model.compilation import compile_dae
 from symmb.equations.model.contact_equations import Impacts, JointEvents
 from symmb.equations.model.dae import DAE, is_linear

@@ -166,7 +166,7 @@ class Box:
 
         DeclarationError is raised if a constraint fails, or returns neither True, False nor a finite number.
         """
-        return finite.allowed(self.constraints, self.names, self._finite_points("values", values))
+        return finite.excess(self.constraints, self.names, self._finite_points("values", values)) == 0
 
     @classmethod
     def around(

@@ -11,7 +11,7 @@ from symmb._errors import DeclarationError
 from symmb._magnitudes import SAME
 from symmb._names import normal_keys
 from symmb._options import is_finite_number, shown
-from symmb._types import Array, Mask
+from symmb._types import Array
 from symmb._units import number_in, quantity, scaled
 
 Choices = Set[Any] | range | list[str] | Mapping[str, Any]
@@ -130,11 +130,15 @@ def hint(choices: Sequence[Choice], name: str) -> str:
     )
 
 
-def allowed(constraints: Sequence[Constraint], names: Sequence[str], values: Array) -> Mask:
-    """Mask (N,) of the values (N, d) of parameters that satisfy all constraints; see `Box.allowed`."""
-    mask = np.ones(len(values), dtype=bool)
-    for constraint in constraints:
-        for i in np.flatnonzero(mask):
+def excess(constraints: Sequence[Constraint], names: Sequence[str], values: Array) -> Array:
+    """Measure (N,) by which values (N, d) of parameters miss the constraints: 0 if they satisfy all constraints.
+
+    It is the number of constraints after the first one that is not satisfied, plus e / (1 + e), where e is the number
+    that this constraint returns. For False, e is infinite. See `Box.allowed`.
+    """
+    missed = np.zeros(len(values))
+    for after, constraint in zip(range(len(constraints) - 1, -1, -1), constraints, strict=True):
+        for i in np.flatnonzero(missed == 0):
             p = SimpleNamespace(**dict(zip(names, values[i].tolist(), strict=True)))
             try:
                 result = constraint(p)
@@ -148,14 +152,14 @@ def allowed(constraints: Sequence[Constraint], names: Sequence[str], values: Arr
                     f"Box: a constraint raises {type(error).__name__} at {_point(p)}: {error}"
                 ) from error
             if isinstance(result, bool | np.bool_):
-                mask[i] = result
+                missed[i] = 0 if result else after + 1
             elif is_finite_number(result):
-                mask[i] = result <= 0
+                missed[i] = 0 if result <= 0 else after + result / (1 + result)
             else:
                 raise DeclarationError(
                     f"Box: a constraint must return True, False or a number, got {shown(result)} at {_point(p)}."
                 )
-    return mask
+    return missed
 
 
 def intervals_and_choices(given: Mapping[str, Any]) -> tuple[tuple[Choice, ...], dict[str, Any]]:
