@@ -8,8 +8,9 @@ from symmb.equations.model import Box, excess
 
 _FIRST, _BEYOND = 2**14, 1.15
 """Number of points that are spread over a box. Points up to this factor outside are moved to the faces."""
-_FEW, _POINTS, _ROUNDS = 50, 64, 60
-"""With fewer allowed points, a search looks for further ones. Numbers of its points and rounds."""
+FEW, _POINTS, _ROUNDS = 50, 64, 60
+"""With fewer allowed points, a search looks for further ones. Numbers of its points and rounds. If it finds none, the
+bounds may miss a part of the allowed points."""
 
 
 def allowed_points(box: Box, points: Array) -> Array:
@@ -22,7 +23,7 @@ def first_points(box: Box) -> Array:
     spread = np.clip(_BEYOND * Sobol().points(_FIRST, len(box), seed=0), -1.0, 1.0)
     points = np.where(box.radius > 0, spread, 0.0)
     found = allowed_points(box, points)
-    return np.unique(found if len(found) >= _FEW else np.concatenate([found, _approached(box, points)]), axis=0)
+    return np.unique(found if len(found) >= FEW else np.concatenate([found, _approached(box, points)]), axis=0)
 
 
 def _approached(box: Box, points: Array) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._names import counted
 from symmb._types import Array, Executor, Indices
-from symmb.bound.bounds.allowed import allowed_points, first_points
+from symmb.bound.bounds.allowed import FEW, allowed_points, first_points
 from symmb.bound.bounds.method import Method, parameter_samples
 from symmb.bound.bounds.reductions import failure_details, gathered, which_failed
 from symmb.bound.bounds.result import Bounds
@@ -18,9 +18,7 @@ from symmb.run.simulation import SceneSimulator
 
 _MOST_PARAMETERS = 4
 _ROUNDS, _SHRINK, _CLOUD, _MOST_CLOUDS = 26, 0.8, 48, 128
-"""Number of rounds that search near the extremes, factor of the radius in each, and points and extremes in a round."""
-_FEW = 50
-"""With fewer first points, the search may miss a part of the allowed points."""
+"""Number of rounds that search near the extremes, factor of the steps in each, and points and extremes in a round."""
 _MOST_RUNS = 32
 """Largest number of runs at extremes."""
 
@@ -64,7 +62,7 @@ def constrained(method: Method, whole: Bounds, simulator: Simulator, box: Box, e
         expansion=None,
         surrogate=None,
         range_of="",
-        run_doubts=(*whole.run_doubts, *([few] if len(points) < _FEW else [])),
+        run_doubts=(*whole.run_doubts, *([few] if len(points) < FEW else [])),
         remarks=(*whole.remarks, told),
         **details,
     )
