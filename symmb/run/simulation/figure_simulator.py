@@ -1,6 +1,7 @@
 """Runs of a scene with scalar outputs ("figures"). Between the times of a run, curves over time are polynomials."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar, cast
 
@@ -51,7 +52,12 @@ class FigureSimulator(WithWarnings):
             expression = -1 if f.expression is None else n
             n += f.expression is not None
             margin = -1 if f.margin is None else n
-            rules.append(Rule(name, f.kind, expression, margin, f.is_strict, f.window, f.per_second))
+            if f.kind == "probability":  # from the lowest margin of each run
+                expression, margin = margin, -1
+            window, level = f.window, f.level
+            rules.append(
+                Rule(name, f.kind, expression, margin, f.is_strict, window, f.per_second, level, f.over_runs)
+            )
             n += f.margin is not None
         self.outputs, self.units = scene.output_names, scene.units
         self._columns = [self.outputs.index(name) for name in scene.curve_names]
@@ -199,8 +205,27 @@ class FigureSimulator(WithWarnings):
         panels = self._refined(panels, sizes, P, traces.stops)
         curves = Curves(panels, panels.is_exact(sizes), sizes, 4 * _BESIDE * self._span)
         for rule in self.rules:
-            Y[:, :, self.outputs.index(rule.name)] = curves.figure(rule)[:, None]
+            Y[:, :, self.outputs.index(rule.name)] = rule.over(curves.figure(rule)[:, None])[:, None]
         return traces, Y
+
+    def over_runs(self, P: Array) -> tuple[Array, str]:
+        """Scalar outputs (n_y,) of the runs of all samples P (N, d) together, and the fault of a failed run.
+
+        The output times are the ends of panels, which are not divided.
+        """
+        ends = [end for rule in self.rules for end in rule.window]
+        grid = _distinct(np.concatenate([self.curves.times, ends]), 1e-9 * self._span, ends)
+        with LOCK:
+            traces = self._traces(_distinct(np.concatenate(_nodes(grid[:-1], grid[1:])), _SAME * self._span), P)
+        if traces.texts:
+            return np.full(len(self.rules), np.nan), next(iter(traces.texts.values()))
+        count = len(grid) - 1
+        panels = _panels(traces, np.repeat(np.arange(len(P)), count), np.tile(grid[:-1], len(P)), np.tile(grid[1:], len(P)))
+        exact, sizes = np.ones(panels.nodes.shape[::3], dtype=bool), self._sizes(traces)
+        curves = Curves(panels, exact, sizes, 0.0)
+        joined = Curves(replace(panels, sample=np.zeros_like(panels.sample)), exact, sizes[:1], 0.0)
+        own = ((joined if rule.kind == "percentile" else curves).figure(rule) for rule in self.rules)
+        return np.array([rule.over(values[None])[0] for rule, values in zip(self.rules, own, strict=True)]), ""
 
     @cached_property
     def _count(self) -> int:
@@ -342,9 +367,9 @@ class FigureSimulator(WithWarnings):
         divided, slack = np.zeros(off.shape[1], dtype=bool), 4 * panels.misfit
         for number, rule in enumerate(self.rules):
             e, g, inside = rule.expression, rule.margin, rule.inside(panels)
-            if rule.kind == "mean":
-                divided |= inside & off[e]
-            elif rule.kind in ("maximum", "minimum"):
+            if rule.kind in ("mean", "rms", "percentile", "psd"):
+                divided |= inside & (off[e] | (off[g] if g >= 0 else False))
+            elif rule.kind in ("maximum", "minimum", "probability"):
                 values = (rule.sign * panels.nodes[e, 0, ::2]).max(axis=0)
                 np.maximum.at(best[number], panels.sample[inside], values[inside])
                 some = np.flatnonzero(inside & off[e])

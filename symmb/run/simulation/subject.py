@@ -14,6 +14,7 @@ from symmb.equations.model import Box, Scene
 from symmb.run.integrate import Solver, solver_of
 from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_simulator import FigureSimulator, SceneSimulator
+from symmb.run.simulation.random_simulator import RandomSimulator, random_inputs
 
 _SCENE = "Scene(system, times=...) makes a Scene from a System."
 
@@ -60,13 +61,20 @@ def simulator_for(
     """
     solver = solver_of(solver)
     if isinstance(subject, Scene):
-        return study_simulator(with_options(subject, times, outputs), solver)
+        return _of_study(with_options(subject, times, outputs), solver)
     if not hasattr(subject, "outputs"):
         raise DeclarationError(f"{owner}: expected a Scene or a simulator, got {shown(subject)}.")
     require_own(subject, solver, times, outputs)
     if isinstance(subject, DAESimulator) and subject.scene is not None and subject.scene.figures:
-        return study_simulator(subject.scene, subject.solver)
+        return _of_study(subject.scene, subject.solver)
     return subject
+
+
+def _of_study(scene: Scene, solver: Solver | None) -> Simulator:
+    """The simulator of a study of a scene. If the scene has random inputs, it averages over their realizations."""
+    if not (inputs := random_inputs(scene)):
+        return study_simulator(scene, solver)
+    return scene.remembered((RandomSimulator, solver), lambda: RandomSimulator(scene, inputs, solver))
 
 
 def chosen_parameters(owner: str, names: Sequence[str] | None, nominal: Mapping[str, float]) -> list[str]:
