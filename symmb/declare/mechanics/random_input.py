@@ -113,7 +113,11 @@ class RandomInput(Input):
         most = _BALANCED // _LEVELS // 2
         turns = 2 * draw.permutation(most)[np.arange(len(width)) % most] + 1 + 2 * most * draw.integers(0, 8, len(width))
         first, further = draw.random((2, len(width)))
-        steps, begins = 2 * draw.integers(0, _LEVELS // 2, len(width)) + 1, draw.integers(0, _LEVELS, len(width))
+        # Amplitudes of the second wave of a pair belong to reversed levels, so that amplitudes and frequencies have no
+        # common trend.
+        pairs = 2 * draw.integers(0, _LEVELS // 2, len(width) // 2) + 1, draw.integers(0, _LEVELS, len(width) // 2)
+        steps = np.stack([pairs[0], -pairs[0]], axis=1).ravel()
+        begins = np.stack([pairs[1], pairs[1] + (_LEVELS - 1) * pairs[0]], axis=1).ravel() + _LEVELS**2
         level, cosines, sines = ca.fmod(seed, _LEVELS), [], []
         # Each level has its own frequencies. Together, the frequencies of all levels are close.
         scale = 2 ** ((level + (1 - _LEVELS) / 2) / (_LEVELS * _WAVES))

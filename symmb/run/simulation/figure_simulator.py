@@ -13,7 +13,7 @@ from symmb._names import ByName
 from symmb._options import require_instance
 from symmb._types import Array, Executor, Indices, Mask
 from symmb._units import units_of_parameters, values_text
-from symmb.connect import Ensemble, Progress, Reduction, Samples, checked_samples, digest, stream
+from symmb.connect import Ensemble, Progress, Reduction, Samples, blocks, checked_samples, digest, stream
 from symmb.declare.symbolic import common
 from symmb.equations.model import Scene
 from symmb.run.formulations import LOCK, CompiledEnsemble, Program
@@ -215,17 +215,25 @@ class FigureSimulator(WithWarnings):
         """
         ends = [end for rule in self.rules for end in rule.window]
         grid = _distinct(np.concatenate([self.curves.times, ends]), 1e-9 * self._span, ends)
-        with LOCK:
-            traces = self._traces(_distinct(np.concatenate(_nodes(grid[:-1], grid[1:])), _SAME * self._span), P)
-        if traces.texts:
-            return np.full(len(self.rules), np.nan), next(iter(traces.texts.values()))
-        count = len(grid) - 1
-        panels = _panels(traces, np.repeat(np.arange(len(P)), count), np.tile(grid[:-1], len(P)), np.tile(grid[1:], len(P)))
-        exact, sizes = np.ones(panels.nodes.shape[::3], dtype=bool), self._sizes(traces)
-        curves = Curves(panels, exact, sizes, 0.0)
-        joined = Curves(replace(panels, sample=np.zeros_like(panels.sample)), exact, sizes[:1], 0.0)
-        own = ((joined if rule.kind == "percentile" else curves).figure(rule) for rule in self.rules)
-        return np.array([rule.over(values[None])[0] for rule, values in zip(self.rules, own, strict=True)]), ""
+        times = _distinct(np.concatenate(_nodes(grid[:-1], grid[1:])), _SAME * self._span)
+        own, pooled = [rule for rule in self.rules if rule.kind != "percentile"], list[Panels]()
+        values = np.empty((len(own), len(P)))
+        for some in blocks(len(P), 64):  # the panels of 64 runs fit into a cache
+            with LOCK:
+                traces = self._traces(times, P[some])
+            if traces.texts:
+                return np.full(len(self.rules), np.nan), next(iter(traces.texts.values()))
+            sample, n = np.repeat(np.arange(len(some)), len(grid) - 1), len(some)
+            panels = _panels(traces, sample, np.tile(grid[:-1], n), np.tile(grid[1:], n))
+            curves = _unrefined(panels, self._sizes(traces))
+            values[:, some] = [curves.figure(rule) for rule in own]
+            pooled += [panels] * (len(own) < len(self.rules))
+        together = dict(zip(own, values, strict=True))
+        if pooled:  # the times of all runs
+            panels = Panels.joined([replace(panels, sample=0 * panels.sample) for panels in pooled])
+            curves = _unrefined(panels, np.zeros((1, len(panels.nodes))))
+            together |= {rule: curves.figure(rule) for rule in self.rules if rule not in own}
+        return np.array([rule.over(together[rule][None])[0] for rule in self.rules]), ""
 
     @cached_property
     def _count(self) -> int:
@@ -394,6 +402,11 @@ def motion_of(simulator: object) -> DAESimulator | None:
     """The simulator of the motion of a scene; None for other simulators."""
     simulator = simulator.curves if isinstance(simulator, FigureSimulator) else simulator
     return simulator if isinstance(simulator, DAESimulator) else None
+
+
+def _unrefined(panels: Panels, sizes: Array) -> Curves:
+    """Curves that are polynomials in all panels. `sizes` (N, n_c) are sizes of the curves."""
+    return Curves(panels, np.ones(panels.nodes.shape[::3], dtype=bool), sizes, 0.0)
 
 
 class _Traces(NamedTuple):
