@@ -1,6 +1,7 @@
 """Scalar outputs ("figures") from polynomial curves of many samples."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import comb
 from typing import NamedTuple, cast
 
@@ -67,10 +68,16 @@ class Curves:
 
     def figure(self, rule: Rule) -> Array:
         """The scalar output (N,) of each sample, nan if its condition never holds, or if the sample has no panels."""
-        own = rule.inside(self.panels)
-        if own.all():
-            return self._figure(rule)
-        return Curves(self.panels.of(own), self.exact[:, own], self.sizes, self.shortest)._figure(rule)
+        if rule.window not in self._inside:
+            own = rule.inside(self.panels)
+            inside = Curves(self.panels.of(own), self.exact[:, own], self.sizes, self.shortest)
+            self._inside[rule.window] = self if own.all() else inside
+        return self._inside[rule.window]._figure(rule)
+
+    @cached_property
+    def _inside(self) -> "dict[tuple[float, float], Curves]":
+        """The curves in each time window so far."""
+        return {}
 
     def _figure(self, rule: Rule) -> Array:
         panels, e = self.panels, rule.expression
