@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import scipy
-from faults import refused, warned
+from faults import refused
 
 import symmb as mb
 from symmb.run.simulation import simulator_for
@@ -29,7 +29,7 @@ def half_car(box=None, outputs=None, *, step=1 / 60, end=4.0, **options):
             mb.Force(f"{name}_tyre", wheel.point(0, 0), (0, tyre - strut)),
         ]
     given = {"travel": mb.rms(travels[0], WINDOW), "hit": mb.probability(travels[0] >= GAP, WINDOW)}
-    given["peak"] = mb.percentile(mb.maximum(travels[0], WINDOW), 0.9)
+    given |= {"peak": mb.percentile(mb.maximum(travels[0], WINDOW), 0.9)} if box is None else {}
     times = np.linspace(0.0, end, round(end / step) + 1)
     return mb.Scene(mb.System(*elements, parameters=p), times=times, outputs=outputs or given, box=box)
 
@@ -47,7 +47,9 @@ def heights(road, seeds, x):
 
 @pytest.mark.parametrize("letter", "AH")
 def test_profiles_have_the_density_of_iso_8608(letter):
-    n, density = scipy.signal.welch(heights(mb.RoadProfile("road", letter), range(32), np.arange(0, 800, 0.15)), 1 / 0.15, nperseg=2048)
+    n, density = scipy.signal.welch(
+        heights(mb.RoadProfile("road", letter), range(32), np.arange(0, 800, 0.15)), 1 / 0.15, nperseg=2048
+    )
     at = 16e-6 * 4.0 ** "ABCDEFGH".index(letter) * (n[1:] / 0.1) ** -2.0
     for middle in (0.05, 0.1, 0.5, 1.0):
         octave = (n[1:] > middle / 2**0.5) & (n[1:] < middle * 2**0.5)
@@ -57,7 +59,7 @@ def test_profiles_have_the_density_of_iso_8608(letter):
 def test_heights_are_gaussian():
     values = heights(mb.RandomInput("gust", lambda f: 1 / (1 + f**2), (0.1, 20.0)), range(1024), np.array([3.7]))[:, 0]
     variance = np.arctan(20.0) - np.arctan(0.1)
-    assert np.mean(values**2) == pytest.approx(variance, rel=0.05)
+    assert np.mean(values**2) == pytest.approx(variance, rel=1e-3)  # a balanced set has no sampling error
     # Bounds of Kolmogorov's statistic for 1024 values with 1 % probability of error
     assert scipy.stats.kstest(values / variance**0.5, "norm").statistic < 1.63 / 32
 
@@ -73,7 +75,7 @@ def test_root_mean_squares_of_a_quarter_car_satisfy_lyapunovs_equation():
     )
     outputs = {"travel": mb.rms(wheel.y - body.y, (5.0, None)), "acceleration": mb.rms(force / sprung, (5.0, None))}
     scene = mb.Scene(mb.System(body, wheel, road, *forces), times=np.linspace(0, 8, 2601), outputs=outputs)
-    # States: travel, speed of the body, deflection of the tyre, speed of the wheel. The rate of the road is white noise.
+    # States: travel, speed of the body, deflection of the tyre, speed of the wheel. The road's rate is white noise.
     row = np.array([k, -c, 0, c]) / sprung
     A = np.array([[0, -1, 0, 1], row, [0, 0, 0, -1], [-k / unsprung, c / unsprung, tyre / unsprung, -c / unsprung]])
     noise = np.diag([0, 0, 256e-6 * 0.1**2 * (2 * np.pi) ** 2 * SPEED / 2, 0])
@@ -82,7 +84,7 @@ def test_root_mean_squares_of_a_quarter_car_satisfy_lyapunovs_equation():
 
 
 def test_a_half_car_hits_its_stops_as_often_as_with_fine_spectra():
-    rng, step, period, n = np.random.default_rng(5), 2e-3, 40.0, 1500
+    rng, step, period, n = np.random.default_rng(5), 2e-3, 40.0, 3000
     f = np.arange(round(period / step) // 2 + 1) / period
     inside = (f >= 0.011 * SPEED) & (f <= 2.83 * SPEED)
     sizes = np.sqrt(256e-6 * 0.01 * SPEED / np.where(inside, f, np.inf) ** 2 / period) / 2 * round(period / step)
@@ -111,14 +113,14 @@ def test_a_half_car_hits_its_stops_as_often_as_with_fine_spectra():
     rms, hit, peak = averages(half_car())
     assert rms == pytest.approx(np.mean(squares) ** 0.5, rel=0.015)
     assert hit == pytest.approx(np.mean(peaks >= GAP), abs=4 * (hit / n + hit / 1024) ** 0.5)
-    assert peak == pytest.approx(np.quantile(peaks, 0.9), rel=0.02)
+    assert peak == pytest.approx(np.quantile(peaks, 0.9), rel=0.03)
 
 
 def test_bounds_contain_the_averages_of_the_box():
     box = mb.Box(suspension=(20e3, 24e3), damper=(1400, 1800))
-    scene = half_car(box, realizations=64)
+    scene = half_car(box)
     bounds, simulator = mb.propagate(scene), simulator_for("", scene, None)
-    U = np.vstack([[[-1, -1], [-1, 1], [1, -1], [1, 1]], np.random.default_rng(2).uniform(-1, 1, (12, 2))])
+    U = np.array([(x, y) for x in np.linspace(-1, 1, 5) for y in np.linspace(-1, 1, 5)])
     P = np.tile([*simulator.parameters.values()], (len(U), 1))
     P[:, [1, 3]] = box.from_unit(U)
     Y = simulator.run(P).Y
@@ -128,7 +130,11 @@ def test_bounds_contain_the_averages_of_the_box():
 
 
 def test_single_runs_have_the_seed_as_an_input():
-    outputs = {"travel": mb.rms(0.1 * ca.sin(mb.t)), "p": mb.percentile(mb.t, 0.25), "tone": mb.psd(ca.sin(20 * np.pi * mb.t), 10.0)}
+    outputs = {
+        "travel": mb.rms(0.1 * ca.sin(mb.t)),
+        "p": mb.percentile(mb.t, 0.25),
+        "tone": mb.psd(ca.sin(20 * np.pi * mb.t), 10.0),
+    }
     run = mb.simulate(half_car(outputs=outputs))
     square = 0.01 * (0.5 - np.sin(8.0) / 16)
     assert [run["travel"], run["p"], run["tone"]] == pytest.approx([square**0.5, 1.0, 4 / 3], rel=1e-6)
@@ -142,12 +148,17 @@ def test_densities_of_outputs_are_those_of_the_input():
     gust = mb.RandomInput("gust", lambda f: 1 / (1 + f**2), (0.2, 12.0))
     cart = mb.Body("cart", 1.0, pose=mb.Particle())
     push = mb.Force("push", cart.point(0, 0), (gust(mb.t) - cart.vx, 0))
-    outputs = {"psd": mb.psd(cart.vx, 2.0, (4.0, None)), "p95": mb.percentile(cart.vx, 0.95, (4.0, None))}
+    near = (1.5, 1.7, 1.9, 2.1, 2.3, 2.5)
+    outputs = {f"psd {f}": mb.psd(cart.vx, f, (4.0, None)) for f in near}
+    outputs["p95"] = mb.percentile(cart.vx, 0.95, (4.0, None))
     scene = mb.Scene(mb.System(cart, gust, push), times=np.linspace(0, 12, 241), outputs=outputs)
-    psd, p95 = averages(scene)
-    assert psd == pytest.approx(1 / 5 / (1 + (4 * np.pi) ** 2), rel=0.1)
-    f = np.geomspace(0.2, 12.0, 10_000)
-    variance = np.trapezoid(1 / (1 + f**2) / (1 + (2 * np.pi * f) ** 2), f)
+    *psd, p95 = averages(scene)
+
+    def density(f):
+        return 1 / (1 + f**2) / (1 + (2 * np.pi * f) ** 2)
+
+    assert np.sum(psd) == pytest.approx(density(np.array(near)).sum(), rel=0.05)
+    variance = scipy.integrate.quad(density, 0.2, 12.0)[0]
     assert p95 == pytest.approx(scipy.stats.norm.ppf(0.95) * variance**0.5, rel=0.02)
 
 

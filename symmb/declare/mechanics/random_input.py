@@ -16,9 +16,9 @@ from symmb.declare.symbolic import Kind, given, is_time, records_in
 
 _WAVES = 16
 """Number of waves per octave. The resonance of a car body has ten of them, so that its motion is almost Gaussian."""
-_LEVELS, _BALANCED = 8, 1024
+_LEVELS, _BALANCED = 4, 1024
 """Number of amplitudes of a wave, and number of successive seeds of a balanced set. In such a set, products of two
-waves that are less than four octaves apart cancel."""
+waves that are less than eight octaves apart cancel."""
 _MOST_OCTAVES = 20
 _CLASSES = "ABCDEFGH"
 
@@ -109,9 +109,10 @@ class RandomInput(Input):
         begin = (_WAVES + number) * width
         inside = np.maximum(begin + width - np.maximum(begin, low), 0) / width  # of the first waves
         draw = np.random.default_rng(crc32(self.name.encode()))
-        # Different odd numbers of turns in all waves of four octaves, so that products of two of these waves cancel.
+        # Over the seeds with the same level, phases make different numbers of turns, also with the other sign.
         most = _BALANCED // _LEVELS // 2
-        turns = 2 * draw.permutation(most)[np.arange(len(width)) % most] + 1 + 2 * most * draw.integers(0, 8, len(width))
+        turns = draw.permutation(np.arange(1, most))[np.arange(len(width)) % (most - 1)]
+        turns = turns + 2 * most * draw.integers(0, _LEVELS, len(width))
         first, further = draw.random((2, len(width)))
         # Amplitudes of the second wave of a pair belong to reversed levels, so that amplitudes and frequencies have no
         # common trend.
@@ -214,7 +215,11 @@ class RoadProfile(RandomInput):
         waviness: float = 2.0,
         realizations: int = _BALANCED,
     ) -> None:
-        density = given(16e-6 * 4.0 ** _CLASSES.index(roughness) if isinstance(roughness, str) and roughness in [*_CLASSES] else roughness)
+        density = given(
+            16e-6 * 4.0 ** _CLASSES.index(roughness)
+            if isinstance(roughness, str) and roughness in [*_CLASSES]
+            else roughness
+        )
         if density is None or density.numel() != 1:
             raise DeclarationError(
                 f"RoadProfile: roughness must be a class from 'A' to 'H' or a density in m^3, got {shown(roughness)}."

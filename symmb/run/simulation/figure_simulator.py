@@ -55,9 +55,7 @@ class FigureSimulator(WithWarnings):
             if f.kind == "probability":  # from the lowest margin of each run
                 expression, margin = margin, -1
             window, level = f.window, f.level
-            rules.append(
-                Rule(name, f.kind, expression, margin, f.is_strict, window, f.per_second, level, f.over_runs)
-            )
+            rules.append(Rule(name, f.kind, expression, margin, f.is_strict, window, f.per_second, level, f.over_runs))
             n += f.margin is not None
         self.outputs, self.units = scene.output_names, scene.units
         self._columns = [self.outputs.index(name) for name in scene.curve_names]

@@ -112,7 +112,7 @@ def _coarse(scene: Scene, inputs: Sequence[RandomInput]) -> list[str]:
     ends = [] if box is None else [dict(zip(box.names, end, strict=True)) for end in (box.lower, box.upper)]
     P = np.array([[*(nominal | end).values()] for end in ({}, *ends)])
     step, begin = float(np.diff(scene.times).max()), float(scene.times[0])
-    for e, way in ((e, way) for e in inputs for way in e.ways):
+    for e, way in [(own, way) for own in inputs for way in own.ways]:
         rate = ca.Function("rate", [scene.system.p, t], [scene.expression(ddt(way))], {"allow_free": True})
         if rate.has_free():  # the way of a body is not known before the run
             continue
