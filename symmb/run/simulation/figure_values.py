@@ -34,7 +34,7 @@ class Rule(NamedTuple):
     def over(self, values: Array) -> Array:
         """The scalar output (m,) of m groups of n runs, from the values (m, n) of the runs."""
         if self.over_runs:
-            return np.quantile(values, self.level, axis=1)
+            return np.quantile(values, cast(float, self.level), axis=1)
         if self.kind == "probability":
             # Kernel estimate of a distribution. The width of the kernel is a tenth of the standard deviation for 1000
             # runs, so that it increases the variance by 1 %.

@@ -64,7 +64,7 @@ class RandomSimulator(WithWarnings):
         self.name, self.box, self.outputs, self.units = scene.name, scene.box, self.runs.outputs, self.runs.units
         self.parameters, self.times, self.solver = ByName(scene.system.parameters), np.zeros(1), curves.solver
         count = max(e.realizations for e in inputs)
-        self.seeds = np.stack([np.arange(count) % e.realizations for e in inputs], axis=1)
+        self.seeds = np.stack([np.arange(count) % e.realizations for e in inputs], axis=1).astype(float)
         self.doubts = (*self.runs.doubts, *_coarse(scene, inputs))
 
     def __repr__(self) -> str:
@@ -87,7 +87,7 @@ class RandomSimulator(WithWarnings):
                 texts[i] = f"{where}: {fault or text}"
             else:
                 Y[i, 0] = values
-        ok = np.isfinite(Y[:, 0]).all(axis=1)
+        ok = np.asarray(np.isfinite(Y[:, 0]).all(axis=1))
         return Ensemble(Y, ok, np.where(ok, np.nan, float(self.runs.curves.times[-1])), tuple(texts.values()))
 
     def stream(
