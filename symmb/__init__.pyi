@@ -10,6 +10,7 @@ from .equations.model.system import System as System
 from .equations.model.scene import Scene as Scene
 from .declare.mechanics.state import State as State, States as States
 from .declare.mechanics.state import Input as Input
+from .declare.mechanics.random_input import RandomInput as RandomInput, RoadProfile as RoadProfile
 from .declare.symbolic.symbols import t as t, ddt as ddt, initial as initial
 from .declare.mechanics.robots.urdf_file import load_urdf as load_urdf
 from .declare.mechanics.robots.mjcf_file import load_mjcf as load_mjcf
@@ -76,6 +77,7 @@ from .declare.mechanics.impact import Impact as Impact
 # Scalar outputs
 from .declare.mechanics.figure import maximum as maximum, minimum as minimum, final as final, mean as mean
 from .declare.mechanics.figure import first_time as first_time, value_at as value_at
+from .declare.mechanics.figure import rms as rms, percentile as percentile, probability as probability, psd as psd
 
 # Runs
 from .run.simulation.single_run import simulate as simulate

@@ -23,6 +23,7 @@ from symmb.connect.simulator import (
     SecondLook,
     Simulator,
     attained_by_runs,
+    blocks,
     checked_samples,
     noise_from_runs,
     note_attained,

@@ -1,6 +1,6 @@
 """Scalar outputs: one number per run, such as a peak, a mean or the range at landing."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import casadi as ca
@@ -18,7 +18,7 @@ Window = tuple[float | None, float | None] | None
 @dataclass(frozen=True, eq=False)
 class Figure:
     """A scalar output of a Scene: one number per run. Declare scalar outputs by `maximum`, `minimum`, `final`, `mean`,
-    `first_time` and `value_at`.
+    `rms`, `percentile`, `psd`, `first_time`, `value_at` and `probability`.
 
     Attributes
     ----------
@@ -26,15 +26,21 @@ class Figure:
     expression : SX       expression over time; None for `first_time`
     condition : SX        comparison; None without a comparison
     window : (2,)         first and last time [s]; None for the start and the end of the run
+    level : float         fraction of a `percentile`, or frequency of a `psd` [Hz]
+    over_runs : bool      whether the level is a fraction of the runs of a random input, not of the time
     """
 
-    kind: Literal["maximum", "minimum", "final", "mean", "first_time", "value_at"]
+    kind: Literal[
+        "maximum", "minimum", "final", "mean", "rms", "percentile", "psd", "first_time", "value_at", "probability"
+    ]
     expression: Expr | None = None
     condition: Expr | None = None
     window: Window = None
+    level: float | None = None
+    over_runs: bool = False
 
     def __post_init__(self) -> None:
-        fault = self._fault_of_expressions() or self._fault_of_window()
+        fault = self._fault_of_expressions() or self._fault_of_window() or self._fault_of_level()
         if fault:
             raise DeclarationError(f"{self.kind}: {fault}")
 
@@ -42,9 +48,9 @@ class Figure:
         parts = self.expression, self.condition
         if any(isinstance(part, Figure) for part in parts):
             return "expected an expression over time, got a scalar output. Use the expression itself."
-        if self.kind in ("first_time", "value_at") and self.condition is None:
+        if self.kind in ("first_time", "value_at", "probability") and self.condition is None:
             return f"the condition is missing. {EXAMPLE}"
-        if self.kind != "first_time" and self.expression is None:
+        if self.kind not in ("first_time", "probability") and self.expression is None:
             return "the expression is missing. Pass an expression, such as ball.y."
         for part in parts:
             if part is not None and not _is_expression(part):
@@ -65,6 +71,13 @@ class Figure:
         begin, end = ends
         crosses = begin is not None and end is not None and not begin < end
         return f"the window {shown(window)} must end after its start. Use increasing times." if crosses else ""
+
+    def _fault_of_level(self) -> str:
+        if self.kind == "psd" and not (is_finite_number(self.level) and self.level > 0):
+            return f"the frequency must be a positive number [Hz], got {shown(self.level)}."
+        if (self.kind == "percentile" or self.over_runs) and not (is_finite_number(self.level) and 0 < self.level < 1):
+            return f"the fraction must be between 0 and 1, such as 0.95, got {shown(self.level)}."
+        return ""
 
     def _refuse(self, *_: object) -> Any:
         raise DeclarationError(
@@ -154,6 +167,83 @@ def mean(expression: Expr, window: Window = None) -> Figure:
     return Figure("mean", expression, window=window)
 
 
+def rms(expression: Expr, window: Window = None) -> Figure:
+    """The root mean square of an expression over time. With random inputs, it is the root of the mean over all runs.
+
+    A vehicle at rest needs some seconds until its motion on a rough road is stationary. A window excludes these
+    seconds.
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> empty = mb.Scene(mb.System(), times=[0.0, 3.0], outputs={"rms": mb.rms(mb.t)})
+    >>> round(mb.simulate(empty)["rms"] ** 2, 9)
+    3.0
+    """
+    return Figure("rms", expression, window=window)
+
+
+def percentile(output: Expr | Figure, fraction: float, window: Window = None) -> Figure:
+    """The value that an expression does not exceed during a fraction of the time.
+
+    With random inputs, it is a fraction of the time of all runs. The percentile of a scalar output, such as a
+    `maximum`, is the value that the output does not exceed in a fraction of the runs. In a single run, it is the output
+    itself.
+
+    Parameters
+    ----------
+    output : SX or Figure
+        expression of coordinates, velocities, multipliers, parameters and `t`; or a scalar output, which has its own
+        window
+    fraction : float
+        between 0 and 1, such as 0.95
+    window : (2,)
+        first and last time [s] of the window; None for the start and the end of the run
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> empty = mb.Scene(mb.System(), times=[0.0, 3.0], outputs={"p95": mb.percentile(mb.t**2, 0.95)})
+    >>> round(mb.simulate(empty)["p95"], 2)  # (0.95 * 3)**2
+    8.12
+    """
+    if isinstance(output, Figure):
+        if window is not None or output.kind in ("percentile", "psd", "probability") or output.over_runs:
+            raise DeclarationError(f"percentile: {output.kind} has no percentile with these arguments.")
+        return replace(output, level=fraction, over_runs=True)
+    return Figure("percentile", output, window=window, level=fraction)
+
+
+def psd(expression: Expr, frequency: float, window: Window = None) -> Figure:
+    """The one-sided power spectral density of an expression at a frequency, with Hann's window over time.
+
+    With random inputs, it is the mean over all runs. The resolution is 1.5 divided by the length of the window.
+
+    Parameters
+    ----------
+    expression : SX
+        expression of coordinates, velocities, multipliers, parameters and `t`
+    frequency : float
+        frequency [Hz]
+    window : (2,)
+        first and last time [s] of the window; None for the start and the end of the run
+
+    Returns
+    -------
+    Figure
+        density [square of the unit of the expression, divided by Hz]
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> import symmb as mb
+    >>> tone = mb.psd(ca.cos(8 * ca.pi * mb.t), 4.0)
+    >>> round(mb.simulate(mb.Scene(mb.System(), times=[0.0, 3.0], outputs={"tone": tone}))["tone"], 6)
+    1.0
+    """
+    return Figure("psd", expression, window=window, level=frequency)
+
+
 def first_time(condition: Expr, window: Window = None) -> Figure:
     """The first time [s] at which a condition holds.
 
@@ -197,3 +287,27 @@ def value_at(expression: Expr, condition: Expr, window: Window = None) -> Figure
     0.903047
     """
     return Figure("value_at", expression, condition, window)
+
+
+def probability(condition: Expr, window: Window = None) -> Figure:
+    """The fraction of the runs of a random input in which a condition holds at least once. A single run gives 0 or 1.
+
+    The fraction is smoothed by a Gaussian kernel over the extreme margins of the runs, so that it has no steps.
+
+    Parameters
+    ----------
+    condition : SX
+        comparison of expressions, as in `first_time`
+    window : (2,)
+        first and last time [s] of the window; None for the start and the end of the run
+
+    Examples
+    --------
+    >>> import symmb as mb
+    >>> ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    >>> outputs = {"hit": mb.probability(ball.y <= 0)}
+    >>> fall = mb.Scene(mb.System(ball, mb.Gravity(0, -9.81)), {"ball.y": 1.0}, [0.0, 1.0], outputs)
+    >>> mb.simulate(fall)["hit"]
+    1.0
+    """
+    return Figure("probability", condition=condition, window=window)

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import cast
 
 import casadi as ca
 
 from symmb._errors import DeclarationError, faults_of
 from symmb._types import Array, Expr
 from symmb.declare.mechanics import Figure
-from symmb.declare.symbolic import margin_of
+from symmb.declare.symbolic import margin_of, t
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +22,8 @@ class BoundFigure:
     is_strict: bool  # whether the condition excludes equality
     window: tuple[float, float]  # first and last time of the window [s]
     per_second: float = 1.0  # number of units of time per second
+    level: float | None = None  # fraction of a percentile
+    over_runs: bool = False  # whether the level is a fraction of runs
 
     @property
     def parts(self) -> tuple[ca.SX, ...]:
@@ -51,4 +54,11 @@ def bound_figure(figure: Figure, what: str, bind: Callable[[Expr, str], ca.SX], 
             f"{what}: the window from {window[0]:g} to {window[1]:g} s is not inside the run from {begin:g} "
             f"to {end:g} s."
         )
-    return BoundFigure(figure.kind, expression, margin, is_strict, window)
+    if figure.kind == "psd" and expression is not None:  # the real and the imaginary part of a Fourier transform
+        phase = (t - window[0]) / (window[1] - window[0])
+        weight = expression * (1 - ca.cos(2 * ca.pi * phase)) * ca.sqrt(4 * (window[1] - window[0]) / 3)
+        turn = 2 * ca.pi * cast(float, figure.level) * t
+        expression, margin = weight * ca.cos(turn), weight * ca.sin(turn)
+    return BoundFigure(
+        figure.kind, expression, margin, is_strict, window, level=figure.level, over_runs=figure.over_runs
+    )

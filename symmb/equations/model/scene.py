@@ -267,6 +267,8 @@ class Scene:
             if isinstance(output, Figure):
                 with faults.noted():
                     own = bound_figure(output, f"output {name!r}", self.expression, np.asarray(self.times))
+                    if unit and own.kind in ("psd", "probability"):
+                        faults.append(f"output {name!r}: {own.kind} accepts no unit. Scale the expression instead.")
                     ratio, y = unit_of(f"output {name!r}", unit), own.expression
                     per_second = scaled(1.0, ratio, inverse=True) if y is None and unit else 1.0
                     y = y if y is None else scaled(y, ratio, inverse=True)
@@ -301,8 +303,9 @@ class Scene:
         whole = ca.vertcat(*(self._bound(given[name][0], name) for name in self.curve_names), ca.SX(0, 1))
         known = dict(zip(self.curve_names, units_of(self.system, whole), strict=True))
         for name in self.figures:
-            own = self.asked[name][0].expression
+            own, kind = self.asked[name][0].expression, self.asked[name][0].kind
             known[name] = "s" if own is None else units_of(self.system, self.expression(own, name))[0]
+            known[name] = "" if kind in ("psd", "probability") else known[name]
         return known
 
     def _bound(self, expression: Expr, what: str) -> ca.SX:

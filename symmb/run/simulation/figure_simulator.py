@@ -1,6 +1,7 @@
 """Runs of a scene with scalar outputs ("figures"). Between the times of a run, curves over time are polynomials."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar, cast
 
@@ -12,7 +13,7 @@ from symmb._names import ByName
 from symmb._options import require_instance
 from symmb._types import Array, Executor, Indices, Mask
 from symmb._units import units_of_parameters, values_text
-from symmb.connect import Ensemble, Progress, Reduction, Samples, checked_samples, digest, stream
+from symmb.connect import Ensemble, Progress, Reduction, Samples, blocks, checked_samples, digest, stream
 from symmb.declare.symbolic import common
 from symmb.equations.model import Scene
 from symmb.run.formulations import LOCK, CompiledEnsemble, Program
@@ -51,7 +52,10 @@ class FigureSimulator(WithWarnings):
             expression = -1 if f.expression is None else n
             n += f.expression is not None
             margin = -1 if f.margin is None else n
-            rules.append(Rule(name, f.kind, expression, margin, f.is_strict, f.window, f.per_second))
+            if f.kind == "probability":  # from the lowest margin of each run
+                expression, margin = margin, -1
+            window, level = f.window, f.level
+            rules.append(Rule(name, f.kind, expression, margin, f.is_strict, window, f.per_second, level, f.over_runs))
             n += f.margin is not None
         self.outputs, self.units = scene.output_names, scene.units
         self._columns = [self.outputs.index(name) for name in scene.curve_names]
@@ -199,8 +203,35 @@ class FigureSimulator(WithWarnings):
         panels = self._refined(panels, sizes, P, traces.stops)
         curves = Curves(panels, panels.is_exact(sizes), sizes, 4 * _BESIDE * self._span)
         for rule in self.rules:
-            Y[:, :, self.outputs.index(rule.name)] = curves.figure(rule)[:, None]
+            Y[:, :, self.outputs.index(rule.name)] = rule.over(curves.figure(rule)[:, None])[:, None]
         return traces, Y
+
+    def over_runs(self, P: Array) -> tuple[Array, str]:
+        """Scalar outputs (n_y,) of the runs of all samples P (N, d) together, and the fault of a failed run.
+
+        The output times are the ends of panels, which are not divided.
+        """
+        ends = [end for rule in self.rules for end in rule.window]
+        grid = _distinct(np.concatenate([self.curves.times, ends]), 1e-9 * self._span, ends)
+        times = _distinct(np.concatenate(_nodes(grid[:-1], grid[1:])), _SAME * self._span)
+        own, pooled = [rule for rule in self.rules if rule.kind != "percentile"], list[Panels]()
+        values = np.empty((len(own), len(P)))
+        for some in blocks(len(P), 64):  # the panels of 64 runs fit into a cache
+            with LOCK:
+                traces = self._traces(times, P[some])
+            if traces.texts:
+                return np.full(len(self.rules), np.nan), next(iter(traces.texts.values()))
+            sample, n = np.repeat(np.arange(len(some)), len(grid) - 1), len(some)
+            panels = _panels(traces, sample, np.tile(grid[:-1], n), np.tile(grid[1:], n))
+            curves = _unrefined(panels, self._sizes(traces))
+            values[:, some] = [curves.figure(rule) for rule in own]
+            pooled += [panels] * (len(own) < len(self.rules))
+        together = dict(zip(own, values, strict=True))
+        if pooled:  # the times of all runs
+            panels = Panels.joined([replace(panels, sample=0 * panels.sample) for panels in pooled])
+            curves = _unrefined(panels, np.zeros((1, len(panels.nodes))))
+            together |= {rule: curves.figure(rule) for rule in self.rules if rule not in own}
+        return np.array([rule.over(together[rule][None])[0] for rule in self.rules]), ""
 
     @cached_property
     def _count(self) -> int:
@@ -342,9 +373,9 @@ class FigureSimulator(WithWarnings):
         divided, slack = np.zeros(off.shape[1], dtype=bool), 4 * panels.misfit
         for number, rule in enumerate(self.rules):
             e, g, inside = rule.expression, rule.margin, rule.inside(panels)
-            if rule.kind == "mean":
-                divided |= inside & off[e]
-            elif rule.kind in ("maximum", "minimum"):
+            if rule.kind in ("mean", "rms", "percentile", "psd"):
+                divided |= inside & (off[e] | (off[g] if g >= 0 else False))
+            elif rule.kind in ("maximum", "minimum", "probability"):
                 values = (rule.sign * panels.nodes[e, 0, ::2]).max(axis=0)
                 np.maximum.at(best[number], panels.sample[inside], values[inside])
                 some = np.flatnonzero(inside & off[e])
@@ -369,6 +400,11 @@ def motion_of(simulator: object) -> DAESimulator | None:
     """The simulator of the motion of a scene; None for other simulators."""
     simulator = simulator.curves if isinstance(simulator, FigureSimulator) else simulator
     return simulator if isinstance(simulator, DAESimulator) else None
+
+
+def _unrefined(panels: Panels, sizes: Array) -> Curves:
+    """Curves that are polynomials in all panels. `sizes` (N, n_c) are sizes of the curves."""
+    return Curves(panels, np.ones(panels.nodes.shape[::3], dtype=bool), sizes, 0.0)
 
 
 class _Traces(NamedTuple):

@@ -15,6 +15,7 @@ from symmb.run.codegen import Card, CudaCard
 from symmb.run.integrate import Solver, solver_of
 from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_simulator import FigureSimulator, SceneSimulator
+from symmb.run.simulation.random_simulator import RandomSimulator, random_inputs
 
 Device = str | Card | None
 """The device of runs: "cuda" for a graphics card, or None for the processor."""
@@ -65,13 +66,22 @@ def simulator_for(
     """
     solver = solver_of(solver)
     if isinstance(subject, Scene):
-        return study_simulator(with_options(subject, times, outputs), solver, device)
+        return _of_study(with_options(subject, times, outputs), solver, device)
     if not hasattr(subject, "outputs"):
         raise DeclarationError(f"{owner}: expected a Scene or a simulator, got {shown(subject)}.")
     require_own(subject, solver, times, outputs, device)
     if isinstance(subject, DAESimulator) and subject.scene is not None and subject.scene.figures:
-        return study_simulator(subject.scene, subject.solver)
+        return _of_study(subject.scene, subject.solver)
     return subject
+
+
+def _of_study(scene: Scene, solver: Solver | None, device: Device = None) -> Simulator:
+    """The simulator of a study of a scene. If the scene has random inputs, it averages over their realizations."""
+    if not (inputs := random_inputs(scene)):
+        return study_simulator(scene, solver, device)
+
+    key, card = (RandomSimulator, solver, device), None if device is None else _card(device)
+    return scene.remembered(key, lambda: RandomSimulator(scene, inputs, solver, card))
 
 
 def chosen_parameters(owner: str, names: Sequence[str] | None, nominal: Mapping[str, float]) -> list[str]:

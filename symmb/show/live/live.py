@@ -80,7 +80,10 @@ def live_from(
     pairs = limit_pairs("live", limits, own.output_names, own.units) if limits else {}
     simulator = simulator_for("live", scene, None)
     figures, motion = simulator if isinstance(simulator, FigureSimulator) else None, motion_of(simulator)
-    assert motion is not None
+    others = [name for name, f in own.figures.items() if f.kind in ("rms", "percentile", "psd", "probability")]
+    if motion is None or others:
+        which = ", ".join(map(repr, others or own.figures))
+        raise DeclarationError(f"live: a page cannot compute {which}. Remove random inputs, rms, psd and the like.")
     drawing, survey, rows = surveyed(simulate(motion))
     driven = tuple(survey.driven(drawing.shapes))
     columns = ca.vertsplit(ca.vertcat(ca.SX(0, 1), *(one.expression for one in driven)))
