@@ -19,7 +19,7 @@ from symmb.bound.bounds.result import Bounds
 from symmb.bound.nodes import Sobol, corners
 from symmb.connect import Noisy, RecordedRuns, SecondLook, Simulator
 from symmb.equations.model import Box, unused_parameters
-from symmb.run.simulation import DAESimulator, SceneSimulator, motion_of
+from symmb.run.simulation import DAESimulator, RandomSimulator, SceneSimulator, motion_of
 
 
 def doubted(simulator: Simulator, box: Box, bounds: Bounds) -> Bounds:
@@ -32,7 +32,8 @@ def doubted(simulator: Simulator, box: Box, bounds: Bounds) -> Bounds:
         own, more = _second_look(simulator, box, bounds)
         own = (*own, *_linear_theory_doubts(simulator, box, bounds.seconds))
         doubts = (*doubts, *own, *_pulse_doubts(simulator, box), *_noise_doubts(simulator, bounds))
-        remarks = [*remarks, *more, *_without_effect(simulator, box, bounds)]
+        sampling = [simulator.remark] if isinstance(simulator, RandomSimulator) else []
+        remarks = [*remarks, *more, *_without_effect(simulator, box, bounds), *filter(None, sampling)]
     elif isinstance(simulator, DAESimulator):
         # A proof makes no runs, so errors of the solver do not concern it.
         doubts = (*doubts, *simulator.start.doubts, *_nominal_doubts(simulator))

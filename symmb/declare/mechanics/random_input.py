@@ -83,6 +83,9 @@ class RandomInput(Input):
         object.__setattr__(self, "ways", [])
         object.__setattr__(self, "_waves", self._drawn())
 
+    def __getstate__(self) -> dict[str, object]:
+        return {**vars(self), "spectrum": None}  # the waves contain it, and a pickle cannot contain a lambda function
+
     def _fault(self) -> str:
         if not callable(self.spectrum):
             return f"the spectrum must be a function of the frequency, got {shown(self.spectrum)}."

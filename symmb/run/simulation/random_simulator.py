@@ -10,7 +10,7 @@ import numpy as np
 from symmb._errors import DeclarationError, WithWarnings
 from symmb._names import ByName
 from symmb._types import Array, Executor
-from symmb._units import units_of_parameters, values_text
+from symmb._units import told_names, units_of_parameters, values_text
 from symmb.connect import Ensemble, Progress, Reduction, checked_samples, digest, stream
 from symmb.declare.mechanics import RandomInput
 from symmb.declare.symbolic import ddt, t
@@ -38,7 +38,7 @@ class RandomSimulator(WithWarnings):
     """A simulator of a scene with random inputs. A sample is the average of scalar outputs over all realizations.
 
     All samples have the same seeds, so that averages depend smoothly on the parameters. Between output times, curves
-    are polynomials of degree 5. `noise` is the standard error of the averages at the nominal parameters.
+    are polynomials of degree 5.
 
     Raises
     ------
@@ -83,13 +83,28 @@ class RandomSimulator(WithWarnings):
         self.runs.prepare()
 
     @cached_property
-    def noise(self) -> Array | None:
-        """Standard errors (n_y,) of the averages, from averages over groups of seeds; None if this is not possible."""
+    def standard_errors(self) -> Array | None:
+        """Standard errors (n_y,) of the averages at the nominal parameters; None if they are not known.
+
+        All samples have the same seeds. Therefore differences between samples have smaller errors.
+        """
         order = np.random.default_rng(0).permutation(len(self.seeds))  # successive seeds are balanced
         groups = np.array_split(self.seeds[order], min(len(order), _GROUPS))
-        P = np.array([[*self.parameters.values()]])
-        values = np.array([self._averages(P[0], seeds)[0] for seeds in groups])
+        p = np.array([*self.parameters.values()])
+        values = np.array([self._averages(p, seeds)[0] for seeds in groups])
         return None if len(groups) < 2 or np.isnan(values).any() else values.std(axis=0, ddof=1) / len(groups) ** 0.5
+
+    @property
+    def remark(self) -> str:
+        """A sentence about the standard errors; empty if they are not known."""
+        if self.standard_errors is None:
+            return ""
+        pairs = zip(told_names(self.outputs, self.units), self.standard_errors, strict=True)
+        return (
+            f"Averages over {len(self.seeds)} realizations have the standard errors "
+            f"{', '.join(f'{name} {error:.2g}' for name, error in pairs)} at the nominal parameters. The bounds do not "
+            "contain these errors. More realizations decrease them."
+        )
 
     def _averages(self, p: Array, seeds: Array) -> tuple[Array, str]:
         """Averages (n_y,) over the runs of seeds (n, n_i) at parameters (d,), and the fault of a failed run."""
