@@ -36,6 +36,11 @@ def at_time(t: Sequence[float] | np.ndarray, i: int) -> str:
     return "" if is_timeless(t) else f" at {t[i]:g} s"
 
 
+def span_text(t: Sequence[float] | np.ndarray) -> str:
+    """The number of times and their range, such as "11 times from 0 to 1 s"."""
+    return f"{len(t)} times from {t[0]:g} to {t[-1]:g} s" if len(t) > 1 else "one time"
+
+
 def apart(one: float, other: float) -> tuple[str, str]:
     """Two numbers with two digits, or with as many digits as they need to differ.
 

@@ -11,6 +11,7 @@ from symmb import _html as html
 from symmb._errors import WithWarnings
 from symmb._labelled import BOUND, Labelled, Named, Result, known, over_outputs, texts, unit_text
 from symmb._presentation import presentation
+from symmb._table import span_text
 from symmb._types import Array, Figure
 from symmb.bound.bounds import box_coordinates, box_entries, box_of
 from symmb.equations.model import Box
@@ -217,11 +218,7 @@ class Comparison(plot.OverTime, Result, WithWarnings, Saved):
             for name, (lower, upper, *unit) in self.box.intervals.items()
         )
         names = repr(self.box) if self.box.is_cut else names
-        first, last = self.times[0], self.times[-1]
-        lines = [
-            f"{self.scene}: {', '.join(self.outputs)}; {len(self.times)} times, {first:g} to {last:g} s",
-            f"box: {names}",
-        ]
+        lines = [f"{self.scene}: {', '.join(self.outputs)}; {span_text(self.times)}", f"box: {names}"]
         setup = "" if self.setup_seconds is None else f"; set up in {report.seconds(self.setup_seconds)} s"
         if self.solver:
             lines.append(f"solver: {self.solver}{f' ({self.reason})' if self.reason else ''}{setup}")

@@ -15,7 +15,7 @@ from symmb._names import look_up_by_name
 from symmb._options import require_truth
 from symmb._presentation import presentation
 from symmb._progress import shown_runs
-from symmb._table import aligned, over_times
+from symmb._table import aligned, over_times, span_text
 from symmb._units import headings, told_names, with_units
 from symmb.bound.bounds import result_file
 from symmb.bound.bounds.answers import Answers
@@ -294,7 +294,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
 
     def _about(self) -> list[str]:
         failed = f"{len(self.failed)} failed:" if self.failed else "none failed"
-        times = f"{len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) > 1 else "one time"
+        times = span_text(self.t)
         return [
             f"Bounds by {self.method}, {times}",
             f"  kind         {self.kind} ({result_file.MEANING[self.kind]})",

@@ -14,7 +14,7 @@ from symmb._limits import require_memory, require_runs
 from symmb._names import ByName, counted, normal_keys
 from symmb._options import require_name, shown
 from symmb._progress import shown_runs
-from symmb._table import over_times
+from symmb._table import over_times, span_text
 from symmb._types import Array, Executor, Expr, Indices, Mask
 from symmb._units import label, number_in, numbers_in, units_of_parameters
 from symmb.connect import Progress, Reduction, Samples, Simulator
@@ -122,7 +122,7 @@ class Sweep(plot.OverTime, Result, ByOutput, WithWarnings, Saved):
         )
 
     def _head(self) -> str:
-        times = f"{len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) > 1 else "one time"
+        times = span_text(self.t)
         units = units_of_parameters(self.parameters)
         varied = ", ".join(
             f"{name} from {values.min():g} to {values.max():g} {units.get(name, '')}".rstrip()
