@@ -5,9 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Indices
 from symmb.bound.bounds.laws import Laws
 from symmb.bound.bounds.limit_state import SETS_OF_SAMPLES
+from symmb.bound.bounds.reductions import histogram
 from symmb.bound.bounds.regression import fitted
 from symmb.bound.bounds.responses import Responses
 from symmb.bound.nodes import Random, Sobol, corners
@@ -16,6 +17,8 @@ from symmb.bound.polynomials.ranges import Piecewise
 _SAMPLES_OF_POLYNOMIALS, _SAMPLES_WITH_SEARCH, SAMPLES_BEFORE_RUNS = 512, 128, 32
 """Numbers of samples of a set for three cases: from polynomials; if each sample requires a search or a run; and if runs
 near a limit may follow. Larger numbers take more time."""
+SAMPLES_ON_CARD, _BINS = 2**17, 2048
+"""Number of samples of a set if runs on a graphics card are the samples, and number of bins of their values."""
 VERIFYING_RUNS = 32
 """Number of runs at samples of the distributions. They verify the values of polynomials, not only their range."""
 SAFETY_OF_RUNS = 2.0
@@ -150,6 +153,27 @@ class LawSamples:
             sets = low.reshape(shape)
             yield window, sets, sets if low is high else high.reshape(shape)
 
+    @property
+    def on_card(self) -> bool:
+        """Whether runs on a graphics card are the samples."""
+        return self.surrogate is None and self.responses.runs is not None and self.responses.runs.on_card
+
+    def quantiles_on_card(self, q: Array) -> tuple[Array, Array, Array]:
+        """Quantiles (n_q, n_t) of many runs on a graphics card, as lowest and as highest ones, and their error."""
+        runs, k = self.responses.runs, self.column
+        assert runs is not None
+        ends = np.stack([self.responses.lower[:, k], self.responses.upper[:, k]])
+        self.draw(SAMPLES_ON_CARD)
+        self.runs += self.number
+        sets, total = [], np.zeros((), dtype=np.intp)
+        for points in np.split(self._points, SETS_OF_SAMPLES):
+            own = runs.reduced(points, histogram(k, ends, _BINS))
+            sets.append(_quantiles(own, ends, q))
+            total = total + own
+        error = np.maximum(scatter(np.array(sets)), (ends[1] - ends[0]) / _BINS)
+        quantiles = _quantiles(total, ends, q)
+        return quantiles, quantiles, error
+
     @cached_property
     def _by_samples(self) -> Array:
         """Responses of runs at all samples."""
@@ -175,3 +199,13 @@ class LawSamples:
 def scatter(sets: Array) -> Array:
     """Sampling error of the mean over sets of results (replicates, ...)."""
     return STANDARD_ERRORS * sets.std(axis=0, ddof=1) / np.sqrt(SETS_OF_SAMPLES)
+
+
+def _quantiles(counts: Indices, ends: Array, q: Array) -> Array:
+    """Quantiles (n_q, n_t) from numbers of samples (n_t, bins) in bins of equal width between the ends (2, n_t)."""
+    sums, bins = counts.cumsum(axis=1), counts.shape[1]
+    places = []
+    for rank in q * sums[0, -1]:
+        rows, own = range(len(counts)), (sums < rank).sum(axis=1)
+        places.append(own + 1 - (sums[rows, own] - rank) / counts[rows, own])
+    return ends[0] + np.array(places) / bins * (ends[1] - ends[0])

@@ -10,6 +10,7 @@ from symmb._options import require_name
 from symmb._types import Array, Mask
 from symmb.bound.bounds.time_windows import is_doubtful
 from symmb.bound.polynomials.ranges import Piecewise
+from symmb.connect import Reduction, S
 from symmb.equations.model import Box
 
 GOOD = 0.25
@@ -17,13 +18,18 @@ GOOD = 0.25
 
 
 class Runs(Protocol):
-    """Functions for further runs: ranges, values, samples, and bounds by PolynomialChaos()."""
+    """Functions for further runs: ranges, values, reductions, samples, and bounds by PolynomialChaos()."""
 
     def range(self, box: Box, label: str) -> tuple[Array, Array, Array, int]: ...
 
     def attempted(self, points: Array) -> tuple[Array, tuple[Any, ...]]: ...
 
     def values(self, points: Array) -> Array: ...
+
+    def reduced(self, points: Array, reduction: Reduction[S]) -> S: ...
+
+    @property
+    def on_card(self) -> bool: ...
 
     @property
     def has_lanes(self) -> bool: ...

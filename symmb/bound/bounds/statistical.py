@@ -13,13 +13,15 @@ from symmb._labelled import Labelled, Result
 from symmb._names import counted, normal_keys
 from symmb._table import aligned, over_times
 from symmb._types import Array, Mask
-from symmb.bound.bounds.law_samples import SAMPLES_BEFORE_RUNS, LawSamples
+from symmb.bound.bounds.law_samples import SAMPLES_BEFORE_RUNS, SAMPLES_ON_CARD, LawSamples
 from symmb.bound.bounds.laws import Laws, laws_text
 from symmb.bound.bounds.limits import limit_text
-from symmb.bound.bounds.probabilities import event_probability, values_of
+from symmb.bound.bounds.probabilities import agreeing, event_probability
+from symmb.bound.bounds.reductions import moments
 from symmb.bound.bounds.responses import Responses
 from symmb.bound.nodes import Sobol
 from symmb.bound.polynomials import Expansion
+from symmb.connect import Moments
 from symmb.equations.model import Box
 from symmb.results.files import Record, entry
 
@@ -225,12 +227,21 @@ def statistics_of(
         raise DeclarationError(f"{owner}: all parameters of the box are fixed.")
     full = laws_within(owner, laws, box)
     own = Laws.of(owner, full, None, box)
-    points = np.zeros((_SAMPLES + 2 * len(box), len(box)))
-    points[:_SAMPLES, own.columns] = own.unit_points((Sobol().points(_SAMPLES, len(own.names), 0) + 1) / 2, box)
-    points[_SAMPLES:] = np.concatenate([np.eye(len(box)), -np.eye(len(box))])
-    Y = values_of(responses, points, columns)
-    mean, sigma = Y[:_SAMPLES].mean(axis=0), Y[:_SAMPLES].std(axis=0)
-    ends = Y[_SAMPLES:].reshape(2, len(box), *mean.shape)
+
+    def drawn(n: int) -> Array:
+        points = np.zeros((n, len(box)))
+        points[:, own.columns] = own.unit_points((Sobol().points(n, len(own.names), 0) + 1) / 2, box)
+        return points
+
+    points, at_ends, runs = drawn(_SAMPLES), np.concatenate([np.eye(len(box)), -np.eye(len(box))]), responses.runs
+    if (surrogate := agreeing(responses, points, columns)) is not None:
+        found, Y = Moments.of(surrogate.values(points)), surrogate.values(at_ends)
+    else:
+        assert runs is not None
+        found = runs.reduced(drawn(SAMPLES_ON_CARD) if runs.on_card else points, moments()).part(columns)
+        Y = runs.values(at_ends)[:, :, columns]
+    mean, sigma = found.mean, found.sigma
+    ends = Y.reshape(2, len(box), *mean.shape)
     rss = np.sqrt(np.square((ends[0] - ends[1]) / 2).sum(axis=0))
     low, high = np.array([*pairs.values()]).T
     floor = responses.floor[columns]  # smaller numbers are rounding or noise

@@ -4,23 +4,26 @@ import ctypes
 import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, reduce
 from typing import Any, Protocol, cast
 
 import numpy as np
 
 from symmb._errors import DeclarationError, SymmbError
 from symmb._options import optional_package
-from symmb._types import Array
+from symmb._types import Array, Indices
+from symmb.connect import Moments
 from symmb.run.codegen import cache
 from symmb.run.codegen.contacts import EVENT
-from symmb.run.codegen.engine import Engine, Lanes, Study
+from symmb.run.codegen.engine import Engine, FailedSamples, Lanes, Study
 from symmb.run.codegen.model_source import Use
 
 THREADS = 128
 """Threads of a group. A group has four warps, one for each scheduler of a processor of the card."""
-PARTIAL = 64
-"""Number of partial extremes. With 12,000 outputs they take 12 MB, which fit into the cache of a large card."""
+KERNELS = "run_samples", "summarize", "count_values"
+STRIPES = 16
+"""Number of stripes of a reduction, as in c/kernel.h. 12,000 values then have threads for all processors of a card."""
 SHARE = 0.5
 """Fraction of the free memory of the card for the data of samples. The rest is for the states of threads."""
 _FLAGS = ("--device-as-default-execution-space", "--std=c++17", "-w")
@@ -40,8 +43,8 @@ class Card(ABC):
     """A graphics card, or a processor in its place."""
 
     @abstractmethod
-    def kernel(self, source: str) -> Any:
-        """The function `run_samples` of a source, compiled."""
+    def kernels(self, source: str) -> Mapping[str, Any]:
+        """The functions `KERNELS` of a source, compiled."""
 
     @abstractmethod
     def free(self) -> int:
@@ -56,8 +59,8 @@ class Card(ABC):
         """Copy memory to a contiguous array, and return the array."""
 
     @abstractmethod
-    def launch(self, kernel: Any, groups: int, threads: int, pointers: list[int], number: int) -> None:
-        """Run groups of threads with these arguments, and wait for their end."""
+    def launch(self, kernel: Any, groups: int, threads: int, arguments: tuple[int, ...]) -> None:
+        """Run groups of threads with these addresses and numbers, and wait for their end."""
 
     def engine(self, lanes: Lanes, times: Array) -> Engine:
         """The engine whose samples run on this card."""
@@ -105,9 +108,9 @@ class CudaCard(Card):
             str(self._call("cuDeviceGetAttribute", getattr(named, kind), self._device)) for kind in kinds
         )
 
-    def kernel(self, source: str) -> Any:
+    def kernels(self, source: str) -> Mapping[str, Any]:
         module = self._call("cuModuleLoadData", compiled(source, self.architecture))
-        return self._call("cuModuleGetFunction", module, b"run_samples")
+        return {name: self._call("cuModuleGetFunction", module, name.encode()) for name in KERNELS}
 
     def free(self) -> int:
         return self._call("cuMemGetInfo")
@@ -120,10 +123,9 @@ class CudaCard(Card):
             self._call("cuMemcpyDtoH", to.ctypes.data, memory.address, to.nbytes)
         return to
 
-    def launch(self, kernel: Any, groups: int, threads: int, pointers: list[int], number: int) -> None:
-        kinds = (*[ctypes.c_void_p] * len(pointers), ctypes.c_long)
-        sizes = groups, 1, 1, threads, 1, 1
-        self._call("cuLaunchKernel", kernel, *sizes, 0, 0, ((*pointers, number), kinds), 0)
+    def launch(self, kernel: Any, groups: int, threads: int, arguments: tuple[int, ...]) -> None:
+        kinds, sizes = (ctypes.c_long,) * len(arguments), (groups, 1, 1, threads, 1, 1)
+        self._call("cuLaunchKernel", kernel, *sizes, 0, 0, (arguments, kinds), 0)
         self._call("cuCtxSynchronize")
 
 
@@ -167,6 +169,35 @@ def compiled(source: str, architecture: str) -> bytes:
     return binary
 
 
+@dataclass(frozen=True, eq=False)
+class Summary:
+    """What is known of the outputs of the samples that did not fail, at each time.
+
+    Attributes
+    ----------
+    ends : (2, n_t, n_y)       smallest and largest values; inf and -inf without samples
+    at : (2, n_t, n_y)         numbers of the first samples that attain them
+    moments : Moments
+    """
+
+    ends: Array
+    at: Indices
+    moments: Moments
+
+
+@dataclass
+class _Reduction:
+    """A reduction: its kernel, number of threads and further arguments, and its state before and after all samples."""
+
+    kernel: str
+    threads: int
+    start: np.ndarray
+    arrays: tuple[Array, ...] = ()
+    numbers: tuple[int, ...] = ()
+    with_events: bool = False
+    state: np.ndarray = field(default_factory=lambda: np.empty(0))
+
+
 class CardEngine(Engine):
     """An `Engine` whose samples run on a graphics card. Each sample has its own steps.
 
@@ -184,22 +215,66 @@ class CardEngine(Engine):
         super().__init__(lanes, times)
 
     def _open(self) -> None:
-        self._kernel, self.width = self._card.kernel(self.source), 1
+        self._kernels, self.width = self._card.kernels(self.source), 1
 
     def __getstate__(self) -> dict:
-        return {k: v for k, v in self.__dict__.items() if k != "_kernel"}
+        return {k: v for k, v in self.__dict__.items() if k != "_kernels"}
 
-    def _execute(self, study: Study, parts: list[Array | None]) -> None:
+    def extremes(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, Array, FailedSamples]:
+        summary, failed_samples = self.summary(x0, p)
+        return *summary.ends, failed_samples
+
+    def summary(self, x0: Array, p: Array) -> tuple[Summary, FailedSamples]:
+        """The summary of samples, which are those of `values`, and the failed samples."""
+        start = np.tile([np.inf, -np.inf, 0.0, 0.0, 0.0, 0.0, 0.0], (STRIPES, len(self.times), self.n_y, 1))
+        reduction = _Reduction("summarize", start[..., 0].size, start)
+        failed = self._reduced(x0, p, reduction)
+        lower, upper, at_lower, at_upper, n, mean, squares = np.moveaxis(reduction.state, -1, 0)
+        ends = np.stack([lower.min(axis=0), upper.max(axis=0)])
+        both = (lower, at_lower), (upper, at_upper)
+        at = [np.where(own == end, place, np.inf).min(axis=0) for (own, place), end in zip(both, ends, strict=True)]
+        moments = reduce(Moments.merged, map(Moments, n[:, 0, 0].astype(int).tolist(), mean, squares))
+        return Summary(ends + 0.0, np.array(at, dtype=np.intp), moments), failed
+
+    def histogram(self, x0: Array, p: Array, output: int, ends: Array, bins: int) -> tuple[Indices, FailedSamples]:
+        """Numbers (n_t, bins) of samples whose values of an output are in bins, and the failed samples.
+
+        The bins have equal widths between the ends (2, n_t). Values beyond an end are in the bin at this end.
+        """
+        start, n_t = np.zeros((len(self.times), bins), dtype=np.intp), len(self.times)
+        reduction = _Reduction("count_values", STRIPES * n_t, start, (np.ascontiguousarray(ends),), (output, bins))
+        failed = self._reduced(x0, p, reduction)
+        return reduction.state, failed
+
+    def _reduced(self, x0: Array, p: Array, reduction: _Reduction) -> FailedSamples:
+        """Run and reduce samples, and return the failed ones. Only these run once more for their events of contacts."""
+        found = self._run(x0, p, None, [reduction])
+        bad = np.flatnonzero(~np.isnan(found.t_failed))
+        if self.contacts is None or not bad.size:
+            return found
+        events = self._run(x0[bad], p[bad], None, [replace(reduction, with_events=True)]).events
+        events[:, 0] = bad[events[:, 0].astype(np.intp)]
+        return replace(found, events=events)
+
+    def _execute(self, study: Study, parts: list[Any]) -> None:
         """Run the samples in portions that fit into the memory of the card."""
+        reduction: _Reduction | None = parts[0]
         arrays = {name: array for name, array in study.arrays.items() if array is not None}
         of_samples = {name: array for name, array in arrays.items() if name in _OF_SAMPLES}
         common = self._on_card({name: arrays[name] for name in ("times", "atol")})
-        most = max(1, int(SHARE * self._card.free() * study.n / sum(array.nbytes for array in of_samples.values())))
+        size = sum(array.nbytes for array in of_samples.values())
+        size += 0 if reduction is None else 8 * study.n * study.n_t * self.n_y
+        most = max(1, int(SHARE * self._card.free() * study.n / max(size, 1) / STRIPES)) * STRIPES
+        reducing: list[Memory] = []
+        if reduction is not None:
+            reducing = [self._card.memory(array.nbytes, array) for array in (reduction.start, *reduction.arrays)]
         n_events = 0
         for first in range(0, study.n, most):
             portion = {name: array[first : first + most] for name, array in of_samples.items()}
-            n_events += self._run_portion(study, first, portion, common, parts[0], n_events)
+            n_events += self._run_portion(study, first, portion, common, reduction, reducing, n_events)
         study.n_events = n_events
+        if reduction is not None:
+            reduction.state = self._card.read(reducing[0], np.empty_like(reduction.start))
 
     def _run_portion(
         self,
@@ -207,55 +282,41 @@ class CardEngine(Engine):
         first: int,
         arrays: Mapping[str, np.ndarray],
         common: Mapping[str, Memory],
-        extremes: Array | None,
+        reduction: _Reduction | None,
+        reducing: list[Memory],
         n_events: int,
     ) -> int:
-        """Run some samples, from number `first` on, and return the number of their events."""
+        """Run and reduce some samples, from number `first` on, and return the number of their events."""
         card, n = self._card, len(arrays["t_failed"])
-        events = np.empty((max(study.most_events - n_events, 0), len(EVENT)))
+        with_events = reduction is None or reduction.with_events
+        events = np.empty((max(study.most_events - n_events, 0) if with_events else 0, len(EVENT)))
         held = {**common, **self._on_card(arrays), "events": card.memory(events.nbytes)}
+        if reduction is not None:
+            held["Y"] = card.memory(8 * n * study.n_t * self.n_y)
         own = Study.from_buffer_copy(study)
         own.n, own.most_events, own.n_events, own.steps = n, len(events), 0, 0
         for name in (*_OF_SAMPLES, "times", "atol", "events"):
             setattr(own, name, held[name].address if name in held else None)
-        partial = self._launched(own, extremes)
-        card.read(held["t_failed"], arrays["t_failed"])
-        if extremes is not None:
-            if not np.isnan(arrays["t_failed"]).all():
-                # Extremes contain outputs of the failed samples. The other samples run once more.
-                again = Study.from_buffer_copy(own)
-                again.most_events = again.n_events = 0
-                partial = self._launched(again, extremes)
-            np.minimum(extremes[0], partial[0], out=extremes[0])
-            np.maximum(extremes[1], partial[1], out=extremes[1])
-        for name in {"Y", "passes"} & arrays.keys():
+        of_study = np.frombuffer(cast(Any, own), dtype=np.uint8)
+        on_card = card.memory(of_study.nbytes, of_study)
+        self._launch("run_samples", n, on_card.address)
+        if reduction is not None:
+            state, *more = (memory.address for memory in reducing)
+            self._launch(reduction.kernel, reduction.threads, on_card.address, first, state, *more, *reduction.numbers)
+        card.read(on_card, of_study)
+        for name in {"t_failed", "Y", "passes"} & arrays.keys():
             card.read(held[name], arrays[name])
         if not np.isnan(arrays["t_failed"]).all():
             for name in ("failure", "x_failed"):
                 card.read(held[name], arrays[name])
-        count = min(own.n_events, len(events))
-        card.read(held["events"], events)
-        events[:count, 0] += first
-        if count:
-            cast(Array, study.arrays["events"])[n_events : n_events + count] = events[:count]
         study.steps += own.steps
-        return own.n_events
+        events = card.read(held["events"], events[: own.n_events])
+        events[:, 0] += first
+        cast(Array, study.arrays["events"])[n_events : n_events + len(events)] = events
+        return own.n_events if with_events else 0
 
-    def _launched(self, study: Study, extremes: Array | None) -> tuple[Array, Array]:
-        """Run a study, update its counts, and return the extremes (n_t, n_y)."""
-        card = self._card
-        groups = -(-study.n // THREADS)
-        n_partial = min(groups, PARTIAL)
-        shape = (n_partial, study.n_t, self.n_y) if extremes is not None else (0,)
-        bounds = [np.full(shape, _ordered(np.array(end))) for end in (np.inf, -np.inf)]
-        of_study = np.frombuffer(cast(Any, study), dtype=np.uint8)
-        held = [card.memory(array.nbytes, array) for array in (of_study, *bounds)]
-        card.launch(self._kernel, groups, THREADS, [memory.address for memory in held], n_partial)
-        card.read(held[0], of_study)
-        lower, upper = (card.read(memory, array) for memory, array in zip(held[1:], bounds, strict=True))
-        if extremes is None:
-            return lower, upper
-        return _numbers(lower.min(axis=0)), _numbers(upper.max(axis=0))
+    def _launch(self, kernel: str, threads: int, *arguments: int) -> None:
+        self._card.launch(self._kernels[kernel], -(-threads // THREADS), THREADS, arguments)
 
     def _on_card(self, arrays: Mapping[str, np.ndarray]) -> dict[str, Memory]:
         """Memory of the card for these arrays. Arrays that the card only writes are not copied."""
@@ -267,14 +328,3 @@ class CardEngine(Engine):
 
 _OF_SAMPLES = {"x0", "p", "t_failed", "failure", "x_failed", "Y", "stops", "passes"}
 _INPUTS = {"x0", "p", "times", "atol", "stops", "t_failed", "failure"}
-
-
-def _ordered(numbers: Array) -> np.ndarray:
-    """Numbers as integers in the same order, see c/scalar.h."""
-    bits = numbers.view(np.int64)
-    return np.where(bits < 0, bits ^ np.iinfo(np.int64).max, bits)
-
-
-def _numbers(ordered: np.ndarray) -> Array:
-    """The numbers of such integers."""
-    return np.where(ordered < 0, ordered ^ np.iinfo(np.int64).max, ordered).view(float)

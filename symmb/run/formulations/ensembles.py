@@ -11,9 +11,9 @@ import numpy as np
 
 from symmb._types import Array, Indices, Mask
 from symmb._units import values_text
-from symmb.connect import BLOCK, Ensemble
+from symmb.connect import BLOCK, Ensemble, Moments
 from symmb.declare.symbolic import batch
-from symmb.run.codegen import BLAMED, REASONS, Engine, FailedSamples
+from symmb.run.codegen import BLAMED, REASONS, CardEngine, Engine, FailedSamples, Summary
 from symmb.run.formulations.formulation import Formulation
 from symmb.run.integrate import Run
 
@@ -28,7 +28,7 @@ NAMED_SAMPLES = 5
 def block_size(n_x: int, values: int, compiled: bool, keeps_trajectories: bool, on_card: bool = False) -> int:
     """Number of samples of a block, for n_x states and `values` output values of each sample."""
     if on_card:  # cards run many samples at once. Trajectories of a block take at most 0.3 GB
-        return max(BLOCK, 2**25 // values) if keeps_trajectories else 2**18
+        return max(BLOCK, 2**25 // values) if keeps_trajectories else 2**20
     if not n_x:
         # Number of values of a block of a scene without states. A call takes much longer than its overhead.
         return max(BLOCK, 10**6 // values)
@@ -111,12 +111,33 @@ class CompiledEnsemble:
         Y, self._failed = self.engine.values(self._x0, self.P, self.threads)
         return Y
 
+    @property
+    def _has_values(self) -> bool:
+        return "_trajectories" in self.__dict__
+
+    @property
+    def _values(self) -> Ensemble:
+        return Ensemble(self.Y, self.ok, self.t_failed, ())
+
+    @property
+    def attaining(self) -> Indices | None:
+        """Numbers (2, n_t, n_y) of the samples that attain the extremes; None if they are not known."""
+        return None
+
     def extremes(self) -> tuple[Array, Array]:
         """Smallest and largest outputs (n_t, n_y) of the samples that did not fail; inf and -inf if all failed."""
-        if "_trajectories" in self.__dict__:
-            return Ensemble(self.Y, self.ok, self.t_failed, ()).extremes()
+        if self._has_values:
+            return self._values.extremes()
         lower, upper, self._failed = self.engine.extremes(self._x0, self.P, self.threads)
         return lower, upper
+
+    def moments(self) -> Moments:
+        """Moments of the samples that did not fail."""
+        return self._values.moments()
+
+    def histogram(self, output: int, ends: Array, bins: int) -> Indices:
+        """Numbers (n_t, bins) of samples by the bin of an output, see `Ensemble.histogram`."""
+        return self._values.histogram(output, ends, bins)
 
     @property
     def failed_samples(self) -> FailedSamples:
@@ -158,3 +179,34 @@ class CompiledEnsemble:
             reasons[k] = fault or reasons[k]
         X = failed.x_failed[:, : self.form.y.numel_in(0)]
         return failure_texts(self.form, self.P, failed.t_failed, reasons, lambda k: (X[[k]], failed.t_failed[[k]]))
+
+
+@dataclass(eq=False)
+class CardEnsemble(CompiledEnsemble):
+    """An Ensemble from a graphics card, which also reduces the outputs, because their transfer takes longer than runs.
+
+    In a second, a card makes 1e7 runs of the double pendulum with outputs of 1 TB, and it transfers 50 GB.
+    """
+
+    engine: CardEngine
+
+    @cached_property
+    def _summary(self) -> Summary:
+        summary, self._failed = self.engine.summary(self._x0, self.P)
+        return summary
+
+    @property
+    def attaining(self) -> Indices | None:
+        return None if self._has_values else self._summary.at
+
+    def extremes(self) -> tuple[Array, Array]:
+        return super().extremes() if self._has_values else (*self._summary.ends,)
+
+    def moments(self) -> Moments:
+        return super().moments() if self._has_values else self._summary.moments
+
+    def histogram(self, output: int, ends: Array, bins: int) -> Indices:
+        if self._has_values:
+            return super().histogram(output, ends, bins)
+        counts, self._failed = self.engine.histogram(self._x0, self.P, output, ends, bins)
+        return counts

@@ -148,9 +148,6 @@ PRIVATE double largest_lane(V a) {
 /* Smallest and largest lanes of each of n vectors in every part. */
 PRIVATE void extremes(const Block *b, long n, double *lower, double *upper) {
   long i = 0;
-#ifdef __cplusplus
-  for (; i < n; ++i) extend(lower + i, upper + i, b->part->y[i][0]); /* these are extremes of many threads */
-#endif
 #ifdef TREE
   /* Lane by lane, W vectors need W (W - 1) comparisons. A tree of shuffles needs only W - 1 vector minima. The last W vectors
      overlap the vectors before them. This has no effect, because the same extremes are computed again. */
