@@ -6,7 +6,6 @@ programs and FMUs.
 
 from symmb.connect.black_box import BlackBox
 from symmb.connect.identity import digest
-from symmb.connect.moments import Moments
 from symmb.connect.recorded_runs import RecordedRuns
 from symmb.connect.run_database import STATES, RunDatabase, open_run_database
 from symmb.connect.simulator import (

@@ -20,7 +20,6 @@ from symmb._magnitudes import ROUNDING
 from symmb._options import numbers_of, require_instance, shown
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.connect.executors import LostTask, finished
-from symmb.connect.moments import Moments
 
 S = TypeVar("S")
 Progress = Callable[[int, int], None]
@@ -47,8 +46,6 @@ class Samples(Protocol):
     @property
     def attaining(self) -> Indices | None: ...
     def extremes(self) -> tuple[Array, Array]: ...
-    def moments(self) -> Moments: ...
-    def histogram(self, output: int, ends: Array, bins: int) -> Indices: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,31 +74,13 @@ class Ensemble:
 
     def extremes(self) -> tuple[Array, Array]:
         """Smallest and largest outputs (n_t, n_y) of the samples that did not fail; inf and -inf if all failed."""
-        return self._valid.min(axis=0, initial=np.inf), self._valid.max(axis=0, initial=-np.inf)
+        Y = self.Y if self.ok.all() else self.Y[self.ok]
+        return Y.min(axis=0, initial=np.inf), Y.max(axis=0, initial=-np.inf)
 
     @property
     def attaining(self) -> Indices | None:
         """Numbers (2, n_t, n_y) of the samples that attain the extremes; None if they are not known."""
         return None
-
-    def moments(self) -> Moments:
-        """Moments of the samples that did not fail."""
-        return Moments.of(self._valid)
-
-    def histogram(self, output: int, ends: Array, bins: int) -> Indices:
-        """Numbers (n_t, bins) of the samples that did not fail, by the bin of an output at each time.
-
-        The bins have equal widths between the ends (2, n_t). Values beyond an end are in the bin at this end.
-        """
-        low, high = ends
-        with np.errstate(divide="ignore", invalid="ignore"):
-            places = np.nan_to_num((self._valid[:, :, output] - low) / (high - low) * bins)
-        places = np.clip(places, 0, bins - 1).astype(np.intp) + bins * np.arange(len(low))
-        return np.bincount(places.ravel(), minlength=bins * len(low)).reshape(-1, bins)
-
-    @property
-    def _valid(self) -> Array:
-        return self.Y if self.ok.all() else self.Y[self.ok]
 
 
 @dataclass(frozen=True)

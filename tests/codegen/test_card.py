@@ -16,9 +16,9 @@ import pytest
 from scipy.stats import uniform
 
 import symmb as mb
-from symmb.connect import Samples
 from symmb.run.codegen import Card
 from symmb.run.codegen.card import KERNELS, CardError, CudaCard, compiled
+from symmb.run.formulations import CardEnsemble
 
 CXX = shutil.which("g++") or shutil.which("clang++")
 NEEDED = pytest.mark.skipif(CXX is None, reason="needs a C++ compiler")
@@ -49,7 +49,7 @@ template <typename... T> static void side_by_side(long groups, long threads, voi
 #define LAUNCH(name, parameters, ...) \\
   extern "C" void launch_##name parameters { side_by_side(groups, threads, name, __VA_ARGS__); }
 LAUNCH(run_samples, (long groups, long threads, Study *s), s)
-LAUNCH(summarize, (long groups, long threads, const Study *s, long first, Summary *summaries), s, first, summaries)
+LAUNCH(summarize, (long groups, long threads, const Study *s, long first, double *summaries), s, first, summaries)
 LAUNCH(count_values, (long groups, long threads, const Study *s, long first, unsigned long long *counts,
        const double *ends, long output, long n), s, first, counts, ends, output, n)
 """
@@ -130,18 +130,22 @@ def test_samples_are_those_of_lanes(tmp_path, name):
         assert (differs(own.Y, other.Y) <= np.maximum(SAME, 3 * differs(own.Y, rounded.Y))).all()
 
 
-def assert_reduced(runs: Samples, Y: np.ndarray) -> None:
+def card_runs(card: mb.DAESimulator, P: np.ndarray) -> CardEnsemble:
+    runs = card.run(P)
+    assert isinstance(runs, CardEnsemble)
+    return runs
+
+
+def assert_reduced(runs: CardEnsemble, Y: np.ndarray) -> None:
     """Reductions of runs are those of the outputs Y (N, n_t, n_y) of the same runs that did not fail, by NumPy."""
-    ends, numbers = np.stack(runs.extremes()), np.flatnonzero(runs.ok)
+    ends, (mean, sigma), numbers = np.stack(runs.extremes()), runs.moments(), np.flatnonzero(runs.ok)
     values, size = Y[numbers], np.abs(Y[numbers]).max(initial=0.0)
     assert np.array_equal(ends, [values.min(axis=0, initial=np.inf), values.max(axis=0, initial=-np.inf)])
-    moments = runs.moments()
-    assert moments.n == len(values)
     if len(values):
         places = np.stack([values.argmin(axis=0), values.argmax(axis=0)])
         assert runs.attaining is not None and np.array_equal(runs.attaining, numbers[places])
-        assert np.allclose(moments.mean, values.mean(axis=0), rtol=0, atol=1e-14 * size)
-        assert np.allclose(moments.sigma, values.std(axis=0), rtol=1e-12, atol=1e-14 * size)
+        assert np.allclose(mean, values.mean(axis=0), rtol=0, atol=1e-14 * size)
+        assert np.allclose(sigma, values.std(axis=0), rtol=1e-12, atol=1e-14 * size)
     edges = np.sort(np.random.default_rng(1).uniform(-size, size, (2, values.shape[1])), axis=0)
     for k in range(values.shape[2]):
         counts = runs.histogram(k, edges, 7)
@@ -156,7 +160,7 @@ def test_reductions_are_those_of_all_outputs(tmp_path, n):
     scene = falling(6.0)
     card = mb.prepare(scene, mb.DormandPrince()).on_card(Processor(tmp_path))
     P = np.linspace(1.0, 9.0, 33)[:n, None]
-    assert_reduced(card.run(P), card.run(P).Y)
+    assert_reduced(card_runs(card, P), card.run(P).Y)
 
 
 @NEEDED
@@ -167,9 +171,9 @@ def test_portions_do_not_change_results(tmp_path, name):
     whole, parts = lanes.on_card(once).run(P), lanes.on_card(often).run(P)
     assert np.array_equal(whole.Y, parts.Y) and once.launches == 1 < often.launches
     for each in (once, often):
-        assert_reduced(lanes.on_card(each).run(P), whole.Y)
-    reduced = [lanes.on_card(each).run(P).moments() for each in (once, often)]
-    assert np.array_equal(reduced[0].mean, reduced[1].mean) and np.array_equal(reduced[0].squares, reduced[1].squares)
+        assert_reduced(card_runs(lanes.on_card(each), P), whole.Y)
+    first, second = (card_runs(lanes.on_card(each), P).moments() for each in (once, often))
+    assert np.array_equal(first, second)
     if whole.events is not None and parts.events is not None:
         assert np.array_equal(whole.events, parts.events) and whole.events[:, -1].min() > 0
 
@@ -195,7 +199,7 @@ def test_failed_samples_have_times_and_reasons_and_no_extremes(tmp_path):
         assert 0 < failed.sum() < 33 and np.array_equal(~other.ok, failed)
         assert np.allclose(other.t_failed, [run.t_failed[0] for run in own], rtol=1e-6, equal_nan=True)
         assert list(other.messages) == [text for run in own for text in run.messages]
-        assert_reduced(card.run(P), other.Y)
+        assert_reduced(card_runs(card, P), other.Y)
 
 
 @NEEDED
@@ -227,7 +231,7 @@ def test_reasons_name_the_contacts_of_failed_samples(tmp_path):
     assert runs.ok.tolist() == [True, False, True, False, False, True]
     assert [("Impact 'stop' cannot rebound" in text) for text in runs.messages] == [True] * 3
     assert np.allclose(runs.t_failed[[1, 3, 4]], P[[1, 3, 4], 0], rtol=1e-9)
-    assert_reduced(card.run(P), card.run(P).Y)
+    assert_reduced(card_runs(card, P), card.run(P).Y)
 
 
 class Counting(Processor):
@@ -275,13 +279,20 @@ def test_quantiles_and_moments_of_many_runs(tmp_path, monkeypatch):
 
 def test_refusals(tmp_path):
     scene = import_module("models.double_pendulum").scene()
-    with pytest.raises(mb.DeclarationError, match="expected 'cuda' or None, got 'gpu'"):
-        mb.prepare(scene, device="gpu")
+    for device in ("gpu", 0, True, Processor):
+        with pytest.raises(mb.DeclarationError, match="expected 'cuda' or None, got "):
+            mb.prepare(scene, device=device)  # pyright: ignore[reportArgumentType]
     for solver in (mb.CVODES(), mb.BDFI3()):
         with pytest.raises(mb.DeclarationError, match="Graphics cards run explicit solvers"):
             mb.prepare(scene, solver, device=Processor(tmp_path))
-    with pytest.raises(mb.DeclarationError, match="its own solver, times, outputs and device"):
-        mb.propagate(mb.prepare(scene), mb.Vertex(), device="cuda")
+    black_box = mb.FunctionSimulator(lambda a: [[a]], {"a": 1.0}, np.zeros(1), ["y"])
+    for simulator in (mb.prepare(scene), black_box):
+        with pytest.raises(mb.DeclarationError, match="its own solver, times, outputs and device"):
+            mb.propagate(simulator, mb.Vertex(), mb.Box(a=(0.0, 1.0)), device="cuda")
+    p = mb.Parameters(a=1.0)
+    still = mb.Scene(mb.System(mb.Ground(), parameters=p), times=np.linspace(0, 1, 2), outputs={"y": p.a * mb.t})
+    with pytest.raises(mb.DeclarationError, match=r"has no states.*Leave out device"):
+        mb.prepare(still, device=Processor(tmp_path))
     with pytest.raises((ImportError, CardError), match="graphics card"):
         mb.propagate(scene, mb.Vertex(), device="cuda")
 
@@ -289,7 +300,9 @@ def test_refusals(tmp_path):
 class Driver:
     """Functions of the driver of NVIDIA that the card calls. A processor runs the kernels."""
 
-    CUresult = enum.Enum("CUresult", {"CUDA_SUCCESS": 0, "CUDA_ERROR_OUT_OF_MEMORY": 2, "CUDA_ERROR_NO_DEVICE": 100})
+    codes = "CUDA_SUCCESS CUDA_ERROR_OUT_OF_MEMORY CUDA_ERROR_NO_DEVICE CUDA_ERROR_INVALID_IMAGE CUDA_ERROR_UNKNOWN"
+    CUresult = enum.Enum("CUresult", codes)
+    loads = "CUDA_SUCCESS"
     names = ("CU_DEVICE_ATTRIBUTE_COMPUTE_CAPABILITY_MAJOR", "CU_DEVICE_ATTRIBUTE_COMPUTE_CAPABILITY_MINOR")
     CUdevice_attribute = enum.Enum("CUdevice_attribute", names)
 
@@ -318,7 +331,8 @@ class Driver:
         return self._result(9 if attribute.name.endswith("MAJOR") else 0)
 
     def cuModuleLoadData(self, image):
-        return self._result(self.processor.kernels(image.decode()))
+        is_loaded = self.loads == "CUDA_SUCCESS"
+        return self._result(self.processor.kernels(image.decode()) if is_loaded else None, self.loads)
 
     def cuModuleGetFunction(self, module, name):
         return self._result(module[name.decode()])
@@ -363,6 +377,11 @@ def test_the_driver_makes_the_runs(tmp_path, monkeypatch):
     driver.room = 1000
     with pytest.raises(CardError, match="too little free memory"):
         _ = card.run(P).Y
+    told = {"INVALID_IMAGE": "driver of the graphics card is older", "UNKNOWN": "CUDA_ERROR_UNKNOWN in cuModuleLoad"}
+    for code, text in told.items():
+        driver.loads = f"CUDA_ERROR_{code}"
+        with pytest.raises(CardError, match=text):
+            lanes.on_card(CudaCard())
     monkeypatch.setitem(sys.modules, "cuda.bindings.driver", Driver(tmp_path, devices=0, room=0))
     with pytest.raises(CardError, match=r"no graphics card of NVIDIA with a working driver.*CUDA_ERROR_NO_DEVICE"):
         CudaCard()

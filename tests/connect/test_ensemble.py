@@ -3,7 +3,6 @@
 import numpy as np
 
 from symmb import FunctionSimulator
-from symmb.bound.bounds.reductions import extremes, histogram, moments, together
 from symmb.connect.simulator import BLOCK, blocks, run_blocks
 
 TIMES = np.linspace(0.0, 1.0, 11)
@@ -27,17 +26,3 @@ def test_samples_keep_their_order_and_progress_is_told():
     ensemble = run_blocks(SIMULATOR, P, progress=lambda done, total: told.append((done, total)))
     np.testing.assert_array_equal(ensemble.Y, [response(a, b) for a, b in P])
     assert told[-1] == (200, 200) and told == sorted(told) and len(told) == 50
-
-
-def test_moments_and_histograms_of_blocks_are_those_of_all_outputs():
-    P = np.random.default_rng(2).uniform(1, 2, (200, 2))
-    ends = np.stack([np.full(11, 0.2), np.linspace(0.2, 0.9, 11)])  # without width at the first time
-    reduction = together(moments(), histogram(1, ends, 7), extremes(SIMULATOR))
-    own, counts, (lower, upper, _) = SIMULATOR.stream(P, reduction)
-    Y = run_blocks(SIMULATOR, P).Y
-    np.testing.assert_array_equal([lower, upper], [Y.min(axis=0), Y.max(axis=0)])
-    np.testing.assert_allclose(own.mean, Y.mean(axis=0), rtol=1e-14)
-    np.testing.assert_allclose(own.sigma, Y.std(axis=0), rtol=1e-12, atol=1e-15)
-    places = [np.histogram(np.clip(Y[:, i, 1], *ends[:, i]), 7, ends[:, i])[0] for i in range(1, 11)]
-    np.testing.assert_array_equal(counts[1:], places)
-    assert own.n == counts[0].sum() == 200

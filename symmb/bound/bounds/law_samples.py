@@ -8,7 +8,6 @@ import numpy as np
 from symmb._types import Array, Indices
 from symmb.bound.bounds.laws import Laws
 from symmb.bound.bounds.limit_state import SETS_OF_SAMPLES
-from symmb.bound.bounds.reductions import histogram
 from symmb.bound.bounds.regression import fitted
 from symmb.bound.bounds.responses import Responses
 from symmb.bound.nodes import Random, Sobol, corners
@@ -165,13 +164,10 @@ class LawSamples:
         ends = np.stack([self.responses.lower[:, k], self.responses.upper[:, k]])
         self.draw(SAMPLES_ON_CARD)
         self.runs += self.number
-        sets, total = [], np.zeros((), dtype=np.intp)
-        for points in np.split(self._points, SETS_OF_SAMPLES):
-            own = runs.reduced(points, histogram(k, ends, _BINS))
-            sets.append(_quantiles(own, ends, q))
-            total = total + own
-        error = np.maximum(scatter(np.array(sets)), (ends[1] - ends[0]) / _BINS)
-        quantiles = _quantiles(total, ends, q)
+        parts = np.split(self._points, SETS_OF_SAMPLES)
+        counts = np.array([runs.reduced(part, lambda card: card.histogram(k, ends, _BINS)) for part in parts])
+        error = np.maximum(scatter(_quantiles(counts, ends, q)), (ends[1] - ends[0]) / _BINS)
+        (quantiles,) = _quantiles(counts.sum(axis=0, keepdims=True), ends, q)
         return quantiles, quantiles, error
 
     @cached_property
@@ -202,10 +198,10 @@ def scatter(sets: Array) -> Array:
 
 
 def _quantiles(counts: Indices, ends: Array, q: Array) -> Array:
-    """Quantiles (n_q, n_t) from numbers of samples (n_t, bins) in bins of equal width between the ends (2, n_t)."""
-    sums, bins = counts.cumsum(axis=1), counts.shape[1]
-    places = []
-    for rank in q * sums[0, -1]:
-        rows, own = range(len(counts)), (sums < rank).sum(axis=1)
-        places.append(own + 1 - (sums[rows, own] - rank) / counts[rows, own])
-    return ends[0] + np.array(places) / bins * (ends[1] - ends[0])
+    """Quantiles (sets, n_q, n_t) from numbers (sets, n_t, bins) of values in equal bins between the ends (2, n_t)."""
+    sums, bins, places = counts.cumsum(axis=2), counts.shape[2], []
+    for rank in q * sums[0, 0, -1]:
+        own = (sums < rank).sum(axis=2)[..., None]
+        above, within = (np.take_along_axis(each, own, axis=2) for each in (sums - rank, counts))
+        places.append((own + 1 - above / within)[..., 0])
+    return ends[0] + np.stack(places, axis=1) / bins * (ends[1] - ends[0])

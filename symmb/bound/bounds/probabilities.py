@@ -26,7 +26,6 @@ from symmb.bound.bounds.laws import Laws
 from symmb.bound.bounds.limit_state import EXPECTED_IF_NONE, SETS_OF_SAMPLES, rare_event
 from symmb.bound.bounds.responses import Responses
 from symmb.bound.nodes import Random
-from symmb.bound.polynomials.ranges import Piecewise
 from symmb.run.simulation import Sweep
 
 Ends = float | Array
@@ -173,12 +172,10 @@ def quantiles_of(responses: Responses, output: object, levels: object, laws: obj
     if q is None or q.ndim != 1 or not len(q) or not ((q > 0) & (q < 1)).all():
         raise DeclarationError(f"{owner}: levels must be probabilities above 0 and below 1, got {shown(levels)}.")
     samples = LawSamples(owner, responses, k, laws, correlation)
-
-    def part(low: Array, high: Array) -> tuple[Array, Array, Array]:
+    parts = [samples.quantiles_on_card(q)] if samples.on_card else []
+    for _, low, high in samples.over_time() if not parts else ():
         ends = [_quantiles_and_scatter(each, q) for each in ((low,) if low is high else (low, high))]
-        return ends[0][0], ends[-1][0], np.maximum(ends[0][1], ends[-1][1])
-
-    parts = [samples.quantiles_on_card(q)] if samples.on_card else [part(*each) for _, *each in samples.over_time()]
+        parts.append((ends[0][0], ends[-1][0], np.maximum(ends[0][1], ends[-1][1])))
     lower, upper, sampling = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
     lower, upper = np.clip((lower, upper), responses.lower[:, k], responses.upper[:, k])
     return Quantiles(*samples.about(q), q, lower, upper, sampling + samples.error)
@@ -344,20 +341,14 @@ def samples_of(
 
 def values_of(responses: Responses, points: Array, columns: Sequence[int]) -> Array:
     """Outputs (N, n_t, n) with these numbers at points, from polynomials that agree with some runs, or from runs."""
-    if (surrogate := agreeing(responses, points, columns)) is not None:
-        return surrogate.values(points)
-    assert responses.runs is not None
-    return responses.runs.values(points)[:, :, columns]
-
-
-def agreeing(responses: Responses, points: Array, columns: Sequence[int]) -> Piecewise | None:
-    """Polynomials of these outputs that agree with runs at some of the points, or if no runs can be made."""
     runs, surrogate = responses.runs, responses.surrogate
-    if surrogate is None or not responses.is_good[[*columns]].all():
-        return None
-    surrogate = surrogate.part(slice(None), columns)
-    if runs is None:
-        return surrogate
-    some = points[:VERIFYING_RUNS]
-    error = SAFETY_OF_RUNS * np.abs(surrogate.values(some) - runs.values(some)[:, :, columns]).max(axis=0)
-    return surrogate if responses.are_good(error, columns).all() else None
+    if surrogate is not None and responses.is_good[[*columns]].all():
+        surrogate = surrogate.part(slice(None), columns)
+        if runs is None:
+            return surrogate.values(points)
+        some = points[:VERIFYING_RUNS]
+        error = SAFETY_OF_RUNS * np.abs(surrogate.values(some) - runs.values(some)[:, :, columns]).max(axis=0)
+        if responses.are_good(error, columns).all():
+            return surrogate.values(points)
+    assert runs is not None
+    return runs.values(points)[:, :, columns]

@@ -10,7 +10,7 @@ import numpy as np
 from symmb._errors import PropagationError
 from symmb._types import Array, Executor, Indices, Mask
 from symmb.bound.bounds.failures import Failure, failed_region, failure_text
-from symmb.connect import Moments, Reduction, Samples, Simulator
+from symmb.connect import Reduction, Samples, Simulator
 from symmb.equations.model import Box
 
 FailedRuns = tuple[tuple[int, float, str], ...]
@@ -33,19 +33,6 @@ def extremes(simulator: Simulator) -> Reduction[Extremes]:
     shape = len(simulator.times), len(simulator.outputs)
     none = partial(_no_extremes, shape)
     return Reduction(none, _update_extremes, _merge_extremes, trajectories=False, attained=_itself)
-
-
-def moments() -> Reduction[Moments]:
-    """Moments of the runs that did not fail."""
-    none = partial(Moments, 0, np.zeros(()), np.zeros(()))
-    return Reduction(none, _update_moments, Moments.merged, trajectories=False)
-
-
-def histogram(output: int, ends: Array, bins: int) -> Reduction[Indices]:
-    """Numbers (n_t, bins) of the runs that did not fail, by the bin of an output; see `Ensemble.histogram`."""
-    return Reduction(
-        partial(np.zeros, (), np.intp), partial(_update_histogram, output, ends, bins), np.add, trajectories=False
-    )
 
 
 def failures() -> Reduction[FailedRuns]:
@@ -133,14 +120,6 @@ def _merge_extremes(first: Extremes, second: Extremes) -> Extremes:
     if first.at is not None and second.at is not None:
         at = np.where([second.lower < first.lower, second.upper > first.upper], second.at, first.at)
     return Extremes(np.minimum(first.lower, second.lower), np.maximum(first.upper, second.upper), at)
-
-
-def _update_moments(state: Moments, block: Samples, indices: Indices) -> Moments:
-    return state.merged(block.moments())
-
-
-def _update_histogram(output: int, ends: Array, bins: int, state: Indices, block: Samples, indices: Indices) -> Indices:
-    return state + block.histogram(output, ends, bins)
 
 
 def _update_failures(state: FailedRuns, block: Samples, indices: Indices) -> FailedRuns:

@@ -1,6 +1,6 @@
 """Responses over a box, from polynomials, or from runs if polynomials are not accurate enough."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -10,8 +10,8 @@ from symmb._options import require_name
 from symmb._types import Array, Mask
 from symmb.bound.bounds.time_windows import is_doubtful
 from symmb.bound.polynomials.ranges import Piecewise
-from symmb.connect import Reduction, S
 from symmb.equations.model import Box
+from symmb.run.formulations import CardEnsemble
 
 GOOD = 0.25
 """Largest error of usable polynomials, divided by the widths. The results contain this error."""
@@ -26,7 +26,7 @@ class Runs(Protocol):
 
     def values(self, points: Array) -> Array: ...
 
-    def reduced(self, points: Array, reduction: Reduction[S]) -> S: ...
+    def reduced(self, points: Array, reduce: Callable[[CardEnsemble], Any]) -> Any: ...
 
     @property
     def on_card(self) -> bool: ...

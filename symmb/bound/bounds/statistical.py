@@ -16,14 +16,13 @@ from symmb._types import Array, Mask
 from symmb.bound.bounds.law_samples import SAMPLES_BEFORE_RUNS, SAMPLES_ON_CARD, LawSamples
 from symmb.bound.bounds.laws import Laws, laws_text
 from symmb.bound.bounds.limits import limit_text
-from symmb.bound.bounds.probabilities import agreeing, event_probability
-from symmb.bound.bounds.reductions import moments
+from symmb.bound.bounds.probabilities import event_probability, values_of
 from symmb.bound.bounds.responses import Responses
 from symmb.bound.nodes import Sobol
 from symmb.bound.polynomials import Expansion
-from symmb.connect import Moments
 from symmb.equations.model import Box
 from symmb.results.files import Record, entry
+from symmb.run.formulations import CardEnsemble
 
 _SAMPLES = 1024
 """Number of samples for means and standard deviations."""
@@ -233,15 +232,12 @@ def statistics_of(
         points[:, own.columns] = own.unit_points((Sobol().points(n, len(own.names), 0) + 1) / 2, box)
         return points
 
-    points, at_ends, runs = drawn(_SAMPLES), np.concatenate([np.eye(len(box)), -np.eye(len(box))]), responses.runs
-    if (surrogate := agreeing(responses, points, columns)) is not None:
-        found, Y = Moments.of(surrogate.values(points)), surrogate.values(at_ends)
-    else:
-        assert runs is not None
-        found = runs.reduced(drawn(SAMPLES_ON_CARD) if runs.on_card else points, moments()).part(columns)
-        Y = runs.values(at_ends)[:, :, columns]
-    mean, sigma = found.mean, found.sigma
-    ends = Y.reshape(2, len(box), *mean.shape)
+    Y = values_of(responses, np.concatenate([drawn(_SAMPLES), np.eye(len(box)), -np.eye(len(box))]), columns)
+    mean, sigma = Y[:_SAMPLES].mean(axis=0), Y[:_SAMPLES].std(axis=0)
+    if responses.runs is not None and responses.runs.on_card and not responses.is_good[columns].all():
+        found = responses.runs.reduced(drawn(SAMPLES_ON_CARD), CardEnsemble.moments)
+        mean, sigma = (each[:, columns] for each in found)
+    ends = Y[_SAMPLES:].reshape(2, len(box), *mean.shape)
     rss = np.sqrt(np.square((ends[0] - ends[1]) / 2).sum(axis=0))
     low, high = np.array([*pairs.values()]).T
     floor = responses.floor[columns]  # smaller numbers are rounding or noise

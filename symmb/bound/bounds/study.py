@@ -1,8 +1,9 @@
 """The data from which bounds were computed, which are stored with the bounds for further runs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, cast
 
 import numpy as np
 
@@ -11,11 +12,12 @@ from symmb._progress import shown_runs
 from symmb._types import Array, Executor
 from symmb.bound.bounds.method import parameter_samples
 from symmb.bound.bounds.polynomial_chaos import PolynomialChaos
-from symmb.bound.bounds.reductions import FailedRuns, failures, gathered, together
+from symmb.bound.bounds.reductions import FailedRuns, gathered
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.nodes import Sobol
-from symmb.connect import Reduction, S, Simulator, noise_from_runs
+from symmb.connect import Simulator, noise_from_runs
 from symmb.equations.model import Box, Scene
+from symmb.run.formulations import CardEnsemble
 from symmb.run.integrate import Solver
 from symmb.run.simulation import DAESimulator, FigureSimulator, SceneSimulator, motion_of, simulator_with
 
@@ -152,25 +154,22 @@ class Study:
         """Responses (N, n_t, n_y) at points (N, d) of the unit box, with nan for failed runs, and the failed runs."""
         return gathered(self.simulator, parameter_samples(self.simulator, self.box, points), None)
 
+    def values(self, points: Array) -> Array:
+        """Responses (N, n_t, n_y) at points (N, d) of the unit box. No run may fail."""
+        Y, bad = self.attempted(points)
+        if bad:
+            raise PropagationError(_FAILED.format(len(bad), len(points), bad[0][2]))
+        return Y
+
     @property
     def on_card(self) -> bool:
         """Whether runs are made on a graphics card, so that a million runs take little time if they are reduced."""
         return isinstance(self.simulator, DAESimulator) and self.simulator.program.card is not None
 
-    def values(self, points: Array) -> Array:
-        """Responses (N, n_t, n_y) at points (N, d) of the unit box. No run may fail."""
-        Y, bad = self.attempted(points)
-        _require_none(bad, points)
-        return Y
-
-    def reduced(self, points: Array, reduction: Reduction[S]) -> S:
-        """A reduction of the responses at points (N, d) of the unit box. No run may fail."""
-        P = parameter_samples(self.simulator, self.box, points)
-        result, bad = self.simulator.stream(P, together(reduction, failures()))
-        _require_none(bad, points)
+    def reduced(self, points: Array, reduce: Callable[[CardEnsemble], Any]) -> Any:
+        """A reduction of runs on a graphics card at points (N, d) of the unit box. No run may fail."""
+        runs = self.simulator.run(parameter_samples(self.simulator, self.box, points))
+        result = reduce(cast(CardEnsemble, runs))
+        if not runs.ok.all():
+            raise PropagationError(_FAILED.format(len(runs.messages), len(points), runs.messages[0]))
         return result
-
-
-def _require_none(bad: FailedRuns, points: Array) -> None:
-    if bad:
-        raise PropagationError(_FAILED.format(len(bad), len(points), bad[0][2]))

@@ -4,18 +4,16 @@ import ctypes
 import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from functools import cached_property, reduce
-from typing import Any, Protocol, cast
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple, Protocol, cast
 
 import numpy as np
 
 from symmb._errors import DeclarationError, SymmbError
 from symmb._options import optional_package
 from symmb._types import Array, Indices
-from symmb.connect import Moments
 from symmb.run.codegen import cache
-from symmb.run.codegen.contacts import EVENT
 from symmb.run.codegen.engine import Engine, FailedSamples, Lanes, Study
 from symmb.run.codegen.model_source import Use
 
@@ -26,6 +24,11 @@ STRIPES = 16
 """Number of stripes of a reduction, as in c/kernel.h. 12,000 values then have threads for all processors of a card."""
 SHARE = 0.5
 """Fraction of the free memory of the card for the data of samples. The rest is for the states of threads."""
+_OLD = "The driver of the graphics card is older than the compiler. Update the driver."
+_REMEDIES = {
+    "CUDA_ERROR_OUT_OF_MEMORY": "The graphics card has too little free memory. Close other programs that use it.",
+    **dict.fromkeys(("CUDA_ERROR_INVALID_IMAGE", "CUDA_ERROR_NO_BINARY_FOR_GPU"), _OLD),
+}
 _FLAGS = ("--device-as-default-execution-space", "--std=c++17", "-w")
 
 
@@ -93,10 +96,8 @@ class CudaCard(Card):
         if hasattr(self, "_context"):
             self._driver.cuCtxSetCurrent(self._context)  # each thread of Python has its own context
         code, *results = getattr(self._driver, name)(*arguments)
-        if code == self._driver.CUresult.CUDA_ERROR_OUT_OF_MEMORY:
-            raise CardError("The graphics card has too little free memory. Close other programs that use it.")
         if code != self._driver.CUresult.CUDA_SUCCESS:
-            raise CardError(f"The graphics card reports {code.name} in {name}.")
+            raise CardError(_REMEDIES.get(code.name, f"The graphics card reports {code.name} in {name}."))
         return results[0] if results else None
 
     @cached_property
@@ -169,20 +170,20 @@ def compiled(source: str, architecture: str) -> bytes:
     return binary
 
 
-@dataclass(frozen=True, eq=False)
-class Summary:
+class Summary(NamedTuple):
     """What is known of the outputs of the samples that did not fail, at each time.
 
     Attributes
     ----------
-    ends : (2, n_t, n_y)       smallest and largest values; inf and -inf without samples
-    at : (2, n_t, n_y)         numbers of the first samples that attain them
-    moments : Moments
+    ends, at : (2, n_t, n_y)       smallest and largest values, and the numbers of the first samples that attain them;
+                                   inf and -inf without samples
+    mean, sigma : (n_t, n_y)       mean and standard deviation; 0 without samples
     """
 
     ends: Array
     at: Indices
-    moments: Moments
+    mean: Array
+    sigma: Array
 
 
 @dataclass
@@ -191,11 +192,9 @@ class _Reduction:
 
     kernel: str
     threads: int
-    start: np.ndarray
+    state: np.ndarray
     arrays: tuple[Array, ...] = ()
     numbers: tuple[int, ...] = ()
-    with_events: bool = False
-    state: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
 class CardEngine(Engine):
@@ -220,100 +219,87 @@ class CardEngine(Engine):
     def __getstate__(self) -> dict:
         return {k: v for k, v in self.__dict__.items() if k != "_kernels"}
 
-    def extremes(self, x0: Array, p: Array, threads: int = 1) -> tuple[Array, Array, FailedSamples]:
-        summary, failed_samples = self.summary(x0, p)
-        return *summary.ends, failed_samples
-
     def summary(self, x0: Array, p: Array) -> tuple[Summary, FailedSamples]:
         """The summary of samples, which are those of `values`, and the failed samples."""
-        start = np.tile([np.inf, -np.inf, 0.0, 0.0, 0.0, 0.0, 0.0], (STRIPES, len(self.times), self.n_y, 1))
-        reduction = _Reduction("summarize", start[..., 0].size, start)
-        failed = self._reduced(x0, p, reduction)
-        lower, upper, at_lower, at_upper, n, mean, squares = np.moveaxis(reduction.state, -1, 0)
+        start = np.zeros((7, STRIPES, len(self.times), self.n_y))
+        start[0], start[1] = np.inf, -np.inf
+        state, failed_samples = self._reduced(x0, p, "summarize", start[0].size, start)
+        lower, upper, at_lower, at_upper, n, mean, squares = state
         ends = np.stack([lower.min(axis=0), upper.max(axis=0)])
         both = (lower, at_lower), (upper, at_upper)
         at = [np.where(own == end, place, np.inf).min(axis=0) for (own, place), end in zip(both, ends, strict=True)]
-        moments = reduce(Moments.merged, map(Moments, n[:, 0, 0].astype(int).tolist(), mean, squares))
-        return Summary(ends + 0.0, np.array(at, dtype=np.intp), moments), failed
+        total = np.maximum(n.sum(axis=0), 1.0)
+        mean_of_all = (n * mean).sum(axis=0) / total
+        squares += n * np.square(mean - mean_of_all)
+        sigma = np.sqrt(squares.sum(axis=0) / total)
+        return Summary(ends + 0.0, np.array(at, dtype=np.intp), mean_of_all, sigma), failed_samples
 
     def histogram(self, x0: Array, p: Array, output: int, ends: Array, bins: int) -> tuple[Indices, FailedSamples]:
         """Numbers (n_t, bins) of samples whose values of an output are in bins, and the failed samples.
 
         The bins have equal widths between the ends (2, n_t). Values beyond an end are in the bin at this end.
         """
-        start, n_t = np.zeros((len(self.times), bins), dtype=np.intp), len(self.times)
-        reduction = _Reduction("count_values", STRIPES * n_t, start, (np.ascontiguousarray(ends),), (output, bins))
-        failed = self._reduced(x0, p, reduction)
-        return reduction.state, failed
+        n_t, ends = len(self.times), np.ascontiguousarray(ends)
+        start = np.zeros((n_t, bins), dtype=np.intp)
+        return self._reduced(x0, p, "count_values", STRIPES * n_t, start, (ends,), (output, bins))
 
-    def _reduced(self, x0: Array, p: Array, reduction: _Reduction) -> FailedSamples:
-        """Run and reduce samples, and return the failed ones. Only these run once more for their events of contacts."""
-        found = self._run(x0, p, None, [reduction])
+    def _reduced(self, x0: Array, p: Array, *reduction: Any) -> tuple[np.ndarray, FailedSamples]:
+        """The state of a reduction after all samples, and the failed samples."""
+        own = _Reduction(*reduction)
+        found = self._run(x0, p, None, [own])
         bad = np.flatnonzero(~np.isnan(found.t_failed))
-        if self.contacts is None or not bad.size:
-            return found
-        events = self._run(x0[bad], p[bad], None, [replace(reduction, with_events=True)]).events
-        events[:, 0] = bad[events[:, 0].astype(np.intp)]
-        return replace(found, events=events)
+        if self.contacts is not None and bad.size:
+            # The events of all samples would take more time than their runs. The failed samples run again for theirs.
+            events = self._run(x0[bad], p[bad], None, [None]).events
+            events[:, 0] = bad[events[:, 0].astype(np.intp)]
+            found = replace(found, events=events)
+        return own.state, found
 
     def _execute(self, study: Study, parts: list[Any]) -> None:
-        """Run the samples in portions that fit into the memory of the card."""
-        reduction: _Reduction | None = parts[0]
+        """Run the samples in portions that fit into the memory of the card. Without a reduction, events are kept."""
+        card, reduction = self._card, cast(_Reduction | None, parts[0])
         arrays = {name: array for name, array in study.arrays.items() if array is not None}
         of_samples = {name: array for name, array in arrays.items() if name in _OF_SAMPLES}
         common = self._on_card({name: arrays[name] for name in ("times", "atol")})
-        size = sum(array.nbytes for array in of_samples.values())
-        size += 0 if reduction is None else 8 * study.n * study.n_t * self.n_y
-        most = max(1, int(SHARE * self._card.free() * study.n / max(size, 1) / STRIPES)) * STRIPES
-        reducing: list[Memory] = []
+        values = 8 * study.n_t * self.n_y
+        size = sum(array.nbytes for array in of_samples.values()) + (0 if "Y" in arrays else values * study.n)
+        most = max(1, int(SHARE * card.free() * study.n / max(size, 1) / STRIPES)) * STRIPES
+        events, states = arrays["events"], []
         if reduction is not None:
-            reducing = [self._card.memory(array.nbytes, array) for array in (reduction.start, *reduction.arrays)]
-        n_events = 0
+            events = events[:0]
+            states = [card.memory(array.nbytes, array) for array in (reduction.state, *reduction.arrays)]
         for first in range(0, study.n, most):
             portion = {name: array[first : first + most] for name, array in of_samples.items()}
-            n_events += self._run_portion(study, first, portion, common, reduction, reducing, n_events)
-        study.n_events = n_events
+            n = len(portion["t_failed"])
+            held = {**common, **self._on_card(portion), "events": card.memory(events.nbytes)}
+            if "Y" not in held:
+                held["Y"] = card.memory(values * n)
+            own = Study.from_buffer_copy(study)
+            own.n, own.most_events, own.n_events, own.steps = n, len(events), 0, 0
+            for name in (*_OF_SAMPLES, "times", "atol", "events"):
+                setattr(own, name, held[name].address if name in held else None)
+            of_study = np.frombuffer(cast(Any, own), dtype=np.uint8)
+            on_card = card.memory(of_study.nbytes, of_study)
+            self._launch("run_samples", n, on_card.address)
+            if reduction is not None:
+                addresses = (memory.address for memory in states)
+                self._launch(
+                    reduction.kernel, reduction.threads, on_card.address, first, *addresses, *reduction.numbers
+                )
+            card.read(on_card, of_study)
+            for name in {"t_failed", "Y", "passes"} & portion.keys():
+                card.read(held[name], portion[name])
+            if not np.isnan(portion["t_failed"]).all():
+                for name in ("failure", "x_failed"):
+                    card.read(held[name], portion[name])
+            study.steps += own.steps
+            if reduction is None:
+                card.read(held["events"], events[: own.n_events])[:, 0] += first
+                study.n_events += own.n_events
+                events = events[own.n_events :]
+            held.clear()  # before the next portion takes memory
         if reduction is not None:
-            reduction.state = self._card.read(reducing[0], np.empty_like(reduction.start))
-
-    def _run_portion(
-        self,
-        study: Study,
-        first: int,
-        arrays: Mapping[str, np.ndarray],
-        common: Mapping[str, Memory],
-        reduction: _Reduction | None,
-        reducing: list[Memory],
-        n_events: int,
-    ) -> int:
-        """Run and reduce some samples, from number `first` on, and return the number of their events."""
-        card, n = self._card, len(arrays["t_failed"])
-        with_events = reduction is None or reduction.with_events
-        events = np.empty((max(study.most_events - n_events, 0) if with_events else 0, len(EVENT)))
-        held = {**common, **self._on_card(arrays), "events": card.memory(events.nbytes)}
-        if reduction is not None:
-            held["Y"] = card.memory(8 * n * study.n_t * self.n_y)
-        own = Study.from_buffer_copy(study)
-        own.n, own.most_events, own.n_events, own.steps = n, len(events), 0, 0
-        for name in (*_OF_SAMPLES, "times", "atol", "events"):
-            setattr(own, name, held[name].address if name in held else None)
-        of_study = np.frombuffer(cast(Any, own), dtype=np.uint8)
-        on_card = card.memory(of_study.nbytes, of_study)
-        self._launch("run_samples", n, on_card.address)
-        if reduction is not None:
-            state, *more = (memory.address for memory in reducing)
-            self._launch(reduction.kernel, reduction.threads, on_card.address, first, state, *more, *reduction.numbers)
-        card.read(on_card, of_study)
-        for name in {"t_failed", "Y", "passes"} & arrays.keys():
-            card.read(held[name], arrays[name])
-        if not np.isnan(arrays["t_failed"]).all():
-            for name in ("failure", "x_failed"):
-                card.read(held[name], arrays[name])
-        study.steps += own.steps
-        events = card.read(held["events"], events[: own.n_events])
-        events[:, 0] += first
-        cast(Array, study.arrays["events"])[n_events : n_events + len(events)] = events
-        return own.n_events if with_events else 0
+            card.read(states[0], reduction.state)
 
     def _launch(self, kernel: str, threads: int, *arguments: int) -> None:
         self._card.launch(self._kernels[kernel], -(-threads // THREADS), THREADS, arguments)

@@ -25,27 +25,24 @@ extern "C" __global__ void run_samples(Study *s) {
 #define STRIPES 16
 #define EACH_SAMPLE(j, stripe) for (long j = stripe; j < s->n; j += STRIPES) if (s->t_failed[j] != s->t_failed[j])
 
-/* The extremes of values, the numbers of the samples that attain them, and the moments: the number of values, their mean, and
-   the sum of the squares of their distances from the mean, after Welford (1962). */
-typedef struct {
-  double lower, upper, at_lower, at_upper, n, mean, squares;
-} Summary;
-
-/* Extends summaries (STRIPES, n_t, N_Y). The first sample has the number `first`. */
-extern "C" __global__ void summarize(const Study *s, long first, Summary *summaries) {
+/* Extends summaries (7, STRIPES, n_t, N_Y): the extremes of values, the numbers of the samples that attain them, and moments,
+   which are the number of values, their mean, and the sum of the squares of their distances from the mean, after Welford
+   (1962). The first sample has the number `first`. */
+extern "C" __global__ void summarize(const Study *s, long first, double *summaries) {
   EACH_THREAD(thread);
   const long n = s->n_t * N_Y, i = thread % n;
   if (thread >= STRIPES * n) return;
-  Summary own = summaries[thread];
+  double own[7];
+  for (int k = 0; k < 7; ++k) own[k] = summaries[k * STRIPES * n + thread];
   EACH_SAMPLE(j, thread / n) {
-    const double y = s->Y[j * n + i], d = y - own.mean;
-    if (y < own.lower) own.lower = y, own.at_lower = first + j;
-    if (y > own.upper) own.upper = y, own.at_upper = first + j;
-    own.n += 1.0;
-    own.mean += d / own.n;
-    own.squares += d * (y - own.mean);
+    const double y = s->Y[j * n + i], d = y - own[5];
+    if (y < own[0]) own[0] = y, own[2] = first + j;
+    if (y > own[1]) own[1] = y, own[3] = first + j;
+    own[4] += 1.0;
+    own[5] += d / own[4];
+    own[6] += d * (y - own[5]);
   }
-  summaries[thread] = own;
+  for (int k = 0; k < 7; ++k) summaries[k * STRIPES * n + thread] = own[k];
 }
 
 /* Counts the values of an output in n bins of equal width between two ends, at each time. Values beyond an end are counted in
