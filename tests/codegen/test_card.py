@@ -338,10 +338,13 @@ class Driver:
         return self._result(module[name.decode()])
 
     def cuMemGetInfo(self):
-        return *self._result(self.room), 2 * self.room
+        return *self._result(self._free()), 2 * self.room
+
+    def _free(self) -> int:
+        return self.room - sum(memory.bytes.nbytes for memory in self.used.values())
 
     def cuMemAlloc(self, size):
-        if sum(memory.bytes.nbytes for memory in self.used.values()) + size > self.room:
+        if size > self._free():
             return self._result(code="CUDA_ERROR_OUT_OF_MEMORY")
         memory = Bytes(size, None)
         self.used[memory.address] = memory
@@ -374,6 +377,9 @@ def test_the_driver_makes_the_runs(tmp_path, monkeypatch):
     runs = card.run(P)
     assert np.array_equal(runs.Y, lanes.on_card(Processor(tmp_path)).run(P).Y) and not driver.used
     assert np.array_equal(pickle.loads(pickle.dumps(card)).run(P).Y, runs.Y)
+    driver.room, before = 15 * 10**6, driver.processor.launches  # 12 MB are the states of the reduction
+    _ = card.run(np.resize(P, (64, P.shape[1]))).extremes()
+    assert driver.processor.launches > before + 4
     driver.room = 1000
     with pytest.raises(CardError, match="too little free memory"):
         _ = card.run(P).Y

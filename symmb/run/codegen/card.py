@@ -261,18 +261,18 @@ class CardEngine(Engine):
         arrays = {name: array for name, array in study.arrays.items() if array is not None}
         of_samples = {name: array for name, array in arrays.items() if name in _OF_SAMPLES}
         common = self._on_card({name: arrays[name] for name in ("times", "atol")})
-        values = 8 * study.n_t * self.n_y
-        size = sum(array.nbytes for array in of_samples.values()) + (0 if "Y" in arrays else values * study.n)
-        most = max(1, int(SHARE * card.free() * study.n / max(size, 1) / STRIPES)) * STRIPES
+        values, study.is_reduced = 8 * study.n_t * self.n_y, "Y" not in arrays
+        size = sum(array.nbytes for array in of_samples.values()) + study.is_reduced * values * study.n
         events, states = arrays["events"], []
         if reduction is not None:
             events = events[:0]
             states = [card.memory(array.nbytes, array) for array in (reduction.state, *reduction.arrays)]
+        most = max(1, int(SHARE * card.free() * study.n / max(size, 1) / STRIPES)) * STRIPES
         for first in range(0, study.n, most):
             portion = {name: array[first : first + most] for name, array in of_samples.items()}
             n = len(portion["t_failed"])
             held = {**common, **self._on_card(portion), "events": card.memory(events.nbytes)}
-            if "Y" not in held:
+            if study.is_reduced:
                 held["Y"] = card.memory(values * n)
             own = Study.from_buffer_copy(study)
             own.n, own.most_events, own.n_events, own.steps = n, len(events), 0, 0

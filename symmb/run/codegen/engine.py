@@ -113,7 +113,7 @@ class Study(ctypes.Structure):
         (ctypes.c_void_p, "passes"),
         (ctypes.c_long, "most_passes steps iterations most"),
         (ctypes.c_void_p, "events"),
-        (ctypes.c_long, "n_events most_events"),
+        (ctypes.c_long, "n_events most_events is_reduced"),
     )
     arrays: Mapping[str, np.ndarray | None]
     """The arrays to which the pointers point. They are kept here, because the study uses them."""

@@ -37,6 +37,7 @@ typedef struct {
   long steps, iterations, most; /* of all blocks; iterations of Newton's method, and their maximum in a step */
   double *events;               /* (most_events, EVENT) recorded by impacts.h; there may be more events */
   long n_events, most_events;
+  long is_reduced; /* whether nobody reads the values of failed samples, see kernel.h */
 } Study;
 
 /* The data of W lanes of a block. */
