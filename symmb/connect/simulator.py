@@ -43,6 +43,8 @@ class Samples(Protocol):
     def messages(self) -> tuple[str, ...]: ...
     @property
     def events(self) -> Indices | None: ...
+    @property
+    def attaining(self) -> Indices | None: ...
     def extremes(self) -> tuple[Array, Array]: ...
 
 
@@ -75,6 +77,11 @@ class Ensemble:
         Y = self.Y if self.ok.all() else self.Y[self.ok]
         return Y.min(axis=0, initial=np.inf), Y.max(axis=0, initial=-np.inf)
 
+    @property
+    def attaining(self) -> Indices | None:
+        """Numbers (2, n_t, n_y) of the samples that attain the extremes; None if they are not known."""
+        return None
+
 
 @dataclass(frozen=True)
 class Reduction(Generic[S]):
@@ -86,14 +93,15 @@ class Reduction(Generic[S]):
     update : (state, block, indices) -> state after the block; ``indices`` (n,) are the sample numbers
     merge : (state, state) -> one state of all samples; the first state has the lower sample numbers
     trajectories : whether ``update`` uses ``block.Y``; if not, blocks may be larger
-    attained : state -> smallest and largest values (n_t, n_y), if the state contains them
+    attained : state -> smallest and largest values (n_t, n_y), and the numbers (2, n_t, n_y) of the samples that attain
+        them, or None; if the state contains them
     """
 
     init: Callable[[], S]
     update: Callable[[S, Samples, Indices], S]
     merge: Callable[[S, S], S]
     trajectories: bool = True
-    attained: Callable[[S], tuple[Array, Array]] | None = None
+    attained: Callable[[S], tuple[Array, Array, Indices | None]] | None = None
 
 
 class Simulator(Protocol):
@@ -204,7 +212,8 @@ def stream(
     block : samples of a block; must not depend on the executor
     """
     P = checked_samples(simulator, P, progress)
-    tasks = [(P[indices], indices) for indices in blocks(len(P), block)]
+    starts = range(0, len(P), block)  # tasks are made when they are needed, because 1e8 samples take some GB
+    tasks = ((P[i : i + block], np.arange(i, min(i + block, len(P)))) for i in starts)
     work = partial(_reduce_block, simulator, reduction)
     merging, arrived = Merging(reduction, progress, P), dict[int, Any]()
     for k, result in finished(work, tasks, executor):
@@ -213,7 +222,8 @@ def stream(
         # Tasks end in any order. States are merged in block order, because sums depend on the order of their terms.
         arrived[k] = result
         while (part := arrived.pop(merging.count, None)) is not None:
-            merging.add(part, tasks[merging.count][1])
+            i = starts[merging.count]
+            merging.add(part, np.arange(i, min(i + block, len(P))))
     return merging.state
 
 
@@ -235,7 +245,9 @@ class Merging(Generic[S]):
         self.count += 1
         self._done += len(indices)
         if self.reduction.attained is not None:
-            note_attained(*self.reduction.attained(part), self.P[indices], Y)
+            lower, upper, at = self.reduction.attained(part)
+            first = indices[0]
+            note_attained(lower, upper, self.P[first : first + len(indices)], Y, None if at is None else at - first)
         if self.progress is not None:
             self.progress(self._done, len(self.P))
 
@@ -316,25 +328,32 @@ class Attained:
         self.blocks: list[Array] = []
         self.lower_at, self.upper_at = np.zeros((2, n_t, n_y), dtype=np.intp)
 
-    def add(self, lower: Array, upper: Array, P: Array, Y: Array | None) -> None:
-        """Add values (n_t, n_y) of samples P (n, d). With outputs Y (n, n_t, n_y), each sample counts as a block."""
+    def add(self, lower: Array, upper: Array, P: Array, Y: Array | None, at: Indices | None) -> None:
+        """Add values (n_t, n_y) of samples P (n, d).
+
+        With outputs Y (n, n_t, n_y), or numbers `at` (2, n_t, n_y) of the samples, each sample counts as a block.
+        """
         if self.nominal is None and self._nominal_parameters is not None and Y is not None:
             distance = np.abs(P - self._nominal_parameters)
             is_nominal = (distance <= ROUNDING * np.abs(self._nominal_parameters)).all(axis=1)
             is_nominal &= np.isfinite(Y).all(axis=(1, 2))
             if is_nominal.any():
                 self.nominal = np.array(Y[int(is_nominal.argmax())])
-        for at, better, sign in ((self.lower_at, lower < self.lower, 1), (self.upper_at, upper > self.upper, -1)):
+        sides = (self.lower_at, lower < self.lower, 1), (self.upper_at, upper > self.upper, -1)
+        for k, (numbers, better, sign) in enumerate(sides):
             if not better.any():
                 continue
-            if Y is None:
-                at[better] = len(self.blocks)
-                self.blocks.append(P)
+            if at is not None:
+                best = at[k][better]
+            elif Y is not None:
+                best = np.where(np.isnan(Y[:, better]), np.inf, sign * Y[:, better]).argmin(axis=0)
+            else:
+                numbers[better] = len(self.blocks)
+                self.blocks.append(P.copy())
                 continue
-            some = np.where(np.isnan(Y[:, better]), np.inf, sign * Y[:, better])
-            rows, inverse = np.unique(some.argmin(axis=0), return_inverse=True)
-            at[better] = len(self.blocks) + inverse
-            self.blocks += [P[row : row + 1] for row in rows]
+            rows, inverse = np.unique(best, return_inverse=True)
+            numbers[better] = len(self.blocks) + inverse
+            self.blocks += [P[[row]] for row in rows]
         np.minimum(self.lower, lower, out=self.lower)
         np.maximum(self.upper, upper, out=self.upper)
         self.runs += len(P)
@@ -354,8 +373,8 @@ def attained_by_runs(n_t: int, n_y: int, nominal_parameters: Array | None = None
         _STUDY.reset(token)
 
 
-def note_attained(lower: Array, upper: Array, P: Array, Y: Array | None = None) -> None:
+def note_attained(lower: Array, upper: Array, P: Array, Y: Array | None = None, at: Indices | None = None) -> None:
     """Add values of runs, as by `Attained.add`, to the innermost context `attained_by_runs` if there is a context."""
     study = _STUDY.get()
     if study is not None:
-        study.add(lower, upper, P, Y)
+        study.add(lower, upper, P, Y, at)

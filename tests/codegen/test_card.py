@@ -1,4 +1,4 @@
-"""Runs on a graphics card. A processor runs the same sources in place of the card, one thread after another."""
+"""Runs on a graphics card. Two threads of a processor run the same sources in place of the card."""
 
 import ctypes
 import enum
@@ -10,12 +10,15 @@ import sys
 from importlib import import_module
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
+from scipy.stats import uniform
 
 import symmb as mb
 from symmb.run.codegen import Card
-from symmb.run.codegen.card import CardError, CudaCard, compiled
+from symmb.run.codegen.card import KERNELS, CardError, CudaCard, compiled
+from symmb.run.formulations import CardEnsemble
 
 CXX = shutil.which("g++") or shutil.which("clang++")
 NEEDED = pytest.mark.skipif(CXX is None, reason="needs a C++ compiler")
@@ -25,18 +28,30 @@ SHIM = """
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <thread>
 #define __global__
 struct Place { unsigned x; };
-static Place blockIdx, threadIdx, blockDim, gridDim;
-static inline void atomicMin(long long *a, long long b) { if (b < *a) *a = b; }
-static inline void atomicMax(long long *a, long long b) { if (b > *a) *a = b; }
+static thread_local Place blockIdx, threadIdx;
+static Place blockDim, gridDim;
+static inline void atomicAdd(unsigned long long *a, long b) { __atomic_fetch_add(a, b, __ATOMIC_RELAXED); }
 """
 LAUNCH = """
-extern "C" void launch(long groups, long threads, Study *s, double *lower, double *upper, long n_partial) {
+template <typename... T> static void side_by_side(long groups, long threads, void (*kernel)(T...), T... arguments) {
   gridDim.x = groups, blockDim.x = threads;
-  for (blockIdx.x = 0; blockIdx.x < gridDim.x; ++blockIdx.x)
-    for (threadIdx.x = 0; threadIdx.x < blockDim.x; ++threadIdx.x) run_samples(s, lower, upper, n_partial);
+  const auto work = [=](unsigned half) {
+    for (blockIdx.x = half; blockIdx.x < gridDim.x; blockIdx.x += 2)
+      for (threadIdx.x = 0; threadIdx.x < blockDim.x; ++threadIdx.x) kernel(arguments...);
+  };
+  std::thread other(work, 1);
+  work(0);
+  other.join();
 }
+#define LAUNCH(name, parameters, ...) \\
+  extern "C" void launch_##name parameters { side_by_side(groups, threads, name, __VA_ARGS__); }
+LAUNCH(run_samples, (long groups, long threads, Study *s), s)
+LAUNCH(summarize, (long groups, long threads, const Study *s, long first, double *summaries), s, first, summaries)
+LAUNCH(count_values, (long groups, long threads, const Study *s, long first, unsigned long long *counts,
+       const double *ends, long output, long n), s, first, counts, ends, output, n)
 """
 
 
@@ -51,16 +66,18 @@ class Bytes:
 class Processor(Card):
     """A processor in place of a card."""
 
+    _count = itertools.count()  # a path whose library is open would give this library
+
     def __init__(self, folder, room: int = 10**9) -> None:
         self.folder, self.room, self.launches = folder, room, 0
-        self._count = itertools.count()
 
-    def kernel(self, source: str):
+    def kernels(self, source: str):
         path = self.folder / f"{next(self._count)}.so"
-        flags = ["-O1", "-ffp-contract=off", "-std=c++17", "-shared", "-fPIC", "-w", "-x", "c++", "-"]
+        flags = ["-O1", "-ffp-contract=off", "-std=c++17", "-shared", "-fPIC", "-pthread", "-w", "-x", "c++", "-"]
         text = f"{SHIM}{source}{LAUNCH}"
         subprocess.run([str(CXX), *flags, "-o", str(path)], input=text, text=True, check=True)
-        return ctypes.CDLL(str(path)).launch
+        library = ctypes.CDLL(str(path))
+        return {name: getattr(library, f"launch_{name}") for name in KERNELS}
 
     def free(self) -> int:
         return self.room
@@ -72,9 +89,9 @@ class Processor(Card):
         to.reshape(-1).view(np.uint8)[:] = memory.bytes[: to.nbytes]
         return to
 
-    def launch(self, kernel, groups: int, threads: int, pointers: list[int], number: int) -> None:
+    def launch(self, kernel, groups: int, threads: int, arguments: tuple[int, ...]) -> None:
         self.launches += 1
-        kernel(ctypes.c_long(groups), ctypes.c_long(threads), *map(ctypes.c_void_p, pointers), ctypes.c_long(number))
+        kernel(*map(ctypes.c_long, (groups, threads, *arguments)))
 
 
 MODELS = ("double_pendulum", "four_bar", "bouncing_ball", "half_car", "slider_crank_spatial")
@@ -113,6 +130,39 @@ def test_samples_are_those_of_lanes(tmp_path, name):
         assert (differs(own.Y, other.Y) <= np.maximum(SAME, 3 * differs(own.Y, rounded.Y))).all()
 
 
+def card_runs(card: mb.DAESimulator, P: np.ndarray) -> CardEnsemble:
+    runs = card.run(P)
+    assert isinstance(runs, CardEnsemble)
+    return runs
+
+
+def assert_reduced(runs: CardEnsemble, Y: np.ndarray) -> None:
+    """Reductions of runs are those of the outputs Y (N, n_t, n_y) of the same runs that did not fail, by NumPy."""
+    ends, (mean, sigma), numbers = np.stack(runs.extremes()), runs.moments(), np.flatnonzero(runs.ok)
+    values, size = Y[numbers], np.abs(Y[numbers]).max(initial=0.0)
+    assert np.array_equal(ends, [values.min(axis=0, initial=np.inf), values.max(axis=0, initial=-np.inf)])
+    if len(values):
+        places = np.stack([values.argmin(axis=0), values.argmax(axis=0)])
+        assert runs.attaining is not None and np.array_equal(runs.attaining, numbers[places])
+        assert np.allclose(mean, values.mean(axis=0), rtol=0, atol=1e-14 * size)
+        assert np.allclose(sigma, values.std(axis=0), rtol=1e-12, atol=1e-14 * size)
+    edges = np.sort(np.random.default_rng(1).uniform(-size, size, (2, values.shape[1])), axis=0)
+    for k in range(values.shape[2]):
+        counts = runs.histogram(k, edges, 7)
+        for i in range(0, len(counts), 50):
+            (low, high), own = edges[:, i], counts[i]
+            assert np.array_equal(own, np.histogram(np.clip(values[:, i, k], low, high), 7, (low, high))[0])
+
+
+@NEEDED
+@pytest.mark.parametrize("n", [0, 1, 31, 33])
+def test_reductions_are_those_of_all_outputs(tmp_path, n):
+    scene = falling(6.0)
+    card = mb.prepare(scene, mb.DormandPrince()).on_card(Processor(tmp_path))
+    P = np.linspace(1.0, 9.0, 33)[:n, None]
+    assert_reduced(card_runs(card, P), card.run(P).Y)
+
+
 @NEEDED
 @pytest.mark.parametrize("name", ["double_pendulum", "bouncing_ball"])
 def test_portions_do_not_change_results(tmp_path, name):
@@ -121,8 +171,9 @@ def test_portions_do_not_change_results(tmp_path, name):
     whole, parts = lanes.on_card(once).run(P), lanes.on_card(often).run(P)
     assert np.array_equal(whole.Y, parts.Y) and once.launches == 1 < often.launches
     for each in (once, often):
-        lower, upper = lanes.on_card(each).run(P).extremes()
-        assert np.array_equal(lower, whole.Y.min(axis=0)) and np.array_equal(upper, whole.Y.max(axis=0))
+        assert_reduced(card_runs(lanes.on_card(each), P), whole.Y)
+    first, second = (card_runs(lanes.on_card(each), P).moments() for each in (once, often))
+    assert np.array_equal(first, second)
     if whole.events is not None and parts.events is not None:
         assert np.array_equal(whole.events, parts.events) and whole.events[:, -1].min() > 0
 
@@ -148,9 +199,7 @@ def test_failed_samples_have_times_and_reasons_and_no_extremes(tmp_path):
         assert 0 < failed.sum() < 33 and np.array_equal(~other.ok, failed)
         assert np.allclose(other.t_failed, [run.t_failed[0] for run in own], rtol=1e-6, equal_nan=True)
         assert list(other.messages) == [text for run in own for text in run.messages]
-        lower, upper = card.run(P).extremes()
-        values = np.concatenate([run.Y for run in own])[~failed]
-        assert np.allclose(lower, values.min(axis=0)) and np.allclose(upper, values.max(axis=0))
+        assert_reduced(card_runs(card, P), other.Y)
 
 
 @NEEDED
@@ -166,15 +215,84 @@ def test_studies_have_the_bounds_of_lanes(tmp_path, method):
     assert (np.abs(own.upper - other.upper).max(axis=0) <= 1e-6 * width).all()
 
 
+@NEEDED
+def test_reasons_name_the_contacts_of_failed_samples(tmp_path):
+    """A drive reaches a stop that cannot rebound at the time `at`, for some samples before the end."""
+    p = mb.Parameters(at=1.0)
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    drive, stop = mb.Motion("drive", ball.x, 1 - mb.t / p.at), mb.Impact("stop", ball.x, 0.5)
+    floor = mb.Impact("floor", ball.y + 0.1, 0.5)
+    system = mb.System(ball, drive, stop, floor, mb.Gravity(0, -9.81), parameters=p)
+    scene = mb.Scene(system, {"ball.y": 0.0}, np.linspace(0, 1, 5), {"y": ball.y})
+    card = mb.prepare(scene).on_card(Processor(tmp_path))
+    P = np.array([3.0, 0.5, 2.5, 0.7, 0.6, 4.0])[:, None]
+    runs = card.run(P)
+    _ = runs.extremes()
+    assert runs.ok.tolist() == [True, False, True, False, False, True]
+    assert [("Impact 'stop' cannot rebound" in text) for text in runs.messages] == [True] * 3
+    assert np.allclose(runs.t_failed[[1, 3, 4]], P[[1, 3, 4], 0], rtol=1e-9)
+    assert_reduced(card_runs(card, P), card.run(P).Y)
+
+
+class Counting(Processor):
+    """A processor in place of a card that stores the largest number of runs whose outputs it has sent."""
+
+    sent = 0
+
+    def read(self, memory: Any, to: np.ndarray) -> np.ndarray:
+        self.sent = max(self.sent, to.nbytes)
+        return super().read(memory, to)
+
+
+@NEEDED
+def test_worst_cases_repeat_no_block(tmp_path):
+    scene, card = import_module("models.double_pendulum").scene(), Counting(tmp_path)
+    bounds = mb.propagate(scene, mb.MonteCarlo(400), solver=mb.DormandPrince(), device=card)
+    case = bounds.worst("x2").upper
+    assert card.sent < 400 * bounds.lower.nbytes / 2
+    found = mb.simulate(scene.with_nominal(case.parameters), mb.DormandPrince())
+    i = int(np.abs(bounds.t - case.time).argmin())
+    assert found["x2"][i] == pytest.approx(bounds["x2"][1][i], abs=1e-8)
+
+
+@NEEDED
+def test_quantiles_and_moments_of_many_runs(tmp_path, monkeypatch):
+    p = mb.Parameters(a=0.5)
+    ball = mb.Body("ball", 1.0, pose=mb.Particle())
+    system, times = mb.System(ball, mb.Gravity(0, -9.81), parameters=p), np.linspace(0.0, 1.0, 5)
+    step = ca.if_else(p.a < 0.4, 0.0, 1.0)  # polynomials do not follow it
+    scene = mb.Scene(system, {"ball.vx": p.a / 4}, times, {"y": step + ball.x}, mb.Box(a=(0.0, 1.0)))
+    for module in ("law_samples", "statistical"):
+        monkeypatch.setattr(f"symmb.bound.bounds.{module}.SAMPLES_ON_CARD", 2**10)
+    bounds = mb.propagate(scene, mb.Vertex(), solver=mb.DormandPrince(), device=Processor(tmp_path))
+    q, laws = np.array([0.03, 0.3, 0.5, 0.77]), {"a": uniform(0, 1)}
+    found = bounds.quantiles("y", q, laws)
+    exact = (q[:, None] >= 0.4) + q[:, None] * times / 4
+    assert found.runs >= found.samples == 2**13 and found.estimate.max() < 5e-3
+    assert (np.abs(found.lower - exact) <= found.estimate).all() and np.array_equal(found.lower, found.upper)
+    figures = bounds.statistical({"y": (None, 3.0)}, laws)
+    a = (np.arange(10**5) + 0.5) / 10**5
+    values = (a >= 0.4) + a * figures.time[0] / 4
+    assert figures.mean[0] == pytest.approx(values.mean(), abs=1e-3)
+    assert figures.sigma[0] == pytest.approx(values.std(), abs=1e-3)
+
+
 def test_refusals(tmp_path):
     scene = import_module("models.double_pendulum").scene()
-    with pytest.raises(mb.DeclarationError, match="expected 'cuda' or None, got 'gpu'"):
-        mb.prepare(scene, device="gpu")
+    for device in ("gpu", 0, True, Processor):
+        with pytest.raises(mb.DeclarationError, match="expected 'cuda' or None, got "):
+            mb.prepare(scene, device=device)  # pyright: ignore[reportArgumentType]
     for solver in (mb.CVODES(), mb.BDFI3()):
         with pytest.raises(mb.DeclarationError, match="Graphics cards run explicit solvers"):
             mb.prepare(scene, solver, device=Processor(tmp_path))
-    with pytest.raises(mb.DeclarationError, match="its own solver, times, outputs and device"):
-        mb.propagate(mb.prepare(scene), mb.Vertex(), device="cuda")
+    black_box = mb.FunctionSimulator(lambda a: [[a]], {"a": 1.0}, np.zeros(1), ["y"])
+    for simulator in (mb.prepare(scene), black_box):
+        with pytest.raises(mb.DeclarationError, match="its own solver, times, outputs and device"):
+            mb.propagate(simulator, mb.Vertex(), mb.Box(a=(0.0, 1.0)), device="cuda")
+    p = mb.Parameters(a=1.0)
+    still = mb.Scene(mb.System(mb.Ground(), parameters=p), times=np.linspace(0, 1, 2), outputs={"y": p.a * mb.t})
+    with pytest.raises(mb.DeclarationError, match=r"has no states.*Leave out device"):
+        mb.prepare(still, device=Processor(tmp_path))
     with pytest.raises((ImportError, CardError), match="graphics card"):
         mb.propagate(scene, mb.Vertex(), device="cuda")
 
@@ -182,7 +300,9 @@ def test_refusals(tmp_path):
 class Driver:
     """Functions of the driver of NVIDIA that the card calls. A processor runs the kernels."""
 
-    CUresult = enum.Enum("CUresult", {"CUDA_SUCCESS": 0, "CUDA_ERROR_OUT_OF_MEMORY": 2, "CUDA_ERROR_NO_DEVICE": 100})
+    codes = "CUDA_SUCCESS CUDA_ERROR_OUT_OF_MEMORY CUDA_ERROR_NO_DEVICE CUDA_ERROR_INVALID_IMAGE CUDA_ERROR_UNKNOWN"
+    CUresult = enum.Enum("CUresult", codes)
+    loads = "CUDA_SUCCESS"
     names = ("CU_DEVICE_ATTRIBUTE_COMPUTE_CAPABILITY_MAJOR", "CU_DEVICE_ATTRIBUTE_COMPUTE_CAPABILITY_MINOR")
     CUdevice_attribute = enum.Enum("CUdevice_attribute", names)
 
@@ -211,16 +331,20 @@ class Driver:
         return self._result(9 if attribute.name.endswith("MAJOR") else 0)
 
     def cuModuleLoadData(self, image):
-        return self._result(image.decode())
+        is_loaded = self.loads == "CUDA_SUCCESS"
+        return self._result(self.processor.kernels(image.decode()) if is_loaded else None, self.loads)
 
     def cuModuleGetFunction(self, module, name):
-        return self._result(self.processor.kernel(module))
+        return self._result(module[name.decode()])
 
     def cuMemGetInfo(self):
-        return *self._result(self.room), 2 * self.room
+        return *self._result(self._free()), 2 * self.room
+
+    def _free(self) -> int:
+        return self.room - sum(memory.bytes.nbytes for memory in self.used.values())
 
     def cuMemAlloc(self, size):
-        if sum(memory.bytes.nbytes for memory in self.used.values()) + size > self.room:
+        if size > self._free():
             return self._result(code="CUDA_ERROR_OUT_OF_MEMORY")
         memory = Bytes(size, None)
         self.used[memory.address] = memory
@@ -237,7 +361,7 @@ class Driver:
 
     def cuLaunchKernel(self, kernel, *arguments):
         groups, _, _, threads, *_, (values, _), _ = arguments
-        self.processor.launch(kernel, groups, threads, values[:-1], values[-1])
+        self.processor.launch(kernel, groups, threads, values)
         return self._result()
 
 
@@ -253,9 +377,17 @@ def test_the_driver_makes_the_runs(tmp_path, monkeypatch):
     runs = card.run(P)
     assert np.array_equal(runs.Y, lanes.on_card(Processor(tmp_path)).run(P).Y) and not driver.used
     assert np.array_equal(pickle.loads(pickle.dumps(card)).run(P).Y, runs.Y)
+    driver.room, before = 15 * 10**6, driver.processor.launches  # 12 MB are the states of the reduction
+    _ = card.run(np.resize(P, (64, P.shape[1]))).extremes()
+    assert driver.processor.launches > before + 4
     driver.room = 1000
     with pytest.raises(CardError, match="too little free memory"):
         _ = card.run(P).Y
+    told = {"INVALID_IMAGE": "driver of the graphics card is older", "UNKNOWN": "CUDA_ERROR_UNKNOWN in cuModuleLoad"}
+    for code, text in told.items():
+        driver.loads = f"CUDA_ERROR_{code}"
+        with pytest.raises(CardError, match=text):
+            lanes.on_card(CudaCard())
     monkeypatch.setitem(sys.modules, "cuda.bindings.driver", Driver(tmp_path, devices=0, room=0))
     with pytest.raises(CardError, match=r"no graphics card of NVIDIA with a working driver.*CUDA_ERROR_NO_DEVICE"):
         CudaCard()
@@ -270,7 +402,7 @@ def test_the_compiler_of_cards_accepts_the_source(tmp_path, name, architecture):
     pytest.importorskip("cuda.bindings.nvrtc")
 
     class Compiler(Processor):
-        def kernel(self, source: str) -> int:
+        def kernels(self, source: str) -> int:
             return len(compiled(source, architecture))
 
-    assert vars(prepared(name).program.on_card(Compiler(tmp_path)).engine())["_kernel"] > 10_000
+    assert vars(prepared(name).program.on_card(Compiler(tmp_path)).engine())["_kernels"] > 10_000

@@ -198,9 +198,9 @@ class Answers(Envelope):
 
         A parameter without a distribution may have any value in its interval, and a different value in each sample.
         With such parameters, there is a lowest and a highest quantile. Quantiles follow from polynomials, which 32 runs
-        verify. If polynomials are not accurate enough, quantiles follow from 1,024 runs. If, in addition, some
-        parameters have no distribution, quantiles follow from least squares through 256 runs. Some hundreds of further
-        runs then estimate the error.
+        verify. If polynomials are not accurate enough, quantiles follow from 1,024 runs, or from a million runs on a
+        graphics card. If, in addition, some parameters have no distribution, quantiles follow from least squares
+        through 256 runs. Some hundreds of further runs then estimate the error.
 
         Parameters
         ----------

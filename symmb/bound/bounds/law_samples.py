@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from symmb._types import Array
+from symmb._types import Array, Indices
 from symmb.bound.bounds.laws import Laws
 from symmb.bound.bounds.limit_state import SETS_OF_SAMPLES
 from symmb.bound.bounds.regression import fitted
@@ -16,6 +16,8 @@ from symmb.bound.polynomials.ranges import Piecewise
 _SAMPLES_OF_POLYNOMIALS, _SAMPLES_WITH_SEARCH, SAMPLES_BEFORE_RUNS = 512, 128, 32
 """Numbers of samples of a set for three cases: from polynomials; if each sample requires a search or a run; and if runs
 near a limit may follow. Larger numbers take more time."""
+SAMPLES_ON_CARD, _BINS = 2**17, 2048
+"""Number of samples of a set if runs on a graphics card are the samples, and number of bins of their values."""
 VERIFYING_RUNS = 32
 """Number of runs at samples of the distributions. They verify the values of polynomials, not only their range."""
 SAFETY_OF_RUNS = 2.0
@@ -150,6 +152,24 @@ class LawSamples:
             sets = low.reshape(shape)
             yield window, sets, sets if low is high else high.reshape(shape)
 
+    @property
+    def on_card(self) -> bool:
+        """Whether runs on a graphics card are the samples."""
+        return self.surrogate is None and self.responses.runs is not None and self.responses.runs.on_card
+
+    def quantiles_on_card(self, q: Array) -> tuple[Array, Array, Array]:
+        """Quantiles (n_q, n_t) of many runs on a graphics card, as lowest and as highest ones, and their error."""
+        runs, k = self.responses.runs, self.column
+        assert runs is not None
+        ends = np.stack([self.responses.lower[:, k], self.responses.upper[:, k]])
+        self.draw(SAMPLES_ON_CARD)
+        self.runs += self.number
+        parts = np.split(self._points, SETS_OF_SAMPLES)
+        counts = np.array([runs.reduced(part, lambda card: card.histogram(k, ends, _BINS)) for part in parts])
+        error = np.maximum(scatter(_quantiles(counts, ends, q)), (ends[1] - ends[0]) / _BINS)
+        (quantiles,) = _quantiles(counts.sum(axis=0, keepdims=True), ends, q)
+        return quantiles, quantiles, error
+
     @cached_property
     def _by_samples(self) -> Array:
         """Responses of runs at all samples."""
@@ -175,3 +195,13 @@ class LawSamples:
 def scatter(sets: Array) -> Array:
     """Sampling error of the mean over sets of results (replicates, ...)."""
     return STANDARD_ERRORS * sets.std(axis=0, ddof=1) / np.sqrt(SETS_OF_SAMPLES)
+
+
+def _quantiles(counts: Indices, ends: Array, q: Array) -> Array:
+    """Quantiles (sets, n_q, n_t) from numbers (sets, n_t, bins) of values in equal bins between the ends (2, n_t)."""
+    sums, bins, places = counts.cumsum(axis=2), counts.shape[2], []
+    for rank in q * sums[0, 0, -1]:
+        own = (sums < rank).sum(axis=2)[..., None]
+        above, within = (np.take_along_axis(each, own, axis=2) for each in (sums - rank, counts))
+        places.append((own + 1 - above / within)[..., 0])
+    return ends[0] + np.stack(places, axis=1) / bins * (ends[1] - ends[0])

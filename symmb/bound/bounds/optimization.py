@@ -75,7 +75,7 @@ class Optimization(Method):
         shape = len(simulator.times), len(simulator.outputs)
         points, attained, predicted, before, runs = self._descended(simulator, box, progress)
         P = parameter_samples(simulator, box, points)
-        (lower, upper), bad = simulator.stream(P, together(extremes(simulator), failures()), executor)
+        (lower, upper, _), bad = simulator.stream(P, together(extremes(simulator), failures()), executor)
         attained = np.minimum(attained, np.concatenate([lower.ravel(), -upper.ravel()]))
         estimate = np.abs(attained - predicted) + np.abs(predicted - before)
         lower, upper = attained.reshape(2, *shape) * _SIGNS

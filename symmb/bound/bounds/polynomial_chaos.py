@@ -210,8 +210,8 @@ class PolynomialChaos(Method):
         ok = ~which_failed(failed_runs, len(P))
         self._require_determined(fit, ok, failed)
         if fit.line is None:
-            return fit.coefficients(state, ok), inner, ok, failed
-        return fit.transform(*(values for _, values in state)), inner, ok, failed
+            return fit.coefficients(state, ok), inner[:2], ok, failed
+        return fit.transform(*(values for _, values in state)), inner[:2], ok, failed
 
     def _marched(self, fit: Fit, P: Array, simulator: Simulator, box: Box, progress: Progress | None) -> _Responses:
         if not isinstance(simulator, March):

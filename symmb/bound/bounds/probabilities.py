@@ -172,8 +172,8 @@ def quantiles_of(responses: Responses, output: object, levels: object, laws: obj
     if q is None or q.ndim != 1 or not len(q) or not ((q > 0) & (q < 1)).all():
         raise DeclarationError(f"{owner}: levels must be probabilities above 0 and below 1, got {shown(levels)}.")
     samples = LawSamples(owner, responses, k, laws, correlation)
-    parts = []
-    for _, low, high in samples.over_time():
+    parts = [samples.quantiles_on_card(q)] if samples.on_card else []
+    for _, low, high in samples.over_time() if not parts else ():
         ends = [_quantiles_and_scatter(each, q) for each in ((low,) if low is high else (low, high))]
         parts.append((ends[0][0], ends[-1][0], np.maximum(ends[0][1], ends[-1][1])))
     lower, upper, sampling = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))

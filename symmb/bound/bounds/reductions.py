@@ -3,7 +3,7 @@
 import operator
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,8 +17,19 @@ FailedRuns = tuple[tuple[int, float, str], ...]
 """The sample number, time and message of each failed run."""
 
 
-def extremes(simulator: Simulator) -> Reduction[tuple[Array, Array]]:
-    """Smallest and largest values (n_t, n_y) of the runs that did not fail; inf and -inf if all failed."""
+class Extremes(NamedTuple):
+    """Smallest and largest values (n_t, n_y) of the runs that did not fail; inf and -inf if all failed.
+
+    `at` (2, n_t, n_y) are the numbers of the samples that attain them; None if they are not known.
+    """
+
+    lower: Array
+    upper: Array
+    at: Indices | None
+
+
+def extremes(simulator: Simulator) -> Reduction[Extremes]:
+    """The extremes of the runs."""
     shape = len(simulator.times), len(simulator.outputs)
     none = partial(_no_extremes, shape)
     return Reduction(none, _update_extremes, _merge_extremes, trajectories=False, attained=_itself)
@@ -87,24 +98,28 @@ def require_some(method: object, failed: tuple[Failure, ...], runs: int) -> None
         raise PropagationError(f"{method!r}: all {runs} runs failed.\n{failure_text(failed)}")
 
 
-def _itself(state: tuple[Array, Array]) -> tuple[Array, Array]:
+def _itself(state: Extremes) -> Extremes:
     return state
 
 
-def _of_part(k: int, attained: Callable[[Any], tuple[Array, Array]], state: tuple[Any, ...]) -> tuple[Array, Array]:
+def _of_part(k: int, attained: Callable[[Any], Any], state: tuple[Any, ...]) -> Any:
     return attained(state[k])
 
 
-def _no_extremes(shape: tuple[int, int]) -> tuple[Array, Array]:
-    return np.full(shape, np.inf), np.full(shape, -np.inf)
+def _no_extremes(shape: tuple[int, int]) -> Extremes:
+    return Extremes(np.full(shape, np.inf), np.full(shape, -np.inf), np.zeros((2, *shape), dtype=np.intp))
 
 
-def _update_extremes(state: tuple[Array, Array], block: Samples, indices: Indices) -> tuple[Array, Array]:
-    return _merge_extremes(state, block.extremes())
+def _update_extremes(state: Extremes, block: Samples, indices: Indices) -> Extremes:
+    at = block.attaining
+    return _merge_extremes(state, Extremes(*block.extremes(), None if at is None else indices[at]))
 
 
-def _merge_extremes(first: tuple[Array, Array], second: tuple[Array, Array]) -> tuple[Array, Array]:
-    return np.minimum(first[0], second[0]), np.maximum(first[1], second[1])
+def _merge_extremes(first: Extremes, second: Extremes) -> Extremes:
+    at = None
+    if first.at is not None and second.at is not None:
+        at = np.where([second.lower < first.lower, second.upper > first.upper], second.at, first.at)
+    return Extremes(np.minimum(first.lower, second.lower), np.maximum(first.upper, second.upper), at)
 
 
 def _update_failures(state: FailedRuns, block: Samples, indices: Indices) -> FailedRuns:

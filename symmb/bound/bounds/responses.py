@@ -1,6 +1,6 @@
 """Responses over a box, from polynomials, or from runs if polynomials are not accurate enough."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -11,19 +11,25 @@ from symmb._types import Array, Mask
 from symmb.bound.bounds.time_windows import is_doubtful
 from symmb.bound.polynomials.ranges import Piecewise
 from symmb.equations.model import Box
+from symmb.run.formulations import CardEnsemble
 
 GOOD = 0.25
 """Largest error of usable polynomials, divided by the widths. The results contain this error."""
 
 
 class Runs(Protocol):
-    """Functions for further runs: ranges, values, samples, and bounds by PolynomialChaos()."""
+    """Functions for further runs: ranges, values, reductions, samples, and bounds by PolynomialChaos()."""
 
     def range(self, box: Box, label: str) -> tuple[Array, Array, Array, int]: ...
 
     def attempted(self, points: Array) -> tuple[Array, tuple[Any, ...]]: ...
 
     def values(self, points: Array) -> Array: ...
+
+    def reduced(self, points: Array, reduce: Callable[[CardEnsemble], Any]) -> Any: ...
+
+    @property
+    def on_card(self) -> bool: ...
 
     @property
     def has_lanes(self) -> bool: ...

@@ -170,7 +170,7 @@ def sampled(
         raise PropagationError(f"{method!r}: no sample satisfies all constraints of the box.")
     P = parameter_samples(simulator, box, unit)
     reduction = together(extremes(simulator), failures())
-    (lower, upper), bad = simulator.stream(P, reduction, executor, progress)
+    (lower, upper, _), bad = simulator.stream(P, reduction, executor, progress)
     details = failure_details(simulator, box, unit, P, bad)
     require_some(method, details["failed"], len(P))
     return method._result(simulator, lower, upper, len(P), inner=(lower, upper), **details)

@@ -13,7 +13,7 @@ from symmb._labelled import Labelled, Result
 from symmb._names import counted, normal_keys
 from symmb._table import aligned, over_times
 from symmb._types import Array, Mask
-from symmb.bound.bounds.law_samples import SAMPLES_BEFORE_RUNS, LawSamples
+from symmb.bound.bounds.law_samples import SAMPLES_BEFORE_RUNS, SAMPLES_ON_CARD, LawSamples
 from symmb.bound.bounds.laws import Laws, laws_text
 from symmb.bound.bounds.limits import limit_text
 from symmb.bound.bounds.probabilities import event_probability, values_of
@@ -22,6 +22,7 @@ from symmb.bound.nodes import Sobol
 from symmb.bound.polynomials import Expansion
 from symmb.equations.model import Box
 from symmb.results.files import Record, entry
+from symmb.run.formulations import CardEnsemble
 
 _SAMPLES = 1024
 """Number of samples for means and standard deviations."""
@@ -225,11 +226,17 @@ def statistics_of(
         raise DeclarationError(f"{owner}: all parameters of the box are fixed.")
     full = laws_within(owner, laws, box)
     own = Laws.of(owner, full, None, box)
-    points = np.zeros((_SAMPLES + 2 * len(box), len(box)))
-    points[:_SAMPLES, own.columns] = own.unit_points((Sobol().points(_SAMPLES, len(own.names), 0) + 1) / 2, box)
-    points[_SAMPLES:] = np.concatenate([np.eye(len(box)), -np.eye(len(box))])
-    Y = values_of(responses, points, columns)
+
+    def drawn(n: int) -> Array:
+        points = np.zeros((n, len(box)))
+        points[:, own.columns] = own.unit_points((Sobol().points(n, len(own.names), 0) + 1) / 2, box)
+        return points
+
+    Y = values_of(responses, np.concatenate([drawn(_SAMPLES), np.eye(len(box)), -np.eye(len(box))]), columns)
     mean, sigma = Y[:_SAMPLES].mean(axis=0), Y[:_SAMPLES].std(axis=0)
+    if responses.runs is not None and responses.runs.on_card and not responses.is_good[columns].all():
+        found = responses.runs.reduced(drawn(SAMPLES_ON_CARD), CardEnsemble.moments)
+        mean, sigma = (each[:, columns] for each in found)
     ends = Y[_SAMPLES:].reshape(2, len(box), *mean.shape)
     rss = np.sqrt(np.square((ends[0] - ends[1]) / 2).sum(axis=0))
     low, high = np.array([*pairs.values()]).T

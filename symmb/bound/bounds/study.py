@@ -1,8 +1,9 @@
 """The data from which bounds were computed, which are stored with the bounds for further runs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, cast
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from symmb.bound.bounds.result import Bounds
 from symmb.bound.nodes import Sobol
 from symmb.connect import Simulator, noise_from_runs
 from symmb.equations.model import Box, Scene
+from symmb.run.formulations import CardEnsemble
 from symmb.run.integrate import Solver
 from symmb.run.simulation import DAESimulator, FigureSimulator, SceneSimulator, motion_of, simulator_with
 
@@ -158,3 +160,16 @@ class Study:
         if bad:
             raise PropagationError(_FAILED.format(len(bad), len(points), bad[0][2]))
         return Y
+
+    @property
+    def on_card(self) -> bool:
+        """Whether runs are made on a graphics card, so that a million runs take little time if they are reduced."""
+        return isinstance(self.simulator, DAESimulator) and self.simulator.program.card is not None
+
+    def reduced(self, points: Array, reduce: Callable[[CardEnsemble], Any]) -> Any:
+        """A reduction of runs on a graphics card at points (N, d) of the unit box. No run may fail."""
+        runs = self.simulator.run(parameter_samples(self.simulator, self.box, points))
+        result = reduce(cast(CardEnsemble, runs))
+        if not runs.ok.all():
+            raise PropagationError(_FAILED.format(len(runs.messages), len(points), runs.messages[0]))
+        return result

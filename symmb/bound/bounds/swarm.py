@@ -76,7 +76,7 @@ class Swarm(Method):
         points, lost = list[Array](), list[Mask]()
         for step in range(self.steps):
             P = parameter_samples(simulator, box, x.reshape(runs, d))
-            values, (low, high), bad = simulator.stream(P, reduction, executor)
+            values, (low, high, _), bad = simulator.stream(P, reduction, executor)
             lower, upper = np.minimum(lower, low), np.maximum(upper, high)
             failed += failure_records(simulator, box, P, bad)
             points.append(x.reshape(runs, d))

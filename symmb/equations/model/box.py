@@ -13,6 +13,7 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._errors import DeclarationError
+from symmb._limits import windows
 from symmb._names import did_you_mean, normal, normal_keys
 from symmb._options import is_finite_number, numbers_of, require_instance, require_numbers, shown
 from symmb._types import Array, Mask
@@ -330,8 +331,13 @@ class Box:
     def from_unit(self, unit: Array) -> Array:
         """Points (N, d) of [-1, 1]^d as parameter values (N, d); -1 and 1 give the ends exactly."""
         unit = self._finite_points("points", unit)
-        inside = np.clip(self.center + unit * self.radius, self.lower, self.upper)
-        return np.where(unit == -1.0, self.lower, np.where(unit == 1.0, self.upper, inside))
+        points, values = unit.reshape(-1, len(self)), np.empty((unit.size // len(self), len(self)))
+        lower, upper, center, radius = np.array([self.lower, self.upper, self.center, self.radius])[..., None]
+        for rows in windows(len(points), 16 * len(self)):  # 1e8 points of few numbers take a tenth of the time
+            own = np.ascontiguousarray(points[rows].T)
+            inside = np.clip(center + own * radius, lower, upper)
+            values[rows] = np.where(own == -1.0, lower, np.where(own == 1.0, upper, inside)).T
+        return values.reshape(unit.shape)
 
     def to_unit(self, values: Array) -> Array:
         """Parameter values (N, d) as points (N, d) of [-1, 1]^d. The coordinate of an interval without width is 0."""

@@ -27,7 +27,7 @@ from symmb.run.codegen.build import (
     with_compiler,
 )
 from symmb.run.codegen.c_source import C_FOLDER, Tables, c_fields, c_number, c_source, c_tables
-from symmb.run.codegen.card import Card, CudaCard
+from symmb.run.codegen.card import Card, CardEngine, CudaCard, Summary
 from symmb.run.codegen.contacts import BLAMED, CLOSES, IMPACT, OPENS, Contacts
 from symmb.run.codegen.engine import MOST_PASSES, Engine, FailedSamples, FixedStep, Lanes, StepEnds, StepTolerances
 from symmb.run.codegen.failures import REASONS, FailureCode

@@ -4,25 +4,31 @@ import ctypes
 import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Protocol, cast
+from typing import Any, NamedTuple, Protocol, cast
 
 import numpy as np
 
 from symmb._errors import DeclarationError, SymmbError
 from symmb._options import optional_package
-from symmb._types import Array
+from symmb._types import Array, Indices
 from symmb.run.codegen import cache
-from symmb.run.codegen.contacts import EVENT
-from symmb.run.codegen.engine import Engine, Lanes, Study
+from symmb.run.codegen.engine import Engine, FailedSamples, Lanes, Study
 from symmb.run.codegen.model_source import Use
 
 THREADS = 128
 """Threads of a group. A group has four warps, one for each scheduler of a processor of the card."""
-PARTIAL = 64
-"""Number of partial extremes. With 12,000 outputs they take 12 MB, which fit into the cache of a large card."""
+KERNELS = "run_samples", "summarize", "count_values"
+STRIPES = 16
+"""Number of stripes of a reduction, as in c/kernel.h. 12,000 values then have threads for all processors of a card."""
 SHARE = 0.5
 """Fraction of the free memory of the card for the data of samples. The rest is for the states of threads."""
+_OLD = "The driver of the graphics card is older than the compiler. Update the driver."
+_REMEDIES = {
+    "CUDA_ERROR_OUT_OF_MEMORY": "The graphics card has too little free memory. Close other programs that use it.",
+    **dict.fromkeys(("CUDA_ERROR_INVALID_IMAGE", "CUDA_ERROR_NO_BINARY_FOR_GPU"), _OLD),
+}
 _FLAGS = ("--device-as-default-execution-space", "--std=c++17", "-w")
 
 
@@ -40,8 +46,8 @@ class Card(ABC):
     """A graphics card, or a processor in its place."""
 
     @abstractmethod
-    def kernel(self, source: str) -> Any:
-        """The function `run_samples` of a source, compiled."""
+    def kernels(self, source: str) -> Mapping[str, Any]:
+        """The functions `KERNELS` of a source, compiled."""
 
     @abstractmethod
     def free(self) -> int:
@@ -56,8 +62,8 @@ class Card(ABC):
         """Copy memory to a contiguous array, and return the array."""
 
     @abstractmethod
-    def launch(self, kernel: Any, groups: int, threads: int, pointers: list[int], number: int) -> None:
-        """Run groups of threads with these arguments, and wait for their end."""
+    def launch(self, kernel: Any, groups: int, threads: int, arguments: tuple[int, ...]) -> None:
+        """Run groups of threads with these addresses and numbers, and wait for their end."""
 
     def engine(self, lanes: Lanes, times: Array) -> Engine:
         """The engine whose samples run on this card."""
@@ -90,10 +96,8 @@ class CudaCard(Card):
         if hasattr(self, "_context"):
             self._driver.cuCtxSetCurrent(self._context)  # each thread of Python has its own context
         code, *results = getattr(self._driver, name)(*arguments)
-        if code == self._driver.CUresult.CUDA_ERROR_OUT_OF_MEMORY:
-            raise CardError("The graphics card has too little free memory. Close other programs that use it.")
         if code != self._driver.CUresult.CUDA_SUCCESS:
-            raise CardError(f"The graphics card reports {code.name} in {name}.")
+            raise CardError(_REMEDIES.get(code.name, f"The graphics card reports {code.name} in {name}."))
         return results[0] if results else None
 
     @cached_property
@@ -105,9 +109,9 @@ class CudaCard(Card):
             str(self._call("cuDeviceGetAttribute", getattr(named, kind), self._device)) for kind in kinds
         )
 
-    def kernel(self, source: str) -> Any:
+    def kernels(self, source: str) -> Mapping[str, Any]:
         module = self._call("cuModuleLoadData", compiled(source, self.architecture))
-        return self._call("cuModuleGetFunction", module, b"run_samples")
+        return {name: self._call("cuModuleGetFunction", module, name.encode()) for name in KERNELS}
 
     def free(self) -> int:
         return self._call("cuMemGetInfo")
@@ -120,10 +124,9 @@ class CudaCard(Card):
             self._call("cuMemcpyDtoH", to.ctypes.data, memory.address, to.nbytes)
         return to
 
-    def launch(self, kernel: Any, groups: int, threads: int, pointers: list[int], number: int) -> None:
-        kinds = (*[ctypes.c_void_p] * len(pointers), ctypes.c_long)
-        sizes = groups, 1, 1, threads, 1, 1
-        self._call("cuLaunchKernel", kernel, *sizes, 0, 0, ((*pointers, number), kinds), 0)
+    def launch(self, kernel: Any, groups: int, threads: int, arguments: tuple[int, ...]) -> None:
+        kinds, sizes = (ctypes.c_long,) * len(arguments), (groups, 1, 1, threads, 1, 1)
+        self._call("cuLaunchKernel", kernel, *sizes, 0, 0, (arguments, kinds), 0)
         self._call("cuCtxSynchronize")
 
 
@@ -167,6 +170,33 @@ def compiled(source: str, architecture: str) -> bytes:
     return binary
 
 
+class Summary(NamedTuple):
+    """What is known of the outputs of the samples that did not fail, at each time.
+
+    Attributes
+    ----------
+    ends, at : (2, n_t, n_y)       smallest and largest values, and the numbers of the first samples that attain them;
+                                   inf and -inf without samples
+    mean, sigma : (n_t, n_y)       mean and standard deviation; 0 without samples
+    """
+
+    ends: Array
+    at: Indices
+    mean: Array
+    sigma: Array
+
+
+@dataclass
+class _Reduction:
+    """A reduction: its kernel, number of threads and further arguments, and its state before and after all samples."""
+
+    kernel: str
+    threads: int
+    state: np.ndarray
+    arrays: tuple[Array, ...] = ()
+    numbers: tuple[int, ...] = ()
+
+
 class CardEngine(Engine):
     """An `Engine` whose samples run on a graphics card. Each sample has its own steps.
 
@@ -184,78 +214,95 @@ class CardEngine(Engine):
         super().__init__(lanes, times)
 
     def _open(self) -> None:
-        self._kernel, self.width = self._card.kernel(self.source), 1
+        self._kernels, self.width = self._card.kernels(self.source), 1
 
     def __getstate__(self) -> dict:
-        return {k: v for k, v in self.__dict__.items() if k != "_kernel"}
+        return {k: v for k, v in self.__dict__.items() if k != "_kernels"}
 
-    def _execute(self, study: Study, parts: list[Array | None]) -> None:
-        """Run the samples in portions that fit into the memory of the card."""
+    def summary(self, x0: Array, p: Array) -> tuple[Summary, FailedSamples]:
+        """The summary of samples, which are those of `values`, and the failed samples."""
+        start = np.zeros((7, STRIPES, len(self.times), self.n_y))
+        start[0], start[1] = np.inf, -np.inf
+        state, failed_samples = self._reduced(x0, p, "summarize", start[0].size, start)
+        lower, upper, at_lower, at_upper, n, mean, squares = state
+        ends = np.stack([lower.min(axis=0), upper.max(axis=0)])
+        both = (lower, at_lower), (upper, at_upper)
+        at = [np.where(own == end, place, np.inf).min(axis=0) for (own, place), end in zip(both, ends, strict=True)]
+        total = np.maximum(n.sum(axis=0), 1.0)
+        mean_of_all = (n * mean).sum(axis=0) / total
+        squares += n * np.square(mean - mean_of_all)
+        sigma = np.sqrt(squares.sum(axis=0) / total)
+        return Summary(ends + 0.0, np.array(at, dtype=np.intp), mean_of_all, sigma), failed_samples
+
+    def histogram(self, x0: Array, p: Array, output: int, ends: Array, bins: int) -> tuple[Indices, FailedSamples]:
+        """Numbers (n_t, bins) of samples whose values of an output are in bins, and the failed samples.
+
+        The bins have equal widths between the ends (2, n_t). Values beyond an end are in the bin at this end.
+        """
+        n_t, ends = len(self.times), np.ascontiguousarray(ends)
+        start = np.zeros((n_t, bins), dtype=np.intp)
+        return self._reduced(x0, p, "count_values", STRIPES * n_t, start, (ends,), (output, bins))
+
+    def _reduced(self, x0: Array, p: Array, *reduction: Any) -> tuple[np.ndarray, FailedSamples]:
+        """The state of a reduction after all samples, and the failed samples."""
+        own = _Reduction(*reduction)
+        found = self._run(x0, p, None, [own])
+        bad = np.flatnonzero(~np.isnan(found.t_failed))
+        if self.contacts is not None and bad.size:
+            # The events of all samples would take more time than their runs. The failed samples run again for theirs.
+            events = self._run(x0[bad], p[bad], None, [None]).events
+            events[:, 0] = bad[events[:, 0].astype(np.intp)]
+            found = replace(found, events=events)
+        return own.state, found
+
+    def _execute(self, study: Study, parts: list[Any]) -> None:
+        """Run the samples in portions that fit into the memory of the card. Without a reduction, events are kept."""
+        card, reduction = self._card, cast(_Reduction | None, parts[0])
         arrays = {name: array for name, array in study.arrays.items() if array is not None}
         of_samples = {name: array for name, array in arrays.items() if name in _OF_SAMPLES}
         common = self._on_card({name: arrays[name] for name in ("times", "atol")})
-        most = max(1, int(SHARE * self._card.free() * study.n / sum(array.nbytes for array in of_samples.values())))
-        n_events = 0
+        values, study.is_reduced = 8 * study.n_t * self.n_y, "Y" not in arrays
+        size = sum(array.nbytes for array in of_samples.values()) + study.is_reduced * values * study.n
+        events, states = arrays["events"], []
+        if reduction is not None:
+            events = events[:0]
+            states = [card.memory(array.nbytes, array) for array in (reduction.state, *reduction.arrays)]
+        most = max(1, int(SHARE * card.free() * study.n / max(size, 1) / STRIPES)) * STRIPES
         for first in range(0, study.n, most):
             portion = {name: array[first : first + most] for name, array in of_samples.items()}
-            n_events += self._run_portion(study, first, portion, common, parts[0], n_events)
-        study.n_events = n_events
+            n = len(portion["t_failed"])
+            held = {**common, **self._on_card(portion), "events": card.memory(events.nbytes)}
+            if study.is_reduced:
+                held["Y"] = card.memory(values * n)
+            own = Study.from_buffer_copy(study)
+            own.n, own.most_events, own.n_events, own.steps = n, len(events), 0, 0
+            for name in (*_OF_SAMPLES, "times", "atol", "events"):
+                setattr(own, name, held[name].address if name in held else None)
+            of_study = np.frombuffer(cast(Any, own), dtype=np.uint8)
+            on_card = card.memory(of_study.nbytes, of_study)
+            self._launch("run_samples", n, on_card.address)
+            if reduction is not None:
+                addresses = (memory.address for memory in states)
+                self._launch(
+                    reduction.kernel, reduction.threads, on_card.address, first, *addresses, *reduction.numbers
+                )
+            card.read(on_card, of_study)
+            for name in {"t_failed", "Y", "passes"} & portion.keys():
+                card.read(held[name], portion[name])
+            if not np.isnan(portion["t_failed"]).all():
+                for name in ("failure", "x_failed"):
+                    card.read(held[name], portion[name])
+            study.steps += own.steps
+            if reduction is None:
+                card.read(held["events"], events[: own.n_events])[:, 0] += first
+                study.n_events += own.n_events
+                events = events[own.n_events :]
+            held.clear()  # before the next portion takes memory
+        if reduction is not None:
+            card.read(states[0], reduction.state)
 
-    def _run_portion(
-        self,
-        study: Study,
-        first: int,
-        arrays: Mapping[str, np.ndarray],
-        common: Mapping[str, Memory],
-        extremes: Array | None,
-        n_events: int,
-    ) -> int:
-        """Run some samples, from number `first` on, and return the number of their events."""
-        card, n = self._card, len(arrays["t_failed"])
-        events = np.empty((max(study.most_events - n_events, 0), len(EVENT)))
-        held = {**common, **self._on_card(arrays), "events": card.memory(events.nbytes)}
-        own = Study.from_buffer_copy(study)
-        own.n, own.most_events, own.n_events, own.steps = n, len(events), 0, 0
-        for name in (*_OF_SAMPLES, "times", "atol", "events"):
-            setattr(own, name, held[name].address if name in held else None)
-        partial = self._launched(own, extremes)
-        card.read(held["t_failed"], arrays["t_failed"])
-        if extremes is not None:
-            if not np.isnan(arrays["t_failed"]).all():
-                # Extremes contain outputs of the failed samples. The other samples run once more.
-                again = Study.from_buffer_copy(own)
-                again.most_events = again.n_events = 0
-                partial = self._launched(again, extremes)
-            np.minimum(extremes[0], partial[0], out=extremes[0])
-            np.maximum(extremes[1], partial[1], out=extremes[1])
-        for name in {"Y", "passes"} & arrays.keys():
-            card.read(held[name], arrays[name])
-        if not np.isnan(arrays["t_failed"]).all():
-            for name in ("failure", "x_failed"):
-                card.read(held[name], arrays[name])
-        count = min(own.n_events, len(events))
-        card.read(held["events"], events)
-        events[:count, 0] += first
-        if count:
-            cast(Array, study.arrays["events"])[n_events : n_events + count] = events[:count]
-        study.steps += own.steps
-        return own.n_events
-
-    def _launched(self, study: Study, extremes: Array | None) -> tuple[Array, Array]:
-        """Run a study, update its counts, and return the extremes (n_t, n_y)."""
-        card = self._card
-        groups = -(-study.n // THREADS)
-        n_partial = min(groups, PARTIAL)
-        shape = (n_partial, study.n_t, self.n_y) if extremes is not None else (0,)
-        bounds = [np.full(shape, _ordered(np.array(end))) for end in (np.inf, -np.inf)]
-        of_study = np.frombuffer(cast(Any, study), dtype=np.uint8)
-        held = [card.memory(array.nbytes, array) for array in (of_study, *bounds)]
-        card.launch(self._kernel, groups, THREADS, [memory.address for memory in held], n_partial)
-        card.read(held[0], of_study)
-        lower, upper = (card.read(memory, array) for memory, array in zip(held[1:], bounds, strict=True))
-        if extremes is None:
-            return lower, upper
-        return _numbers(lower.min(axis=0)), _numbers(upper.max(axis=0))
+    def _launch(self, kernel: str, threads: int, *arguments: int) -> None:
+        self._card.launch(self._kernels[kernel], -(-threads // THREADS), THREADS, arguments)
 
     def _on_card(self, arrays: Mapping[str, np.ndarray]) -> dict[str, Memory]:
         """Memory of the card for these arrays. Arrays that the card only writes are not copied."""
@@ -267,14 +314,3 @@ class CardEngine(Engine):
 
 _OF_SAMPLES = {"x0", "p", "t_failed", "failure", "x_failed", "Y", "stops", "passes"}
 _INPUTS = {"x0", "p", "times", "atol", "stops", "t_failed", "failure"}
-
-
-def _ordered(numbers: Array) -> np.ndarray:
-    """Numbers as integers in the same order, see c/scalar.h."""
-    bits = numbers.view(np.int64)
-    return np.where(bits < 0, bits ^ np.iinfo(np.int64).max, bits)
-
-
-def _numbers(ordered: np.ndarray) -> Array:
-    """The numbers of such integers."""
-    return np.where(ordered < 0, ordered ^ np.iinfo(np.int64).max, ordered).view(float)

@@ -3,6 +3,7 @@
 import ctypes
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -112,7 +113,7 @@ class Study(ctypes.Structure):
         (ctypes.c_void_p, "passes"),
         (ctypes.c_long, "most_passes steps iterations most"),
         (ctypes.c_void_p, "events"),
-        (ctypes.c_long, "n_events most_events"),
+        (ctypes.c_long, "n_events most_events is_reduced"),
     )
     arrays: Mapping[str, np.ndarray | None]
     """The arrays to which the pointers point. They are kept here, because the study uses them."""
@@ -247,8 +248,8 @@ class Engine:
         study.arrays = arrays
         return study
 
-    def _run(self, x0: Array, p: Array, Y: Array | None, extremes: list[Array | None]) -> FailedSamples:
-        """Run the blocks on threads. They write values to Y, or to the extremes of each thread."""
+    def _run(self, x0: Array, p: Array, Y: Array | None, parts: list[Any]) -> FailedSamples:
+        """Run the blocks on threads. They write values to Y, or to the extremes of each thread, which are its part."""
         N, faults, given = len(p), {}, x0
         if self.contacts is not None:
             x0, faults = self.contacts.started(self.times, x0, p)
@@ -264,10 +265,10 @@ class Engine:
         arrays |= {name: getattr(failed_samples, name) for name in ("t_failed", "failure", "x_failed", "passes")}
         study = self._study(N, 0 if stops is None else stops.shape[1], len(events), arrays)
 
-        self._execute(study, extremes)
+        self._execute(study, parts)
         if study.n_events > len(events):  # the repeated runs have the same number of events
             self._room = study.n_events // N + 1
-            return self._run(given, p, Y, extremes)
+            return self._run(given, p, Y, parts)
         self.counts = Counts(study.steps, study.iterations, study.most)
         if self.contacts is None:
             return failed_samples
@@ -275,12 +276,12 @@ class Engine:
         events = events[np.argsort(events[:, 0], kind="stable")]
         return replace(failed_samples, events=events, contacts=self.contacts.names, faults=faults)
 
-    def _execute(self, study: Study, extremes: list[Array | None]) -> None:
+    def _execute(self, study: Study, parts: list[Any]) -> None:
         """Run the blocks of a study on threads. The study gets the values, or each thread extends its extremes."""
 
         def work(part: Array | None) -> bool:
             lower, upper = (None, None) if part is None else (a.ctypes.data for a in part)
             return bool(self._library.work(ctypes.byref(study), ctypes.c_void_p(lower), ctypes.c_void_p(upper)))
 
-        if not all(side_by_side(work, extremes[: max(1, -(-study.n // self.width))])):
+        if not all(side_by_side(work, parts[: max(1, -(-study.n // self.width))])):
             raise MemoryError("not enough memory for the compiled engine")

@@ -13,7 +13,7 @@ from symmb._types import Array, Indices, Mask
 from symmb._units import values_text
 from symmb.connect import BLOCK, Ensemble
 from symmb.declare.symbolic import batch
-from symmb.run.codegen import BLAMED, REASONS, Engine, FailedSamples
+from symmb.run.codegen import BLAMED, REASONS, CardEngine, Engine, FailedSamples, Summary
 from symmb.run.formulations.formulation import Formulation
 from symmb.run.integrate import Run
 
@@ -27,16 +27,16 @@ NAMED_SAMPLES = 5
 
 def block_size(n_x: int, values: int, compiled: bool, keeps_trajectories: bool, on_card: bool = False) -> int:
     """Number of samples of a block, for n_x states and `values` output values of each sample."""
+    small = max(1, min(8, 100 // max(n_x, 1)))  # small models have larger blocks
     if on_card:  # cards run many samples at once. Trajectories of a block take at most 0.3 GB
-        return max(BLOCK, 2**25 // values) if keeps_trajectories else 2**18
+        return max(BLOCK, 2**25 // values) if keeps_trajectories else 2**17 * small
     if not n_x:
         # Number of values of a block of a scene without states. A call takes much longer than its overhead.
         return max(BLOCK, 10**6 // values)
     if not compiled:
         return BLOCK
-    # Number of samples of a block for the engine. Small models have up to 8 times as many.
-    # tests/benchmarks/ensemble.py
-    return 1024 * (1 if keeps_trajectories else max(1, min(8, 100 // n_x)))
+    # Number of samples of a block for the engine. tests/benchmarks/ensemble.py
+    return 1024 * (1 if keeps_trajectories else small)
 
 
 def ensemble_of_runs(form: Formulation, times: Array, Y: Array, runs: list[Run], P: Array) -> Ensemble:
@@ -111,6 +111,11 @@ class CompiledEnsemble:
         Y, self._failed = self.engine.values(self._x0, self.P, self.threads)
         return Y
 
+    @property
+    def attaining(self) -> Indices | None:
+        """Numbers (2, n_t, n_y) of the samples that attain the extremes; None if they are not known."""
+        return None
+
     def extremes(self) -> tuple[Array, Array]:
         """Smallest and largest outputs (n_t, n_y) of the samples that did not fail; inf and -inf if all failed."""
         if "_trajectories" in self.__dict__:
@@ -158,3 +163,34 @@ class CompiledEnsemble:
             reasons[k] = fault or reasons[k]
         X = failed.x_failed[:, : self.form.y.numel_in(0)]
         return failure_texts(self.form, self.P, failed.t_failed, reasons, lambda k: (X[[k]], failed.t_failed[[k]]))
+
+
+@dataclass(eq=False)
+class CardEnsemble(CompiledEnsemble):
+    """An Ensemble from a graphics card, which also reduces the outputs, because their transfer takes longer than runs.
+
+    In a second, a card makes 1e7 runs of the double pendulum with outputs of 1 TB, and it transfers 50 GB.
+    """
+
+    engine: CardEngine
+
+    @cached_property
+    def _summary(self) -> Summary:
+        summary, self._failed = self.engine.summary(self._x0, self.P)
+        return summary
+
+    @property
+    def attaining(self) -> Indices | None:
+        return None if "_trajectories" in self.__dict__ else self._summary.at
+
+    def extremes(self) -> tuple[Array, Array]:
+        return super().extremes() if "_trajectories" in self.__dict__ else (*self._summary.ends,)
+
+    def moments(self) -> tuple[Array, Array]:
+        """Means and standard deviations (n_t, n_y) of the outputs of samples that did not fail; 0 without samples."""
+        return self._summary.mean, self._summary.sigma
+
+    def histogram(self, output: int, ends: Array, bins: int) -> Indices:
+        """Numbers of samples that did not fail, see `CardEngine.histogram`."""
+        counts, self._failed = self.engine.histogram(self._x0, self.P, output, ends, bins)
+        return counts

@@ -14,9 +14,15 @@ from symmb._types import Array, Indices
 from symmb.connect import Samples, digest
 from symmb.declare.symbolic import batch
 from symmb.equations.model import DAE, Scene
-from symmb.run.codegen import Card, Engine
+from symmb.run.codegen import Card, CardEngine, Engine
 from symmb.run.events import Break, broken
-from symmb.run.formulations.ensembles import LOCK, CompiledEnsemble, ensemble_of_expressions, ensemble_of_runs
+from symmb.run.formulations.ensembles import (
+    LOCK,
+    CardEnsemble,
+    CompiledEnsemble,
+    ensemble_of_expressions,
+    ensemble_of_runs,
+)
 from symmb.run.formulations.formulation import Formulation, Formulations, formulations
 from symmb.run.formulations.output_functions import jet_outputs, outputs_along
 from symmb.run.integrate import (
@@ -160,7 +166,8 @@ class Program:
         with LOCK:
             form, P = self.formulation, np.ascontiguousarray(P)
             if self.runs_in_lanes:
-                return CompiledEnsemble(form, self.engine(), P, float(self.times[0]), threads)
+                kind = CompiledEnsemble if self.card is None else CardEnsemble
+                return kind(form, cast(CardEngine, self.engine()), P, float(self.times[0]), threads)
             if self.is_stateless:
                 return ensemble_of_expressions(form, P, self.times, threads)
             x0, reasons = form.start.states(P)
@@ -195,8 +202,12 @@ class Program:
         CardError              if the card cannot make the runs
         """
         if not self.runs_in_lanes:
-            why = "the scene has no states" if self.is_stateless else f"{self.solver!r} does not run there"
-            raise DeclarationError(f"device: {why}. Graphics cards run explicit solvers, such as DormandPrince().")
+            if self.is_stateless:
+                raise DeclarationError("device: the scene has no states, so no runs are integrated. Leave out device.")
+            raise DeclarationError(
+                f"device: {self.solver!r} does not run there. "
+                "Graphics cards run explicit solvers, such as DormandPrince()."
+            )
         program = replace(self, card=card, compiled=_Compiled())
         program.engine()
         return program

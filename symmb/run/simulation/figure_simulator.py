@@ -16,7 +16,7 @@ from symmb._units import units_of_parameters, values_text
 from symmb.connect import Ensemble, Progress, Reduction, Samples, blocks, checked_samples, digest, stream
 from symmb.declare.symbolic import common
 from symmb.equations.model import Scene
-from symmb.run.formulations import LOCK, CompiledEnsemble, Program
+from symmb.run.formulations import LOCK, CompiledEnsemble, Program, block_size
 from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_values import TOUCHED, Curves, Rule
 from symmb.run.simulation.panels import ON_GRID, Panels
@@ -167,8 +167,12 @@ class FigureSimulator(WithWarnings):
     ) -> S:
         """Run samples P (N, d) block by block, and reduce each block."""
         require_instance("stream: reduction", reduction, Reduction, "a Reduction")
-        # Number of samples of a block. Their values at all times take some MB.
-        return stream(self, P, reduction, executor, progress, 64)
+        block = 64  # the values of these samples at all times take some MB
+        if self._with_rates.card is not None:
+            block = block_size(
+                0, len(self.curves.times) * self._with_rates.formulation.y.numel_out(0), True, True, True
+            )
+        return stream(self, P, reduction, executor, progress, block)
 
     def identity(self) -> str:
         """A digest of equations, start, outputs, times and solver, for `StoredSimulator`."""

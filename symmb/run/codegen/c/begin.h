@@ -70,7 +70,7 @@ PRIVATE int begin(Block *b, Study *s) {
       if (s->t_failed[i] != s->t_failed[i] && (!b->alone || b->alone == i + 1)) b->sample[b->live++] = i;
     if (!b->live) return 0;
     EACH_PART(b) a->load = zero();
-    for (long l = 0; l < b->live && s->Y; ++l)
+    for (long l = 0; l < b->live && s->Y && !s->is_reduced; ++l)
       for (long i = 0; i < s->n_t * N_Y; ++i) s->Y[b->sample[l] * s->n_t * N_Y + i] = NAN;
     for (long l = 0; l < b->live && s->passes; ++l)
       for (long j = 0; j < s->most_passes; ++j) s->passes[b->sample[l] * s->most_passes + j] = NAN;

@@ -37,6 +37,7 @@ typedef struct {
   long steps, iterations, most; /* of all blocks; iterations of Newton's method, and their maximum in a step */
   double *events;               /* (most_events, EVENT) recorded by impacts.h; there may be more events */
   long n_events, most_events;
+  long is_reduced; /* whether nobody reads the values of failed samples, see kernel.h */
 } Study;
 
 /* The data of W lanes of a block. */
@@ -148,9 +149,6 @@ PRIVATE double largest_lane(V a) {
 /* Smallest and largest lanes of each of n vectors in every part. */
 PRIVATE void extremes(const Block *b, long n, double *lower, double *upper) {
   long i = 0;
-#ifdef __cplusplus
-  for (; i < n; ++i) extend(lower + i, upper + i, b->part->y[i][0]); /* these are extremes of many threads */
-#endif
 #ifdef TREE
   /* Lane by lane, W vectors need W (W - 1) comparisons. A tree of shuffles needs only W - 1 vector minima. The last W vectors
      overlap the vectors before them. This has no effect, because the same extremes are computed again. */

@@ -65,18 +65,4 @@ static inline M operator<<(M a, int places) { return M((long long)((unsigned lon
   ((long)atomicAdd((unsigned long long *)(number), (unsigned long long)(added)))
 #endif
 
-/* Extends common extremes by a number. They are stored as integers with the order of the numbers, because cards have atomic
-   extremes of integers only. Most numbers extend nothing, so a plain comparison comes first. */
-static inline long long ordered(double number) {
-  long long bits;
-  number += 0.0; /* -0 and 0 are equal, but their bits are not */
-  memcpy(&bits, &number, sizeof bits);
-  return bits < 0 ? bits ^ 0x7fffffffffffffffLL : bits;
-}
-static inline void extend(double *lower, double *upper, double number) {
-  const long long place = ordered(number);
-  if (place < *(volatile long long *)lower) atomicMin((long long *)lower, place);
-  if (place > *(volatile long long *)upper) atomicMax((long long *)upper, place);
-}
-
 #endif
