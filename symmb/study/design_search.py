@@ -209,8 +209,10 @@ class DesignSearch:
             new, before = np.sin(np.pi / 2 * Sobol().points(n, d, seed=1)[len(points) :]), share
             points, Y = np.concatenate([points, new]), np.concatenate([Y, self._runs(joint, new)])
             ok = Y[:, 0, FAILED] < 0
-            if ok.sum() < _FEWEST:
+            if ok.sum() < _FEWEST and n < _NUMBERS[-1]:
                 continue
+            if ok.sum() < _FEWEST:
+                raise PropagationError(f"design: {(~ok).sum()} of {len(ok)} runs in the ranges fail: {self.failure}")
             known = Y.copy()
             if not ok.all():
                 known[~ok, :, :FAILED] = fitted(points[ok], Y[ok], joint.names).values(points[~ok])[..., :FAILED]
@@ -223,8 +225,6 @@ class DesignSearch:
             share = float(np.sqrt(error / np.maximum(spread, 1e-300)).max())
             if share <= _ACCURATE or share**2 > _ACCURATE * before:  # kinks: more runs would not help much
                 break
-        if ok.sum() < _FEWEST:
-            raise PropagationError(f"design: {(~ok).sum()} of {len(ok)} runs in the ranges fail: {self.failure}")
         changes = outputs.max(axis=1).std(axis=0) + outputs.min(axis=1).std(axis=0)
         changes += 1e-9 * np.abs(outputs).max(axis=(0, 1)) + 1e-300
         changes = np.array([*changes, self._cost(self.parts(centre)[1]) or 1.0, 1.0])
