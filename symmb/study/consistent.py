@@ -4,7 +4,7 @@ Milanese et al., Bounding Approaches to System Identification (1996); Jaulin and
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -24,6 +24,7 @@ from symmb.bound.nodes import Sobol
 from symmb.bound.polynomials import MultiIndices, basis_values, in_other_coordinates
 from symmb.bound.polynomials.ranges import Piecewise
 from symmb.equations.model import Box, share_of
+from symmb.results.files import Record, Saved, entry
 from symmb.study.residuals import Residuals
 
 OWNER = "Calibration.consistent"
@@ -49,8 +50,10 @@ _CHECKS = 16
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ConsistentSet(Counted, WithWarnings):
+class ConsistentSet(Counted, WithWarnings, Saved):
     """Parameters whose outputs stay within an error of all data, as a box and as pieces.
+
+    `save` writes a file, and `load` reads it.
 
     The pieces together contain all consistent parameters near the estimates. In pieces inside of the set, all
     parameters are consistent. The other pieces contain the boundary of the set. If the errors of all data are at most
@@ -90,9 +93,9 @@ class ConsistentSet(Counted, WithWarnings):
     name: str
     parameters: dict[str, float]
     error: dict[str, float]
-    lower: Array
-    upper: Array
-    inside: Mask
+    lower: Array = field(metadata=entry(Record.array, "inside", "parameters"))
+    upper: Array = field(metadata=entry(Record.array, "inside", "parameters"))
+    inside: Mask = field(metadata=entry(Record.mask))
     volume: float
     doubts: tuple[str, ...]
     evaluations: int

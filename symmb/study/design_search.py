@@ -32,7 +32,8 @@ from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box
 
 COST, FAILED = -2, -1
-"""Columns of the cost, and of failures: 1 if a run fails, and -1 otherwise. Other columns are outputs."""
+"""Columns of the cost, and of failures: 1 if a run fails, and -1 otherwise. Polynomials have the distances from the
+boundary of failed runs instead. Other columns are outputs."""
 _WEIGHTS = {"upper": (0.0, 1.0), "lower": (-1.0, 0.0), "width": (-1.0, 1.0)}
 """Weights of the lowest and of the highest value in a goal."""
 _LARGEST_FACTOR = 4.0
@@ -51,6 +52,9 @@ output in the region; and weight of a violated limit."""
 _STARTS, _CANDIDATES, _APART, _NEAR = 3, 8, 0.2, 0.05
 """Numbers of designs from which searches start, and of their candidates, the smallest distance of candidates, and the
 largest distance of equal designs."""
+_BACK = 0.05, 0.4
+"""First and last distance of designs from the boundary of failed runs, divided by the half widths of the region. If
+runs of a design fail, the distance is doubled."""
 _ROUNDS, _PEAKS, _CORNERS = 12, 3, 4
 """Number of optimisations with more worst cases; number of peaks of a curve that are worst cases; and largest number of
 tolerances of designs that are also run at all corners."""
@@ -135,7 +139,7 @@ class DesignSearch:
         progress: Progress | None,
     ) -> None:
         self.simulator, self._limits, self._cost = simulator, limits, cost
-        self.held, self._executor, self._progress = [*held, Goal(FAILED, "upper", -0.5)], executor, progress
+        self.held, self._executor, self._progress = [*held, Goal(FAILED, "upper", 0.0)], executor, progress
         ends = {} if tolerances is None else dict(zip(tolerances.names, tolerances.bounds, strict=True))
         self.names = tuple(dict.fromkeys([*ranges, *(name for name, (low, high) in ends.items() if low < high)]))
         self._nominal = np.array([float(simulator.parameters[name]) for name in self.names])
@@ -149,6 +153,7 @@ class DesignSearch:
         self._low = np.append(ranges.lower, np.full(len(most), -np.log(_LARGEST_FACTOR)))
         self._high = np.append(ranges.upper, most)
         self.evaluations, self.failure, self._regions = 0, "", list[Region]()
+        self._failed_runs, self._good_runs = list[Array](), list[Array]()
 
     def parts(self, u: Array) -> tuple[Array, Array]:
         """Values (n_x,) of the variables, and factors (n_f,) of the tolerances with costs."""
@@ -179,6 +184,9 @@ class DesignSearch:
         self.evaluations += len(Y)
         more = np.tile([0.0, -1.0], (*Y.shape[:2], 1))
         more[[index for index, _, _ in bad], :, FAILED] = 1.0
+        values, has_failed = box.from_unit(points), more[:, 0, FAILED] > 0
+        self._failed_runs.append(values[has_failed])
+        self._good_runs.append(values[~has_failed])
         if bad:
             self.failure = bad[0][2]
         return np.concatenate([Y, more], axis=2)
@@ -201,11 +209,17 @@ class DesignSearch:
             new, before = np.sin(np.pi / 2 * Sobol().points(n, d, seed=1)[len(points) :]), share
             points, Y = np.concatenate([points, new]), np.concatenate([Y, self._runs(joint, new)])
             ok = Y[:, 0, FAILED] < 0
+            if ok.sum() < _FEWEST and n < _NUMBERS[-1]:
+                continue
             if ok.sum() < _FEWEST:
                 raise PropagationError(f"design: {(~ok).sum()} of {len(ok)} runs in the ranges fail: {self.failure}")
             known = Y.copy()
-            if not ok.all():  # the boundary between failed and other runs is a polynomial, too
+            if not ok.all():
                 known[~ok, :, :FAILED] = fitted(points[ok], Y[ok], joint.names).values(points[~ok])[..., :FAILED]
+                # Distances from the boundary between failed and other runs are smoother than 1 and -1.
+                for some, others in ((ok, self._failed_runs), (~ok, self._good_runs)):
+                    apart = points[some, None] - joint.to_unit(np.concatenate(others))
+                    known[some, :, FAILED] *= np.linalg.norm(apart, axis=2).min(axis=1)[:, None]
             surrogate, outputs = fitted(points, known, joint.names), Y[ok][..., :COST]
             error, spread = np.square(surrogate.error[:, :COST]).mean(axis=0), outputs.var(axis=0).mean(axis=0)
             share = float(np.sqrt(error / np.maximum(spread, 1e-300)).max())
@@ -266,7 +280,7 @@ class DesignSearch:
         return float(values[0] / scales[0] + _PENALTY * max(over.max(), 0.0))
 
     def _optimum(
-        self, region: Region, goals: Sequence[Goal], old: Trial | Array, margin: float = _MARGIN
+        self, region: Region, goals: Sequence[Goal], old: Trial | Array, margin: float = _MARGIN, back: float = _BACK[0]
     ) -> tuple[Array, Array]:
         """The best design by polynomials near an old one, and the values (n_g,) of its goals.
 
@@ -276,7 +290,7 @@ class DesignSearch:
         u, shift = (old, np.zeros((len(goals), 1))) if isinstance(old, np.ndarray) else (old.u, old.curves)
         if isinstance(old, Trial):
             shift = np.nan_to_num(old.curves - self._worst(region, goals, u)[0])
-            shift[-1] = 0.0  # failed runs
+        shift[-1] = back
         u, cases, reach, expected = np.clip(u, region.low, region.high), list[_Worst](), 1.0, -np.inf
         best = (np.inf, u, np.empty(0))
         for _ in range(_ROUNDS):
@@ -340,28 +354,32 @@ class DesignSearch:
     def _gain(self, region: Region, goals: Sequence[Goal], old: Trial, values: Array) -> float:
         """How much better other values are than a trial, in smallest improvements of the objective that count."""
         before, after = (self._merit(region, goals, each) for each in (old.values, values))
-        if not np.isfinite([before, after]).all():  # another design with failed runs is farther from the boundary
-            return np.inf if np.isinf(before) else -np.inf
+        if not np.isfinite([before, after]).all():
+            return np.inf if np.isfinite(after) else -np.inf
         return (before - after) * region.changes[goals[0].k] / max(old.sizes[0] * _AGREES / 4, 1e-300)
 
     def _descended(
-        self, goals: Sequence[Goal], u: Array, size: float = 1.0, known: Sequence[Array] | None = None
+        self, goals: Sequence[Goal], starts: Sequence[Array], size: float = 1.0, known: Sequence[Array] | None = None
     ) -> tuple[Trial, Region]:
         """The best design by runs, from a start, and the last region. Regions follow the design and become smaller.
 
         The search ends early at a known design. If None are given, the start is a good design.
         """
-        region, stalls = self._region(u, size), 0
-        best = self._tried(region, goals, u)
+        region, stalls, back = self._region(starts[0], size), 0, _BACK[0]
+        trials = [self._tried(region, goals, u) for u in starts]
+        best = min(trials, key=lambda trial: self._merit(region, goals, trial.values))
         for _ in range(_STEPS):
-            u, expected = self._optimum(region, goals, best)
+            u, expected = self._optimum(region, goals, best, back=back)
             hope = self._gain(region, goals, best, expected)
             if hope > 0.1:
                 trial = self._tried(region, goals, u)
                 gain = self._gain(region, goals, best, trial.values)
-                best = trial if gain > 0 else best
+                best = trial if gain > 0 or np.isinf(best.values[0]) else best
                 if gain > 1:
-                    stalls, region = 0, self._region(best.u, size)
+                    stalls, region, back = 0, self._region(best.u, size), _BACK[0]
+                    continue
+                if np.isinf(trial.values[0]) and back < _BACK[1]:
+                    back *= 2
                     continue
             error = np.abs(best.values - self._worst(region, goals, best.u)[0].max(axis=1))
             is_exact = np.isfinite(best.values).all() and (error <= _AGREES * best.sizes).all()
@@ -371,7 +389,7 @@ class DesignSearch:
             is_settled = (stalls > 2 or (is_exact and hope <= 1)) and not has_failed
             if is_settled or size <= _SMALLEST or _is_near(best.u, known or ()):
                 break
-            size *= _SMALLER
+            size, back = size * _SMALLER, _BACK[0]
             region = self._region(best.u, size)
         return best, region
 
@@ -383,7 +401,7 @@ class DesignSearch:
         """
         goals = [*objectives, *self.held]
         if start is not None:
-            return self._descended(goals, start)
+            return self._descended(goals, [start])
         n, low, high = len(self._low), self._low, self._high
         whole = self._region(np.full(n, 0.5), 1.0)
         z = np.zeros((len(whole.points), n))
@@ -396,14 +414,13 @@ class DesignSearch:
             if _is_near(u, candidates, _APART):
                 continue
             candidates.append(u)
-            if whole.error <= _ROUGH:
-                u = self._optimum(whole, goals, u)[0]
-            if _is_near(u, starts):
+            both = [self._optimum(whole, goals, u)[0], u] if whole.error <= _ROUGH else [u]
+            if _is_near(both[0], starts):
                 continue
-            starts.append(u)
+            starts.append(both[0])
             with suppress(PropagationError):  # too many runs fail near this start
                 trials = [trial.u for trial, _ in ends]
-                ends.append(self._descended(goals, u, 1.0 if whole.error <= _ACCURATE else _SMALLER, trials))
+                ends.append(self._descended(goals, both, 1.0 if whole.error <= _ACCURATE else _SMALLER, trials))
             if len(starts) == _STARTS or len(candidates) == _CANDIDATES:
                 break
         ends = [end for end in ends if np.isfinite(end[0].values).all()]

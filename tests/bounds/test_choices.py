@@ -1,5 +1,6 @@
 """Boxes with choices, sets of values and constraints, against scans of all combinations and of allowed points."""
 
+from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 
 import numpy as np
@@ -125,6 +126,45 @@ def test_forty_combinations_without_intervals_take_one_run_each():
         case = getattr(bounds.worst("x"), side)
         n, word = max(Y, key=lambda own: (sign * Y[own][0]).max())
         assert (case.parameters["n"], *case.choices) == (n, f"spring: {word}")
+
+
+def test_combinations_without_bounds_are_named():
+    """The nut 19 breaks: the bounds of y = a n are those of 17 and 18, and no limit is satisfied."""
+
+    def torque(a, n):
+        if n > 18.5:
+            raise ValueError("the nut breaks")
+        return [[a * n]]
+
+    nuts = mb.FunctionSimulator(torque, {"a": 1.0, "n": 17.0}, [0.0], ["y"])
+    with pytest.warns(mb.SymmbWarning, match="found for 1 of 3 combinations of choices.* With n: 19: .*the nut breaks"):
+        bounds = mb.propagate(nuts, None, mb.Box(a=(1, 2), n={17, 18, 19}))
+    assert (bounds.lower[0, 0], bounds.upper[0, 0]) == pytest.approx((17, 36))
+    assert not any("left out" in remark for remark in bounds.remarks)
+    assert (bounds.check({"y": (None, 50)}).kept, bounds.check({"y": (None, 30)}).kept) == (None, False)
+    with pytest.raises(mb.PropagationError, match=r"has bounds\. With n: 19: .*the nut breaks"):
+        mb.propagate(nuts, None, mb.Box(a=(1, 2), n={19, 20}))
+
+
+def test_recorded_runs_count_once_for_all_combinations():
+    X = np.column_stack([np.linspace(0, 2, 90), np.arange(90) % 3])
+    Y = X[:, 0] + X[:, 1]
+    Y[[4, 70]] = np.nan
+    with pytest.warns(mb.SymmbWarning, match="2 of 90 runs failed"):
+        bounds = mb.propagate(mb.RecordedRuns(X, Y, ["a", "n"]), None, mb.Box(a=(0, 2), n={0, 1, 2}))
+    assert (bounds.evaluations, len(bounds.failed), len(bounds.parts)) == (90, 2, 3)
+
+
+def test_constraints_that_cannot_be_pickled_stay_in_this_process():
+    """x = a cos(2 t) is at most 1 for a <= 1."""
+    p = mb.Parameters(a=0.9)
+    bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    system = mb.System(bob, mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), 4.0), parameters=p)
+    box = mb.Box(a=(0.5, 1.5), constraints=[lambda p: p.a - 1])
+    scene = mb.Scene(system, {"bob.x": p.a}, [0.0, 1.0], {"x": bob.x}, box)
+    with ProcessPoolExecutor(1) as pool:
+        bounds = mb.propagate(scene, executor=pool)
+    assert bounds.upper[0, 0] == pytest.approx(1.0, abs=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -84,7 +84,7 @@ def test_the_margin_of_further_runs_is_told_beside_the_error_of_the_search(insid
     found = by_further_run(run, 1.0, np.array([1e-4]), 1e-12, " m")
     assert found.kept is kept
     assert found.why.startswith(f"The closest of 42 further runs is {inside:.3g} m inside the limit.")
-    assert found.why.endswith(f" This margin {word} than the error of the search, 6.0e-09 m.")
+    assert found.why.endswith(f" This margin {word} than the error of the search, 6e-09 m.")
 
 
 def test_errors_count_at_their_times():
@@ -154,7 +154,7 @@ def test_both_violated_ends_of_a_limit_are_told(low, high, also):
     told = [remark for remark in check.remarks if remark.startswith("In other cases x may")]
     assert check.kept is False and len(told) == also
     if also:
-        pattern = r"In other cases x may (fall below|exceed) its limit of -?0\.5 by 0\.5, at [12] s\."
+        pattern = r"In other cases x may (fall below|exceed) its limit of -?0\.5 by 0\.5 at [12] s\."
         assert re.fullmatch(pattern, told[0])
 
 

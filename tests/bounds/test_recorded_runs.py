@@ -242,6 +242,14 @@ def test_runs_that_do_not_fill_the_box_have_a_warning(X, f):
         mb.propagate(mb.RecordedRuns(X, f(X), names), box=mb.Box(**dict.fromkeys(names, (-1, 1))))
 
 
+def test_large_outputs_do_not_overflow():
+    """The bounds of y = a are -1 and 1. The largest number is 1.8e308."""
+    X = np.random.default_rng(0).uniform(-1, 1, (60, 2))
+    bounds = mb.propagate(mb.RecordedRuns(X, 1.2e308 * X[:, 0], ["a", "b"]), box=mb.Box(a=(-1, 1), b=(-1, 1)))
+    assert (bounds.lower[0, 0] / 1.2e308, bounds.upper[0, 0] / 1.2e308) == pytest.approx((-1, 1))
+    assert bounds.estimate[0, 0] < 1e300
+
+
 def test_a_large_offset_does_not_hide_the_error():
     X = np.random.default_rng(0).uniform(-1, 1, (80, 2))
     f = np.sin(3 * X[:, 0]) * X[:, 1] + np.abs(X[:, 0])

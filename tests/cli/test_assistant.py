@@ -163,12 +163,14 @@ def test_files_outside_are_refused_by_one_sentence_and_do_not_run(folder, path):
     [
         ({"scene": "../stranger.py"}, "neither a shipped scene nor a file"), ({"scene": "a\0"}, "null byte"),
         ({"scene": "oscillator.py", "box": {"kk": "1%"}}, "unknown parameter 'kk'. Did you mean 'k'?"),
-        ({"scene": "oscillator.py", "box": {"k": [5]}}, "k"), ({"scene": "oscillator.py", "method": "pcee"}, "pcee"),
+        ({"scene": "oscillator.py", "box": {"k": [5]}}, "k"), ({"scene": 3}, "bound: scene: Input should be a valid"),
+        ({"scene": "interrupt.py"}, "raised KeyboardInterrupt"), ({"scene": "oscillator.py", "method": "pcee"}, "pcee"),
     ],
 )  # fmt: skip
-def test_errors_are_sentences(ask, arguments, sentence):
+def test_errors_are_sentences(ask, folder, arguments, sentence):
+    (folder / "interrupt.py").write_text("raise KeyboardInterrupt")
     text, failed = ask("bound", **arguments)
-    assert failed and sentence in text and "Traceback" not in text
+    assert failed and sentence in text and "Traceback" not in text and "\n" not in text
 
 
 def test_the_program_speaks_only_the_protocol(ask, folder):

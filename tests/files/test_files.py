@@ -39,6 +39,7 @@ RESULTS = {
     "Sensitivities": lambda: mb.sensitivities(SWING),
     "Sweep": lambda: mb.sweep(SWING, {"k": [30.0, 40.0], "c": [0.1, 0.2, 0.3]}),
     "Calibration": lambda: mb.calibrate(SWING, {"x": 0.1 * np.cos(6.3 * T)}),
+    "ConsistentSet": lambda: result_of("Calibration").consistent("1%"),
     "Linearization": lambda: mb.linearize(REST, inputs=["k"]),
     "RootLocus": lambda: mb.root_locus(REST, "c", (0.1, 0.5), mb.Vertex(), mb.Box(k=(38.0, 42.0)), count=3),
 }
@@ -96,7 +97,7 @@ def test_what_is_saved_is_loaded(tmp_path, kind, suffix):
         again.save(second)
         assert suffix != "json" or second.read_text() == path.read_text()
     if suffix == "json" and kind != "Modes":
-        without = {name: {"times", "outputs"} for name in ("Calibration", "RootLocus", "Tolerances")}
+        without = {name: {"times", "outputs"} for name in ("Calibration", "ConsistentSet", "RootLocus", "Tolerances")}
         without |= {"Linearization": {"times"}, "LimitCheck": {"outputs"}}
         assert {"times", "outputs", "version"} - without.get(kind, set()) <= json.loads(path.read_text()).keys()
 

@@ -5,6 +5,7 @@ import itertools
 import casadi as ca
 import numpy as np
 import pytest
+from designs import outcome
 from scipy.optimize import differential_evolution
 
 import symmb as mb
@@ -186,7 +187,7 @@ def test_a_design_beside_failed_runs_and_in_a_narrow_valley():
     )
     assert mb.design(valley, {"a": (0.0, 6.0)}, ("y", "upper")).values["a"] == pytest.approx(4.2, abs=1e-2)
     never = mb.FunctionSimulator(lambda a: [[np.nan]], {"a": 1.0}, [0.0], ["y"])
-    with pytest.raises(mb.PropagationError, match="design: 64 of 64 runs in the ranges fail"):
+    with pytest.raises(mb.PropagationError, match="design: 256 of 256 runs in the ranges fail"):
         mb.design(never, {"a": (0.0, 6.0)}, ("y", "upper"))
 
 
@@ -215,6 +216,13 @@ def test_the_best_design_at_the_boundary_of_failed_runs():
     own = mb.FunctionSimulator(f, {"x": 1.0, "y": 1.0}, [0.0], ["f"])
     found = mb.design(own, {"x": (0.0, 1.7), "y": (0.0, 1.7)}, ("f", "upper"))
     assert found.objectives["upper f"] == pytest.approx(1 - 9 / 56, rel=5e-3)
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize(("seed", "k"), [(0, 16), (0, 19), (0, 23), (1, 15)])
+def test_random_designs_at_the_boundary_of_failed_runs(seed, k):
+    excess, _, words = outcome(np.random.default_rng([seed, k]))
+    assert excess < 0.01, words
 
 
 @pytest.mark.parametrize(

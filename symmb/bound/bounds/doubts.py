@@ -25,7 +25,7 @@ from symmb.run.simulation import DAESimulator, RandomSimulator, SceneSimulator, 
 def doubted(simulator: Simulator, box: Box, bounds: Bounds) -> Bounds:
     """The bounds of a method, with warnings about its runs in ``run_doubts``."""
     if bounds.parts:
-        return joined(box, [doubted(simulator, part.box, part) for part in bounds.parts])
+        return joined(box, [doubted(simulator, part.box, part) for part in bounds.parts], bounds.lost)
     unused, far = _unused_doubts(simulator, box), _far_nominal_values(simulator, box)
     doubts, remarks = unused, far
     if bounds.kind != "enclosure":
@@ -47,7 +47,7 @@ def checked(method: Method, simulator: Simulator, box: Box, bounds: Bounds, exec
     ``evaluations`` does not count the check runs; a remark states their number.
     """
     if bounds.parts:
-        return joined(box, [checked(method, simulator, part.box, part, executor) for part in bounds.parts])
+        return joined(box, [checked(method, simulator, part.box, part, executor) for part in bounds.parts], bounds.lost)
     doubts, n = check_doubts(simulator, box, bounds, method.doubtful_miss, executor)
     text = f"{counted(n, 'further run')} checked these bounds. The number of evaluations does not include them."
     remarks = (*bounds.remarks, text) if n else bounds.remarks

@@ -57,6 +57,7 @@ class Envelope(WithWarnings):
     figures: tuple[str, ...] = ()
     next_run: Mapping[str, float] | None = None
     parts: tuple[Any, ...] = field(default=(), metadata=NOT_KEPT)
+    lost: Mapping[str, str] = field(default_factory=dict, metadata=NOT_KEPT)
 
     @property
     def doubts(self) -> tuple[str, ...]:

@@ -19,20 +19,24 @@ _ORDER = False, None, True
 """Results of a limit. The first result that occurs in a combination is the result for all combinations."""
 
 _LEFT_OUT = "Combinations without any allowed point among those that were tried are left out: {}{}."
+_LOST = "No bounds were found for {} of {} of choices. The bounds use only the others. With {}: {}"
 
 
-def joined(box: Box, parts: Sequence[B]) -> B:
-    """The bounds over a box with choices, from the bounds of each combination."""
+def joined(box: Box, parts: Sequence[B], lost: Mapping[str, str]) -> B:
+    """The bounds over a box with choices, from the bounds of each combination.
+
+    `lost` are errors of combinations that have no bounds, by their words.
+    """
     lower, upper = _hull([(part.lower, part.upper) for part in parts])
     low, high = _hull([part.outer for part in parts])
     inner = [part.inner for part in parts if part.inner is not None]
     noise = [part.noise for part in parts if part.noise is not None]
-    fixed = [dict(zip(part.box.names, part.box.lower.tolist(), strict=True)) for part in parts if part.box]
-    words = [_words(box, own) for own in fixed]
-    combinations = box.combinations()
-    every = [_words(box, dict(zip(own.names, own.lower.tolist(), strict=True))) for own in combinations]
-    left_out = [told for told in every if told not in words]
-    of_all = counted(len(combinations), "combination")
+    words = [combination_words(box, part.box) for part in parts if part.box]
+    every = [combination_words(box, own) for own in box.combinations()]
+    left_out = [told for told in every if told not in words and told not in lost]
+    of_all = counted(len(every), "combination")
+    # Recorded runs are the same runs for all combinations.
+    own = parts if parts[0].next_run is None else parts[:1]
     return replace(
         parts[0],
         lower=lower,
@@ -40,14 +44,17 @@ def joined(box: Box, parts: Sequence[B]) -> B:
         estimate=None if parts[0].estimate is None else np.maximum(lower - low, high - upper),
         inner=_hull(inner) if len(inner) == len(parts) else None,
         noise=np.max(noise, axis=0) if noise else None,
-        evaluations=sum(part.evaluations for part in parts),
+        evaluations=sum(part.evaluations for part in own),
         seconds=sum(part.seconds for part in parts),
-        failed=tuple(run for part in parts for run in part.failed),
+        failed=tuple(run for part in own for run in part.failed),
         failed_region="; ".join(
             f"{part.failed_region} with {told}" for part, told in zip(parts, words, strict=True) if part.failed_region
         ),
         caution=next((part.caution for part in parts if part.caution), ""),
-        run_doubts=_sentences([part.run_doubts for part in parts], words, parts[0].names),
+        run_doubts=(
+            *(_LOST.format(len(lost), of_all, *first) for first in [*lost.items()][:1]),
+            *_sentences([part.run_doubts for part in parts], words, parts[0].names),
+        ),
         remarks=(
             f"The bounds are joined from {len(parts)} of {of_all} of choices.",
             *([_LEFT_OUT.format("; ".join(left_out[:3]), "; ..." * (len(left_out) > 3))] if left_out else []),
@@ -56,6 +63,7 @@ def joined(box: Box, parts: Sequence[B]) -> B:
         nominal=next((part.nominal for part in parts if part.nominal is not None), None),
         attaining=_attaining([part.attaining for part in parts]),
         parts=tuple(parts),
+        lost=lost,
         box=box,
         expansion=None,
         surrogate=None,
@@ -64,7 +72,9 @@ def joined(box: Box, parts: Sequence[B]) -> B:
     )
 
 
-def _words(box: Box, fixed: Mapping[str, float]) -> str:
+def combination_words(box: Box, combination: Box) -> str:
+    """A combination of the choices of a box in words, as "spring: hard, n: 17"."""
+    fixed = dict(zip(combination.names, combination.lower.tolist(), strict=True))
     return ", ".join(choice.chosen(fixed) for choice in box.choices)
 
 
@@ -107,6 +117,8 @@ def joined_limits(bounds: Envelope, found: Sequence[Sequence[KeptLimit]]) -> lis
     for own in zip(*found, strict=True):
         k = min(range(len(own)), key=lambda n: (_ORDER.index(own[n].kept), own[n].share))
         limit, box, part = own[k], bounds.box, bounds.parts[k].box
+        if limit.kept and bounds.lost:
+            limit = replace(limit, kept=None, why="Some combinations of choices have no bounds.")
         if limit.further is not None and box is not None and part is not None:
             place = box.to_unit(part.from_unit(limit.further.place[None]))[0]
             limit = replace(limit, further=replace(limit.further, place=place))

@@ -13,7 +13,7 @@ from symmb._labelled import ByOutput, Labelled, Result, over_outputs, texts
 from symmb._magnitudes import LAST_DIGITS, SAME
 from symmb._names import normal_keys
 from symmb._options import is_real, require_name, shown
-from symmb._table import aligned, over_times, time_text
+from symmb._table import aligned, at_time, over_times, time_text
 from symmb._types import Array
 from symmb._units import number_in, typeset
 from symmb.bound.bounds.envelope import Envelope
@@ -240,7 +240,7 @@ def other_side(bounds: Envelope, limit: KeptLimit, side: str) -> str:
         return ""
     unit = _suffix(limit.unit)
     end = limit.low if side == "upper" else limit.high
-    at = "" if limit.output in bounds.figures else f", at {bounds.t[row]:.4g} s"
+    at = "" if limit.output in bounds.figures else at_time(bounds.t, row)
     return f"In other cases {limit.output} may {verb} its limit of {end:.6g}{unit} by {excess[row]:.3g}{unit}{at}."
 
 
@@ -325,7 +325,7 @@ def _decision(bounds: Envelope, k: int, low: float, high: float) -> _Decision:
     if doubt := _doubt(bounds, bounds.names[k]):
         return _Decision(None, f"{WARNED}: {shorten(doubt, 60, placeholder=' ...')}", margin)
     if beyond > 0:
-        why = f"A run is beyond the limit, but only by rounding or noise of {rounding:.1e}{unit}. {_MOVE}"
+        why = f"A run is beyond the limit, but only by rounding or noise of {rounding:.2g}{unit}. {_MOVE}"
         return _Decision(None, why, margin)
     if bounds.kind == "sampled":
         why = f"All {bounds.evaluations} runs satisfy the limit. PolynomialChaos() also estimates values between runs."
@@ -362,16 +362,16 @@ def _side_decision(bounds: Envelope, k: int, side: str, limit: float) -> _Decisi
             return found
     if (margin < -np.maximum(estimate, rounding)).any():
         error = estimate[(margin + estimate).argmin()]
-        why = f"The bounds are beyond the limit by more than their estimated error of {error:.1e}{unit}."
+        why = f"The bounds are beyond the limit by more than their estimated error of {error:.2g}{unit}."
         return _Decision(False, why, margin, further)
     if (margin >= estimate).all():
         error = estimate[margin.argmin()]
-        return _Decision(True, f"The margin exceeds the estimated error of {error:.1e}{unit}.", margin, further)
+        return _Decision(True, f"The margin exceeds the estimated error of {error:.2g}{unit}.", margin, further)
     error, remedy = estimate[(margin - estimate).argmin()], "Use a smaller PolynomialChaos(tolerance=...)."
     if bounds.next_run is not None:
         remedy = "Add a run at the parameters Bounds.next_run."
     return _Decision(
-        None, f"The estimated error of {error:.1e}{unit} is larger than the margin. {remedy}", margin, further
+        None, f"The estimated error of {error:.2g}{unit} is larger than the margin. {remedy}", margin, further
     )
 
 
@@ -393,13 +393,13 @@ def by_further_run(further: FurtherRun, limit: float, margin: Array, rounding: f
         why = f"Most of {further.runs} further runs attain the limit exactly. No run is beyond the limit."
         return _Decision(True, why, np.fmin(np.maximum(margin, 0.0), own), further)
     if inside <= rounding:
-        why = f"A further run reaches the limit, up to rounding or noise of {rounding:.1e}{unit}. {_MOVE}"
+        why = f"A further run reaches the limit, up to rounding or noise of {rounding:.2g}{unit}. {_MOVE}"
         return _Decision(None, why, margin, further)
     if not np.isfinite(error):
         return None
     kept, is_larger = (True, "is larger") if inside > error else (None, "is not larger")
     least = f"The closest of {further.runs} further runs is {inside:.3g}{unit} inside the limit."
-    why = f"{least} This margin {is_larger} than the error of the search, {error:.1e}{unit}."
+    why = f"{least} This margin {is_larger} than the error of the search, {error:.2g}{unit}."
     return _Decision(kept, why, np.fmin(np.maximum(margin, inside), own), further)
 
 

@@ -14,7 +14,7 @@ from symmb._options import require_callable, shown
 from symmb._types import Array, Executor
 from symmb._units import units_of_parameters
 from symmb.bound.bounds.allowed import first_points
-from symmb.bound.bounds.joined import joined
+from symmb.bound.bounds.joined import combination_words, joined
 from symmb.bound.bounds.result import Bounds
 from symmb.bound.bounds.result_file import Kind
 from symmb.bound.bounds.worst_case import AttainingRuns
@@ -78,8 +78,16 @@ class Method(ABC):
             own = [each for each in box.combinations() if not each.constraints or len(first_points(each))]
             if not own:
                 raise PropagationError(f"{self!r}: no combination of the choices satisfies the constraints of the box.")
-            parts = [self.bounds(simulator, each, executor=executor, progress=progress) for each in own]
-            return joined(box, parts)
+            parts, lost = list[Bounds](), dict[str, str]()
+            for each in own:
+                try:
+                    parts.append(self.bounds(simulator, each, executor=executor, progress=progress))
+                except PropagationError as error:
+                    lost[combination_words(box, each)] = " ".join(map(str.strip, str(error).splitlines()[:2]))
+            if not parts:
+                word, reason = next(iter(lost.items()))
+                raise PropagationError(f"No combination of choices has bounds. With {word}: {reason}")
+            return joined(box, parts, lost)
         if box.constraints and not self.allows_constraints:
             raise PropagationError(
                 f"{self!r}: the method has no bounds for constraints. Use PolynomialChaos(), MonteCarlo(...) or "

@@ -111,7 +111,7 @@ class Quantiles(Figures):
             i, j = int(lower.argmin()), int(upper.argmax())
             when = [time_text(self.t, row, lower, upper) for row in (i, j)]
             values = f"{lower[i]:.6g}", when[0], f"{upper[j]:.6g}", when[1]
-            rows.append([f"{q:g}", *values, f"≤ {error.max():.1e}"])
+            rows.append([f"{q:g}", *values, f"≤ {error.max():.2g}"])
         return over_times(rows, self.t)
 
     def _labelled(self) -> Labelled:
@@ -153,7 +153,7 @@ class Probability(Figures):
         ever = "at any output time" if has_times else "", *self.ever
         for name, low, high, error in (ever, largest) if has_times else (ever,):
             value = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
-            rows.append([name, value, f"≤ {error:.1e}"])
+            rows.append([name, value, f"≤ {error:.2g}"])
         return rows
 
     def _labelled(self) -> Labelled:

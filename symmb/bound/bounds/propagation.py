@@ -110,7 +110,7 @@ def finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Exe
     box = bounds.box
     assert box is not None
     if bounds.parts:
-        return joined(box, [finished(method, simulator, part, executor) for part in bounds.parts])
+        return joined(box, [finished(method, simulator, part, executor) for part in bounds.parts], bounds.lost)
     bounds = checked(method, simulator, box, doubted(simulator, box, bounds), executor)
     nominal, own = getattr(simulator, "nominal", None), simulator.parameters
     values = ByName({k: float(v) for k, v in own.items()}, units_of_parameters(own))

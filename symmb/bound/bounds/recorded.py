@@ -1,7 +1,7 @@
 """Bounds from recorded runs: sparse polynomials, their ranges, and errors from runs that were left out."""
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -62,7 +62,7 @@ def recorded_bounds(text: str, simulator: RecordedRuns, box: Box) -> Bounds:
     assert surrogate is not None
     lower, upper, estimate = np.stack([(own.lower, own.upper, own.estimate) for own in outputs], axis=2)
     if inside.any():
-        is_open = estimate > _HOPELESS * (highest - lowest)
+        is_open = 0.5 / _HOPELESS * estimate > 0.5 * highest - 0.5 * lowest  # the difference may overflow
         lower, upper = np.where(is_open, lowest, lower), np.where(is_open, highest, upper)
     remarks = list[str]()
     if box == simulator.box:
@@ -196,21 +196,26 @@ class _OutputRange:
     """
 
     def __init__(self, region: _Region, points: Array, Y: Array) -> None:
-        fit, one = SparseFit.through(region.coordinates(points), Y), np.ones(len(region.columns))
-        self.polynomials = Piecewise.whole(region.expansion(fit.terms), fit.error[:, None])
-        lower, upper, places = self.polynomials.range(-one, one)
+        size = 2.0 ** (int(np.frexp(np.abs(Y).max())[1]) - 1)  # squares may overflow
+        Y, one = Y / size, np.ones(len(region.columns))
+        fit = SparseFit.through(region.coordinates(points), Y)
+        polynomials = Piecewise.whole(region.expansion(fit.terms), fit.error[:, None])
+        lower, upper, places = polynomials.range(-one, one)
         ends, places = np.stack([lower, upper])[..., 0], places[:, :, 0]
         at = [region.coordinates_of(place) for place in places]
         others = [[np.einsum("jb,bj->j", basis_values(alpha, x), c) for x in at] for alpha, c in fit.others]
         apart = np.abs(np.array(others) - ends).max(axis=0)
         half = 0.5 * (np.maximum(ends[1], Y.max(axis=0)) - np.minimum(ends[0], Y.min(axis=0)))
-        size = float(np.abs(Y).max()) or 1.0  # squares may overflow
-        deviation = (Y / size).std(axis=0)
-        rest = np.divide(fit.error / size, deviation, out=np.zeros_like(deviation), where=deviation > ROUNDING)
+        deviation = Y.std(axis=0)
+        rest = np.divide(fit.error, deviation, out=np.zeros_like(deviation), where=deviation > ROUNDING)
         estimate = _SAFETY_OF_OTHERS * apart.max(axis=0) + _SAFETY_OF_REST * region.varied.sum() ** 0.5 * rest * half
-        self.lower, self.upper, self.estimate = *ends, np.where(estimate > ROUNDING * size, estimate, 0.0)
+        estimate = np.where(estimate > ROUNDING * np.abs(Y).max(), estimate, 0.0)
+        self.lower, self.upper, self.estimate = size * ends[0], size * ends[1], size * estimate
+        own = polynomials.expansions[0]
+        large = replace(own, coefficients=size * own.coefficients)
+        self.polynomials = Piecewise.whole(large, size * fit.error[:, None])
         self.place = places[np.unravel_index(apart.argmax(), apart.shape)]
-        self.gain = float(apart.max() / max(half.max(), ROUNDING * size))
+        self.gain = float(apart.max() / max(half.max(), ROUNDING * np.abs(Y).max(), 1e-300))
 
 
 def _different(points: Array, Y: Array) -> tuple[Array, Array]:

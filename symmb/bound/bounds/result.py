@@ -70,6 +70,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
     figures : names of the scalar outputs (one number per run); their bounds are the same at all times
     range_of : source of the range of an adaptive method, such as runs at corners; empty for other methods
     parts : bounds of each combination of the choices of the box; empty if there are no choices
+    lost : errors of combinations without bounds, by their words, as "spring: hard"; empty in bounds from a file
     next_run : parameters at which one more run would reduce the error most, for bounds of RecordedRuns; otherwise None
 
     Examples
@@ -326,7 +327,7 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
                 cells += [] if self.nominal is None else [_number_text(self.nominal[i, k], least)]
             widest = int(width[:, k].argmax())
             when = "" if is_figure else f"{self.t[widest]:.6g}"
-            error = "–" if self.estimate is None else f"≤ {self.estimate[:, k].max():.1e}"
+            error = "–" if self.estimate is None else f"≤ {self.estimate[:, k].max():.2g}"
             rows.append([*cells, _number_text(width[widest, k], least), when, error])
         return over_times(rows, self.t)
 

@@ -182,7 +182,8 @@ class WorstCase:
         unit = f" {typeset(self.unit)}" if self.unit else ""
         text = f"{self._word} {self.output} {self.value + 0.0:.6g}{unit}{at_time(self._times, 0)}"
         text += f": {', '.join(filter(None, [values, *self.choices]))}" if values or self.choices else ""
-        return text + (f"; the run itself attains {self.attained:.6g}{unit}" if self.is_short else "")
+        short = f"; the closest run, with these parameters, attains {self.attained:.6g}{unit}"
+        return text + (short if self.is_short else "")
 
     def __repr__(self) -> str:
         return f"WorstCase({self})"

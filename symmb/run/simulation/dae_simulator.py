@@ -107,7 +107,9 @@ class DAESimulator(WithWarnings):
     def __getstate__(self) -> dict[str, Any]:
         flexible = self.ways.flexible  # a copy needs the scene only for these checks
         # A copy has one thread, because many copies run in parallel.
-        return vars(self) | {"scene": flexible, "ways": OtherWays(self.program, self.outputs, flexible), "threads": 1}
+        # Runs need no box. Its constraints may be functions that cannot be pickled.
+        ways = OtherWays(self.program, self.outputs, flexible)
+        return vars(self) | {"scene": flexible, "box": None, "ways": ways, "threads": 1}
 
     @property
     def setup_seconds(self) -> float:

@@ -101,7 +101,7 @@ class FigureSimulator(WithWarnings):
 
     def __getstate__(self) -> dict[str, Any]:
         _ = self._count
-        return self.__dict__ | {"scene": None, "threads": 1}
+        return self.__dict__ | {"scene": None, "box": None, "threads": 1}
 
     @property
     def figures(self) -> tuple[str, ...]:

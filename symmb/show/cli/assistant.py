@@ -189,8 +189,20 @@ def make_server(folders: Sequence[str]) -> Any:
     except ImportError as error:
         raise DeclarationError(str(error)) from None
     from_thread = optional_package("anyio", "this command", "mcp").from_thread
+    wrong_arguments = optional_package("pydantic", "this command", "mcp").ValidationError
     tools, lock = Tools(folders), Lock()  # symmb shows one progress, and files change sys.path while they run
-    server = mcp.MCPServer("symmb", instructions=_INSTRUCTIONS, version=mb.__version__, log_level="WARNING")
+
+    class Server(mcp.MCPServer):
+        async def call_tool(self, name: str, arguments: dict[str, Any], context: Any = None) -> Any:
+            try:
+                return await super().call_tool(name, arguments, context)
+            except tool_error as error:
+                if not isinstance(error.__cause__, wrong_arguments):
+                    raise
+                faults = [f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.__cause__.errors()]
+                raise tool_error(f"{name}: {'; '.join(faults)}. Call it with other arguments.") from None
+
+    server = Server("symmb", instructions=_INSTRUCTIONS, version=mb.__version__, log_level="WARNING")
 
     def add(tool: Callable[..., str]) -> None:
         @wraps(tool)
@@ -211,6 +223,8 @@ def make_server(folders: Sequence[str]) -> Any:
                     return tool(tools, **arguments)
                 except _FAULTS as error:
                     raise tool_error(str(error)) from None
+                except KeyboardInterrupt:  # of code in the file, because signals interrupt the main thread only
+                    raise tool_error(f"{arguments['scene']} raised KeyboardInterrupt.") from None
 
         own = [*inspect.signature(tool).parameters.values()][1:]
         asked = inspect.Parameter("context", inspect.Parameter.KEYWORD_ONLY, annotation=mcp.Context)
