@@ -120,7 +120,7 @@ def test_a_half_car_hits_its_stops_as_often_as_with_fine_spectra():
 def test_bounds_contain_the_averages_of_the_box():
     box = mb.Box(suspension=(20e3, 24e3), damper=(1400, 1800))
     scene = half_car(box, end=2.5, realizations=64)
-    bounds, simulator = mb.propagate(scene), simulator_for("", scene, None)
+    bounds, simulator = mb.propagate(scene), cast(Any, simulator_for("", scene, None))
     U = np.array([(x, y) for x in (-1, 0.3, 1) for y in (-1, -0.2, 1)])
     P = np.tile([*simulator.parameters.values()], (len(U), 1))
     P[:, [1, 3]] = box.from_unit(U)
@@ -132,7 +132,7 @@ def test_bounds_contain_the_averages_of_the_box():
 
 
 def test_errors_of_averages_are_those_of_other_roads():
-    simulator = simulator_for("", half_car(end=2.5, realizations=64), None)
+    simulator = cast(Any, simulator_for("", half_car(end=2.5, realizations=64), None))
     p, rng = [*simulator.parameters.values()], np.random.default_rng(3)
     others = [
         simulator.runs.over_runs(np.column_stack([np.tile(p, (64, 1)), rng.integers(0, 2**20, 64)]))[0]
