@@ -183,6 +183,7 @@ def test_faults_of_random_inputs_are_named():
     refused("does not change", lambda: mb.RoadProfile("road", "C")(3.0))
     refused("between 0 and 1", lambda: mb.percentile(mb.t, 95))
     refused("frequency must be", lambda: mb.psd(mb.t, 0.0))
+    refused("input 'raod'", lambda: half_car().with_inputs(["raod"]))
     box = mb.Box(speed=(0.0, 20.0))
     refused("speed is 0 at speed = 0", lambda: mb.propagate(half_car(box)))
     refused("output over time", lambda: mb.propagate(half_car(box, {"t": mb.t})))
