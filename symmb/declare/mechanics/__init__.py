@@ -61,7 +61,7 @@ from symmb.declare.mechanics.mesh_file import coarser
 from symmb.declare.mechanics.motor import Motor
 from symmb.declare.mechanics.parameter import Parameters, declared_with, with_si_symbols
 from symmb.declare.mechanics.pose import Frame, Particle, Planar, Spatial
-from symmb.declare.mechanics.random_input import RandomInput
+from symmb.declare.mechanics.random_input import LEVELS, RandomInput
 from symmb.declare.mechanics.rope import Rope
 from symmb.declare.mechanics.rotation import Rotation, rotation
 from symmb.declare.mechanics.shape_contact import BoxContact, CircleContact, SlotContact, SphereContact

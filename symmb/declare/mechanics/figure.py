@@ -217,7 +217,9 @@ def percentile(output: Expr | Figure, fraction: float, window: Window = None) ->
 def psd(expression: Expr, frequency: float, window: Window = None) -> Figure:
     """The one-sided power spectral density of an expression at a frequency, with Hann's window over time.
 
-    With random inputs, it is the mean over all runs. The resolution is 1.5 divided by the length of the window.
+    The resolution is 1.5 divided by the length of the window. With random inputs, it is the mean over all runs. Its
+    error is 1 % for a window of 10 periods of the frequency, and 4 % for 20 periods. Longer windows resolve the waves
+    of the input.
 
     Parameters
     ----------

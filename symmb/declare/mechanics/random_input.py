@@ -16,9 +16,10 @@ from symmb.declare.symbolic import Kind, given, is_time, records_in
 
 _WAVES = 16
 """Number of waves per octave. The resonance of a car body has ten of them, so that its motion is almost Gaussian."""
-_LEVELS, _BALANCED = 4, 1024
-"""Number of amplitudes of a wave, and number of successive seeds of a balanced set. In such a set, products of two
-waves that are less than eight octaves apart cancel."""
+LEVELS, _BALANCED = 16, 1024
+"""Number of amplitudes and of frequencies of a wave, and number of successive seeds of a balanced set. In such a set,
+products of two waves that are less than two octaves apart cancel. With fewer levels, products of more waves cancel, but
+peaks have larger errors."""
 _MOST_OCTAVES = 20
 _CLASSES = "ABCDEFGH"
 
@@ -34,8 +35,8 @@ class RandomInput(Input):
     Studies such as `propagate` average scalar outputs over the runs with the seeds 0, 1, 2, ... These seeds are the
     same for all parameters, so that averages depend smoothly on parameters.
 
-    The seeds 0 to 1023 are a balanced set: in a linear system, the mean square over these seeds has no sampling error,
-    and its only error is that of the sum over waves. The waves of an octave repeat after 16 of their longest waves.
+    The seeds 0 to 1023 are a balanced set: in a linear system, products of waves that are less than two octaves apart
+    cancel in the mean square over these seeds. An octave repeats after 16 of its longest waves.
 
     Parameters
     ----------
@@ -74,7 +75,7 @@ class RandomInput(Input):
     _: KW_ONLY
     realizations: int = _BALANCED
     ways: list[ca.SX] = field(init=False, repr=False)
-    _waves: tuple[ca.SX, ca.SX, ca.SX] = field(init=False, repr=False)  # scale of frequencies, cosines, sines
+    _waves: tuple[ca.SX, ca.SX, ca.SX] = field(init=False, repr=False)  # place in intervals, cosines, sines
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -105,39 +106,40 @@ class RandomInput(Input):
         return math.ceil(math.log2(self.band[1] / self.band[0]) - 1e-9)
 
     def _drawn(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """The factor of all frequencies, and the factors (n,) of the cosines and sines, as functions of the seed."""
-        low, high, seed = *self.band, self.value
+        """The place (0 to 1) of waves in their frequency intervals, and the factors (n,) of cosines and sines."""
+        low, high, seed = *self.band, ca.floor(self.value)
         octave, number = np.divmod(np.arange(_WAVES * self._octaves), _WAVES)
         width = high * 2.0 ** (octave - self._octaves) / _WAVES
         begin = (_WAVES + number) * width
         inside = np.maximum(begin + width - np.maximum(begin, low), 0) / width  # of the first waves
         draw = np.random.default_rng(crc32(self.name.encode()))
         # Over the seeds with the same level, phases make different numbers of turns, also with the other sign.
-        most = _BALANCED // _LEVELS // 2
+        most = _BALANCED // LEVELS // 2
         turns = draw.permutation(np.arange(1, most))[np.arange(len(width)) % (most - 1)]
-        turns = turns + 2 * most * draw.integers(0, _LEVELS, len(width))
+        turns = turns + 2 * most * draw.integers(0, LEVELS, len(width))
         first, further = draw.random((2, len(width)))
         # Amplitudes of the second wave of a pair belong to reversed levels, so that amplitudes and frequencies have no
         # common trend.
-        pairs = 2 * draw.integers(0, _LEVELS // 2, len(width) // 2) + 1, draw.integers(0, _LEVELS, len(width) // 2)
-        steps = np.stack([pairs[0], -pairs[0]], axis=1).ravel()
-        begins = np.stack([pairs[1], pairs[1] + (_LEVELS - 1) * pairs[0]], axis=1).ravel() + _LEVELS**2
-        level, cosines, sines = ca.fmod(seed, _LEVELS), [], []
-        # Each level has its own frequencies. Together, the frequencies of all levels are close.
-        scale = 2 ** ((level + (1 - _LEVELS) / 2) / (_LEVELS * _WAVES))
-        exponential = -np.log((np.arange(_LEVELS) + 0.5) / _LEVELS)
+        pairs = len(width) // 2
+        step, begin_level = 2 * draw.integers(0, LEVELS // 2, pairs) + 1, draw.integers(0, LEVELS, pairs)
+        steps = np.stack([step, -step], axis=1).ravel()
+        begins = np.stack([begin_level, begin_level + (LEVELS - 1) * step], axis=1).ravel() + LEVELS**2
+        level, cosines, sines = ca.fmod(seed, LEVELS), [], []
+        place = (level + 0.5) / LEVELS  # each level has its own frequencies
+        exponential = -np.log((np.arange(LEVELS) + 0.5) / LEVELS)
         for k in range(len(width)):
-            energy = -ca.log((ca.fmod(int(steps[k]) * level + int(begins[k]), _LEVELS) + 0.5) / _LEVELS)
-            density = self._density(float(begin[k] + width[k] / 2), scale) if inside[k] else ca.SX(0)
-            amplitude = ca.sqrt(2 * density * float(width[k] * inside[k] / exponential.mean()) * scale * energy)
+            energy = -ca.log((ca.fmod(int(steps[k]) * level + int(begins[k]), LEVELS) + 0.5) / LEVELS)
+            density = self._density(float(begin[k]), float(width[k]), place) if inside[k] else ca.SX(0)
+            amplitude = ca.sqrt(2 * density * float(width[k] * inside[k] / exponential.mean()) * energy)
             turn = int(turns[k]) * seed / _BALANCED + float(first[k]) + ca.floor(seed / _BALANCED) * float(further[k])
             cosines.append(amplitude * ca.cos(2 * np.pi * turn))
             sines.append(amplitude * ca.sin(2 * np.pi * turn))
-        return ca.SX(scale), ca.vertcat(*cosines), ca.vertcat(*sines)
+        return ca.SX(place), ca.vertcat(*cosines), ca.vertcat(*sines)
 
-    def _density(self, frequency: float, scale: ca.SX) -> ca.SX:
-        """The spectral density at a frequency times the scale of the seed."""
-        density, value = given(self.spectrum(frequency * scale)), given(self.spectrum(ca.SX(frequency)))
+    def _density(self, begin: float, width: float, place: ca.SX) -> ca.SX:
+        """The spectral density at the place of the seed in an interval of frequencies."""
+        frequency = begin + width / 2
+        density, value = given(self.spectrum(begin + width * place)), given(self.spectrum(ca.SX(frequency)))
         if density is None or value is None or density.numel() != 1:
             raise DeclarationError(f"{self.title}: the spectrum must return a number or a CasADi SX expression.")
         if value.is_constant() and not 0 <= float(value) < math.inf:
@@ -156,11 +158,11 @@ class RandomInput(Input):
         if not moves:
             raise DeclarationError(f"{self.title}: the way {shown(at)} does not change. Use an expression of time.")
         self.ways.append(way)
-        scale, A, B = self._waves
-        angle = np.pi * self.band[1] / 2**self._octaves / _WAVES * scale * way
-        half, total = (ca.cos(angle), ca.sin(angle)), ca.SX(0)
+        place, A, B = self._waves
+        angle = 2 * np.pi * self.band[1] / 2**self._octaves / _WAVES * way  # of a frequency interval
+        z, lowest = _unit(angle), _unit((_WAVES + place) * angle)
+        total = ca.SX(0)
         for octave in range(self._octaves):
-            z = _square(half)
             # Clenshaw's sums of A[m] z^m and B[m] z^m, where z is a unit complex number.
             sums = []
             for C in (A, B):
@@ -169,12 +171,8 @@ class RandomInput(Input):
                     b, b_next = C[octave * _WAVES + m] + 2 * z[0] * b - b_next, b
                 sums.append((b - b_next * z[0], b_next * z[1]))
             (a_re, a_im), (b_re, b_im) = sums
-            top = z
-            for _ in range(_WAVES.bit_length() - 1):
-                top = _square(top)
-            cosine, sine = top[0] * half[0] - top[1] * half[1], top[0] * half[1] + top[1] * half[0]  # of z^(16 + 1/2)
-            total += cosine * (a_re + b_im) - sine * (a_im - b_re)
-            half = z
+            total += lowest[0] * (a_re + b_im) - lowest[1] * (a_im - b_re)
+            z, lowest = _square(z), _square(lowest)
         return total
 
 
@@ -231,6 +229,11 @@ class RoadProfile(RandomInput):
             raise DeclarationError(f"RoadProfile: waviness must be a number, got {shown(waviness)}.")
         own, n0 = density, 0.1
         super().__init__(name, lambda n: own * (n / n0) ** -waviness, band, realizations=realizations)
+
+
+def _unit(angle: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """The unit complex number with an angle."""
+    return ca.cos(angle), ca.sin(angle)
 
 
 def _square(z: tuple[ca.SX, ca.SX]) -> tuple[ca.SX, ca.SX]:

@@ -13,7 +13,7 @@ from symmb._errors import DeclarationError, Faults, SymmbError
 from symmb._interrupts import kept_interrupts
 from symmb._magnitudes import SLIGHT
 from symmb._names import counted, did_you_mean, name_fault, name_faults, normal_keys
-from symmb._options import numbers_of, require_instance, require_truth, shown
+from symmb._options import numbers_of, require_instance, require_names, require_truth, shown
 from symmb._presentation import presentation
 from symmb._types import Array, Expr
 from symmb._units import dimensions, label, numbers_in, ratio_of, scaled, unit_of, units_of_parameters
@@ -384,7 +384,8 @@ class Scene:
 
     def with_inputs(self, names: Sequence[str]) -> "Scene":
         """A copy in which the inputs with these names are the last parameters, so that other programs can set them."""
-        symbols = [self.system.inputs[name] for name in names]
+        inputs = self.system.inputs
+        symbols = [inputs[name] for name in require_names("with_inputs", "input", names, inputs)]
         if not symbols:
             return self
         return replace(self, system=self.system.with_elements((), self.system.parameters.with_inputs(symbols)))

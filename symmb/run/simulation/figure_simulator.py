@@ -210,8 +210,10 @@ class FigureSimulator(WithWarnings):
             Y[:, :, self.outputs.index(rule.name)] = rule.over(curves.figure(rule)[:, None])[:, None]
         return traces, Y
 
-    def over_runs(self, P: Array) -> tuple[Array, str]:
+    def over_runs(self, P: Array, runs: int) -> tuple[Array, str]:
         """Scalar outputs (n_y,) of the runs of all samples P (N, d) together, and the fault of a failed run.
+
+        The samples are some or all of the `runs` runs of a study.
 
         The output times are the ends of panels, which are not divided.
         """
@@ -235,7 +237,7 @@ class FigureSimulator(WithWarnings):
             panels = Panels.joined([replace(panels, sample=0 * panels.sample) for panels in pooled])
             curves = _unrefined(panels, np.zeros((1, len(panels.nodes))))
             together |= {rule: curves.figure(rule) for rule in self.rules if rule not in own}
-        return np.array([rule.over(together[rule][None])[0] for rule in self.rules]), ""
+        return np.array([rule.over(together[rule][None], runs)[0] for rule in self.rules]), ""
 
     @cached_property
     def _count(self) -> int:

@@ -31,14 +31,14 @@ class Rule(NamedTuple):
     level: float | None = None
     over_runs: bool = False
 
-    def over(self, values: Array) -> Array:
-        """The scalar output (m,) of m groups of n runs, from the values (m, n) of the runs."""
+    def over(self, values: Array, runs: int = 1) -> Array:
+        """The scalar output (m,) of m groups of n runs, from the values (m, n) of the runs. A study has `runs` runs."""
         if self.over_runs:
             return np.quantile(values, cast(float, self.level), axis=1)
         if self.kind == "probability":
             # Kernel estimate of a distribution. The width of the kernel is a tenth of the standard deviation for 1000
             # runs, so that it increases the variance by 1 %.
-            width = values.std(axis=1, keepdims=True) / values.shape[1] ** (1 / 3)
+            width = values.std(axis=1, keepdims=True) / runs ** (1 / 3)
             return ndtr(-values / np.where(width > 0, width, TOUCHED)).mean(axis=1)
         mean = values.mean(axis=1)
         return np.sqrt(mean) if self.kind == "rms" else mean

@@ -12,7 +12,7 @@ from symmb._names import ByName
 from symmb._types import Array, Executor
 from symmb._units import told_names, units_of_parameters, values_text
 from symmb.connect import Ensemble, Progress, Reduction, checked_samples, digest, stream
-from symmb.declare.mechanics import RandomInput
+from symmb.declare.mechanics import LEVELS, RandomInput
 from symmb.declare.symbolic import ddt, t
 from symmb.equations.model import Scene
 from symmb.run.codegen import Card
@@ -22,8 +22,8 @@ from symmb.run.simulation.figure_simulator import FigureSimulator
 from symmb.run.simulation.pilots import at_tolerances
 
 S = TypeVar("S")
-_GROUPS = 16
-"""Number of groups of seeds whose averages give the standard error. The error has an error of 18 % of itself."""
+_GROUP = 16
+"""Smallest number of seeds of a group. Averages over groups give the standard error."""
 _RTOL = 1e-4
 """Default relative tolerance of the solver. Its errors are smaller than those of averages over 1000 realizations."""
 
@@ -88,11 +88,14 @@ class RandomSimulator(WithWarnings):
 
         All samples have the same seeds. Therefore differences between samples have smaller errors.
         """
-        order = np.random.default_rng(0).permutation(len(self.seeds))  # successive seeds are balanced
-        groups = np.array_split(self.seeds[order], min(len(order), _GROUPS))
+        if len(self.seeds) < 2:
+            return None
+        # Seeds of a group have the same amplitudes and frequencies. The error of using few of them is included.
+        number = int(np.clip(len(self.seeds) // _GROUP, 2, LEVELS))
+        groups = [self.seeds[k::number] for k in range(number)]
         p = np.array([*self.parameters.values()])
         values = np.array([self._averages(p, seeds)[0] for seeds in groups])
-        return None if len(groups) < 2 or np.isnan(values).any() else values.std(axis=0, ddof=1) / len(groups) ** 0.5
+        return None if np.isnan(values).any() else values.std(axis=0, ddof=1) / number**0.5
 
     @property
     def remark(self) -> str:
@@ -108,7 +111,7 @@ class RandomSimulator(WithWarnings):
 
     def _averages(self, p: Array, seeds: Array) -> tuple[Array, str]:
         """Averages (n_y,) over the runs of seeds (n, n_i) at parameters (d,), and the fault of a failed run."""
-        return self.runs.over_runs(np.hstack([np.tile(p, (len(seeds), 1)), seeds]))
+        return self.runs.over_runs(np.hstack([np.tile(p, (len(seeds), 1)), seeds]), len(self.seeds))
 
     def run(self, P: Array) -> Ensemble:
         """Averages Y (N, 1, n_y) over the runs of all realizations, for samples P (N, d)."""
