@@ -37,6 +37,17 @@ _LEAST_COMPONENT = 0.05
 """A parameter is undetermined if its component in an undetermined combination exceeds this value."""
 
 
+def _series(record: Record, name: str) -> dict[str, Array]:
+    """The numbers (n,) of each output with data, one for each of its times."""
+    own, times = record.record(name), record.record("data_times")
+    return {output: own.array(output, times.length(output)) for output in record.numbers("noise")}
+
+
+def _sentences(record: Record, name: str) -> tuple[str, ...]:
+    """Warnings. Files of earlier versions have no warnings apart from those about undetermined quantities."""
+    return record.texts(name, default=record.texts("undetermined", default=()))
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved):
     """Estimates of parameters from data, and their accuracy.
@@ -87,17 +98,17 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
 
     name: str
     parameters: dict[str, float]
-    covariance: Array
+    covariance: Array = field(metadata=entry(Record.covariance, "parameters"))
     noise: dict[str, float]
-    times: dict[str, Array] = field(metadata=entry(name="data_times"))
-    data: dict[str, Array]
-    residuals: dict[str, Array]
+    times: dict[str, Array] = field(metadata=entry(_series, name="data_times"))
+    data: dict[str, Array] = field(metadata=entry(_series))
+    residuals: dict[str, Array] = field(metadata=entry(_series))
     degrees: int
-    undetermined: tuple[str, ...]
-    doubts: tuple[str, ...]
+    undetermined: tuple[str, ...] = field(metadata=entry(_sentences))
+    doubts: tuple[str, ...] = field(metadata=entry(_sentences))
     evaluations: int
     units: tuple[str, ...] = ()
-    priors: dict[str, Array] = field(default_factory=dict)
+    priors: dict[str, Array] = field(default_factory=dict, metadata=entry(lambda record, name: record.arrays(name, 2)))
     study: Residuals | None = field(default=None, metadata=NOT_KEPT)
 
     _most = None
@@ -254,27 +265,6 @@ class Calibration(plot.OverTimeBesideGiven, Counted, Result, WithWarnings, Saved
         sentences = {"undetermined": self.undetermined, "doubts": self.doubts}
         about = {"scene": self.name, **{key: "\n".join(some) or None for key, some in sentences.items()}}
         return Labelled(coordinates, variables, about, {"time": "s"}, ("parameter",))
-
-    @classmethod
-    def _of_record(cls, record: Record) -> "Calibration":
-        parameters, noise = record.numbers("parameters"), record.numbers("noise")
-        times, data, residuals = (record.record(key) for key in ("data_times", "data", "residuals"))
-        series = {name: times.array(name, None) for name in noise}
-        return cls(
-            record.text("name"),
-            parameters,
-            record.covariance("covariance", len(parameters)),
-            noise,
-            series,
-            {name: data.array(name, len(t)) for name, t in series.items()},
-            {name: residuals.array(name, len(t)) for name, t in series.items()},
-            record.whole("degrees"),
-            record.texts("undetermined", default=()),
-            record.texts("doubts", default=record.texts("undetermined", default=())),
-            record.whole("evaluations"),
-            record.texts("units", default=()),
-            record.arrays("priors", 2) if "priors" in record.plain else {},
-        )
 
 
 def calibrate(

@@ -37,6 +37,9 @@ _LEAST_INSIDE = 0.2
 """Smallest volume of parts inside of the set, divided by the volume of all pieces. Otherwise, the estimate is rough."""
 MOST_PARTS = 30_000
 """Largest number of undecided parts. Two such rounds take about two seconds."""
+_MOST_NUMBERS = 2**22
+"""Largest number of coefficients of undecided parts, which take 34 MB. A round takes about twenty times as much memory.
+Without this, a set of three parameters with impacts took all memory of a machine."""
 SMALL_ERROR = 0.02
 """Error of polynomials, divided by the depth of the set. With three parameters, it changes the volume by 6 %."""
 _ROUNDS = 12
@@ -397,7 +400,8 @@ def _pieces(polynomials: _Polynomials, small: float) -> tuple[Array, Array, Mask
         likely = known + sum(parts.likely_volume for parts in left)
         is_fine = known >= _LEAST_INSIDE * (known + unknown) and known + unknown <= MOST_VOLUME * likely
         is_at_side = any((np.abs(parts.centres) + parts.halves >= 1 - ROUNDING).any() for parts in inside)
-        if is_fine or is_at_side or not unknown or sum(len(parts.centres) for parts in left) > MOST_PARTS:
+        is_much = sum(parts.coefficients.size for parts in left) > _MOST_NUMBERS
+        if is_fine or is_at_side or not unknown or is_much or sum(len(parts.centres) for parts in left) > MOST_PARTS:
             break
     centres, halves = (np.concatenate([getattr(p, name) for p in (*inner, *left)]) for name in ("centres", "halves"))
     is_inside = np.arange(len(centres)) < sum(len(parts.centres) for parts in inner)

@@ -293,7 +293,7 @@ def _allocation(costs: Costs | None, box: Box | None) -> tuple[list[str], Callab
 
 def _front(search: DesignSearch, goals: Sequence[Goal], first: Verified) -> list[Verified]:
     """Designs with the best first objective, for levels of the second objective down to its best value."""
-    most, least = first.values[1], search.searched(goals[::-1], first.u)[0].values[0]
+    most, least = first.values[1], search.search(goals[::-1], first.u)[0].values[0]
     levels = np.linspace(most, least + _END * (most - least), _FRONT)[1:] if most > least else []
     trials = [first]
     for level in levels:

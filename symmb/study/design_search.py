@@ -262,7 +262,7 @@ class DesignSearch:
         sizes = [widths[goal.k] if goal.most < np.inf else np.inf for goal in goals]
         return Trial(u, curves, values, np.array([abs(values[0]), *sizes[1:]]))
 
-    def _tried(self, region: Region, goals: Sequence[Goal], u: Array) -> Trial:
+    def _try(self, region: Region, goals: Sequence[Goal], u: Array) -> Trial:
         """A design with runs in its worst cases by the polynomials, and at the corners of its tolerances if few."""
         varies = np.ptp(self._ends(u), axis=0) > 0
         ends = corners(n) if 0 < (n := int(varies.sum())) <= _CORNERS else np.zeros((1, n))
@@ -285,11 +285,12 @@ class DesignSearch:
         """The best design by polynomials near an old one, and the values (n_g,) of its goals.
 
         The errors of the polynomials in an old trial are added. An optimisation considers a few worst cases. Those of
-        its solution are added for the next one.
+        its solution are added for the next one. `back` is the distance from the boundary of failed runs.
         """
-        u, shift = (old, np.zeros((len(goals), 1))) if isinstance(old, np.ndarray) else (old.u, old.curves)
         if isinstance(old, Trial):
-            shift = np.nan_to_num(old.curves - self._worst(region, goals, u)[0])
+            u, shift = old.u, np.nan_to_num(old.curves - self._worst(region, goals, old.u)[0])
+        else:
+            u, shift = old, np.zeros((len(goals), 1))
         shift[-1] = back
         u, cases, reach, expected = np.clip(u, region.low, region.high), list[_Worst](), 1.0, -np.inf
         best = (np.inf, u, np.empty(0))
@@ -358,21 +359,22 @@ class DesignSearch:
             return np.inf if np.isfinite(after) else -np.inf
         return (before - after) * region.changes[goals[0].k] / max(old.sizes[0] * _AGREES / 4, 1e-300)
 
-    def _descended(
+    def _descend(
         self, goals: Sequence[Goal], starts: Sequence[Array], size: float = 1.0, known: Sequence[Array] | None = None
     ) -> tuple[Trial, Region]:
-        """The best design by runs, from a start, and the last region. Regions follow the design and become smaller.
+        """The best design by runs, from the best start, and the last region. Regions follow the design and become
+        smaller.
 
         The search ends early at a known design. If None are given, the start is a good design.
         """
         region, stalls, back = self._region(starts[0], size), 0, _BACK[0]
-        trials = [self._tried(region, goals, u) for u in starts]
+        trials = [self._try(region, goals, u) for u in starts]
         best = min(trials, key=lambda trial: self._merit(region, goals, trial.values))
         for _ in range(_STEPS):
             u, expected = self._optimum(region, goals, best, back=back)
             hope = self._gain(region, goals, best, expected)
             if hope > 0.1:
-                trial = self._tried(region, goals, u)
+                trial = self._try(region, goals, u)
                 gain = self._gain(region, goals, best, trial.values)
                 best = trial if gain > 0 or np.isinf(best.values[0]) else best
                 if gain > 1:
@@ -393,7 +395,7 @@ class DesignSearch:
             region = self._region(best.u, size)
         return best, region
 
-    def searched(self, objectives: Sequence[Goal], start: Array | None = None) -> tuple[Trial, Region]:
+    def search(self, objectives: Sequence[Goal], start: Array | None = None) -> tuple[Trial, Region]:
         """The best design by runs, and the last region.
 
         Without a start, the search starts at several of the best runs in the whole ranges. Regions are smaller if the
@@ -401,7 +403,7 @@ class DesignSearch:
         """
         goals = [*objectives, *self.held]
         if start is not None:
-            return self._descended(goals, [start])
+            return self._descend(goals, [start])
         n, low, high = len(self._low), self._low, self._high
         whole = self._region(np.full(n, 0.5), 1.0)
         z = np.zeros((len(whole.points), n))
@@ -420,7 +422,7 @@ class DesignSearch:
             starts.append(both[0])
             with suppress(PropagationError):  # too many runs fail near this start
                 trials = [trial.u for trial, _ in ends]
-                ends.append(self._descended(goals, both, 1.0 if whole.error <= _ACCURATE else _SMALLER, trials))
+                ends.append(self._descend(goals, both, 1.0 if whole.error <= _ACCURATE else _SMALLER, trials))
             if len(starts) == _STARTS or len(candidates) == _CANDIDATES:
                 break
         ends = [end for end in ends if np.isfinite(end[0].values).all()]
@@ -456,7 +458,7 @@ class DesignSearch:
         Another objective has a limit. Without a start, the search compares designs in the whole ranges.
         """
         goals, margin, verified = [*objectives, *self.held], _MARGIN, list[Verified]()
-        trial, region = self.searched(objectives, start)
+        trial, region = self.search(objectives, start)
         u, expected = trial.u, trial.values
         for _ in range(_STUDIES):
             verified.append(self._study(goals, u))
