@@ -8,6 +8,8 @@ the frame of the remainder. The polynomial is computed without proof. Bounds of 
 - `step` proves bounds of the errors of these polynomials from the `defects`. `time_step` contains the polynomials.
 - `passes` proves motions in the short time in which they pass a switch, for all parameters of the box.
 - `outputs` bounds the outputs over a step.
+- `orders` chooses the orders of many parameters. `terms` and `basis` contain their polynomials.
+- `stiff` makes the frames of stiff steps.
 - `scene_problem` makes the equations of a scene. `modes` makes equations for frequencies and limits of stability.
 - `interval`, `discs`, `points`, `taylor_models` and `chebyshev` are arithmetics with bounds of rounding errors.
 """

@@ -12,6 +12,7 @@ from symmb.prove.ellipses import Choice, Control
 from symmb.prove.errors import ProofError
 from symmb.prove.front import half, slowest
 from symmb.prove.march import Course, Place, march
+from symmb.prove.orders import with_orders
 from symmb.prove.outputs import OutputBounds, output_bounds
 from symmb.prove.problem import Problem
 from symmb.prove.rounding import LARGEST_ZERO
@@ -48,13 +49,13 @@ class _Part:
         start of a half has a smaller remainder. ProofError is raised if the scene cannot start for some parameters.
         """
         end, at = self.course.end, self.course.checkpoint
-        variable = slowest(nominal_front(self.problem, order) if end is None else end.front.x)
+        variable = slowest(self.problem, nominal_front(self.problem, order) if end is None else end.front.x)
         parts = []
         for side in (-1, 1):
             part = self.problem.over(variable, side)
             course = Course.empty(part)
             if at is not None and at.front.t:
-                place = Place(half(at.front, variable, side), at.control, at.problem.over(variable, side))
+                place = Place(half(self.problem, at.front, variable, side), at.control, at.problem.over(variable, side))
                 course = self.course.back_to(place, part.times)
             parts.append(_Part(part, course, 0.5 * self.share))
         return parts
@@ -72,6 +73,7 @@ class Enclosure:
     until : time after the first one up to which the motion is proved [s]
     why : reason for the end of the proof; empty if it reached the last time
     boxes : number of parts of the box at the end
+    orders : (d,) highest order of each parameter in the motions
     """
 
     lower: Array
@@ -81,6 +83,7 @@ class Enclosure:
     until: float
     why: str
     boxes: int
+    orders: tuple[int, ...] = ()
 
     @property
     def is_loose(self) -> Mask:
@@ -112,12 +115,14 @@ def enclose(
     progress : called with the proved fraction of the horizon
     """
     if problem.n:
+        problem, order = with_orders(problem, order)
         courses = [part.course for part in _followed(problem, order, boxes, progress)]
     else:
         courses = [_of_expressions(problem, order)]
     last = min(courses, key=lambda course: course.until if course.why else np.inf)
     bounds = reduce(OutputBounds.joined, (course.bounds for course in courses))
-    return Enclosure(*bounds, min(course.until for course in courses), last.why, len(courses))
+    return Enclosure(*bounds, min(course.until for course in courses), last.why, len(courses),
+                     tuple(order // weight for weight in problem.weights or (1,) * problem.d))  # fmt: skip
 
 
 def _followed(problem: Problem, order: int, boxes: int, progress: Callable[[float], None]) -> list[_Part]:

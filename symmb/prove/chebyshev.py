@@ -84,15 +84,6 @@ def at_nodes(c: Array, counts: Sequence[int]) -> Array:
     return along([values_at_nodes(m, n) for m, n in zip(counts, lengths, strict=True)], c)
 
 
-def graded(c: Array, d: int) -> Array:
-    """Coefficients (..., N + 1, ...) of d parameters. Without a tensor basis, total degrees above N are set to 0."""
-    if d <= TENSOR_PARAMETERS:
-        return c
-    lengths = c.shape[c.ndim - d :]
-    total = sum(np.arange(m).reshape([-1 if i == j else 1 for j in range(d)]) for i, m in enumerate(lengths))
-    return np.where(total < max(lengths), c, 0.0)
-
-
 def sums(c: Array, variables: int) -> Array:
     """Sums of moduli over the last axes. They bound polynomials on [-1, 1]^d, because |T_k| <= 1 there."""
     return above(np.abs(c).sum(axis=tuple(range(c.ndim - variables, c.ndim))))

@@ -1,22 +1,23 @@
 """Bounds of the defects of the motion and of its frame over a step: on grids of nodes, or by Taylor models."""
 
 import math
-from functools import reduce
+from functools import partial
 
-import casadi as ca
 import numpy as np
 
 from symmb._magnitudes import SMALL
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove import points
+from symmb.prove.basis import basis_of, richer
 from symmb.prove.degrees import degrees_of_equations, highest
 from symmb.prove.ellipses import THINNEST, Control, Tried, node_counts, nodes_of_defect
 from symmb.prove.errors import ProofError, not_smooth
 from symmb.prove.patches import largest_on
 from symmb.prove.rounding import U, above, of_sum
-from symmb.prove.several_parameters import at_nodes, equations_at_nodes, inputs_on_step, on_step, run
-from symmb.prove.taylor_models import DEGREES_BEYOND_POLYNOMIALS, OPERATIONS, Basis, Model, basis_of, reach
+from symmb.prove.several_parameters import equations_at_nodes, inputs_on_step, on_step, run
+from symmb.prove.taylor_models import OPERATIONS, constant, reach
+from symmb.prove.terms import Matrix, at_nodes, matrix_at_nodes
 from symmb.prove.time_step import TimeStep
 
 _ALIASED_SHARE = 0.2
@@ -28,15 +29,17 @@ def exact_defects(step: TimeStep) -> tuple[Array, Array] | None:
     """Bounds of |C d| (n,) and of |C (A B - B')| (n, n) if the rates are polynomials; otherwise None.
 
     The defects are then polynomials of known degree. Interpolation in degree + 1 nodes is exact. The result is also
-    None if the grid is too large.
+    None if the grid is too large, or for more than two parameters.
     """
     n = step.problem.n
+    if step.problem.weights:
+        return None
     rates, slopes = degrees_of_equations(step)
     of_C = highest(step.C.reshape(n * n, *step.C.shape[2:]))
     of_defect = np.maximum(rates, highest(step.x.rate))
     together, alone = _grid(of_defect + of_C, n), _grid(of_defect, n)
     of_B = np.array(step.B.c.shape[1:]) - 1.0
-    of_frame = _grid(np.maximum(slopes + of_B, highest(step.B.rate)) + of_C, n * n)
+    of_frame = _grid(np.maximum(slopes + of_B, highest(step.moved)) + of_C, n * n)
     if alone is None or of_frame is None:
         return None
     if together is None:
@@ -67,9 +70,9 @@ def largest_defects(step: TimeStep, rho: list[float], rates: Array, slopes: Arra
     Bounds on ellipses are much larger than the defects on the box. They only limit the aliasing.
     """
     n = step.problem.n
-    C_on, B_on, rate_on = (largest_on(rho, c.reshape(n * n, *c.shape[c.ndim - len(rho) :])).reshape(n, n)
-                           for c in (step.C, step.B.c, step.B.rate))  # fmt: skip
-    of_frame = slopes @ (B_on + step.B.error_on(rho).reshape(n, n)) + rate_on
+    C_on, B_on, rate_on = (largest_on(rho, c.reshape(-1, *c.shape[c.ndim - len(rho) :])).reshape(n, -1)
+                           for c in (step.C, step.B.c, step.moved))  # fmt: skip
+    of_frame = slopes @ (B_on + step.B.error_on(rho).reshape(n, -1)) + rate_on
     return above(C_on @ (rates + largest_on(rho, step.x.rate))), above(C_on @ of_frame)
 
 
@@ -79,9 +82,9 @@ def _comparable(w: Array) -> Array:
 
 
 def _ratio_in_frame(step: TimeStep, most: Array, w: Array) -> float:
-    """Allowed ratio of the aliasing to its bound `most` (n, n). Aliasing then has a small effect on w (n,)."""
-    w = _comparable(w)
-    return SMALL * float((w / (step.h * (most @ w))).min())
+    """Allowed ratio of the aliasing to its bound `most` (n, m). Aliasing then has a small effect on w (m,)."""
+    own = _comparable(w[-len(most) :])
+    return SMALL * float((own / (step.h * (most @ np.concatenate([w[: -len(most)], own])))).min())
 
 
 def defect_of_motion(step: TimeStep, rho: list[float], most: Array, w: Array, control: Control) -> Array:
@@ -152,7 +155,7 @@ def _sampled_frame(step: TimeStep, counts: tuple[int, ...]) -> Array:
     A, A_errors = (a.reshape(n, n, *a.shape[1:]).swapaxes(0, 1) for a in _stack(found, counts))
     B, B_errors = (a.reshape(n, n, *a.shape[1:]) for a in ch.values(step.B.c, counts))
     B_errors = above(B_errors + step.B.error.reshape(n, n))
-    rate, rate_errors = (a.reshape(n, n, *a.shape[1:]) for a in ch.values(step.B.rate, counts))
+    rate, rate_errors = (a.reshape(n, n, *a.shape[1:]) for a in ch.values(step.moved, counts))
     A_most, B_most = (ch.largest(a, k) for a in (A, B))
     d = np.einsum("ij...,jk...->ik...", A, B) - rate
     d_errors = above(A_most @ B_errors + A_errors @ (B_most + B_errors) + of_sum(n + 2) * (A_most @ B_most)
@@ -167,7 +170,7 @@ def _stack(found: list[points.Point], counts: tuple[int, ...]) -> tuple[Array, A
 
 def _tried(step: TimeStep, of_time: float, wanted: float) -> Tried:
     """The ellipse of time with the parameter `of_time`, for real parameters of the box."""
-    n, rho = step.problem.n, [of_time, *[1.0] * step.problem.d]
+    n, rho = step.problem.n, [of_time, 1.0]
     rates, slopes = (np.array([reach(a) for a in found])
                      for found in on_step(step, step.problem.jacobian_tape, rho=of_time))  # fmt: skip
     return Tried(rho, rates, slopes.reshape(n, n).T, nodes_of_defect(step, rho, rates, slopes, wanted))
@@ -180,8 +183,8 @@ def _adapted(step: TimeStep, control: Control) -> Tried:
         best = _tried(step, 1.0 + 0.5 * (best.rho[0] - 1.0), control.wanted)
     if not np.isfinite(best.nodes):
         inputs = inputs_on_step(step, 0.0, best.rho[0])
-        constant = inputs[2][0].basis.constant
-        lost = step.problem.jacobian_tape.first(OPERATIONS, constant, inputs, lambda a: not np.isfinite(reach(a)))
+        number = partial(constant, inputs[2][0].basis)
+        lost = step.problem.jacobian_tape.first(OPERATIONS, number, inputs, lambda a: not np.isfinite(reach(a)))
         raise not_smooth(lost)
     # a slightly wider and a slightly thinner ellipse are compared in turn: one comparison a step follows slow changes
     control.turn += 1
@@ -192,68 +195,43 @@ def _adapted(step: TimeStep, control: Control) -> Tried:
 
 
 def defects_of_models(step: TimeStep, w: Array, control: Control) -> tuple[Array, Array, list[float]]:
-    """Bounds of |C d| (n,) and of |C (A B - B')| (n, n), and the ellipses on which the equations are bounded.
+    """Bounds of |C d| (n,) and of |C (A B - B')| (n, m), and the ellipses on which the equations are bounded.
 
-    This function needs at least two parameters. The aliasing is limited to a small fraction of the remainder w (n,).
+    This function needs at least two parameters. The aliasing is limited to a small fraction of the remainder w (m,).
     ProofError if the equations may not be analytic.
     """
     chosen = _adapted(step, control)
     rho = chosen.rho
     most, most_of_frame = largest_defects(step, rho, chosen.rates, chosen.slopes)
     # aliasing may be a tenth of the last defect, because the present defect is not known yet
-    wanted = np.maximum(0.1 * control.wanted, SMALL * w / step.h)
+    n = step.problem.n
+    wanted = np.maximum(0.1 * control.wanted, SMALL * w[-n:] / step.h)
     (count,) = node_counts(rho, float((wanted / most).min()))
     own = _modelled_defect(step, count)
     defect = above(own + ch.aliasing(rho[:1], [count]) * most)
     control.wanted = float(own.max())
-    (count,) = node_counts(rho, _ratio_in_frame(step, most_of_frame, above(w + step.h * defect)))
+    after = np.concatenate([w[:-n], w[-n:] + step.h * defect])
+    (count,) = node_counts(rho, _ratio_in_frame(step, most_of_frame, after))
     return defect, above(_modelled_frame(step, count) + ch.aliasing(rho[:1], [count]) * most_of_frame), rho
-
-
-_subtract, _multiply, _add = OPERATIONS[ca.OP_SUB], OPERATIONS[ca.OP_MUL], OPERATIONS[ca.OP_ADD]
-
-
-def _product(A: list[list[Model]], B: list[list[Model]]) -> list[list[Model]]:
-    """The product of two matrices of Taylor models."""
-    return [[reduce(_add, map(_multiply, row, column)) for column in zip(*B, strict=True)] for row in A]
-
-
-def _matrix(c: Array, error: Array, count: int, basis: Basis) -> list[list[Model]]:
-    """Taylor models of n n polynomials of time and the parameters at nodes of time, in rows of n."""
-    n = math.isqrt(len(error))
-    entries = at_nodes(c.reshape(n * n, *c.shape[c.ndim - basis.variables - 1 :]), error, count, basis)
-    return [entries[i : i + n] for i in range(0, n * n, n)]
 
 
 def _modelled_defect(step: TimeStep, count: int) -> Array:
     """Bounds (n,) of the interpolation of C d in time."""
-    n, basis = step.problem.n, basis_of(step.problem.d, step.x.c.shape[2] - 1 + DEGREES_BEYOND_POLYNOMIALS)
-    (f,) = run(step.problem.rate_tape, equations_at_nodes(step, count, basis))
-    rate = at_nodes(step.x.rate, np.zeros(n), count, basis)
-    d = [[_subtract(a, b)] for a, b in zip(rate, f, strict=True)]
-    return np.array([_bound(row[0], count) for row in _product(_matrix(step.C, np.zeros(n * n), count, basis), d)])
+    problem, n, source = step.problem, step.problem.n, step.problem.basis(step.x.c.shape[2])
+    basis = richer(source)
+    (f,) = run(problem.rate_tape, equations_at_nodes(step, count, basis))
+    rate = at_nodes(step.x.rate, np.zeros(n), count, source, basis)
+    C = matrix_at_nodes(step.C, np.zeros(n * n), n, count, problem.basis(step.C.shape[-1]), basis)
+    return C.times(Matrix.of(rate, n).minus(Matrix.of(f, n))).bound()[:, 0]
 
 
 def _modelled_frame(step: TimeStep, count: int) -> Array:
-    """Bounds (n, n) of the interpolation of C (A B - B') in time."""
+    """Bounds (n, m) of the interpolation of C (A B - B') in time."""
+    problem, n, source = step.problem, step.problem.n, step.problem.basis(step.B.c.shape[2])
     # Taylor models of the defect of a frame have one degree more than the frame
-    n, basis = step.problem.n, basis_of(step.problem.d, step.B.c.shape[2])
-    entries = run(step.problem.jacobian_tape, equations_at_nodes(step, count, basis))[1]
-    A, none = [entries[i::n] for i in range(n)], np.zeros(n * n)  # column-major
-    B, C, rate = (_matrix(c, error, count, basis)
-                  for c, error in ((step.B.c, step.B.error), (step.C, none), (step.B.rate, none)))  # fmt: skip
-    d = [[_subtract(a, b) for a, b in zip(*rows, strict=True)] for rows in zip(_product(A, B), rate, strict=True)]
-    return np.array([[_bound(a, count) for a in row] for row in _product(C, d)])
-
-
-def _bound(a: Model, count: int) -> float:
-    """A bound of the interpolation in time at `count` nodes, for all parameters.
-
-    Each coefficient of the Chebyshev polynomials of the parameters is interpolated separately.
-    """
-    c = a.in_chebyshev(count)
-    lebesgue = above(2.0 / np.pi * np.log(count) + 1.0)
-    rounded = of_sum(len(c) + 2) * a.norm
-    radius = float(above(np.broadcast_to(a.radius + rounded, count)).max())
-    most = float(ch.bound_of_samples(c, np.zeros(len(c)), 1).sum() + lebesgue * radius)
-    return above(most) if most == most else np.inf
+    basis = basis_of(source.weights, source.degree + 1)
+    entries = run(problem.jacobian_tape, equations_at_nodes(step, count, basis))[1]
+    A = Matrix.of([a for i in range(n) for a in entries[i::n]], n)  # column-major
+    parts = (step.B.c, step.B.error), (step.C, np.zeros(n * n)), (step.moved, np.zeros(step.B.error.shape))
+    B, C, rate = (matrix_at_nodes(c, error, n, count, source, basis) for c, error in parts)
+    return C.times(A.times(B).minus(rate)).bound()

@@ -13,30 +13,12 @@ from symmb.prove.patches import largest_on
 from symmb.prove.points import PLAIN, plain
 from symmb.prove.problem import Problem
 from symmb.prove.rounding import U, above, of_sum
+from symmb.prove.terms import grid
 
 _MOST_PICARD_ITERATIONS = 60
 """Largest number of Picard iterations. Each one at least halves the error, or the step is too long."""
 _STATES_IN_CACHE = 2**14
 """Number of states that are evaluated at once. They stay in the processor's cache."""
-
-
-def parameters_at(problem: Problem, counts: Sequence[int], leading: int = 1) -> list[Array | float]:
-    """Parameters at nodes of each variable. Arrays have `leading` axes before the axes of the variables."""
-    d = len(counts)
-    found: list[Array | float] = []
-    for middle, radius, j in zip(problem.middle, problem.radius, problem.variables, strict=True):
-        if j < 0:
-            found.append(float(middle))
-        else:
-            shape = [-1 if i == leading + j else 1 for i in range(leading + d)]
-            found.append(middle + radius * ch.nodes(counts[j]).reshape(shape))
-    return found
-
-
-def fit(values: Array, lengths: Sequence[int]) -> Array:
-    """Coefficients (..., *lengths) from values at nodes (..., m0, m1, ...). Higher coefficients are removed."""
-    counts = values.shape[values.ndim - len(lengths) :]  # none without parameters
-    return ch.along([ch.coefficients_from_nodes(m)[:n] for m, n in zip(counts, lengths, strict=True)], values)
 
 
 @dataclass(frozen=True)
@@ -75,32 +57,29 @@ def integrated(begin: Array, rate: Array, h: float) -> Curve:
     return Curve(c, ch.sums(rounded, d), rate, rounded)
 
 
-def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curve:
+def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int, A: Array | None = None) -> Curve:
     """The motion from x0 (n, N + 1, ...) at t0 over a step h. Its rate has `terms` terms in time.
 
-    Picard iteration computes the motion at all Chebyshev nodes of time and of the parameters at once.
+    Picard iteration computes the motion at all Chebyshev nodes of time and of the parameters at once. If a Jacobian A
+    (n, n) is given, the iteration is Newton's with this Jacobian.
     """
-    lengths = x0.shape[1:]
-    few = problem.d <= ch.TENSOR_PARAMETERS
     # with two more nodes than terms, the aliasing of removed terms is small
-    counts = [n + 2 if few else n for n in lengths]
-    begin = ch.at_nodes(x0, counts)
+    at = grid(problem, x0.shape[1:], 2)
+    begin = at.at(x0)
     s = ch.nodes(terms)
-    p = parameters_at(problem, counts)
-    t = (t0 + 0.5 * h * (1.0 + s)).reshape(-1, *(1,) * len(counts))
+    p = at.parameters(1)
+    t = (t0 + 0.5 * h * (1.0 + s)).reshape(-1, *(1,) * len(at.shape))
     step = _integration(terms, h)
+    newton = None if A is None else np.linalg.inv(np.eye(len(A) * terms) - np.kron(A, step))
     x = np.repeat(begin[:, None], terms, axis=1)
-    if not few and max(lengths) > 3:  # a motion with three terms of each parameter is a good first iterate
-        part = (slice(None), *(slice(0, 3),) * problem.d)
-        c = motion(problem, x0[part], t0, h, terms).c
-        c[:, 0] -= x0[part]
-        x = x + ch.at_nodes(c, (terms, *counts))
     others = tuple(range(1, x.ndim))
     size = np.maximum(problem.scales, np.abs(x).max(axis=others))
     last, most = np.inf, None
     for _ in range(_MOST_PICARD_ITERATIONS):
         f = rates_at(problem, x, p, t)
-        new = begin[:, None] + np.tensordot(f, step, (1, 1)).transpose(0, -1, *range(1, f.ndim - 1))
+        new = begin[:, None] + ch.along([step, *[None] * len(at.shape)], f)
+        if newton is not None:
+            new = x + (newton @ (new - x).reshape(len(newton), -1)).reshape(x.shape)
         difference, moved = np.abs(new - x).max(axis=others), np.maximum(size, np.abs(new).max(axis=others))
         change = float((difference / size).max(initial=0.0))
         # the first iteration may grow much, because its states are constant in time;
@@ -115,7 +94,7 @@ def motion(problem: Problem, x0: Array, t0: float, h: float, terms: int) -> Curv
         last = change
     else:
         raise ProofError("the motion changes too fast for the shortest step")
-    f = ch.graded(fit(rates_at(problem, x, p, t), (terms, *lengths)), problem.d)
+    f = ch.along([ch.coefficients_from_nodes(terms), *at.fits], rates_at(problem, x, p, t))
     return integrated(x0, _without_noise(f, 4e-16), h)
 
 
@@ -134,21 +113,23 @@ def rates_at(problem: Problem, x: Array, p: list[Array | float], t: Array) -> Ar
 
 
 def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int = 11) -> tuple[Curve, Array]:
-    """The frame B from B0 (n, n, NB + 1, ...) with B' = A B, row by row, and C (n, n, terms, ...), approximately B^-1.
+    """The frame B from B0 (n, m, NB + 1, ...) with B' = A B, row by row, and C (n, n, terms, ...).
+
+    C is approximately the inverse of the last n columns of B.
 
     The frame has fewer terms in time than the motion, because its defect increases the remainder only by a small part.
     The motion has the coefficients x (n, K + 1, N + 1, ...).
     """
     n, lengths = problem.n, B0.shape[2:]
-    counts = [size + 1 for size in lengths]
-    p = parameters_at(problem, counts)
+    at = grid(problem, lengths, 1)
+    p = at.parameters(1)
     s = ch.nodes(terms)
-    t = (t0 + 0.5 * h * (1.0 + s)).reshape(-1, *(1,) * len(counts))
-    states = ch.at_nodes(x, (terms, *counts))
+    t = (t0 + 0.5 * h * (1.0 + s)).reshape(-1, *(1,) * len(at.shape))
+    states = ch.along([ch.values_at_nodes(terms, x.shape[1]), *at.values(x.shape[2:])], x)
     found = problem.jacobian_tape.run(PLAIN, plain, [list(states), p, [t]])[1]
     A = np.stack([np.broadcast_to(value, states.shape[1:]) for value in found], axis=-1)
     A = A.reshape(*states.shape[1:], n, n).swapaxes(-1, -2)  # column-major
-    begin = np.moveaxis(ch.at_nodes(B0, counts), (0, 1), (-2, -1))
+    begin = np.moveaxis(at.at(B0), (0, 1), (-2, -1))
     step = _integration(terms, h)
     B = np.repeat(begin[None], terms, axis=0)
     last = np.inf
@@ -162,14 +143,15 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
         if change < 1e-10 or (change < ROUNDING and change > 0.5 * last):
             break
         last = change
-    rate = ch.graded(fit(np.moveaxis(A @ B, (-2, -1), (0, 1)), (terms, *lengths)), problem.d)
+    fits = [ch.coefficients_from_nodes(terms), *at.fits]
+    rate = ch.along(fits, np.moveaxis(A @ B, (-2, -1), (0, 1)))
     try:
-        inverse = np.moveaxis(np.asarray(np.linalg.inv(B), dtype=float), (-2, -1), (0, 1))
+        inverse = np.moveaxis(np.asarray(np.linalg.inv(B[..., -n:]), dtype=float), (-2, -1), (0, 1))
     except np.linalg.LinAlgError:
         raise ProofError("in one step, some deviations from the computed motion grow much faster than others") from None
-    rate = _without_noise(rate.reshape(n * n, terms, *lengths), 1e-11)
-    C = _without_noise(ch.graded(fit(inverse, (terms, *lengths)), problem.d).reshape(rate.shape), 1e-11)
-    return integrated(B0.reshape(n * n, *lengths), rate, h), C.reshape(n, n, *rate.shape[1:])
+    rate = _without_noise(rate.reshape(-1, terms, *lengths), 1e-11)
+    C = _without_noise(ch.along(fits, inverse).reshape(n * n, terms, *lengths), 1e-11)
+    return integrated(B0.reshape(-1, *lengths), rate, h), C.reshape(n, n, *rate.shape[1:])
 
 
 def _without_noise(c: Array, share: float) -> Array:

@@ -8,8 +8,10 @@ from symmb._magnitudes import SMALL
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove.errors import ProofError
-from symmb.prove.flow import Curve, fit
+from symmb.prove.flow import Curve
+from symmb.prove.problem import Problem
 from symmb.prove.rounding import U, above, of_sum
+from symmb.prove.terms import grid, product_bound, restricted, sums_of_orders
 from symmb.prove.time_step import TimeStep, solution_bound
 
 
@@ -17,14 +19,17 @@ from symmb.prove.time_step import TimeStep, solution_bound
 class Front:
     """States x(xi) + B(xi) w for all w up to a bound, with the errors x_error of x and B_error of B.
 
+    The last n columns of B are the frame of new errors. The others are generators of earlier errors. Their w are
+    constant in a step, so that these errors are transported with the motion and are not wrapped.
+
     Attributes
     ----------
     t : time [s]
     x : (n, N + 1, ...) coefficients
-    B : (n, n, NB + 1, ...) coefficients of the frame
-    w : (n,) bounds of |w|
+    B : (n, m, NB + 1, ...) coefficients of the generators and the frame
+    w : (m,) bounds of |w|
     x_error : (n,)
-    B_error : (n, n)
+    B_error : (n, m)
     """
 
     t: float
@@ -53,19 +58,18 @@ class Front:
         return float((self.reach / np.maximum(moved, SMALL * moved.max(initial=1e-300))).max(initial=0.0))
 
 
-def slowest(x: Array) -> int:
+def slowest(problem: Problem, x: Array) -> int:
     """Index of the parameter with the slowest decay of the coefficients (n, N + 1, ...)."""
     # the two highest orders measure the decay
-    tails = [np.abs(x.take(np.arange(max(1, m - 2), m), axis=axis)).sum() for axis, m in enumerate(x.shape[1:], 1)]
-    return int(np.argmax(tails))
+    return int(np.argmax([own[max(1, len(own) - 2) :].sum() for own in sums_of_orders(problem, x)]))
 
 
 def leaving(step: TimeStep, w: Array) -> Front:
-    """The front at the end of a step, with the bounds w (n,) there."""
-    n, d = step.problem.n, step.problem.d
+    """The front at the end of a step, with the bounds w (m,) there."""
+    n, d = step.problem.n, step.problem.axes
     x, x_error = _end(step.x, d)
     B, B_error = _end(step.B, d)
-    return Front(step.t0 + step.h, x, B.reshape(n, n, *B.shape[1:]), w, x_error, B_error.reshape(n, n))
+    return Front(step.t0 + step.h, x, B.reshape(n, -1, *B.shape[1:]), w, x_error, B_error.reshape(n, -1))
 
 
 def _end(curve: Curve, d: int) -> tuple[Array, Array]:
@@ -75,7 +79,7 @@ def _end(curve: Curve, d: int) -> tuple[Array, Array]:
     return value, above(curve.error + of_sum(len(rest[0]) + 2) * ch.sums(rest, d + 1) + U * ch.sums(value, d))
 
 
-def well_conditioned(front: Front, scales: Array, worst: float = 30.0) -> Front:
+def well_conditioned(problem: Problem, front: Front, worst: float = 30.0) -> Front:
     """The front, in an orthogonal frame if the condition number of its frame with unit columns is `worst` or more.
 
     The columns of the frame at nodes of the parameters are made orthogonal, with the longest column first. The new
@@ -85,9 +89,11 @@ def well_conditioned(front: Front, scales: Array, worst: float = 30.0) -> Front:
     Source: Lohner (1988), thesis, Karlsruhe, section 3.3; Makino and Berz, International Journal of Differential
     Equations and Applications 10 (2005), section 4.
     """
-    n, lengths = len(front.B), front.B.shape[2:]
-    counts = [m + 1 for m in lengths]
-    at = np.moveaxis(ch.at_nodes(front.B, counts), (0, 1), (-2, -1)) / scales[:, None]
+    if problem.weights:
+        return _with_generators(problem, front, min(worst, 3.0))
+    n, lengths, scales = len(front.B), front.B.shape[2:], problem.scales
+    nodes = grid(problem, lengths, 1)
+    at = np.moveaxis(nodes.at(front.B), (0, 1), (-2, -1)) / scales[:, None]
     columns = np.linalg.norm(at, axis=-2, keepdims=True)
     if float(np.linalg.cond(at / np.where(columns > 0, columns, 1.0)).max()) < worst:
         return front
@@ -95,45 +101,66 @@ def well_conditioned(front: Front, scales: Array, worst: float = 30.0) -> Front:
     order = np.argsort(-columns.reshape(-1, n).mean(axis=0) * front.w)
     Q, R = np.linalg.qr(at[..., order])
     Q = Q * np.where(np.diagonal(R, axis1=-2, axis2=-1) < 0, -1.0, 1.0)[..., None, :]
-    B = fit(np.moveaxis(scales[:, None] * Q, (-2, -1), (0, 1)), lengths)
-    C = fit(np.moveaxis(np.swapaxes(Q, -1, -2) / scales, (-2, -1), (0, 1)), lengths)
-    B, C = ch.graded(B, len(lengths)), ch.graded(C, len(lengths))
+    B = nodes.fit(np.moveaxis(scales[:, None] * Q, (-2, -1), (0, 1)))
+    C = nodes.fit(np.moveaxis(np.swapaxes(Q, -1, -2) / scales, (-2, -1), (0, 1)))
     try:
-        return _in_frame(front, B, C)
+        return in_frame(problem, front, B, C)
     except ProofError:
         zero = (slice(None), slice(None), *(0,) * len(lengths))
         B, C = np.zeros_like(B), np.zeros_like(C)
         B[zero], C[zero] = np.diag(scales), np.diag(1.0 / scales)
-        return _in_frame(front, B, C)
+        return in_frame(problem, front, B, C)
 
 
-def _in_frame(front: Front, B: Array, C: Array) -> Front:
+_MOST_GENERATORS = 6
+"""Largest number of generators of earlier errors, relative to the number of states."""
+
+
+def _with_generators(problem: Problem, front: Front, worst: float) -> Front:
+    """The front with a new frame, if the condition number of the old one is `worst` or more.
+
+    The columns of the old frame become generators. If there are too many, the smallest ones are bounded in the new
+    frame (order reduction). The frame is constant over the box.
+
+    Source: Girard (2005), Reachability of uncertain linear systems using zonotopes, HSCC; Kuehn, Computing 61 (1998).
+    """
+    n, scales = len(front.B), problem.scales
+    at = front.B[..., 0] / scales[:, None]
+    columns = np.linalg.norm(at[:, -n:], axis=0)
+    if np.linalg.cond(at[:, -n:] / np.where(columns > 0, columns, 1.0)) < worst:
+        return front
+    sizes = (ch.sums(front.B, 1) / scales[:, None]).max(axis=0) * front.w
+    order = np.argsort(-sizes)
+    kept, others = np.sort(order[: _MOST_GENERATORS * n]), order[_MOST_GENERATORS * n :]
+    Q = np.eye(n)
+    if len(others) >= n:
+        Q = np.linalg.qr(at[:, order[-len(others) :]] * front.w[others])[0]
+    B = np.zeros((n, len(kept) + n, front.B.shape[2]))
+    B[:, : len(kept)] = front.B[:, kept]
+    B[:, len(kept) :, 0] = scales[:, None] * Q
+    C = (Q.T / scales)[..., None]
+    none = np.zeros((n, n))
+    new = solution_bound(problem, C, B[:, len(kept) :, :1], none)
+    w = above(np.abs(C[..., 0]) @ above(front.x_error + front.B_error @ front.w))
+    if len(others):
+        part = product_bound(problem, C, front.B[:, others], np.zeros((n, len(others))), np.zeros((n, len(others))))
+        w = above(w + part @ front.w[others])
+    return replace(
+        front, B=B, w=np.concatenate([front.w[kept], new(w)]), x_error=np.zeros(n), B_error=np.zeros(B.shape[:2])
+    )
+
+
+def in_frame(problem: Problem, front: Front, B: Array, C: Array) -> Front:
     """The front in another frame B (n, n, ...). C is approximately the inverse of B."""
     none = np.zeros(B.shape[:2])
-    bound = solution_bound(C, B, none)
-    w = above(ch.product_bound(C, front.B, none, none) @ front.w)
+    bound = solution_bound(problem, C, B, none)
+    w = above(product_bound(problem, C, front.B, np.zeros(front.B.shape[:2]), np.zeros(front.B.shape[:2])) @ front.w)
     w = above(w + ch.sums(C, C.ndim - 2) @ above(front.x_error + front.B_error @ front.w))
     return replace(front, B=B, w=bound(w), x_error=np.zeros(len(B)), B_error=none)
 
 
-def half(front: Front, variable: int, side: int) -> Front:
+def half(problem: Problem, front: Front, variable: int, side: int) -> Front:
     """The front over the half of the box in which a variable is negative (side -1) or positive (side 1)."""
-    x, x_lost = restricted(front.x, 1, variable, side)
-    B, B_lost = restricted(front.B, 2, variable, side)
+    x, x_lost = restricted(problem, front.x, 1, variable, side)
+    B, B_lost = restricted(problem, front.B, 2, variable, side)
     return replace(front, x=x, B=B, x_error=above(front.x_error + x_lost), B_error=above(front.B_error + B_lost))
-
-
-def restricted(c: Array, leading: int, variable: int, side: int) -> tuple[Array, Array]:
-    """Coefficients over half of the range of a variable, and bounds of the errors of the polynomials.
-
-    T_k((z + side) / 2) is interpolated. Its values have the error k^2 times the rounding error of the argument.
-    """
-    axis = leading + variable
-    n = c.shape[axis]
-    k = np.arange(n)
-    z = 0.5 * (ch.nodes(n) + side)
-    matrix = ch.coefficients_from_nodes(n) @ np.cos(np.outer(np.arccos(z), k))
-    entries = above(k * k * (ch.ENTRY_ERROR + 8 * U) + 16 * U * (k + 1) + 2 * ch.ENTRY_ERROR + 2 * of_sum(n + 2))
-    weights = (2.0 * n * entries).reshape([-1 if i == axis else 1 for i in range(c.ndim)])
-    lost = above((np.abs(c) * weights).sum(axis=tuple(range(leading, c.ndim))))
-    return np.moveaxis(np.tensordot(matrix, c, (1, axis)), 0, axis), lost

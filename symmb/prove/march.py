@@ -10,8 +10,8 @@ from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove.ellipses import Choice, Control
 from symmb.prove.errors import ProofError
-from symmb.prove.flow import frame, motion
-from symmb.prove.front import Front, leaving, well_conditioned
+from symmb.prove.flow import Curve, frame, integrated, motion
+from symmb.prove.front import Front, in_frame, leaving, well_conditioned
 from symmb.prove.outputs import OutputBounds, output_bounds
 from symmb.prove.pass_outputs import Part, bounds_about_pass
 from symmb.prove.passes import Crossing, Scaled, crossing, departure, pass_errors, window
@@ -19,6 +19,7 @@ from symmb.prove.problem import Change, Problem
 from symmb.prove.rounding import above, grain_of
 from symmb.prove.start import constant_step, drifted, first_front, mapped, require_known
 from symmb.prove.step import Proof, is_regular, on_motion, prove, require_valid
+from symmb.prove.stiff import decaying, is_stiff, jacobian
 from symmb.prove.time_step import TimeStep
 
 _TIME_TERMS = 20
@@ -317,27 +318,27 @@ def _step(problem: Problem, front: Front, grain: float, control: Control) -> tup
     aim = control.h
     for _ in range(2):
         try:
-            return _shortened(problem, well_conditioned(front, problem.scales), grain, control)
+            return _shortened(problem, well_conditioned(problem, front), grain, control)
         except ProofError:
             control.choice, control.h = Choice(), aim
-    return _shortened(problem, well_conditioned(front, problem.scales, 0.0), grain, control)
+    return _shortened(problem, well_conditioned(problem, front, 0.0), grain, control)
 
 
 def _shortened(problem: Problem, front: Front, grain: float, control: Control) -> tuple[TimeStep, Proof]:
     """A proved step of the aimed length, or a shorter step that can be proved with the present control."""
     h = aim = usual = control.h
-    reason, change, is_cut = "", problem.change, False
+    reason, change, is_cut, A = "", problem.change, False, jacobian(problem, front.middle, front.t)
     while h >= aim / 16 and h > 4 * grain:
         if change is None or change.late is None or h != change.time - front.t:
             h = float(np.floor(h / grain)) * grain
         try:
-            x = motion(problem, front.x, front.t, h, _TIME_TERMS)
+            x = motion(problem, front.x, front.t, h, _TIME_TERMS, A if is_stiff(A, h) else None)
         except ProofError as error:
             reason, aim = str(error), _SHORTER_STEP * h
             h = aim
             continue
-        last = ch.sums(x.c[:, -2:], problem.d).max(axis=1)
-        sizes = np.maximum(problem.scales, ch.sums(x.c, problem.d + 1))
+        last = ch.sums(x.c[:, -2:], problem.axes).max(axis=1)
+        sizes = np.maximum(problem.scales, ch.sums(x.c, problem.axes + 1))
         tail = float((last / sizes).max(initial=0.0))
         # with this length, the last coefficients of the motion would be as small as the rounding of the states
         h_resolved = h * float(np.clip((FACTORS / max(tail, 1e-30)) ** (1.0 / _TIME_TERMS), _SHORTER_STEP, 1.5))
@@ -350,10 +351,8 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
             is_cut = True
             continue
         try:
-            B, C = frame(problem, x.c, front.B, front.t, h)
-            step = TimeStep(problem, front.t, h, x, B, C)
+            step, w = (_in_decaying_frame if is_stiff(A, h) else _in_moving_frame)(problem, front, x, h)
             require_valid(step, np.zeros(problem.n))
-            w = above(front.w + step.inverse_times(front.x_error + front.B_error @ front.w))
             proof = prove(step, w, control)
             require_valid(step, above(step.B_largest @ proof.W))
             control.h = max(h_resolved, usual) if is_cut else h_resolved
@@ -363,6 +362,30 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
             if step is not None and not is_regular(step, np.zeros(problem.n), Choice().patches):
                 reason = problem.why_singular
     raise ProofError(reason or "the motion changes too fast for the shortest step")
+
+
+def _in_moving_frame(problem: Problem, front: Front, x: Curve, h: float) -> tuple[TimeStep, Array]:
+    """The step with a frame that moves with the motion, and bounds (m,) of |w| at its begin."""
+    step = TimeStep(problem, front.t, h, x, *frame(problem, x.c, front.B, front.t, h))
+    w = front.w.copy()
+    w[-problem.n :] = above(w[-problem.n :] + step.inverse_times(front.x_error + front.B_error @ front.w))
+    return step, w
+
+
+def _in_decaying_frame(problem: Problem, front: Front, x: Curve, h: float) -> tuple[TimeStep, Array]:
+    """The stiff step with the eigenvectors of its middle as a constant frame, and bounds (n,) of |w| at its begin."""
+    middle = x.c[(slice(None), slice(None), *(0,) * problem.axes)] @ np.cos(0.5 * np.pi * np.arange(x.c.shape[1]))
+    V, decay = decaying(jacobian(problem, middle, front.t + 0.5 * h), problem.scales)
+    zero = (slice(None), slice(None), *(0,) * problem.axes)
+    n, B = problem.n, np.zeros((problem.n, problem.n, *front.B.shape[2:]))
+    C = B.copy()
+    try:
+        B[zero], C[zero] = V, np.linalg.inv(V)
+    except np.linalg.LinAlgError:
+        raise ProofError("in one step, some deviations from the computed motion grow much faster than others") from None
+    w = in_frame(problem, front, B, C).w
+    constant = integrated(B.reshape(n * n, *B.shape[2:]), np.zeros((n * n, 1, *B.shape[2:])), h)
+    return TimeStep(problem, front.t, h, x, constant, C[:, :, None], decay), w
 
 
 def _before_pass(problem: Problem, x: Array, t: float, h: float, usual: float, grain: float) -> float:

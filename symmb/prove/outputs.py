@@ -9,13 +9,15 @@ from symmb._magnitudes import SLIGHT
 from symmb._types import Array, Mask
 from symmb.prove import chebyshev as ch
 from symmb.prove import points
+from symmb.prove.basis import basis_of
 from symmb.prove.degrees import degrees_of_outputs
 from symmb.prove.ellipses import MOST_PATCHES, Choice, Control, ellipses, node_counts, nodes_needed, reaches
 from symmb.prove.errors import ProofError
 from symmb.prove.ranges import cut, ranges
 from symmb.prove.rounding import U, above, of_sum
-from symmb.prove.several_parameters import monomials, on_step, parameter_models, run
-from symmb.prove.taylor_models import Model, basis_of, reach
+from symmb.prove.several_parameters import on_step, parameter_models, run
+from symmb.prove.taylor_models import Model, reach
+from symmb.prove.terms import monomials
 from symmb.prove.time_step import TimeStep, parameter_points
 
 EXTRA_NODES = 4
@@ -78,7 +80,7 @@ def output_bounds(step: TimeStep, w: Array, times: Array, control: Control, rtol
     """
     problem, e, sizes = step.problem, above(step.B_largest @ w), ch.sums(step.x.c, step.x.c.ndim - 1)
     bounds = OutputBounds.unknown(len(times), problem.outputs.numel_out(0))
-    fill = _model_bounds if problem.n and problem.d > ch.TENSOR_PARAMETERS else _grid_bounds
+    fill = _model_bounds if problem.weights else _grid_bounds
     terms = fill(step, e, times, control, rtol, bounds) @ sizes
     return bounds._replace(terms=np.where(np.isfinite(terms), terms, 0.0))
 
@@ -215,10 +217,11 @@ def _model_bounds(step: TimeStep, e: Array, times: Array, control: Control, rtol
     slopes = np.array([reach(a) for a in on_step(step, problem.sensitivity_tape, e)[1]])
     slopes = slopes.reshape(problem.n, len(found.terms)).T
     of_states = above(slopes @ e)
+    source = problem.basis(step.x.c.shape[2])
     # two degrees above those of the motion keep most terms of products of states
-    basis = basis_of(problem.d, step.x.c.shape[2] + 1)
+    basis = basis_of(source.weights, source.degree + 2)
     at, errors = step.at(times)
-    c, lost = monomials(at, basis)
+    c, lost = monomials(at, source, basis)
     x = [Model(own.T, above(error + removed), basis) for own, error, removed in zip(c, errors, lost, strict=True)]
     t = Model(times[None], np.full(1, U * np.abs(times).max()), basis)
     for k, y in enumerate(run(problem.output_tape, [x, parameter_models(step, basis), [t]])[0]):

@@ -7,12 +7,11 @@ from functools import cached_property, reduce
 import numpy as np
 
 from symmb._types import Array, Mask
-from symmb.prove import chebyshev as ch
 from symmb.prove.ellipses import Control
-from symmb.prove.front import restricted
 from symmb.prove.outputs import OutputBounds, output_bounds
 from symmb.prove.passes import reach_of
 from symmb.prove.rounding import above
+from symmb.prove.terms import restricted, sums_of_orders
 from symmb.prove.time_step import TimeStep
 
 Steps = Sequence[tuple[TimeStep, Array]]
@@ -50,11 +49,11 @@ class Part:
 
     def halves(self) -> "list[Part]":
         """Both halves in the variable with the largest effect on the times."""
-        moved = [ch.sums(np.delete(self.times, 0, axis=j), self.times.ndim) for j in range(self.times.ndim)]
-        variable = int(np.argmax(moved))
+        problem = self.old[0][0].problem
+        variable = int(np.argmax([own[1:].sum() for own in sums_of_orders(problem, self.times[None])]))
         found = []
         for side in (-1, 1):
-            times, lost = restricted(self.times[None], 1, variable, side)
+            times, lost = restricted(problem, self.times[None], 1, variable, side)
             old, new = ([(_half(step, variable, side), w) for step, w in steps] for steps in (self.old, self.new))
             found.append(Part(old, new, times[0], float(above(self.error + lost[0]))))
         return found
@@ -62,8 +61,8 @@ class Part:
 
 def _half(step: TimeStep, variable: int, side: int) -> TimeStep:
     """The step over half of the range of a variable. The ellipses of the half are inside those of the whole range."""
-    c, lost = restricted(step.x.c, 2, variable, side)
-    each = lost.reshape(*lost.shape, *(1,) * step.problem.d)
+    c, lost = restricted(step.problem, step.x.c, 2, variable, side)
+    each = lost.reshape(*lost.shape, *(1,) * step.problem.axes)
     rounded = each + (0.0 if step.x.rounded is None else step.x.rounded)
     x = replace(step.x, c=c, error=above(step.x.error + lost.sum(axis=1)), rounded=above(rounded))
     return replace(step, x=x, problem=step.problem.over(variable, side))

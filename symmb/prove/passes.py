@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import combinations, product
+from operator import mul
 
 import casadi as ca
 import numpy as np
@@ -20,19 +21,19 @@ import numpy as np
 from symmb._magnitudes import SMALL
 from symmb._types import Array, Indices
 from symmb.declare.symbolic import common
-from symmb.prove import chebyshev as ch
 from symmb.prove import discs
 from symmb.prove.ellipses import reaches
 from symmb.prove.errors import ProofError
-from symmb.prove.flow import fit, motion, parameters_at
+from symmb.prove.flow import motion
 from symmb.prove.front import Front
-from symmb.prove.patches import largest_on
+from symmb.prove.patches import cosh_powers
 from symmb.prove.points import PLAIN, plain
 from symmb.prove.problem import Phase, Problem
 from symmb.prove.rounding import ERROR_OF_MODULI, LARGEST_ZERO, U, above
 from symmb.prove.start import constant_step, require_known
 from symmb.prove.step import MOST_CANDIDATES, on_motion
 from symmb.prove.tape import Tape
+from symmb.prove.terms import exponents, grid
 from symmb.prove.time_step import TimeStep
 
 _MOST_SWITCHES_AT_ONCE = 4
@@ -80,14 +81,13 @@ def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: 
     same : largest time between passes that count as simultaneous [s]
     """
     assert problem.valid is not None and problem.phase is not None
-    lengths = x.shape[2:]
-    counts = [n + 2 if problem.d <= ch.TENSOR_PARAMETERS else n for n in lengths]
-    p = [np.broadcast_to(a, counts).ravel() for a in parameters_at(problem, counts, 0)]
-    tape, nodes = Tape(with_slopes(problem.valid, problem.rates)), int(np.prod(counts))
+    at = grid(problem, x.shape[2:], 2)
+    p = [np.broadcast_to(a, at.shape).ravel() for a in at.parameters(0)]
+    tape, nodes = Tape(with_slopes(problem.valid, problem.rates)), int(np.prod(at.shape))
     found = np.full((problem.valid.numel_out(0), nodes), np.inf)
     states, begin = np.zeros((problem.n, nodes)), t0
     for number in range(_STEPS_TO_PASS):
-        _look(tape, ch.at_nodes(x, counts).reshape(*x.shape[:2], nodes), p, begin, h, found, states)
+        _look(tape, at.at(x).reshape(*x.shape[:2], nodes), p, begin, h, found, states)
         if number == 0 and np.isinf(found).all():
             return None
         if np.isfinite(found.min(axis=0)).all():
@@ -99,7 +99,7 @@ def crossing(problem: Problem, x: Array, t0: float, h: float, terms: int, same: 
     which = np.flatnonzero((found - earliest <= same).all(axis=1))
     if not 0 < len(which) <= _MOST_SWITCHES_AT_ONCE:
         return _refused(found - t0, "signs of other switches may change at about the same time")
-    tau = ch.graded(fit((found[which[0]] - t0).reshape(counts), lengths), problem.d)
+    tau = at.fit((found[which[0]] - t0).reshape(at.shape))
     place = states[:, 0], np.array([a[0] for a in p]), float(earliest[0])
     middle, reach = float(tau.flat[0]), reach_of(problem, tau)
     return Crossing(tuple(which.tolist()), tau, middle - reach, middle + reach, place)
@@ -154,9 +154,9 @@ def reach_of(problem: Problem, tau: Array) -> float:
         k = problem.variables.index(j)
         excess = float(above(errors[k] / problem.radius[k]) + 8 * U)
         rho.append(1.0 + excess + np.sqrt(excess * (2.0 + excess)))  # an ellipse around [-1 - excess, 1 + excess]
-    moved = tau.copy()
-    moved[(0,) * problem.d] = 0.0
-    return float(largest_on(rho, moved[None])[0]) if problem.d else 0.0
+    own = exponents(problem, tau.shape)
+    sizes = [cosh_powers(r, int(own.max(initial=0)) + 1)[own[:, j]] for j, r in enumerate(rho)]
+    return float(above((np.abs(tau).ravel() * np.prod(sizes, axis=0))[1:].sum())) if problem.d else 0.0
 
 
 def with_slopes(g: ca.Function, rates: ca.Function) -> ca.Function:
@@ -280,17 +280,18 @@ class Scaled:
     def __init__(self, problem: Problem, begin: float, tau: Array) -> None:
         self._n, self._p, self._begin = problem.n, ca.SX.sym("p", len(problem.middle)), begin
         powers = []
-        for j, count in enumerate(tau.shape):
+        degrees = exponents(problem, tau.shape)
+        for j in range(problem.d):
             k = problem.variables.index(j)
             xi = (self._p[k] - problem.middle[k]) / problem.radius[k]
             T = [ca.SX(1), xi]
-            while len(T) < count:
+            while len(T) <= degrees.max():
                 T.append(2 * xi * T[-1] - T[-2])
             powers.append(T)
         self._tau = ca.SX(0)
-        for degrees in zip(*np.nonzero(tau), strict=True) if tau.ndim else [()]:
-            term = reduce(lambda a, b: a * b, (powers[j][k] for j, k in enumerate(degrees)), ca.SX(1))
-            self._tau += float(tau[degrees]) * term
+        for own, value in zip(degrees, tau.ravel(), strict=True):
+            if value:
+                self._tau += float(value) * reduce(mul, (powers[j][k] for j, k in enumerate(own)), ca.SX(1))
 
     def of(self, f: ca.Function, factor: float = 0.0, is_back: bool = False) -> ca.Function:
         """f in scaled time, or `factor` times f tau. With `is_back`, scaled time runs from the pass to the start."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from symmb._types import Array
 from symmb.declare.symbolic import Entry, Pieces, applied, called, common, interpret
+from symmb.prove.basis import Basis, basis_of, basis_with
 from symmb.prove.rounding import U, above
 from symmb.prove.tape import Tape
 
@@ -35,6 +36,7 @@ class Problem:
     refused : unsupported operations of each output; the expression of such an output is nan
     meeting : sentence about a spring with points that may meet; empty if none is found
     change : change to other states; None if these states are used to the end
+    weights : (d,) weights of the variables in the `Basis` of motions; empty if polynomials are tensors
     """
 
     rates: ca.Function
@@ -53,6 +55,7 @@ class Problem:
     refused: tuple[str, ...] = ()
     meeting: str = ""
     change: "Change | None" = None
+    weights: tuple[int, ...] = ()
 
     def over(self, variable: int, side: int) -> "Problem":
         """The problem over the half of the box in which a variable is negative (side -1) or positive (side 1)."""
@@ -77,6 +80,19 @@ class Problem:
     def d(self) -> int:
         """Number of uncertain parameters."""
         return max(self.variables, default=-1) + 1
+
+    @property
+    def axes(self) -> int:
+        """Number of axes of polynomials of the parameters."""
+        return 1 if self.weights else self.d
+
+    def lengths(self, order: int) -> tuple[int, ...]:
+        """Lengths of the axes of polynomials of the parameters of the highest degree `order`."""
+        return (basis_of(self.weights, order).counts[-1],) if self.weights else (order + 1,) * self.d
+
+    def basis(self, terms: int) -> Basis:
+        """The basis with a number of terms."""
+        return basis_with(self.weights, terms)
 
     @property
     def why_singular(self) -> str:

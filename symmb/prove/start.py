@@ -1,5 +1,6 @@
 """The states at one time as a front: proved solutions of the starting equations, and states after a change."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -11,17 +12,18 @@ from symmb._types import Array, Indices
 from symmb.declare.symbolic import common
 from symmb.prove import chebyshev as ch
 from symmb.prove import discs, points
+from symmb.prove.basis import richer
 from symmb.prove.ellipses import MOST_PATCHES, ellipses, reaches
 from symmb.prove.errors import ProofError
-from symmb.prove.flow import Curve, fit, integrated, parameters_at
+from symmb.prove.flow import Curve, integrated
 from symmb.prove.front import Front
 from symmb.prove.outputs import interpolation
 from symmb.prove.problem import Problem
-from symmb.prove.ranges import cut
 from symmb.prove.rounding import above, of_sum
-from symmb.prove.several_parameters import equations_at_nodes, on_step, run
+from symmb.prove.several_parameters import discs_on_motion, equations_at_nodes, on_step, run
 from symmb.prove.tape import Tape
-from symmb.prove.taylor_models import DEGREES_BEYOND_POLYNOMIALS, basis_of, reach
+from symmb.prove.taylor_models import constant, reach
+from symmb.prove.terms import Grid, grid
 from symmb.prove.time_step import TimeStep
 
 NO_START = "there are parameters for which the scene cannot be started"
@@ -35,17 +37,16 @@ _NO_FRAME = Curve(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)))
 @np.errstate(all="ignore")
 def first_front(problem: Problem, order: int) -> Front:
     """The front at the start, with the diagonal frame of the scales. ProofError if the start cannot be enclosed."""
-    start, n, d = problem.start, problem.n, problem.d
+    start, n = problem.start, problem.n
     own = Problem(start.residual, start.states, problem.middle, problem.radius, problem.variables, np.zeros(1),
-                  np.ones(start.residual.numel_in(0)), start)  # fmt: skip
+                  np.ones(start.residual.numel_in(0)), start, weights=problem.weights)  # fmt: skip
     step = constant_step(own, 0.0, _unknowns(own, order))
     e = _distance(step)
-    x, lost = polynomials(step, np.arange(n), (order + 1,) * d)
+    x, lost = polynomials(step, np.arange(n), problem.lengths(order))
     slopes = bounds_of(own.sensitivity_tape, step, e)[1]
     of_unknowns = above(slopes.reshape(len(e), n).T @ e) if len(e) else np.zeros(n)
-    frame_terms = max(2, order // 2) + 1
-    B = np.zeros((n, n, *(frame_terms,) * d))
-    B[(np.arange(n), np.arange(n), *(0,) * d)] = problem.scales
+    B = np.zeros((n, n, *problem.lengths(max(2, order // 2))))
+    B[(np.arange(n), np.arange(n), *(0,) * problem.axes)] = problem.scales
     error = above(lost + of_unknowns)
     if not np.isfinite(error).all():
         raise ProofError("the starting values cannot be shown to be smooth over the box")
@@ -62,22 +63,25 @@ def polynomials(step: TimeStep, which: Indices, lengths: tuple[int, ...], rtol: 
 
     ProofError if the outputs cannot be shown to be smooth.
     """
-    c, remainder = _approximated(step, which, max(lengths, default=1) - 1, rtol)
-    part = (slice(None), *(slice(0, terms) for terms in lengths))
-    kept, others = ch.graded(c[part], len(lengths)), c.copy()
-    others[part] -= kept
+    c, remainder = _approximated(step, which, lengths, rtol)
+    sizes, size = ch.sums(c, len(lengths)), math.prod(c.shape[1:])
     # smaller coefficients change no digit of the state
-    short, removed = cut(kept, 1e-17 * ch.sums(kept, len(lengths)))
-    whole = np.zeros((len(which), *lengths))
-    whole[(slice(None), *(slice(0, m) for m in short.shape[1:]))] = short
-    return whole, above(remainder + ch.sums(others, len(lengths)) + removed)
+    c = np.where(np.abs(c) < 1e-17 / size * sizes[(..., *(None,) * len(lengths))], 0.0, c)
+    whole = c[(slice(None), *map(slice, lengths))].copy()
+    c[(slice(None), *map(slice, lengths))] = 0.0
+    return whole, above(remainder + ch.sums(c, len(lengths)) + 1e-17 * sizes)
 
 
-def _approximated(step: TimeStep, which: Indices, order: int, rtol: float = SLIGHT) -> tuple[Array, Array]:
-    """Coefficients (m, n1, ...) of some outputs at the start of a step, and bounds (m,) of their errors."""
+def _approximated(
+    step: TimeStep, which: Indices, lengths: tuple[int, ...], rtol: float = SLIGHT
+) -> tuple[Array, Array]:
+    """Coefficients (m, n1, ...) of some outputs at the start of a step, and bounds (m,) of their errors.
+
+    The axes are at least as long as `lengths`.
+    """
     some = tuple(which.tolist())
-    if step.problem.d > ch.TENSOR_PARAMETERS:
-        c, remainder = _modelled(step, step.problem.tape_of_outputs(some), order)
+    if step.problem.weights:
+        c, remainder = _modelled(step, step.problem.tape_of_outputs(some), lengths)
     else:
         rho, most = _largest(step, step.problem.output_tape)
         c, remainder = interpolation(step, np.array([step.t0]), some, rho, most[which], np.zeros(len(some)), rtol)
@@ -86,38 +90,37 @@ def _approximated(step: TimeStep, which: Indices, order: int, rtol: float = SLIG
 
 def nominal_front(problem: Problem, order: int) -> Array:
     """Approximate coefficients (n, order + 1, ...) of the states at the first time, without a proof."""
-    counts = [order + 3] * problem.d
-    u, p = _solutions(problem, counts)
+    nodes = grid(problem, problem.lengths(order), 2)
+    u, p = _solutions(problem, nodes)
     with np.errstate(all="ignore"):
         tape = Tape(problem.start.states)
         found = tape.run(points.PLAIN, points.plain, [list(u), p, [0.0]])[0]
-    x = np.stack([np.broadcast_to(value, counts) for value in found])
+    x = np.stack([np.broadcast_to(value, nodes.shape) for value in found])
     if not np.isfinite(x).all():
         raise ProofError(NO_START)
-    return fit(x, [order + 1] * problem.d)
+    return nodes.fit(x)
 
 
 def _unknowns(problem: Problem, order: int) -> Array:
     """Approximate solution u (n_u, order + 1, ...) of the starting equations as polynomials of the parameters."""
-    n_u, d = problem.n, problem.d
-    counts = [order + 3] * d
-    if not n_u:
-        return np.zeros((0, *(order + 1,) * d))
-    c = fit(_solutions(problem, counts)[0], [order + 1] * d)
+    if not problem.n:
+        return np.zeros((0, *problem.lengths(order)))
+    nodes = grid(problem, problem.lengths(order), 2)
+    c = nodes.fit(_solutions(problem, nodes)[0])
     return np.where(np.abs(c) < LAST_DIGITS, 0.0, c)
 
 
-def _solutions(problem: Problem, counts: list[int]) -> tuple[Array, list[Array | float]]:
-    """Approximate solutions u (n_u, *counts) of the starting equations at nodes, and the parameters there.
+def _solutions(problem: Problem, nodes: Grid) -> tuple[Array, list[Array | float]]:
+    """Approximate solutions u (n_u, ...) of the starting equations at nodes, and the parameters there.
 
     ProofError if a solution is missing.
     """
-    p = parameters_at(problem, counts, leading=0)
-    P = np.stack([np.broadcast_to(value, counts).ravel() for value in p], axis=1)
+    p = nodes.parameters(0)
+    P = np.stack([np.broadcast_to(value, nodes.shape).ravel() for value in p], axis=1)
     u = problem.start.solve(P)
     if not np.isfinite(u).all():
         raise ProofError(NO_START)
-    return u.T.reshape(u.shape[1], *counts), p
+    return u.T.reshape(u.shape[1], *nodes.shape), p
 
 
 def _largest(step: TimeStep, tape: Tape) -> tuple[list[float], Array]:
@@ -131,25 +134,21 @@ def _largest(step: TimeStep, tape: Tape) -> tuple[list[float], Array]:
     raise ProofError("the starting values cannot be shown to be smooth over the box")
 
 
-def _modelled(step: TimeStep, tape: Tape, order: int) -> tuple[Array, Array]:
-    """Coefficients (m, 1, order + 1, ...) of the outputs of a tape at the start of a step, and their errors (m, 1)."""
-    d = step.problem.d
-    basis = basis_of(d, order + DEGREES_BEYOND_POLYNOMIALS)
+def _modelled(step: TimeStep, tape: Tape, lengths: tuple[int, ...]) -> tuple[Array, Array]:
+    """Coefficients (m, 1, T) of the outputs of a tape at the start of a step, and their errors (m, 1)."""
+    source = step.problem.basis(lengths[0])
+    basis = richer(source)
     x, p, _ = equations_at_nodes(step, 1, basis)
-    found = run(tape, [x, p, [basis.constant(step.t0)]])[0]
-    kept = basis.counts[order]
-    c, rest = np.zeros((len(found), 1, *(order + 1,) * d)), np.zeros((len(found), 1))
-    for k, a in enumerate(found):
-        own = a.in_chebyshev(1)[:, 0]
-        c[(k, 0, *basis.exponents[:kept].T)] = own[:kept]
-        rest[k] = above(a.radius + np.abs(own[kept:]).sum() + of_sum(len(own) + 2) * a.norm).max()
-    return c, np.where(np.isnan(rest), np.inf, rest)
+    found = run(tape, [x, p, [constant(basis, step.t0)]])[0]
+    own = np.array([a.in_chebyshev(1)[:, 0] for a in found]).reshape(len(found), -1)
+    rest = np.array([above(a.radius + of_sum(len(a.c) + 2) * a.norm).max() for a in found]).reshape(-1, 1)
+    return own[:, None], np.where(np.isnan(rest), np.inf, rest)
 
 
 def bounds_of(tape: Tape, step: TimeStep, e: Array) -> list[Array]:
     """Bounds of the outputs of a tape, over the box and for all states within e (n,) of the motion."""
     d = step.problem.d
-    if d > ch.TENSOR_PARAMETERS:
+    if step.problem.weights:
         return [np.array([reach(a) for a in part]) for part in on_step(step, tape, e)]
     found: list[Array] = []
     for count in _counts(d):
@@ -178,11 +177,11 @@ def _distance(step: TimeStep) -> Array:
     problem, n = step.problem, step.problem.n
     if not n:
         return np.zeros(0)
-    d, residuals = problem.d, replace(step, problem=replace(problem, outputs=problem.rates))
-    c, rest = _approximated(residuals, np.arange(n), max(step.degrees[1:], default=0))
-    off = above(ch.sums(c, d) + rest)
+    residuals = replace(step, problem=replace(problem, outputs=problem.rates))
+    c, rest = _approximated(residuals, np.arange(n), step.x.c.shape[2:])
+    off = above(ch.sums(c, problem.axes) + rest)
     # one inverse may not contract over the whole box; about a thousand parts with one inverse each take seconds
-    for count in (count for count in (1, 8, 32) if count**d <= 1024):
+    for count in (count for count in (1, 8, 32) if count**problem.d <= 1024 and not (problem.weights and count > 1)):
         e = _contracted(step, off, count)
         if e is not None:
             return e
@@ -198,7 +197,7 @@ def _contracted(step: TimeStep, off: Array, count: int) -> Array | None:
 
     def jacobians(e: Array) -> tuple[Array, Array]:
         """Middles and radii (k, n, n) of the Jacobian on the parts, for unknowns within e (n,)."""
-        slopes = step.discs_of(step.problem.jacobian_tape, (1, count), e)[1]
+        slopes = discs_on_motion(step, step.problem.jacobian_tape, e, (1, count))[1]
         shape = np.broadcast_shapes(*(np.shape(a.centre) for a in slopes))
         J = np.stack([np.broadcast_to(np.real(a.centre), shape).ravel() for a in slopes], axis=-1)
         R = np.stack([np.broadcast_to(a.swing, shape).ravel() for a in slopes], axis=-1)
@@ -234,26 +233,27 @@ def mapped(problem: Problem, front: Front, f: ca.Function) -> Front:
     ------
     ProofError         if f cannot be shown to be smooth there
     """
-    n, d = problem.n, problem.d
+    n, d = problem.n, problem.axes
     lengths, of_frame = front.x.shape[1:], front.B.shape[2:]
-    x, columns, e, off = (ca.SX.sym(name, size) for name, size in zip("xbew", (n, n * n, n, n), strict=True))
+    k = front.B.shape[1]
+    x, columns, e, off = (ca.SX.sym(name, size) for name, size in zip("xbew", (n, n * k, n, n), strict=True))
     p, t = ca.SX.sym("p", len(problem.middle)), ca.SX.sym("t")
     values = ca.vertsplit(f(x, p, t))
-    which = np.array([k for k, value in enumerate(values) if not ca.is_equal(value, x[k])], dtype=np.intp)
-    m, new = len(which), ca.vertcat(*(values[k] for k in which))
-    along = ca.jtimes(new, x, ca.reshape(columns, n, n).T)
+    which = np.array([i for i, value in enumerate(values) if not ca.is_equal(value, x[i])], dtype=np.intp)
+    m, new = len(which), ca.vertcat(*(values[i] for i in which))
+    along = ca.jtimes(new, x, ca.reshape(columns, k, n).T)
     y = ca.vertcat(x, columns)
     both = common("mapped", [y, p, t], [ca.densify(ca.vertcat(new, ca.vec(along.T)))])
-    same = common("same", [y, p, t], [ca.SX.zeros(n + n * n)])
-    states = np.zeros((n + n * n, *np.maximum(lengths, of_frame)))
+    same = common("same", [y, p, t], [ca.SX.zeros(n + n * k)])
+    states = np.zeros((n + n * k, *np.maximum(lengths, of_frame)))
     states[(slice(n), *map(slice, lengths))] = front.x
-    states[(slice(n, None), *map(slice, of_frame))] = front.B.reshape(n * n, *of_frame)
+    states[(slice(n, None), *map(slice, of_frame))] = front.B.reshape(n * k, *of_frame)
     scales = np.concatenate([problem.scales, np.maximum(ch.sums(states[n:], d), 1e-300)])
     require_known("the laws of sampled values", both)
     step = constant_step(replace(problem, rates=same, outputs=both, scales=scales), front.t, states)
     try:
         x_new, x_lost = polynomials(step, np.arange(m), lengths, FACTORS)
-        B_new, B_lost = polynomials(step, np.arange(m, m + m * n), of_frame)
+        B_new, B_lost = polynomials(step, np.arange(m, m + m * k), of_frame)
     except ProofError:
         raise ProofError(_ROUGH) from None
 
@@ -272,7 +272,7 @@ def mapped(problem: Problem, front: Front, f: ca.Function) -> Front:
         raise ProofError(_ROUGH)
     x, B, x_error, B_error = (own.copy() for own in (front.x, front.B, front.x_error, front.B_error))
     x[which], x_error[which] = x_new, above(x_lost + linear + 0.5 * quadratic)
-    B[which], B_error[which] = B_new.reshape(m, n, *of_frame), B_lost.reshape(m, n)
+    B[which], B_error[which] = B_new.reshape(m, k, *of_frame), B_lost.reshape(m, k)
     return replace(front, x=x, B=B, x_error=x_error, B_error=B_error)
 
 

@@ -4,6 +4,8 @@ The motion is x = u + B w. Here u and B are polynomials of time and parameters, 
 
     w' = B^-1 ((A B - B') w + (int A(u + s B w) - A(u) ds) B w - d),      d = u' - f(u),      A = df/dx at u.
 
+In a stiff step, w' = L w + B^-1 ((A B - B' - B L) w + ...) with the rates L of decay.
+
 Bounds of |C d|, |C (A B - B')|, |I - C B| and of the change of A over the candidate box W give a bound F(W). As long as
 |w| <= W, |w| is at most F(W). If F(W) < W, w cannot leave the box during the step.
 
@@ -27,7 +29,7 @@ from symmb.prove.ellipses import MOST_PATCHES, Control, adapted
 from symmb.prove.errors import ProofError
 from symmb.prove.patches import largest_on
 from symmb.prove.rounding import U, above
-from symmb.prove.several_parameters import on_step
+from symmb.prove.several_parameters import discs_on_motion, on_step
 from symmb.prove.tape import Tape
 from symmb.prove.time_step import TimeStep
 
@@ -37,7 +39,7 @@ MOST_CANDIDATES = 12
 
 @dataclass(frozen=True)
 class Proof:
-    """Bounds W (n,) of |w| during a step, and `end` (n,) at the end of the step."""
+    """Bounds W (m,) of |w| during a step, and `end` (m,) at the end of the step."""
 
     W: Array
     end: Array
@@ -45,13 +47,13 @@ class Proof:
 
 @np.errstate(all="ignore")
 def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
-    """Bounds of |w| over a step. At the start, |w| is at most w0 (n,). ProofError if no W has F(W) < W."""
+    """Bounds of |w| over a step. At the start, |w| is at most w0 (m,). ProofError if no W has F(W) < W."""
     defects, patches = exact_defects(step), control.choice.patches
     if defects is not None:
         defect, growth = defects
         # exact defects need no ellipses, but the room of the states needs them
         rho = [1.5] * len(step.degrees)
-    elif step.problem.d > ch.TENSOR_PARAMETERS:
+    elif step.problem.weights:
         defect, growth, rho = defects_of_models(step, w0, control)
     else:
         chosen = adapted(step, control)
@@ -60,20 +62,23 @@ def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
         defect = defect_of_motion(step, rho, most, w0, control)
         growth = defect_of_frame(step, rho, most_of_frame, w0 + step.h * defect)
     change = _Curvature(step, rho, patches)
+    generators, n = w0[: -step.problem.n], step.problem.n
     # a little more than the remainder without growth: |w| must stay strictly inside of W
-    W = above(1.001 * w0 + 1.1 * step.h * step.solved(defect))
+    W = np.concatenate([generators, above(1.001 * w0[-n:] + 1.1 * step.after(np.zeros(n), step.solved(defect)))])
     for _ in range(MOST_CANDIDATES):
         e = above(step.B_largest @ W)
         quadratic = above(step.C_largest @ (change(e) @ e))
-        end = above(w0 + step.h * step.solved(above(growth @ W + quadratic + defect)))
+        rate = step.solved(above(growth @ W + quadratic + defect))
+        # during the step, |w| is at most the sum of its begin and of the effect of the rate
+        end = above(w0[-n:] + step.after(np.zeros(n), rate))
         if not np.isfinite(end).all():
             break
-        if stays(end, W):
+        if stays(end, W[-n:]):
             # the equations are used in all of W, so rows of loops must determine the velocities there
             if not is_regular(step, e, patches):
                 raise ProofError(step.problem.why_singular)
-            return Proof(W, end)
-        W = above(np.maximum(W, 1.01 * end))
+            return Proof(W, np.concatenate([generators, step.after(w0[-n:], rate)]))
+        W[-n:] = above(np.maximum(W[-n:], 1.01 * end))
     raise ProofError("small deviations from the computed motion grow too fast")
 
 
@@ -102,9 +107,7 @@ def require_valid(step: TimeStep, e: Array) -> None:
 
 def on_motion(step: TimeStep, tape: Tape, e: Array, patches: tuple[int, int]) -> list[discs.Disc]:
     """Discs of the first output vector of a tape, for all parameters and states within e (n,) of the motion."""
-    if step.problem.d > ch.TENSOR_PARAMETERS:
-        return [a.disc for a in on_step(step, tape, e)[0]]
-    return step.discs_of(tape, patches, e)[0]
+    return discs_on_motion(step, tape, e, patches)[0]
 
 
 def stays(end: Array, W: Array) -> bool:
@@ -151,7 +154,7 @@ class _Curvature:
     def _changes(self, radius: Array) -> Array:
         """Largest radii (n, n) of the discs of the Jacobian on all patches, for states within `radius` (n,)."""
         tape, n = self._step.problem.jacobian_tape, self._step.problem.n
-        if self._step.problem.d > ch.TENSOR_PARAMETERS:
+        if self._step.problem.weights:
             entries = on_step(self._step, tape, radius)[1]
         else:
             entries = self._step.discs_of(tape, self._patches, radius)[1]

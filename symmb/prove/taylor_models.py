@@ -15,125 +15,20 @@ Computing 9 (2003), Taylor forms.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from symmb._types import Array, Indices
+from symmb._types import Array
 from symmb.prove import discs
+from symmb.prove.basis import Basis
 from symmb.prove.discs import Disc
 from symmb.prove.rounding import COMPLEX_ERROR, FUNCTION_ERROR, U, above
 
-DEGREES_BEYOND_POLYNOMIALS = 3
-"""Taylor models of defects, and of a start, have this many degrees more than the polynomials to which these errors
-belong."""
 _REAL_ERROR = 4 * U
 """Relative error of an operation on real numbers."""
-
-
-class Basis:
-    """Monomials of total degree up to `degree` in some variables, sorted by degree.
-
-    Attributes
-    ----------
-    exponents : (T, variables) exponents of the monomials
-    counts : number of the monomials up to each degree
-    of_squares : (T,) middle of the range: 1/2 for products of squares, which are in [0, 1]; 0 for other monomials
-    """
-
-    def __init__(self, variables: int, degree: int) -> None:
-        self.variables, self.degree = variables, degree
-        every = np.array(list(_compositions(variables, degree)), dtype=np.intp).reshape(-1, variables)
-        totals = every.sum(axis=1)
-        order = np.argsort(totals, kind="stable")
-        self.exponents = every[order]
-        self.counts = np.cumsum(np.bincount(totals, minlength=degree + 1)).tolist()
-        self.of_squares = 0.5 * (self.exponents % 2 == 0).all(axis=1) * (totals > 0)
-        self._weights = (degree + 1) ** np.arange(variables)
-        self._sorted = np.argsort(self.exponents @ self._weights)
-        self._codes = (self.exponents @ self._weights)[self._sorted]
-        self._pairs: dict[tuple[int, int, int], Pairs] = {}
-
-    def places(self, exponents: Indices) -> Indices:
-        """Numbers (m,) of the monomials with exponents (m, variables). The basis must contain them."""
-        return self._sorted[np.searchsorted(self._codes, exponents @ self._weights)]
-
-    def pairs(self, a: int, b: int, most: int) -> "Pairs":
-        """Pairs of monomials up to the degrees a and b, with products up to the degree `most`."""
-        if (a, b, most) not in self._pairs:
-            totals = self.exponents.sum(axis=1)
-            left, right = [], []
-            for i in range(self.counts[a]):
-                count = self.counts[min(b, most - int(totals[i]))] if totals[i] <= most else 0
-                left.append(np.full(count, i))
-                right.append(np.arange(count))
-            i, j = np.concatenate(left), np.concatenate(right)
-            out = self.places(self.exponents[i] + self.exponents[j])
-            order = np.argsort(out, kind="stable")
-            starts = np.flatnonzero(np.diff(out[order], prepend=-1))
-            self._pairs[a, b, most] = Pairs(i[order], j[order], starts)
-        return self._pairs[a, b, most]
-
-    def constant(self, value: float) -> "Model":
-        """The Taylor model of a number."""
-        return Model(np.full((1, 1), value), np.zeros(1), self)
-
-    @cached_property
-    def to_chebyshev(self) -> Array:
-        """(T, T) matrix from coefficients of monomials to those of Chebyshev products. Its entries are exact."""
-        one = np.zeros((self.degree + 1, self.degree + 1))
-        for k in range(self.degree + 1):
-            for j in range(k % 2, k + 1, 2):
-                one[j, k] = math.comb(k, (k - j) // 2) / 2.0 ** (k - (j > 0))
-        own = self.exponents
-        parts = [one[own[:, None, i], own[None, :, i]] for i in range(self.variables)]
-        return np.prod(parts, axis=0)
-
-
-class Pairs:
-    """Pairs of monomials with the indices i and j (m,), grouped by their products. Groups begin at `starts` (T,).
-
-    Attributes
-    ----------
-    largest : size of the largest group
-    """
-
-    def __init__(self, i: Indices, j: Indices, starts: Indices) -> None:
-        ends = np.append(starts[1:], len(i))
-        self.largest, self._terms, self._parts = int((ends - starts).max()), len(starts), []
-        first = 0
-        while first < len(starts):
-            # the products of about 2000 pairs stay in the cache
-            last = max(int(np.searchsorted(ends, starts[first] + 2000)), first + 1)
-            part = slice(starts[first], ends[last - 1])
-            self._parts.append((slice(first, last), i[part], j[part], starts[first:last] - starts[first]))
-            first = last
-
-    def product(self, a: Array, b: Array) -> Array:
-        """Coefficients (T, P) of the product of polynomials (., P)."""
-        found = np.empty((self._terms, max(a.shape[1], b.shape[1])), dtype=np.result_type(a, b))
-        for terms, i, j, starts in self._parts:
-            products = a.take(i, axis=0) * b.take(j, axis=0)
-            np.add.reduceat(products, starts, axis=0, out=found[terms])
-        return found
-
-
-@cache
-def basis_of(variables: int, degree: int) -> Basis:
-    """The basis for some variables and a degree. Each basis is made once."""
-    return Basis(variables, degree)
-
-
-def _compositions(variables: int, degree: int) -> Any:
-    """All exponents of monomials up to a total degree, one tuple after the other."""
-    if variables == 0:
-        yield ()
-        return
-    for first in range(degree + 1):
-        for others in _compositions(variables - 1, degree - first):
-            yield (first, *others)
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,16 +81,25 @@ class Model:
     @property
     def disc(self) -> Disc:
         """The model as a disc. The variables are the places in the patch."""
-        v = self.basis.variables
         if self.degree == 0:
             centre, radius = (self.c[0, 0], self.radius[0]) if self.c.size == 1 else (self.c[0], self.radius)
             return Disc(centre, discs.disc(0.0).slopes, radius)
-        return Disc(self.c[0], self.c[1 : 1 + v].T, above(self.radius + self.norms[2:].sum(axis=0)))
+        linear, others = self.basis.linear, np.ones(len(self.c), dtype=bool)
+        has = linear < len(self.c)
+        slopes = np.zeros((self.c.shape[1], len(linear)), dtype=self.c.dtype)
+        slopes[:, has] = self.c[linear[has]].T
+        others[0], others[linear[has]] = False, False
+        return Disc(self.c[0], slopes, above(self.radius + np.abs(self.c[others]).sum(axis=0)))
 
     def in_chebyshev(self, places: int) -> Array:
         """(T, places) coefficients of the Chebyshev products that correspond to all monomials of the basis."""
         c = self.basis.to_chebyshev @ _padded(self.c, self.basis.counts[-1])
         return np.broadcast_to(c, (len(c), places))
+
+
+def constant(basis: Basis, value: float) -> Model:
+    """The Taylor model of a number."""
+    return Model(np.full((1, 1), value), np.zeros(1), basis)
 
 
 def reach(a: Model) -> float:
@@ -402,9 +306,11 @@ def _from_disc(found: Disc, basis: Basis) -> Model:
     centre, slopes, radius = np.atleast_1d(found.centre), np.asarray(found.slopes), np.atleast_1d(found.radius)
     if slopes.ndim < 2 or basis.degree == 0:
         return Model(centre[None], above(radius + found.slope), basis)
+    has = basis.linear < len(basis.exponents)
     places = np.broadcast_shapes(centre.shape, slopes.shape[:1])
-    return Model(np.vstack([np.broadcast_to(centre, places), *np.broadcast_to(slopes.T, (slopes.shape[1], *places))]),
-                 radius, basis)  # fmt: skip
+    c = np.zeros((basis.counts[max(np.array(basis.weights)[has])], *places), dtype=np.result_type(centre, slopes))
+    c[0], c[basis.linear[has]] = centre, slopes.T[has]
+    return Model(c, above(radius + np.abs(slopes[:, ~has]).sum(axis=1)), basis)
 
 
 _OWN: dict[int, Callable[..., Model]] = {
@@ -425,7 +331,7 @@ _OWN: dict[int, Callable[..., Model]] = {
     ca.OP_SINH: _SINH,
     ca.OP_COSH: _COSH,
     ca.OP_TANH: _tanh,
-    ca.OP_EXPM1: lambda a: _sum(_exp(a), a.basis.constant(1.0), -1.0),
+    ca.OP_EXPM1: lambda a: _sum(_exp(a), constant(a.basis, 1.0), -1.0),
     ca.OP_HYPOT: lambda a, b: _sqrt(_sum(_multiply(a, a), _multiply(b, b), 1.0)),
     ca.OP_POW: _power,
     ca.OP_CONSTPOW: _power,

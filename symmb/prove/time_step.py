@@ -10,11 +10,12 @@ from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove import discs, points
 from symmb.prove.errors import ProofError
-from symmb.prove.flow import Curve, parameters_at
+from symmb.prove.flow import Curve
 from symmb.prove.patches import Patches
 from symmb.prove.problem import Problem
 from symmb.prove.rounding import U, above, of_sum
 from symmb.prove.tape import Tape
+from symmb.prove.terms import parameters_at, product_bound, tensor_nodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,8 +25,9 @@ class TimeStep:
     Attributes
     ----------
     x : n polynomials of the motion
-    B : n n polynomials of the frame, row by row
+    B : n m polynomials of the generators and the frame, row by row
     C : (n, n, ...) coefficients of the approximate inverse of the frame
+    decay : (n,) rates of decay of w that a constant frame has, at most 0 [1/s]; None if the frame moves with the motion
     """
 
     problem: Problem
@@ -34,6 +36,7 @@ class TimeStep:
     x: Curve
     B: Curve
     C: Array
+    decay: Array | None = None
 
     @property
     def degrees(self) -> list[int]:
@@ -42,14 +45,30 @@ class TimeStep:
 
     @cached_property
     def B_largest(self) -> Array:
-        """Bounds (n, n) of the frame."""
-        n = self.problem.n
-        return above(ch.sums(self.B.c, self.B.c.ndim - 1) + self.B.error).reshape(n, n)
+        """Bounds (n, m) of the generators and the frame."""
+        n, most = self.problem.n, above(ch.sums(self.B.c, self.B.c.ndim - 1) + self.B.error)
+        return most.reshape(n, len(most) // max(n, 1))
 
     @cached_property
     def C_largest(self) -> Array:
         """Bounds (n, n) of C."""
         return ch.sums(self.C, self.C.ndim - 2)
+
+    @cached_property
+    def moved(self) -> Array:
+        """Coefficients (n m, K, ...) of B' + B L, with the diagonal matrix L of the rates of decay."""
+        if self.decay is None:
+            return self.B.rate
+        return self.B.c * np.tile(self.decay, self.problem.n)[(slice(None), *(None,) * (self.B.c.ndim - 1))]
+
+    def after(self, w: Array, rate: Array) -> Array:
+        """Bounds (n,) of |w| at the end, from bounds w (n,) at the begin and of |w' - L w| (n,) during the step."""
+        if self.decay is None:
+            return above(w + self.h * rate)
+        turn = -self.decay * self.h
+        # (1 - exp(-z)) / z is at most 1 and at most 1 / z
+        mean = np.where(turn > 1e-3, np.minimum(1.0, -np.expm1(-turn) / np.maximum(turn, 1e-3) * (1 + 1e-12)), 1.0)
+        return above(np.exp(-turn) * (1 + 1e-12) * w + self.h * mean * rate)
 
     def at(self, times: Array) -> tuple[Array, Array]:
         """The motion at times (n_t,) as polynomials of the parameters (n, n_t, N + 1, ...), and their errors (n, n_t).
@@ -126,16 +145,17 @@ class TimeStep:
     def solved(self) -> Callable[[Array], Array]:
         """`solution_bound` of the frame."""
         n = self.problem.n
-        return solution_bound(self.C, self.B.c.reshape(n, n, *self.B.c.shape[1:]), self.B.error.reshape(n, n))
+        B, error = self.B.c.reshape(n, -1, *self.B.c.shape[1:]), self.B.error.reshape(n, -1)
+        return solution_bound(self.problem, self.C, B[:, -n:], error[:, -n:])
 
 
-def solution_bound(C: Array, B: Array, B_error: Array) -> Callable[[Array], Array]:
+def solution_bound(problem: Problem, C: Array, B: Array, B_error: Array) -> Callable[[Array], Array]:
     """Bounds (n,) of |B^-1 y| for all y with |C y| <= v, as a function of v (n,).
 
     B^-1 is the Neumann series (sum of (I - C B)^k) C. ProofError if a row of |I - C B| may have a sum of 1/2 or more.
     """
     n = len(C)
-    E = ch.product_bound(C, B, B_error, np.eye(n))
+    E = product_bound(problem, C, B, B_error, np.eye(n))
     eta = above(float(E.sum(axis=1).max()))
     if not eta < 0.5:
         raise ProofError("the growth of small deviations from the computed motion differs too much over the box")
@@ -144,7 +164,7 @@ def solution_bound(C: Array, B: Array, B_error: Array) -> Callable[[Array], Arra
 
 def parameter_points(problem: Problem, counts: tuple[int, ...], leading: int) -> list[points.Point]:
     """Parameters at nodes, with error bounds. Arrays have `leading` axes before the axes of the parameters."""
-    values = parameters_at(problem, counts, leading)
+    values = parameters_at(problem, tensor_nodes(counts, leading))
     errors = 4.0 * U * (np.abs(problem.middle) + problem.radius) + problem.radius * ch.ENTRY_ERROR + problem.errors
     return [
         points.point(value, float(error) if isinstance(value, np.ndarray) else 0.0)

@@ -56,7 +56,9 @@ class TaylorModel(Method):
 
     Parameters
     ----------
-    order : highest degree in each parameter; for three or more parameters, highest total degree
+    order : highest degree in each parameter; for three or more parameters, highest total degree. If polynomials of many
+        parameters would have more than 1000 terms, the degree is lower. Parameters with a nearly linear effect then
+        have terms of lower order than the others. ``remarks`` of the bounds state these orders
     boxes : largest number of parts of the box. Parts are halved if their remainder grows. The result is the union of
         the bounds
 
@@ -96,9 +98,8 @@ class TaylorModel(Method):
 
     def _bounds(self, simulator: Simulator, box: Box, executor: Executor | None, progress: Progress | None) -> Bounds:
         problem = problem_of(self, simulator, box)
-        # Largest number of terms of a polynomial in the parameters. With this number a step takes a minute, and
-        # gigabytes for about ten states. An interpolation with a million terms takes half a minute.
-        self._require_room(problem.d, *((20_000, 1) if problem.n else (1_000_000, EXTRA_NODES + 1)))
+        if not problem.n:
+            self._require_room(problem.d)
 
         if problem.meeting:
             warnings.warn(f"{self!r}: {problem.meeting}. The proof ends at this time.", SymmbWarning, stacklevel=2)
@@ -117,11 +118,16 @@ class TaylorModel(Method):
         remedy = "; try smaller intervals" if few else "; try a higher order, more boxes or smaller intervals"
         remedy = f". {problem.meeting}" if problem.meeting else remedy
         caution = _caution(found, remedy, times, outputs, problem.refused)
-        return self._result(simulator, found.lower, found.upper, found.boxes, caution=caution)
+        varied = [name for name, (low, high) in zip(box.names, box.bounds, strict=True) if low < high]
+        remarks = _orders(self.order, dict(zip(varied, found.orders, strict=True)) if problem.n else {})
+        return self._result(simulator, found.lower, found.upper, found.boxes, caution=caution, remarks=remarks)
 
-    def _require_room(self, d: int, terms: int, more: int) -> None:
-        """Raise PropagationError if the polynomials have too many terms. `more` is added to the order for each
-        parameter."""
+    def _require_room(self, d: int) -> None:
+        """Raise PropagationError if polynomials of outputs in d parameters have too many terms.
+
+        An interpolation with a million terms takes half a minute.
+        """
+        terms, more = 1_000_000, EXTRA_NODES + 1
         if (self.order + more) ** d > terms:
             most = int(terms ** (1.0 / d) + 1e-9) - more
             lower = f"order={most}, " if most > 0 else ""
@@ -162,6 +168,14 @@ class _Outlook:
                 SymmbWarning,
                 stacklevel=2,
             )
+
+
+def _orders(order: int, found: dict[str, int]) -> tuple[str, ...]:
+    """A remark if the polynomials of many parameters have lower orders than the method."""
+    if all(own == order for own in found.values()):
+        return ()
+    orders = ", ".join(f"{name} {own}" for name, own in found.items())
+    return (f"With order={order} the polynomials would have too many terms. Their highest orders are: {orders}.",)
 
 
 def _caution(found: Enclosure, remedy: str, times: Array, outputs: Sequence[str], refused: Sequence[str]) -> str:

@@ -1,0 +1,144 @@
+"""Proofs with many uncertain numbers, and of stiff equations: samples lie inside, and planted faults are found."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from enclosure_samples import check, ode
+from scipy.integrate import solve_ivp
+from verified_problems import laub_loomis, quadrotor, random_system, robertson
+
+import symmb as mb
+from symmb.prove import enclose, front, problem_of, terms
+from symmb.prove.basis import basis_of, terms_of
+from symmb.prove.flow import Curve
+from symmb.prove.orders import MOST_TERMS, with_orders
+from symmb.prove.time_step import TimeStep
+from symmb.run.simulation import DAESimulator
+
+INSIDE = 1e-11
+"""Error of samples over the size of an output."""
+
+
+@pytest.mark.parametrize("seed", [1, 3, 9, 10, 11])
+def test_samples_of_random_systems_lie_inside(seed):
+    """Three to twelve uncertain numbers, with weights and without."""
+    problem = random_system(seed)
+    found = enclose(problem, 8 if seed % 3 else 3, 1)
+    assert not found.why and np.isfinite(found.upper).all()
+    result = check(problem, found, 60, seed)
+    assert result.outside <= INSIDE and result.filled > 0.2
+
+
+@pytest.mark.parametrize(("make", "end", "filled"), [(laub_loomis, 4.0, 0.6), (quadrotor, 0.5, 0.6)])
+def test_sets_of_the_competition(make, end, filled):
+    scene = make(0.05, end)
+    problem = problem_of("method", DAESimulator(scene), scene.box)
+    found = enclose(problem, 8, 1)
+    result = check(problem, found, 200)
+    assert not found.why and result.outside <= INSIDE and result.filled > filled
+
+
+def _samples_of_order(order):
+    """Samples of a set against its bounds by polynomials of a low order."""
+    scene = laub_loomis(0.1, 3.0)
+    problem = problem_of("method", DAESimulator(scene), scene.box)
+    return check(problem, enclose(problem, order, 1), 40)
+
+
+@pytest.mark.parametrize(
+    "plant",
+    [
+        lambda patch: patch.setattr(terms.Matrix, "bound", lambda a: 0.0 * np.abs(a.c[0, 0])),
+        lambda patch: patch.setattr(TimeStep, "after", lambda step, w, rate: 1e-3 * w),
+    ],
+    ids=["defects", "rates"],
+)
+def test_planted_faults_are_found(plant, monkeypatch):
+    """With polynomials of the first order, the remainder is large, so that samples leave bounds without it."""
+    assert _samples_of_order(1).outside <= INSIDE
+    plant(monkeypatch)
+    assert _samples_of_order(1).outside > 1e-6
+
+
+def test_earlier_errors_are_kept_or_bounded():
+    """States of a front, at random w, are states of the front with a new frame, up to the bound of its last columns."""
+    rng, n, columns = np.random.default_rng(0), 3, 3 + 3 * front._MOST_GENERATORS
+    problem = replace(ode(lambda x, p, t: [-x[0], x[1], p[0] * p[1] * p[2] * x[2]], lambda p: [1.0, 1.0, 1.0],
+                          [(0, 1)] * 3, [0.0, 1.0]), weights=(1, 1, 1))  # fmt: skip
+    B = rng.normal(size=(n, columns, *problem.lengths(1)))
+    B[:, -1] = B[:, -2] * (1 + 1e-6)  # nearly dependent, so that a new frame is made
+    w = 10.0 ** rng.uniform(-6, -3, columns)
+    old = front.Front(0.0, rng.normal(size=(n, *problem.lengths(2))), B, w, np.full(n, 1e-9), np.zeros(B.shape[:2]))
+    new = front.well_conditioned(problem, old)
+    assert new.B.shape == B.shape and (new.reach >= 0.99 * old.reach).all() and (new.reach <= 3 * old.reach).all()
+    kept = [k for k in range(columns) if any((new.B[:, j] == B[:, k]).all() for j in range(columns - n))]
+    others = np.setdiff1d(np.arange(columns), kept)
+    assert len(others) == n
+    inverse = np.linalg.inv(new.B[:, -n:, 0])
+    xi = rng.uniform(-1, 1, (200, 3))
+    values = np.column_stack([np.ones(200), xi[:, ::-1]])  # products of the first degree, in the order of the basis
+    assert (problem.basis(4).exponents[1:] == np.eye(3)[::-1]).all()
+    at = np.einsum("nkt,st->snk", B[:, others], values)
+    off = np.abs(np.einsum("ij,sjk->sik", inverse, at)) @ w[others]
+    assert (off.max(axis=0) <= new.w[-n:]).all() and (off.max(axis=0) >= 0.2 * new.w[-n:]).all()
+
+
+@pytest.mark.parametrize(("beta", "gamma"), [(1e2, 1e3), (1e3, 1e7)])
+def test_stiff_reactions(beta, gamma):
+    """The bounds contain the solution by Radau, and the sum of the states, which is 1."""
+    bounds = mb.propagate(robertson(beta, gamma), mb.TaylorModel())
+
+    def rates(t, x):
+        slow, back, fast = 0.4 * x[0], beta * x[1] * x[2], gamma * x[1] ** 2
+        return [back - slow, slow - back - fast, fast]
+
+    x = solve_ivp(rates, (0, 40), [1.0, 0.0, 0.0], method="Radau", rtol=1e-13, atol=1e-20).y[0, -1]
+    (low, high), (least, most) = (np.array(bounds[name])[:, -1] for name in ("x", "sum"))
+    assert low < x < high and high - low < 1e-9
+    assert least < 1.0 < most and most - least < 1e-9
+
+
+@pytest.mark.parametrize("decay", [0.0, -1e-9, -0.3, -40.0, -1e6])
+def test_rates_of_decay(decay):
+    """The bound at the end of a step is the solution of w' = L w + r, or slightly larger."""
+    none = Curve(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)))
+    problem = ode(lambda x, p, t: [-x[0]], lambda p: [1.0], [], [1.0])
+    step = TimeStep(problem, 0.0, 0.7, none, none, np.zeros((1, 1)), np.array([decay]))
+    found = step.after(np.array([2.0]), np.array([3.0]))[0]
+    exact = 2.0 * np.exp(0.7 * decay) + (3.0 * np.expm1(0.7 * decay) / decay if decay else 3.0 * 0.7)
+    assert exact <= found <= exact * (1 + 1e-3)
+
+
+def test_stiff_equations_with_an_uncertain_number():
+    """A fast state follows a line of time. Its equation is linear and has an exact solution."""
+    rates = lambda x, p, t: [-1e4 * (x[0] - np.cos(1.0) * p[0] * (1 + t)), -x[1]]  # noqa: E731
+    times = np.linspace(0, 5, 6)
+    problem = ode(rates, lambda p: [0.0, p[0]], [(0.9, 1.1)], times)
+    found = enclose(problem, 3, 1)
+    # x = a (1 + t - 1e-4) - a (1 - 1e-4) exp(-1e4 t) with a = cos(1) p
+    each = np.cos(1.0) * np.array([[0.9], [1.1]]) * (1 + times - 1e-4 - (1 - 1e-4) * np.exp(-1e4 * times))
+    assert not found.why
+    assert (found.lower[:, 0] <= each.min(axis=0) + 1e-12).all() and (
+        found.upper[:, 0] >= each.max(axis=0) - 1e-12
+    ).all()
+    np.testing.assert_allclose(found.upper[:, 0] - found.lower[:, 0], np.ptp(each, axis=0), rtol=1e-6, atol=1e-9)
+
+
+def test_orders_of_nearly_linear_numbers_are_lower():
+    """A number with a strong effect has a higher order than eight numbers with effects that are nearly linear."""
+    d = 9
+    rates = lambda x, p, t: [p[0] ** 2 * x[0] - x[0] ** 3 + sum(p[k] for k in range(1, d)), -x[1]]  # noqa: E731
+    box = [(0.6, 1.4), *[(-1e-3, 1e-3)] * (d - 1)]
+    problem, order = with_orders(ode(rates, lambda p: [0.5, 1.0], box, [0.0, 2.0]), 8)
+    assert problem.weights[0] == 1 and min(problem.weights[1:]) >= 2 and order >= 6
+    assert terms_of(problem.weights, order) == len(basis_of(problem.weights, order).exponents) <= MOST_TERMS
+
+
+def test_remarks_tell_the_orders():
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
+        bounds = mb.propagate(quadrotor(0.01, 0.1), mb.TaylorModel(order=12))
+        few = mb.propagate(quadrotor(0.01, 0.1), mb.TaylorModel(order=2))
+    assert any("Their highest orders are: c1 2, c2 2" in remark for remark in bounds.remarks)
+    assert not any("highest orders" in remark for remark in few.remarks)
