@@ -60,7 +60,10 @@ class Tools:
         found = load_scene(path)
         words = "" if is_urdf(path) else ast.get_docstring(ast.parse(Path(path).read_bytes()))
         lines = [*filter(None, [words]), repr(found), str(found.system), f"nominal: {found.system.parameters}"]
-        lines += [f"outputs: {', '.join(map(label, found.output_names, found.units))}"]
+        names = map(label, found.output_names, found.units)
+        kinds = (found.figures[name].kind if name in found.figures else "" for name in found.output_names)
+        told = (f"{name} ({kind} over a run)" if kind else name for name, kind in zip(names, kinds, strict=True))
+        lines += [f"outputs: {', '.join(told)}"]
         lines += [f"start: {', '.join(f'{name} = {value}' for name, value in found.start.items())}"] * bool(found.start)
         return "\n".join([*lines, f"box: {found.box or 'none; give a box for bounds'}"])
 
