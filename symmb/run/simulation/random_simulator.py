@@ -24,6 +24,8 @@ from symmb.run.simulation.pilots import at_tolerances
 S = TypeVar("S")
 _GROUP = 16
 """Smallest number of seeds of a group. Averages over groups give the standard error."""
+_OVER_TIME = "mean", "rms", "psd", "percentile"
+"""Kinds of scalar outputs that are averages over the times of all runs."""
 _RTOL = 1e-4
 """Default relative tolerance of the solver. Its errors are smaller than those of averages over 1000 realizations."""
 
@@ -90,12 +92,16 @@ class RandomSimulator(WithWarnings):
         """
         if len(self.seeds) < 2:
             return None
-        # Seeds of a group have the same amplitudes and frequencies. The error of using few of them is included.
+        # Seeds with the same remainder have the same amplitudes and frequencies, so that their averages include the
+        # error of few amplitudes. It cancels in averages over time, for which groups of any seeds are used.
         number = int(np.clip(len(self.seeds) // _GROUP, 2, LEVELS))
-        groups = [self.seeds[k::number] for k in range(number)]
-        p = np.array([*self.parameters.values()])
-        values = np.array([self._averages(p, seeds)[0] for seeds in groups])
-        return None if np.isnan(values).any() else values.std(axis=0, ddof=1) / number**0.5
+        p, found = np.array([*self.parameters.values()]), list[Array]()
+        for seeds in (self.seeds, np.random.default_rng(0).permutation(self.seeds)):
+            values = np.array([self._averages(p, seeds[k::number])[0] for k in range(number)])
+            found.append(values.std(axis=0, ddof=1) / number**0.5)
+        of_peaks = [rule.over_runs or rule.kind not in _OVER_TIME for rule in self.runs.rules]
+        errors = np.where(of_peaks, *found)
+        return None if np.isnan(errors).any() else errors
 
     @property
     def remark(self) -> str:
