@@ -13,7 +13,7 @@ from symmb._types import Array, Executor, Indices, Mask
 from symmb.bound.bounds.adaptive.clock import Clock
 from symmb.bound.bounds.adaptive.many_parameters import range_of_many
 from symmb.bound.bounds.adaptive.oscillations import oscillation_ranges
-from symmb.bound.bounds.adaptive.runs import UNKNOWN_SHARE, OutgrownError, Runs, relative_errors
+from symmb.bound.bounds.adaptive.runs import UNKNOWN_SHARE, OutgrownError, Runs, relative_errors, relative_rms
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
 from symmb.bound.bounds.adaptive.tensor_grids import TensorGrids
 from symmb.bound.bounds.failures import failed_region
@@ -106,31 +106,45 @@ def _estimated(runs: Runs, tolerance: float, is_patient: bool) -> tuple[Estimate
     The result is None if the study must begin again.
 
     If a tensor grid takes too many runs, the outputs are studied by the method for many parameters. The grid is then
-    refined only for outputs that are still uncertain. Each output gets the better of the two ranges.
+    refined only for outputs that are still uncertain. Each output gets the better of the two ranges. If waveforms do
+    not reach the tolerance, the other ranges are used only if they are more accurate.
     """
-    other: EstimatedRange | None = None
     try:
         with one_thread():
             surrogate = TensorGrids(runs, tolerance) if len(runs.box) <= MOST_PARAMETERS else None
             is_resolved = surrogate is not None and surrogate.is_resolved
-            known = dict[int, EstimatedRange]() if is_resolved else oscillation_ranges(runs, tolerance)
-            if surrogate is None or len(known) == runs.shape[1]:
-                return range_of_many(runs, tolerance, is_patient, known), [*known]
-            if known:
-                surrogate.count_only(np.array([k not in known for k in range(runs.shape[1])]))
-            while (found := surrogate.bounded()) is None:
-                if other is None and surrogate.is_costly:
-                    other = range_of_many(runs, tolerance, False, known)
-                    is_open = relative_errors(other.estimate, runs.rms_widths()) > DOUBTFUL
-                    if not is_open.any():
-                        return other, [*known]
-                    surrogate.count_only(is_open)
-                else:
-                    surrogate = surrogate.refined()
-            found = found.with_known(known)
-            return other.better(found, runs.rms_widths(), tolerance) if other else found, [*known]
+            waves = dict[int, EstimatedRange]() if is_resolved else oscillation_ranges(runs, tolerance)
+            known = {k: own for k, own in waves.items() if own.is_enough}
+            found = _refined(runs, tolerance, is_patient, surrogate, known)
+            errors, widths = relative_errors(found.estimate, runs.rms_widths()), runs.rms_widths()
+            for k, own in waves.items():
+                if not own.is_enough and relative_rms(own.estimate, widths[k : k + 1]) < errors[k]:
+                    known[k] = own
+            return found.with_known(known), [*known]
     except OutgrownError:
         return None
+
+
+def _refined(
+    runs: Runs, tolerance: float, is_patient: bool, surrogate: TensorGrids | None, known: dict[int, EstimatedRange]
+) -> EstimatedRange:
+    """The range of a surrogate that is refined. The ranges of some outputs are known."""
+    other: EstimatedRange | None = None
+    if surrogate is None or len(known) == runs.shape[1]:
+        return range_of_many(runs, tolerance, is_patient, known)
+    if known:
+        surrogate.count_only(np.array([k not in known for k in range(runs.shape[1])]))
+    while (found := surrogate.bounded()) is None:
+        if other is None and surrogate.is_costly:
+            other = range_of_many(runs, tolerance, False, known)
+            is_open = relative_errors(other.estimate, runs.rms_widths()) > DOUBTFUL
+            if not is_open.any():
+                return other
+            surrogate.count_only(is_open)
+        else:
+            surrogate = surrogate.refined()
+    found = found.with_known(known)
+    return other.better(found, runs.rms_widths(), tolerance) if other else found
 
 
 def _attained_or_estimated(

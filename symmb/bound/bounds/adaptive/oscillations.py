@@ -17,6 +17,7 @@ from symmb.bound.bounds.adaptive.check_points import PROBES, SAFETY, corner_desi
 from symmb.bound.bounds.adaptive.continuation import along_axes
 from symmb.bound.bounds.adaptive.runs import Runs, relative_rms
 from symmb.bound.bounds.adaptive.surrogate import EstimatedRange
+from symmb.bound.bounds.time_windows import DOUBTFUL
 from symmb.bound.nodes import Grid
 from symmb.bound.polynomials import MultiIndices, TotalDegree, basis_values
 
@@ -106,10 +107,11 @@ def oscillation_ranges(runs: Runs, tolerance: float) -> dict[int, EstimatedRange
     """The ranges of outputs that oscillate, by their indices, if their phases differ by a cycle or more between runs.
 
     The error is estimated by leaving out one run at a time: each run is predicted from the other runs, and compared
-    with its own result. Outputs with errors above the tolerance are left out.
+    with its own result. Degrees increase until the errors are within the tolerance, or no longer decrease. Outputs with
+    doubtful errors are left out.
     """
     t, d, before = np.asarray(runs.simulator.times), len(runs.box), np.inf
-    found, oscillates = dict[int, EstimatedRange](), list[int]()
+    found, oscillates, fits = dict[int, EstimatedRange](), list[int](), dict[int, tuple[float, _Fit]]()
     if d > MOST_DIMENSIONS or len(t) < LEAST_CYCLES**2:
         return found
     if not len(runs):  # sparse grids begin with the same runs
@@ -124,30 +126,38 @@ def oscillation_ranges(runs: Runs, tolerance: float) -> dict[int, EstimatedRange
         spread = evenly_spread_points(2 * len(alpha) + PROBES, d)
         design = np.concatenate([corner_design(d), spread])
         is_late = degree > 2 and runs.clock.is_late
-        if found.keys() == set(oscillates) or len(design) > runs.left or is_late:
+        if all(k in found and found[k].is_enough for k in oscillates) or len(design) > runs.left or is_late:
             break
         runs.check(design)
         if not runs.ok.all():
-            break
+            return found
         points, Y, error = np.concatenate([runs.places, runs.points]), _outputs(runs), 0.0
         for k in oscillates:
             if k in found:
                 continue
             if (fit := _Fit.of(t, Y[k], points, alpha)) is None:  # some of the new runs do not oscillate
                 return found
-            width = runs.rms_widths()[k : k + 1]
-            own = relative_rms(SAFETY * fit.least[:, None], width)
+            own = relative_rms(SAFETY * fit.least[:, None], runs.rms_widths()[k : k + 1])
             if own <= tolerance:  # ranges take time
-                lower, upper, estimate = (each[:, None] for each in fit.range())
-                own = relative_rms(estimate, width)
-                if own <= tolerance:
-                    found[k] = EstimatedRange(lower, upper, estimate, None, "waveforms of a phase", is_enough=True)
+                of_output = _range(runs, k, fit, tolerance)
+                own = relative_rms(of_output.estimate, runs.rms_widths()[k : k + 1])
+                if of_output.is_enough:
+                    found[k] = of_output
                     continue
+            fits[k] = min(fits.get(k, (np.inf, fit)), (own, fit), key=lambda each: each[0])
             error = max(error, own)
         if error > CONVERGENCE * before:
             break
         before = error
-    return found
+    rest = {k: _range(runs, k, fit, tolerance) for k, (own, fit) in fits.items() if k not in found and own <= DOUBTFUL}
+    return found | rest
+
+
+def _range(runs: Runs, k: int, fit: "_Fit", tolerance: float) -> EstimatedRange:
+    """The range of output k from a fit."""
+    lower, upper, estimate = (each[:, None] for each in fit.range())
+    is_enough = relative_rms(estimate, runs.rms_widths()[k : k + 1]) <= tolerance
+    return EstimatedRange(lower, upper, estimate, None, "waveforms of a phase", is_enough=is_enough)
 
 
 def _outputs(runs: Runs) -> list[Array]:
