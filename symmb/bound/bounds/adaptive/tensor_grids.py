@@ -116,8 +116,11 @@ class TensorGrids:
 
     @property
     def is_resolved(self) -> bool:
-        """Whether the error of the first interpolant is expected to be within the tolerance."""
-        return relative_rms(self._pieces[0].truncation.least, self._widths) <= self._tolerance
+        """Whether the error of the first interpolant is expected to be within the tolerance, and is far from doubtful.
+
+        The error of an oscillation that is not resolved may be estimated as only a few percent.
+        """
+        return relative_rms(self._pieces[0].truncation.least, self._widths) <= min(self._tolerance, DOUBTFUL / 10)
 
     def bounded(self) -> EstimatedRange | None:
         """The range, if its error is small enough or cannot be reduced.
