@@ -1,5 +1,6 @@
 """Bounds of oscillations over many periods, against closed forms and dense samples."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -53,6 +54,39 @@ def test_amplitudes_and_decay_count_beside_the_phase():
     lower, upper = np.minimum(*(ends * low)), np.maximum(*(ends * high))
     assert_bounds(bounds, lower[:, None], upper[:, None])
     assert bounds.evaluations < 80
+
+
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_smaller_tolerances_do_not_increase_errors():
+    """x oscillates between springs with a gap. The time of a turn is that of a half cycle and of the free way."""
+    p = mb.Parameters(k=100.0, gap=0.03)
+    ball = mb.Body("ball", mass=1.0, pose=mb.Particle())
+    law = -p.k * (ca.fmax(ball.x - p.gap, 0) + ca.fmin(ball.x + p.gap, 0))
+    system = mb.System(ball, mb.Force("springs", ball.point(0, 0), (law, 0)), parameters=p)
+    t, box = np.linspace(0.0, 30.0, 1501), mb.Box(k=(95, 105), gap=(0.02, 0.04))
+    scene = mb.Scene(system, {"ball.x": 0.1}, t, {"x": ball.x}, box=box)
+    k, gap = (each.ravel()[:, None] for each in np.meshgrid(np.linspace(95, 105, 41), np.linspace(0.02, 0.04, 81)))
+    w = np.sqrt(k)
+    quarter, free = np.pi / 2 / w, 2 * gap / ((0.1 - gap) * w)
+    turns, s = np.divmod(t, 2 * quarter + free)
+    away = np.where(s < quarter, gap + (0.1 - gap) * np.cos(w * s), gap - (0.1 - gap) * w * (s - quarter))
+    back = -gap - (0.1 - gap) * np.sin(w * (s - quarter - free))
+    x = np.where(s < quarter + free, away, back) * np.where(turns % 2 == 0, 1.0, -1.0)
+    lower, upper = x.min(axis=0)[:, None], x.max(axis=0)[:, None]
+    for tolerance in (1e-2, 1e-3, 1e-4):
+        assert_bounds(mb.propagate(scene, mb.PolynomialChaos(tolerance=tolerance)), lower, upper)
+
+
+def test_a_large_tolerance_takes_no_more_runs():
+    t = np.linspace(0.0, 30.0, 1501)
+    oscillator = mb.FunctionSimulator(
+        lambda k: (np.exp(-0.1 * t) * np.cos(np.sqrt(k - 0.01) * t))[:, None], {"k": 100.0}, t, ["x"]
+    )
+    runs = [
+        mb.propagate(oscillator, mb.PolynomialChaos(tolerance=tolerance), mb.Box(k=(90, 110))).evaluations
+        for tolerance in (0.1, 0.01)
+    ]
+    assert runs[0] <= runs[1]
 
 
 def test_a_long_horizon_of_a_scene_takes_as_many_runs_as_a_short_one():
