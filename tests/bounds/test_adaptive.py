@@ -166,6 +166,13 @@ def test_many_parameters_with_few_runs():
     assert_allclose(bounds.moments().mean[0, 0], np.prod(np.sinh(weights / 2) / (weights / 2)), rtol=1e-2)
 
 
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+@pytest.mark.parametrize("budget", [9, 20, 30])
+def test_scenes_of_two_parameters_keep_budgets(budget):
+    bounds = mb.propagate(double_pendulum.scene(), mb.PolynomialChaos(budget=budget))
+    assert bounds.evaluations <= budget
+
+
 def test_budgets_are_spent_on_nodes_and_checks():
     simulator, box = unit_function(lambda x: np.sin(1 + 30 * sum(x**2)), 5)
     for budget in (11, 40, 41, 100):

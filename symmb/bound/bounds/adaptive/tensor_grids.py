@@ -107,7 +107,7 @@ class TensorGrids:
         d = len(runs.box)
         self._runs, self._tolerance, self._counts = runs, tolerance, np.full(runs.shape[1], True)
         # Runs of scenes cost less than a round that refines the grid. Other simulators start with nine runs.
-        is_fine = d == 1 or (d == 2 and isinstance(runs.simulator, SceneSimulator))
+        is_fine = (d == 1 or (d == 2 and isinstance(runs.simulator, SceneSimulator))) and 5**d <= runs.left
         part = (np.zeros(d), np.ones(d), np.full(d, 4 if is_fine else 2))
         runs.at(nodes_of(part))  # widths follow from runs
         self._pieces = [Piece.of(runs, part, self._widths)]
