@@ -44,5 +44,5 @@ class EstimatedRange(NamedTuple):
         lower, upper, estimate = (each.copy() for each in self[:3])
         for k, own in known.items():
             lower[:, [k]], upper[:, [k]], estimate[:, [k]] = own[:3]
-        names = dict.fromkeys([self.surrogate, *(own.surrogate for own in known.values())])
+        names = dict.fromkeys([*self.surrogate.split(", "), *(own.surrogate for own in known.values())])
         return self._replace(lower=lower, upper=upper, estimate=estimate, surrogate=", ".join(names))
