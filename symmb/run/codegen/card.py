@@ -271,33 +271,33 @@ class CardEngine(Engine):
         for first in range(0, study.n, most):
             portion = {name: array[first : first + most] for name, array in of_samples.items()}
             n = len(portion["t_failed"])
-            held = {**common, **self._on_card(portion), "events": card.memory(events.nbytes)}
+            memory = {**common, **self._on_card(portion), "events": card.memory(events.nbytes)}
             if study.is_reduced:
-                held["Y"] = card.memory(values * n)
+                memory["Y"] = card.memory(values * n)
             own = Study.from_buffer_copy(study)
             own.n, own.most_events, own.n_events, own.steps = n, len(events), 0, 0
             for name in (*_OF_SAMPLES, "times", "atol", "events"):
-                setattr(own, name, held[name].address if name in held else None)
+                setattr(own, name, memory[name].address if name in memory else None)
             of_study = np.frombuffer(cast(Any, own), dtype=np.uint8)
             on_card = card.memory(of_study.nbytes, of_study)
             self._launch("run_samples", n, on_card.address)
             if reduction is not None:
-                addresses = (memory.address for memory in states)
+                addresses = (state.address for state in states)
                 self._launch(
                     reduction.kernel, reduction.threads, on_card.address, first, *addresses, *reduction.numbers
                 )
             card.read(on_card, of_study)
             for name in {"t_failed", "Y", "passes"} & portion.keys():
-                card.read(held[name], portion[name])
+                card.read(memory[name], portion[name])
             if not np.isnan(portion["t_failed"]).all():
                 for name in ("failure", "x_failed"):
-                    card.read(held[name], portion[name])
+                    card.read(memory[name], portion[name])
             study.steps += own.steps
             if reduction is None:
-                card.read(held["events"], events[: own.n_events])[:, 0] += first
+                card.read(memory["events"], events[: own.n_events])[:, 0] += first
                 study.n_events += own.n_events
                 events = events[own.n_events :]
-            held.clear()  # before the next portion takes memory
+            memory.clear()  # before the next portion takes memory
         if reduction is not None:
             card.read(states[0], reduction.state)
 

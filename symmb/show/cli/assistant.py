@@ -62,8 +62,8 @@ class Tools:
         lines = [*filter(None, [words]), repr(found), str(found.system), f"nominal: {found.system.parameters}"]
         names = map(label, found.output_names, found.units)
         kinds = (found.figures[name].kind if name in found.figures else "" for name in found.output_names)
-        told = (f"{name} ({kind} over a run)" if kind else name for name, kind in zip(names, kinds, strict=True))
-        lines += [f"outputs: {', '.join(told)}"]
+        texts = (f"{name} ({kind} over a run)" if kind else name for name, kind in zip(names, kinds, strict=True))
+        lines += [f"outputs: {', '.join(texts)}"]
         lines += [f"start: {', '.join(f'{name} = {value}' for name, value in found.start.items())}"] * bool(found.start)
         return "\n".join([*lines, f"box: {found.box or 'none; give a box for bounds'}"])
 
