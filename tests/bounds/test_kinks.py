@@ -202,3 +202,23 @@ def test_comparison_tells_which_method_is_not_valid(tmp_path):
     assert f"{found.rows[0].name} is not valid from t = 0.0957" in str(found)
     found.save(tmp_path / "c.json")
     assert [row.caution for row in mb.Comparison.load(tmp_path / "c.json").rows] == cautions
+
+
+def test_a_cusp_beside_a_jump_is_not_missed():
+    """The root of |x| is 0 along a line in two parameters, at no node of any grid. A jump takes most of the runs."""
+    t = np.linspace(0.0, 3.0, 61)
+
+    def motion(a, k):
+        w = np.sqrt(k - 1)
+        return a * np.exp(-t) * (np.cos(w * t) + np.sin(w * t) / w)
+
+    def outputs(a, k):
+        x = motion(a, k)
+        return np.column_stack([np.sqrt(np.abs(x)), x > 0.03])
+
+    simulator = mb.FunctionSimulator(outputs, {"a": 0.05, "k": 50.0}, t, ["root", "above"])
+    with pytest.warns(mb.SymmbWarning, match="root"):
+        bounds = mb.propagate(simulator, mb.PolynomialChaos(seconds=600.0), mb.Box(a=(-0.02, 0.1), k=(40, 60)))
+    upper = np.sqrt(np.max([np.abs(motion(0.1, k)) for k in np.linspace(40, 60, 2001)], axis=0))
+    errors = np.maximum(bounds.lower[:, 0], np.abs(bounds.upper[:, 0] - upper))
+    assert (errors <= bounds.estimate[:, 0] + 1e-2 * upper).mean() > 0.95

@@ -167,3 +167,21 @@ def test_runs_are_within_bounds_and_estimate(form):
     width = rms((bounds.upper - bounds.lower)[:, 0])
     missed = np.maximum(bounds.lower.T - Y.min(axis=0), Y.max(axis=0) - bounds.upper.T) - bounds.estimate.T
     assert (missed > 5e-3 * np.where(np.arange(2)[:, None] == 0, width, 1.0)).mean() < 2e-3
+
+
+def test_a_driven_oscillator_near_resonance_reaches_small_tolerances():
+    """The driven and the free oscillation have different frequencies, so that there is no phase."""
+    t, decay, drive = np.linspace(0.0, 100.0, 501), 0.025, 10.2
+
+    def x(k):
+        k = np.asarray(k)[..., None]
+        w, driven = np.sqrt(k - decay**2), np.exp(1j * drive * t) / (k - drive**2 + 2j * decay * drive)
+        start, rate = -driven[..., :1].imag, -drive * driven[..., :1].real
+        free = start * np.cos(w * t) + (rate + decay * start) / w * np.sin(w * t)
+        return driven.imag + np.exp(-decay * t) * free
+
+    simulator = mb.FunctionSimulator(lambda k: x(k)[:, None], {"k": 100.0}, t, ["x"])
+    method = mb.PolynomialChaos(tolerance=1e-3, seconds=600.0)
+    bounds, dense = mb.propagate(simulator, method, mb.Box(k=(95, 112))), x(np.linspace(95, 112, 6001))
+    assert_bounds(bounds, dense.min(axis=0)[:, None], dense.max(axis=0)[:, None])
+    assert rms(bounds.estimate) < 1e-3 * rms(bounds.upper - bounds.lower) and bounds.evaluations < 400

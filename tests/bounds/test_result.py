@@ -43,7 +43,7 @@ def test_outputs_are_doubtful_from_where_the_error_outgrows_the_width():
     bounds = mb.Bounds(t, ("good", "late", "early"), -width / 2, width / 2, "estimate", "test", 1, estimate)
     assert bounds.doubtful() == {"late": 0.0, "early": 0.0}
     assert bounds.doubtful(0.15) == {"late": 3.0}
-    doubt = "The estimated error is above 10 % of the width: late from 0 s, early from 0 to 5 s."
+    doubt = "The estimated error is above 10 % of the width: late from 6 s, early from 0 to 5 s."
     assert bounds.doubts == (doubt,) and f"warning      {doubt}" in str(bounds)
     assert mb.Bounds(t, ("x",), width[:, :1], width[:, :1], "sampled", "test", 1).doubtful() == {}
 

@@ -141,16 +141,20 @@ class Envelope(WithWarnings):
     def _doubtful_part(
         self, name: str, since: float, windows: Sequence[tuple[str, float, float]], most: int = 3
     ) -> str:
-        """Times of a large error of an output, in words: windows of time, or a first time."""
+        """Times of a large error of an output, in words."""
         if len(self.t) == 1:
             return ""
-        own = [ends for output, *ends in windows if output == name]
-        if not own or own[-1][1] == self.t[-1]:
-            assert self.estimate is not None
-            first = self.t[(self.estimate[:, self._column(name)] > 0).argmax()]  # known start values have no error
-            return f" from {max(since, float(first)):g} s"
-        texts = [f"from {begin:g} to {end:g} s" for begin, end in own[:most]]
-        return " " + " and ".join([*texts, *(["later"] if len(own) > most else [])])
+        assert self.estimate is not None
+        start, end = self.t[[0, -1]]
+        first = float(self.t[(self.estimate[:, self._column(name)] > 0).argmax()])  # known start values have no error
+        own = [ends for output, *ends in windows if output == name] or [[since, end]]
+        spans = [(max(begin, first), last) for begin, last in own]
+        if spans[0] == (start, end):
+            return " at all times"
+        if len(spans) > most:
+            return f" at many times from {spans[0][0]:g} s"
+        texts = [f"from {begin:g} s" if last == end else f"from {begin:g} to {last:g} s" for begin, last in spans]
+        return " " + " and ".join(texts)
 
     def _scaled(self, estimate: Array) -> tuple[Array, Array, Array]:
         """Estimated error and width, each (n_t, n_y), and the noise or rounding (n_y,), scaled by powers of two.

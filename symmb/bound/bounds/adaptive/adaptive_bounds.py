@@ -221,7 +221,7 @@ def _of_rounding(runs: Runs, is_noise: Mask) -> tuple[str, ...]:
 
 _CUT = (
     "The study ended before it reached the tolerance {tolerance:g}, because computations other than runs took more "
-    "than 1 s, and more than three times as long as the runs. Allow more time by PolynomialChaos(seconds=...)."
+    "than 3 s, and more than three times as long as the runs. Allow more time by PolynomialChaos(seconds=...)."
 )
 """The warning if a study had no time to refine the bounds, and its error is far above the tolerance."""
 _SHORT = "The tolerance {} of the method was not reached: the estimated error is {} times the width."

@@ -9,9 +9,9 @@ import numpy as np
 from symmb._threads import threads_as_before
 from symmb._types import Array
 
-LEAST_SECONDS, SECONDS_OF_RUNS = 1.0, 3.0
-"""Allowed time of a study in addition to its runs [s]. A second is short for users. After slow runs, the study may take
-a similar time as the runs."""
+LEAST_SECONDS, SECONDS_OF_RUNS = 3.0, 3.0
+"""Allowed time of a study in addition to its runs [s]. Three seconds are short for users. After slow runs, the study
+may take a similar time as the runs."""
 OWN_SHARE = 0.1
 """Smallest ratio of processor time to wall time of runs. The ratio is smaller if other programs use most processors,
 for example ten times as many processes as processors."""

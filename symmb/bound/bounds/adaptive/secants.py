@@ -1,5 +1,7 @@
 """Kinks of responses of one parameter, from the intersections of secants through runs on both sides."""
 
+from itertools import product
+
 import numpy as np
 
 from symmb._limits import windows
@@ -69,3 +71,35 @@ def _outer(slope: Array) -> tuple[Array, Array]:
     grows = (last * first > 0) & (np.abs(last) > np.abs(first))
     np.divide(last, first, out=growth[2:], where=grows)
     return outer, np.minimum(growth, SAFETY)  # unequal intervals make the growth too large
+
+
+def excess_beside_extremes(nodes: Array, Y: Array, noise: Array) -> Array:
+    """How far responses may exceed their extremes at the nodes of a tensor grid, (n_t, n_y).
+
+    Beside the node of an extreme, along each parameter, one secant passes through the two nodes on one side of an
+    interval, and the other through the two nodes on its other side, as in `secant_extremes`.
+
+    Parameters
+    ----------
+    nodes : (N, d)          of the tensor grid
+    Y : (N, n_t, n_y)       responses at the nodes
+    noise : (n_y,)          of the responses; it is subtracted from differences
+    """
+    lines, numbers = zip(*(np.unique(x, return_inverse=True) for x in nodes.T), strict=True)
+    places = [np.pad(line, 2, constant_values=np.nan) for line in lines]
+    rows = np.pad(np.zeros([len(line) for line in lines], dtype=int), 2)
+    rows[tuple(each + 2 for each in numbers)] = np.arange(len(nodes))
+    times_and_outputs, excess = np.ogrid[: Y.shape[1], : Y.shape[2]], np.zeros(Y.shape[1:])
+    for sign, axis, step in product((-1, 1), range(nodes.shape[1]), (-1, 1)):
+        best = (sign * Y).argmin(axis=0)
+        near = np.repeat([[each[best] + 2] for each in numbers], 4, axis=1)  # behind, at, ahead of, beyond the extreme
+        near[axis] += step * np.arange(-1, 3)[:, None, None]
+        x_behind, x, x_ahead, x_beyond = places[axis][near[axis]]
+        y_behind, y, y_ahead, y_beyond = sign * Y[rows[tuple(near)], *times_and_outputs]
+        h = np.abs(x_ahead - x)
+        fall = np.maximum(y_behind - y - 2 * noise, 0.0) / np.abs(x - x_behind)
+        rise = np.maximum(y_beyond - y_ahead - 2 * noise, 0.0) / np.abs(x_beyond - x_ahead)
+        crossing = np.divide(y - y_ahead + rise * h, fall + rise, out=h.copy(), where=rise > 0)
+        depth = fall * np.clip(crossing, 0.0, h)
+        excess = np.fmax(excess, SAFETY * depth)
+    return excess

@@ -32,7 +32,7 @@ MANY_VALUES = 1000
 """Number of values of a run above which the output is a field. A mean over fewer values is less reliable."""
 FIELD_TRUST = 0.18
 """TRUST of fields. It is smaller, because check runs show errors at many times. Smaller values miss more errors."""
-KINK_GAIN = 0.9
+KINK_GAIN = 0.5
 """Fraction of the error that may remain after half of all rounds near kinks. Larger fractions take more runs."""
 NARROW, MOST_AT_KINKS = 0.01, 8
 """Distance of runs at kinks, divided by that of other check runs. Largest number of runs at kinks in a round."""
@@ -113,6 +113,7 @@ class TensorGrids:
         self._pieces = [Piece.of(runs, part, self._widths)]
         self._chosen, self._parts, self._has_fields = self._pieces[0], list[Part](), False
         self._share_of_secants = np.zeros(runs.shape[1])
+        self._secants = 0, (np.empty(0), np.empty(0))
 
     @property
     def is_resolved(self) -> bool:
@@ -228,9 +229,12 @@ class TensorGrids:
 
     def _secant_extremes(self) -> tuple[Array, Array]:
         """Places of possible extremes at kinks, from secants through all runs, and their distance beyond the runs."""
-        runs, ok = self._runs, self._runs.is_attained
-        points = np.concatenate([runs.places[ok], runs.points])
-        return secant_extremes(points, np.concatenate([runs.nodes[ok], runs.checks]), runs.noise)
+        runs, ok, (number, known) = self._runs, self._runs.is_attained, self._secants
+        if number != len(runs):
+            points = np.concatenate([runs.places[ok], runs.points])
+            known = secant_extremes(points, np.concatenate([runs.nodes[ok], runs.checks]), runs.noise)
+            self._secants = len(runs), known  # they take longer than the runs of small scenes
+        return known
 
     def _probes(self, number: int) -> Array:
         """Check points: the requested points, and `number` others. With corners, the others are close to corners."""
