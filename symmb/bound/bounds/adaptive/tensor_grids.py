@@ -32,8 +32,6 @@ MANY_VALUES = 1000
 """Number of values of a run above which the output is a field. A mean over fewer values is less reliable."""
 FIELD_TRUST = 0.18
 """TRUST of fields. It is smaller, because check runs show errors at many times. Smaller values miss more errors."""
-KINK_GAIN = 0.5
-"""Fraction of the error that may remain after half of all rounds near kinks. Larger fractions take more runs."""
 NARROW, MOST_AT_KINKS = 0.01, 8
 """Distance of runs at kinks, divided by that of other check runs. Largest number of runs at kinks in a round."""
 
@@ -179,8 +177,8 @@ class TensorGrids:
     def _at_kinks(self, union: _Union, estimate: Array) -> EstimatedRange | None:
         """The range from runs near kinks of one parameter and from the estimated range, if its error is small enough.
 
-        The next runs are at intersections of secants, such as the vertex of a V. Rounds continue while the error
-        decreases.
+        The next runs are at intersections of secants, such as the vertex of a V. Rounds continue if the error decreases
+        so quickly that they are expected to add half as many runs at most.
         """
         runs, tolerance, widths, sizes = self._runs, self._tolerance, self._widths, list[float]()
         if len(runs.box) > 1:
@@ -202,10 +200,12 @@ class TensorGrids:
                 return EstimatedRange(lower, upper, error, union.polynomials, "runs near kinks", is_enough=True)
             sizes.append(size)
             large = np.where(errors > tolerance / 2 * widths, errors / widths, 0.0)
-            has_helped = size <= KINK_GAIN * sizes[(len(sizes) - 1) // 2] or len(sizes) == 1
+            half = len(sizes) // 2
+            gain = math.log(sizes[-1 - half] / size) / max(half, 1)  # of a round
+            takes_few = half == 0 or MOST_AT_KINKS * math.log(size / tolerance) <= len(runs) / 2 * gain
             # Larger distances make the kernel of the choice narrower. Kinks close to each other then get separate runs.
             chosen = select_dispersed(places / NARROW, large, MOST_AT_KINKS)[: runs.left] * NARROW
-            if not has_helped or not self._check_secants(union, *self._unseen(union), chosen):
+            if not takes_few or not self._check_secants(union, *self._unseen(union), chosen):
                 break
         return None
 
