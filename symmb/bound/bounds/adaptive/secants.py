@@ -74,10 +74,10 @@ def _outer(slope: Array) -> tuple[Array, Array]:
 
 
 def excess_beside_extremes(nodes: Array, Y: Array, noise: Array) -> Array:
-    """How far responses may exceed their extremes at the nodes of a tensor grid, (n_t, n_y).
+    """How far responses with cusps and kinks may exceed their extremes at the nodes of a tensor grid, (n_t, n_y).
 
     Beside the node of an extreme, along each parameter, one secant passes through the two nodes on one side of an
-    interval, and the other through the two nodes on its other side, as in `secant_extremes`.
+    interval, and the other through the two nodes on its other side, as in `secant_extremes`. Jumps have no excess.
 
     Parameters
     ----------
@@ -86,20 +86,32 @@ def excess_beside_extremes(nodes: Array, Y: Array, noise: Array) -> Array:
     noise : (n_y,)          of the responses; it is subtracted from differences
     """
     lines, numbers = zip(*(np.unique(x, return_inverse=True) for x in nodes.T), strict=True)
-    places = [np.pad(line, 2, constant_values=np.nan) for line in lines]
-    rows = np.pad(np.zeros([len(line) for line in lines], dtype=int), 2)
-    rows[tuple(each + 2 for each in numbers)] = np.arange(len(nodes))
+    places = [np.pad(line, 3, constant_values=np.nan) for line in lines]
+    rows = np.pad(np.zeros([len(line) for line in lines], dtype=int), 3)
+    rows[tuple(each + 3 for each in numbers)] = np.arange(len(nodes))
     times_and_outputs, excess = np.ogrid[: Y.shape[1], : Y.shape[2]], np.zeros(Y.shape[1:])
     for sign, axis, step in product((-1, 1), range(nodes.shape[1]), (-1, 1)):
         best = (sign * Y).argmin(axis=0)
-        near = np.repeat([[each[best] + 2] for each in numbers], 4, axis=1)  # behind, at, ahead of, beyond the extreme
-        near[axis] += step * np.arange(-1, 3)[:, None, None]
-        x_behind, x, x_ahead, x_beyond = places[axis][near[axis]]
-        y_behind, y, y_ahead, y_beyond = sign * Y[rows[tuple(near)], *times_and_outputs]
-        h = np.abs(x_ahead - x)
-        fall = np.maximum(y_behind - y - 2 * noise, 0.0) / np.abs(x - x_behind)
-        rise = np.maximum(y_beyond - y_ahead - 2 * noise, 0.0) / np.abs(x_beyond - x_ahead)
-        crossing = np.divide(y - y_ahead + rise * h, fall + rise, out=h.copy(), where=rise > 0)
-        depth = fall * np.clip(crossing, 0.0, h)
+        near = np.repeat(
+            [[each[best] + 3] for each in numbers], 6, axis=1
+        )  # the interval is between the third and fourth
+        near[axis] += step * np.arange(-2, 4)[:, None, None]
+        y, h = sign * Y[rows[tuple(near)], *times_and_outputs], np.abs(np.diff(places[axis][near[axis]], axis=0))
+        far_fall, fall, _, rise, far_rise = (
+            np.maximum(turn * change - 2 * noise, 0.0) / length
+            for turn, change, length in zip((-1, -1, 1, 1, 1), np.diff(y, axis=0), h, strict=True)
+        )
+        fall, growth_before = _steeper(fall, far_fall)
+        rise, growth_after = _steeper(rise, far_rise)
+        crossing = np.divide(y[2] - y[3] + rise * h[2], fall + rise, out=np.zeros_like(rise), where=rise > 0)
+        least = np.minimum(np.maximum(growth_before, growth_after) - 1, LEAST_SHARE_BESIDE_CUSP) * h[2]
+        depth = np.where(rise > 0, fall * np.clip(crossing, least, h[2] - least), 0.0)
         excess = np.fmax(excess, SAFETY * depth)
     return excess
+
+
+def _steeper(slope: Array, before: Array) -> tuple[Array, Array]:
+    """Slopes that increase by the same factor once more, and this factor (at least 1); 0 and 1 at jumps."""
+    growth = np.fmax(np.divide(slope, before, out=np.ones_like(slope), where=before > 0), 1.0)
+    is_jump = growth > SAFETY
+    return np.where(is_jump, 0.0, slope * growth), np.where(is_jump, 1.0, growth)
