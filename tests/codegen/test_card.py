@@ -244,6 +244,35 @@ class Counting(Processor):
         return super().read(memory, to)
 
 
+def spring(output: str) -> mb.Scene:
+    """A mass that meets a stiffer spring, with few output times."""
+    p = mb.Parameters(k=30.0)
+    mass = mb.Body("mass", 1.0, pose=mb.Particle())
+    force = mb.Force("force", mass.point(0, 0), (ca.if_else(mass.x < 0, -9 * p.k, -p.k) * mass.x, 0))
+    system, named = mb.System(mass, force, parameters=p), {"x": mass.x, "top": mb.maximum(mass.vx)}
+    return mb.Scene(system, {"mass.x": 1.0}, np.array([0.0, 2.0]), {output: named[output]})
+
+
+@NEEDED
+@pytest.mark.parametrize("output", ["x", "top"])
+def test_blocks_of_values_take_little_memory(tmp_path, monkeypatch, output):
+    """Passes of switches take more than values, and scalar outputs need values at many times."""
+    monkeypatch.setattr("symmb.run.formulations.ensembles.NUMBERS_ON_CARD", most := 2**17)
+    card = Counting(tmp_path)
+    found = mb.sweep(spring(output), {"k": np.linspace(25, 35, 600)}, solver=mb.DormandPrince(), device=card)
+    assert found.ok.all() and card.sent <= 8 * most
+
+
+@NEEDED
+def test_studies_of_prepared_scenes_with_scalar_outputs_run_on_the_card(tmp_path):
+    card = Processor(tmp_path)
+    prepared = mb.prepare(spring("top"), mb.DormandPrince(), device=card)
+    before = card.launches
+    found = mb.sweep(prepared, {"k": [25.0, 35.0]})
+    assert card.launches > before
+    assert np.ravel(found["top"]) == pytest.approx([5.0, 35**0.5], rel=1e-7)
+
+
 @NEEDED
 def test_worst_cases_repeat_no_block(tmp_path):
     scene, card = import_module("models.double_pendulum").scene(), Counting(tmp_path)
@@ -279,7 +308,7 @@ def test_quantiles_and_moments_of_many_runs(tmp_path, monkeypatch):
 
 def test_refusals(tmp_path):
     scene = import_module("models.double_pendulum").scene()
-    for device in ("gpu", 0, True, Processor):
+    for device in ("gpu", 0, True, Processor, np.array([1, 2])):
         with pytest.raises(mb.DeclarationError, match="expected 'cuda' or None, got "):
             mb.prepare(scene, device=device)  # pyright: ignore[reportArgumentType]
     for solver in (mb.CVODES(), mb.BDFI3()):

@@ -204,6 +204,16 @@ class Engine:
         self.__dict__.update(state)
         self._open()
 
+    @property
+    def _notes_passes(self) -> bool:
+        """Whether there are switches that are not contacts, so that `values` records their passes."""
+        return len(self.ends.hysteresis) > (len(self.contacts.names) if self.contacts else 0)
+
+    @property
+    def numbers(self) -> int:
+        """Number of values, passes and numbers of events for which `values` has space for each sample."""
+        return len(self.times) * self.n_y + MOST_PASSES * self._notes_passes + len(EVENT) * self._room
+
     def at(self, times: Array) -> "Engine":
         """A copy of this engine with other output times (n_t,). The first and the last time must be the same."""
         copy = object.__new__(type(self))  # not copy.copy, whose __setstate__ would open the library again
@@ -256,8 +266,7 @@ class Engine:
         if not self.starts and x0.shape[1] < self.n_x:  # the history follows from the state
             x0 = np.hstack([x0, np.zeros((N, self.n_x - x0.shape[1]))])
         x0, p = np.ascontiguousarray(x0, dtype=float), np.ascontiguousarray(p, dtype=float)
-        notes = Y is not None and len(self.ends.hysteresis) > (len(self.contacts.names) if self.contacts else 0)
-        passes = np.full((N, MOST_PASSES), np.nan) if notes else None
+        passes = np.full((N, MOST_PASSES), np.nan) if Y is not None and self._notes_passes else None
         events = np.empty((N * self._room, len(EVENT)))
         failed_samples = FailedSamples(np.full(N, np.nan), np.zeros(N, dtype=np.int8), np.empty((N, self.n_x)), passes)
         stops = None if self.ends.stops is None else np.ascontiguousarray(self.ends.stops(x0, p))

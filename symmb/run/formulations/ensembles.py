@@ -23,13 +23,16 @@ the computation."""
 IRREGULAR_OUTPUT = REASONS[1]
 NAMED_SAMPLES = 5
 """Number of failed samples of a block with messages that name joints. No more messages are printed."""
+NUMBERS_ON_CARD = 2**25
+"""Largest number of numbers that a card sends for a block, which take 0.3 GB."""
 
 
 def block_size(n_x: int, values: int, compiled: bool, keeps_trajectories: bool, on_card: bool = False) -> int:
-    """Number of samples of a block, for n_x states and `values` output values of each sample."""
+    """Number of samples of a block, for n_x states and `values` output values of each sample. If the block is on a
+    card, `values` are all numbers that the card sends for each sample."""
     small = max(1, min(8, 100 // max(n_x, 1)))  # small models have larger blocks
-    if on_card:  # cards run many samples at once. Trajectories of a block take at most 0.3 GB
-        return max(BLOCK, 2**25 // values) if keeps_trajectories else 2**17 * small
+    if on_card:  # cards run many samples at once
+        return max(BLOCK, NUMBERS_ON_CARD // values) if keeps_trajectories else 2**17 * small
     if not n_x:
         # Number of values of a block of a scene without states. A call takes much longer than its overhead.
         return max(BLOCK, 10**6 // values)

@@ -158,8 +158,8 @@ class DAESimulator(WithWarnings):
     ) -> S:
         """Run samples P (N, d) block by block, and reduce each block."""
         require_instance("stream: reduction", reduction, Reduction, "a Reduction")
-        n_x, values = self.formulation.y.numel_in(0), len(self.times) * len(self.outputs)
-        on_card = self.program.card is not None
+        n_x, on_card = self.formulation.y.numel_in(0), self.program.card is not None
+        values = self.program.engine().numbers if on_card else len(self.times) * len(self.outputs)
         block = block_size(n_x, values, self.compiled, reduction.trajectories, on_card)
         return stream(self, P, reduction, executor, progress, block)
 

@@ -169,9 +169,8 @@ class FigureSimulator(WithWarnings):
         require_instance("stream: reduction", reduction, Reduction, "a Reduction")
         block = 64  # the values of these samples at all times take some MB
         if self._with_rates.card is not None:
-            block = block_size(
-                0, len(self.curves.times) * self._with_rates.formulation.y.numel_out(0), True, True, True
-            )
+            engine = self._with_rates.at(self._times_of(self._count)[0]).engine()
+            block = block_size(0, 10 * engine.numbers, True, True, True)  # panels take ten times the memory of values
         return stream(self, P, reduction, executor, progress, block)
 
     def identity(self) -> str:

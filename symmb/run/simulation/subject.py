@@ -71,7 +71,7 @@ def simulator_for(
         raise DeclarationError(f"{owner}: expected a Scene or a simulator, got {shown(subject)}.")
     require_own(subject, solver, times, outputs, device)
     if isinstance(subject, DAESimulator) and subject.scene is not None and subject.scene.figures:
-        return _of_study(subject.scene, subject.solver)
+        return _of_study(subject.scene, subject.solver, subject.program.card)
     return subject
 
 
@@ -180,7 +180,7 @@ def _card(device: str | Card) -> Card:
     """The graphics card of a device."""
     if isinstance(device, Card):
         return device
-    if device != "cuda":
+    if not isinstance(device, str) or device != "cuda":
         raise DeclarationError(f"device: expected 'cuda' or None, got {shown(device)}. None is the processor.")
     return CudaCard()
 
