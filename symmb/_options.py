@@ -155,6 +155,8 @@ def require_positive(owner: str, name: str, value: object, unit: str = "") -> No
 
 def accepts(value: Any, *arguments: str) -> bool:
     """Whether a value can be called with these arguments."""
+    if not callable(value):
+        return False
     try:
         signature(value).bind(*arguments)
     except TypeError:
