@@ -153,17 +153,23 @@ def require_positive(owner: str, name: str, value: object, unit: str = "") -> No
         raise DeclarationError(f"{owner}: {name} must be a number{unit} above 0, got {shown(value)}.")
 
 
-def require_callable(owner: str, value: object, *arguments: str) -> None:
-    """Raise DeclarationError unless a value is None or can be called with these arguments."""
+def accepts(value: Any, *arguments: str) -> bool:
+    """Whether a value can be called with these arguments."""
+    if not callable(value):
+        return False
     try:
-        if value is not None and not callable(value):
-            raise TypeError
-        if value is not None:
-            signature(value).bind(*arguments)
+        signature(value).bind(*arguments)
     except TypeError:
-        raise DeclarationError(f"{owner} must be a function of {', '.join(arguments)}, got {shown(value)}.") from None
+        return False
     except ValueError:  # a function of C may have no signature
         pass
+    return True
+
+
+def require_callable(owner: str, value: object, *arguments: str) -> None:
+    """Raise DeclarationError unless a value is None or can be called with these arguments."""
+    if value is not None and not accepts(value, *arguments):
+        raise DeclarationError(f"{owner} must be a function of {', '.join(arguments)}, got {shown(value)}.")
 
 
 def require_kind(owner: str, name: str, value: object, has: str, example: str) -> None:

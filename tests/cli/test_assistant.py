@@ -87,6 +87,14 @@ def test_results_are_those_of_python(ask, folder, tool, arguments, expected):
     assert same_result(text, expected(load_scene(str(folder / "oscillator.py"))))
 
 
+def test_parameters_that_a_given_box_lacks_are_told(ask):
+    text, _ = ask("bound", scene="oscillator.py", box={"m": "1%"})
+    remark = "The given box has no interval for k, unlike the box of the scene. This result is for k = 4 N/m."
+    assert text.splitlines()[-1] == f"remark: {remark}"
+    for box in ({"m": "1%", "k": "1%"}, None):
+        assert "no interval" not in ask("bound", scene="oscillator.py", box=box)[0]
+
+
 def test_outputs_at_given_times_are_those_of_a_cosine(ask):
     text, _ = ask("simulate", scene="oscillator.py", times=[0.25, 0.7])
     rows = [list(map(float, line.split())) for line in text.splitlines()[1:]]

@@ -1,5 +1,7 @@
 """Box: declaration, faults, the map to the unit box."""
 
+import copy
+import math
 import pickle
 
 import numpy as np
@@ -64,6 +66,14 @@ def test_equal_by_value_and_picklable():
     assert Box(a=(0, 1)) == Box(a=(0.0, 1.0)) != Box(a=(0, 2))
     assert pickle.loads(pickle.dumps(Box(a=(0, 1)))) == Box(a=(0, 1))
     assert repr(Box(a=(0, 1), b=(0.95, 1.05))) == "Box(a=(0, 1), b=(0.95, 1.05))"
+
+
+def test_constraints_are_pickled_by_name_and_lambdas_are_told():
+    named = Box(a=(0, 1), constraints=[math.sin])
+    assert pickle.loads(pickle.dumps(named)) == named
+    own = Box(a=(0, 1), constraints=[lambda p: p.a < 0.5])
+    refused("constraint <lambda> cannot be pickled. Use functions of a module", pickle.dumps, own)
+    assert copy.deepcopy(own) == own == copy.copy(own)
 
 
 def test_intervals_by_name():

@@ -180,7 +180,8 @@ def test_faults_of_random_inputs_are_named():
     refused("no waves", lambda: mb.RoadProfile("road", "C", (1.0, 1.0)))
     refused("octaves", lambda: mb.RoadProfile("road", "C", (1e-9, 1.0)))
     refused("spectrum is -1 at", lambda: mb.RandomInput("gust", lambda f: ca.SX(-1), (1.0, 2.0)))
-    refused("function of the frequency", lambda: mb.RandomInput("gust", cast(Any, 2.0), (1.0, 2.0)))
+    for spectrum in (2.0, None, lambda f, width: 1 / f, lambda: 1.0):
+        refused("frequency alone, got", mb.RandomInput, "gust", cast(Any, spectrum), (1.0, 2.0))
     refused("from 'A' to 'H'", lambda: mb.RoadProfile("road", "J"))
     refused("positive integer", lambda: mb.RoadProfile("road", "C", realizations=0))
     refused("does not change", lambda: mb.RoadProfile("road", "C")(3.0))

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from symmb._errors import DeclarationError
-from symmb._options import is_finite_number, is_whole, numbers_of, shown
+from symmb._options import accepts, is_finite_number, is_whole, numbers_of, shown
 from symmb._types import Expr
 from symmb.declare.mechanics.state import Input
 from symmb.declare.symbolic import Kind, given, is_time, records_in
@@ -88,8 +88,8 @@ class RandomInput(Input):
         return {**vars(self), "spectrum": None}  # the waves contain it, and a pickle cannot contain a lambda function
 
     def _fault(self) -> str:
-        if not callable(self.spectrum):
-            return f"the spectrum must be a function of the frequency, got {shown(self.spectrum)}."
+        if not accepts(self.spectrum, "frequency"):
+            return f"the spectrum must be a function of the frequency alone, got {shown(self.spectrum)}."
         band = numbers_of(self.band)
         if band is None or band.shape != (2,) or not np.isfinite(band).all():
             return f"band must be a pair of frequencies, such as (0.01, 10.0), got {shown(self.band)}."

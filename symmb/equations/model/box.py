@@ -1,6 +1,7 @@
 """The box of interval parameters and its map to the unit box [-1, 1]^d."""
 
 import math
+import pickle
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -134,6 +135,24 @@ class Box:
         """A box of other intervals and choices with the same constraints and percentages."""
         box = Box(constraints=self.constraints, **given)
         return box._set_percents(self.percents & {*box.names})
+
+    def __getstate__(self) -> dict[str, Any]:
+        for constraint in self.constraints:
+            try:
+                pickle.dumps(constraint)
+            except Exception as error:  # also of the constraint's own code
+                name = getattr(constraint, "__name__", repr(constraint))
+                raise DeclarationError(
+                    f"Box: the constraint {name} cannot be pickled. Use functions of a module, not lambdas or "
+                    "functions inside other functions."
+                ) from error
+        return vars(self)
+
+    def __copy__(self) -> "Box":
+        return self
+
+    def __deepcopy__(self, memo: object) -> "Box":
+        return self
 
     @property
     def hull(self) -> "Box":

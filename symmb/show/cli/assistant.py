@@ -20,7 +20,7 @@ from symmb._errors import DeclarationError, SymmbError
 from symmb._names import did_you_mean
 from symmb._options import optional_package
 from symmb._table import aligned
-from symmb._units import label, units_of_parameters
+from symmb._units import label, units_of_parameters, values_text
 from symmb.show.cli.scene_file import is_urdf, load_scene, shipped_names
 
 _INSTRUCTIONS = (
@@ -48,6 +48,7 @@ class Tools:
             if not folder.is_dir():
                 raise DeclarationError(f"{folder} is not a folder. Give folders with scene files.")
         self.progress: Callable[..., None] | None = None
+        self.remark = ""  # about the last box
 
     def scenes(self) -> str:
         """List the shipped scenes, and the Python and URDF files in the folders. URDF files have no parameters here."""
@@ -164,7 +165,14 @@ class Tools:
         ends: dict[str, Any] = {name: told for name, told in box.items() if not isinstance(told, str)}
         boxes = [mb.Box.plus_minus(nominal, **texts)] if texts else []
         boxes += [mb.Box(**ends).with_units(units_of_parameters(nominal))] if ends else []
-        return found, boxes[0] if len(boxes) == 1 else boxes[0] | boxes[1]
+        given = boxes[0] if len(boxes) == 1 else boxes[0] | boxes[1]
+        if lacking := [name for name in found.box or () if name not in given]:
+            values = values_text(lacking, [nominal[name] for name in lacking], units_of_parameters(nominal))
+            self.remark = (
+                f"remark: The given box has no interval for {', '.join(lacking)}, unlike the box of the scene. This "
+                f"result is for {values}."
+            )
+        return found, given
 
     def _bounds(self, scene: str, box: BoxText | None, method: str = "pce") -> mb.Bounds:
         subject, intervals = self._subject(scene, box)
@@ -221,9 +229,10 @@ def make_server(folders: Sequence[str]) -> Any:
                 from_thread.run(context.report_progress, count, None, message)
 
             with lock:
-                tools.progress = show
+                tools.progress, tools.remark = show, ""
                 try:
-                    return tool(tools, **arguments)
+                    answer = tool(tools, **arguments)
+                    return "\n".join(filter(None, [answer, tools.remark]))
                 except _FAULTS as error:
                     raise tool_error(str(error)) from None
                 except KeyboardInterrupt:  # of code in the file, because signals interrupt the main thread only
