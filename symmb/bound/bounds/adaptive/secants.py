@@ -92,10 +92,8 @@ def excess_beside_extremes(nodes: Array, Y: Array, noise: Array) -> Array:
     times_and_outputs, excess = np.ogrid[: Y.shape[1], : Y.shape[2]], np.zeros(Y.shape[1:])
     for sign, axis, step in product((-1, 1), range(nodes.shape[1]), (-1, 1)):
         best = (sign * Y).argmin(axis=0)
-        near = np.repeat(
-            [[each[best] + 3] for each in numbers], 6, axis=1
-        )  # the interval is between the third and fourth
-        near[axis] += step * np.arange(-2, 4)[:, None, None]
+        near = np.repeat([[each[best] + 3] for each in numbers], 6, axis=1)
+        near[axis] += step * np.arange(-2, 4)[:, None, None]  # the interval follows the third node
         y, h = sign * Y[rows[tuple(near)], *times_and_outputs], np.abs(np.diff(places[axis][near[axis]], axis=0))
         far_fall, fall, _, rise, far_rise = (
             np.maximum(turn * change - 2 * noise, 0.0) / length
