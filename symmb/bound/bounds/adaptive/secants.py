@@ -102,9 +102,10 @@ def excess_beside_extremes(nodes: Array, Y: Array, noise: Array) -> Array:
         fall, growth_before = _steeper(fall, far_fall)
         rise, growth_after = _steeper(rise, far_rise)
         crossing = np.divide(y[2] - y[3] + rise * h[2], fall + rise, out=np.zeros_like(rise), where=rise > 0)
-        least = np.minimum(np.maximum(growth_before, growth_after) - 1, LEAST_SHARE_BESIDE_CUSP) * h[2]
+        growth = np.maximum(growth_before, growth_after)
+        least = np.minimum(growth - 1, LEAST_SHARE_BESIDE_CUSP) * h[2]
         depth = np.where(rise > 0, fall * np.clip(crossing, least, h[2] - least), 0.0)
-        excess = np.fmax(excess, SAFETY * depth)
+        excess = np.fmax(excess, np.minimum(growth**2, SAFETY) * depth)  # secants bound kinks, but cusps are deeper
     return excess
 
 
