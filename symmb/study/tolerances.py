@@ -33,7 +33,7 @@ from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box, Scene, require_only_intervals, with_some_outputs
 from symmb.results.files import NOT_KEPT, Record, Saved, attributes, entries, entry
 from symmb.run.integrate import Solver
-from symmb.run.simulation import SceneSimulator, simulator_of
+from symmb.run.simulation import SceneSimulator, motion_of, simulator_of
 from symmb.study.tolerance_search import LARGEST_FACTOR, OWNER, TOLERANCE, Search
 from symmb.study.yield_search import ERROR, YieldSearch
 
@@ -303,7 +303,10 @@ def of_outputs(simulator: Simulator, box: Box, names: Sequence[str]) -> Simulato
         return simulator
     if len(names) == len(simulator.outputs):
         return simulator
-    return simulator_of(with_some_outputs(simulator.scene, names), box, simulator.solver)[0]
+    motion = motion_of(simulator)
+    assert motion is not None
+    own = with_some_outputs(simulator.scene, names)
+    return simulator_of(own, box, simulator.solver, device=motion.program.card)[0]
 
 
 def total_cost(owner: str, costs: Costs, shape: Box) -> Callable[[Array], float]:

@@ -19,6 +19,7 @@ import symmb as mb
 from symmb.run.codegen import Card
 from symmb.run.codegen.card import KERNELS, CardError, CudaCard, compiled
 from symmb.run.formulations import CardEnsemble
+from symmb.study.tolerances import of_outputs
 
 CXX = shutil.which("g++") or shutil.which("clang++")
 NEEDED = pytest.mark.skipif(CXX is None, reason="needs a C++ compiler")
@@ -271,6 +272,13 @@ def test_studies_of_prepared_scenes_with_scalar_outputs_run_on_the_card(tmp_path
     found = mb.sweep(prepared, {"k": [25.0, 35.0]})
     assert card.launches > before
     assert np.ravel(found["top"]) == pytest.approx([5.0, 35**0.5], rel=1e-7)
+
+
+@NEEDED
+def test_simulators_of_some_outputs_run_on_the_card(tmp_path):
+    card = Processor(tmp_path)
+    own = of_outputs(mb.prepare(falling(6.0), mb.DormandPrince(), device=card), mb.Box(depth=(5.0, 7.0)), ["y"])
+    assert tuple(own.outputs) == ("y",) and isinstance(own, mb.DAESimulator) and own.program.card is card
 
 
 @NEEDED
