@@ -133,6 +133,22 @@ def bound_of_samples(samples: Array, errors: Array, variables: int) -> Array:
     return above(np.minimum(sums(c, variables) + lost * peak, lebesgue * peak) + lebesgue * errors)
 
 
+def integrals_of_samples(samples: Array, errors: Array, variables: int) -> Array:
+    """Bounds (2, ...) of halves of the integrals from -1 of interpolating polynomials over the first variable.
+
+    The first bound holds for integrals to any place, and the second one to 1. Arguments are those of
+    `bound_of_samples`. The sum of moduli of coefficients of half the integral is at most that of the polynomial.
+    """
+    counts = samples.shape[samples.ndim - variables :]
+    matrices = [coefficients_from_nodes(m) for m in counts]
+    c = along([0.5 * integral(counts[0]) @ matrices[0], *matrices[1:]], samples)
+    rounded = rounding_of(counts, 2 * ENTRY_ERROR) + of_sum(2 * counts[0] + 6)
+    lost = above(2.0**variables * math.prod(counts) * rounded)
+    lebesgue = above(math.prod(2.0 / math.pi * math.log(m) + 1.0 for m in counts))
+    found = np.stack([sums(c, variables), sums(c.sum(axis=c.ndim - variables), variables - 1)])
+    return above(found + lost * largest(samples, variables) + lebesgue * errors)
+
+
 def product_bound(C: Array, B: Array, B_error: Array, minus: Array) -> Array:
     """Bounds (n, n) of C B - minus for matrices (n, n, n0, ...) of polynomials. B has errors up to B_error (n, n).
 

@@ -26,7 +26,7 @@ _TOO_ROUGH = "polynomials of this order are not accurate enough; a short pulse o
 
 
 def exact_defects(step: TimeStep) -> tuple[Array, Array] | None:
-    """Bounds of |C d| (n,) and of |C (A B - B')| (n, n) if the rates are polynomials; otherwise None.
+    """Bounds (3, n) of |C d| and (n, n) of |C (A B - B')| as in `prove`, if the rates are polynomials; otherwise None.
 
     The defects are then polynomials of known degree. Interpolation in degree + 1 nodes is exact. The result is also
     None if the grid is too large, or for more than two parameters.
@@ -43,7 +43,7 @@ def exact_defects(step: TimeStep) -> tuple[Array, Array] | None:
     if alone is None or of_frame is None:
         return None
     if together is None:
-        return above(step.C_largest @ _sampled_defect(step, alone, in_frame=False)), _sampled_frame(step, of_frame)
+        return above(_sampled_defect(step, alone, False) @ step.C_largest.T), _sampled_frame(step, of_frame)
     return _sampled_defect(step, together), _sampled_frame(step, of_frame)
 
 
@@ -88,7 +88,7 @@ def _ratio_in_frame(step: TimeStep, most: Array, w: Array) -> float:
 
 
 def defect_of_motion(step: TimeStep, rho: list[float], most: Array, w: Array, control: Control) -> Array:
-    """Bounds (n,) of |C d| with d = u' - f(u), which is at most `most` (n,) on the ellipses rho.
+    """Bounds (3, n) of |C d| as in `prove`, with d = u' - f(u), which is at most `most` (n,) on the ellipses rho.
 
     The aliasing is limited to a small fraction of the remainder w (n,). ProofError if no grid is fine enough.
     """
@@ -103,7 +103,7 @@ def defect_of_motion(step: TimeStep, rho: list[float], most: Array, w: Array, co
         raise ProofError(_TOO_ROUGH)
     sampled, alias = _sampled_defect(step, counts), above(ch.aliasing(rho, counts) * most)
     for _ in range(2):  # finer grids, until the aliasing is small
-        wanted = np.maximum(_ALIASED_SHARE * sampled, small)
+        wanted = np.maximum(_ALIASED_SHARE * sampled[2], small)
         finer = node_counts(rho, 0.3 * float((wanted / most).min()))
         finer = tuple(max(a, b) for a, b in zip(finer, counts, strict=True))
         if (alias <= wanted).all() or finer == counts or _is_large(finer, step):
@@ -113,12 +113,12 @@ def defect_of_motion(step: TimeStep, rho: list[float], most: Array, w: Array, co
     # a proof with much more aliasing than wanted is valid, but a shorter step has a far smaller remainder
     if (alias > 30.0 * np.maximum(wanted, harmless)).any():
         raise ProofError(_TOO_ROUGH)
-    control.wanted = float(sampled.max())
+    control.wanted = float(sampled[2].max())
     return above(sampled + alias)
 
 
 def _sampled_defect(step: TimeStep, counts: tuple[int, ...], in_frame: bool = True) -> Array:
-    """Bounds (n,) of the interpolation of C d, or of d, at nodes."""
+    """Bounds (3, n) of the interpolation of C d at nodes, or three times of the interpolation of d."""
     k = len(counts)
     found = step.problem.rate_tape.run(points.OPERATIONS, points.point, step.at_nodes(counts))[0]
     f, f_errors = _stack(found, counts)
@@ -126,18 +126,19 @@ def _sampled_defect(step: TimeStep, counts: tuple[int, ...], in_frame: bool = Tr
     d = rate - f
     d_errors = above(rate_errors + f_errors + U * ch.largest(d, k))
     if not in_frame:
-        return ch.bound_of_samples(d, d_errors, k)
-    return _in_frame(step, d, d_errors, counts)
+        return np.stack([ch.bound_of_samples(d, d_errors, k)] * 3)
+    values = _in_frame(step, d, d_errors, counts)
+    return np.stack([ch.bound_of_samples(*values, k), *ch.integrals_of_samples(*values, k)])
 
 
-def _in_frame(step: TimeStep, d: Array, d_errors: Array, counts: tuple[int, ...]) -> Array:
-    """Bounds of the interpolation of C d for values d (n, *counts) or (n, n, *counts) at nodes, with errors."""
+def _in_frame(step: TimeStep, d: Array, d_errors: Array, counts: tuple[int, ...]) -> tuple[Array, Array]:
+    """Values of C d, and their errors, for values d (n, *counts) or (n, n, *counts) at nodes, with errors."""
     k = len(counts)
     C, C_errors = ch.values(step.C, counts)
     d_most, C_most, column = ch.largest(d, k), ch.largest(C, k), "k" * (d_errors.ndim - 1)
     g = np.einsum(f"ij...,j{column}...->i{column}...", C, d)
     errors = (C_most + C_errors) @ d_errors + C_errors @ d_most + of_sum(len(C) + 2) * (C_most @ d_most)
-    return ch.bound_of_samples(g, above(errors), k)
+    return g, above(errors)
 
 
 def defect_of_frame(step: TimeStep, rho: list[float], most: Array, w: Array) -> Array:
@@ -160,7 +161,7 @@ def _sampled_frame(step: TimeStep, counts: tuple[int, ...]) -> Array:
     d = np.einsum("ij...,jk...->ik...", A, B) - rate
     d_errors = above(A_most @ B_errors + A_errors @ (B_most + B_errors) + of_sum(n + 2) * (A_most @ B_most)
                      + rate_errors + U * ch.largest(d, k))  # fmt: skip
-    return _in_frame(step, d, d_errors, counts)
+    return ch.bound_of_samples(*_in_frame(step, d, d_errors, counts), k)
 
 
 def _stack(found: list[points.Point], counts: tuple[int, ...]) -> tuple[Array, Array]:
@@ -195,7 +196,7 @@ def _adapted(step: TimeStep, control: Control) -> Tried:
 
 
 def defects_of_models(step: TimeStep, w: Array, control: Control) -> tuple[Array, Array, list[float]]:
-    """Bounds of |C d| (n,) and of |C (A B - B')| (n, m), and the ellipses on which the equations are bounded.
+    """Bounds (3, n) of |C d| and (n, m) of |C (A B - B')| as in `prove`, and the ellipses of the equations.
 
     This function needs at least two parameters. The aliasing is limited to a small fraction of the remainder w (m,).
     ProofError if the equations may not be analytic.
@@ -209,20 +210,20 @@ def defects_of_models(step: TimeStep, w: Array, control: Control) -> tuple[Array
     (count,) = node_counts(rho, float((wanted / most).min()))
     own = _modelled_defect(step, count)
     defect = above(own + ch.aliasing(rho[:1], [count]) * most)
-    control.wanted = float(own.max())
-    after = np.concatenate([w[:-n], w[-n:] + step.h * defect])
+    control.wanted = float(own[2].max())
+    after = np.concatenate([w[:-n], w[-n:] + step.h * defect[2]])
     (count,) = node_counts(rho, _ratio_in_frame(step, most_of_frame, after))
     return defect, above(_modelled_frame(step, count) + ch.aliasing(rho[:1], [count]) * most_of_frame), rho
 
 
 def _modelled_defect(step: TimeStep, count: int) -> Array:
-    """Bounds (n,) of the interpolation of C d in time."""
+    """Bounds (3, n) of the interpolation of C d in time."""
     problem, n, source = step.problem, step.problem.n, step.problem.basis(step.x.c.shape[2])
     basis = richer(source)
     (f,) = run(problem.rate_tape, equations_at_nodes(step, count, basis))
     rate = at_nodes(step.x.rate, np.zeros(n), count, source, basis)
     C = matrix_at_nodes(step.C, np.zeros(n * n), n, count, problem.basis(step.C.shape[-1]), basis)
-    return C.times(Matrix.of(rate, n).minus(Matrix.of(f, n))).bound()[:, 0]
+    return C.times(Matrix.of(rate, n).minus(Matrix.of(f, n))).bounds()[:, :, 0]
 
 
 def _modelled_frame(step: TimeStep, count: int) -> Array:
@@ -234,4 +235,4 @@ def _modelled_frame(step: TimeStep, count: int) -> Array:
     A = Matrix.of([a for i in range(n) for a in entries[i::n]], n)  # column-major
     parts = (step.B.c, step.B.error), (step.C, np.zeros(n * n)), (step.moved, np.zeros(step.B.error.shape))
     B, C, rate = (matrix_at_nodes(c, error, n, count, source, basis) for c, error in parts)
-    return C.times(A.times(B).minus(rate)).bound()
+    return C.times(A.times(B).minus(rate)).bounds()[0]

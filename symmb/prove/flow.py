@@ -129,7 +129,7 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
     found = problem.jacobian_tape.run(PLAIN, plain, [list(states), p, [t]])[1]
     A = np.stack([np.broadcast_to(value, states.shape[1:]) for value in found], axis=-1)
     A = A.reshape(*states.shape[1:], n, n).swapaxes(-1, -2)  # column-major
-    begin = np.moveaxis(at.at(B0), (0, 1), (-2, -1))
+    generators, begin = np.split(np.moveaxis(at.at(B0), (0, 1), (-2, -1)), [-n], axis=-1)
     step = _integration(terms, h)
     B = np.repeat(begin[None], terms, axis=0)
     last = np.inf
@@ -144,11 +144,12 @@ def frame(problem: Problem, x: Array, B0: Array, t0: float, h: float, terms: int
             break
         last = change
     fits = [ch.coefficients_from_nodes(terms), *at.fits]
-    rate = ch.along(fits, np.moveaxis(A @ B, (-2, -1), (0, 1)))
     try:
-        inverse = np.moveaxis(np.asarray(np.linalg.inv(B[..., -n:]), dtype=float), (-2, -1), (0, 1))
+        inverse = np.moveaxis(np.asarray(np.linalg.inv(B), dtype=float), (-2, -1), (0, 1))
+        B = np.concatenate([B @ np.linalg.solve(begin, generators), B], axis=-1)
     except np.linalg.LinAlgError:
         raise ProofError("in one step, some deviations from the computed motion grow much faster than others") from None
+    rate = ch.along(fits, np.moveaxis(A @ B, (-2, -1), (0, 1)))
     rate = _without_noise(rate.reshape(-1, terms, *lengths), 1e-11)
     C = _without_noise(ch.along(fits, inverse).reshape(n * n, terms, *lengths), 1e-11)
     return integrated(B0.reshape(-1, *lengths), rate, h), C.reshape(n, n, *rate.shape[1:])

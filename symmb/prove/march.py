@@ -9,7 +9,7 @@ from symmb._magnitudes import FACTORS, ROUNDING
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove.ellipses import Choice, Control
-from symmb.prove.errors import ProofError
+from symmb.prove.errors import NO_BOUND, ProofError
 from symmb.prove.flow import Curve, frame, integrated, motion
 from symmb.prove.front import Front, in_frame, leaving, well_conditioned
 from symmb.prove.outputs import OutputBounds, output_bounds
@@ -141,7 +141,8 @@ def _why(place: Place, reason: str) -> str:
         # steps become short before a singular position, so it may still be 40 steps away
         is_near = (now - then) * np.sign(now) * 40 > np.abs(now)
         reason = f"{reason}; {problem.why_singular}" if is_near.any() else reason
-    if phase is not None and problem.valid_tape is not None and not any(f"'{own}'" in reason for own in phase.labels):
+    is_explained = NO_BOUND not in reason and phase is not None and any(f"'{own}'" in reason for own in phase.labels)
+    if phase is not None and problem.valid_tape is not None and not is_explained:
         sides = on_motion(constant_step(problem, front.t, front.x), problem.valid_tape, np.zeros(problem.n), (1, 1))
         # a kink with infinite slopes ends a proof at a distance of some widths of the box
         near = [k for k, a in enumerate(sides) if not (np.real(a.centre) > 3.0 * a.swing).all()]

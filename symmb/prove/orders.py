@@ -13,8 +13,9 @@ from symmb.prove.flow import motion
 from symmb.prove.problem import Problem
 from symmb.prove.start import nominal_front
 
-MOST_TERMS = 1000
-"""Largest number of terms of a polynomial of more than two parameters. A step then takes seconds."""
+MOST_TERMS = 1001
+"""Largest number of terms of a polynomial of more than two parameters, as for order 10 of four parameters. A step then
+takes seconds."""
 _MISSING = 3e-4
 """Size of the first missing terms of polynomials of many parameters, relative to the effect of all parameters."""
 _STEPS, _TIME_TERMS, _SHORTEST = 400, 12, 1e-4

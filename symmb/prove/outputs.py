@@ -81,12 +81,17 @@ def output_bounds(step: TimeStep, w: Array, times: Array, control: Control, rtol
     problem, e, sizes = step.problem, above(step.B_largest @ w), ch.sums(step.x.c, step.x.c.ndim - 1)
     bounds = OutputBounds.unknown(len(times), problem.outputs.numel_out(0))
     fill = _model_bounds if problem.weights else _grid_bounds
-    terms = fill(step, e, times, control, rtol, bounds) @ sizes
+    terms = fill(step, e, step.reach_at(times, w), times, control, rtol, bounds) @ sizes
     return bounds._replace(terms=np.where(np.isfinite(terms), terms, 0.0))
 
 
-def _grid_bounds(step: TimeStep, e: Array, times: Array, control: Control, rtol: float, found: OutputBounds) -> Array:
-    """Write bounds to `found` for states within e (n,) of the motion, and return the sensitivities (n_y, n)."""
+def _grid_bounds(
+    step: TimeStep, e: Array, e_at: Array, times: Array, control: Control, rtol: float, found: OutputBounds
+) -> Array:
+    """Write bounds to `found` for states within e (n,) of the motion, and return the sensitivities (n_y, n).
+
+    The states at the times are within `e_at` (n, n_t) of the motion.
+    """
     problem, n_y = step.problem, len(found.terms)
     smooth, is_refused = np.zeros(n_y, dtype=bool), np.array([*map(bool, problem.refused or [""] * n_y)], dtype=bool)
     # quotients of positive sums, such as reactions, may need many patches
@@ -94,8 +99,8 @@ def _grid_bounds(step: TimeStep, e: Array, times: Array, control: Control, rtol:
         rho, most, nodes = _ellipses(step, control.choice, patches)
         counts = max(patches, Choice().patches[0]), patches
         slopes = reaches(step.discs_of(problem.sensitivity_tape, counts, e)[1]).reshape(problem.n, n_y).T
-        of_states = above(slopes @ e)
-        smooth = np.isfinite(most) & np.isfinite(of_states)
+        of_states = above(slopes @ e_at)
+        smooth = np.isfinite(most) & np.isfinite(of_states).all(axis=1)
         # an output that was rough in the last step is tried with one patch only
         is_hopeless = control.rough if patches > 1 else False
         # more patches are tried only if 50 nodes of each parameter are not enough
@@ -135,10 +140,10 @@ def _good_bounds(
     """Bounds of some outputs. On the ellipses rho of the parameters, these outputs are at most `most`."""
     d = len(rho)
     degrees = degrees_of_outputs(step)[list(which)]
-    c, remainder = interpolation(step, times, which, rho, most, of_states, rtol, degrees)
+    c, remainder = interpolation(step, times, which, rho, most, of_states.max(axis=1), rtol, degrees)
     width = (ch.sums(c, d) - np.abs(c[(..., *(0,) * d)])).max(axis=1)
     kept, removed = cut(c.reshape(-1, *c.shape[2:]), np.repeat(_PART * rtol * width, len(times)))
-    remainder = above(remainder + of_states[:, None] + removed.reshape(remainder.shape))
+    remainder = above(remainder + of_states + removed.reshape(remainder.shape))
     low, high = _widened(*ranges(kept, rtol), remainder.ravel())
     return low.reshape(remainder.shape).T, high.reshape(remainder.shape).T, remainder.T
 
@@ -200,7 +205,7 @@ def interpolation(
 def _values(step: TimeStep, times: Array, counts: tuple[int, ...], which: tuple[int, ...]) -> tuple[Array, Array]:
     """Outputs (m, n_t, *counts) at times and nodes of the parameters, and bounds of the errors (m,)."""
     problem, d = step.problem, len(counts)
-    at = step.at(times)
+    at = step.at(times, step.x)
     x, errors = ch.values(at[0], counts)
     errors = above(errors + at[1]).max(axis=1)
     states = [points.point(values, float(error)) for values, error in zip(x, errors, strict=True)]
@@ -211,27 +216,29 @@ def _values(step: TimeStep, times: Array, counts: tuple[int, ...], which: tuple[
     return np.stack([np.broadcast_to(a[0], shape) for a in found]), np.array([a[1] for a in found])
 
 
-def _model_bounds(step: TimeStep, e: Array, times: Array, control: Control, rtol: float, found: OutputBounds) -> Array:
+def _model_bounds(
+    step: TimeStep, e: Array, e_at: Array, times: Array, control: Control, rtol: float, found: OutputBounds
+) -> Array:
     """Write bounds to `found`, as `_grid_bounds` does, for several parameters. Return the sensitivities (n_y, n)."""
     problem = step.problem
     slopes = np.array([reach(a) for a in on_step(step, problem.sensitivity_tape, e)[1]])
     slopes = slopes.reshape(problem.n, len(found.terms)).T
-    of_states = above(slopes @ e)
+    of_states = above(slopes @ e_at)
     source = problem.basis(step.x.c.shape[2])
     # two degrees above those of the motion keep most terms of products of states
     basis = basis_of(source.weights, source.degree + 2)
-    at, errors = step.at(times)
+    at, errors = step.at(times, step.x)
     c, lost = monomials(at, source, basis)
     x = [Model(own.T, above(error + removed), basis) for own, error, removed in zip(c, errors, lost, strict=True)]
     t = Model(times[None], np.full(1, U * np.abs(times).max()), basis)
     for k, y in enumerate(run(problem.output_tape, [x, parameter_models(step, basis), [t]])[0]):
-        if np.isfinite(reach(y)) and np.isfinite(of_states[k]):
+        if np.isfinite(reach(y)) and np.isfinite(of_states[k]).all():
             bounds = _range_of_model(y, of_states[k], len(times), rtol)
             found.lower[:, k], found.upper[:, k], found.remainder[:, k] = bounds
     return slopes
 
 
-def _range_of_model(a: Model, other_errors: float, n_t: int, rtol: float) -> tuple[Array, Array, Array]:
+def _range_of_model(a: Model, other_errors: Array, n_t: int, rtol: float) -> tuple[Array, Array, Array]:
     """Bounds and remainders (n_t,) of an output.
 
     The highest degrees are removed if they are small relative to the width, or if a tensor has more than 1e5

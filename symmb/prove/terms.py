@@ -1,8 +1,8 @@
 """Polynomials of the parameters as coefficients, and their values at nodes.
 
 Coefficients of one or two parameters have one axis for each parameter (a tensor). Coefficients of more parameters have
-one axis for the Chebyshev products of a `Basis`. Their nodes are two to six times as many random points. Coefficients
-follow from values by least squares. This fit needs no proof.
+one axis for the Chebyshev products of a `Basis`. Coefficients follow from values at nodes by least squares. This fit
+needs no proof.
 """
 
 import math
@@ -28,11 +28,13 @@ class Grid:
     ----------
     nodes : d arrays of the variables. They are broadcast to the shape of the values
     fits : matrices from values at the nodes to coefficients, for each axis of the coefficients
+    basis : the basis to which the nodes belong; None for a tensor
     """
 
     problem: Problem
     nodes: Sequence[Array]
     fits: Sequence[Array | None]
+    basis: Basis | None = None
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -41,9 +43,9 @@ class Grid:
 
     def values(self, lengths: Sequence[int]) -> list[Array | None]:
         """Matrices from coefficients with `lengths` to values at the nodes, for each axis of the coefficients."""
-        if not self.problem.weights:
+        if self.basis is None:
             return [ch.values_at_nodes(m, n) for m, n in zip(self.shape, lengths, strict=True)]
-        return [_values(self.problem.basis(lengths[0]), len(self.nodes[0]))]
+        return [_values(self.problem.basis(lengths[0]), self.basis)]
 
     def at(self, c: Array) -> Array:
         """Values (..., *shape) of polynomials (..., *lengths)."""
@@ -78,36 +80,46 @@ def grid(problem: Problem, lengths: Sequence[int], more: int) -> Grid:
         fits = [ch.coefficients_from_nodes(m)[:n] for m, n in zip(counts, lengths, strict=True)]
         return Grid(problem, tensor_nodes(counts, 0), fits)
     basis = problem.basis(lengths[0])
-    nodes = np.cos(_angles(basis.variables, _random_count(basis)))
-    return Grid(problem, list(nodes.T), [_fit(basis)])
-
-
-def _random_count(basis: Basis) -> int:
-    """Number of random nodes for the polynomials of a basis: six times as many as terms, or less for many terms."""
-    terms = len(basis.exponents)
-    return max(2 * terms, min(6 * terms, 3000)) + 1
+    return Grid(problem, list(np.cos(_angles(basis)[0]).T), [_fit(basis)], basis)
 
 
 @cache
-def _angles(variables: int, count: int) -> Array:
-    """(count, variables) angles of random nodes. Their cosines are denser near the ends of the intervals."""
-    return np.random.default_rng(0).uniform(0.0, np.pi, (count, variables))
+def _angles(basis: Basis) -> tuple[Array, Array]:
+    """(count, variables) angles of the nodes for the polynomials of a basis, and their weights (count,) in the fit.
+
+    Tensor nodes pi j / n with n = 1 + the highest degree of each variable are used if their indices j are all even or
+    all odd. At these nodes, a product of a degree up to k above that of the basis equals one of a degree from 2 - k
+    above it. Products of one degree more thus do not change the fit, and others change one coefficient at most. If this
+    needs more than six times as many nodes as terms, two to six times as many random nodes are used. They are denser
+    near the ends of the intervals.
+
+    Source: Dencker and Erb, Applied and Computational Harmonic Analysis 50 (2021), Lissajous-Chebyshev nodes.
+    """
+    terms, n = len(basis.exponents), basis.degree // np.array(basis.weights) + 1
+    if np.prod(n // 2 + 1.0) + np.prod((n + 1.0) // 2) > 6 * terms:
+        count = max(2 * terms, min(6 * terms, 3000)) + 1
+        return np.random.default_rng(0).uniform(0.0, np.pi, (count, basis.variables)), np.ones(count)
+    parts = (np.meshgrid(*(np.arange(first, most + 1, 2) for most in n), indexing="ij") for first in (0, 1))
+    j = np.concatenate([np.stack([own.ravel() for own in part], axis=1) for part in parts])
+    return np.pi * j / n, np.where((j == 0) | (j == n), 0.5, 1.0).prod(axis=1)
 
 
 @cache
-def _values(basis: Basis, count: int) -> Array:
-    """(count, T) values of the Chebyshev products of a basis at random nodes."""
-    values = np.ones((count, len(basis.exponents)))
-    for angles, own in zip(_angles(basis.variables, count).T, basis.exponents.T, strict=True):
-        values *= np.cos(np.outer(angles, np.arange(basis.degree + 1)))[:, own]
+def _values(basis: Basis, of_nodes: Basis) -> Array:
+    """(count, T) values of the Chebyshev products of a basis at the nodes that belong to another one."""
+    angles = _angles(of_nodes)[0]
+    values = np.ones((len(angles), len(basis.exponents)))
+    for own, degrees in zip(angles.T, basis.exponents.T, strict=True):
+        values *= np.cos(np.outer(own, np.arange(basis.degree + 1)))[:, degrees]
     return values
 
 
 @cache
 def _fit(basis: Basis) -> Array:
-    """(T, count) matrix from values at random nodes to coefficients, by least squares."""
-    Q, R = np.linalg.qr(_values(basis, _random_count(basis)))
-    return np.asarray(np.linalg.solve(R, Q.T), dtype=float)
+    """(T, count) matrix from values at the nodes of a basis to coefficients, by weighted least squares."""
+    weights = np.sqrt(_angles(basis)[1])
+    Q, R = np.linalg.qr(weights[:, None] * _values(basis, basis))
+    return np.asarray(np.linalg.solve(R, Q.T * weights), dtype=float)
 
 
 def exponents(problem: Problem, lengths: Sequence[int]) -> Indices:
@@ -211,18 +223,21 @@ class Matrix:
         rounded = of_sum(pairs.largest * self.c.shape[-1] + 2) * (own.sum(axis=0) @ tails[0])
         return Matrix(c, above(own.sum(axis=0) @ other.radius + self.radius @ whole + lost + rounded), self.basis)
 
-    def bound(self) -> Array:
-        """Bounds (n, k) of the interpolation in time at the nodes, for all parameters.
+    def bounds(self) -> Array:
+        """Bounds (3, n, k) of the interpolation in time at the nodes, for all parameters.
 
-        Each coefficient of the Chebyshev polynomials of the parameters is interpolated separately.
+        They hold for its values, for its integrals from the begin of the step over the length of the step, and for its
+        mean over the step. Each coefficient of the Chebyshev polynomials of the parameters is interpolated separately.
+        The mean has positive weights of the values at nodes (Fejer).
         """
         size, places, *shape = self.c.shape
         matrix = self.basis.to_chebyshev[: self.basis.counts[-1], :size]
         c = (matrix @ self.c.reshape(size, -1)).reshape(-1, places, *shape)
         lebesgue = above(2.0 / np.pi * np.log(places) + 1.0)
         radius = above(self.radius + of_sum(size + 2) * np.abs(self.c).sum(axis=0)).max(axis=0)
-        c = np.moveaxis(c, 1, -1)
-        most = ch.bound_of_samples(c, np.zeros(c.shape[:-1]), 1).sum(axis=0) + lebesgue * radius
+        c, none = np.moveaxis(c, 1, -1), np.zeros(c.shape[:1] + c.shape[2:])
+        most = np.stack([ch.bound_of_samples(c, none, 1), *ch.integrals_of_samples(c, none, 1)]).sum(axis=1)
+        most += np.stack([lebesgue * radius, lebesgue * radius, radius])
         return np.where(np.isnan(most), np.inf, above(most))
 
 
@@ -264,7 +279,7 @@ def product_bound(problem: Problem, C: Array, B: Array, B_error: Array, minus: A
     n = len(C)
     own = matrix_at_nodes(C, np.zeros(n * n), n, count, sources[0], basis)
     other = matrix_at_nodes(B, B_error, n, count, sources[1], basis)
-    return own.times(other).minus(Matrix(minus[None, None], np.zeros((1, *minus.shape)), basis)).bound()
+    return own.times(other).minus(Matrix(minus[None, None], np.zeros((1, *minus.shape)), basis)).bounds()[0]
 
 
 @cache

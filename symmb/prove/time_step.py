@@ -70,21 +70,30 @@ class TimeStep:
         mean = np.where(turn > 1e-3, np.minimum(1.0, -np.expm1(-turn) / np.maximum(turn, 1e-3) * (1 + 1e-12)), 1.0)
         return above(np.exp(-turn) * (1 + 1e-12) * w + self.h * mean * rate)
 
-    def at(self, times: Array) -> tuple[Array, Array]:
-        """The motion at times (n_t,) as polynomials of the parameters (n, n_t, N + 1, ...), and their errors (n, n_t).
+    def at(self, times: Array, curve: Curve) -> tuple[Array, Array]:
+        """A curve at times (n_t,) as polynomials of the parameters (m, n_t, N + 1, ...), and their errors (m, n_t).
 
         An error e of the time changes T_k by at most k^2 e. Constant terms are added last, so that they have the
         rounding error of only one sum.
         """
-        c = self.x.c
+        c = curve.c
         k = np.arange(1, c.shape[1])
         s = np.clip(2.0 * (times - self.t0) / self.h - 1.0, -1.0, 1.0)
         matrix = np.cos(np.outer(np.arccos(s), k))
         entries = k * k * (6.0 * U * (1.0 + (np.abs(times).max() + abs(self.t0)) / self.h)) + 16.0 * U * (k + 1)
         moved, d = np.abs(c[:, 1:]).sum(axis=tuple(range(2, c.ndim))), c.ndim - 2
         motion = c[:, :1] + ch.along([matrix, *[None] * d], c[:, 1:])
-        error = above(moved @ (above(entries) + of_sum(len(k) + 2)) + self.x.error + U * ch.sums(motion, d).max(axis=1))
+        error = above(moved @ (above(entries) + of_sum(len(k) + 2)) + curve.error + U * ch.sums(motion, d).max(axis=1))
         return motion, np.broadcast_to(error[:, None], motion.shape[:2])
+
+    def reach_at(self, times: Array, w: Array) -> Array:
+        """Bounds (n, n_t) of |B w| at times (n_t,) for |w| <= w (m,)."""
+        found, B, m = np.zeros((self.problem.n, len(times))), self.B, len(w)
+        for i in range(len(found)):
+            own = slice(i * m, (i + 1) * m)
+            c, errors = self.at(times, Curve(B.c[own], B.error[own], B.rate[own]))
+            found[i] = w @ above(ch.sums(c, self.problem.axes) + errors)
+        return above(found)
 
     @cached_property
     def room(self) -> Array:
@@ -142,24 +151,25 @@ class TimeStep:
         return self.solved(above(self.C_largest @ y))
 
     @cached_property
-    def solved(self) -> Callable[[Array], Array]:
+    def solved(self) -> Callable[..., Array]:
         """`solution_bound` of the frame."""
         n = self.problem.n
         B, error = self.B.c.reshape(n, -1, *self.B.c.shape[1:]), self.B.error.reshape(n, -1)
         return solution_bound(self.problem, self.C, B[:, -n:], error[:, -n:])
 
 
-def solution_bound(problem: Problem, C: Array, B: Array, B_error: Array) -> Callable[[Array], Array]:
+def solution_bound(problem: Problem, C: Array, B: Array, B_error: Array) -> Callable[..., Array]:
     """Bounds (n,) of |B^-1 y| for all y with |C y| <= v, as a function of v (n,).
 
-    B^-1 is the Neumann series (sum of (I - C B)^k) C. ProofError if a row of |I - C B| may have a sum of 1/2 or more.
+    If a mean of C y over time is at most `mean` (n,), the bounds are those of the same mean of B^-1 y. B^-1 is the
+    Neumann series (sum of (I - C B)^k) C. ProofError if a row of |I - C B| may have a sum of 1/2 or more.
     """
     n = len(C)
     E = product_bound(problem, C, B, B_error, np.eye(n))
     eta = above(float(E.sum(axis=1).max()))
     if not eta < 0.5:
         raise ProofError("the growth of small deviations from the computed motion differs too much over the box")
-    return lambda v: above(v + E @ np.full(n, v.max() / (1.0 - eta)))
+    return lambda v, mean=None: above((v if mean is None else mean) + E @ np.full(n, v.max() / (1.0 - eta)))
 
 
 def parameter_points(problem: Problem, counts: tuple[int, ...], leading: int) -> list[points.Point]:

@@ -195,11 +195,26 @@ def test_states_at_a_time_with_terms_of_the_size_of_rounding():
     c = np.array([[[1.5], *[[1e-16]] * 20]])
     curve = Curve(c, np.zeros(1), np.zeros((1, 20, 1)))
     times = np.array([0.2, 0.9, 0.99, 1.0])
-    values, errors = TimeStep(_step_of(lambda x, p, t: [x[0], x[1]]).problem, 0.0, 1.0, curve, curve, c[None]).at(times)
+    step = TimeStep(_step_of(lambda x, p, t: [x[0], x[1]]).problem, 0.0, 1.0, curve, curve, c[None])
+    values, errors = step.at(times, curve)
     for t, value, error in zip(times, values[0, :, 0], errors[0], strict=True):
         with mpmath.workdps(40):
             exact = sum(mpmath.mpf(a) * mpmath.chebyt(k, 2 * mpmath.mpf(t) - 1) for k, a in enumerate(c[0, :, 0]))
             assert abs(exact - mpmath.mpf(value)) <= error
+
+
+@pytest.mark.parametrize("shape", [(4,), (7, 3), (6, 1, 4)])
+def test_integrals_of_samples(shape):
+    """The bounds contain integrals of the polynomial through the samples by NumPy. The mean of a constant is exact."""
+    samples = np.random.default_rng(0).normal(size=shape)
+    largest, mean = chebyshev.integrals_of_samples(samples, np.zeros(()), len(shape))
+    c = chebyshev.along([chebyshev.coefficients_from_nodes(m) for m in shape], samples)
+    places = [np.polynomial.chebyshev.chebvander(np.linspace(-1, 1, 21), m - 1) for m in shape[1:]]
+    c = chebyshev.along([None, *places], c)
+    integrals = 0.5 * np.polynomial.chebyshev.chebint(c.reshape(shape[0], -1), lbnd=-1)
+    values = np.polynomial.chebyshev.chebval(np.linspace(-1, 1, 200), integrals)
+    assert np.abs(values).max() <= largest and np.abs(values[:, -1]).max() <= mean <= largest * (1 + 1e-6)
+    np.testing.assert_allclose(chebyshev.integrals_of_samples(np.full(shape, 3.0), np.zeros(()), len(shape))[1], 3.0)
 
 
 @pytest.mark.parametrize(("terms", "rho"), [(5, 1.0), (12, 1.3), (20, 2.0), (20, 4.0), (40, 1.5)])
@@ -314,7 +329,13 @@ def test_planted_rounding_is_found(monkeypatch, name, share):
 
 
 PLANTED = {
-    "a defect is left out": {(steps, "defect_of_motion"): lambda step, *rest: np.full(step.problem.n, 1e-15)},
+    "a defect is left out": {(steps, "defect_of_motion"): lambda step, *rest: np.full((3, step.problem.n), 1e-15)},
+    "integrals of a defect are left out": {
+        (defects.ch, "integrals_of_samples"): lambda samples, errors, variables: np.zeros((2, *errors.shape))
+    },
+    "the remainder at the output times is left out": {
+        (TimeStep, "reach_at"): lambda step, times, w: np.zeros((step.problem.n, len(times)))
+    },
     "aliasing is left out, on as many nodes as there are terms": {
         (defects.ch, "aliasing"): lambda rho, counts: 0.0,
         (defects, "node_counts"): lambda rho, ratio: (20, 1),

@@ -50,7 +50,7 @@ def _samples_of_order(order):
 @pytest.mark.parametrize(
     "plant",
     [
-        lambda patch: patch.setattr(terms.Matrix, "bound", lambda a: 0.0 * np.abs(a.c[0, 0])),
+        lambda patch: patch.setattr(terms.Matrix, "bounds", lambda a: 0.0 * np.abs(a.c[:1, 0]).repeat(3, axis=0)),
         lambda patch: patch.setattr(TimeStep, "after", lambda step, w, rate: 1e-3 * w),
     ],
     ids=["defects", "rates"],

@@ -11,6 +11,7 @@ import pytest
 
 import symmb as mb
 from symmb.prove import taylor_models as tm
+from symmb.prove import terms
 from symmb.prove.basis import basis_of
 
 ONE = {
@@ -184,6 +185,17 @@ def test_drag_that_ends_a_proof_is_named(law, cause):
     bounds = drag(law, 0.02)
     assert np.isfinite(bounds.upper[:3, 0]).all() and np.isinf(bounds.upper[-1, 0])
     assert cause in " ".join(bounds.doubts)
+
+
+@pytest.mark.parametrize(("weights", "degree"), [((1, 1, 1), 6), ((1, 1, 1, 1), 5), ((1, 2, 2, 3, 1), 6)])
+def test_products_of_the_next_degree_do_not_change_a_fit(weights, degree):
+    """Products of the basis are fitted exactly. Those of one degree more give 0, others one coefficient at most."""
+    basis, more = basis_of(weights, degree), basis_of(weights, degree + 3)
+    found = np.abs(terms._fit(basis) @ terms._values(more, basis))
+    size = len(basis.exponents)
+    np.testing.assert_allclose(found[:, :size], np.eye(size), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(found[:, more.degrees == degree + 1], 0.0, rtol=0, atol=1e-13)
+    assert found[:, size:].sum(axis=0).max() < 1 + 1e-12
 
 
 def test_coefficients_of_chebyshev_polynomials():

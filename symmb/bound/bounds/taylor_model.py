@@ -57,7 +57,7 @@ class TaylorModel(Method):
     Parameters
     ----------
     order : highest degree in each parameter; for three or more parameters, highest total degree. If polynomials of many
-        parameters would have more than 1000 terms, the degree is lower. Parameters with a nearly linear effect then
+        parameters would have more than 1001 terms, the degree is lower. Parameters with a nearly linear effect then
         have terms of lower order than the others. ``remarks`` of the bounds state these orders
     boxes : largest number of parts of the box. Parts are halved if their remainder grows. The result is the union of
         the bounds
