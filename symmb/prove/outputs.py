@@ -231,7 +231,7 @@ def _model_bounds(step: TimeStep, e: Array, times: Array, control: Control, rtol
     return slopes
 
 
-def _range_of_model(a: Model, other_errors: float, n_t: int, rtol: float) -> tuple[Array, Array, Array]:
+def _range_of_model(a: Model, other_errors: Array | float, n_t: int, rtol: float) -> tuple[Array, Array, Array]:
     """Bounds and remainders (n_t,) of an output.
 
     The highest degrees are removed if they are small relative to the width or the remainder, or if a tensor has more
@@ -243,7 +243,9 @@ def _range_of_model(a: Model, other_errors: float, n_t: int, rtol: float) -> tup
     sums = np.add.reduceat(np.abs(c), [0, *basis.counts[:-1]], axis=0)
     tails = np.cumsum(sums[::-1], axis=0)[::-1]
     degree = basis.degree
-    while degree > 1 and ((tails[degree] <= _PART * (rtol * tails[1] + other_errors)).all() or (degree + 1.0) ** d > 1e5):
+    while degree > 1 and (
+        (tails[degree] <= _PART * (rtol * tails[1] + other_errors)).all() or (degree + 1.0) ** d > 1e5
+    ):
         degree -= 1
     kept = basis.counts[degree]
     removed = tails[degree + 1] if degree < basis.degree else np.zeros(n_t)
