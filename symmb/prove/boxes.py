@@ -24,6 +24,9 @@ _EARLY_REMAINDER = 1e-7
 this. The remainder of a large part does not become smaller later."""
 _PATIENCE = 6.0
 """Number of attempts at steps beyond those that pay, until a part is halved."""
+_GAIN = 0.02
+"""Fraction of the horizon by which the proof of a half must reach beyond that of the part, or it is not halved again.
+Many parts do not pass a singular position either."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +56,8 @@ class _Part:
         """
         end, at = self.course.end, self.course.checkpoint
         variable = roughest(self.problem, nominal_front(self.problem, order) if end is None else end.front.x)
-        parts, least = [], 0.0 if end is None else self.course.until + end.control.h
+        parts, least = [], self.course.until
+        least += _GAIN * float(self.problem.times[-1]) if least else 0.0
         for side in (-1, 1):
             part = self.problem.over(variable, side)
             course = Course.empty(part)
@@ -140,8 +144,8 @@ def _followed(
     """The parts of the box at the end, with their courses.
 
     Steps of a part become short if its remainder is large. If they are more than twice as many as the motion needs,
-    the part is halved, because two halves with long steps take less time. A part whose proof is lost is halved too,
-    unless the proof of its parent reached as far.
+    the part is halved, because two halves with long steps take less time. A part whose proof is lost is halved too.
+    Parts whose proofs reach hardly farther than the proof before the last halving are not halved.
     """
     parts, horizon = [_Part(problem, Course.empty(problem))], float(problem.times[-1]) or 1.0
 

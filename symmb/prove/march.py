@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from symmb._magnitudes import FACTORS, ROUNDING
+from symmb._magnitudes import FACTORS, ROUNDING, SMALL
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove.ellipses import Choice, Control
@@ -106,9 +106,10 @@ def march(
             course.why = f"the start cannot be proved, because {error}"
             return
         # the first step that is tried is 1/50 of the horizon; a step that is too long is shortened
-        course.end = course.checkpoint = Place(front, Control(Choice(), (end or 1.0) / 50), problem)
+        control = Control(Choice(), (end or 1.0) / 50, lost=np.inf if front.share() > SMALL else 0.0)
+        course.end = course.checkpoint = Place(front, control, problem)
     place, longest = course.end, 0.0
-    while not course.is_done:
+    while not (course.is_done or place.control.lost > patience):
         try:
             place, h = _next_place(course, place, grain_of(end))
         except ProofError as error:
@@ -119,8 +120,6 @@ def march(
         share, longest = place.front.share(), max(longest, h)
         if share <= small:
             course.checkpoint = place
-        if place.control.lost > patience:
-            return
         # without this limit, many short steps would follow
         if share > 1e-2 and place.control.h < longest / 64:
             course.why = _why(place, "small deviations from the computed motion grow too fast")
