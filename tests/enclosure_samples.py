@@ -1,6 +1,7 @@
 """Problems to enclose, and samples of their solutions by SciPy, with mpmath where these are not exact enough."""
 
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import casadi as ca
 import mpmath
@@ -62,16 +63,17 @@ class Check:
     disputed: np.ndarray
 
 
-def check(problem, found, count=12, seed=0):
+def check(problem, found, count=12, seed=0, motion_of=None):
     """Corners, edges and random points of the box, integrated by DOP853, against the bounds of an enclosure.
 
-    They are integrated up to the last time of which anything is proved: later a solution need not exist.
+    They are integrated up to the last time of which anything is proved: later a solution need not exist. `motion_of`
+    gives other equations than those of the problem: parameters (N, n_p) -> start(), rates(t, x) and outputs(t, x).
     """
     P = parameters(problem, count, seed)
     times = np.flatnonzero(np.isfinite(found.upper).any(axis=1)).max(initial=-1) + 1
     if not times:
         return Check(-np.inf, -np.inf, 1.0, 0.0, P[:0])
-    Y, own = solutions(replace(problem, times=problem.times[:times]), P)
+    Y, own = solutions(replace(problem, times=problem.times[:times]), P, motion_of)
     lower, upper = found.lower[:times], found.upper[:times]
     known = np.isfinite(upper)
     lowest, highest = Y.min(axis=0), Y.max(axis=0)
@@ -102,9 +104,10 @@ def parameters(problem, count, seed=0):
     return P
 
 
-def solutions(problem, P):
+def solutions(problem, P, motion_of=None):
     """Outputs (N, n_t, n_y) for parameters P (N, n_p), and bounds of their errors, from a coarser run."""
-    fine, coarse = (_integrated(problem, P, rtol) for rtol in (FINE, COARSE))
+    motion = _of_problem(problem, P) if motion_of is None else motion_of(P)
+    fine, coarse = (_integrated(problem.times, motion, rtol) for rtol in (FINE, COARSE))
     return fine, OWN * np.abs(fine - coarse)
 
 
@@ -122,23 +125,28 @@ class _EachSample(DOP853):
         return abs(h) * norms.max()
 
 
-def _integrated(problem, P, rtol):
-    """Outputs (N, n_t, n_y), with steps that end at the output times."""
-    times = problem.times
+def _of_problem(problem, P):
+    """The start, the rates and the outputs of a problem for parameters P (N, n_p)."""
     x = _of_all(problem.start.states, problem.start.solve(P), P)(0.0)
-    rates = _of_all(problem.rates, x, P)
+    return SimpleNamespace(start=lambda: x, rates=_of_all(problem.rates, x, P), outputs=_of_all(problem.outputs, x, P))
+
+
+def _integrated(times, motion, rtol):
+    """Outputs (N, n_t, n_y), with steps that end at the output times."""
+    x = motion.start()
     shape = x.shape
     found, step = [], None
     for begin, end in zip([times[0], *times[:-1]], times, strict=True):
         if end > begin:
-            solver = _EachSample(lambda t, z: rates(t, z).ravel(), begin, x.ravel(), end, rtol=rtol, atol=1e-3 * rtol,
+            rates = lambda t, z: motion.rates(t, z.reshape(shape)).ravel()  # noqa: E731
+            solver = _EachSample(rates, begin, x.ravel(), end, rtol=rtol, atol=1e-3 * rtol,
                                  first_step=step and min(step, end - begin))  # fmt: skip
-            solver.systems = len(P)
+            solver.systems = shape[0]
             while solver.status == "running":
                 step = solver.h_abs
                 assert solver.step() is None
             x = solver.y.reshape(shape)
-        found.append(_of_all(problem.outputs, x, P)(end))
+        found.append(motion.outputs(end, x))
     return np.stack(found, axis=1)
 
 
@@ -152,7 +160,7 @@ def _of_all(f, x, P):
     def values(time, z=None):
         found = np.zeros((len(P), f.numel_out(0)))
         if z is not None:
-            own.flat = z
+            own[:] = z
         t[:] = time
         buffer.set_res(0, memoryview(found))
         call()

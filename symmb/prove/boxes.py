@@ -1,16 +1,17 @@
 """The enclosure over the whole box. The box is divided if remainders grow, and the bounds of the parts are joined."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property, reduce
+from dataclasses import dataclass, replace
+from functools import cached_property, partial, reduce
 
 import numpy as np
 
-from symmb._magnitudes import ROUNDING, SAME, SLIGHT, SMALL
-from symmb._types import Array, Mask
+from symmb._magnitudes import ROUNDING, SAME, SLIGHT
+from symmb._types import Array, Executor, Mask
+from symmb.connect import LostTask, finished
 from symmb.prove.ellipses import Choice, Control
 from symmb.prove.errors import ProofError
-from symmb.prove.front import half, slowest
+from symmb.prove.front import half, roughest
 from symmb.prove.march import Course, Place, march
 from symmb.prove.orders import with_orders
 from symmb.prove.outputs import OutputBounds, output_bounds
@@ -19,21 +20,26 @@ from symmb.prove.rounding import LARGEST_ZERO
 from symmb.prove.start import constant_step, nominal_front
 
 _EARLY_REMAINDER = 1e-7
-"""Parts are halved early if their remainder, relative to the width of the states in the whole box, is larger than this.
-
-Early halving makes up to half of the allowed parts. The remainder of a large part does not become smaller later, and
-steps of large parts take many times longer. Example: the double pendulum (5 %, order 8), with all parts made early, was
-proved for 5 s with 1e-5, for 9 s with 1e-7, and for 3 s with 1e-8.
-"""
+"""Parts are halved where their remainder, relative to the width of the states in the whole box, was last smaller than
+this. The remainder of a large part does not become smaller later."""
+_PATIENCE = 6.0
+"""Number of attempts at steps beyond those that pay, until a part is halved."""
+_GAIN = 0.02
+"""Fraction of the horizon by which the proof of a half must reach beyond that of the part, or it is not halved again.
+Many parts do not pass a singular position either."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """A part of the box with its course. `share` is its fraction of the whole box."""
+    """A part of the box with its course.
+
+    `share` is its fraction of the whole box. Its proof must reach `least` [s] for further halvings.
+    """
 
     problem: Problem
     course: Course
     share: float = 1.0
+    least: float = 0.0
 
     @cached_property
     def small(self) -> float:
@@ -43,21 +49,23 @@ class _Part:
         return max(_EARLY_REMAINDER / self.share, 0.0 if begin is None else 2.0 * begin.front.share())
 
     def halves(self, order: int) -> "list[_Part]":
-        """Both halves. The box is halved in the variable whose coefficients decay most slowly at the end.
+        """Both halves. The box is halved in the variable that reduces the highest orders at the end most.
 
         The halves continue from a checkpoint after the start. Without such a checkpoint they start again, because the
         start of a half has a smaller remainder. ProofError is raised if the scene cannot start for some parameters.
         """
         end, at = self.course.end, self.course.checkpoint
-        variable = slowest(self.problem, nominal_front(self.problem, order) if end is None else end.front.x)
-        parts = []
+        variable = roughest(self.problem, nominal_front(self.problem, order) if end is None else end.front.x)
+        parts, least = [], self.course.until
+        least += _GAIN * float(self.problem.times[-1]) if least else 0.0
         for side in (-1, 1):
             part = self.problem.over(variable, side)
             course = Course.empty(part)
             if at is not None and at.front.t:
-                place = Place(half(self.problem, at.front, variable, side), at.control, at.problem.over(variable, side))
+                control = replace(at.control, lost=0.0)
+                place = Place(half(self.problem, at.front, variable, side), control, at.problem.over(variable, side))
                 course = self.course.back_to(place, part.times)
-            parts.append(_Part(part, course, 0.5 * self.share))
+            parts.append(_Part(part, course, 0.5 * self.share, least))
         return parts
 
 
@@ -104,7 +112,11 @@ class Enclosure:
 
 @np.errstate(all="ignore")  # bounds that are not finite are treated later
 def enclose(
-    problem: Problem, order: int, boxes: int, progress: Callable[[float], None] = lambda share: None
+    problem: Problem,
+    order: int,
+    boxes: int,
+    executor: Executor | None = None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Enclosure:
     """Bounds of the outputs over the box of a problem.
 
@@ -112,11 +124,12 @@ def enclose(
     ----------
     order : highest degree in each parameter
     boxes : largest number of parts of the box
+    executor : executor of the parts, as in `finished`; None: the calling thread
     progress : called with the proved fraction of the horizon
     """
     if problem.n:
         problem, order = with_orders(problem, order)
-        courses = [part.course for part in _followed(problem, order, boxes, progress)]
+        courses = [part.course for part in _followed(problem, order, boxes, executor, progress)]
     else:
         courses = [_of_expressions(problem, order)]
     last = min(courses, key=lambda course: course.until if course.why else np.inf)
@@ -125,34 +138,54 @@ def enclose(
                      tuple(order // weight for weight in problem.weights or (1,) * problem.d))  # fmt: skip
 
 
-def _followed(problem: Problem, order: int, boxes: int, progress: Callable[[float], None]) -> list[_Part]:
-    """The parts of the box at the end, with their courses."""
-    horizon = float(problem.times[-1]) or 1.0
-    parts = [_Part(problem, Course.empty(problem))]
+def _followed(
+    problem: Problem, order: int, boxes: int, executor: Executor | None, progress: Callable[[float], None]
+) -> list[_Part]:
+    """The parts of the box at the end, with their courses.
 
-    def follow(part: _Part, largest: float) -> None:
-        """Continue a part to the end, or until its remainder is too large, and report the progress."""
-        done = sum(other.share * other.course.until for other in parts if other is not part)
-        march(part.problem, order, part.course, part.small, max(part.small, largest),
-              lambda t: progress((done + part.share * t) / horizon))  # fmt: skip
+    Steps of a part become short if its remainder is large. If they are more than twice as many as the motion needs,
+    the part is halved, because two halves with long steps take less time. A part whose proof is lost is halved too.
+    Parts whose proofs reach hardly farther than the proof before the last halving are not halved.
+    """
+    parts, horizon = [_Part(problem, Course.empty(problem))], float(problem.times[-1]) or 1.0
 
-    # A remainder above a small fraction of the width soon ends the proof, because its square makes it grow. After half
-    # of the allowed parts is used, the parts whose proofs end first are halved, at their last small remainder.
-    for most, largest in ((boxes // 2, 0.0), (boxes, SMALL), (boxes, np.inf)):
-        for part in parts:
-            if not part.course.why:
-                follow(part, largest)
-        while len(parts) < most and (lost := [part for part in parts if part.problem.d and not part.course.is_done]):
-            first = min(lost, key=lambda part: part.course.until)  # the enclosure ends with this part
+    def follow(which: list[_Part], patience: float) -> None:
+        """Continue some parts to the end, or until they are to be halved, and report the progress."""
+
+        def tell(part: _Part, t: float) -> None:
+            progress(sum(own.share * (t if own is part else own.course.until) for own in parts) / horizon)
+
+        run = partial(_continued, order, patience, tell if executor is None else None)
+        for k, course in finished(run, list(which), executor):
+            if isinstance(course, LostTask):
+                course = replace(which[k].course, why=course.reason)
+            parts[parts.index(which[k])] = replace(which[k], course=course)
+            tell(which[k], course.until)
+
+    follow(parts, _PATIENCE if boxes > 1 else np.inf)
+    while room := boxes - len(parts):
+        lost = [part for part in parts if not part.course.is_done and problem.d and part.course.until >= part.least]
+        halves = list[_Part]()
+        # the enclosure ends with the part whose proof ends first
+        for part in sorted(lost, key=lambda part: part.course.until)[:room]:
             try:
-                halves = first.halves(order)
+                own = part.halves(order)
             except ProofError:  # without a start for all parameters, more parts do not help
-                break
-            parts.remove(first)
-            for part in halves:
-                parts.append(part)
-                follow(part, largest)
+                continue
+            parts.remove(part)
+            halves += own
+        if not halves:
+            break
+        parts += halves
+        follow(halves, _PATIENCE)
+    follow([part for part in parts if not part.course.is_done and not part.course.why], np.inf)
     return parts
+
+
+def _continued(order: int, patience: float, tell: Callable[[_Part, float], None] | None, part: _Part) -> Course:
+    """The course of a part, continued to the end or until the patience is lost."""
+    march(part.problem, order, part.course, part.small, patience, lambda t: tell(part, t) if tell else None)
+    return part.course
 
 
 def _of_expressions(problem: Problem, order: int) -> Course:

@@ -54,6 +54,8 @@ class Control:
     turn : number of the choice that is compared next
     rho : ellipse of time, for several parameters
     rough : outputs (n_y,) that the last step could not show to be smooth with any number of patches
+    lost : number of attempts at steps beyond twice those that the motion needs; 0 if steps are long enough. It is
+        infinite if the remainder is large at the start
     """
 
     choice: Choice
@@ -62,6 +64,7 @@ class Control:
     turn: int = 0
     rho: float = 2.0
     rough: Mask | bool = False
+    lost: float = 0.0
 
 
 def ellipses(step: TimeStep, spread: tuple[float, float]) -> list[float]:

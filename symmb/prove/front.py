@@ -11,7 +11,7 @@ from symmb.prove.errors import ProofError
 from symmb.prove.flow import Curve
 from symmb.prove.problem import Problem
 from symmb.prove.rounding import U, above, of_sum
-from symmb.prove.terms import grid, product_bound, restricted, sums_of_orders
+from symmb.prove.terms import exponents, grid, product_bound, restricted
 from symmb.prove.time_step import TimeStep, solution_bound
 
 
@@ -58,10 +58,14 @@ class Front:
         return float((self.reach / np.maximum(moved, SMALL * moved.max(initial=1e-300))).max(initial=0.0))
 
 
-def slowest(problem: Problem, x: Array) -> int:
-    """Index of the parameter with the slowest decay of the coefficients (n, N + 1, ...)."""
+def roughest(problem: Problem, x: Array) -> int:
+    """Index of the parameter whose halving reduces the highest orders of x (n, N + 1, ...) most."""
+    own, sizes = exponents(problem, x.shape[1:]), np.abs(x).reshape(len(x), -1)
+    orders = own.max(axis=1) if not problem.weights else own @ np.array(problem.weights)
     # the two highest orders measure the decay
-    return int(np.argmax([own[max(1, len(own) - 2) :].sum() for own in sums_of_orders(problem, x)]))
+    is_high = orders >= max(1, orders.max() - 1)
+    sizes = (sizes / problem.scales[:, None]).sum(axis=0)[is_high]
+    return int(np.argmin((sizes[:, None] * 0.5 ** own[is_high]).sum(axis=0)))
 
 
 def leaving(step: TimeStep, w: Array) -> Front:

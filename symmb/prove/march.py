@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from symmb._magnitudes import FACTORS, ROUNDING
+from symmb._magnitudes import FACTORS, ROUNDING, SMALL
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove.ellipses import Choice, Control
@@ -86,7 +86,7 @@ class Course:
 
 
 def march(
-    problem: Problem, order: int, course: Course, small: float, largest: float, progress: Callable[[float], None]
+    problem: Problem, order: int, course: Course, small: float, patience: float, progress: Callable[[float], None]
 ) -> None:
     """Continue a course over one box from its last place, or from the start.
 
@@ -94,7 +94,7 @@ def march(
     ----------
     order : highest degree in each parameter
     small : a place is a checkpoint if its remainder, relative to the width of the states, is smaller than this
-    largest : relative remainder above which the march stops
+    patience : the march stops after this number of attempts at steps beyond those that pay
     progress : called with the reached time [s]
     """
     end = float(problem.times[-1])
@@ -106,9 +106,10 @@ def march(
             course.why = f"the start cannot be proved, because {error}"
             return
         # the first step that is tried is 1/50 of the horizon; a step that is too long is shortened
-        course.end = course.checkpoint = Place(front, Control(Choice(), (end or 1.0) / 50), problem)
+        control = Control(Choice(), (end or 1.0) / 50, lost=np.inf if front.share() > SMALL else 0.0)
+        course.end = course.checkpoint = Place(front, control, problem)
     place, longest = course.end, 0.0
-    while not course.is_done:
+    while not (course.is_done or place.control.lost > patience):
         try:
             place, h = _next_place(course, place, grain_of(end))
         except ProofError as error:
@@ -119,8 +120,6 @@ def march(
         share, longest = place.front.share(), max(longest, h)
         if share <= small:
             course.checkpoint = place
-        if share > largest:
-            return
         # without this limit, many short steps would follow
         if share > 1e-2 and place.control.h < longest / 64:
             course.why = _why(place, "small deviations from the computed motion grow too fast")
@@ -187,7 +186,7 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
         own = output_bounds(replace(step, problem=other), proof.W, times[:1], control)
         course.bounds.put(slice(1), course.bounds.at(slice(1)).joined(own))
     if left < usual:
-        control.h = usual
+        control.h, control.lost = usual, place.control.lost
     return _changed(Place(front, control, problem), grain, course.is_done), step.h
 
 
@@ -328,7 +327,7 @@ def _step(problem: Problem, front: Front, grain: float, control: Control) -> tup
 def _shortened(problem: Problem, front: Front, grain: float, control: Control) -> tuple[TimeStep, Proof]:
     """A proved step of the aimed length, or a shorter step that can be proved with the present control."""
     h = aim = usual = control.h
-    reason, change, is_cut, A = "", problem.change, False, jacobian(problem, front.middle, front.t)
+    reason, failed, change, is_cut, A = "", 0, problem.change, False, jacobian(problem, front.middle, front.t)
     while h >= aim / 16 and h > 4 * grain:
         if change is None or change.late is None or h != change.time - front.t:
             h = float(np.floor(h / grain)) * grain
@@ -357,12 +356,25 @@ def _shortened(problem: Problem, front: Front, grain: float, control: Control) -
             proof = prove(step, w, control)
             require_valid(step, above(step.B_largest @ proof.W))
             control.h = max(h_resolved, usual) if is_cut else h_resolved
+            if failed or (control.lost and not is_cut):
+                control.lost = max(0.0, control.lost + failed + 1.0 - 2.0 * h / _needed(problem, x.c, h))
             return step, proof
         except ProofError as error:
-            reason, h = str(error), 0.5 * h
+            reason, h, failed = str(error), 0.5 * h, failed + 1
             if step is not None and not is_regular(step, np.zeros(problem.n), Choice().patches):
                 reason = problem.why_singular
     raise ProofError(reason or "the motion changes too fast for the shortest step")
+
+
+def _needed(problem: Problem, c: Array, h: float) -> float:
+    """Approximately the length of a step [s] in which the last terms of the motion are rounding errors.
+
+    c (n, K + 1, ...) are the coefficients of the motion over a step h [s]. They decrease about as powers of h.
+    """
+    sizes = ch.sums(c, problem.axes)
+    largest = (sizes / np.maximum(problem.scales, sizes.sum(axis=1))[:, None]).max(axis=0)
+    terms = 1 + int(np.flatnonzero(largest > FACTORS).max(initial=0))
+    return h * FACTORS ** (1.0 / _TIME_TERMS - 1.0 / terms)
 
 
 def _in_moving_frame(problem: Problem, front: Front, x: Curve, h: float) -> tuple[TimeStep, Array]:

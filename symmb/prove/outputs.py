@@ -144,7 +144,7 @@ def _good_bounds(
     width = (ch.sums(c, d) - np.abs(c[(..., *(0,) * d)])).max(axis=1)
     kept, removed = cut(c.reshape(-1, *c.shape[2:]), np.repeat(_PART * rtol * width, len(times)))
     remainder = above(remainder + of_states + removed.reshape(remainder.shape))
-    low, high = _widened(*ranges(kept, rtol), remainder.ravel())
+    low, high = _widened(*ranges(kept, rtol, _PART * remainder.ravel()), remainder.ravel())
     return low.reshape(remainder.shape).T, high.reshape(remainder.shape).T, remainder.T
 
 
@@ -241,19 +241,22 @@ def _model_bounds(
 def _range_of_model(a: Model, other_errors: Array, n_t: int, rtol: float) -> tuple[Array, Array, Array]:
     """Bounds and remainders (n_t,) of an output.
 
-    The highest degrees are removed if they are small relative to the width, or if a tensor has more than 1e5
-    coefficients at one time.
+    The highest degrees are removed if they are small relative to the width or the remainder, or if a tensor has more
+    than 1e5 coefficients at one time.
     """
     basis, d = a.basis, a.basis.variables
+    other_errors = a.radius + other_errors
     c = a.in_chebyshev(n_t)
     sums = np.add.reduceat(np.abs(c), [0, *basis.counts[:-1]], axis=0)
     tails = np.cumsum(sums[::-1], axis=0)[::-1]
     degree = basis.degree
-    while degree > 1 and ((tails[degree] <= _PART * rtol * tails[1]).all() or (degree + 1.0) ** d > 1e5):
+    while degree > 1 and (
+        (tails[degree] <= _PART * (rtol * tails[1] + other_errors)).all() or (degree + 1.0) ** d > 1e5
+    ):
         degree -= 1
     kept = basis.counts[degree]
     removed = tails[degree + 1] if degree < basis.degree else np.zeros(n_t)
     whole = np.zeros((n_t, *(degree + 1,) * d))
     whole[(slice(None), *basis.exponents[:kept].T)] = c[:kept].T
-    remainder = above(a.radius + removed + other_errors + of_sum(len(c) + 2) * a.norm)
-    return *_widened(*ranges(whole, rtol), remainder), np.broadcast_to(remainder, n_t)
+    remainder = above(other_errors + removed + of_sum(len(c) + 2) * a.norm)
+    return *_widened(*ranges(whole, rtol, _PART * remainder), remainder), np.broadcast_to(remainder, n_t)

@@ -19,10 +19,11 @@ _MOST_HALVINGS = 80
 """Largest number of halvings of a cell. The sides of a cell of two parameters are then 2^-40 of those of the box."""
 
 
-def ranges(c: Array, tolerance: float) -> tuple[Array, Array]:
+def ranges(c: Array, tolerance: float, other_errors: Array | float = 0.0) -> tuple[Array, Array]:
     """Bounds (m,) of polynomials with Chebyshev coefficients (m, n1, ..., nd).
 
-    The excess is at most `tolerance` times the range, plus rounding. It is larger if too many cells are needed.
+    The excess is at most `tolerance` times the range, plus `other_errors` (m,), plus rounding. It is larger if too many
+    cells are needed.
 
     The largest Bernstein coefficient of a polynomial is at least its maximum, and the coefficients at the corners are
     values of the polynomial. A cell is finished if its largest coefficient exceeds the largest known value by at most
@@ -39,7 +40,7 @@ def ranges(c: Array, tolerance: float) -> tuple[Array, Array]:
     errors = errors * relative
     corners = _corners(b)
     width = corners.max(axis=1) - corners.min(axis=1)
-    tolerances = tolerance * width + errors
+    tolerances = tolerance * width + other_errors + errors
     upper, lower = _maxima(b, tolerances), -_maxima(-b, tolerances)
     # each halving rounds the coefficients, which are convex combinations of earlier ones: errors add up
     halving = _MOST_HALVINGS * sum(n + 2 for n in lengths) * U * np.abs(b).reshape(len(b), -1).max(axis=1)

@@ -1,7 +1,7 @@
 """The initial value problem of a scene's simulator, or an error with the reason why there is none."""
 
-from collections.abc import Sequence
-from functools import cache
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import product
 from typing import cast
 
@@ -10,13 +10,13 @@ import numpy as np
 
 from symmb._errors import PropagationError
 from symmb._magnitudes import SAME, SLIGHT
-from symmb._types import Array, Indices
+from symmb._types import Array, Indices, Mask
 from symmb._units import units_of_parameters, values_text
 from symmb.connect import Simulator
 from symmb.declare.mechanics import NonlinearSpring, SpringDamper
 from symmb.declare.symbolic import On, batch, branches, common, is_zero
 from symmb.declare.symbolic import t as time_symbol
-from symmb.equations.model import DAE, Box
+from symmb.equations.model import DAE, Box, Lazy
 from symmb.prove.discs import OPERATIONS
 from symmb.prove.independent_velocities import Equations, equations_of, start_states
 from symmb.prove.modes import LinearStart, with_limits, with_modes
@@ -78,14 +78,10 @@ def _of_equations(
         other = equations.following()
         x, p, t = equations.whole.sx_in()
         states = common("states", [x, p, t], [equations.whole(x, p, t)[other.kept.tolist()]])
-        later = cache(lambda: _of_equations(method, simulator, box, form, other))
-
-        def following(time: float, problem: Problem) -> Problem:
-            return later().with_fields(middle=problem.middle, radius=problem.radius, errors=problem.errors)
-
-        change = Change(equations.until - times[0], _later(states, times[0]), following)
+        later = Lazy(lambda: _of_equations(method, simulator, box, form, other))
+        change = Change(equations.until - times[0], _later(states, times[0]), partial(_over_same_box, later))
     if form.dae.sampling is not None:
-        change = _sampled(form.dae, equations, times)
+        change = _sampled(form.dae, equations.whole, times, 0)
     problem = Problem(rates, outputs, *_intervals(simulator, box), times - times[0],
                       form.dae.state_sizes[equations.kept], _start(form, equations),
                       phase=_phase(form.dae, rates, outputs, times, equations.kept),
@@ -97,31 +93,36 @@ def _of_equations(
     return problem
 
 
-def _sampled(dae: DAE, equations: Equations, times: Array) -> Change | None:
-    """The first change of sampled values after the first time, followed by the others; None if there are none."""
+def _over_same_box(later: Lazy[Problem], time: float, problem: Problem) -> Problem:
+    """The later problem over the box of a problem."""
+    return later().with_fields(middle=problem.middle, radius=problem.radius, errors=problem.errors)
+
+
+def _sampled(dae: DAE, whole: ca.Function, times: Array, k: int) -> Change | None:
+    """The change of sampled values at an instant after the first time, by its number; None after the last instant."""
     sampling = dae.sampling
     assert sampling is not None
     instants, begin = sampling.instants(times), float(times[0])
     instants = instants[np.diff(instants, prepend=-np.inf) > SAME * min(sampling.periods)]
+    if k == len(instants):
+        return None
     grain = grain_of(float(times[-1] - begin), bits=50)
     late = grain + 4 * U * float(np.abs(times).max())
+    x, p, t = whole.sx_in()
+    q, v, s, *_ = dae.arguments(whole(x, p, t), p, t)
+    for T, (value, count), law in zip(sampling.periods, sampling.states, sampling.laws, strict=True):
+        number = round((instants[k] - sampling.begin) / T)
+        own = sampling.begin + T * number
+        if abs(own - instants[k]) <= SAME * T:
+            s[value], s[count] = law(q, v, s, p, own), s[count] + 1
+    states = common("states", [x, p, t], [ca.densify(ca.vertcat(x[: x.numel() - dae.n_s], s))])
+    time = float(np.round((instants[k] - begin) / grain) * grain)
+    return Change(time, states, partial(_sampled_later, dae, whole, times, k + 1), late)
 
-    def following(k: int) -> Change | None:
-        """The change at an instant by its number."""
-        if k == len(instants):
-            return None
-        x, p, t = equations.whole.sx_in()
-        q, v, s, *_ = dae.arguments(equations.whole(x, p, t), p, t)
-        for T, (value, count), law in zip(sampling.periods, sampling.states, sampling.laws, strict=True):
-            number = round((instants[k] - sampling.begin) / T)
-            own = sampling.begin + T * number
-            if abs(own - instants[k]) <= SAME * T:
-                s[value], s[count] = law(q, v, s, p, own), s[count] + 1
-        states = common("states", [x, p, t], [ca.densify(ca.vertcat(x[: x.numel() - dae.n_s], s))])
-        time = float(np.round((instants[k] - begin) / grain) * grain)
-        return Change(time, states, lambda time, problem: problem.with_fields(change=following(k + 1)), late)
 
-    return following(0)
+def _sampled_later(dae: DAE, whole: ca.Function, times: Array, k: int, time: float, problem: Problem) -> Problem:
+    """The problem with the next change of sampled values."""
+    return problem.with_fields(change=_sampled(dae, whole, times, k))
 
 
 def _require_tapes(method: object, problem: Problem) -> None:
@@ -407,11 +408,14 @@ def _start(form: Formulation, equations: Equations) -> StartEquations:
     p, t = ca.SX.sym("p", len(start.dae.p_names)), ca.SX.sym("t")
     u = ca.SX.sym("u", start.state.numel_in(0))
     residual, states = position.residual(u, p), start_states(form, u, p)[equations.kept.tolist()]
-
-    def solve(P: Array) -> Array:
-        found, ok = position.solve(P)
-        return np.where(ok[:, None], found, np.nan)
-
     return StartEquations(
-        common("residual", [u, p, t], [ca.densify(residual)]), common("states", [u, p, t], [ca.densify(states)]), solve
+        common("residual", [u, p, t], [ca.densify(residual)]),
+        common("states", [u, p, t], [ca.densify(states)]),
+        partial(_solved, position.solve),
     )
+
+
+def _solved(solve: Callable[[Array], tuple[Array, Mask]], P: Array) -> Array:
+    """Approximate unknowns (N, n_u) of the start at parameters P (N, n_p); nan if there is no solution."""
+    found, ok = solve(P)
+    return np.where(ok[:, None], found, np.nan)

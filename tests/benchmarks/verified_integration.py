@@ -2,23 +2,27 @@
 
     export PYTHONPATH=.:tests OPENBLAS_NUM_THREADS=1
     python tests/benchmarks/verified_integration.py [NAME ...]             problems of tests/verified_problems.py
-    python tests/benchmarks/verified_integration.py random SYSTEMS POINTS  random systems against SciPy
+    python tests/benchmarks/verified_integration.py random SYSTEMS POINTS [FIRST SEED]
 
 For each problem it prints the verdict, the time of the processor, and the widths of the bounds at the end, over those
-of 2000 runs. The random systems have three to twelve uncertain numbers. Points of their
-boxes are integrated with a relative tolerance of 1e-13. It prints the systems with points outside of the bounds.
+of 2000 runs. The random systems are state spaces, planar trees and planar loops with three to twelve uncertain numbers.
+Points of their boxes are integrated by SciPy with a relative tolerance of 1e-13. The motions of trees and loops follow
+from Lagrange's equations in `planar_lagrangian`, without symmb. Systems with points outside of the bounds are printed.
 """
 
 import sys
 import time
 import warnings
+from collections import Counter
 
 import numpy as np
 from enclosure_samples import check
+from planar_lagrangian import random_mechanism
 from verified_problems import laub_loomis, lotka_volterra, quadrotor, random_system, robertson, van_der_pols
 
 import symmb as mb
-from symmb.prove import enclose
+from symmb.prove import enclose, problem_of
+from symmb.run.simulation import DAESimulator
 
 
 def between(name, low, high, begin=0.0, end=np.inf):
@@ -44,7 +48,7 @@ CASES = {
         for k, (b, c) in enumerate([(1e2, 1e3), (1e3, 1e5), (1e3, 1e7)], 1)
     },
     "LOVO21": (lotka_volterra, mb.TaylorModel(order=6), []),
-    "CVDP23": (van_der_pols, mb.TaylorModel(boxes=256), [between("y1", -INF, 2.75), between("y2", -INF, 2.75)]),
+    "CVDP23": (van_der_pols, mb.TaylorModel(), [between("y1", -INF, 2.75), between("y2", -INF, 2.75)]),
     **{
         f"LALO20 {spread}": (lambda spread=spread: laub_loomis(spread), mb.TaylorModel(), [between("x4", -INF, most)])
         for spread, most in ((0.01, 4.5), (0.05, 4.5), (0.1, 5.0))
@@ -61,25 +65,33 @@ CASES = {
 }
 
 
-def random(systems: int, points: int) -> None:
-    """Random systems against points of their boxes."""
-    begin, outside, done = time.perf_counter(), 0, 0
-    for seed in range(systems):
-        problem = random_system(seed)
-        found = enclose(problem, 8 if seed % 3 else 3, 1)
-        result = check(problem, found, points, seed)
-        outside, done = outside + len(result.disputed), done + (not found.why)
+def random(systems: int, points: int, first: int = 0) -> None:
+    """Random state spaces, trees and loops against points of their boxes."""
+    begin, outside = time.perf_counter(), 0
+    number, done = Counter[str](), Counter[str]()
+    for seed in range(first, first + systems):
+        if seed % 10 < 7:
+            kind, problem, motion_of = "state spaces", random_system(seed), None
+        else:
+            kind = "loops" if seed % 2 else "trees"
+            scene, motion_of = random_mechanism(seed)
+            problem = problem_of("method", DAESimulator(scene), scene.box)
+        found = enclose(problem, 2 + seed % 3, 1)
+        result = check(problem, found, points, seed, motion_of)
+        outside += len(result.disputed)
+        number[kind], done[kind] = number[kind] + 1, done[kind] + (not found.why)
         if len(result.disputed):
             print(f"system {seed}: {len(result.disputed)} points outside by up to {result.beyond:.1e}", flush=True)
-        if seed % 20 == 19:
-            print(f"{seed + 1} systems in {time.perf_counter() - begin:.0f} s, {done} proved to the end", flush=True)
+        if seed % 10 == 9:
+            told = ", ".join(f"{done[kind]} of {number[kind]} {kind}" for kind in number)
+            print(f"{time.perf_counter() - begin:.0f} s, proved to the end: {told}", flush=True)
     print(f"{systems * points} points of {systems} systems: {outside} outside")
 
 
 def main() -> None:
     """Prove the named problems, or all."""
     if sys.argv[1:2] == ["random"]:
-        return random(int(sys.argv[2]), int(sys.argv[3]))
+        return random(*map(int, sys.argv[2:5]))
     wanted = sys.argv[1:] or [*CASES]
     print(f"{'problem':12} {'verdict':12} {'CPU s':>7}  widths at the end (over those of runs)")
     for name, (make, method, conditions) in CASES.items():

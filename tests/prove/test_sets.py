@@ -1,13 +1,16 @@
 """Proofs with many uncertain numbers, and of stiff equations: samples lie inside, and planted faults are found."""
 
+import pickle
 import warnings
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from enclosure_samples import check, ode
+from enclosure_samples import check, ode, parameters, solutions
+from planar_lagrangian import random_mechanism
 from scipy.integrate import solve_ivp
-from verified_problems import laub_loomis, quadrotor, random_system, robertson
+from verified_problems import laub_loomis, quadrotor, random_system, robertson, van_der_pols
 
 import symmb as mb
 from symmb.prove import enclose, front, problem_of, terms
@@ -142,3 +145,44 @@ def test_remarks_tell_the_orders():
         few = mb.propagate(quadrotor(0.01, 0.1), mb.TaylorModel(order=2))
     assert any("Their highest orders are: c1 2, c2 2" in remark for remark in bounds.remarks)
     assert not any("highest orders" in remark for remark in few.remarks)
+
+
+def _division(method, executor=None):
+    """Bounds of two coupled oscillators over a wide box, and the progress that they report."""
+    told = []
+    with warnings.catch_warnings(action="ignore", category=mb.SymmbWarning):
+        return mb.propagate(
+            van_der_pols(1.0), method, executor=executor, progress=lambda *done: told.append(done)
+        ), told
+
+
+def test_a_box_divides_by_itself():
+    """One box needs many short steps, and its bounds are wider than those of the parts."""
+    whole, _ = _division(mb.TaylorModel(order=3, boxes=1))
+    parts, told = _division(mb.TaylorModel(order=3, boxes=4))
+    assert whole.evaluations == 1 < parts.evaluations <= 4 and told[-1] == (1000, 1000)
+    assert ((parts.upper - parts.lower)[-1] < 0.95 * (whole.upper - whole.lower)[-1]).all()
+    runs = mb.propagate(van_der_pols(1.0), mb.MonteCarlo(300), solver=mb.DormandPrince(rtol=1e-11))
+    assert (parts.lower <= runs.lower + 1e-9).all() and (parts.upper >= runs.upper - 1e-9).all()
+
+
+def test_an_executor_gives_the_same_bounds():
+    alone, _ = _division(mb.TaylorModel(order=3, boxes=4))
+    with ProcessPoolExecutor(2) as pool:
+        pooled, told = _division(mb.TaylorModel(order=3, boxes=4), pool)
+    assert (alone.lower == pooled.lower).all() and (alone.upper == pooled.upper).all()
+    assert pooled.evaluations == alone.evaluations and told[-1] == (1000, 1000)
+
+
+@pytest.mark.parametrize("seed", [1, 6])
+def test_random_mechanisms_against_lagrange_s_equations(seed):
+    """A loop and a rod with three to twelve uncertain numbers. The equations of the samples come from NumPy alone."""
+    scene, motion_of = random_mechanism(seed)
+    problem = problem_of("method", DAESimulator(scene), scene.box)
+    P = parameters(problem, 4, seed)
+    (Y, _), (own, _) = solutions(problem, P), solutions(problem, P, motion_of)
+    np.testing.assert_allclose(Y, own, rtol=0, atol=1e-11)
+    assert len(pickle.dumps(problem)) > 0  # parts of the box are sent to processes
+    found = enclose(problem, 2, 1)
+    result = check(problem, found, 100, seed, motion_of)
+    assert not found.why and result.outside <= INSIDE and result.filled > 0.2

@@ -52,15 +52,15 @@ class TaylorModel(Method):
     w abs(w)**0.5, ends the proof. Impacts, and constraints that are redundant for some parameters only, raise an error.
     A proof also ends at a kink that only a part of the box meets, or close to a singular position of a loop. After the
     end of the proof, bounds are infinite, and ``caution`` states this time. Outputs that are not smooth, or have
-    operations without a remainder, have infinite bounds. The executor is not used, and each box counts as a run.
+    operations without a remainder, have infinite bounds. An executor proves parts of the box at the same time.
 
     Parameters
     ----------
     order : highest degree in each parameter; for three or more parameters, highest total degree. If polynomials of many
         parameters would have more than 1001 terms, the degree is lower. Parameters with a nearly linear effect then
         have terms of lower order than the others. ``remarks`` of the bounds state these orders
-    boxes : largest number of parts of the box. Parts are halved if their remainder grows. The result is the union of
-        the bounds
+    boxes : largest number of parts of the box. A part is halved if its remainder makes steps much shorter than the
+        motion needs, or if its proof is lost. The result is the union of the bounds
 
     Raises
     ------
@@ -86,7 +86,7 @@ class TaylorModel(Method):
     """
 
     order: int = 8
-    boxes: int = 1
+    boxes: int = 16
 
     kind: ClassVar[Kind] = "enclosure"
     unit_of_work: ClassVar[str] = "parts of the time"
@@ -111,7 +111,7 @@ class TaylorModel(Method):
                 progress(min(int(share * _PARTS_OF_PROGRESS), _PARTS_OF_PROGRESS), _PARTS_OF_PROGRESS)
 
         require_runs(self, self.boxes, "Use fewer boxes.")
-        found = enclose(problem, self.order, self.boxes, tell)
+        found = enclose(problem, self.order, self.boxes, executor, tell)
         tell(1.0)
         times, outputs = np.asarray(simulator.times, dtype=float), tuple(simulator.outputs)
         few = not problem.n or NO_START in found.why or SINGULAR in found.why
