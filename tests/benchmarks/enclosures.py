@@ -32,6 +32,19 @@ def _double_pendulum(spread, end):
                     box=box, name=scene.name)  # fmt: skip
 
 
+def _double_pendulum_of_eight(spread, end):
+    """Two rods with uncertain lengths, masses, angles and rates at the start."""
+    p = mb.Parameters(l1=1.0, l2=1.0, m1=1.0, m2=1.0, theta1=-np.pi / 4, theta2=-np.pi / 3, omega1=0.5, omega2=0.5)
+    rod1 = mb.Body("rod1", mass=p.m1, inertia=p.m1 * p.l1**2 / 12)
+    rod2 = mb.Body("rod2", mass=p.m2, inertia=p.m2 * p.l2**2 / 12)
+    shoulder = mb.Revolute("shoulder", mb.Ground().point(0, 0), rod1.point(0, -p.l1 / 2))
+    elbow = mb.Revolute("elbow", rod1.point(0, p.l1 / 2), rod2.point(0, -p.l2 / 2))
+    system = mb.System(rod1, rod2, shoulder, elbow, mb.Gravity(0, 9.81), parameters=p)
+    start = {"rod1.theta": p.theta1, "rod2.theta": p.theta2, "rod1.omega": p.omega1, "rod2.omega": p.omega2}
+    return mb.Scene(system, start, np.linspace(0, end, 41), {"theta1": rod1.theta, "theta2": rod2.theta},
+                    box=mb.Box.around(p, spread), name="double pendulum of 8")  # fmt: skip
+
+
 def _loop(model, *names):
     """The cases of a model whose box has some parameters."""
 
@@ -56,6 +69,7 @@ CASES = (
     (_loop(andrews, "c0", "mom"), 0.001, 5e-3, 4, 1, (2e-3, 5e-3)),
     (_double_pendulum, 0.01, 10.0, 8, 1, (1, 3, 5, 10)),
     (_double_pendulum, 0.01, 10.0, 10, 1, (1, 3, 5, 10)),
+    (_double_pendulum_of_eight, 0.01, 2.0, 4, 1, (1, 2)),
     (_double_pendulum, 0.05, 3.0, 10, 1, (1, 2, 3)),
     (_double_pendulum, 0.05, 3.0, 12, 1, (1, 2, 3)),
     (_double_pendulum, 0.05, 10.0, 8, 16, (3, 5, 7, 10)),
