@@ -115,6 +115,7 @@ def _estimated(runs: Runs, tolerance: float, is_patient: bool) -> tuple[Estimate
             is_resolved = surrogate is not None and surrogate.is_resolved
             waves = dict[int, EstimatedRange]() if is_resolved else oscillation_ranges(runs, tolerance)
             known = {k: own for k, own in waves.items() if own.is_enough}
+            runs.clock.restart()  # other outputs get as much time as without outputs that oscillate
             found = _refined(runs, tolerance, is_patient, surrogate, known)
             errors, widths = relative_errors(found.estimate, runs.rms_widths()), runs.rms_widths()
             for k, own in waves.items():

@@ -33,6 +33,11 @@ class Clock:
         self.seconds, self.is_cut = seconds, False
         self._begin, self._of_runs = _now(), 0.0
 
+    def restart(self) -> None:
+        """Start again, because another study begins. Given seconds are for all studies."""
+        if self.seconds is None:
+            self.is_cut, self._begin, self._of_runs = False, _now(), 0.0
+
     @property
     def is_late(self) -> bool:
         """Whether no time is left. A study that calls this method stops if the result is True."""
