@@ -57,7 +57,8 @@ class _Part:
         end, at = self.course.end, self.course.checkpoint
         variable = roughest(self.problem, nominal_front(self.problem, order) if end is None else end.front.x)
         parts, least = [], self.course.until
-        least += _GAIN * float(self.problem.times[-1]) if least else 0.0
+        # without a proved start, halves of halves rarely start either; a start with a large remainder is not lost
+        least += _GAIN * (float(self.problem.times[-1]) or 1.0) if least or self.course.why else 0.0
         for side in (-1, 1):
             part = self.problem.over(variable, side)
             course = Course.empty(part)

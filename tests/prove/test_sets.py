@@ -174,7 +174,7 @@ def test_an_executor_gives_the_same_bounds():
     assert pooled.evaluations == alone.evaluations and told[-1] == (1000, 1000)
 
 
-@pytest.mark.parametrize("seed", [1, 6])
+@pytest.mark.parametrize("seed", [5, 6])
 def test_random_mechanisms_against_lagrange_s_equations(seed):
     """A loop and a rod with three to twelve uncertain numbers. The equations of the samples come from NumPy alone."""
     scene, motion_of = random_mechanism(seed)
