@@ -12,7 +12,7 @@ from numpy.polynomial.chebyshev import cheb2poly
 
 from symmb._types import Array, Indices
 
-_DEGREES_BEYOND, _MOST_TERMS_BEYOND = 3, 4000
+_DEGREES_BEYOND, MOST_TERMS_BEYOND = 3, 4000
 """Taylor models of defects, and of a start, have up to this many degrees more than the polynomials to which these
 errors belong, as long as they have at most this number of terms. They have at least one degree more."""
 
@@ -149,10 +149,10 @@ def basis_of(weights: tuple[int, ...], degree: int) -> Basis:
     return Basis(weights, degree)
 
 
-def richer(basis: Basis) -> Basis:
-    """The basis of higher degree for the defects of polynomials."""
+def richer(basis: Basis, most: float = MOST_TERMS_BEYOND) -> Basis:
+    """The basis of higher degree for the defects of polynomials. It has at most `most` terms, or one degree more."""
     degree = basis.degree + _DEGREES_BEYOND
-    while degree > basis.degree + 1 and terms_of(basis.weights, degree) > _MOST_TERMS_BEYOND:
+    while degree > basis.degree + 1 and terms_of(basis.weights, degree) > most:
         degree -= 1
     return basis_of(basis.weights, degree)
 

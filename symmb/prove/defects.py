@@ -9,7 +9,7 @@ from symmb._magnitudes import SMALL
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove import points
-from symmb.prove.basis import basis_of, richer
+from symmb.prove.basis import MOST_TERMS_BEYOND, basis_of, richer
 from symmb.prove.degrees import degrees_of_equations, highest
 from symmb.prove.ellipses import THINNEST, Control, Tried, node_counts, nodes_of_defect
 from symmb.prove.errors import ProofError, not_smooth
@@ -22,6 +22,8 @@ from symmb.prove.time_step import TimeStep
 
 _ALIASED_SHARE = 0.2
 """Fraction of the bound of a defect that may be due to aliasing."""
+_MOST_TERMS_OF_TAPE = 1e6
+"""Largest number of terms of a defect, times the instructions of the rates. With more, its values take seconds."""
 _TOO_ROUGH = "polynomials of this order are not accurate enough; a short pulse on a body at rest may be the cause"
 
 
@@ -219,7 +221,7 @@ def defects_of_models(step: TimeStep, w: Array, control: Control) -> tuple[Array
 def _modelled_defect(step: TimeStep, count: int) -> Array:
     """Bounds (3, n) of the interpolation of C d in time."""
     problem, n, source = step.problem, step.problem.n, step.problem.basis(step.x.c.shape[2])
-    basis = richer(source)
+    basis = richer(source, min(MOST_TERMS_BEYOND, _MOST_TERMS_OF_TAPE / problem.rates.n_instructions()))
     (f,) = run(problem.rate_tape, equations_at_nodes(step, count, basis))
     rate = at_nodes(step.x.rate, np.zeros(n), count, source, basis)
     C = matrix_at_nodes(step.C, np.zeros(n * n), n, count, problem.basis(step.C.shape[-1]), basis)

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from symmb._magnitudes import SMALL
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
 from symmb.prove import discs
@@ -67,10 +68,10 @@ def prove(step: TimeStep, w0: Array, control: Control) -> Proof:
         growth = defect_of_frame(step, rho, most_of_frame, w0 + step.h * defect[2])
     if step.decay is not None:  # integrals with weights of decay are not known
         defect = defect[[0, 0, 0]]
-    change = _Curvature(step, rho, patches)
     generators, n = w0[: -step.problem.n], step.problem.n
     # a little more than the remainder without growth: |w| must stay strictly inside of W
     W = np.concatenate([generators, above(1.001 * w0[-n:] + 1.1 * step.after(np.zeros(n), step.solved(*defect[:2])))])
+    change = _Curvature(step, rho, patches, SMALL * (growth @ W + defect[0]))
     for _ in range(MOST_CANDIDATES):
         e = above(step.B_largest @ W)
         quadratic = above(step.C_largest @ (change(e) @ e))
@@ -128,11 +129,13 @@ class _Curvature:
     Let |e| <= kappa r, and let the equations be analytic in all discs with the radii r. A(u + s e) is then analytic in
     s for |s| <= 1 / kappa. If A is in discs of radius R there, it changes by at most 2 R kappa s (Schwarz's lemma). Its
     mean over s in [0, 1] changes by at most R kappa.
+
+    An effect of the change up to `harmless` (n,), in the coordinates of the frame [1/s], need not be reduced.
     """
 
-    def __init__(self, step: TimeStep, rho: list[float], patches: tuple[int, int]) -> None:
+    def __init__(self, step: TimeStep, rho: list[float], patches: tuple[int, int], harmless: Array) -> None:
         least = max(count for count in (1, 4, 40) if count ** (len(rho) - 1) <= 64)  # for each parameter, and for all
-        self._step, self._patches = step, (patches[0], max(patches[1], least))
+        self._step, self._patches, self._harmless = step, (patches[0], max(patches[1], least)), harmless
         own = ch.sums(step.x.c, step.x.c.ndim - 1)
         self._room = np.maximum(largest_on(rho, step.x.c) - own, 1e-9 * step.problem.scales)
         self._radius, self._change = np.zeros(0), np.zeros(0)
@@ -145,18 +148,21 @@ class _Curvature:
         return above(self._change * kappa)
 
     def _choose(self, e: Array) -> None:
-        """Choose the radii around e with the smallest change. Radii are reduced until the change grows again."""
+        """Choose radii around e. They are reduced until the change is harmless, or grows again."""
         largest = max(2.0, 0.5 / float((e / self._room).max()))
         least, self._radius = np.inf, np.zeros(0)
         # radii relative to the largest discs: they become smaller until the change grows again
         for factor in (1.0, 0.5, 0.2, 0.08, 0.03, 0.01):
             radius = above(e * max(2.0, factor * largest))
             change = self._changes(radius)
-            mean = float((change @ e).max() * (e / radius).max())
+            kappa = float((e / radius).max())
+            mean = float((change @ e).max() * kappa)
             if np.isfinite(least) and not mean < least:
                 break
             if mean < least or not self._radius.size:
                 self._radius, self._change, least = radius, change, mean
+            if (self._step.C_largest @ (change @ e) * kappa <= self._harmless).all():
+                break
 
     def _changes(self, radius: Array) -> Array:
         """Largest radii (n, n) of the discs of the Jacobian on all patches, for states within `radius` (n,)."""
