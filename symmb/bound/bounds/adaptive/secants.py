@@ -1,4 +1,4 @@
-"""Kinks of responses of one parameter, from the intersections of secants through runs on both sides."""
+"""Kinks and cusps of responses, from the intersections of secants through runs on both sides."""
 
 from itertools import product
 
