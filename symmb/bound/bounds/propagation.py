@@ -47,7 +47,8 @@ def propagate(
     progress : called with the number of finished runs and of all runs. Adaptive methods increase the number of all
         runs. If `progress` has a method ``estimate``, these methods call ``estimate`` with the current estimated error.
         Default: a bar, in notebooks and terminals
-    device : "cuda" for runs on a graphics card of NVIDIA; default: the processor
+    device : "cuda" for runs on a graphics card of NVIDIA; default: the processor. `TaylorModel` and `Optimization` run
+        on the processor in any case.
 
     Returns
     -------

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from threading import RLock
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -13,9 +13,12 @@ from symmb._types import Array, Indices, Mask
 from symmb._units import values_text
 from symmb.connect import BLOCK, Ensemble
 from symmb.declare.symbolic import batch
-from symmb.run.codegen import BLAMED, REASONS, CardEngine, Engine, FailedSamples, Summary
+from symmb.run.codegen import BLAMED, REASONS, Engine, FailedSamples
 from symmb.run.formulations.formulation import Formulation
 from symmb.run.integrate import Run
+
+if TYPE_CHECKING:
+    from symmb.run.codegen import CardEngine, Summary
 
 LOCK = RLock()
 """A lock for Python threads that call CasADi, because CasADi's reference counts are not atomic. CasADi's own threads do
@@ -175,10 +178,10 @@ class CardEnsemble(CompiledEnsemble):
     In a second, a card makes 1e7 runs of the double pendulum with outputs of 1 TB, and it transfers 50 GB.
     """
 
-    engine: CardEngine
+    engine: "CardEngine"
 
     @cached_property
-    def _summary(self) -> Summary:
+    def _summary(self) -> "Summary":
         summary, self._failed = self.engine.summary(self._x0, self.P)
         return summary
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.metadata import version as symmb_version
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from symmb._types import Array, Indices
 from symmb.connect import Samples, digest
 from symmb.declare.symbolic import batch
 from symmb.equations.model import DAE, Scene
-from symmb.run.codegen import Card, CardEngine, Engine
+from symmb.run.codegen import Engine
 from symmb.run.events import Break, broken
 from symmb.run.formulations.ensembles import (
     LOCK,
@@ -36,6 +36,9 @@ from symmb.run.integrate import (
     refined,
     round_otherwise,
 )
+
+if TYPE_CHECKING:
+    from symmb.run.codegen import Card, CardEngine
 
 _LONG = 10_000
 """Number of operations of rows of loops in coordinates of bodies. If rows have more, checks of runs do not derive these
@@ -82,7 +85,7 @@ class Program:
     solver: Solver
     times: Array
     contradiction: Break | None = None
-    card: Card | None = None
+    card: "Card | None" = None
     compiled: _Compiled = field(default_factory=_Compiled)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -167,7 +170,7 @@ class Program:
             form, P = self.formulation, np.ascontiguousarray(P)
             if self.runs_in_lanes:
                 kind = CompiledEnsemble if self.card is None else CardEnsemble
-                return kind(form, cast(CardEngine, self.engine()), P, float(self.times[0]), threads)
+                return kind(form, cast("CardEngine", self.engine()), P, float(self.times[0]), threads)
             if self.is_stateless:
                 return ensemble_of_expressions(form, P, self.times, threads)
             x0, reasons = form.start.states(P)
@@ -193,7 +196,7 @@ class Program:
         _require_able(solver, self.bodies.dae, self.times, self.contradiction)
         return Program(self.forms, solver, self.times, self.contradiction, self.card)
 
-    def on_card(self, card: Card) -> "Program":
+    def on_card(self, card: "Card") -> "Program":
         """The program of the same scene, with samples that run on a graphics card.
 
         Raises

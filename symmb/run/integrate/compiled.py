@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -13,12 +13,15 @@ from symmb._interrupts import carry_runs, runs_of
 from symmb._types import Array
 from symmb.equations.model import DAE, Impacts
 from symmb.equations.start import Start
-from symmb.run.codegen import Card, Engine, FixedStep, Lanes, StepTolerances, require_compiler
+from symmb.run.codegen import Engine, FixedStep, Lanes, StepTolerances, require_compiler
 from symmb.run.events import events_of, longest_step
 from symmb.run.integrate.integration import Integration, Run
 from symmb.run.integrate.projection import sampled_jets
 from symmb.run.integrate.side_walk import stops_at
 from symmb.run.integrate.solver import Solver
+
+if TYPE_CHECKING:
+    from symmb.run.codegen import Card
 
 
 class Task(NamedTuple):
@@ -57,7 +60,7 @@ class CompiledSolver(Solver):
         motion."""
         return self.tolerances(dae, order, n_quad) if self.controls_step else FixedStep(self.fixed_step(times))
 
-    def engine(self, task: "Task", card: Card | None = None) -> Engine:
+    def engine(self, task: "Task", card: "Card | None" = None) -> Engine:
         """The engine that makes the runs in compiled C code, or on a graphics card.
 
         Raises

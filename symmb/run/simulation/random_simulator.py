@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -15,11 +15,13 @@ from symmb.connect import Ensemble, Progress, Reduction, checked_samples, digest
 from symmb.declare.mechanics import LEVELS, RandomInput
 from symmb.declare.symbolic import ddt, t
 from symmb.equations.model import Scene
-from symmb.run.codegen import Card
 from symmb.run.integrate import Solver
 from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_simulator import FigureSimulator
 from symmb.run.simulation.pilots import at_tolerances
+
+if TYPE_CHECKING:
+    from symmb.run.codegen import Card
 
 S = TypeVar("S")
 _GROUP = 16
@@ -59,7 +61,7 @@ class RandomSimulator(WithWarnings):
     """
 
     def __init__(
-        self, scene: Scene, inputs: Sequence[RandomInput], solver: Solver | None, card: Card | None = None
+        self, scene: Scene, inputs: Sequence[RandomInput], solver: Solver | None, card: "Card | None" = None
     ) -> None:
         if scene.curve_names:
             raise DeclarationError(

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 from symmb._errors import DeclarationError
 from symmb._interrupts import kept_interrupts
@@ -11,13 +12,13 @@ from symmb._types import Array, Expr
 from symmb._units import units_of_parameters
 from symmb.connect import Simulator
 from symmb.equations.model import Box, Scene
-from symmb.run.codegen import Card, CudaCard
+from symmb.run import codegen
 from symmb.run.integrate import Solver, solver_of
 from symmb.run.simulation.dae_simulator import DAESimulator
 from symmb.run.simulation.figure_simulator import FigureSimulator, SceneSimulator
 from symmb.run.simulation.random_simulator import RandomSimulator, random_inputs
 
-Device = str | Card | None
+Device: TypeAlias = "str | codegen.Card | None"
 """The device of runs: "cuda" for a graphics card, or None for the processor."""
 _SCENE = "Scene(system, times=...) makes a Scene from a System."
 
@@ -176,13 +177,13 @@ def simulator_with(scene: Scene, solver: Solver | str | None = None, device: Dev
     return scene.remembered((solver, device), lambda: simulator_with(scene, solver).on_card(card))
 
 
-def _card(device: str | Card) -> Card:
+def _card(device: "str | codegen.Card") -> "codegen.Card":
     """The graphics card of a device."""
-    if isinstance(device, Card):
-        return device
-    if not isinstance(device, str) or device != "cuda":
+    if isinstance(device, str) and device == "cuda":
+        return codegen.CudaCard()
+    if not isinstance(device, codegen.Card):
         raise DeclarationError(f"device: expected 'cuda' or None, got {shown(device)}. None is the processor.")
-    return CudaCard()
+    return device
 
 
 def study_simulator(scene: Scene, solver: Solver | None = None, device: Device = None) -> SceneSimulator:
