@@ -117,3 +117,24 @@ def random_system(seed):
     times = np.linspace(0, rng.choice([0.5, 1.5, 3.0]), 7)
     start = lambda p: [p[k] if k < begin else 0.2 * k + 0.05 * p[d - 1] for k in range(n)]  # noqa: E731
     return enclosure_samples.ode(rates, start, np.stack([middle - radius, middle + radius], axis=1), times)
+
+
+def random_oscillator(seed, wide=False):
+    """A pendulum, a hardening or a linear spring over 4 to 12 periods, with three to five uncertain numbers.
+
+    Their frequency, amplitude, stiffness, damping and first rate are uncertain. Every fourth one is driven a little.
+    """
+    rng = np.random.default_rng(seed)
+    kind, d = rng.integers(3), int(rng.integers(3, 6))
+    spread = 10 ** rng.uniform(*((-1.9, -1.1) if wide else (-2.7, -1.7))) / d
+    middle = rng.uniform([1, 0.5, 0.2, 0.0, -0.3], [3, 2.0, 1.0, 0.05, 0.3])
+    radius = np.where(np.arange(5) < d, spread * np.array([1, 1, 1, 0.2, 0.5]), 0.0)
+
+    def rates(x, p, t):
+        force = [ca.sin(x[0]), x[0] + p[2] * x[0] ** 3, x[0]][kind]
+        return [x[1], 0.02 * (seed % 4 == 0) * ca.sin(t) - p[0] ** 2 * force - p[3] * x[1]]
+
+    times = np.linspace(0.0, rng.uniform(4, 12) * 2 * np.pi / middle[0], 41)
+    outputs = lambda x, p, t: [x[0], x[1] * p[2] + 0.1 * t, x[0] ** 2]  # noqa: E731
+    return enclosure_samples.ode(rates, lambda p: [p[1], p[4]], np.transpose([middle - radius, middle + radius]), times,
+                                 outputs)  # fmt: skip

@@ -9,12 +9,14 @@ import numpy as np
 from symmb._magnitudes import ROUNDING, SAME, SLIGHT
 from symmb._types import Array, Executor, Mask
 from symmb.connect import LostTask, finished
+from symmb.prove.clock import with_clock
 from symmb.prove.ellipses import Choice, Control
 from symmb.prove.errors import ProofError
 from symmb.prove.front import half, roughest
 from symmb.prove.march import Course, Place, march
 from symmb.prove.orders import with_orders
 from symmb.prove.outputs import OutputBounds, output_bounds
+from symmb.prove.pass_outputs import half_step
 from symmb.prove.problem import Problem
 from symmb.prove.rounding import LARGEST_ZERO
 from symmb.prove.start import constant_step, nominal_front
@@ -66,6 +68,8 @@ class _Part:
                 control = replace(at.control, lost=0.0)
                 place = Place(half(self.problem, at.front, variable, side), control, at.problem.over(variable, side))
                 course = self.course.back_to(place, part.times)
+                if course.steps is not None:
+                    course.steps = [(half_step(step, variable, side), w) for step, w in course.steps]
             parts.append(_Part(part, course, 0.5 * self.share, least))
         return parts
 
@@ -130,6 +134,7 @@ def enclose(
     """
     if problem.n:
         problem, order = with_orders(problem, order)
+        problem = with_clock(problem)
         courses = [part.course for part in _followed(problem, order, boxes, executor, progress)]
     else:
         courses = [_of_expressions(problem, order)]

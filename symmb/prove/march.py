@@ -8,6 +8,7 @@ import numpy as np
 from symmb._magnitudes import FACTORS, ROUNDING, SLIGHT, SMALL
 from symmb._types import Array
 from symmb.prove import chebyshev as ch
+from symmb.prove.clock import bounds_by_clock
 from symmb.prove.ellipses import Choice, Control
 from symmb.prove.errors import NO_BOUND, ProofError
 from symmb.prove.flow import Curve, frame, integrated, motion
@@ -64,8 +65,9 @@ class Course:
 
     @classmethod
     def empty(cls, problem: Problem) -> "Course":
-        """A course before the start."""
-        return cls(OutputBounds.unknown(len(problem.times), problem.outputs.numel_out(0)))
+        """A course before the start. With a clock, bounds at a time follow from several steps."""
+        bounds = OutputBounds.unknown(len(problem.times), problem.outputs.numel_out(0))
+        return cls(bounds, steps=None if problem.clock is None else [])
 
     @property
     def is_done(self) -> bool:
@@ -79,10 +81,12 @@ class Course:
 
     def back_to(self, place: Place, times: Array) -> "Course":
         """The course up to a place, from which it can continue. `times` (n_t,) are the output times."""
-        stored = min(self.stored, int(np.searchsorted(times, place.front.t, side="right")))
+        until = place.problem.reached(place.front.t)
+        stored = min(self.stored, int(np.searchsorted(times, until, side="right")))
         bounds = OutputBounds.unknown(len(times), len(self.bounds.terms))
         bounds.put(slice(stored), self.bounds.at(slice(stored)))
-        return Course(bounds, place.front.t, "", place, place, stored)
+        steps = None if self.steps is None else [own for own in self.steps if own[0].t0 < place.front.t]
+        return Course(bounds, until, "", place, place, stored, steps)
 
 
 def march(
@@ -117,7 +121,7 @@ def march(
         except ProofError as error:
             course.why = _why(place, str(error))
             return
-        course.end, course.until = place, place.front.t
+        course.end, course.until = place, place.problem.reached(place.front.t)
         progress(course.until)
         share, longest = place.front.share(), max(longest, h)
         if share <= small:
@@ -176,14 +180,19 @@ def _next_place(course: Course, place: Place, grain: float) -> tuple[Place, floa
             else:
                 return _changed(passed, grain, course.is_done), passed.front.t - front.t
     if course.steps is not None:
-        course.steps.append((step, proof.W))
+        course.steps.append((step, proof.W) if problem.clock is None else step.with_remainder(proof.W))
     front, times = leaving(step, proof.end), problem.times
     late = _late(problem, front.t)
     # outputs at times within four errors of an instant have the values after the instant
     until = front.t if late is None else front.t - 4 * late
-    behind = int(np.searchsorted(times, until, side="right"))
+    behind = int(np.searchsorted(times, problem.reached(until), side="right"))
     if behind > course.stored:
-        course.store(behind, output_bounds(step, proof.W, times[course.stored : behind], control))
+        own = times[course.stored : behind]
+        if problem.clock is None:
+            course.store(behind, output_bounds(step, proof.W, own, control))
+        else:
+            assert course.steps is not None
+            course.store(behind, bounds_by_clock(course.steps, own, control))
     for other in others:  # an output on a switch may have the value of either side
         own = output_bounds(replace(step, problem=other), proof.W, times[:1], control)
         course.bounds.put(slice(1), course.bounds.at(slice(1)).joined(own))

@@ -1,5 +1,6 @@
 """The orders of polynomials of many parameters: lower ones for parameters whose effect is nearly linear."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -44,17 +45,24 @@ def with_orders(problem: Problem, order: int) -> tuple[Problem, int]:
 
 
 def _second_orders(problem: Problem) -> Array:
-    """Largest second-order terms (d,) of each parameter, relative to the effect of all parameters.
+    """Largest second-order terms (d,) of each parameter, relative to the effect of all parameters."""
+    found, exponents = np.full(problem.d, 1e-16), problem.basis(problem.lengths(2)[0]).exponents
+    for _, x in computed_motion(problem):
+        found = np.maximum(found, _relative(x, exponents))
+    return found
 
-    The motions are computed without a proof, up to the first change of the equations or the last time.
+
+def computed_motion(problem: Problem) -> Iterator[tuple[float, Array]]:
+    """Times and states (n, T) of motions of degree 2 in many parameters, without a proof.
+
+    They end at the first change of the equations, at the last time, or where steps become very short.
     """
-    found, t, end = np.full(problem.d, 1e-16), 0.0, float(problem.times[-1])
-    basis = problem.basis(problem.lengths(2)[0])
+    t, end = 0.0, float(problem.times[-1])
     try:
         x = nominal_front(problem, 2)
         h = end / 50.0
         for _ in range(_STEPS):
-            found = np.maximum(found, _relative(x, basis.exponents))
+            yield t, x
             if not h > _SHORTEST * end or t >= end:
                 break
             c = motion(problem, x, t, h, _TIME_TERMS).c
@@ -66,7 +74,6 @@ def _second_orders(problem: Problem) -> Array:
             h *= float(np.clip((ROUNDING / max(tail, 1e-30)) ** (1.0 / _TIME_TERMS), 0.3, 1.5))
     except ProofError:
         pass
-    return found
 
 
 def _relative(x: Array, exponents: Indices) -> Array:

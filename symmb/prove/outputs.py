@@ -9,13 +9,13 @@ from symmb._magnitudes import SLIGHT
 from symmb._types import Array, Mask
 from symmb.prove import chebyshev as ch
 from symmb.prove import points
-from symmb.prove.basis import basis_of
+from symmb.prove.basis import Basis, basis_of
 from symmb.prove.degrees import degrees_of_outputs
 from symmb.prove.ellipses import MOST_PATCHES, Choice, Control, ellipses, node_counts, nodes_needed, reaches
 from symmb.prove.errors import ProofError
 from symmb.prove.ranges import cut, ranges
 from symmb.prove.rounding import U, above, of_sum
-from symmb.prove.several_parameters import on_step, parameter_models, run
+from symmb.prove.several_parameters import motion_at, on_step, parameter_models, places_in_step, run
 from symmb.prove.taylor_models import Model, reach
 from symmb.prove.terms import monomials
 from symmb.prove.time_step import TimeStep, parameter_points
@@ -81,7 +81,9 @@ def output_bounds(step: TimeStep, w: Array, times: Array, control: Control, rtol
     problem, e, sizes = step.problem, above(step.B_largest @ w), ch.sums(step.x.c, step.x.c.ndim - 1)
     bounds = OutputBounds.unknown(len(times), problem.outputs.numel_out(0))
     fill = _model_bounds if problem.weights else _grid_bounds
-    terms = fill(step, e, step.reach_at(times, w), times, control, rtol, bounds) @ sizes
+    # with a clock, the parameters reach a time at different places of the step
+    e_at = step.reach_at(times, w) if problem.clock is None else np.repeat(e[:, None], len(times), axis=1)
+    terms = fill(step, e, e_at, times, control, rtol, bounds) @ sizes
     return bounds._replace(terms=np.where(np.isfinite(terms), terms, 0.0))
 
 
@@ -227,15 +229,22 @@ def _model_bounds(
     source = problem.basis(step.x.c.shape[2])
     # two degrees above those of the motion keep most terms of products of states
     basis = basis_of(source.weights, source.degree + 2)
-    at, errors = step.at(times, step.x)
-    c, lost = monomials(at, source, basis)
-    x = [Model(own.T, above(error + removed), basis) for own, error, removed in zip(c, errors, lost, strict=True)]
-    t = Model(times[None], np.full(1, U * np.abs(times).max()), basis)
-    for k, y in enumerate(run(problem.output_tape, [x, parameter_models(step, basis), [t]])[0]):
+    x, t = _at_times(step, times, basis)
+    for k, y in enumerate(run(problem.output_tape, [x, parameter_models(problem, basis), [t]])[0]):
         if np.isfinite(reach(y)) and np.isfinite(of_states[k]).all():
             bounds = _range_of_model(y, of_states[k], len(times), rtol)
             found.lower[:, k], found.upper[:, k], found.remainder[:, k] = bounds
     return slopes
+
+
+def _at_times(step: TimeStep, times: Array, basis: Basis) -> tuple[list[Model], Model]:
+    """Taylor models of the states and of the time of a step, at times (n_t,) of the scene."""
+    if step.problem.clock is not None:
+        return motion_at(step, places_in_step(step, times, basis))
+    at, errors = step.at(times, step.x)
+    c, lost = monomials(at, step.problem.basis(step.x.c.shape[2]), basis)
+    x = [Model(own.T, above(error + removed), basis) for own, error, removed in zip(c, errors, lost, strict=True)]
+    return x, Model(times[None], np.full(1, U * np.abs(times).max()), basis)
 
 
 def _range_of_model(a: Model, other_errors: Array, n_t: int, rtol: float) -> tuple[Array, Array, Array]:

@@ -54,12 +54,12 @@ class Part:
         found = []
         for side in (-1, 1):
             times, lost = restricted(problem, self.times[None], 1, variable, side)
-            old, new = ([(_half(step, variable, side), w) for step, w in steps] for steps in (self.old, self.new))
+            old, new = ([(half_step(step, variable, side), w) for step, w in steps] for steps in (self.old, self.new))
             found.append(Part(old, new, times[0], float(above(self.error + lost[0]))))
         return found
 
 
-def _half(step: TimeStep, variable: int, side: int) -> TimeStep:
+def half_step(step: TimeStep, variable: int, side: int) -> TimeStep:
     """The step over half of the range of a variable. The ellipses of the half are inside those of the whole range."""
     c, lost = restricted(step.problem, step.x.c, 2, variable, side)
     each = lost.reshape(*lost.shape, *(1,) * step.problem.axes)

@@ -37,6 +37,7 @@ class Problem:
     meeting : sentence about a spring with points that may meet; empty if none is found
     change : change to other states; None if these states are used to the end
     weights : (d,) weights of the variables in the `Basis` of motions; empty if polynomials are tensors
+    clock : the clock of the times of the outputs; None if they are the times of the rates
     """
 
     rates: ca.Function
@@ -56,6 +57,7 @@ class Problem:
     meeting: str = ""
     change: "Change | None" = None
     weights: tuple[int, ...] = ()
+    clock: "Clock | None" = None
 
     def over(self, variable: int, side: int) -> "Problem":
         """The problem over the half of the box in which a variable is negative (side -1) or positive (side 1)."""
@@ -86,6 +88,10 @@ class Problem:
         """Number of axes of polynomials of the parameters."""
         return 1 if self.weights else self.d
 
+    def reached(self, s: float) -> float:
+        """The time that all parameters have reached at the time s of the rates."""
+        return s if self.clock is None else s * self.clock.slowest
+
     def lengths(self, order: int) -> tuple[int, ...]:
         """Lengths of the axes of polynomials of the parameters of the highest degree `order`."""
         return (basis_of(self.weights, order).counts[-1],) if self.weights else (order + 1,) * self.d
@@ -109,6 +115,11 @@ class Problem:
     def jacobian_tape(self) -> Tape:
         """(x, p, t) -> x', and its Jacobian (n, n) in column-major order."""
         return with_jacobian(self.rates)
+
+    @cached_property
+    def clock_tape(self) -> Tape | None:
+        """(x, p, s) -> t / s."""
+        return None if self.clock is None else Tape(self.clock.rate)
 
     @cached_property
     def output_tape(self) -> Tape:
@@ -159,6 +170,21 @@ SINGULAR = "a loop may reach a singular position, such as a dead centre"
 
 
 @dataclass(frozen=True, eq=False)
+class Clock:
+    """Times t = s tau(p) of the outputs, for the time s of the rates.
+
+    Attributes
+    ----------
+    rate : (x, p, s) -> tau
+    slowest, fastest : bounds of tau over the box
+    """
+
+    rate: ca.Function
+    slowest: float
+    fastest: float
+
+
+@dataclass(frozen=True, eq=False)
 class Change:
     """A change to other states at a time [s].
 
@@ -175,7 +201,8 @@ class Change:
     late: float | None = None
 
 
-_GRAPHS = ("rate_tape", "jacobian_tape", "output_tape", "sensitivity_tape", "valid_tape", "regular_tape", "_tapes")
+_GRAPHS = ("rate_tape", "jacobian_tape", "output_tape", "sensitivity_tape", "valid_tape", "regular_tape", "clock_tape",
+           "_tapes")  # fmt: skip
 """Cached attributes that do not depend on the box."""
 
 

@@ -8,6 +8,7 @@ for all parameters of the box, bounds the error of this interpolation.
 import math
 from functools import partial
 
+import casadi as ca
 import numpy as np
 
 from symmb._types import Array
@@ -16,16 +17,19 @@ from symmb.prove import taylor_models as tm
 from symmb.prove.basis import Basis, basis_of
 from symmb.prove.discs import Disc
 from symmb.prove.patches import cosh_powers
+from symmb.prove.problem import Problem
 from symmb.prove.rounding import ERROR_OF_MODULI, U, above
 from symmb.prove.tape import Tape
 from symmb.prove.taylor_models import Model
 from symmb.prove.terms import at_nodes, monomials
 from symmb.prove.time_step import TimeStep
 
+_ADD, _SUBTRACT, _MULTIPLY = (tm.OPERATIONS[code] for code in (ca.OP_ADD, ca.OP_SUB, ca.OP_MUL))
 
-def parameter_models(step: TimeStep, basis: Basis) -> list[Model]:
+
+def parameter_models(problem: Problem, basis: Basis) -> list[Model]:
     """Taylor models of the parameters. Their variables are the last ones of the basis."""
-    problem, first = step.problem, basis.variables - step.problem.d
+    first = basis.variables - problem.d
     errors = np.broadcast_to(problem.errors, problem.middle.shape)
     found = []
     for middle, radius, j, error in zip(problem.middle, problem.radius, problem.variables, errors, strict=True):
@@ -44,7 +48,33 @@ def equations_at_nodes(step: TimeStep, count: int, basis: Basis) -> list[list[Mo
     x = at_nodes(step.x.c, step.x.error, count, step.problem.basis(step.x.c.shape[2]), basis)
     t = step.t0 + 0.5 * step.h * (1.0 + ch.nodes(count))
     error = 4.0 * U * (abs(step.t0) + step.h) + step.h * ch.ENTRY_ERROR
-    return [x, parameter_models(step, basis), [Model(t[None], np.full(1, error), basis)]]
+    return [x, parameter_models(step.problem, basis), [Model(t[None], np.full(1, error), basis)]]
+
+
+def places_in_step(step: TimeStep, times: Array, basis: Basis) -> Model:
+    """Taylor model of the places of times (n_t,) in a step, from -1 to 1, by the clock of the problem."""
+    problem, zero = step.problem, tm.constant(basis, 0.0)
+    assert problem.clock_tape is not None
+    ((rate,),) = run(problem.clock_tape, [[zero] * problem.n, parameter_models(problem, basis), [zero]])
+    own = _MULTIPLY(Model(times[None], np.zeros(1), basis), rate.inverse)
+    share = _MULTIPLY(_SUBTRACT(own, tm.constant(basis, step.t0)), tm.constant(basis, step.h).inverse)
+    return _SUBTRACT(_MULTIPLY(tm.constant(basis, 2.0), share), tm.constant(basis, 1.0))
+
+
+def motion_at(step: TimeStep, s: Model) -> tuple[list[Model], Model]:
+    """Taylor models of the states and of the time at places s in a step."""
+    source, one = step.problem.basis(step.x.c.shape[2]), tm.constant(s.basis, 1.0)
+    own, lost = monomials(step.x.c, source, s.basis)
+    twice, found = _MULTIPLY(tm.constant(s.basis, 2.0), s), []
+    for c, errors, error in zip(own, lost, step.x.error, strict=True):
+        errors = np.concatenate([[errors[0] + error], errors[1:]])
+        after = last = tm.constant(s.basis, 0.0)
+        for k in range(len(c) - 1, -1, -1):  # Clenshaw's recurrence
+            term = Model(c[k][:, None], above(errors[k : k + 1]), s.basis)
+            after, last = _ADD(term, _SUBTRACT(_MULTIPLY(twice if k else s, after), last)), after
+        found.append(after)
+    half = tm.constant(s.basis, 0.5 * step.h)
+    return found, _ADD(tm.constant(s.basis, step.t0), _MULTIPLY(half, _ADD(one, s)))
 
 
 class TimePatches:
@@ -113,4 +143,4 @@ def inputs_on_step(step: TimeStep, radius: Array | float, rho: float) -> list[li
     x = patches.models(step.x.c, step.x.error_on([rho, 1.0]) + radius, problem.basis(step.x.c.shape[2]))
     c = np.array([[[step.t0 + 0.5 * step.h], [0.5 * step.h]]])
     t = patches.models(c, np.full(1, 2.0 * U * (abs(step.t0) + step.h)), problem.basis(1))
-    return [x, parameter_models(step, basis), t]
+    return [x, parameter_models(step.problem, basis), t]

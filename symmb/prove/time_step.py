@@ -61,6 +61,14 @@ class TimeStep:
             return self.B.rate
         return self.B.c * np.tile(self.decay, self.problem.n)[(slice(None), *(None,) * (self.B.c.ndim - 1))]
 
+    def with_remainder(self, w: Array) -> "tuple[TimeStep, Array]":
+        """The step with the box around all B w as its remainder, for |w| <= w (m,). It takes much less memory."""
+        n, e = self.problem.n, above(self.B_largest @ w)
+        unit = np.eye(n).reshape(n * n, *(1,) * (self.B.c.ndim - 1))
+        return replace(
+            self, B=Curve(unit, np.zeros(n * n), np.zeros_like(unit)), C=unit.reshape(n, n, *unit.shape[1:])
+        ), e
+
     def after(self, w: Array, rate: Array) -> Array:
         """Bounds (n,) of |w| at the end, from bounds w (n,) at the begin and of |w' - L w| (n,) during the step."""
         if self.decay is None:

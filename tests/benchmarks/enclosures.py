@@ -63,6 +63,7 @@ CASES = (
     (_loop(slider_crank, "l1", "l2"), 0.02, 2.0, 10, 1, (1, 2)),
     (_loop(four_bar, "crank", "coupler", "rocker", "base"), 0.005, 2.0, 8, 1, (0.5, 1, 2)),
     (_loop(four_bar, "crank", "coupler", "rocker", "base"), 0.005, 1.0, 6, 1, (0.5, 1)),
+    (_loop(four_bar, "crank", "coupler", "rocker", "base"), 0.005, 4.2, 8, 1, (2, 3, 4.2)),
     (_loop(slider_crank, "l1", "l2", "m1"), 0.005, 4.0, 6, 1, (1, 2, 4)),
     (_loop(slider_crank, "l1", "l2", "m1", "m2"), 0.005, 3.0, 5, 1, (1, 2, 3)),
     (_loop(slider_crank, "l1", "l2", "m1", "m2", "m3"), 0.005, 3.0, 5, 1, (1, 2, 3)),
