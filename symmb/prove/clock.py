@@ -30,6 +30,8 @@ _DELAY = 0.8
 """Smallest fraction of the effect of the parameters that is a delay, at times that count for a clock."""
 _ROUGH = 0.15
 """Second-order terms of a motion, relative to the effect of the parameters, above which a time counts for a clock."""
+_GAIN = 0.5
+"""Largest fraction of the second-order terms that may remain with a clock. With a constant delay, more remain."""
 _LARGEST_CHANGE = 0.5
 """Largest relative change of the rate of time over the box."""
 _BEYOND = 1.5
@@ -48,25 +50,34 @@ def with_clock(problem: Problem) -> Problem:
         return problem
     plain = replace(problem, weights=(1,) * problem.d)
     degrees = plain.basis(plain.lengths(2)[0]).exponents.sum(axis=1)
-    rates, weights, others, sizes = [], [], 0.0, 1e-12 * problem.scales
+    rates, weights, others, sizes, seconds = [], [], 0.0, 1e-12 * problem.scales, [np.zeros(problem.n)]
     for t, x in computed_motion(plain):
-        sizes = np.maximum(sizes, np.abs(x[:, 1:]).sum(axis=1))
-        first, second = (np.abs(x[:, degrees == k] / sizes[:, None]).sum() for k in (1, 2))
-        if not (second > _ROUGH * first and t > 0):
+        moved, second = (np.abs(x[:, which]).sum(axis=1) for which in (degrees > 0, degrees == 2))
+        sizes = np.maximum(sizes, moved)
+        seconds.append(second)
+        share = (second / sizes).sum() / ((moved - second) / sizes).sum()
+        if not (share > _ROUGH and t > 0):
             continue
-        delay, excess = _delay(plain, t, x, sizes, degrees == 1), second / first - _ROUGH
+        delay = _delay(plain, t, x, sizes, degrees == 1)
         if delay is None:
-            others += excess
+            others += share - _ROUGH
         else:
             rates.append(-delay / t)
-            weights.append(excess)
+            weights.append(share - _ROUGH)
     if not sum(weights) > others:
         return problem
     tau = np.average(rates, axis=0, weights=weights)
     tau[0] = 1.0
-    scaled, reach = Scaled(plain, 0.0, tau), reach_of(plain, tau)
-    if not reach < _LARGEST_CHANGE:
+    if not reach_of(plain, tau) < _LARGEST_CHANGE:
         return problem
+    left = [np.abs(x[:, degrees == 2]).sum(axis=1) for _, x in computed_motion(_by(plain, tau, plain))]
+    largest, others = (float((np.array(own) / sizes).sum(axis=1).max()) for own in (left, seconds))
+    return _by(plain, tau, problem) if largest < _GAIN * others else problem
+
+
+def _by(plain: Problem, tau: Array, problem: Problem) -> Problem:
+    """A problem with the clock tau (T,), a polynomial of the basis of the problem `plain`."""
+    scaled, reach = Scaled(plain, 0.0, tau), reach_of(plain, tau)
     rate = scaled.of(common("one", problem.rates.sx_in(), [ca.SX(1)]), 1.0)
     clock = Clock(rate, (1.0 - reach) * (1.0 - 8 * U), (1.0 + reach) * (1.0 + 8 * U))
     own = scaled.problem(problem, problem.outputs)
