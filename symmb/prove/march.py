@@ -27,6 +27,8 @@ _TIME_TERMS = 20
 """Number of terms of the motion in time. With the step length of `_shortened`, the last terms are rounding errors."""
 _SHORTER_STEP = 0.3
 """Factor that shortens a step in which the motion changes too fast."""
+_PATIENCE_AT_END = 5.0
+"""Increase of the patience over the horizon, relative to that at the begin."""
 _UNITS_BEFORE_CHANGE = 8
 """Shortest step before a change of states, in units of times. A change within this time is made at once."""
 
@@ -98,7 +100,7 @@ def march(
     ----------
     order : highest degree in each parameter
     small : a place is a checkpoint if its remainder, relative to the width of the states, is smaller than this
-    patience : the march stops after this number of attempts at steps beyond those that pay
+    patience : the march stops after this number of attempts at steps beyond those that pay; later it has more patience
     progress : called with the reached time [s]
     """
     end = float(problem.times[-1])
@@ -115,7 +117,10 @@ def march(
         control = Control(Choice(), (end or 1.0) / 50, lost=np.inf if is_rough else 0.0)
         course.end = course.checkpoint = Place(front, control, problem)
     place, longest = course.end, 0.0
-    while not (course.is_done or place.control.lost > patience):
+    # a half takes about as many steps as the whole, so that losses at this rate cost less than a halving
+    while not (
+        course.is_done or place.control.lost > patience * (1.0 + _PATIENCE_AT_END * course.until / (end or 1.0))
+    ):
         try:
             place, h = _next_place(course, place, grain_of(end))
         except ProofError as error:
