@@ -29,6 +29,8 @@ _SHORTER_STEP = 0.3
 """Factor that shortens a step in which the motion changes too fast."""
 _PATIENCE_AT_END = 5.0
 """Increase of the patience over the horizon, relative to that at the begin."""
+_SMALL_REMAINDER = 0.1
+"""Remainder relative to the width of the states, up to which the patience increases."""
 _UNITS_BEFORE_CHANGE = 8
 """Shortest step before a change of states, in units of times. A change within this time is made at once."""
 
@@ -117,10 +119,7 @@ def march(
         control = Control(Choice(), (end or 1.0) / 50, lost=np.inf if is_rough else 0.0)
         course.end = course.checkpoint = Place(front, control, problem)
     place, longest = course.end, 0.0
-    # a half takes about as many steps as the whole, so that losses at this rate cost less than a halving
-    while not (
-        course.is_done or place.control.lost > patience * (1.0 + _PATIENCE_AT_END * course.until / (end or 1.0))
-    ):
+    while not (course.is_done or place.control.lost > patience * _more_patience(place, course.until / (end or 1.0))):
         try:
             place, h = _next_place(course, place, grain_of(end))
         except ProofError as error:
@@ -135,6 +134,14 @@ def march(
         if share > 1e-2 and place.control.h < longest / 64:
             course.why = _why(place, "small deviations from the computed motion grow too fast")
             return
+
+
+def _more_patience(place: Place, reached: float) -> float:
+    """A factor of the patience at a fraction of the horizon.
+
+    Halves take about as many steps as the whole. With small remainders, a halving pays only if more attempts are lost.
+    """
+    return 1.0 + _PATIENCE_AT_END * reached if place.front.share() < _SMALL_REMAINDER else 1.0
 
 
 def _why(place: Place, reason: str) -> str:
