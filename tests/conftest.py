@@ -68,8 +68,12 @@ def optimised():
         yield
 
 
-SLOW = frozenset((Path(__file__).parent / "slow.txt").read_text(encoding="utf-8").splitlines())
-"""Names of tests that take more than 0.1 s of processor time: `costs.py`."""
+SLOW, LONG = (
+    frozenset((Path(__file__).parent / name).read_text(encoding="utf-8").splitlines())
+    for name in ("slow.txt", "long.txt")
+)
+"""Names of tests that take more than 0.1 s of processor time (`costs.py`), and of those that take more than 1.5 s and
+have two quicker neighbours with other parameters."""
 
 
 @pytest.hookimpl(tryfirst=True)  # before tests are selected by their marks
@@ -78,6 +82,8 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if item.nodeid in SLOW or item.nodeid.split("[")[0] in SLOW:
             item.add_marker(pytest.mark.slow)
+        if item.nodeid in LONG:
+            item.add_marker(pytest.mark.long)
 
 
 # A shell ignores these signals in what it runs in the background, and programs that tests start inherit this.
