@@ -100,28 +100,29 @@ def _delay(problem: Problem, t: float, x: Array, sizes: Array, is_linear: Mask) 
 
 def bounds_by_clock(steps: Steps, times: Array, control: Control) -> OutputBounds:
     """Bounds of the outputs at times (n_t,), from all steps in which some parameters are at these times."""
-    found = OutputBounds.nothing(len(times), steps[0][0].problem.outputs.numel_out(0))
+    bounds = OutputBounds.nothing(len(times), steps[0][0].problem.outputs.numel_out(0))
     for step, w in steps:
         assert step.problem.clock is not None
         if above((step.t0 + step.h) * step.problem.clock.fastest) < times[0]:
             continue  # all parameters are beyond the step
-        found = found.joined(_of_part(step, w, times, control, _MOST_HALVINGS))
-    return found
+        bounds = bounds.joined(_of_part(step, w, times, control, _MOST_HALVINGS))
+    return bounds
 
 
 def _of_part(step: TimeStep, w: Array, times: Array, control: Control, halvings: int) -> OutputBounds:
     """Bounds at times (n_t,) for the parameters that are in the step then, or close to it; otherwise empty bounds."""
     problem = step.problem
-    found = OutputBounds.nothing(len(times), problem.outputs.numel_out(0))
+    bounds = OutputBounds.nothing(len(times), problem.outputs.numel_out(0))
     s = places_in_step(step, times, problem.basis(step.x.c.shape[2]))
-    here = ~((s.c[0] - s.swing > 1.0) | (s.c[0] + s.swing < -1.0))
+    end = 1.0 + 8 * U  # rounding must not leave out the parameters at the end of a step
+    here = ~((s.c[0] - s.swing > end) | (s.c[0] + s.swing < -end))
     if not here.any():
-        return found
+        return bounds
     if halvings and (np.abs(s.c[0]) + s.swing)[here].max() > _BEYOND:
         variable = int(np.argmax([own[1:].sum() for own in sums_of_orders(problem, s.in_chebyshev(len(times)).T)]))
         for side in (-1, 1):
             own = _of_part(half_step(step, variable, side), w, times[here], control, halvings - 1)
-            found.put(here, found.at(here).joined(own))
+            bounds.put(here, bounds.at(here).joined(own))
     else:
-        found.put(here, output_bounds(step, w, times[here], control))
-    return found
+        bounds.put(here, output_bounds(step, w, times[here], control))
+    return bounds

@@ -65,16 +65,16 @@ def motion_at(step: TimeStep, s: Model) -> tuple[list[Model], Model]:
     """Taylor models of the states and of the time at places s in a step."""
     source, one = step.problem.basis(step.x.c.shape[2]), tm.constant(s.basis, 1.0)
     own, lost = monomials(step.x.c, source, s.basis)
-    twice, found = _MULTIPLY(tm.constant(s.basis, 2.0), s), []
+    twice, states = _MULTIPLY(tm.constant(s.basis, 2.0), s), []
     for c, errors, error in zip(own, lost, step.x.error, strict=True):
         errors = np.concatenate([[errors[0] + error], errors[1:]])
         after = last = tm.constant(s.basis, 0.0)
         for k in range(len(c) - 1, -1, -1):  # Clenshaw's recurrence
             term = Model(c[k][:, None], above(errors[k : k + 1]), s.basis)
             after, last = _ADD(term, _SUBTRACT(_MULTIPLY(twice if k else s, after), last)), after
-        found.append(after)
+        states.append(after)
     half = tm.constant(s.basis, 0.5 * step.h)
-    return found, _ADD(tm.constant(s.basis, step.t0), _MULTIPLY(half, _ADD(one, s)))
+    return states, _ADD(tm.constant(s.basis, step.t0), _MULTIPLY(half, _ADD(one, s)))
 
 
 class TimePatches:
