@@ -183,8 +183,7 @@ def _minimum(fit: Residuals, begin: Array, basis: Array, weights: Array, held: f
     # Limits apply to single parameters. "dogbox" ends exactly at a limit.
     is_limited = d == len(begin) and bool(np.isfinite(fit.limits).any())
     limits: Any = {"bounds": fit.limits, "method": "dogbox"} if is_limited else {}
-    tight = dict.fromkeys(("xtol", "ftol", "gtol"), ROUNDING)
-    how: Any = {"loss": loss if fit.is_robust else "linear", "max_nfev": MAX_RUNS, **tight, **limits}
+    how: Any = {"loss": loss if fit.is_robust else "linear", "max_nfev": MAX_RUNS, **limits}
     solution = least_squares(residuals, along, jac=cast(Any, slopes), **how)
     return rest + solution.x @ basis if solution.status else None
 

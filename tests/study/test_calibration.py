@@ -170,6 +170,7 @@ def test_fits_go_across_contacts_impacts_and_switches(law, seed):
     error = np.sqrt(np.diag(covariance)).max()
     assert list(found.parameters.values()) == pytest.approx(exact, abs=0.1 * error, rel=1e-3)
     assert found.covariance == pytest.approx(covariance, rel=0.1, abs=1e-9) and not found.doubts
+    assert found.evaluations <= 15 * 5  # 15 points, each with two differences for each parameter
 
 
 @pytest.mark.parametrize("noise", [None, 0.01])
