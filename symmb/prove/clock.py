@@ -15,6 +15,7 @@ import numpy as np
 
 from symmb._types import Array, Mask
 from symmb.declare.symbolic import common
+from symmb.prove.basis import basis_of
 from symmb.prove.ellipses import Control
 from symmb.prove.orders import computed_motion
 from symmb.prove.outputs import OutputBounds, output_bounds
@@ -113,7 +114,8 @@ def _of_part(step: TimeStep, w: Array, times: Array, control: Control, halvings:
     """Bounds at times (n_t,) for the parameters that are in the step then, or close to it; otherwise empty bounds."""
     problem = step.problem
     bounds = OutputBounds.nothing(len(times), problem.outputs.numel_out(0))
-    s = places_in_step(step, times, problem.basis(step.x.c.shape[2]))
+    # near places need no more than this degree
+    s = places_in_step(step, times, basis_of(problem.weights, 2))
     end = 1.0 + 8 * U  # rounding must not leave out the parameters at the end of a step
     here = ~((s.c[0] - s.swing > end) | (s.c[0] + s.swing < -end))
     if not here.any():
