@@ -35,9 +35,10 @@ class Unit(NamedTuple):
 
 
 NO_UNIT = Unit(Fraction(1), 0, (0,) * len(BASES))
-_PREFIXES = {"u": -6, "\N{MICRO SIGN}": -6, "\N{GREEK SMALL LETTER MU}": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
+_MICRO = "u", "\N{MICRO SIGN}", "\N{GREEK SMALL LETTER MU}"
+_PREFIXES = {**dict.fromkeys(_MICRO, -6), "m": -3, "c": -2, "d": -1, "k": 3, "M": 6, "G": 9}
 _KINDS = {
-    "m": (1, 0, (1,), "umck"), "s": (1, 0, (0, 0, 1), "um"), "rad": (1, 0, (0, 0, 0, 1), "m"),
+    "m": (1, 0, (1,), "umcdk"), "s": (1, 0, (0, 0, 1), "um"), "rad": (1, 0, (0, 0, 0, 1), "m"),
     "h": (3600, 0, (0, 0, 1), ""), "g": ("1/1000", 0, (0, 1), "mk"), "A": (1, 0, (0, 0, 0, 0, 1), "m"),
     "Hz": (1, 0, (0, 0, -1), "k"), "Nmm": ("1/1000", 0, (2, 1, -2), ""),
     "N": (1, 0, (1, 1, -2), "mkM"), "Nm": (1, 0, (2, 1, -2), "mk"),
@@ -47,6 +48,8 @@ _KINDS = {
     "deg": ("1/180", 1, (0, 0, 0, 1), ""), "\N{DEGREE SIGN}": ("1/180", 1, (0, 0, 0, 1), ""),
     "rpm": ("1/30", 1, (0, 0, -1, 1), ""), "min": (60, 0, (0, 0, 1), ""), "K": (1, 0, (0, 0, 0, 0, 0, 1), ""),
     "t": (1000, 0, (0, 1), ""), "in": ("0.0254", 0, (1,), ""), "ft": ("0.3048", 0, (1,), ""),
+    "l": ("1/1000", 0, (3,), "m"), "L": ("1/1000", 0, (3,), "m"),
+    "psi": ("44482216152605/6451600000", 0, (-1, 1, -2), ""),
     "lb": ("0.45359237", 0, (0, 1), ""), "lbf": ("4.4482216152605", 0, (1, 1, -2), ""),
 }  # fmt: skip
 """Name of a unit -> its number, power of pi, powers of the `BASES`, and allowed prefixes."""
@@ -54,7 +57,7 @@ _TABLE = {
     prefix + name: Unit(Fraction(number) * Fraction(10) ** power, pi, (*powers, *NO_UNIT.powers[len(powers) :]))
     for name, (number, pi, powers, prefixes) in _KINDS.items()
     for prefix, power in {"": 0, **_PREFIXES}.items()
-    if not prefix or prefix in prefixes or ("u" in prefixes and power == _PREFIXES["u"])
+    if not prefix or prefix in prefixes or ("u" in prefixes and prefix in _MICRO)
 }
 _COMMON_FIRST = ["mm", "m", "kg", "s", "N", "kN", "MPa", "J", "W", "deg", "rad", "rpm", *_TABLE]
 """Names of units for error messages. A message lists the first names."""

@@ -1,6 +1,7 @@
 """Contributions against closed forms and sums over dense grids."""
 
 from dataclasses import replace
+from itertools import product
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -148,8 +149,9 @@ def test_pieces_are_kept_in_files(tmp_path):
     for suffix in ("npz", "json"):
         bounds.save(tmp_path / f"b.{suffix}")
         again = mb.Bounds.load(tmp_path / f"b.{suffix}")
-        for name in ("alone", "saved", "errors"):  # indices take runs, which files cannot make
-            assert np.array_equal(getattr(again.contributions(), name), getattr(bounds.contributions(), name))
+        kept, own = again.contributions(), bounds.contributions()
+        assert np.array_equal(kept.alone, own.alone) and np.array_equal(kept.saved, own.saved)
+        assert (kept.errors >= own.errors).all()  # runs, which files cannot make, give smaller errors
 
 
 def test_bounds_without_polynomials_from_a_file_tell_so(tmp_path):
@@ -223,3 +225,25 @@ def test_contributions_below_their_error_are_told():
     assert told in str(rough) and told in rough._repr_html_()
     assert "may be zero" not in rough.some_as_html([0], {0: 1})
     assert "may be zero" not in rough.some_as_html([1], {})
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_told_errors_of_widths_are_right_and_of_their_size(seed):
+    """Water that runs out of a vessel: y = (sqrt(h) - c t / 2)^2, against corners, since y is monotonic."""
+    rng = np.random.default_rng(seed)
+    spread, t = rng.uniform(0.05, 0.3, 3), np.linspace(0.0, 1.5, 16)
+
+    def level(h, c, f):
+        return ((np.sqrt(h) - c * t / 2) ** 2 + np.exp(-4 * f * np.abs(t - 0.7)))[:, None]
+
+    vessel = mb.FunctionSimulator(level, dict.fromkeys("hcf", 1.0), t, ["y"])
+    box = mb.Box(**{name: (1 - s, 1 + s) for name, s in zip("hcf", spread, strict=True)})
+    found = mb.propagate(vessel, mb.PolynomialChaos(tolerance=0.03), box).contributions()
+    ends = np.stack([1 - spread, 1 + spread])
+    for k in range(3):
+        alone = np.abs(np.subtract(*(level(*np.where(np.arange(3) == k, end, 1.0)) for end in ends)))[:, 0]
+        face = [level(*np.where(np.arange(3) == k, 1.0, corner)) for corner in product(*ends.T)]
+        saved = found.width[:, 0] - np.ptp(face, axis=0)[:, 0]
+        assert (np.abs(found.alone[:, 0, k] - alone) <= found.errors[0, :, 0, k] + 1e-9).all()
+        assert (np.abs(found.saved[:, 0, k] - saved) <= found.errors[1, :, 0, k] + 1e-9).all()
+    assert (found.errors.max(axis=(0, 2, 3)) <= 0.15 * found.width.max()).all()

@@ -119,7 +119,8 @@ def test_parameters_that_do_not_act_are_not_told(tmp_path, method):
         worst = own.worst("y")
         assert worst.upper.varied == worst.lower.varied == ("a", "b")
         assert {*worst.upper.parameters} == {*"abcd"} and worst.upper.parameters["d"] == 2
-        assert worst._rows()[0] == ["worst case", "bound", "at [s]", "a", "b", "attained"]
+        errors = ["±"] if worst.upper.estimate >= 0 else []  # Vertex and a fixed order have no estimate
+        assert worst._rows()[0] == ["worst case", "bound", *errors, "at [s]", "a", "b", "attained"]
         assert own.worst("x").upper.varied == ("a",)
     assert mb.propagate(both, mb.Vertex(), box).worst("x").upper.varied == ("a", "b", "c")  # runs do not tell it
 
@@ -148,3 +149,19 @@ def test_what_has_no_worst_case_is_told(tmp_path):
     taylor = mb.propagate(double_pendulum.scene().with_times(np.linspace(0, 0.1, 3)), mb.Taylor(2))
     for bounds in (taylor, pickle.loads(pickle.dumps(taylor))):
         refused(r"Taylor\(.*makes no runs that attain its bounds", bounds.worst, "y2")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_bound_is_as_close_to_the_range_as_its_error_tells(tmp_path, seed):
+    c = np.random.default_rng(seed).uniform(0.5, 2.0, 3)
+    wave = mb.FunctionSimulator(
+        lambda a, b: np.sin(c[0] * a * T + c[1] * b)[:, None] + c[2] * a * b, {"a": 1.0, "b": 1.0}, T, ["y"]
+    )
+    bounds = mb.propagate(wave, mb.PolynomialChaos(), mb.Box(a=(0.8, 1.2), b=(0.7, 1.3)))
+    A, B, times = np.meshgrid(np.linspace(0.8, 1.2, 201), np.linspace(0.7, 1.3, 201), T, indexing="ij")
+    Y = np.sin(c[0] * A * times + c[1] * B) + c[2] * A * B
+    bounds.save(tmp_path / "b.json")
+    for own in (bounds, mb.Bounds.load(tmp_path / "b.json")):
+        worst = own.worst("y")
+        assert abs(worst.upper.value - Y.max()) <= worst.upper.estimate + 1e-4 * np.ptp(Y)
+        assert abs(worst.lower.value - Y.min()) <= worst.lower.estimate + 1e-4 * np.ptp(Y)

@@ -95,6 +95,18 @@ def test_parameters_that_a_given_box_lacks_are_told(ask):
         assert "no interval" not in ask("bound", scene="oscillator.py", box=box)[0]
 
 
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
+def test_warnings_follow_every_answer_from_bounds(ask, folder):
+    path = folder / "oscillator.py"
+    path.write_text(SCENE.replace("m=1.0", "m=1.0, idle=1.0").replace('k="10%"', 'k="10%", idle="10%"'))
+    told = [f"warning: {doubt}" for doubt in mb.propagate(load_scene(str(path))).doubts]
+    assert told and "idle" in told[0]
+    others = [("report", {}), ("view", {"output": "x"}), ("contributions", {})]
+    for tool, more in (("worst_case", {"output": "x"}), ("limits", {"limits": LIMITS}), *others):
+        text, failed = ask(tool, scene="oscillator.py", **more)
+        assert not failed and [line for line in text.splitlines() if line.startswith("warning")] == told
+
+
 def test_outputs_at_given_times_are_those_of_a_cosine(ask):
     text, _ = ask("simulate", scene="oscillator.py", times=[0.25, 0.7])
     rows = [list(map(float, line.split())) for line in text.splitlines()[1:]]
@@ -171,6 +183,7 @@ def test_files_outside_are_refused_by_one_sentence_and_do_not_run(folder, path):
     [
         ({"scene": "../stranger.py"}, "neither a shipped scene nor a file"), ({"scene": "a\0"}, "null byte"),
         ({"scene": "oscillator.py", "box": {"kk": "1%"}}, "unknown parameter 'kk'. Did you mean 'k'?"),
+        ({"scene": "oscillator.py", "box": {"k": ["-5%", "5%"]}}, "'k': give one tolerance of the nominal value"),
         ({"scene": "oscillator.py", "box": {"k": [5]}}, "k"), ({"scene": 3}, "bound: scene: Input should be a valid"),
         ({"scene": "interrupt.py"}, "raised KeyboardInterrupt"), ({"scene": "oscillator.py", "method": "pcee"}, "pcee"),
     ],

@@ -72,8 +72,9 @@ class Answers(Envelope):
             is_figure = self.names[k] in self.figures
             time, times = (0.0, 1) if is_figure else (float(self.t[i]), len(self.t))
             chosen = chosen_words(self.box.choices, parameters) if self.box else ()
-            about = time, parameters, sample.value, upper - lower, varied, times, units[k], chosen, runs.simulator
-            case = WorstCase(self.names[k], side, lower if side == "lower" else upper, *about)
+            estimate = np.nan if self.estimate is None else float(self.estimate[i, k])
+            about = parameters, sample.value, upper - lower, varied, times, units[k], chosen, estimate, runs.simulator
+            case = WorstCase(self.names[k], side, lower if side == "lower" else upper, time, *about)
             cases.append(self._at_extreme(case, place) if case.is_short else case)
         return cases
 

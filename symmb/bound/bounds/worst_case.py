@@ -112,6 +112,7 @@ class WorstCase:
     times : int                number of output times, 1 for a scalar output; a single time of 0 is not printed
     unit : str                 unit of the output in tables and texts, or ''
     choices : tuple of str     chosen words, as "spring: hard"
+    estimate : float           estimated error of the bound; nan if the method has none
     simulator : Simulator      None if the bounds were read from a file
     """
 
@@ -126,6 +127,7 @@ class WorstCase:
     times: int = _SEVERAL_TIMES
     unit: str = ""
     choices: tuple[str, ...] = ()
+    estimate: float = np.nan
     simulator: Simulator | None = field(default=None, metadata=NOT_KEPT)
 
     __post_init__ = look_up_by_name
@@ -201,7 +203,9 @@ class WorstCase:
         times = record.whole("times", default=_SEVERAL_TIMES)
         unit = record.text("unit") if "unit" in record else ""
         chosen = record.texts("choices", default=())
-        return cls(record.text("output"), side, value, time, parameters, attained, width, varied, times, unit, chosen)
+        estimate = record.number("estimate") if "estimate" in record else np.nan
+        about = parameters, attained, width, varied, times, unit, chosen, estimate
+        return cls(record.text("output"), side, value, time, *about)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -241,13 +245,15 @@ def worst_rows(cases: Sequence[WorstCase]) -> list[list[str]]:
     varied = list(dict.fromkeys(name for case in cases for name in case.varied))
     units = {name: unit for case in cases for name, unit in units_of_parameters(case.parameters).items()}
     words = ["choices"] if any(case.choices for case in cases) else []
+    errors = ["±"] if any(np.isfinite(case.estimate) for case in cases) else []
     names = (label(name, units.get(name, "")) for name in varied)
-    rows = [["worst case", "bound", "at [s]", *names, *words, "attained"]]
+    rows = [["worst case", "bound", *errors, "at [s]", *names, *words, "attained"]]
     for case in cases:
         values = (f"{case.parameters[name] + 0.0:.6g}" if name in case.varied else "" for name in varied)
         when = "" if is_timeless(case._times) else f"{case.time:.6g}"
         chosen = [", ".join(case.choices)] if words else []
-        numbers = f"{case.value + 0.0:.6g}", when, *values, *chosen, f"{case.attained + 0.0:.6g}"
+        error = [f"{case.estimate:.1g}" if np.isfinite(case.estimate) else "–"] if errors else []
+        numbers = f"{case.value + 0.0:.6g}", *error, when, *values, *chosen, f"{case.attained + 0.0:.6g}"
         rows.append([label(f"{case._word} {case.output}", case.unit), *numbers])
     return over_times(rows)
 

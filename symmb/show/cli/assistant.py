@@ -31,6 +31,11 @@ _INSTRUCTIONS = (
     "Parameters that are not in the box keep their nominal values. `limits` give [lower, upper] of outputs, with null "
     "for a missing end. Bounds are estimates. Report their estimated errors and warnings with them."
 )
+_BOX = (
+    "\n\n`box` replaces the box of the scene: parameter -> [lower, upper], or a tolerance of its nominal value such as "
+    "'5%' or '±0.1 mm'. Parameters that are not in it keep their nominal values."
+)
+_LIMITS = "\n\n`limits`: output -> [lower, upper], with null for a missing end."
 _FAULTS = SymmbError, OSError, ImportError, ValueError
 """Exceptions whose texts are results of tools. A path with a null byte is a ValueError."""
 End = float | str
@@ -65,7 +70,9 @@ class Tools:
         kinds = (found.figures[name].kind if name in found.figures else "" for name in found.output_names)
         texts = (f"{name} ({kind} over a run)" if kind else name for name, kind in zip(names, kinds, strict=True))
         lines += [f"outputs: {', '.join(texts)}"]
-        lines += [f"start: {', '.join(f'{name} = {value}' for name, value in found.start.items())}"] * bool(found.start)
+        lines += [f"start (SI units): {', '.join(f'{name} = {value}' for name, value in found.start.items())}"] * bool(
+            found.start
+        )
         return "\n".join([*lines, f"box: {found.box or 'none; give a box for bounds'}"])
 
     def simulate(self, scene: str, parameters: Values | None = None, times: list[float] | None = None) -> str:
@@ -94,16 +101,18 @@ class Tools:
         """The lowest and highest value of an output, when they occur, and the parameters that cause them.
 
         With `time` [s], the extremes at the closest output time. Without `time`, the extremes over all output times.
-        `bound` is the estimate. `attained` is the output in a run with these parameters.
+        `bound` is the estimate, and ± its estimated error. `attained` is the output in a run with these parameters.
         """
-        return str(self._bounds(scene, box).worst(output, time))
+        bounds = self._bounds(scene, box)
+        return _with_warnings(bounds.worst(output, time), bounds)
 
     def limits(self, scene: str, limits: LimitText, box: BoxText | None = None) -> str:
         """Check whether outputs stay within limits for all parameters in the box, with margins and the worst case.
 
         The check also searches between output times, so its worst case may be slightly beyond that of `worst_case`.
         """
-        return str(self._bounds(scene, box).check(_pairs(limits)))
+        bounds = self._bounds(scene, box)
+        return _with_warnings(bounds.check(_pairs(limits)), bounds)
 
     def tolerances(self, scene: str, limits: LimitText, box: BoxText | None = None) -> str:
         """The largest factor of all tolerances in the box with which outputs satisfy the limits.
@@ -120,13 +129,14 @@ class Tools:
         parameter is exact, both with their errors ±. `of width` are both as shares of the full width. `first` and
         `total` are Sobol's indices, the shares of the variance.
         """
-        return str(self._bounds(scene, box).contributions())
+        bounds = self._bounds(scene, box)
+        return _with_warnings(bounds.contributions(), bounds)
 
     def report(self, scene: str, limits: LimitText | None = None, box: BoxText | None = None) -> str:
         """Write a printable report (.html) of the bounds and limits, and return its path."""
-        path = self._output(scene, "report")
-        self._bounds(scene, box).report(path, _pairs(limits) if limits else None)
-        return str(path)
+        path, bounds = self._output(scene, "report"), self._bounds(scene, box)
+        bounds.report(path, _pairs(limits) if limits else None)
+        return _with_warnings(path, bounds)
 
     def view(
         self, scene: str, parameters: Values | None = None, output: str | None = None, box: BoxText | None = None
@@ -139,9 +149,10 @@ class Tools:
         path = self._output(scene, "view")
         if output is None:
             mb.view(mb.simulate(load_scene(self._path(scene)), parameters=parameters), path)
-        else:
-            mb.view(self._bounds(scene, box), path, output=output)
-        return str(path)
+            return str(path)
+        bounds = self._bounds(scene, box)
+        mb.view(bounds, path, output=output)
+        return _with_warnings(path, bounds)
 
     def _path(self, scene: str) -> str:
         """The file of a shipped scene, or a file in the folders. Links are resolved before the check."""
@@ -161,6 +172,11 @@ class Tools:
         if not box:
             return found, None
         nominal = found.system.parameters
+        for name, told in box.items():
+            if not isinstance(told, str) and any("%" in str(end) for end in told):
+                raise DeclarationError(
+                    f"box: {name!r}: give one tolerance of the nominal value, such as '5%', or [lower, upper] in units."
+                )
         texts: dict[str, Any] = {name: told for name, told in box.items() if isinstance(told, str)}
         ends: dict[str, Any] = {name: told for name, told in box.items() if not isinstance(told, str)}
         boxes = [mb.Box.plus_minus(nominal, **texts)] if texts else []
@@ -242,7 +258,9 @@ def make_server(folders: Sequence[str]) -> Any:
         asked = inspect.Parameter("context", inspect.Parameter.KEYWORD_ONLY, annotation=mcp.Context)
         call.__signature__ = inspect.Signature([*own, asked], return_annotation=str)  # type: ignore[attr-defined]
         call.__annotations__ = tool.__annotations__ | {"context": mcp.Context}
-        server.tool(structured_output=False)(call)
+        takes = inspect.signature(tool).parameters
+        more = [text for name, text in (("box", _BOX), ("limits", _LIMITS)) if name in takes]
+        server.tool(description="".join([str(inspect.getdoc(tool)), *more]), structured_output=False)(call)
 
     for name, tool in vars(Tools).items():
         if not name.startswith("_"):
@@ -257,6 +275,11 @@ def add_mcp(commands: "argparse._SubParsersAction[Any]") -> None:
     help_ = "folders with scene files that the server may load, and run as code; shipped scenes need no folder"
     command.add_argument("folders", metavar="DIR", nargs="*", help=help_)
     command.set_defaults(run=lambda options: make_server(options.folders).run("stdio"))
+
+
+def _with_warnings(answer: object, bounds: mb.Bounds) -> str:
+    """The text of an answer, followed by the warnings of the bounds."""
+    return "\n".join([str(answer), *(f"warning: {doubt}" for doubt in bounds.doubts)])
 
 
 def _pairs(limits: LimitText) -> dict[str, Any]:
