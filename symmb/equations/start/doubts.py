@@ -14,15 +14,23 @@ from symmb.equations.model import DAE, Scene, left_out
 from symmb.equations.start.equilibrium import is_stable
 from symmb.equations.start.rank import redundant_names, vanishing_combinations
 from symmb.equations.start.residual_limits import SOLVED
+from symmb.equations.start.scales import evaluate_at_rest
 from symmb.equations.start.sparse_rows import normal_solver
 
+_HEAVY = 100.0
+"""Energy of a free velocity, divided by that of the bodies with given velocities, above which a warning is issued. A
+rotor that turns its housing has a ratio of 1000 or more, panels that turn with a satellite have one of 10 at most."""
 
-def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: Indices) -> Iterator[str]:
+
+def start_doubts(
+    scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: Indices, free: Indices
+) -> Iterator[str]:
     """Warnings about the start with coordinates q (n_q,) and velocities v (n_v,) at the nominal parameters.
 
-    `rows` are the indices of independent constraint rows.
+    `rows` are the indices of independent constraint rows, and `free` those of velocities that nothing determines.
     """
     yield from left_out(scene.system.elements)
+    yield from _moved_by_light_bodies(scene, dae, q, v, t0, free)
     s = (dae.s_start(q, dae.p_nominal).full().ravel(),) if dae.s_start is not None else ()
     if dae.sampling is not None:
         s = (np.asarray(ca.evalf(dae.sampling.held(*map(ca.SX, (q, v, *s, dae.p_nominal, t0))))).ravel(),)
@@ -46,6 +54,33 @@ def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: In
         yield (
             "The start is an unstable equilibrium: all forces are balanced, and only rounding decides in which "
             "direction the system moves. Start away from the equilibrium."
+        )
+
+
+def _moved_by_light_bodies(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, free: Indices) -> Iterator[str]:
+    """The warning that heavy bodies start with the velocity of light ones, such as the housing of a rotor."""
+    free = free[v[free] != 0]
+    if not free.size:
+        return
+    sizes = scene.system.block_sizes
+    body_of = np.repeat(np.arange(len(sizes)), sizes)
+    given = np.zeros(dae.n_v, dtype=bool)
+    given[list(scene.prescribed.v)] = True
+    if dae.Phi_dot is not None and dae.G is not None:
+        drive = evaluate_at_rest(dae.Phi_dot, dae, q, t0).ravel()
+        given |= (evaluate_at_rest(dae.G, dae, q, t0)[drive != 0] != 0).any(axis=0)
+    M = evaluate_at_rest(dae.M, dae, q, t0)
+    leads = np.isin(body_of, body_of[given])
+    energy = v[leads] @ M[np.ix_(leads, leads)] @ v[leads]
+    heavy = [k for k in free if not leads[k] and M[k, k] * v[k] ** 2 > _HEAVY * energy > 0]
+    if heavy:
+        bodies = scene.system.bodies
+        names = dict.fromkeys(bodies[body_of[k]].name for k in heavy)
+        others = dict.fromkeys(bodies[k].name for k in body_of[leads])
+        values = ", ".join(f"{dae.v_names[k]} = {v[k]:.4g}" for k in heavy)
+        yield (
+            f"{', '.join(map(repr, names))} moves with the lighter {', '.join(map(repr, others))} at the start "
+            f"({values}), because no other velocity is listed. List {dae.v_names[heavy[0]]}, which is 0 at rest."
         )
 
 

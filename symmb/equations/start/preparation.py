@@ -28,6 +28,7 @@ from symmb.equations.start.joint_values import (
     with_rate_rows,
     with_states,
 )
+from symmb.equations.start.joint_tree import GROUND, JointTree
 from symmb.equations.start.labels import coordinate_of, coordinate_with_value
 from symmb.equations.start.rank import independent_rows, independent_rows_and_columns, lasting_rows, redundant_names
 from symmb.equations.start.residual_limits import VIOLATION
@@ -63,6 +64,7 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
     free_velocities = np.setdiff1d(np.arange(dae.n_v), list(prescribed.v)).astype(np.intp)
     determined = independent_rows_and_columns(moved.G[:, free_velocities], moved.sizes)[1]
     v0 = velocities(positions.q0, p0).full().ravel() + 0.0  # turns -0.0 into 0.0
+    left = np.delete(free_velocities, determined)
     redundancy = _redundancy(rows, independent)
     lost = _only_nominal(scene, rows, positions, redundancy["redundant"], len(independent))
     of_joints = residuals(scene)
@@ -84,9 +86,9 @@ def prepare_start(scene: Scene, dae: DAE) -> Start:
         solved=tuple(coordinate_of(dae, i) for i in positions.solved),
         free=tuple(coordinate_with_value(dae, i, positions.q0) for i in np.setdiff1d(free, positions.solved)),
         solved_velocities=tuple(dae.v_names[i] for i in free_velocities[determined]),
-        free_velocities=tuple(f"{dae.v_names[i]} = {v0[i]:.6g}" for i in np.delete(free_velocities, determined)),
+        free_velocities=tuple(f"{dae.v_names[i]} = {v0[i]:.6g}" for i in left),
         is_equilibrium=scene.equilibrium,
-        doubts=(*start_doubts(scene, dae, positions.q0, v0, t0, independent), *lost),
+        doubts=(*start_doubts(scene, dae, positions.q0, v0, t0, independent, left), *lost),
         held=tuple(np.setdiff1d(np.arange(dae.n_v), positions.solved).tolist()),
         **redundancy,
     )
@@ -227,10 +229,28 @@ def _probes(positions: _Positions, p0: Array, distance: float = 1e-2) -> tuple[A
     return q[ok], P[ok]
 
 
+def _distances_from_ground(scene: Scene, at: _Rows) -> Array:
+    """Weights (n_v,) of displacements, from 1 to 2. They increase with the number of joints between body and ground.
+
+    In samples, bodies near the ground keep their places where constraints allow it, as in the nominal assembly. Bodies
+    that they carry move.
+    """
+    sizes = scene.system.block_sizes
+    body_of = np.repeat(np.arange(len(sizes)), sizes)
+    touched = (frozenset(body_of[row != 0].tolist()) for row in at.G[: at.dae.n_c])
+    tree = JointTree((own | {GROUND} if len(own) == 1 else own for own in touched), range(len(sizes)))
+    depths = {GROUND: 0}
+    for body, carrier in tree.carriers.items():
+        depths[body] = depths[carrier] + 1
+    own = np.array([depths[body] for body in range(len(sizes))])
+    return 1.0 + (own / own.max(initial=1))[body_of]
+
+
 def _solve_positions(scene: Scene, at: _Rows, reference: ca.Function, free: Indices) -> _Positions:
     """Choose the unknown displacements: one for each independent row, or all free displacements for an equilibrium."""
     p, dae, q0, t0 = scene.system.p, at.dae, at.q, at.t0
-    rows, columns = independent_rows_and_columns(at.G[: dae.n_c, free], at.sizes[: dae.n_c])
+    near = at.G[: dae.n_c, free] * _distances_from_ground(scene, at)[free]
+    rows, columns = independent_rows_and_columns(near, at.sizes[: dae.n_c])
     solved, lam0, stiffness = free[columns], np.empty(0), 1.0
     if scene.equilibrium:
         solved = free
