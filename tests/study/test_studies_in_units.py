@@ -339,6 +339,7 @@ def test_functions_and_fmus_take_quantities():
 @pytest.mark.parametrize(
     "interval, is_far", [((0.709, 0.711), True), ((7.1e4, 7.2e4), True), ((650.0, 700.0), False), ((-8e4, 8e4), False)]
 )
+@pytest.mark.filterwarnings("ignore::symmb.SymmbWarning")
 def test_intervals_in_another_unit_are_told_if_runs_fail(interval, is_far):
     def arm(length: float) -> list[float]:
         raise ValueError("out of reach")

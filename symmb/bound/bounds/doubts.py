@@ -1,7 +1,7 @@
 """Warnings about bounds, for studies and for comparisons of methods."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from symmb._doubt import Doubt
 from symmb._magnitudes import ROUNDING, SAME
 from symmb._names import counted
 from symmb._types import Array, Executor
-from symmb._units import units_of_parameters, values_text, with_units
+from symmb._units import typeset, units_of_parameters, values_text, with_units
 from symmb.bound.bounds.check_runs import check_doubts, some_corners
 from symmb.bound.bounds.joined import joined
 from symmb.bound.bounds.method import Method, parameter_samples
@@ -26,8 +26,8 @@ def doubted(simulator: Simulator, box: Box, bounds: Bounds) -> Bounds:
     """The bounds of a method, with warnings about its runs in ``run_doubts``."""
     if bounds.parts:
         return joined(box, [doubted(simulator, part.box, part) for part in bounds.parts], bounds.lost)
-    unused, far = _unused_doubts(simulator, box), _far_nominal_values(simulator, box)
-    doubts, remarks = unused, far
+    doubts = (*far_intervals(simulator, box), *_unused_doubts(simulator, box))
+    remarks = _outside_nominal_values(simulator, box)
     if bounds.kind != "enclosure":
         own, more = _second_look(simulator, box, bounds)
         own = (*own, *_linear_theory_doubts(simulator, box, bounds.seconds))
@@ -66,14 +66,28 @@ def _unused_doubts(simulator: Simulator, box: Box) -> tuple[str, ...]:
     )
 
 
-def _far_nominal_values(simulator: Simulator, box: Box) -> list[str]:
-    """Remarks on nominal values that are far from their interval, often because of a wrong unit."""
+def far_intervals(simulator: Simulator, box: Box) -> Iterator[str]:
+    """Warnings about intervals that differ from the nominal value by a factor of 100, often because of a wrong unit."""
+    units = units_of_parameters(simulator.parameters)
+    for name, (low, high) in zip(box.names, box.bounds, strict=True):
+        value = float(simulator.parameters[name])
+        small, large = sorted([abs(value), max(abs(low), abs(high))])
+        if not low <= value <= high and 0 < small < 0.01 * large:
+            unit = f" {typeset(units.get(name, ''))}".rstrip()
+            yield (
+                f"The interval of {name} from {low:g} to {high:g}{unit} is far from the nominal value "
+                f"{value:g}{unit}. Check its unit."
+            )
+
+
+def _outside_nominal_values(simulator: Simulator, box: Box) -> list[str]:
+    """Remarks on nominal values outside of their interval."""
     remarks = []
     for name, (low, high) in zip(box.names, box.bounds, strict=True):
         value = float(simulator.parameters[name])
-        if max(low - value, value - high) > high - low > 0:
+        if max(low - value, value - high) > SAME * max(abs(low), abs(high)):
             (told,) = with_units({name: f"{value:.6g}"}, simulator.parameters)
-            remarks.append(f"The nominal value {told} is far outside of the interval from {low:.6g} to {high:.6g}.")
+            remarks.append(f"The nominal value {told} is outside of the interval from {low:.6g} to {high:.6g}.")
     return remarks
 
 

@@ -1,6 +1,5 @@
 """Bounds of a simulator by a method."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -10,7 +9,7 @@ from symmb._names import ByName
 from symmb._progress import shown_runs
 from symmb._types import Executor
 from symmb._units import units_of_parameters
-from symmb.bound.bounds.doubts import checked, doubted
+from symmb.bound.bounds.doubts import checked, doubted, far_intervals
 from symmb.bound.bounds.joined import joined
 from symmb.bound.bounds.method import Method
 from symmb.bound.bounds.polynomial_chaos import PolynomialChaos
@@ -77,33 +76,20 @@ def propagate(
         simulator, box = simulator_of(scene_or_simulator, box, solver, device=device)
         if isinstance(simulator, RecordedRuns) and method != PolynomialChaos():
             raise simulator.refusal(f"{method!r}: ")
+        far = tuple(far_intervals(simulator, box))
+        warn_of(far, "propagate")  # now, because such a study may take long
         try:
             bounds = method.bounds(simulator, box, executor=executor, progress=progress)
         except PropagationError as error:
-            causes = [*_far_intervals(simulator, box)]
+            causes = list(far)
             if isinstance(simulator, SceneSimulator) and simulator.scene is not None:  # None in a pickled copy
                 causes += program_of(replace(simulator.scene, box=box)).bodies.start.doubts
             if not causes:
                 raise
             raise PropagationError("\n".join((str(error), *causes))) from error
         bounds = finished(method, simulator, bounds, executor)
-    warn_of(bounds.doubts, f"Bounds by {bounds.method}")
+    warn_of([doubt for doubt in bounds.doubts if doubt not in far], f"Bounds by {bounds.method}")
     return bounds
-
-
-def _far_intervals(simulator: Simulator, box: Box) -> Iterator[str]:
-    """Sentences on intervals that differ from the nominal value by a factor of 100. The reason is often a wrong
-    unit."""
-    units = units_of_parameters(simulator.parameters)
-    for name, (low, high) in zip(box.names, box.bounds, strict=True):
-        nominal, largest = abs(float(simulator.parameters[name])), max(abs(low), abs(high))
-        inside = low <= float(simulator.parameters[name]) <= high
-        if not inside and min(nominal, largest) < 0.01 * max(nominal, largest) and nominal and largest:
-            unit = f" {units.get(name, '')}".rstrip()
-            yield (
-                f"The interval of {name} from {low:g} to {high:g}{unit} is far from the nominal value "
-                f"{float(simulator.parameters[name]):g}{unit}. Check its unit."
-            )
 
 
 def finished(method: Method, simulator: Simulator, bounds: Bounds, executor: Executor | None) -> Bounds:

@@ -20,6 +20,7 @@ from symmb.equations.start.consistency import check_accelerations, check_velocit
 from symmb.equations.start.doubts import start_doubts
 from symmb.equations.start.equilibrium import find_equilibrium, imbalance
 from symmb.equations.start.implicit_function import ImplicitMap
+from symmb.equations.start.joint_tree import GROUND, JointTree
 from symmb.equations.start.joint_values import (
     of_positions,
     of_rates,
@@ -28,7 +29,6 @@ from symmb.equations.start.joint_values import (
     with_rate_rows,
     with_states,
 )
-from symmb.equations.start.joint_tree import GROUND, JointTree
 from symmb.equations.start.labels import coordinate_of, coordinate_with_value
 from symmb.equations.start.rank import independent_rows, independent_rows_and_columns, lasting_rows, redundant_names
 from symmb.equations.start.residual_limits import VIOLATION

@@ -14,6 +14,7 @@ from symmb._options import require_truth, shown
 from symmb._progress import Progress
 from symmb._types import Array, Expr
 from symmb._units import number_in, units_of_parameters
+from symmb.declare.symbolic import evaluated
 from symmb.equations.model import Scene, compile_dae
 from symmb.equations.start import prepare_start
 from symmb.run.formulations import program_of
@@ -190,7 +191,7 @@ def _simulated(runs: PilotRuns, check: bool, tolerances: Mapping[str, Any]) -> t
     run, trajectory = runs.done[solver]
     switches = bodies.kinks(times)
     if run.message:
-        raise SimulationError(_breakdown_text(runs, solver, reason, str(switches) if switches else ""))
+        raise SimulationError(_breakdown_text(runs, solver, str(switches) if switches else ""))
     states = trajectory.examination
     count = switches.met(states.switch_values) if switches and reason else 0
     reason = f"{reason}; the run meets {switches} at least {counted(count, 'time')}" if count else reason
@@ -290,15 +291,33 @@ def parameter_values(scene: Scene, changes: Mapping[str, float]) -> dict[str, fl
     return ByName(own, units)
 
 
-def _breakdown_text(runs: PilotRuns, solver: Solver, reason: str, switches: str) -> str:
+def _breakdown_text(runs: PilotRuns, solver: Solver, switches: str) -> str:
     """The message of a failed run: the time, the reason and possible causes."""
     run, trajectory = runs.done[solver]
     is_known = "': " in run.message  # a fault of an element, with its own remedy
     near, switches = (None, "") if is_known else (trajectory.singularity, switches)
+    begin = f"{runs.scene.name}: the run fails at t = {run.t_failed:g} s{runs.where}"
+    if run.t_failed <= runs.program.times[0] and (undefined := _undefined_forces(runs)):
+        return f"{begin}: {undefined}"
+    others = [other.t_failed for key, (other, _) in runs.done.items() if key != solver]
     parts = [
-        f"{runs.scene.name}: the run fails at t = {run.t_failed:g} s{runs.where}: {run.message}",
+        f"{begin}: {run.message}",
         f"The position may be singular: {near}" if near else "",
         f"The equations have {switches}. {_STICKS}" if switches else "",
-        f"The other solvers fail as well: {reason}" if len(runs.done) > 1 else "",
+        f"{counted(len(others), 'other solver')} also failed, first at t = {min(others):g} s" if others else "",
     ]
     return ". ".join(filter(None, parts)) + "."
+
+
+def _undefined_forces(runs: PilotRuns) -> str:
+    """A sentence about forces that are not numbers at the start; empty if there are none."""
+    dae = runs.program.bodies.dae
+    q, v, s = np.split(runs.x0[0], [dae.n_q, dae.n_q + dae.n_v])
+    forces = evaluated(dae.Q, q, v, *([s] if dae.n_s else []), runs.p, runs.program.times[:1]).ravel()
+    lost = dict.fromkeys(dae.v_names[k].rsplit(".", 1)[0] for k in np.flatnonzero(~np.isfinite(forces)))
+    if not lost:
+        return ""
+    return (
+        f"the forces on {', '.join(map(repr, lost))} are not numbers at the start. A spring of length 0 has no "
+        "direction. A root of a negative number and a quotient by 0 have no value."
+    )
