@@ -127,11 +127,20 @@ def test_a_scene_is_described_with_units_and_box(ask):
 
 
 def test_pages_are_written_into_the_folder(ask, folder):
-    for tool, more in (("report", {"limits": LIMITS}), ("view", {}), ("view", {"output": "x"})):
+    bounds = mb.propagate(load_scene(str(folder / "oscillator.py")))
+    calls = [
+        ("report", {"limits": LIMITS}, "report", bounds.check({"x": (-60.0, None)})),
+        ("view", {}, "view", ""),
+        ("view", {"output": "x", "time": 0.5}, "view_2", bounds.worst("x", 0.5)),
+        ("view", {"output": "x"}, "view_3", bounds.worst("x", 1.0)),
+    ]
+    for tool, more, name, told in calls:
         text, failed = ask(tool, scene="oscillator.py", **more)
         assert not failed, text
-        assert text == str(folder / "symmb_output" / f"oscillator_{tool}.html")
-        assert (folder / "symmb_output" / f"oscillator_{tool}.html").read_text().startswith("<!")
+        path, *lines = text.splitlines()
+        assert path == str(folder / "symmb_output" / f"oscillator_{name}.html")
+        assert lines == str(told).splitlines()
+        assert (folder / "symmb_output" / f"oscillator_{name}.html").read_text().startswith("<!")
 
 
 def test_progress_is_reported_in_numbers_that_increase(ask):
@@ -184,7 +193,8 @@ def test_files_outside_are_refused_by_one_sentence_and_do_not_run(folder, path):
         ({"scene": "../stranger.py"}, "neither a shipped scene nor a file"), ({"scene": "a\0"}, "null byte"),
         ({"scene": "oscillator.py", "box": {"kk": "1%"}}, "unknown parameter 'kk'. Did you mean 'k'?"),
         ({"scene": "oscillator.py", "box": {"k": ["-5%", "5%"]}}, "'k': give one tolerance of the nominal value"),
-        ({"scene": "oscillator.py", "box": {"k": [5]}}, "k"), ({"scene": 3}, "bound: scene: Input should be a valid"),
+        ({"scene": "oscillator.py", "box": {"k": [5]}}, "k"), ({"scene": 3}, "scene: Input should be a valid"),
+        ({"scene": "oscillator.py", "box": {"k": 5}}, "bound: box is not valid. `box` replaces the box of the scene"),
         ({"scene": "interrupt.py"}, "raised KeyboardInterrupt"), ({"scene": "oscillator.py", "method": "pcee"}, "pcee"),
     ],
 )  # fmt: skip

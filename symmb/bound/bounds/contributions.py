@@ -9,7 +9,7 @@ import numpy as np
 
 from symmb import _html as html
 from symmb._labelled import Labelled, Named, Result, over_outputs, texts
-from symmb._magnitudes import SAME
+from symmb._magnitudes import ROUNDING, SAME
 from symmb._table import aligned, at_time, time_text
 from symmb._types import Array, Mask
 from symmb._units import told_names
@@ -238,7 +238,7 @@ def contributions_of(responses: Responses, may_run: bool = True) -> Contribution
     low, high, _ = responses.range(-np.ones(len(free)), np.ones(len(free)))
     # Differences of ranges of the same polynomials are more accurate.
     whole = np.where(np.isnan(low) | lacking[:, None], width, high - low)
-    saved = np.where(free[:, None, None], np.maximum(whole - others, 0.0), 0.0)
+    saved = np.where(free[:, None, None] & (whole - others > ROUNDING * whole), whole - others, 0.0)
     first, total, share_estimate, sampled, residual = _shares(responses, may_run)
     of_alone, of_others = np.minimum([of_alone, of_others], _BEYOND_SAMPLES * residual + responses.floor)
     of_saved = np.where(free[:, None, None], 2 * (of_others + responses.estimate) + width - whole, 0.0)

@@ -22,9 +22,7 @@ _HEAVY = 100.0
 rotor that turns its housing has a ratio of 1000 or more, panels that turn with a satellite have one of 10 at most."""
 
 
-def start_doubts(
-    scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: Indices, free: Indices
-) -> Iterator[str]:
+def start_doubts(scene: Scene, dae: DAE, q: Array, v: Array, t0: float, rows: Indices, free: Indices) -> Iterator[str]:
     """Warnings about the start with coordinates q (n_q,) and velocities v (n_v,) at the nominal parameters.
 
     `rows` are the indices of independent constraint rows, and `free` those of velocities that nothing determines.

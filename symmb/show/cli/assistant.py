@@ -10,9 +10,12 @@ import inspect
 import re
 from collections.abc import Callable, Sequence
 from functools import wraps
+from itertools import chain, count
 from pathlib import Path
 from threading import Lock
 from typing import Any
+
+import numpy as np
 
 import symmb as mb
 from symmb import models
@@ -31,11 +34,12 @@ _INSTRUCTIONS = (
     "Parameters that are not in the box keep their nominal values. `limits` give [lower, upper] of outputs, with null "
     "for a missing end. Bounds are estimates. Report their estimated errors and warnings with them."
 )
-_BOX = (
-    "\n\n`box` replaces the box of the scene: parameter -> [lower, upper], or a tolerance of its nominal value such as "
-    "'5%' or '±0.1 mm'. Parameters that are not in it keep their nominal values."
-)
-_LIMITS = "\n\n`limits`: output -> [lower, upper], with null for a missing end."
+_FORMATS = {
+    "box": "`box` replaces the box of the scene: parameter -> [lower, upper], or a tolerance of its nominal value such "
+    "as '5%' or '±0.1 mm'. Parameters that are not in it keep their nominal values.",
+    "limits": "`limits`: output -> [lower, upper], with null for a missing end.",
+}
+"""Arguments of several tools, described with each tool."""
 _FAULTS = SymmbError, OSError, ImportError, ValueError
 """Exceptions whose texts are results of tools. A path with a null byte is a ValueError."""
 End = float | str
@@ -93,23 +97,30 @@ class Tools:
     def bound(self, scene: str, box: BoxText | None = None, method: str = "pce") -> str:
         """Bound all outputs over all times, for all parameters in the box.
 
-        `method` is a text of the option --method, such as "pce", "mc:500" or "taylor".
+        `method`: "pce" (polynomial chaos, with estimated errors), "mc:500" (500 random runs), "scan:11" (11 values of
+        each parameter), "vertex" (corners of the box), "taylor:2" (Taylor series), "opt" (optimisation of each bound),
+        "swarm" (particle swarm), "interval" (interval arithmetic) or "tm" (proved bounds by Taylor models). Bounds by
+        runs, such as "mc", are never too wide.
         """
         return str(self._bounds(scene, box, method))
 
-    def worst_case(self, scene: str, output: str, time: End | None = None, box: BoxText | None = None) -> str:
+    def worst_case(
+        self, scene: str, output: str, time: End | None = None, box: BoxText | None = None, method: str = "pce"
+    ) -> str:
         """The lowest and highest value of an output, when they occur, and the parameters that cause them.
 
         With `time` [s], the extremes at the closest output time. Without `time`, the extremes over all output times.
-        `bound` is the estimate, and ± its estimated error. `attained` is the output in a run with these parameters.
+        `method` is one of those of `bound`. In the answer, `bound` is the estimate, ± its estimated error, and
+        `attained` the output in a run with these parameters.
         """
-        bounds = self._bounds(scene, box)
+        bounds = self._bounds(scene, box, method)
         return _with_warnings(bounds.worst(output, time), bounds)
 
     def limits(self, scene: str, limits: LimitText, box: BoxText | None = None) -> str:
         """Check whether outputs stay within limits for all parameters in the box, with margins and the worst case.
 
         The check also searches between output times, so its worst case may be slightly beyond that of `worst_case`.
+        Parameters that hardly change the output may then have other values.
         """
         bounds = self._bounds(scene, box)
         return _with_warnings(bounds.check(_pairs(limits)), bounds)
@@ -126,33 +137,41 @@ class Tools:
         """The contribution of each parameter to each output, at the time of the output's largest width.
 
         Columns: `alone` is the width if only this parameter varies, and `saved` is the width that vanishes if only this
-        parameter is exact, both with their errors ±. `of width` are both as shares of the full width. `first` and
+        parameter is exact, both with their errors ±. `of width` gives both in percent of the full width. `first` and
         `total` are Sobol's indices, the shares of the variance.
         """
         bounds = self._bounds(scene, box)
         return _with_warnings(bounds.contributions(), bounds)
 
     def report(self, scene: str, limits: LimitText | None = None, box: BoxText | None = None) -> str:
-        """Write a printable report (.html) of the bounds and limits, and return its path."""
+        """Write a printable report (.html) of the bounds and limits. Return its path and the check of the limits."""
         path, bounds = self._output(scene, "report"), self._bounds(scene, box)
         bounds.report(path, _pairs(limits) if limits else None)
-        return _with_warnings(path, bounds)
+        return _with_warnings("\n".join([str(path), *([str(bounds.check(_pairs(limits)))] if limits else [])]), bounds)
 
     def view(
-        self, scene: str, parameters: Values | None = None, output: str | None = None, box: BoxText | None = None
+        self,
+        scene: str,
+        parameters: Values | None = None,
+        output: str | None = None,
+        time: End | None = None,
+        box: BoxText | None = None,
     ) -> str:
         """Write an animated page (.html) of the mechanism, and return its path.
 
-        The page shows one run, with `parameters` instead of nominal values. With `output`, the page shows the runs with
-        the lowest and the highest value of this output for parameters in the box.
+        The page shows one run, with `parameters` instead of nominal values. With `output`, the page shows the two runs
+        in which this output is lowest and highest at one time, for parameters in the box. This is `time` [s], by
+        default the time of the largest width. The answer lists both runs.
         """
         path = self._output(scene, "view")
         if output is None:
             mb.view(mb.simulate(load_scene(self._path(scene)), parameters=parameters), path)
             return str(path)
         bounds = self._bounds(scene, box)
-        mb.view(bounds, path, output=output)
-        return _with_warnings(path, bounds)
+        mb.view(bounds, path, output=output, time=time)
+        if time is None and output in bounds.names and output not in bounds.figures:
+            time = float(bounds.t[np.argmax(bounds.upper[output] - bounds.lower[output])])
+        return _with_warnings(f"{path}\n{bounds.worst(output, time)}", bounds)
 
     def _path(self, scene: str) -> str:
         """The file of a shipped scene, or a file in the folders. Links are resolved before the check."""
@@ -195,12 +214,14 @@ class Tools:
         return mb.propagate(subject, method, intervals, progress=self.progress)
 
     def _output(self, scene: str, kind: str) -> Path:
-        """The path of a page in the first folder."""
+        """The path of a new page in the first folder."""
         if not self._folders:
             raise DeclarationError("This server has no folder for files. Start it by `symmb mcp FOLDER`.")
         folder = self._folders[0] / "symmb_output"
         folder.mkdir(exist_ok=True)
-        return folder / f"{re.sub(r'[^A-Za-z0-9]+', '_', Path(scene).stem)}_{kind}.html"
+        stem = f"{re.sub(r'[^A-Za-z0-9]+', '_', Path(scene).stem)}_{kind}"
+        names = (f"{stem}{number}.html" for number in chain([""], (f"_{k}" for k in count(2))))
+        return next(folder / name for name in names if not (folder / name).exists())
 
 
 def make_server(folders: Sequence[str]) -> Any:
@@ -226,8 +247,10 @@ def make_server(folders: Sequence[str]) -> Any:
             except tool_error as error:
                 if not isinstance(error.__cause__, wrong_arguments):
                     raise
+                wrong = dict.fromkeys(str(fault["loc"][0]) for fault in error.__cause__.errors())
                 faults = [f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.__cause__.errors()]
-                raise tool_error(f"{name}: {'; '.join(faults)}. Call it with other arguments.") from None
+                told = [_FORMATS[own] for own in wrong if own in _FORMATS] or ["; ".join(faults)]
+                raise tool_error(f"{name}: {' '.join(wrong)} is not valid. {' '.join(told)}") from None
 
     server = Server("symmb", instructions=_INSTRUCTIONS, version=mb.__version__, log_level="WARNING")
 
@@ -258,9 +281,8 @@ def make_server(folders: Sequence[str]) -> Any:
         asked = inspect.Parameter("context", inspect.Parameter.KEYWORD_ONLY, annotation=mcp.Context)
         call.__signature__ = inspect.Signature([*own, asked], return_annotation=str)  # type: ignore[attr-defined]
         call.__annotations__ = tool.__annotations__ | {"context": mcp.Context}
-        takes = inspect.signature(tool).parameters
-        more = [text for name, text in (("box", _BOX), ("limits", _LIMITS)) if name in takes]
-        server.tool(description="".join([str(inspect.getdoc(tool)), *more]), structured_output=False)(call)
+        more = [text for name, text in _FORMATS.items() if name in tool.__annotations__]
+        server.tool(description="\n\n".join([str(inspect.getdoc(tool)), *more]), structured_output=False)(call)
 
     for name, tool in vars(Tools).items():
         if not name.startswith("_"):
