@@ -16,7 +16,7 @@ from symmb._progress import shown_runs
 from symmb._table import aligned
 from symmb._types import Array, Executor
 from symmb._units import units_of_parameters
-from symmb.bound.bounds import Bounds, LimitCheck, Limits, limit_pairs, limit_text, unit_suffix, units_of
+from symmb.bound.bounds import Bounds, LimitCheck, Limits, far_intervals, limit_pairs, limit_text, unit_suffix, units_of
 from symmb.connect import Progress, Simulator
 from symmb.equations.model import Box, Scene, require_only_intervals
 from symmb.run.integrate import Solver
@@ -198,6 +198,7 @@ def design(
         require_only_intervals(OWNER, box)
     ranges = ranges.with_units(units_of_parameters(simulator.parameters))
     _require_intervals(simulator, ranges, box)
+    warn_of([*far_intervals(simulator, ranges)], OWNER)  # now, because the search may take long
     allocated, cost = _allocation(costs, box)
     known = [*simulator.outputs, *([] if costs is None else [_COST])]
     wanted: list[Any] = objective if isinstance(objective, list) and len(objective) == 2 else [objective]

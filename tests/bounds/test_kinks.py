@@ -89,7 +89,8 @@ def test_a_kink_of_one_parameter_is_found(kink):
     assert bounds.estimate[0, 0] <= 0.01 * width and bounds.evaluations <= most and not bounds.doubts
 
 
-@pytest.mark.parametrize(("power", "n_t", "most"), [(1.0, 41, 120), (0.6, 5, 250), (0.52, 5, 250)])
+# Rounding of the processor changes the number of runs: shifts by 1e-14 to 1e-5 give 66 to 167 with the power 1.
+@pytest.mark.parametrize(("power", "n_t", "most"), [(1.0, 41, 200), (0.6, 5, 250), (0.52, 5, 250)])
 @pytest.mark.parametrize(("at", "speed"), [(0.317, 0.37), (0.59, -0.26)])
 def test_kinks_that_move_are_found_or_told_at_each_time(power, n_t, most, at, speed):
     t, x = np.linspace(0, 1, n_t), np.linspace(0, 1, 5001)[:, None]

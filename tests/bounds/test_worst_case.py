@@ -163,5 +163,6 @@ def test_a_bound_is_as_close_to_the_range_as_its_error_tells(tmp_path, seed):
     bounds.save(tmp_path / "b.json")
     for own in (bounds, mb.Bounds.load(tmp_path / "b.json")):
         worst = own.worst("y")
+        assert worst.upper.estimate in own.estimate["y"]
         assert abs(worst.upper.value - Y.max()) <= worst.upper.estimate + 1e-4 * np.ptp(Y)
         assert abs(worst.lower.value - Y.min()) <= worst.lower.estimate + 1e-4 * np.ptp(Y)

@@ -324,4 +324,4 @@ def test_lines_of_contributions_are_the_widths_of_each_parameter():
     np.testing.assert_array_equal(alone[0].get_ydata(), contributions.alone[:, k, 0])
     own = Figure().subplots()
     contributions.plot(outputs="x", ax=own)
-    assert len(own.lines) == 2 and own.get_ylabel() == "x [m]"
+    assert len(own.lines) == 2 and own.get_ylabel() == "width of x [m]"

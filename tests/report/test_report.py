@@ -68,7 +68,7 @@ def test_numbers_are_those_of_the_result(scene_report):
     for case in bounds._all_worst():
         speed = [f"{case.parameters['speed']:.6g}"] * (case.output == "x")  # y = -t^2 / 20 in all runs
         side = {"lower": "lowest", "upper": "highest"}[case.side]
-        place = f"{side} {case.output} {case.value + 0.0:.6g} {case.time:.6g}"
+        place = f"{side} {case.output} {case.value + 0.0:.6g} {case.estimate:.1g} {case.time:.6g}"
         assert " ".join([place, *speed, f"{case.attained + 0.0:.6g}"]) in text
     for cells in (*check._rows(), *bounds.contributions()._rows(0, -1)):
         assert " ".join(filter(None, cells)) in text
@@ -190,7 +190,7 @@ def test_bounds_from_a_file_show_what_they_hold(tmp_path, suffix):
     assert ("Worst cases" in found) == ("What each parameter contributes" in found) == (suffix != ".csv")
     assert (f"Worst case: {words(bounds.check({'x': (None, 2)}).worst)}" in text) == (suffix != ".csv")
     if suffix != ".csv":
-        assert "highest x 1.1 1 1.1 1.1" in text and "0.9 1.1 1" in text
+        assert f"highest x 1.1 {bounds.estimate[-1, 0]:.1g} 1 1.1 1.1" in text and "0.9 1.1 1" in text
         assert f"Bounds of {rolling().name}" in text and f"solver {bounds.study.solver!r}" in text
 
 

@@ -9,7 +9,7 @@ the polynomials or runs in `responses`.
 """
 
 from symmb.bound.bounds.contributions import Contributions
-from symmb.bound.bounds.doubts import checked, doubted, idle_parameters
+from symmb.bound.bounds.doubts import checked, doubted, far_intervals, idle_parameters
 from symmb.bound.bounds.laws import Laws
 from symmb.bound.bounds.limits import (
     WARNED,

@@ -83,8 +83,9 @@ class Bounds(Answers, Counted, Result, ByOutput, Saved):
 
     def __post_init__(self) -> None:
         look_up_by_name(self)
-        for side in ("lower", "upper"):
-            object.__setattr__(self, side, NamedColumns(getattr(self, side), self.names))
+        for name in ("lower", "upper", "estimate"):
+            if (values := getattr(self, name)) is not None:
+                object.__setattr__(self, name, NamedColumns(values, self.names))
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "study": None, "attaining": None, "parts": ()}

@@ -22,6 +22,8 @@ _DENSE, _DENSE_RATIO, _SPARE = 400, 4, 6
 Lanczos' method then stores more than d / 2 vectors. Six additional modes detect missed lower modes."""
 _ABOVE, _EQUAL = 1e-8, 1e-7
 """Relative differences of λ. Beyond _ABOVE, a mode is higher than another mode. Up to _EQUAL, frequencies are equal."""
+_LARGEST = 1e150
+"""Largest ratio of mass and stiffness [s^2], and of two stiffnesses. Eigenvalue solvers square them."""
 
 
 def factorized(K: Sparse) -> Callable[[Array], Array]:
@@ -90,8 +92,10 @@ def _all(K: Sparse, M: Sparse, rigid: Array) -> tuple[Array, Array]:
 
     scale = stiffness_scale(K)
     K, M = (A if isinstance(A, np.ndarray) else A.toarray() for A in (K, M))
+    stiffness = np.diag(K)
+    is_wide = stiffness[stiffness > 0].min(initial=np.inf) * _LARGEST < stiffness.max()
     K, M = scale[:, None] * K * scale, scale[:, None] * M * scale
-    if not (np.isfinite(K).all() and np.isfinite(M).all()):
+    if is_wide or not (np.isfinite(K).all() and np.abs(M).max() < _LARGEST):
         raise DeclarationError(f"FiniteElements: the ratios of stiffness and mass are {BEYOND_DOUBLES}")
     elastic = np.eye(len(K))
     if rigid.size:

@@ -15,6 +15,7 @@ from symmb.results.plot.layout import (
     abscissa,
     along,
     axes_in,
+    bars,
     cyclic,
     flatten,
     legends,
@@ -108,7 +109,7 @@ def plot_bounds(
         pairs.append((inner, "attained by runs", {"linewidth": 0.8, "linestyle": DASHES[2]}))
     figure, panels = panels_over_time(style, t, own_names, own_units, title=title, room=0.2)
     for axes, i in zip(panels, shown, strict=True):
-        (place,) = _bars(axes, t, 1) if names[i] in timeless else (abscissa(t),)
+        (place,) = bars(axes, t, 1) if names[i] in timeless else (abscissa(t),)
         own = [(np.stack([end[:, i] - origin[:, i] for end in ends]), name, look) for ends, name, look in pairs]
         low, high = (along(t, end) for end in own[0][0])
         axes.fill_between(place, low, high, color=colour, alpha=0.16, linewidth=0, label=label)
@@ -139,7 +140,7 @@ def draw_bounds(
         band = along(t, reference.lower[:, i]), along(t, reference.upper[:, i])
         axes.fill_between(abscissa(t), *band, color=BAND_COLOUR, linewidth=0, label=reference.label)
         is_timeless = curves and not np.ptp(band, axis=1).any()
-        places = _bars(axes, t, len(curves)) if is_timeless else [abscissa(t)] * len(curves)
+        places = bars(axes, t, len(curves)) if is_timeless else [abscissa(t)] * len(curves)
         for k, (curve, place) in enumerate(zip(curves, places, strict=True)):
             look: dict[str, Any] = {"linestyle": cyclic(DASHES, k), "linewidth": 1.1, "color": colours[k]}
             low, high = along(t, curve.lower[:, i]), along(t, curve.upper[:, i])
@@ -149,15 +150,6 @@ def draw_bounds(
         if is_empty and np.ptp(axes.dataLim.intervaly) > least[i]:
             axes.set_ylim(*_window(reference, curves, i))
     flatten(panels, least[[*shown]])
-
-
-def _bars(axes: Axes, t: Array, n: int) -> list[Array]:
-    """Abscissas of n bars side by side, for values that do not depend on time. The panel shows no times."""
-    for panel in axes.get_shared_x_axes().get_siblings(axes):
-        panel.tick_params(labelbottom=True)
-    axes.xaxis.set_visible(False)
-    begin, end = abscissa(t)[[0, -1]]
-    return [begin + (k + 0.3 + 0.4 * (abscissa(t) - begin) / (end - begin)) * (end - begin) / n for k in range(n)]
 
 
 def _draw_pairs(

@@ -11,6 +11,7 @@ from symmb.results.plot.layout import (
     MOST_PANELS,
     abscissa,
     along,
+    bars,
     cyclic,
     legends,
     outputs_of,
@@ -19,7 +20,7 @@ from symmb.results.plot.layout import (
 )
 from symmb.results.plot.style import OWN, Style
 
-_OF_ALL = "width of all together"
+_OF_ALL = "all parameters together"
 
 
 def plot_contributions(
@@ -41,17 +42,17 @@ def plot_contributions(
     columns, names, units = outputs_of(names, units, chosen, MOST_PANELS if style.ax is None else None)
     row = 0 if len(t) == 1 else row
     abscissae = t if row is None else np.zeros(1)
-    figure, panels = panels_over_time(style, abscissae, names, units)
+    titles = names if row is not None else [f"width of {name}" for name in names]
+    figure, panels = panels_over_time(style, abscissae, titles, units)
     own = [*parameters] if row is None else ["this parameter alone", "saved if it were known"]
     colours, texts = style.colours([cyclic(COLOURS, k) for k in range(len(own))]), style.labels(own)
     for axes, k in zip(panels, columns, strict=True):
         if row is None:
-            axes.plot(abscissa(t), along(t, width[:, k]), color="black", linewidth=1.4, label=_OF_ALL)
+            (place,) = (abscissa(t),) if np.ptp(width[:, k]) else bars(axes, t, 1)
+            axes.plot(place, along(t, width[:, k]), color="black", linewidth=1.4, label=_OF_ALL)
             for p, (colour, text) in enumerate(zip(colours, texts, strict=True)):
                 dashes = cyclic(DASHES, p // len(COLOURS))
-                axes.plot(
-                    abscissa(t), along(t, alone[:, k, p]), color=colour, linewidth=1.2, linestyle=dashes, label=text
-                )
+                axes.plot(place, along(t, alone[:, k, p]), color=colour, linewidth=1.2, linestyle=dashes, label=text)
             axes.set_ylim(bottom=0.0)
             continue
         at = np.arange(len(parameters))

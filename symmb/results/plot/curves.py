@@ -8,7 +8,17 @@ import numpy as np
 
 from symmb._types import Array, Axes, Figure, Indices
 from symmb.results.plot.colours import COLOURS, PALETTE, RUN_COLOUR
-from symmb.results.plot.layout import abscissa, along, cyclic, flatten, legends, outputs_of, panels_over_time, rounding
+from symmb.results.plot.layout import (
+    abscissa,
+    along,
+    bars,
+    cyclic,
+    flatten,
+    legends,
+    outputs_of,
+    panels_over_time,
+    rounding,
+)
 from symmb.results.plot.style import OWN, Style
 
 
@@ -20,10 +30,11 @@ def plot_trajectory(
     units: Sequence[str] = (),
     chosen: Sequence[int] | None = None,
     title: str = "",
+    timeless: Collection[str] = (),
     style: Style = OWN,
 ) -> Figure:
     """Draw values (n_t, n_y) over times t (n_t,) [s], one panel for each output; see `plot_comparison` for names,
-    units, chosen and style.
+    units, chosen and style. Outputs in `timeless` have one value for all times, drawn as a short line.
 
     If the caller gives a single axes, all outputs are drawn in these axes, in different colours.
     """
@@ -34,7 +45,8 @@ def plot_trajectory(
     colours = style.colours([cyclic(COLOURS, k) if several else RUN_COLOUR for k in range(len(panels))])
     texts = style.labels(own_names, apart=not several)
     for axes, i, colour, text in zip(panels, columns, colours, texts, strict=True):
-        axes.plot(abscissa(t), along(t, values[:, i]), color=colour, linewidth=1.2, label=text)
+        (place,) = bars(axes, t, 1) if names[i] in timeless and not several else (abscissa(t),)
+        axes.plot(place, along(t, values[:, i]), color=colour, linewidth=1.2, label=text)
     flatten(panels, np.full(len(panels), least.max()) if several else least)
     if style.ax is not None or style.legend:
         legends(figure, panels, style)

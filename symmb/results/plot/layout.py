@@ -331,6 +331,16 @@ def along(t: Array, values: Array) -> Array:
     return np.broadcast_to(values, abscissa(t).shape)
 
 
+def bars(axes: Axes, t: Array, n: int) -> list[Array]:
+    """Abscissas of n bars side by side, for values that do not depend on time. The panel shows no times."""
+    for panel in axes.get_shared_x_axes().get_siblings(axes):
+        panel.tick_params(labelbottom=True)
+        panel.set_xlabel(_time_label(t), fontsize=8)
+    axes.xaxis.set_visible(False)
+    begin, end = abscissa(t)[[0, -1]]
+    return [begin + (k + 0.3 + 0.4 * (abscissa(t) - begin) / (end - begin)) * (end - begin) / n for k in range(n)]
+
+
 def style_axes(axes: Axes) -> None:
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_axisbelow(True)

@@ -360,7 +360,9 @@ class Trajectory(plot.OverTime, Result, ByOutput, WithWarnings, files.Saved):
 
     def _figure(self, columns: list[int] | None, style: plot.Style) -> "Figure":
         values = self.t, self.values, self.names
-        return plot.plot_trajectory(*values, units=self.units, chosen=columns, title=self.name, style=style)
+        return plot.plot_trajectory(
+            *values, units=self.units, chosen=columns, title=self.name, timeless=self.figures, style=style
+        )
 
 
 def _start_lines(start: Mapping[str, list[str]]) -> list[str]:

@@ -54,7 +54,7 @@ def verdict(bounds: Bounds, check: LimitCheck | None) -> list[tuple[str, str]]:
         ]
     else:
         everywhere = [_least_excess(bounds, limit)[0] > 0 for limit in check.limits if limit.kept is False]
-        head = _headline([limit.kept for limit in check.limits], "all" if all(everywhere) else "some")
+        head = _headline([limit.kept for limit in check.limits], _cases(everywhere))
         sides = [(limit, other_side(bounds, limit, bounds._side(limit))) for limit in by_urgency(check)]
         some = [(STATES[limit.kept], f"{_sentence(bounds, limit)} {also}".rstrip()) for limit, also in sides]
     more = [f"The annex contains the other {len(some) - _MOST_LISTED} sentences."] * (len(some) > _MOST_LISTED)
@@ -70,8 +70,13 @@ def verdict(bounds: Bounds, check: LimitCheck | None) -> list[tuple[str, str]]:
     return [("" if check is None else STATES[check.kept], head), *some[:_MOST_LISTED], *(("", text) for text in more)]
 
 
+def _cases(everywhere: Sequence[bool]) -> str:
+    """In which cases limits are violated, from a truth value for each violated limit: whether it is in all cases."""
+    return "all" if all(everywhere) else "some or all" if any(everywhere) else "some"
+
+
 def _headline(results: Sequence[bool | None], cases: str) -> str:
-    """A sentence with the numbers of violated, undecided and satisfied limits. `cases` is "some" or "all"."""
+    """A sentence with the numbers of violated, undecided and satisfied limits. `cases` is the result of `_cases`."""
     n, counts = len(results), {state: results.count(state) for state in STATES if state in results}
     words = [f"{count} {_SAID[state][count > 1].format(cases)}" for state, count in counts.items()]
     if len(words) > 1:
