@@ -125,3 +125,12 @@ def test_wrong_parameters_are_told():
     refused("Parameter 'l1': nan is not a finite number", mb.simulate, double_pendulum(), parameters={"l1": np.nan})
     shapes = r"samples must be numbers of the shape \(N, 2\), one column for each of l1, l2; got the shape \(3, 1\)"
     refused(shapes, mb.DAESimulator(double_pendulum()).stream, np.zeros((3, 1)), failures())
+
+
+def test_forces_that_are_not_numbers_at_the_start_are_named():
+    ball, other = mb.Body("ball", 1.0, pose=mb.Particle()), mb.Body("other", 1.0, pose=mb.Particle())
+    spring = mb.Spring("spring", mb.Ground().point(0, 0), ball.point(0, 0), 100.0, length=0.5)
+    push = mb.Force("push", other.point(0, 0), (1.0, 0.0))
+    scene = mb.Scene(mb.System(ball, other, spring, push), times=[0.0, 1.0])
+    with pytest.raises(mb.SimulationError, match="fails at t = 0 s: the forces on 'ball' are not numbers at the start"):
+        mb.simulate(scene)

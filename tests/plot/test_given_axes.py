@@ -325,3 +325,20 @@ def test_lines_of_contributions_are_the_widths_of_each_parameter():
     own = Figure().subplots()
     contributions.plot(outputs="x", ax=own)
     assert len(own.lines) == 2 and own.get_ylabel() == "width of x [m]"
+
+
+def test_scalar_outputs_have_no_time_axis():
+    p = mb.Parameters(k=4.0)
+    bob = mb.Body("bob", 1.0, pose=mb.Particle())
+    spring = mb.Spring("spring", mb.Ground().point(0, 0), bob.point(0, 0), p.k)
+    outputs = {"x": bob.x, "v": bob.vx, "peak": mb.maximum(bob.vx), "low": mb.minimum(bob.vx)}
+    system = mb.System(bob, spring, parameters=p)
+    scene = mb.Scene(system, {"bob.x": 1.0}, np.linspace(0, 3, 31), outputs, mb.Box(k=(3.9, 4.1)))
+    bounds = mb.propagate(scene)
+    for figure in (mb.simulate(scene).plot(), bounds.plot(), bounds.contributions().plot()):
+        x, v, *scalars = [axes for axes in figure.axes if axes.get_visible()]
+        assert [axes.xaxis.get_visible() for axes in (x, v, *scalars)] == [True, True, False, False]
+        assert {axes.get_xlabel() for axes in (x, v)} == {"time [s]"}
+        for axes in scalars:
+            low, high = axes.lines[0].get_xdata()[[0, -1]]
+            assert 0 < low < high < 3

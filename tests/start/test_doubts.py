@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from faults import warned
 
 import symmb as mb
 from symmb.run.events import event_doubts
@@ -150,3 +151,26 @@ def test_variants_and_elements_of_other_bodies_are_not_reported():
     mb.Stop("gone", hinge, upper=1.5, restitution=0.3)
     scene = mb.Scene(mb.System(leaf, hinge, springs[1]), {"gate.omega": 2.0}, TIMES)
     assert doubts(scene) == () and len(kept) == 4
+
+
+def _housing(spin, inertia=1e-3, **start):
+    """A free housing of 16 kg m^2 with a rotor."""
+    box, rotor = mb.Body("box", 120.0, 16.0), mb.Body("rotor", 1.5, inertia)
+    shaft = mb.Revolute("shaft", box.point(0, 0.1), rotor.point(-0.08, 0))
+    motor = [mb.Motion("motor", rotor.theta, 94.25 * mb.t)] if spin == "motor" else []
+    listed = {"rotor.omega": 94.25} if spin == "listed" else {}
+    return mb.Scene(mb.System(box, rotor, shaft, *motor), listed | start, times=[0.0, 0.1])
+
+
+@pytest.mark.parametrize("spin", ["motor", "listed"])
+def test_a_heavy_body_that_starts_with_a_light_one_is_told(spin):
+    sentence = "'box' moves with the lighter 'rotor' at the start .box.omega = 94.25.*List box.omega"
+    run = warned(sentence, mb.simulate, _housing(spin))
+    assert run["box.omega"][0] == pytest.approx(94.25)
+    at_rest = mb.simulate(_housing(spin, **{"box.omega": 0.0}))  # warnings are errors
+    assert at_rest["box.omega"][0] == 0 and at_rest["rotor.omega"][0] == pytest.approx(94.25)
+
+
+def test_bodies_of_similar_size_start_together_without_a_word():
+    run = mb.simulate(_housing("listed", inertia=4.0))  # as the panels of a satellite
+    assert run["box.omega"][0] == pytest.approx(94.25)

@@ -383,3 +383,28 @@ def test_motions_from_the_origin_are_as_large_as_their_first_way(speed):
     scene = mb.Scene(system, {"ball.vx": speed}, np.linspace(0, 10, 11), {"x": ball.x})
     for values in (mb.simulate(scene)["x"], mb.DAESimulator(scene).run(np.zeros((1, 0))).Y[0, :, 0]):
         assert_allclose(values / speed, np.sin(scene.times), atol=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_samples_start_as_scenes_with_these_nominal_values(seed):
+    """Nothing is listed: carriers keep their places, and the bodies on them move with the parameters."""
+    rng = np.random.default_rng(seed)
+    nominal, other = rng.uniform(0.05, 0.1, 3), rng.uniform(0.05, 0.1, 3)
+
+    def scene(values):
+        p = mb.Parameters(**dict(zip("abc", values.tolist(), strict=True)))
+        box, rotor, arm = (mb.Body(name, mass, 0.1) for name, mass in (("box", 120.0), ("rotor", 1.5), ("arm", 300.0)))
+        rail = mb.Prismatic("rail", GROUND.point(0, 0), box.point(0, 0), axis=(1, 0, 0))
+        shaft = mb.Revolute("shaft", box.point(0, p.a), rotor.point(-p.b, 0))
+        elbow = mb.Revolute("elbow", rotor.point(p.b, 0), arm.point(-p.c, 0))
+        motor = mb.Motion("motor", shaft.angle, 10 * mb.t)
+        bodies = [rotor, arm, box] if seed % 2 else [box, rotor, arm]
+        return mb.Scene(mb.System(*bodies, rail, shaft, elbow, motor, parameters=p), times=[0.0, 0.1])
+
+    at_nominal, sample = (
+        mb.simulate(scene(other)),
+        mb.simulate(scene(nominal), parameters=dict(zip("abc", other, strict=True))),
+    )
+    for name in ("box.x", "rotor.x", "rotor.y", "arm.x", "arm.theta"):
+        assert_allclose(sample[name], at_nominal[name], atol=1e-8)
+    assert sample["box.x"][0] == 0
