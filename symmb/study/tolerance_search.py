@@ -108,14 +108,16 @@ class Search:
         lowest, highest = self._extremes(nominal)[:, 0]
         self._lowest, self._highest, self._at_nominal = lowest, highest, self._margins(lowest, highest)
         if self._at_nominal.min() <= 0:
-            k = int(self._at_nominal.argmin())
-            is_low = lowest[k] - self._low[k] <= 0
-            value, limit = (lowest[k], self._low[k]) if is_low else (highest[k], self._high[k])
             units = units_of(simulator) or ("",) * len(simulator.outputs)
-            unit = f" {typeset(units[self._columns[k]])}".rstrip()
+            texts = []
+            for k in np.flatnonzero(self._at_nominal <= 0).tolist():
+                is_low = lowest[k] - self._low[k] <= 0
+                value, limit = (lowest[k], self._low[k]) if is_low else (highest[k], self._high[k])
+                unit = f" {typeset(units[self._columns[k]])}".rstrip()
+                texts.append(f"the limit {limit:.6g}{unit} of {[*limits][k]}: {value:.6g}{unit}")
             raise PropagationError(
-                f"{OWNER}: the nominal run violates or reaches the limit {limit:.6g}{unit} of {[*limits][k]}: "
-                f"{value:.6g}{unit}. The search needs a margin. Change the limit or the nominal values."
+                f"{OWNER}: the nominal run violates or reaches {'; '.join(texts)}. "
+                "The search needs a margin. Change the limit or the nominal values."
             )
 
     def _margins(self, lower: Array, upper: Array) -> Array:

@@ -241,3 +241,10 @@ def test_what_is_malformed_is_told(arguments, text):
 def test_a_nominal_run_beyond_a_limit_is_told():
     with pytest.raises(mb.PropagationError, match=r"nominal run violates or reaches the limit .* of gap"):
         mb.tolerances(chain(), {"gap": (None, 0.05)}, BOX)
+
+
+def test_all_limits_that_the_nominal_run_violates_are_named():
+    f = mb.FunctionSimulator(lambda a: [[a, 2 * a, 3 * a]], {"a": 1.0}, [0.0], ["x", "y", "z"])
+    limits = {"x": (None, 0.9), "y": (None, 3.0), "z": (3.1, None)}
+    with pytest.raises(mb.PropagationError, match="the limit 0.9 of x: 1; the limit 3.1 of z: 3. "):
+        mb.tolerances(f, limits, mb.Box(a=(0.9, 1.1)))
