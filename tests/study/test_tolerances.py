@@ -246,5 +246,5 @@ def test_a_nominal_run_beyond_a_limit_is_told():
 def test_all_limits_that_the_nominal_run_violates_are_named():
     f = mb.FunctionSimulator(lambda a: [[a, 2 * a, 3 * a]], {"a": 1.0}, [0.0], ["x", "y", "z"])
     limits = {"x": (None, 0.9), "y": (None, 3.0), "z": (3.1, None)}
-    with pytest.raises(mb.PropagationError, match="the limit 0.9 of x: 1; the limit 3.1 of z: 3. "):
+    with pytest.raises(mb.PropagationError, match=r"the limit 0.9 of x: 1; the limit 3.1 of z: 3\. "):
         mb.tolerances(f, limits, mb.Box(a=(0.9, 1.1)))
