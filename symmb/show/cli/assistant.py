@@ -170,7 +170,8 @@ class Tools:
         bounds = self._bounds(scene, box)
         mb.view(bounds, path, output=output, time=time)
         if time is None and output in bounds.names and output not in bounds.figures:
-            time = float(bounds.t[np.argmax(bounds.upper[output] - bounds.lower[output])])
+            lower, upper = bounds[output]
+            time = float(bounds.t[np.argmax(upper - lower)])
         return _with_warnings(f"{path}\n{bounds.worst(output, time)}", bounds)
 
     def _path(self, scene: str) -> str:
