@@ -1,5 +1,6 @@
 """One run of a scene. Pilot runs choose the solver if no solver is given."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, cast, overload
@@ -299,12 +300,16 @@ def _breakdown_text(runs: PilotRuns, solver: Solver, switches: str) -> str:
     begin = f"{runs.scene.name}: the run fails at t = {run.t_failed:g} s{runs.where}"
     if run.t_failed <= runs.program.times[0] and (undefined := _undefined_forces(runs)):
         return f"{begin}: {undefined}"
-    others = [other.t_failed for key, (other, _) in runs.done.items() if key != solver]
+    others = [
+        f"{re.sub(r'(?<=AugmentedLagrangian)[(][^)]*[)]', '()', repr(key))} at t = {other.t_failed:g} s"
+        for key, (other, _) in runs.done.items()
+        if key != solver
+    ]
     parts = [
         f"{begin}: {run.message}",
         f"The position may be singular: {near}" if near else "",
         f"The equations have {switches}. {_STICKS}" if switches else "",
-        f"{counted(len(others), 'other solver')} also failed, first at t = {min(others):g} s" if others else "",
+        f"Other solvers fail as well: {', '.join(others)}" if others else "",
     ]
     return ". ".join(filter(None, parts)) + "."
 
