@@ -112,7 +112,7 @@ class WorstCase:
     times : int                number of output times, 1 for a scalar output; a single time of 0 is not printed
     unit : str                 unit of the output in tables and texts, or ''
     choices : tuple of str     chosen words, as "spring: hard"
-    estimate : float           estimated error of the bound; nan if the method has none
+    estimate : float           estimated error of the bound, in its unit; nan if the method has none
     simulator : Simulator      None if the bounds were read from a file
     """
 

@@ -229,7 +229,7 @@ def _probes(positions: _Positions, p0: Array, distance: float = 1e-2) -> tuple[A
     return q[ok], P[ok]
 
 
-def _distances_from_ground(scene: Scene, at: _Rows) -> Array:
+def _weights_by_distance(scene: Scene, at: _Rows) -> Array:
     """Weights (n_v,) of displacements, from 1 to 2. They increase with the number of joints between body and ground.
 
     In samples, bodies near the ground keep their places where constraints allow it, as in the nominal assembly. Bodies
@@ -249,7 +249,7 @@ def _distances_from_ground(scene: Scene, at: _Rows) -> Array:
 def _solve_positions(scene: Scene, at: _Rows, reference: ca.Function, free: Indices) -> _Positions:
     """Choose the unknown displacements: one for each independent row, or all free displacements for an equilibrium."""
     p, dae, q0, t0 = scene.system.p, at.dae, at.q, at.t0
-    near = at.G[: dae.n_c, free] * _distances_from_ground(scene, at)[free]
+    near = at.G[: dae.n_c, free] * _weights_by_distance(scene, at)[free]
     rows, columns = independent_rows_and_columns(near, at.sizes[: dae.n_c])
     solved, lam0, stiffness = free[columns], np.empty(0), 1.0
     if scene.equilibrium:

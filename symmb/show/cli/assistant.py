@@ -74,9 +74,8 @@ class Tools:
         kinds = (found.figures[name].kind if name in found.figures else "" for name in found.output_names)
         texts = (f"{name} ({kind} over a run)" if kind else name for name, kind in zip(names, kinds, strict=True))
         lines += [f"outputs: {', '.join(texts)}"]
-        lines += [f"start (SI units): {', '.join(f'{name} = {value}' for name, value in found.start.items())}"] * bool(
-            found.start
-        )
+        if found.start:
+            lines.append(f"start (SI units): {', '.join(f'{name} = {value}' for name, value in found.start.items())}")
         return "\n".join([*lines, f"box: {found.box or 'none; give a box for bounds'}"])
 
     def simulate(self, scene: str, parameters: Values | None = None, times: list[float] | None = None) -> str:
@@ -192,8 +191,8 @@ class Tools:
         if not box:
             return found, None
         nominal = found.system.parameters
-        for name, told in box.items():
-            if not isinstance(told, str) and any("%" in str(end) for end in told):
+        for name, interval in box.items():
+            if not isinstance(interval, str) and any("%" in str(end) for end in interval):
                 raise DeclarationError(
                     f"box: {name!r}: give one tolerance of the nominal value, such as '5%', or [lower, upper] in units."
                 )
@@ -250,8 +249,8 @@ def make_server(folders: Sequence[str]) -> Any:
                     raise
                 wrong = dict.fromkeys(str(fault["loc"][0]) for fault in error.__cause__.errors())
                 faults = [f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.__cause__.errors()]
-                told = [_FORMATS[own] for own in wrong if own in _FORMATS] or ["; ".join(faults)]
-                raise tool_error(f"{name}: {' '.join(wrong)} is not valid. {' '.join(told)}") from None
+                remedies = [_FORMATS[own] for own in wrong if own in _FORMATS] or ["; ".join(faults)]
+                raise tool_error(f"{name}: {' '.join(wrong)} is not valid. {' '.join(remedies)}") from None
 
     server = Server("symmb", instructions=_INSTRUCTIONS, version=mb.__version__, log_level="WARNING")
 
