@@ -13,7 +13,7 @@ import numpy as np
 import symmb as mb
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from models.artillery import PRESSURE, scene
+from symmb.models.artillery import PRESSURE, scene
 
 SOLVER = mb.DormandPrince(rtol=1e-6)
 METHODS = (mb.PolynomialChaos.paper(order=2), mb.PolynomialChaos(budget=60), mb.Taylor(order=2))

@@ -15,9 +15,11 @@ from pathlib import Path
 import door_latch
 import geneva_drive
 import suspension
+import symmb.models.double_pendulum as double_pendulum
+import symmb.models.four_bar as four_bar
+import symmb.models.slider_crank as slider_crank
 
 import symmb as mb
-from models import double_pendulum, four_bar, slider_crank
 
 door = {"angle": door_latch.hinge.angle, "force on the striker": (door_latch.pull, "N")}
 wheel = {"wheel": geneva_drive.wheel.theta, "force of the pin": geneva_drive.force}

@@ -10,7 +10,7 @@ from pathlib import Path
 import symmb as mb
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from models.double_pendulum import scene
+from symmb.models.double_pendulum import scene
 
 SPREADS = (0.05, 0.10, 0.15, 0.20)
 METHODS = (mb.PolynomialChaos.paper(order=2), mb.Taylor(order=2), mb.PolynomialChaos(order=8))

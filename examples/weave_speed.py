@@ -9,9 +9,9 @@ Source: Meijaard, Papadopoulos, Ruina, Schwab (2007), Proc. R. Soc. A 463: weave
 import sys
 
 import matplotlib.pyplot as plt
+import symmb.models.bicycle as bicycle
 
 import symmb as mb
-from models import bicycle
 
 scene = bicycle.scene()
 speeds = mb.critical(scene, "v", (3.0, 9.0))  # v1: weave ends, v2: capsize begins
