@@ -4,8 +4,8 @@
 
 Each fault is planted in a copy of the checkout in a temporary folder. The fast tests of its room run first, then the
 other fast ones, up to the first that fails. That test then runs without the fault, so that one which fails anyway
-counts for nothing. With `--all` the slow tests of faults that escaped the fast ones run as well, with `--room` only
-the fast tests of the room. The exit status is 1 if a fault escapes, or if the code it changes has moved.
+counts for nothing. With `--all` the slow and then the long tests of faults that escaped run as well, with `--room` only
+tests of the room. The exit status is 1 if a fault escapes, or if the code it changes has moved.
 
 The last 35 of the 60 faults follow a rule: each room of CONTRIBUTING.md, in the order of its table, has two faults, and
 large rooms have three or four. A fault is in the first suitable place of the k-th file of its room by the alphabet, or
@@ -26,7 +26,8 @@ from pathlib import Path
 from _faults import FAULTS, Fault
 
 ROOT = Path(__file__).parents[2]
-FAST, SLOW = "not slow and not long", "slow and not long"
+TIERS = {"README's tests": "not slow and not long", ".ci/run": "slow and not long", "long tests": "long"}
+"""The tests that catch a fault -> their marks. Each tier has the tests of those before it as well."""
 HANGS = 3600.0
 """Time after which tests with a fault count as hanging [s]: the fast ones take a few minutes without one."""
 NO_TESTS = 5
@@ -60,8 +61,8 @@ def failed_test(root: Path, *arguments: str) -> str:
 
 def catching_test(fault: Fault, root: Path, sound: Path, marks: str, whole: bool) -> str:
     """The test that catches a fault in the checkout at `root`, "" if it escapes."""
-    rooms = [f"{top}/{room}" for room in fault.rooms.split() for top in ("tests", "symmb")]
-    rooms = [room for room in rooms if (root / room).exists()]
+    found = [path for room in fault.rooms.split() for top in ("tests", "symmb") for path in (root / top).rglob(room)]
+    rooms = [path.relative_to(root).as_posix() for path in found]
     passing = list[str]()
     for places in (rooms, ["tests", "symmb", *(f"--ignore={room}" for room in rooms)])[: 1 + whole]:
         while test := failed_test(root, "-n", "2", "-m", marks, *places, *passing):
@@ -72,8 +73,8 @@ def catching_test(fault: Fault, root: Path, sound: Path, marks: str, whole: bool
     return ""
 
 
-def report(fault: Fault, folder: Path, options: argparse.Namespace) -> bool:
-    """Plant a fault, and print what catches it; whether something does."""
+def report(fault: Fault, folder: Path, options: argparse.Namespace) -> str:
+    """Plant a fault, and print what catches it; the tier that does, "" if none."""
     root = folder / fault.name
     shutil.copytree(ROOT, root, ignore=NOT_COPIED)
     begin = time.perf_counter()
@@ -81,19 +82,20 @@ def report(fault: Fault, folder: Path, options: argparse.Namespace) -> bool:
     if not fault.is_planted_in(root):
         word = f"cannot be planted: its text is not in {fault.file} exactly once"
     else:
-        for marks in (FAST, SLOW)[: 1 + options.all]:
-            if caught := catching_test(fault, root, folder / "sound", marks, not options.room):
+        word = "ESCAPED"
+        for tier, marks in list(TIERS.items())[: len(TIERS) if options.all else 1]:
+            if test := catching_test(fault, root, folder / "sound", marks, not options.room):
+                caught, word = tier, f"caught by {test} ({tier})"
                 break
-        word = f"caught by {caught}" if caught else "ESCAPED"
-    print(f"{fault.name}: {fault.breaks}\n  {word} ({time.perf_counter() - begin:.0f} s)", flush=True)
+    print(f"{fault.name}: {fault.breaks}\n  {word}, {time.perf_counter() - begin:.0f} s", flush=True)
     shutil.rmtree(root, ignore_errors=True)
-    return bool(caught)
+    return caught
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="NAMES", help=f"of faults: {', '.join(f.name for f in FAULTS)}")
-    parser.add_argument("--all", action="store_true", help="run slow tests as well")
+    parser.add_argument("--all", action="store_true", help="run slow and long tests as well")
     parser.add_argument("--room", action="store_true", help="run the tests of the room alone")
     options = parser.parse_args()
     if unknown := {*options.names} - {fault.name for fault in FAULTS}:
@@ -102,5 +104,7 @@ if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:
         shutil.copytree(ROOT, Path(folder) / "sound", ignore=NOT_COPIED)
         caught = [report(fault, Path(folder), options) for fault in chosen]
-    print(f"{sum(caught)} of {len(chosen)} are caught.")
+    for number, tier in enumerate(TIERS):
+        n = sum(caught.count(earlier) for earlier in list(TIERS)[: number + 1])
+        print(f"{n} of {len(chosen)} are caught by {tier}{' and those before' * (number > 0)}.")
     sys.exit(not all(caught))
