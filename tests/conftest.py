@@ -68,22 +68,20 @@ def optimised():
         yield
 
 
-SLOW, LONG = (
-    frozenset((Path(__file__).parent / name).read_text(encoding="utf-8").splitlines())
-    for name in ("slow.txt", "long.txt")
-)
-"""Names of tests that take more than 0.1 s of processor time (`costs.py`), and of those that take more than 1.5 s and
-have two quicker neighbours with other parameters."""
+LISTED = {
+    name: frozenset((Path(__file__).parent / f"{name}.txt").read_text(encoding="utf-8").splitlines())
+    for name in ("slow", "long")
+}
+"""Names of tests that take more than 0.1 s of processor time, and of those that take more than 1.5 s (`costs.py`)."""
 
 
 @pytest.hookimpl(tryfirst=True)  # before tests are selected by their marks
 def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: not item.nodeid.startswith("tests/test_site.py"))  # one worker builds it for minutes
     for item in items:
-        if item.nodeid in SLOW or item.nodeid.split("[")[0] in SLOW:
-            item.add_marker(pytest.mark.slow)
-        if item.nodeid in LONG:
-            item.add_marker(pytest.mark.long)
+        for name, listed in LISTED.items():
+            if item.nodeid in listed or item.nodeid.split("[")[0] in listed:
+                item.add_marker(getattr(pytest.mark, name))
 
 
 # A shell ignores these signals in what it runs in the background, and programs that tests start inherit this.

@@ -1,10 +1,11 @@
-"""What each test costs: a plugin of pytest that measures it, and the list of slow tests made of its measurements.
+"""What each test costs: a plugin of pytest that measures it, and the lists of slow and long tests of its measurements.
 
-    PYTHONPATH=tests COSTS=build/costs XDG_CACHE_HOME=$(mktemp -d) python -m pytest -n 2 -m "not long" -p costs
-    python tests/costs.py build/costs.*.jsonl > tests/slow.txt
+    PYTHONPATH=tests COSTS=build/costs XDG_CACHE_HOME=$(mktemp -d) python -m pytest -n 2 -m "" -p costs
+    python tests/costs.py build/costs.*.jsonl
 
 The plugin writes a line of JSON for each test: its name, processor seconds of its own and of programs that it starts,
-and models that it compiles. Measure with an empty cache, on an idle machine.
+and models that it compiles. The second command writes `slow.txt` and `long.txt`. Tests of functions that were not
+measured stay in these lists. Measure with an empty cache, on an idle machine.
 """
 
 import json
@@ -12,23 +13,29 @@ import os
 import sys
 from collections import defaultdict
 from collections.abc import Iterable
+from pathlib import Path
 
 import pytest
 
 from symmb.run.codegen import build
 
-SLOW_SECONDS = 0.1
-"""Processor seconds of a slow test. The others take less than three minutes on two cores, with an empty cache."""
+SECONDS = {"slow": 0.1, "long": 1.5}
+"""Processor seconds of slow and of long tests. README's command leaves out both, and `.ci/run` leaves out long ones."""
 
+FOLDER = Path(__file__).parent
 KEPT = {
-    "tests/bounds/test_noise.py::test_what_has_died_out_is_not_doubtful",
-    "tests/drawing/test_page.py::test_pages_show_the_run[stick_slip]",
-    "tests/prove/test_proved_switches.py::test_a_law_of_time_that_parameters_move",
-    "tests/exchange/test_fmu_export.py::test_an_fmu_is_bounded_as_its_scene",
-    "tests/report/test_report.py::test_comparisons",
-    "tests/report/test_report.py::test_the_command_line_asks_for_contributions_once",
+    "slow": {
+        "tests/bounds/test_noise.py::test_what_has_died_out_is_not_doubtful",
+        "tests/drawing/test_page.py::test_pages_show_the_run[stick_slip]",
+        "tests/prove/test_proved_switches.py::test_a_law_of_time_that_parameters_move",
+        "tests/exchange/test_fmu_export.py::test_an_fmu_is_bounded_as_its_scene",
+        "tests/report/test_report.py::test_comparisons",
+        "tests/report/test_report.py::test_the_command_line_asks_for_contributions_once",
+    },
+    "long": set[str](),
 }
-"""Slow tests that run with the fast ones, because these alone reach too little of the rooms."""
+"""Tests that are not listed all the same: without these, the fast tests reach too little of the rooms, or no test of
+`.ci/run` catches a planted fault."""
 
 builds = 0
 
@@ -56,19 +63,22 @@ def pytest_runtest_protocol(item):
     return result
 
 
-def slow_tests(lines: Iterable[str]) -> list[str]:
-    """Names of slow tests. One name stands for all parameters of a test if each of them is slow."""
+def costly(lines: Iterable[str], name: str) -> list[str]:
+    """Names of tests for a list. One name stands for all parameters of a test if each of them belongs to the list."""
     seconds: dict[str, dict[str, float]] = defaultdict(dict)
     for line in map(json.loads, lines):
         seconds[line["test"].split("[")[0]][line["test"]] = line["own"] + line["children"]
-    names = []
+    earlier = (FOLDER / f"{name}.txt").read_text(encoding="utf-8").splitlines()
+    names = [test for test in earlier if test.split("[")[0] not in seconds]
     for function, by_parameters in seconds.items():
-        slow = [test for test, cost in by_parameters.items() if cost > SLOW_SECONDS and test not in KEPT]
-        names += [function] if len(slow) == len(by_parameters) else slow
+        found = [test for test, cost in by_parameters.items() if cost > SECONDS[name] and test not in KEPT[name]]
+        names += [function] if len(found) == len(by_parameters) else found
     return sorted(names)
 
 
 if __name__ == "__main__":
-    print(*slow_tests(line for name in sys.argv[1:] for line in open(name)), sep="\n")
+    measured = [line for name in sys.argv[1:] for line in open(name)]
+    for name in SECONDS:
+        (FOLDER / f"{name}.txt").write_text("\n".join([*costly(measured, name), ""]), encoding="utf-8")
 elif "COSTS" in os.environ:
     build._built = counted(build._built)

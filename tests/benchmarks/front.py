@@ -123,7 +123,7 @@ def measured(scene: mb.Scene, repeats: int) -> dict[str, list[Point]]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("scenes", nargs="*", metavar="SCENES", help=", ".join(SCENES))
+    parser.add_argument("scenes", nargs="*", metavar="SCENES", help=", ".join(SCENES).replace("%", "%%"))
     parser.add_argument("--repeats", type=int, default=9)
     parser.add_argument("--picture", help="a file for the picture of all scenes")
     parser.add_argument("--points", action="store_true", help="print each point")
